@@ -79,6 +79,7 @@ class Scene(Unportable):
             drives.table["friction"] = 0.0
         packed = packed.run if len(loads.signals[2]) else packed
         self.packed, self.drives, self.loads = packed, drives, loads
+        self.rubs = rubs(drives)
         own = packed.blocks if blocks is None else blocks
         if (own.blocks_i[:, at.B_KNOTS] < at.SINE).any():
             own = own._replace(curves=own.curves.copy())

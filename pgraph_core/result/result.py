@@ -124,8 +124,9 @@ class Result(EqualByFields, Portable):
         """Make the arrays read-only, because a run does not change."""
         own = vars(self)
         for name in ARRAYS:
-            own[name] = view = np.asarray(own[name]).view()
-            view.setflags(write=False)
+            array = own[name]
+            own[name] = view = (array if type(array) is np.ndarray else np.asarray(array)).view()
+            view.flags.writeable = False
         if self.constraint_force is not NO_FORCES:
             keep_unchanged(self.constraint_force.values())
         if self.contacts is not NOTHING:

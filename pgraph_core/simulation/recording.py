@@ -17,7 +17,7 @@ from ..analysis.assembly import NOTABLE, assembled
 from ..analysis.singular import Instant, Stretch, nulls_of, redundancy, unequal
 from ..dynamics.arguments import finite, positions
 from ..dynamics.callback import UserTorque, acting
-from ..dynamics.scene import Scene, rubs
+from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
@@ -628,11 +628,14 @@ class Recording:
             out = Frames(*[a[rows] if len(a) else a for a in out])
         q, v, vdot, wrenches, energy, drift, pushes, touches, missed = out
         if self._reused:
-            q, v, vdot, energy, drift, pushes, touches, missed, t = (
-                a.copy() for a in (q, v, vdot, energy, drift, pushes, touches, missed, t)
-            )
+            q, v, vdot, energy, drift, pushes, touches, missed, t = [
+                a.copy() if a.size else a
+                for a in (q, v, vdot, energy, drift, pushes, touches, missed, t)
+            ]
         nq, nv = self.mech.nq, self.mech.nv
-        q, v, vdot, x = q[:, :nq], v[:, :nv], vdot[:, :nv], v[:, nv:]
+        x = v[:, nv:]
+        if self.size != (nq, nv):
+            q, v, vdot = q[:, :nq], v[:, :nv], vdot[:, :nv]
         if len(t) >= FEW_FRAMES and steps.counters["steps"] > 2 * len(t):
             self.ended.notices += turns_unseen(self, (t, q, v, vdot))
         forces = NO_FORCES
@@ -734,7 +737,7 @@ class Recording:
                 self.mech, idle, self.began[0][: self.mech.nq], self._motion(last + 1)[0][-1]
             )
         steps = self.steps.notices()
-        if rubs(self.scene.drives):
+        if self.scene.rubs:
             from .creep import crept
 
             n = self.done
