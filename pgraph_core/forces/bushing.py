@@ -58,7 +58,7 @@ class Bushing(AtPoint, Between):
 
     kind: Literal["bushing"] = field(KIND, default="bushing")
     rotation: Quat = field(
-        "a quaternion [w, x, y, z] that is not zero, of its axes in those of `body`",
+        "a quaternion [w, x, y, z] that is not zero, its orientation in the axes of `body`",
         converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), role="frame",
     )  # fmt: skip
     other_point: Vec3 | None = field(

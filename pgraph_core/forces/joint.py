@@ -52,11 +52,11 @@ class OnJoint(Force, OfSums):
         help="lower limit; empty: minus the upper limit",
     )  # fmt: skip
     input_low: Number | None = field(
-        "the lower bound of its input, or None",
+        "a number, the lower bound of its input, or None",
         default=None, dim=NONE, since=3, help="lower bound of its input",
     )  # fmt: skip
     input_high: Number | None = field(
-        "the upper bound of its input, or None",
+        "a number, the upper bound of its input, or None",
         default=None, dim=NONE, since=3, help="upper bound of its input",
     )  # fmt: skip
 
@@ -69,16 +69,16 @@ class OnJoint(Force, OfSums):
         default=False, since=3, help="the integral of the input over time acts in its place",
     )  # fmt: skip
     start: Number | None = field(
-        "the initial value, with a lag or integral; default: the input, or 0",
+        "a number, the initial value with a lag or integral; default: the input, or 0",
         default=None, dim=NONE, since=3,
         help="the initial value; empty: the input with a lag, 0 with an integral",
     )  # fmt: skip
     state_low: Number | None = field(
-        "the lower bound of the integral, or None", default=None, dim=NONE,
+        "a number, the lower bound of the integral, or None", default=None, dim=NONE,
         help="lower bound of the integral of its input",
     )  # fmt: skip
     state_high: Number | None = field(
-        "the upper bound of the integral, or None", default=None, dim=NONE,
+        "a number, the upper bound of the integral, or None", default=None, dim=NONE,
         help="upper bound of the integral of its input",
     )  # fmt: skip
 

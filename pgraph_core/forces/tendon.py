@@ -31,10 +31,11 @@ class Tendon(OnSum, Force):
         default=None, dim=Q, help="without force; empty: as in the initial state",
     )  # fmt: skip
     low: Number | None = field(
-        "the smallest length [m, rad], or None", default=None, dim=Q, help="smallest length"
-    )
+        "a number, the smallest length [m, rad], or None",
+        default=None, dim=Q, help="smallest length",
+    )  # fmt: skip
     high: Number | None = field(
-        "the largest length [m, rad], or None",
+        "a number, the largest length [m, rad], or None",
         default=None, dim=Q, help="largest length",
     )  # fmt: skip
 

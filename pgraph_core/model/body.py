@@ -204,7 +204,7 @@ class Body(Described):
     )  # fmt: skip
 
     any_inertia: Flag = field(
-        "true or false: keep an inertia that no rigid body has", default=False, since=2
+        "true or false: accept a physically impossible inertia", default=False, since=2
     )
 
     if TYPE_CHECKING:  # also an argument, in place of `joint`

@@ -227,7 +227,7 @@ class OneDirection(AlongAxes):
     def _one_direction(self) -> Self:
         if (self.axis is None) == (self.other_axis is None):
             text = f"a {self.kind} constraint takes one direction {self.OF}: other_axis in the axes"
-            refuse([("other_axis", f"{text} of `other`, or axis as `body` has it at first")])
+            refuse([("other_axis", f"{text} of `other`, or axis in those of `body`")])
         return self
 
 

@@ -25,7 +25,7 @@ class Site(Described):
         help="its origin in the axes of the body",
     )  # fmt: skip
     rotation: Quat = field(
-        "a quaternion [w, x, y, z] that is not zero, of its axes in those of `body`",
+        "a quaternion [w, x, y, z] that is not zero, its orientation in the axes of `body`",
         converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), role="frame",
     )  # fmt: skip
 

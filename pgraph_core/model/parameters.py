@@ -112,7 +112,7 @@ def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
     found = []
     for name in parameters:
         if name in RESERVED:
-            text = f"{shown(name)} has a meaning of its own in formulas; choose another name"
+            text = f"{shown(name)} is reserved in formulas; choose another name"
         elif not USABLE.fullmatch(name) or len(name) > LONGEST_NAME or iskeyword(name):
             text = f"a parameter's name is one word of letters, digits and _; given {shown(name)}"
         else:

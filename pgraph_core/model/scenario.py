@@ -47,7 +47,7 @@ class Footfall(Frozen):
         description="a number from 0 to below 1: the part of the stride at which it touches down"
     )
     duty: Annotated[Number, Field(gt=0, le=1)] = Field(
-        description="a number above 0, at most 1: the part of the stride that it is on the ground"
+        description="a number above 0, at most 1: the fraction of the stride on the ground"
     )
     ahead: Number = Field(
         default=0.0, description="a finite number: how far ahead of its place at home it lands [m]"
@@ -252,7 +252,7 @@ class Scenario(Described):
     q: ByName = field("body name -> initial q", converter=by_name, default=EMPTY)
     v: ByName = field("body name -> initial v", converter=by_name, default=EMPTY)
     forces: tuple[Force, ...] = field(
-        "a list of forces besides those of the model", converter=parts_of(Force), default=()
+        "a list of forces in addition to those of the model", converter=parts_of(Force), default=()
     )
     constraints: tuple[str, ...] | None = field(
         "names of the active constraints; default: those of the model",

@@ -66,8 +66,8 @@ class Ground(Frozen):
         help="direction in which it rises; empty: the first axis that is not up",
     )  # fmt: skip
     friction: Number = field(
-        "Coulomb's coefficient >= 0 of contacts that give none", default=0.5, dim=NONE, ge=0,
-        help="Coulomb's coefficient of contacts that give none",
+        "Coulomb's coefficient >= 0, the default of contacts", default=0.5, dim=NONE, ge=0,
+        help="Coulomb's coefficient, the default of contacts",
     )  # fmt: skip
     static_friction: Number | None = field(
         "a coefficient >= friction, without sliding; default: friction",
@@ -83,8 +83,8 @@ class Ground(Frozen):
         dim=M, since=2, help="torque about the normal over normal force",
     )  # fmt: skip
     restitution: Number = field(
-        "a number from 0 to 1, of contacts that give none", default=0.0, dim=NONE, ge=0, le=1,
-        help="0 to 1, of contacts that give none",
+        "a number from 0 to 1, the default of contacts", default=0.0, dim=NONE, ge=0, le=1,
+        help="0 to 1, the default of contacts",
     )  # fmt: skip
     steps: tuple[Step, ...] = field(
         "a list of {'low': [a, b], 'high': [a, b], 'height': h}",
@@ -155,7 +155,7 @@ class World(Described):
     def _level_direction(self) -> Self:
         uphill = self.ground.uphill
         if uphill is not None and not 1e-9 < math.hypot(*_level(self.up, uphill)) < 1e9:
-            text = f"uphill must have a part that is not along up ({self.up})"
+            text = f"uphill must not be parallel to up ({self.up})"
             refuse([("ground", f"{text}; given {shown(uphill)}")])
         return self
 
