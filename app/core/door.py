@@ -47,6 +47,7 @@ MOST_CONNECTIONS = 256  # limit on connections (a page needs one, and more while
 CONTROL = (Opcode.PING, Opcode.PONG, Opcode.CLOSE)
 LONGEST_TEXT = 500  # limit on the length of values that no person types
 MOST_NUMBERS = 64  # limit on the numbers in a list of a message
+LARGEST_LISTS = 9 * MOST_NUMBERS**2  # [bytes] of lists of lists of numbers in a message
 HEADERS = {
     "Content-Security-Policy": (  # viser's page runs its own inline scripts and ours by Function
         "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: "
@@ -257,6 +258,8 @@ def faults(raw: bytes | str) -> str | None:
     if isinstance(raw, str):
         return "text"
     try:
+        if _crowded(raw):
+            return "too many values"
         message = msgspec.msgpack.decode(raw)
     except (msgspec.DecodeError, ValueError, RecursionError):
         return "no message"
@@ -277,6 +280,21 @@ def faults(raw: bytes | str) -> str | None:
         message["updates"] = None if isinstance(updates["value"], str) else updates["value"]
     plain = all(_plain(value, 3) for value in message.values())
     return None if plain else f"a {kind.__name__} with values that are not plain"
+
+
+def _crowded(raw: bytes | msgspec.Raw, levels: int = 2) -> bool:
+    """Return True for a large message, unless its size is that of text or bytes in its fields.
+
+    It is not decoded: 16 MB of small numbers would keep all others waiting for seconds.
+    """
+    first = memoryview(raw)[0] if raw else 0
+    text = 0xC4 <= first <= 0xC6 or 0xD9 <= first <= 0xDB
+    if len(raw) <= LARGEST_LISTS or text:
+        return False
+    if levels == 0 or first >> 4 != 0x8:  # no dictionary of at most 15 fields
+        return True
+    fields = msgspec.msgpack.decode(raw, type=dict[str, msgspec.Raw])
+    return any(_crowded(value, levels - 1) for value in fields.values())
 
 
 @functools.cache

@@ -6,6 +6,7 @@ import gzip
 import http.client
 import multiprocessing
 import socket
+import tracemalloc
 import types
 from typing import Any
 
@@ -173,9 +174,13 @@ def _page(port, *messages):
             page.send(message)
 
 
-CHANGE = msgspec.msgpack.encode(
-    {"type": "GuiUpdateMessage", "uuid": "none", "updates": {"value": 1}}
-)
+def change(value):
+    return msgspec.msgpack.encode(
+        {"type": "GuiUpdateMessage", "uuid": "none", "updates": {"value": value}}
+    )
+
+
+CROWD = [[[[1] * 64] * 64] * 64] * 50  # 13 MB
 FULL_SPEED: Any = {
     "requests": _request,
     "connections": _connection,
@@ -183,7 +188,8 @@ FULL_SPEED: Any = {
     "pages that open": _page,
     "messages that are none": lambda port: _page(port, *[b"\xc1" * 20] * 10_000),
     "messages of 15 MB": lambda port: _page(port, *[b"\x81" * 15_000_000] * 100),
-    "changes of no cell": lambda port: _page(port, *[CHANGE] * 10_000),
+    "changes of no cell": lambda port: _page(port, *[change(1)] * 10_000),
+    "lists of many numbers": lambda port: _page(port, *[change(CROWD)] * 100),
 }
 
 
@@ -212,6 +218,20 @@ def test_an_edit_is_answered_while_a_client_in_another_process_floods(server, ki
     finally:
         hostile.kill()
         hostile.join()
+
+
+@pytest.mark.parametrize("inside", [0, 1, 2, 9])
+def test_a_message_of_many_numbers_is_refused_before_it_is_decoded(inside):
+    """Decoded, 13 million numbers would take ten times the memory of the message."""
+    value: Any = [1] * 13_000_000
+    for _ in range(inside):
+        value = {"updates": value, "type": "GuiUpdateMessage"}
+    message = msgspec.msgpack.encode(value)
+    tracemalloc.start()
+    assert door.faults(message) is not None
+    assert tracemalloc.get_traced_memory()[1] < 2 * len(message)
+    tracemalloc.stop()
+    assert door.faults(change("x" * 1_000_000)) is None
 
 
 def test_connections_are_limited_and_those_that_go_make_room(server):
