@@ -21,7 +21,7 @@ from ..stepping.run import LOOK_BACK
 from ..stepping.state import size_of_state
 from ..tree.kinematics import outboard, positions
 from ..vec import dot, load, sub, xyz
-from .closing import closing_bound, shape_speed, thickness
+from .closing import PART, closing_bound, shape_speed, thickness
 from .contacts import contacts_at
 from .ground import candidates, normal_of, top
 from .meeting import ground_point, nearest
@@ -29,7 +29,6 @@ from .phases import opened_events
 from .search import are_apart
 from .shapes import place
 
-PART = 0.2  # largest motion of a step into a shape, relative to the thinner shape
 TURN = 0.5  # rad: how far a body may turn in a step with points in the air
 WITHIN = 0.05  # given steps inside a hard contact, relative to its own time
 LEAD = 0.01  # first given step into an impact, relative to its depth

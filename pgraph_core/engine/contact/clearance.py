@@ -10,6 +10,7 @@ dense output ([Mirtich 1996]).
 
 import math
 
+from ...tolerances import COINCIDENT
 from .. import layout as at
 from ..arrays import GUARD, guard_at, opened_run, save_guard_tuple
 from ..compiler.jit import kernel, part, sweep
@@ -33,7 +34,7 @@ CLOSE = 0.02  # distance that counts as near, relative to a step's motion
 LOOKS = 24  # along one step
 LASTING = 0.9  # share of the clearance that the rest of a run may use
 FASTER = 2.0  # growth of speeds that a skipped check permits
-CLOSED = 4e-9  # search distance from bodies at rest, relative to the reach of shapes
+CLOSED = 4 * COINCIDENT  # search distance from bodies at rest, relative to the reach of shapes
 
 
 @kernel(void(I1, plain(GUARD)), later=True)

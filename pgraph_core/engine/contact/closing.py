@@ -5,7 +5,7 @@ The module has scales of gaps and depths, speeds of shapes, and bounds of closin
 
 import math
 
-from ...tolerances import COINCIDENT, EPS
+from ...tolerances import COINCIDENT, EPS, NOTABLE
 from ..arrays import opened
 from ..compiler.jit import part
 from ..constraints.blocks import point_velocity
@@ -17,8 +17,8 @@ from .shapes import DEPTH
 
 COORDINATES = 4 * EPS  # rounding of a gap, relative to the coordinates it is the difference of
 HARD = 4.0  # multiple of the speed that weight adds in a step, below which impacts are not located
+PART = 0.2  # of a shape's half thickness: how far a step may lead or bend unseen
 SURE = 1.02  # a bound of a closing speed over its value now
-SIDEWAYS = 1e-6  # error of a closing speed by a slightly turned normal, relative to the speed
 
 
 @part
@@ -102,7 +102,8 @@ def closing_bound(scene, i, j, normal, left):
         arm += other
     size = math.sqrt(dot(u, u))
     bend = min(1.0, turn * left) * size + 2.0 * contacts.tally[0].pull * left
-    return SURE * max(-dot(u, normal), 0.0) + arm + bend + SIDEWAYS * size
+    slanted = NOTABLE * size  # along a normal that is as far off
+    return SURE * max(-dot(u, normal), 0.0) + arm + bend + slanted
 
 
 @part

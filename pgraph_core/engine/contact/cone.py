@@ -9,16 +9,13 @@ same code serves numbers and lanes.
 
 import math
 
+from ...tolerances import EPS, NOTABLE, ROUNDING, SOLVED, TINY
 from ..compiler.jit import sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, without
 
-THIN = 1e-14  # relative: a mobility across the normal that is rounding
-RIGID = 1e-12  # mobility of such a direction, relative to the contact's, so friction can act
-NOISE = 1e-13  # relative: a velocity across the normal that is rounding
-LEAST = 1e-30  # less friction is none
+THIN = 64 * EPS  # relative: a mobility across the normal that is rounding of some ten terms
+LEAST = math.sqrt(TINY)  # less friction is none
 NEWTON = 30  # limit on steps, of which more than five are rare
-CLOSE = 1e-9  # relative: Newton's next step would be rounding
-ROUGH = 1e-6  # largest relative residual of an accepted root
 BELOW = 1e-6  # lower bracket of s relative to its upper bound
 
 
@@ -37,11 +34,11 @@ def contact(own, u, old, mu, here):
     p, q = w * own[3], w * own[6]
     a, b, c = own[4] - p * own[1], own[5] - p * own[2], own[8] - q * own[2]
     thin = most(a * c - b * b, THIN * (own[4] + own[8]) * (abs(a) + abs(c)))
-    slack = RIGID * (own[0] + own[4] + own[8])
+    slack = ROUNDING * (own[0] + own[4] + own[8])
     a, c = chosen(thin, abs(a) + slack, a), chosen(thin, abs(c) + slack, c)
     x, y = free_x - p * free_n, free_y - q * free_n
-    x = chosen(most(abs(x), NOISE * abs(p * free_n)), 0.0 * x, x)
-    y = chosen(most(abs(y), NOISE * abs(q * free_n)), 0.0 * y, y)
+    x = chosen(most(abs(x), ROUNDING * abs(p * free_n)), 0.0 * x, x)
+    y = chosen(most(abs(y), ROUNDING * abs(q * free_n)), 0.0 * y, y)
     det = a * c - b * b
     smooth = most(mu, LEAST)
     hold_x = chosen(smooth, 0.0, (b * y - c * x) / det)
@@ -79,7 +76,7 @@ def contact(own, u, old, mu, here):
         open_ = without(open_, both(holds, most(new, 0.0)))  # there is no root
         inside = both(most(low, new), most(new, high))
         new = chosen(inside, new, math.sqrt(larger(low, BELOW * high) * high))
-        done = both(most(abs(new - s), CLOSE * (s + a + c)), most(abs(beyond), ROUGH * size))
+        done = both(most(abs(new - s), SOLVED * (s + a + c)), most(abs(beyond), NOTABLE * size))
         s = chosen(open_, new, s)
         found = either(found, both(open_, done))
         open_ = without(open_, done)

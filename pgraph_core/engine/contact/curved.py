@@ -12,7 +12,7 @@ by more than its own n. Like in `convex`, places are relative to A's origin.
 import math
 from typing import Any, NamedTuple
 
-from ...tolerances import COINCIDENT, EPS, ROUNDING, TINY
+from ...tolerances import COINCIDENT, EPS, NOTABLE, ROUNDING, TINY
 from ..compiler.jit import part, sweep
 from ..records import CYLINDER, ELLIPSOID
 from ..vec import add, add_scaled, cross, dot, matrix, mul, mul_t, scale, set_xyz, sub, xyz
@@ -42,7 +42,7 @@ CONVERGED = EPS / 2  # rad: the last turn of Newton's method, half the spacing o
 CURVELESS = 64 * EPS  # determinant that counts as rounding, relative to the squared curvature
 GAIN = 4 * EPS  # gain of separation that counts as rounding, relative to the sizes
 PREFER = 4 * ROUNDING  # preference of flat faces over other features, relative to the sizes
-FLAT = 1e-6  # rad: a face this near to n lies in the contact plane
+FLAT = NOTABLE  # rad: a face this near to n lies in the contact plane
 PARALLEL = 1e-4  # rad: two edges this near to parallel touch along a line
 DEEPEST = CROSSING - 1  # tag of a point that is on no outline
 RIM = 8  # points of a disc's edge

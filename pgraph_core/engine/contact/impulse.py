@@ -63,7 +63,6 @@ FEW_SWEEPS = 40  # before Newton's method
 FEW = 30  # contacts: a larger island of single ones is a heap, and swept
 SWEPT = 1e3  # a factor's work per block above which its steps cost more than sweeps
 TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies that move together
-GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding
 
 
 @sweep
@@ -101,7 +100,7 @@ def solve_impulses(scene, m, first):
             continue
         solve_island(scene, n)
         gain, size = gained(scene, n)
-        if gain > GAIN * size and bounces(scene, n):
+        if gain > NOTABLE * size and bounces(scene, n):
             report[CALMED] += 1.0
             for j in range(islands.first[n], islands.first[n + 1]):
                 blocks.blocks_f[islands.blocks[j], at.BOUNCE] = 0.0

@@ -23,6 +23,7 @@ from ..tree.moving import advance
 from ..vec import dot, sub, xyz
 from .closing import (
     COORDINATES,
+    PART,
     SURE,
     closed_gap,
     closing_bound,
@@ -45,7 +46,6 @@ CROWD = 64  # pairs that may touch: with more, slow impacts are taken where the 
 ROUNDS = 200  # limit on iterations of the search for one instant
 LEAD = 0.5  # largest motion of a touching pair between two distance queries, in half thicknesses
 SUNK = 0.25  # depth that counts as landed at any speed, in half thicknesses of the thinner shape
-SAG = 0.2  # largest bend of the path in a sub-step, in half thicknesses of the thinner shape
 # distance of a time from the end that counts as the end, relative to the sub-step
 ARRIVED = 4 * ROUNDING
 APART, TOUCHING = 0, 1  # kinds of meetings of two shapes, in `vertex`
@@ -363,7 +363,7 @@ def straight(scene, i, j):
     """Return the time in which paths of touching shapes curve little for their thickness [s]."""
     contacts = contacts_at(opened(scene).links.contacts)
     thin, curving = thinner(contacts, i, j), curving_bound(scene, i, j)
-    return math.sqrt(SAG * thin / curving) if thin * curving > 0.0 else math.inf
+    return math.sqrt(PART * thin / curving) if thin * curving > 0.0 else math.inf
 
 
 @sweep

@@ -32,8 +32,8 @@ from .contacts import contacts_at
 TOLERANCE = 1e-10  # residual of a solved island relative to its largest velocity
 HIT = 16 * EPS  # rounding of a speed to which that many impulses add up, relative to the largest
 CAREFUL = 2e-3  # s over the root of what is missed, relative to what a block meets
-BOLDEST = 2e-4  # the least that steps that help make of it
 TENFOLD = 10.0  # factor of its growth after a failed step, and of its decrease after a good one
+BOLDEST = CAREFUL / TENFOLD  # the least that steps that help make of it
 SHORTEST = 0.1  # part of a step: a shorter one leads nowhere
 MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
 FITS = 1e-2  # decrease of the residual that a step should reach, relative

@@ -16,7 +16,7 @@ from .search import are_apart
 
 CORE = 0.9  # examined core of a shape relative to its extents, since its rim may be grazed
 HULL_CORE = 0.4  # examined core of a hull, whose shape its extents do not describe
-TURNED = 2.0  # trace of a rotation of a radian: beyond it, the way is not straight
+TURNED = 1 + 2 * math.cos(1.0)  # trace of a rotation of a radian: beyond it, ways are not straight
 
 
 @sweep

@@ -27,7 +27,7 @@ from ..vec import add_scaled, dot, load, scale, store3, xyz
 
 _save, opened_events = stored(EVENT_SCENE)
 
-RANK = 1e-11  # singular values of sliding points below this part of the largest are zero
+RANK = 64 * ROUNDING  # rounding behind a factor: of singular values and forces, relative
 JACOBI_SWEEPS = 30
 ORTHOGONAL = 8 * EPS  # cosine of two columns that are at right angles to rounding
 SHARES = 200  # projections on cones and back

@@ -30,7 +30,7 @@ from ..rows import FREE, SCREW, TRANSLATE, axis_of, kind_of, link_of, origin_of,
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
 from ..vec import add_scaled, dot, load, scale, set_xyz, sub, xyz
-from .phases import opened_events, slides, slip_direction, tangential
+from .phases import RANK, opened_events, slides, slip_direction, tangential
 
 # scene, t, q, v, v', flow
 OBSERVE = i8(i8, f8, F1, F1, F1, F1)
@@ -38,7 +38,7 @@ call_observe = caller(OBSERVE)
 COORDINATES = 2 * EPS  # rounding of a gap relative to the coordinates whose difference it is
 WIDTH = 4 * EPS  # width of a bracket that counts as an instant, relative to the step
 TRIALS = 80
-FORCE_TOLERANCE = 1e-11  # rounding of contact forces relative to the largest one
+FORCE_TOLERANCE = RANK  # rounding of contact forces relative to the largest one
 NEARLY = 0.02  # plausible error of the cubic relative to the motion of a gap in a step
 START, LOW, HIGH, NOW = 0, 1, 2, 3  # rows of `watched`: at a step's start, the bracket, now
 NEAREST, WHEN = 4, 5  # least distance of a user's event from zero, and its time [s]

@@ -1,10 +1,9 @@
 """Contact search: from shape poses to contact points, normals and gaps.
 
-`place` puts shapes where their rows are, `find_contacts` gives all contact points, `find_gaps` the
-signed distances alone, for event functions. Pairs that a model names are looked at one by one;
-the members of a contact of every body with every other are sorted into a grid of cells as wide as
-the widest of them, so that neighbours are in neighbouring cells: O(n). Members more than twice as
-wide as is usual are compared with all instead.
+`find_contacts` gives all contact points, `find_gaps` the signed distances alone, for event
+functions. Pairs that a model names are looked at one by one. The members of a contact of every body
+with every other are sorted into a grid of cells as wide as the widest of them, so that neighbours
+are in neighbouring cells: O(n). Members more than twice as wide as is usual are compared with all.
 """
 
 import math
@@ -13,16 +12,16 @@ from ...tolerances import TINY
 from ..arrays import CANDIDATES, FOUND, GEOMETRY, GROUND, POSES, SEARCH
 from ..compiler.elementary import exp, log
 from ..compiler.jit import inlined, kernel, part, sweep
-from ..compiler.kinds import F1, F2, array_of, f8, i8, void
-from ..records import CANDIDATE, SHAPE, SPHERE
+from ..compiler.kinds import F1, array_of, f8, i8, void
+from ..records import CANDIDATE, SPHERE
 from ..vec import dot, sub, xyz
 from .ground import ground_contacts, ground_gap, normal_of, top
 from .pairs import pair_contacts, pair_gap
 from .segments import ball_ball
-from .shapes import bound, far_apart, label, place
+from .shapes import bound, far_apart, label
 
 LARGE = 2.0  # width of a large shape relative to the geometric mean of the widths
-FARTHEST = 1048575.0  # limit on the cells along an axis, beyond which all are one
+FARTHEST = (1 << 20) - 1  # limit on the cells along an axis, beyond which all are one
 
 
 @part
@@ -38,7 +37,7 @@ def cell_number(x, origin, inverse):
     c = (x - origin) * inverse
     if not c > 0.0:
         return 0
-    return int(c) if c < FARTHEST else int(FARTHEST)
+    return int(c) if c < FARTHEST else FARTHEST
 
 
 @part
@@ -209,12 +208,6 @@ def find_gaps(geometry, ground, candidates, poses, room, probe, gaps):
 def contacts(geometry, ground, candidates, poses, search, margin, out):
     """`find_contacts`."""
     return find_contacts(geometry, ground, candidates, poses, search, margin, out)
-
-
-@kernel(void(array_of(SHAPE), F2, POSES))
-def shape_poses(shapes, work, poses):
-    """`place`."""
-    place(shapes, work, poses)
 
 
 @kernel(void(GEOMETRY, GROUND, CANDIDATES, POSES, array_of(CANDIDATE), FOUND, F1))

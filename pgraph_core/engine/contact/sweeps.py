@@ -8,6 +8,7 @@ G(λ) for which the same combination of changes G(λ) - λ is smallest ([Anderso
 
 import math
 
+from ...tolerances import EPS, ROUNDING
 from .. import layout as at
 from ..arrays import DINV, LAMBDA, REPORT, STEP, SWEEPS_DONE, opened
 from ..compiler.jit import part, sweep
@@ -19,8 +20,6 @@ from .contacts import contacts_at
 from .islands import NOWHERE
 from .newton import bounds_of, respond, rows_of, velocity
 
-SETTLED = 1e-15  # relative: a change that is rounding
-RIGID = 1e-12  # mobility of an immovable direction, relative to the block's
 DEPTH = 4  # sweeps that are combined
 SMALL = 16  # blocks of one tree, as of feet: sweeps of no more converge by themselves
 FEWEST = 3  # blocks between several trees of which the same holds
@@ -29,7 +28,6 @@ LAST, VALUE, CHANGES, VALUES = 9, 12, 15, 15 + 3 * DEPTH
 WIDTH = 15 + 6 * DEPTH
 NORMAL = 2 * DEPTH + 1  # rows behind those of blocks: products of changes, shares, a factor
 WORSE = 4.0  # squared growth of changes after which the acceleration starts again
-SAME = 1e-12  # regularisation of equal changes relative to the largest product
 
 
 @part
@@ -171,7 +169,7 @@ def combine(normal, count):
     for p in range(count):
         for q in range(count):
             normal[begin + p, q] = normal[p, q]
-        normal[begin + p, p] += SAME * largest
+        normal[begin + p, p] += ROUNDING * largest  # of equal changes
     for p in range(count):
         pivot = normal[begin + p, p]
         if not pivot > 0.0:
@@ -242,7 +240,7 @@ def in_disc(a, b, c, x, y, radius):
     pull = math.sqrt(x * x + y * y)
     if not (radius > 0.0 and pull > 0.0 and a + c > 0.0):
         return (0.0, 0.0)
-    slack = RIGID * (a + c)  # a direction in which nothing can move
+    slack = ROUNDING * (a + c)  # a direction in which nothing can move
     a += slack
     c += slack
     det = a * c - b * b
@@ -253,7 +251,7 @@ def in_disc(a, b, c, x, y, radius):
     for _ in range(30):
         _, _, step = rim_step(a, b, c, s, x, y, radius)
         s += step
-        if abs(step) <= SETTLED * (s + a + c):
+        if abs(step) <= 4.0 * EPS * (s + a + c):
             break
     tx, ty, _ = rim_step(a, b, c, s, x, y, radius)
     fit = radius / math.sqrt(tx * tx + ty * ty)

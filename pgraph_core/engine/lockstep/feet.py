@@ -4,7 +4,7 @@ convergence.
 
 import math
 
-from ...tolerances import ROUNDING
+from ...tolerances import NOTABLE, ROUNDING
 from .. import layout as at
 from ..compiler.jit import part, sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
@@ -13,7 +13,7 @@ from ..constraints.paths import spread, taxicab
 from ..contact.closing import DEPTH, HARD
 from ..contact.cone import contact
 from ..contact.contacts import NEARBY
-from ..contact.impulse import FEW_SWEEPS, GAIN, TOGETHER, TOLERANCE
+from ..contact.impulse import FEW_SWEEPS, TOGETHER, TOLERANCE
 from ..contact.sweeps import SMALL
 from ..linear import forward_free
 from ..records import POINTS, SPHERE
@@ -382,7 +382,7 @@ def gain_and_miss(ways, near, b):
         x, y = lam[1] - fit * x, lam[2] - fit * y
         points[n, of.MISSED + 1] = chosen(more(mobility, 0.0), math.sqrt(x * x + y * y), 0.0)
     lane[of.GAINED] = gain
-    lane[of.ALONE] = either(lane[of.ALONE], both(bouncing, more(gain, GAIN * size)))
+    lane[of.ALONE] = either(lane[of.ALONE], both(bouncing, more(gain, NOTABLE * size)))
 
 
 @sweep
