@@ -84,6 +84,17 @@ def size_of_motion(rows: Ints, q: Array, length: float) -> float:
     return max(float(turned.max()), float(moved.max()), rest)
 
 
+def sizes_of_states(x: Array, length: float) -> Array:
+    """Return the ranges (nx,) of states of controls x (n, nx).
+
+    What changes by less than rounding shows, of its own value or the mechanism's length, is at
+    rest, as in `size_of_motion`.
+    """
+    rest = float(np.sqrt(np.finfo(float).eps))
+    least = np.maximum(np.abs(x).max(axis=0, initial=0.0), length or 1.0)
+    return np.maximum(np.ptp(x, axis=0) if len(x) else 0.0, rest * least)
+
+
 class BodyMotion(NamedTuple):
     """The motion of all bodies in world axes at their origins, with one row per body number."""
 

@@ -14,7 +14,7 @@ from .records import KINDS, OF_CONSTRAINTS, ContactRecord, Named
 from .result import Result
 from .stored import ARRAYS
 
-ADDED = ("work", "dissipation", "error_at")  # start from zero in each run
+ADDED = ("work", "dissipation", "error_at", "state_error_at")  # start from zero in each run
 
 
 @explained
@@ -85,7 +85,7 @@ def _chained(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
 
 def _summed(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
     """Concatenate cumulative values, adding to each part the last value of the previous one."""
-    so_far = np.cumsum([0.0, *(part[-1] for part in parts[:-1])])
+    so_far = np.cumsum([np.zeros_like(parts[0][-1]), *(part[-1] for part in parts[:-1])], axis=0)
     return _chained([part + offset for part, offset in zip(parts, so_far)], keep)
 
 

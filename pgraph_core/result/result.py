@@ -16,7 +16,7 @@ from zipfile import ZipFile
 import numpy as np
 
 from .. import hooks
-from ..dynamics.states import BodyMotion, Sensors, no_motion, size_of_motion
+from ..dynamics.states import BodyMotion, Sensors, no_motion, size_of_motion, sizes_of_states
 from ..errors import (
     FileError,
     InputError,
@@ -30,7 +30,7 @@ from ..errors import (
 from ..markup import ordinary, reason_of
 from ..model.files import shown_path, write_atomic
 from ..packing import Array
-from ..packing.signals import values_of
+from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly, keep_unchanged
 from ..tolerances import EPS
 from .bodies import body_motion, body_poses
@@ -119,6 +119,8 @@ class Result(EqualByFields, Portable):
     """{path: (n, nq + nv + 2)} of q, v, work and dissipation by what `wrt` names."""
     states: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """(n, nx) The states of the model's controls, in their order."""
+    state_error_at: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """(n, nx) Estimated errors of the states, as `error_at`, in their units."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, because a run does not change."""
@@ -193,12 +195,19 @@ class Result(EqualByFields, Portable):
 
     @property
     def relative_error(self) -> Array:
-        """Return `error_at` relative to the largest joint displacement from the start, (n,).
+        """Return the largest part of its range by which the motion or a state is off, (n,).
 
-        If nothing moves, it is relative to 1.5e-8 of the mechanism's length.
+        The motion's range is the largest displacement of a joint from the start. Where nothing
+        moves, it is 1.5e-8 of the mechanism's length, or of a state's value if that is larger.
         """
         packed = self.mechanism.packed
-        return self.error_at / (size_of_motion(packed.rows, self.q, packed.length) or 1.0)
+        share = self.error_at / (size_of_motion(packed.rows, self.q, packed.length) or 1.0)
+        own = self._shares_of_states()
+        return np.maximum(share, own.max(axis=1)) if own.size else share
+
+    def _shares_of_states(self) -> Array:
+        """Return the errors of states over their ranges, (n, nx)."""
+        return self.state_error_at / sizes_of_states(self.states, self.mechanism.packed.length)
 
     @property
     def accuracy(self) -> str:
@@ -207,8 +216,15 @@ class Result(EqualByFields, Portable):
         if np.isnan(error):
             return "not estimated"
         if np.isfinite(error):
-            share = 100.0 * self.relative_error[-1]
-            return f"{error:.2g} rad or m, {share:.2g} % of the motion"
+            packed = self.mechanism.packed
+            size = size_of_motion(packed.rows, self.q, packed.length) or 1.0
+            text = f"{error:.2g} rad or m, {100.0 * error / size:.2g} % of the motion"
+            own = self._shares_of_states()[-1:].ravel()
+            if own.max(initial=0.0) <= error / size:
+                return text
+            control, k, _ = states_of(self.mechanism.model)[int(np.argmax(own))]
+            share = f"{100.0 * own.max():.2g} %" if np.isfinite(own.max()) else "an unknown part"
+            return f"{text}, {share} of the range of x.{control.name}[{k + 1}]"
         last = int(np.isfinite(self.error_at).sum()) - 1
         until, before = self.t[last], self.error_at[last]
         return f"known until t = {until:.4g} s only: {before:.2g} rad or m"

@@ -26,7 +26,7 @@ CHUNK = 1 << 16  # [bytes] block size for reading times
 PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
 ARRAYS = (
     "t", "q", "v", "vdot", "kinetic_energy", "potential_energy", "work", "dissipation",
-    "constraint_drift", "error_at", "states",
+    "constraint_drift", "error_at", "states", "state_error_at",
 )  # fmt: skip
 SCALARS = ("message", "counters", "timing", "header", "notices")
 FORCE = "force:"  # before the names of constraints
@@ -61,7 +61,9 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
     description, folder = json.dumps(header.pop("model")), Path(path).parent
     model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
     arrays = arrays_of(file, len(model.bodies) + len(model.controls))
-    arrays.setdefault("states", np.zeros((len(arrays["t"]), 0)))  # older files have none
+    n = len(arrays["t"])
+    arrays.setdefault("states", np.zeros((n, 0)))  # older files have none
+    arrays.setdefault("state_error_at", np.full((n, arrays["states"].shape[1]), np.nan))
     found = {name: header[name] for name in SCALARS} | {name: arrays[name] for name in ARRAYS}
     forces = {k.removeprefix(FORCE): a for k, a in arrays.items() if k.startswith(FORCE)}
     mech = Mechanism(model)

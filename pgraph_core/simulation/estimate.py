@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dynamics.states import differences, size_of_motion
+from ..dynamics.states import differences, size_of_motion, sizes_of_states
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SWING
 from ..errors import InputError
@@ -37,9 +37,9 @@ UNKNOWN = (
 
 
 class Estimate(NamedTuple):
-    """The error in q at the times of a plan, as a running maximum."""
+    """The errors in q and in the states of controls at the times of a plan, as running maxima."""
 
-    error: Array | None = None  # (n,) [rad, m], inf once it is unknown
+    error: Array | None = None  # (n, 1 + nx) [rad, m], [units of the states], inf once unknown
     notices: tuple[str, ...] = ()
     why: str = ""  # there is none
 
@@ -68,14 +68,14 @@ def error_estimate(record: Recording, asked: bool | None) -> Estimate:
 
 def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     """Return the difference from a finer run, where `plan` has the recorded times."""
-    n = len(plan.times)
+    n, mech = len(plan.times), record.mech
     if n < 2 or plan.times[-1] == plan.times[0]:
-        return Estimate(np.zeros(n))
+        return Estimate(np.zeros((n, 1 + len(states_of(mech.model)))))
     finer = _finer_run(record, plan)
     if isinstance(finer, str):
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
     record.ended.notices += undecided(record, finer)
-    rows, length, q = record.mech.packed.rows, plan.length, record.out.q[:n]
+    rows, length, q = mech.packed.rows, plan.length, record.out.q[:n]
     off = apart(record, finer, n)
     ahead = plan.onward() if record.met else plan
     if ahead.tolerance is None and may_jump(record, ahead):
@@ -84,21 +84,25 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
             off = (np.maximum(*both) for both in zip(off, apart(record, third, n)))
     turned, moved, states = off
     most = np.maximum(np.maximum(turned, moved), _left_open(record, n))
-    error = np.maximum.accumulate(most) + _rounding(record, plan.times)
+    error = np.maximum.accumulate(np.column_stack((most, states)))
+    error += _rounding(record, plan.times)
     touching = record.scene.touching
     if touching is not None:  # drift due to the contact solver's velocity residuals [rad, m]
-        error[1:] += float(touching.tally["strayed"])
+        error[1:, 0] += float(touching.tally["strayed"])
     _, slid = differences(rows, np.broadcast_to(q[:1], q.shape), q)
     size = max(length, float(slid.max(initial=0.0))) or 1.0
-    together = np.maximum(turned, moved / size) <= PARTED
-    error[~np.logical_and.accumulate(together)] = np.inf
-    notices = _notices(plan.times, error, size_of_motion(rows, q, length))
-    notices += _of_states(record, plan.times[np.isfinite(error)], states)
-    return Estimate(error, notices + _passed_over(record, float(error[-1])))
+    ranges = sizes_of_states(record.out.v[:n, mech.nv :], length)
+    part = np.column_stack((np.maximum(turned, moved / size), states / ranges))
+    known = np.logical_and.accumulate(part <= PARTED)
+    error[~(known & known[:, :1])] = np.inf
+    sizes = np.append(size_of_motion(rows, q, length), ranges)
+    told = _notices(record, plan.times, error, sizes)
+    return Estimate(error, told + _passed_over(record, float(error[-1, 0])))
 
 
 def _rounding(record: Recording, t: Array) -> Array:
-    """Return the effect of rounding in positions and times on q (n,), which both runs share.
+    """Return the effect of rounding in positions and times on q and states (n, 1 + nx), which both
+    runs share.
 
     A corner of a table that comes late by EPS t changes the speed by that times the acceleration.
     """
@@ -106,7 +110,9 @@ def _rounding(record: Recording, t: Array) -> Array:
     moved = out.q[:n, : mech.nq], out.v[:n, : mech.nv]
     far, fastest = (float(np.abs(x).max(initial=0.0)) for x in moved)
     later = float(record.steps.control["steepest"]) * np.abs(t - t[0])
-    return EPS * (far + late * (fastest + later))
+    own = (np.abs(x[:n, mech.nv :]).max(axis=0) for x in (out.v, out.vdot))
+    large, rate = (np.broadcast_to(x, (n, len(x))) for x in own)
+    return EPS * np.column_stack((far + late * (fastest + later), large + late * rate))
 
 
 def _left_open(record: Recording, n: int) -> Array | float:
@@ -127,52 +133,43 @@ def _left_open(record: Recording, n: int) -> Array | float:
     return np.maximum(found.max(axis=1, initial=0.0), np.max(beyond, axis=0, initial=0.0))
 
 
-def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:
-    """Return a message about an error that is large or not known up to the end."""
-    known = int(np.isfinite(error).sum())
-    digits = _digits(t)
+def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[str, ...]:
+    """Return messages about errors (n, 1 + nx) that are large or not known up to the end.
+
+    No error of the motion tells of a state that no force reads.
+    """
+    found = _told(t, error[:, 0], sizes[0], ("the error", " rad or m", "the motion"))
+    for (control, k, _), own, size in zip(states_of(record.mech.model), error[:, 1:].T, sizes[1:]):
+        what = f"control '{control.name}': the error of its state x.{control.name}[{k + 1}]"
+        same = np.array_equal(np.isfinite(own), np.isfinite(error[:, 0]))
+        until = np.isfinite(own) if same else slice(None)  # what the motion's notice does not say
+        found += _told(t[until], own[until], size, (what, "", "its range"))
+    return tuple(found)
+
+
+def _told(t: Array, error: Array, size: float, words: tuple[str, str, str]) -> list[str]:
+    """Return a message about an error (n,) that is large or not known up to the end."""
+    known, (what, unit, whole) = int(np.isfinite(error).sum()), words
     if known < len(t):
-        return (
-            f"the error is not known from t = {t[known]:.{digits}g} s on, where a finer run "
+        digits = _digits(t)
+        return [
+            f"{what} is not known from t = {t[known]:.{digits}g} s on, where a finer run "
             f"diverges; until t = {t[known - 1]:.{digits}g} s it is about "
-            f"{error[known - 1]:.2g} rad or m. A smaller step or rtol extends that time; "
-            "chaotic motion always has one",
-        )
-    if error[-1] <= VISIBLE * size:
-        return ()
+            f"{error[known - 1]:.2g}{unit}. A smaller step or rtol extends that time; "
+            "chaotic motion always has one"
+        ]
+    if len(t) < 2 or error[-1] <= VISIBLE * size:
+        return []
     first = t[int((error > VISIBLE * size).argmax())]
-    return (
-        f"the error is about {error[-1]:.2g} rad or m, {100 * error[-1] / size:.2g} % of the "
-        f"motion, and above 1 % from t = {first:.{digits}g} s on: give a smaller step or rtol",
-    )
+    return [
+        f"{what} is about {error[-1]:.2g}{unit}, {100 * error[-1] / size:.2g} % of {whole}, and "
+        f"above 1 % from t = {first:.{_digits(t)}g} s on: give a smaller step or rtol"
+    ]
 
 
 def _digits(t: Array) -> int:
     """Return how many digits tell times apart."""
     return 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)
-
-
-def _of_states(record: Recording, t: Array, off: Array) -> tuple[str, ...]:
-    """Return messages about states of controls that are off by what shows in their own range.
-
-    No error of the motion tells of a state that no force reads. What changes by less than rounding
-    shows, of its own value or the mechanism's length, is at rest, as in `size_of_motion`.
-    """
-    n, found = len(t), list[str]()
-    if n < 2:
-        return ()
-    states = record.out.v[:n, record.mech.nv :]
-    for (control, k, _), x, d in zip(states_of(record.mech.model), states.T, off[:n].T):
-        rest = float(np.sqrt(EPS)) * max(float(np.abs(x).max()), record.plan.length or 1.0)
-        size = max(float(np.ptp(x)), rest)
-        if (most := float(d.max())) > VISIBLE * size:
-            first = t[int((d > VISIBLE * size).argmax())]
-            found.append(
-                f"control '{control.name}': the error of its state x.{control.name}[{k + 1}] is "
-                f"about {most:.2g}, {100 * most / size:.2g} % of its range, and above 1 % first "
-                f"at t = {first:.{_digits(t)}g} s: give a smaller step or rtol"
-            )
-    return tuple(found)
 
 
 def _passed_over(record: Recording, error: float) -> tuple[str, ...]:

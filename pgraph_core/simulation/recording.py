@@ -618,8 +618,8 @@ class Recording:
     ) -> Result:
         """Return the requested frames as a Result.
 
-        `error` (n,) is the error of q at the recorded times [rad, m], and `told` contains warnings
-        about it.
+        `error` (n, 1 + nx) contains the errors of q [rad, m] and of the states of controls at the
+        recorded times, and `told` contains warnings about them.
         """
         self._end_stretch()
         rows, steps = self._rows(), self.steps
@@ -642,6 +642,8 @@ class Recording:
         if len(self.plan.ever):
             found = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
             forces = Named(found, *OF_CONSTRAINTS)
+        if error is None:
+            error = np.full((len(self.out.q), 1 + x.shape[1]), np.nan)
         counted, contacts = steps.counters, NOTHING
         counters: dict[str, int] = dict(zip(counted.dtype.names or (), counted.item()))
         if self.plan.way is not None or self.plan.contacts or self.ended.log:
@@ -679,7 +681,8 @@ class Recording:
             contacts=contacts,
             counters=counters,
             timing=timing,
-            error_at=np.full(len(t), np.nan) if error is None else error[rows],
+            error_at=error[rows, 0],
+            state_error_at=error[rows, 1:],
             header=header,
             notices=(*self.notices(), *told),
             user_events=tuple(self.watch.log) if self.watch else (),

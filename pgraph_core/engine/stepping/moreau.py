@@ -4,7 +4,9 @@ q_m = q + h/2 v; v⁺ = v + h v'(q_m, v) + M⁻¹ Jᵀ λ with all that touches 
 ([Moreau 1988], [Jean 1999]). Impacts need no events, many at once cost no more than one. Dampers
 and servos of hinges and sliders are taken at the end of the step, which is stable however stiff
 they are: h d + h²/2 k counts as inertia there. What turns freely keeps its energy, however fast
-it spins (`tree.spinning`).
+it spins (`tree.spinning`). States of controls follow the midpoint rule:
+x⁺ = x + h x'(q_m, v_m, x_m) with v_m = ½ (v + v⁺) and x_m half a step of Euler's rule ahead, which
+forces read.
 
 A step in which things hit each other is taken in parts, which end where they meet: an impact is a
 part without length. What is soft, or slow, is found where the middle of a part finds it.
@@ -58,6 +60,7 @@ from ..rows import (
     spin_of,
     v_of,
 )
+from ..signals import put_rates
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
 from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
@@ -162,6 +165,9 @@ def part_of_step(run, done, h, w, mode):
     active, tally = blocks.active, contacts.tally[0]
     bilateral = active[0]
     active[0] = 0  # constraints come in with the impulses
+    states = data.loads.signals[2].shape[0]
+    if states > 0:
+        move_states(scene, t, 0.5 * w, q, v, before, v, tau)
     advance(rows, q, v, 0.5 * w)
     stiffen(scene, t + 0.5 * w, w, q, v)
     tally.share = w / h
@@ -187,6 +193,8 @@ def part_of_step(run, done, h, w, mode):
         active[0] = bilateral
         for i in range(nq):
             q[i] = stages[at.TRIAL, i]
+        for j in range(nv - states, nv):
+            v[j] = before[j]
         return True
     ledger[at.WORK_DONE] += w * flow[0]
     ledger[at.DISSIPATED] += w * flow[1]
@@ -198,17 +206,36 @@ def part_of_step(run, done, h, w, mode):
     book(scene, first, t + w, h, w == h - done)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])
-    for j in range(nv):
+    for j in range(nv - states):
         v[j] += w * vdot[j] + space.vectors[STEP, j]
     book_drives(rows, drives, tau, before, damping, w, v, ledger)
     if bilateral > 0:  # impulses times the mean speed over the part
         work_done = driven_power(blocks, space, before) + driven_power(blocks, space, v)
         ledger[at.WORK_DONE] += 0.5 * work_done
+    if states > 0:
+        middle = stages[at.FROM, nq : nq + nv]
+        for j in range(nv - states):
+            middle[j] = 0.5 * (before[j] + v[j])
+        for j in range(nv - states, nv):
+            middle[j] = v[j]
+        move_states(scene, t + 0.5 * w, w, q, middle, before, v, damping)
     advance(rows, q, v, 0.5 * w)
     if active[0] >= first and w > 0.0:
         push_out(scene, first, h, q)
     active[0] = bilateral
     return False
+
+
+@sweep
+def move_states(scene, t, h, q, v, start, out, rates):
+    """Write the states of controls in `start`, moved for the time h at their rates at (t, q, v),
+    into `out`.
+    """
+    data = opened(scene)
+    follow(data, t, q, v)
+    put_rates(data.loads.signals, rates)
+    for j in range(v.shape[0] - data.loads.signals[2].shape[0], v.shape[0]):
+        out[j] = start[j] + h * rates[j]
 
 
 @sweep
