@@ -95,7 +95,7 @@ STEP_CONTROL = record(
     width=REAL,  # the step to try next [s]
     old_time=REAL,  # time of the state before the last step [s]
     old_width=REAL,  # width of the step from there [s]
-    clip=REAL,  # stages are not taken later: left of a corner of a table [s]
+    clip=REAL,  # stages are not taken later: left of a corner or edge [s]
     last_error=REAL,  # error of the last accepted step over the tolerance
     rtol=REAL,  # relative to the scales below
     atol=REAL,  # absolute, for every coordinate
@@ -118,6 +118,8 @@ STEP_CONTROL = record(
     rejected=INTEGER,  # 1: the last step was rejected
     broken=INTEGER,  # why: 1 not finite, 2 not solved
     corner=INTEGER,  # the next corner of a table
+    edges=INTEGER,  # comparisons of times in expressions, at whose changes steps end
+    edge=REAL,  # time of the last corner or edge at which a step ended [s]
     samples=INTEGER,  # states of controls that change at samples, at which steps end
     parts=INTEGER,  # divisions of intervals shorter than a step, more than 1 in a finer run
     lag=REAL,  # the shortest lag of an input [s], inf for none
@@ -134,7 +136,7 @@ STEP_CONTROL = record(
     clock=REAL,  # time of the next check of the guard while nothing is faster than `slow` [s]
     slow=REAL,  # [rad/s, m/s]
     approach=INTEGER,  # address of the kernel that finds `bound`, 0 for none
-    steepest=REAL,  # largest acceleration of a step so far, if tables have corners [rad/s², m/s²]
+    steepest=REAL,  # largest acceleration of a step so far, if corners end steps [rad/s², m/s²]
 )
 
 COUNTERS = record(

@@ -16,6 +16,7 @@ COLUMNS = 5
     NUMBER, TIME, Q, V, ADD, SUB, MUL, DIV, MIN, MAX, CHOOSE, LESS, AT_MOST, ABS, SQRT, SIN, COS,
     TAN, EXP, LOG, ASIN, ACOS, ATAN, POW,
 ) = range(24)  # fmt: skip
+COMPARING = MIN, MAX, LESS, AT_MOST, ABS
 # where a value goes: the instruction, DRIVE or WRENCH, the first knot, how many knots, the column;
 # the number of its force, and 1 once the value was not finite
 DRIVE, WRENCH = 0, 1

@@ -10,6 +10,7 @@ import numpy as np
 from .. import joints
 from ..curves import Table, VectorTable
 from ..engine import signals as kernels
+from ..engine.edges import COMPARES, MARK, NEEDED
 from ..engine.signals import DRIVE, STATES, TARGET, WRENCH
 from ..fields import EMPTY, is_expression
 from ..forces import OnJoint, Wrench
@@ -182,7 +183,38 @@ class Program:
         found = np.zeros((2 * len(self.rows), kernels.COLUMNS))
         if self.rows:
             found[::2] = self.rows
+            self._mark(found[::2])
         return found
+
+    def _mark(self, rows: Array) -> None:
+        """Mark the comparisons of times, and the operations that they need."""
+        moves = list[bool]()  # an instruction reads the motion, or the time
+        timed = list[bool]()
+        for op, *operands, _ in rows.tolist():
+            reads = [int(k) for k in operands[: _operands(int(op))]]
+            moves.append(op in (kernels.Q, kernels.V) or any(moves[k] for k in reads))
+            timed.append(op == kernels.TIME or any(timed[k] for k in reads))
+            k = len(timed) - 1
+            if op in kernels.COMPARING and timed[k] and not moves[k]:
+                rows[k, MARK] = COMPARES
+        for k in range(len(rows) - 1, -1, -1):
+            if (op := int(rows[k, 0])) > kernels.V and rows[k, MARK]:
+                for i in map(int, rows[k, 1 : 1 + _operands(op)]):
+                    if rows[i, 0] > kernels.V:
+                        rows[i, MARK] = max(rows[i, MARK], NEEDED)
+
+
+def _operands(op: int) -> int:
+    """Return how many operands an operation has."""
+    if op <= kernels.V or op == kernels.CHOOSE:
+        return 0 if op <= kernels.V else 3
+    return 2 if op <= kernels.AT_MOST or op == kernels.POW else 1
+
+
+def count_of_edges(code: Array) -> int:
+    """Return how many comparisons of times a program has."""
+    rows = code[::2]
+    return int(np.count_nonzero((rows[:, 0] > kernels.V) & (rows[:, MARK] == COMPARES)))
 
 
 def of_time(text: str, parameters: Mapping[str, float]) -> Array:

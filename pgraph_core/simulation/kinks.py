@@ -1,30 +1,26 @@
-"""Corners of prescribed motions: where the value or the rate of an expression of time jumps.
-
-An interval in which something jumps is halved until rounding ends it. What is smooth changes less
-and less there; a jump stays as large as it was.
-"""
+"""Edges of prescribed motions: where their expressions of time compare, and what jumps there."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from ..engine.edges import edges
 from ..engine.signals import rates
 from ..mechanism import Mechanism
 from ..model.constraint import Motion
 from ..packing import Array, Ints
-from ..packing.signals import of_time
-from ..signals import parsed
-from ..signals.grammar import walk
+from ..packing.signals import count_of_edges, of_time
 from ..tolerances import NOTABLE
 
-BENT = {"min", "max", "abs", "if", "table", "smoothstep"}  # operations that may have corners
-LOOKS = 1000  # intervals of a run in which corners are looked for
+AT_A_TIME = 256  # edges that one call of the kernel finds
+MOST_KINKS = 100_000  # of a motion, at which steps end
 
 
 class Kink(NamedTuple):
-    """A corner of a prescribed motion."""
+    """An edge of a prescribed motion."""
 
     name: str
     t: float  # [s]
@@ -36,40 +32,58 @@ class Kink(NamedTuple):
         return (
             f"constraint '{self.name}': the {what} of its expression jumps by {size:.4g} at t = "
             f"{self.t:.6g} s. The work of that impulse is not in the energies of the run; give an "
-            "expression with a continuous slope, as with smoothstep"
+            "expression with a continuous slope, as with smoothstep."
         )
 
 
 def kinks_of(mech: Mechanism, active: Ints, begin: float, end: float) -> list[Kink]:
-    """Return the corners of the active prescribed motions between two times."""
+    """Return the edges of the active prescribed motions between two times."""
     found = list[Kink]()
     for i in active.tolist():
         c = mech.model.constraints[i]
         text = c.q_of_t if isinstance(c, Motion) else None
-        if isinstance(text, str) and any(n.op in BENT for n in walk(parsed(text))):
+        if isinstance(text, str):
             code = of_time(text, mech.model.parameters)
-            found += _of_program(c.name, code, np.linspace(begin, end, LOOKS + 1))
+            found += _of_program(c.name, code, begin, end) if count_of_edges(code) else ()
     return found
 
 
-def _of_program(name: str, code: Array, times: Array) -> list[Kink]:
-    out = np.empty((len(times), 2))
-    rates(code, times, out)
-    scale = np.abs(out).max(axis=0)
-    if not np.isfinite(out).all():
+def told(kinks: Sequence[Kink]) -> list[str]:
+    """Return notices about prescribed motions whose value or rate jumps, or that jump too often."""
+    found = list[str]()
+    for name in dict.fromkeys(kink.name for kink in kinks):
+        own = [kink for kink in kinks if kink.name == name]
+        sharp = [kink for kink in own if kink.value or kink.rate]
+        if sharp:
+            others = f" {len(sharp) - 1} more follow until t = {sharp[-1].t:.6g} s."
+            found.append(f"{sharp[0]}{others if sharp[1:] else ''}")
+        if len(own) >= MOST_KINKS:
+            found.append(
+                f"constraint '{name}': its expression bends more than {MOST_KINKS} times; steps "
+                f"end at these bends until t = {own[-1].t:.6g} s only"
+            )
+    return found
+
+
+def _of_program(name: str, code: Array, begin: float, end: float) -> list[Kink]:
+    parts, last, count = list[Array](), begin, AT_A_TIME
+    while count == AT_A_TIME and len(parts) * count < MOST_KINKS:
+        out = np.empty(AT_A_TIME)
+        count = edges(code, last, end, out)
+        parts.append(out[:count])
+        last = out[count - 1] if count else end
+    t = np.concatenate(parts)
+    ends = np.concatenate(([begin], t, [end]))
+    scale = np.abs(_values(code, np.append(ends, 0.5 * (ends[1:] + ends[:-1])))).max(axis=0)
+    if not np.isfinite(scale).all():
         return []
-    found = list[Kink]()
-    for k in np.flatnonzero((np.abs(np.diff(out, axis=0)) > NOTABLE * scale).any(axis=1)):
-        low, high = times[k], times[k + 1]
-        while low < (middle := 0.5 * (low + high)) < high:
-            part = np.empty((3, 2))
-            rates(code, np.array([low, middle, high]), part)
-            first, second = (np.abs(x) / np.where(scale, scale, 1.0) for x in np.diff(part, axis=0))
-            low, high = (low, middle) if first.max() > second.max() else (middle, high)
-        ends = np.empty((2, 2))
-        rates(code, np.array([low, high]), ends)
-        jump = ends[1] - ends[0]
-        jump[np.abs(jump) <= NOTABLE * scale] = 0.0
-        if jump.any() and (not found or high > found[-1].t):
-            found.append(Kink(name, float(high), *jump.tolist()))
-    return found
+    jumps = _values(code, t) - _values(code, np.nextafter(t, begin))
+    jumps[np.abs(jumps) <= NOTABLE * scale] = 0.0
+    return [Kink(name, *row) for row in np.column_stack((t, jumps)).tolist()]
+
+
+def _values(code: Array, t: Array) -> Array:
+    """Return the value and the rate of a program at times (n,), as (n, 2)."""
+    out = np.empty((len(t), 2))
+    rates(code, t, out)
+    return out

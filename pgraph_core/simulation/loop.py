@@ -30,6 +30,7 @@ from ..engine.stepping import run
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
+from ..packing.signals import count_of_edges
 from ..result import Status
 from ..result.records import Event
 from ..tolerances import SOLVED
@@ -83,8 +84,9 @@ class Steps:
         control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
         control["span"] = self.times[-1] - self.times[0]
         lags = plan.drives.table["lag"]
-        states = plan.loads.signals[2]
+        code, _, states = plan.loads.signals
         control["samples"] = np.count_nonzero(states[:, SAMPLE] >= 0)
+        control["edges"], control["edge"] = count_of_edges(code), self.times[0]
         control["parts"], control["lag"] = plan.parts, lags[lags > 0.0].min(initial=np.inf)
         if given is None:
             control["widths"], control["most"] = GIVEN, ANY_NUMBER

@@ -34,6 +34,7 @@ from ..packing.forces import bends_of_loads, exerts
 from ..packing.signals import varying
 from ..tolerances import EPS, SOLVED
 from .kinks import Kink, kinks_of
+from .kinks import told as told_of
 from .options import (
     FRAMES,
     MOST_CHOSEN,
@@ -312,7 +313,7 @@ def _on_a_way(
     o = o._replace(step=_given_step(plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
     plan = _with_times(mech, plan, o, given, span)
-    told = [*_stiff(plan, rate), *_hard(plan), *_filled(plan), *map(str, plan.kinks)]
+    told = [*_stiff(plan, rate), *_hard(plan), *_filled(plan), *told_of(plan.kinks)]
     if asked and plan.step is not None and asked > duration * (1 + SOLVED):
         told.append(
             f"step: {asked:g} s is longer than the run, which takes one step of {duration:g} s; "
@@ -397,8 +398,7 @@ def _with_times(
     if o.max_steps != MOST_CHOSEN and (count := int(substeps.sum())) > o.max_steps:
         text = f"the run has {count} steps of {width:.3g} s; give {count} or more, or leave it out"
         raise InputError(Problem("simulate", "max_steps", text))
-    if width:
-        _refuse_fast_samples(mech, width)
+    _refuse_fast_samples(mech, width, span)
     ends = corners(mech, plan.drives, plan.loads, plan.ever, span[0])
     kinks = kinks_of(mech, plan.ever, *span)
     ends = np.union1d(ends, [kink.t for kink in kinks]) if kinks else ends
@@ -411,10 +411,17 @@ def _with_times(
     )  # fmt: skip
 
 
-def _refuse_fast_samples(mech: Mechanism, width: float) -> None:
-    """Raise InputError for a control whose samples are closer than the steps of a run."""
+def _refuse_fast_samples(mech: Mechanism, width: float, span: tuple[float, float]) -> None:
+    """Raise InputError for a control whose samples are closer than the steps of a run, or than
+    rounding of its times, which moves each of two samples by 4 EPS t.
+    """
+    least = 8.0 * EPS * max(map(abs, span))
     for control in mech.model.controls:
-        apart = min((own.sample for own in control.own if own.sample), default=width)
+        apart = min((own.sample for own in control.own if own.sample), default=np.inf)
+        if apart <= least:
+            text = f"{apart:g} s is below the resolution of times up to {max(map(abs, span)):g} s; "
+            text += f"give more than {least:.1g} s, or leave it out for a value at all times"
+            raise InputError(Problem(f"control '{control.name}'", "sample", text))
         if apart < width * (1.0 - SOLVED):
             text = f"{apart:g} s is below the step of the run, {width:g} s; give step={apart:g} "
             text += "or less, or a longer time between samples"

@@ -27,6 +27,7 @@ from .widths import (
     next_interval,
     next_width,
     pass_corners,
+    pass_edges,
     refuse,
     step_taken,
     widen,
@@ -89,6 +90,8 @@ def step_once(run):
         control.time = given_start(control)
     if data.corners.shape[0] > 0:
         pass_corners(run)
+    if control.edges > 0:
+        pass_edges(run)
     if method.starts == 1 and control.fresh == 0:
         acceleration_of(run, control.time, at.Y, at.SLOPE)
         control.fresh = 1
@@ -99,7 +102,8 @@ def step_once(run):
     h, end, corner = next_width(run)
     error = call_step(links.step, (run, h))
     good = error >= 0.0 and error < math.inf
-    if good and error > 1.0 and control.widths == CHOSEN and data.corners.shape[0] > 0:
+    cornered = data.corners.shape[0] > 0 or control.edges > 0
+    if good and error > 1.0 and control.widths == CHOSEN and cornered:
         error = 1.0 if error <= blurred(run, h) else error
     if not good or (error > 1.0 and control.widths == CHOSEN):
         return refuse(run, error, h)
@@ -175,7 +179,7 @@ def accept(run, h, end, corner):
     nq, nv = size
     if ends and data.tableau.error.shape[1] == s:
         last_stage(run, min(control.time + h, control.clip))
-    if data.corners.shape[0] > 0:
+    if data.corners.shape[0] > 0 or control.edges > 0:
         for j in range(nq, nq + nv):
             mean = abs(stages[at.CANDIDATE, j] - stages[at.Y, j]) / h
             control.steepest = max(control.steepest, mean)
@@ -185,6 +189,7 @@ def accept(run, h, end, corner):
     control.old_time = control.time
     control.old_width = h
     control.time = end
+    control.edge = end if corner else control.edge
     control.filled = 0
     control.rejected = 0
     data.counters[0].steps += 1

@@ -10,6 +10,7 @@ from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.elementary import power
 from ..compiler.jit import part, sweep
+from ..edges import next_edge
 from ..forces import lag_width
 from ..motion import opened
 from ..records import CHOSEN, GIVEN
@@ -48,8 +49,9 @@ def weigh(rows, size, stages, control):
     """Write 1 / tolerance for every entry of y, except the ledger, into WEIGHT.
 
     The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
-    least one scale per run. A state of a control has a scale of its own, its largest value so far,
-    which stands in place of the weight of its integral.
+    least one scale per run. A state of a control has a scale of its own, its largest value so far
+    and in CANDIDATE. The former stands in place of the weight of its integral: steps that will be
+    rejected may end anywhere.
     """
     nq, nv = size
     found = extremes(rows, size, stages, at.Y, control.spin, control.speed, control.length)
@@ -67,8 +69,9 @@ def weigh(rows, size, stages, control):
         j = nq + v_of(rows, k)
         kind = kind_of(rows, k)
         if kind == OWN:
-            weights[i] = max(weights[i], abs(stages[at.Y, j]), abs(stages[at.CANDIDATE, j]))
-            weights[j] = inverse(rtol * weights[i] + atol)
+            weights[i] = max(weights[i], abs(stages[at.Y, j]))
+            size = max(weights[i], abs(stages[at.CANDIDATE, j]))
+            weights[j] = inverse(rtol * size + atol)
         elif kind < TRANSLATE:
             rounding = 8.0 * EPS * abs(stages[at.CANDIDATE, i])
             weights[i] = 1.0 / (rtol + atol + rounding)
@@ -183,17 +186,45 @@ def pass_corners(run):
             if corners[k] >= frame:
                 break
             control.time = corners[k]
+            control.edge = corners[k]
             control.fresh = 0
         k += 1
     control.corner = k
 
 
 @sweep
-def next_width(run):
-    """Return (size of the next step, its end [s], whether that is a corner of a table).
+def pass_edges(run):
+    """Start a step at an edge that is within rounding of its start, or of the run's times."""
+    data = opened_run(run)
+    control, code = data.control[0], opened(data.scene).loads.signals[0]
+    t, frame = control.time, data.times[control.frame]
+    near = t + nearby(abs(t) + (control.span if control.widths == CHOSEN else control.widest))
+    edge = next_edge(code, t, near)
+    while edge < frame:
+        control.time = edge
+        control.edge = edge
+        control.fresh = 0
+        edge = next_edge(code, edge, near)
 
-    What is shorter than a step ends it: corners of tables, the transients of lags, and what could
-    pass through something else.
+
+@sweep
+def edge_ahead(run, stop):
+    """Return the next edge of the expressions until `stop`, within two steps, or infinity [s]."""
+    data = opened_run(run)
+    control, t = data.control[0], data.control[0].time
+    if control.edges == 0:
+        return math.inf
+    if control.widths == CHOSEN:
+        stop = min(stop, t + 2.0 * min(control.width, control.widest))
+    return next_edge(opened(data.scene).loads.signals[0], t, stop + nearby(stop))
+
+
+@sweep
+def next_width(run):
+    """Return (size of the next step, its end [s], whether that is a corner or an edge).
+
+    What is shorter than a step ends it: corners of tables, edges of expressions, the transients of
+    lags, and what could pass through something else.
     """
     data = opened_run(run)
     control, times, corners = data.control[0], data.times, data.corners
@@ -206,12 +237,12 @@ def next_width(run):
     else:
         stop = times[control.last - 1 if data.tableau.dense.shape[0] > 0 else control.frame]
         left = stop - t
-    corner = False
-    if k < corners.shape[0]:
-        corner = corners[k] <= stop + nearby(stop)
-        if corners[k] < stop - nearby(stop):
-            stop = corners[k]
-            left = stop - t
+    edge = edge_ahead(run, stop)
+    bend = min(edge, corners[k]) if k < corners.shape[0] else edge
+    corner = bend <= stop + nearby(stop)
+    if bend < stop - nearby(stop):
+        stop = bend
+        left = stop - t
     if control.samples > 0:
         sample = next_sample(opened(data.scene).loads.signals, t, nearby(t))
         if sample < stop - nearby(stop):
@@ -224,14 +255,16 @@ def next_width(run):
             drives, order = opened(data.scene).drives, data.method[0].order
             h = min(h, lag_width(drives, t, order) / control.parts)
         if control.parts > 1:
-            h = min(h, part_width(run))
+            h = min(h, part_width(run, bend))
     if control.widths != GIVEN:
         h = min(control.widest, h)
     if control.widths == CHOSEN:
         h = min(control.width, h)
+        if control.parts > 1 and edge < math.inf:
+            h = min(h, (edge - control.edge) / control.parts)
     if h * (1.0 + 1e-9) >= left:
         if corner:
-            control.clip = corners[k] - 2.0 * EPS * abs(corners[k])
+            control.clip = bend - 2.0 * EPS * abs(bend)
         return left, stop, corner
     if control.widths == CHOSEN and 2.0 * h > left:
         h = 0.5 * left  # no sliver before the end
@@ -242,26 +275,25 @@ def next_width(run):
 
 
 @sweep
-def part_width(run):
+def part_width(run, bend):
     """Return the size of `parts` equal parts of the piece that is cut from a fixed step [s].
 
-    So a finer run takes more steps there too. Infinite where nothing cuts the step.
+    So a finer run takes more steps there too. Infinite where nothing cuts the step. `bend` is the
+    time of the next corner or edge.
     """
     data = opened_run(run)
-    control, times, corners = data.control[0], data.times, data.corners
-    t, k, width = control.time, control.corner, control.widest
+    control, times = data.control[0], data.times
+    t, width = control.time, control.widest
     dense = data.tableau.dense.shape[0] > 0
-    corner = corners[k - 1] if k > 0 else -math.inf
     if control.widths == GIVEN:
         begin = control.origin + control.taken * width
         stop = begin + width
     else:
-        begin = max(times[0 if dense else control.frame - 1], corner)
+        begin = max(times[0 if dense else control.frame - 1], control.edge)
         begin += width * math.floor((t - begin + nearby(t)) / width)
         stop = min(begin + width, times[control.last - 1 if dense else control.frame])
-    begin = max(begin, corner)
-    if k < corners.shape[0]:
-        stop = min(stop, corners[k])
+    begin = max(begin, control.edge)
+    stop = min(stop, bend)
     whole = stop - begin >= width - nearby(stop)
     return math.inf if whole else (stop - begin) / control.parts
 
