@@ -18,11 +18,11 @@ from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
 from ..records import CHOSEN
-from ..rows import BALL, FREE, kind_of, q_of, v_of
+from ..rows import BALL, FREE, OWN, kind_of, q_of, v_of
 from ..tree.moving import advance, local_rate
 from ..vec import finite
 from .state import NOT_SOLVED, STEP, copied, size_of_state
-from .widths import larger, weigh
+from .widths import inverse, larger, weigh
 
 # rows of the real matrices, from 3 nv on: 2 nv wide
 PIVOTS, PIVOTS_C = 0, 1
@@ -71,7 +71,7 @@ def local_weights(rows, size, stages, weights):
             for n in range(3):
                 weights[j + 3 + n] = given[i + n]
             i += 3
-        weights[j] = given[i]
+        weights[j] = given[i] if kind != OWN else 0.0  # no integral of a state has a tolerance
         if kind >= BALL:
             weights[j + 1] = given[i]
             weights[j + 2] = given[i]
@@ -190,6 +190,20 @@ def prepare(run):
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
     weigh(rows, size, stages, data.control[0])
     local_weights(rows, size, stages, data.real[3 * size[1] + WEIGHTS])
+
+
+@sweep
+def weigh_states(run):
+    """Weigh states of controls by the end of a step too: what was zero before has no scale."""
+    data = opened_run(run)
+    control, stages, rows = data.control[0], data.stages, opened(data.scene).rows
+    nq, nv = size_of_state(run)
+    given, weights = stages[at.WEIGHT], data.real[3 * nv + WEIGHTS]
+    for k in range(1, rows.shape[0]):
+        if kind_of(rows, k) == OWN:
+            i, j = q_of(rows, k), v_of(rows, k)
+            size = max(given[i], abs(stages[at.CANDIDATE, nq + j]))
+            weights[nv + j] = inverse(control.rtol * size + control.atol)
 
 
 @sweep
@@ -369,13 +383,15 @@ def radau(run, h):
             if control.jacobian_time == control.time:
                 return NOT_SOLVED
             control.jacobian_rate = 2.0
-    error = 0.0
-    if control.widths == CHOSEN:
-        error = radau_error(run, h)
     power = 0.0
     loss = 0.0
     for i in range(3):
         power += h * data.tableau.b[i] * real[base + POWERS, 2 * i]
         loss += h * data.tableau.b[i] * real[base + POWERS, 2 * i + 1]
     finish_local(run, real[base + Z + 2], power, loss)
-    return error if finite(stages[at.CANDIDATE]) else math.inf
+    if not finite(stages[at.CANDIDATE]):
+        return math.inf
+    if control.widths != CHOSEN:
+        return 0.0
+    weigh_states(run)
+    return radau_error(run, h)
