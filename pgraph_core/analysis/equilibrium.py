@@ -44,7 +44,9 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
     here = Place(mech, q, np.zeros(mech.nv), scenario)
     low, high = bounds(mech)
     search = _Search(here, low, high)
-    if here.has_energy:
+    if len(here.s):
+        found = search.with_states()
+    elif here.has_energy:
         found = search.downhill()
     else:
         found = search.along_the_forces() or _Search(here, low, high).balanced()
@@ -81,7 +83,9 @@ class Place(Balance):
         tau: Array = np.zeros(self.mech.nv)
         if len(self.motors.table):
             scene = Scene(self.mech.packed, self.motors, self.loads, NO_CONSTRAINTS)
-            motion.drive_torque(scene.address, self.q, self.v, tau)
+            found = np.zeros(self.mech.nv + len(self.s))
+            motion.drive_torque(scene.address, *self.whole(self.q, self.v), found)
+            tau = found[: self.mech.nv]
         return tau
 
     @property
@@ -101,7 +105,7 @@ class Place(Balance):
     @cached_property
     def energy(self) -> float:
         """Potential energy of everything except motors and servos [J]."""
-        found = motion.energy(self.scene.address, self.q, self.v)[1]
+        found = motion.energy(self.scene.address, *self.whole(self.q, self.v))[1]
         for f in self.forces:
             if isinstance(f, Wrench):
                 place, turn = self.mech.pose(self.q, f.body)
@@ -333,6 +337,44 @@ class _Search:
                 return self.taken(new)
             share, self.stopper = share / 2, -1
         return None
+
+    # -- with states of controls -----------------------------------------------------------------
+
+    def with_states(self) -> Place | None:
+        """Find q and states of controls together by Newton's method, or None.
+
+        Steps are halved until less is left, each equation over its largest slope.
+        """
+        for _ in range(BALANCE_ROUNDS):
+            here, free = self.here, self.free(self.here)
+            by_q, by_v, by_s = here.rate_slopes
+            slope = np.block(
+                [[free.T @ here.stiffness @ free, -free.T @ here.state_slopes], [by_q @ free, by_s]]
+            )
+            scale = np.abs(slope).max(axis=1, initial=0.0)
+            scale[scale == 0.0] = 1.0
+            left = self.left_of(here, free) / scale
+            step: Any = -np.linalg.lstsq(slope / scale[:, None], left, rcond=ROUNDING)[0]
+            moves, change = free @ step[: free.shape[1]], step[free.shape[1] :]
+            longest = float(np.max(np.abs(moves) / here.reach, initial=0.0))
+            far = max(longest, float(np.abs(change).max() / max(np.abs(here.s).max(), 1.0)))
+            share = self.share(moves) if longest > ROUNDING else 1.0
+            for _ in range(HALVINGS):
+                new = self.moved(here, share * moves).with_states(here.s + share * change)
+                other = self.left_of(new, self.free(new)) / scale
+                if len(other) == len(left) and np.linalg.norm(other) < np.linalg.norm(left):
+                    self.here = self.best = new
+                    break
+                share *= 0.5
+            else:
+                return here if far <= NOTABLE else None
+            if far <= SOLVED:
+                return new
+        return None
+
+    def left_of(self, here: Place, free: Array) -> Array:
+        """Return the forces left along free motions, and the rates of states of controls."""
+        return np.concatenate((self.slope(here, free), here.unrest[0]))
 
     # -- without ---------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve, solve_continuous_are
+from scipy.linalg import LinAlgError, block_diag, solve, solve_continuous_are
 from scipy.signal import place_poles as placed
 
 from .. import joints
@@ -27,8 +27,8 @@ from .linear import Linearisation, linearise
 class Feedback(Suggests):
     """The gains for a state feedback u = hold - K (x - at), and the model that uses it."""
 
-    K: Array  # (m, n) [input per rad, m, rad/s, m/s]
-    states: tuple[str, ...]  # (n,) names of x: q.cart, q.pole, v.cart, v.pole
+    K: Array  # (m, n) [input per rad, m, rad/s, m/s, or unit of a state]
+    states: tuple[str, ...]  # (n,) names of x: q.cart, q.pole, v.cart, v.pole, x.sum[1]
     inputs: tuple[str, ...]  # (m,) names of the drives
     at: Array  # (n,) x* [rad, m, rad/s, m/s]
     hold: Array  # (m,) inputs that hold it
@@ -213,7 +213,7 @@ def _closed(
     mech = Dynamics(_with_inputs(model, drives, hold.tolist()))
     found = _chosen(call, mech, linearise(mech, q, None, None), states)
     names, places = _names(call, mech, found)
-    at = np.concatenate((found.q[places], np.zeros(len(found.velocities))))
+    at = np.concatenate((found.q[places], np.zeros(len(found.velocities)), found.s))
     B = np.array([found.B @ _pushes(mech, f) for f in drives]).T
     missed = found.drift
     if np.abs(missed).max(initial=0.0) > NOTABLE * np.abs(found.A).max():
@@ -253,7 +253,7 @@ def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Lin
         text = f"must be {n} coordinates that the others follow, such as "
         text += f"{', '.join(found.coordinates)}; given {shown(list(wanted))}"
         raise InputError(Problem(call, "states", text))
-    both = np.kron(np.eye(2), T)
+    both: Any = block_diag(T, T, np.eye(len(found.states)))
     return replace(
         found, A=both @ np.linalg.solve(both.T, found.A.T).T, B=both @ found.B,
         drift=both @ found.drift, coordinates=tuple(wanted), velocities=tuple(wanted),
@@ -312,7 +312,7 @@ def _names(call: str, mech: Dynamics, found: Linearisation) -> tuple[tuple[str, 
     for label in found.velocities:
         name, k, several = parts[label]
         names.append(written("v", name, k if several else None))
-    return tuple(names), places
+    return (*names, *found.states), places
 
 
 def _text(names: Sequence[str], at: Array, gains: Array, hold: float) -> str:

@@ -1,5 +1,7 @@
 """Small motions about a state in independent coordinates: linearised dynamics and modes.
 
+States of controls stand behind the velocities. They are at rest where they can be.
+
 With constraints the equations are M a + C - τ = Jᵀλ, J a + γ = 0. Their variation along δq, δv
 uses the slopes of inverse dynamics at fixed v' and of Jᵀλ at fixed λ; δλ drops out on the null
 space of J.
@@ -12,7 +14,7 @@ Derivatives of forward dynamics come from slopes of inverse dynamics, exact to r
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
@@ -26,26 +28,33 @@ from ..engine import arrays, motion
 from ..engine.compiler.address import address_of_array, buffer, unnamed
 from ..engine.compiler.jit import ready
 from ..engine.records import CREEP
+from ..engine.signals import values
 from ..engine.tree import slopes as kernels
 from ..errors import InputError, Problem, choices, shown
 from ..forces import LOADS
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS
+from ..packing.signals import states_of
 from ..rotation import skew
-from ..tolerances import DIFFERENCED, EPS, NOTABLE
+from ..signals import written
+from ..tolerances import DIFFERENCED, EPS, NOTABLE, ROUNDING
 from .assembly import assemble
 from .mobility import complement, judged
 from .rows import Rows
 from .touching import Touching
 
+NONE = np.zeros(0)
+SETTLING = 20  # rounds of Newton's method for states of controls
+
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """The linear model x' = drift + A x + B δτ for small changes x = (δy, δu) about a state.
+    """The linear model x' = drift + A x + B δτ for small changes x = (δy, δu, δs) about a state.
 
     y are independent coordinates of positions (moves along velocities, a rotation vector in a
-    ball's axes), u independent velocities. δτ (nv,) are torques in all coordinates.
+    ball's axes), u independent velocities, s the states of controls. δτ (nv,) are torques in all
+    coordinates.
     """
 
     A: Array  # (n, n)
@@ -60,6 +69,8 @@ class Linearisation:
     conservative: bool  # True if the eigenvalues come from two symmetric problems
     drift: Array  # (n,) x' = drift + A x + B δτ, which is 0 at rest in an equilibrium
     notices: tuple[str, ...] = ()  # warnings
+    states: tuple[str, ...] = ()  # names of s: x.speed[1]
+    s: Array = field(default_factory=lambda: np.zeros(0))  # (nx,) states of controls
 
     @property
     def frequencies(self) -> Array:
@@ -73,7 +84,7 @@ class Linearisation:
         For `scipy.signal.StateSpace(*...)` and `control.ss(*...)`.
         """
         n = len(self.moves)
-        C = np.hstack((self.moves, np.zeros((n, len(self.velocities)))))
+        C = np.hstack((self.moves, np.zeros((n, len(self.A) - len(self.coordinates)))))
         return self.A, self.B, C, np.zeros((n, self.B.shape[1]))
 
 
@@ -87,12 +98,14 @@ class Balance:
         self.mech, self.q, self.v = mech, q, v
         self.forces, self.active = acting(mech, scenario)
         packed = mech.packed
-        if mech.model.controls:
-            text = "has states, which are not included in linearisation and equilibria; "
-            text += "remove it, or write its law at rest into the forces"
-            name = mech.model.controls[0].name
-            raise InputError(Problem(f"control {shown(name)}", "", text))
-        self.drives, self.loads = packed.drives(self.forces), packed.loads(self.forces)
+        for control, _, own in states_of(mech.model):
+            if own.sample:
+                text = "acts at samples, which a linear or resting motion in continuous time has "
+                text += "not; give it no sample time, or remove it"
+                raise InputError(Problem(f"control {shown(control.name)}", "sample", text))
+        self.drives = packed.drives(self.forces)
+        self.loads = packed.loads(self.forces, states=True)
+        self.s = packed.with_states(0.0, q, v)[1][mech.nv :]
         self.scene = Scene(packed, self.drives, self.loads, NO_CONSTRAINTS)
         self.held = Scene(packed, self.drives, self.loads, self.active)
         self.drives = self.scene.drives
@@ -100,10 +113,20 @@ class Balance:
     def at(self, q: Array, v: Array) -> Self:
         """Return the same scene at another state."""
         other = object.__new__(type(self))
-        for name in ("mech", "forces", "active", "drives", "loads", "scene", "held"):
+        for name in ("mech", "forces", "active", "drives", "loads", "scene", "held", "s"):
             setattr(other, name, getattr(self, name))
         other.q, other.v = q, v
         return other
+
+    def with_states(self, s: Array) -> Self:
+        """Return the same scene with other states of controls."""
+        other = self.at(self.q, self.v)
+        other.s, other.touching = s, self.touching
+        return other
+
+    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return q and v as kernels take them, which end with the states of controls."""
+        return whole(q, v, self.s)
 
     # -- at the state ----------------------------------------------------------------------------
 
@@ -130,22 +153,22 @@ class Balance:
 
     def torque(self, q: Array, v: Array) -> Array:
         """Return the torque τ (nv,) from all drives and loads at t = 0."""
-        tau = np.zeros(self.mech.nv)
-        motion.drive_torque(self.scene.address, q, v, tau)
-        tau += self.load_torque(q, v)
+        tau = np.zeros(self.mech.nv + len(self.s))
+        motion.drive_torque(self.scene.address, *self.whole(q, v), tau)
+        tau = tau[: self.mech.nv] + self.load_torque(q, v)
         return tau if self.touching is None else tau + self.touching.torque(q, v)
 
     def load_torque(self, q: Array, v: Array) -> Array:
         """Return the torque τ (nv,) from springs between bodies and wrenches at t = 0."""
-        tau = np.zeros(self.mech.nv)
+        tau = np.zeros(self.mech.nv + len(self.s))
         if self.loads.number:
-            motion.load_torque(self.scene.address, q, v, tau)
-        return tau
+            motion.load_torque(self.scene.address, *self.whole(q, v), tau)
+        return tau[: self.mech.nv]
 
     def expressed_torque(self, q: Array, v: Array) -> Array:
         """Return the torque τ (nv,) at t = 0 from drives whose expressions use another state."""
         tau, none = np.zeros(self.mech.nv), NO_LOADS
-        motion.signal(self.scene.address, 0.0, q, v)
+        motion.signal(self.scene.address, 0.0, *self.whole(q, v))
         here = Scene(self.mech.packed, self.drives, none, NO_CONSTRAINTS)
         motion.drive_torque(here.address, self.q, self.v, tau)
         return tau
@@ -157,11 +180,11 @@ class Balance:
 
     def gamma(self, q: Array, v: Array) -> Array:
         """The bias γ (m,) in J v' + γ = 0 of the active rows, from the kernel that enforces it."""
-        mech, scene = self.mech, self.held
-        tau, vdot, flow = np.zeros(mech.nv), np.zeros(mech.nv), np.zeros(3)
-        motion.acceleration(self.scene.address, 0.0, q, v, tau, vdot, flow)
-        without = vdot.copy()
-        motion.acceleration(scene.address, 0.0, q, v, tau, vdot, flow)
+        mech, scene, state = self.mech, self.held, self.whole(q, v)
+        tau, vdot, flow = np.zeros(len(state[1])), np.zeros(len(state[1])), np.zeros(3)
+        motion.acceleration(self.scene.address, 0.0, *state, tau, vdot, flow)
+        without = vdot[: mech.nv].copy()
+        motion.acceleration(scene.address, 0.0, *state, tau, vdot, flow)
         J = Rows(mech, self.rows.scene, self.rows.held, q, v).J
         return -scene.space.vectors[arrays.RHS, : len(J)] - J @ without
 
@@ -180,14 +203,64 @@ class Balance:
         J: Any = self.rows.J
         return np.linalg.lstsq(J.T, self.M @ self.vdot + self.pull, rcond=1e-10)[0]
 
+    def rates(self, q: Array, v: Array, s: Array) -> Array:
+        """Return the rates (nx,) of states s of controls at t = 0."""
+        code, _, states = self.loads.signals
+        found = code.copy()
+        values(found, 0.0, *whole(q, v, s))
+        return found[2 * states[:, 0] + 1, 0]
+
+    @cached_property
+    def unrest(self) -> tuple[Array, Array]:
+        """The rates of states of controls (nx,), and the forces left along the free motions."""
+        return self.rates(self.q, self.v, self.s), self.free.T @ self.pull
+
+    def settled(self) -> Self:
+        """Return the same scene with states of controls that stay, and that hold it, if any do.
+
+        Newton's method: rates vanish first, and forces by what states are free in then.
+        """
+        here = self
+        for _ in range(SETTLING if len(self.s) else 0):
+            rates, left = here.unrest
+            slope = here.rate_slopes_in_states
+            step: Any = -np.linalg.lstsq(slope, rates, rcond=NOTABLE)[0]
+            _, sizes, right = np.linalg.svd(slope)
+            rest = right[int(np.sum(sizes > NOTABLE * sizes.max(initial=0.0))) :].T
+            push = -here.free.T @ here.state_slopes
+            free: Any = np.linalg.lstsq(push @ rest, -left - push @ step, rcond=NOTABLE)[0]
+            step += rest @ free
+            here = here.with_states(here.s + step)
+            if np.abs(step).max() <= ROUNDING * np.abs(here.s).max():
+                break
+        return here
+
     # -- slopes ----------------------------------------------------------------------------------
+
+    @cached_property
+    def state_slopes(self) -> Array:
+        """The derivative ∂/∂s (nv, nx) of τ."""
+        return differences_in_v(self.s, lambda x: self.with_states(x).torque(self.q, self.v))
+
+    @cached_property
+    def rate_slopes(self) -> tuple[Array, Array, Array]:
+        """The derivatives of the rates of states s of controls in q, v (nx, nv) and s (nx, nx)."""
+        q, v, s = self.q, self.v, self.s
+        by_q = differences(self.mech, q, lambda x: self.rates(x, v, s))
+        by_v = differences_in_v(v, lambda x: self.rates(q, x, s))
+        return by_q, by_v, self.rate_slopes_in_states
+
+    @cached_property
+    def rate_slopes_in_states(self) -> Array:
+        """The derivatives (nx, nx) of the rates of states of controls in these states."""
+        return differences_in_v(self.s, lambda x: self.rates(self.q, self.v, x))
 
     @cached_property
     def force_slopes(self) -> tuple[Array, Array]:
         """Return ∂/∂q and ∂/∂v (nv, nv) of M v' + C - τ at fixed v'."""
         mech, q, v = self.mech, self.q, self.v
         by_q, by_v = torque_slopes(mech, q, v, self.vdot)
-        motion.signal(self.scene.address, 0.0, q, v)
+        motion.signal(self.scene.address, 0.0, *self.whole(q, v))
         spring, damper = drive_slopes(self.drives, q, v)
         by_q, by_v = by_q - spring, by_v - damper
         if self.loads.number:
@@ -232,6 +305,11 @@ class Balance:
         return by_q, np.array(swing).T / 2, self._row_slopes(lambda J, _: J @ v)
 
 
+def whole(q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+    """Return q and v with states s (nx,) of controls behind them, as in `Packed.run`."""
+    return (np.append(q, np.zeros_like(s)), np.append(v, s)) if len(s) else (q, v)
+
+
 def acting(mech: Dynamics, scenario: str | None) -> tuple[tuple[Force, ...], Ints]:
     """Return (forces, active constraint indices) for a run of the scenario."""
     model, forces, active = mech.model, mech.model.forces, mech.packed.active
@@ -274,8 +352,10 @@ def linearise(
     """Return the linearised dynamics at (q, v). See `Mechanism.linearise`."""
     q, v = state_of(mech, q, v, scenario)
     here = Balance(mech, q, v, scenario)
-    here.touching = Touching(mech, touching(mech, scenario), (here.drives, here.loads), (q, v))
-    n = mech.nv
+    forces, near = (here.drives, here.loads), touching(mech, scenario)
+    here.touching = Touching(mech, near, forces, (q, v), here.s)
+    here = here.settled()
+    n, nx = mech.nv, len(here.s)
     chosen_v = _independent(here.free)
     chosen_q = chosen_v
     if here.free_places is not here.free:
@@ -298,8 +378,13 @@ def linearise(
     respond = _answered(here, np.eye(n))
     speed_of_place = along + _spun(mech, v) @ by_place
     A = np.vstack((np.hstack((speed_of_place, by_speed))[chosen_q], change[chosen_v]))
-    B = np.vstack((np.zeros((len(chosen_q), n)), respond[chosen_v]))
-    conservative = _conservative(here, by_place, force_q, force_v)
+    B = np.vstack((np.zeros((len(chosen_q), n)), respond[chosen_v], np.zeros((nx, n))))
+    if nx:
+        rate_q, rate_v, rate_s = here.rate_slopes
+        pushing = _answered(here, here.state_slopes)[chosen_v]
+        followed = np.hstack((rate_q @ by_place + rate_v @ along, rate_v @ by_speed))
+        A = np.block([[A, np.vstack((np.zeros((len(chosen_q), nx)), pushing))], [followed, rate_s]])
+    conservative = not nx and _conservative(here, by_place, force_q, force_v)
     if conservative:
         values, shapes = _swinging(here, by_place, force_q)
     else:
@@ -308,15 +393,16 @@ def linearise(
         shapes = by_place @ vectors[: len(chosen_q)]
     order = np.lexsort((-values.imag, np.round(np.abs(values), 12)))
     names = _names(mech)
-    drift = np.concatenate((v[chosen_q], here.vdot[chosen_v]))
+    drift = np.concatenate((v[chosen_q], here.vdot[chosen_v], here.unrest[0] if nx else ()))
+    states = tuple(written("x", c.name, k + 1) for c, k, _ in states_of(mech.model))
     return Linearisation(
         A, B, tuple(names[i] for i in chosen_q), tuple(names[i] for i in chosen_v),
         values[order], shapes[:, order], by_place, q, v, conservative, drift,
-        _notices(here, names),
+        _notices(here, names, states), states, here.s,
     )  # fmt: skip
 
 
-def _notices(here: Balance, names: list[str]) -> tuple[str, ...]:
+def _notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[str, ...]:
     """Return warnings about ignored contacts and about a state that is not an equilibrium."""
     found: list[str] = []
     if here.touching is not None and here.touching.shut:
@@ -330,6 +416,11 @@ def _notices(here: Balance, names: list[str]) -> tuple[str, ...]:
         k = int(np.argmax(np.abs(vdot)))
         text = f"no equilibrium: v' of '{names[k]}' is {vdot[k]:.3g}, and `drift` is x' there; "
         found.append(f"{text}the eigenvalues are of motion near a state that does not stay")
+    rates, size = (np.abs(x) for x in (here.unrest[0], here.s)) if states else (NONE, NONE)
+    if not np.any(here.v) and (rates > NOTABLE * np.maximum(size, 1.0)).any():
+        k = int(np.argmax(rates))
+        text = f"no equilibrium: {states[k]} changes at {here.unrest[0][k]:.3g}/s, and `drift` is "
+        found.append(f"{text}x' there")
     return tuple(found)
 
 
@@ -574,6 +665,8 @@ def differences(
 
 def differences_in_v(v: Array, of: Callable[[Array], Array]) -> Array:
     """Return the (k, nv) derivatives of a (k,) function in v, to about 1e-11 of the largest."""
+    if not len(v):
+        return np.zeros((len(of(v)), 0))
     return np.array([_slope(lambda h, e=e: of(v + h * e), STEPS) for e in np.eye(len(v))]).T
 
 

@@ -55,9 +55,13 @@ class Touching:
         contacts: tuple[Contact, ...],
         forces: tuple[Drives, Loads],
         state: tuple[Array, Array],
+        own: Array,
     ):
-        """Find the closed contacts among active `contacts` and limits, under active `forces`."""
-        self.mech, (q, v) = mech, state
+        """Find the closed contacts among active `contacts` and limits, under active `forces`.
+
+        `own` (nx,) are the states of controls, on which no contact force depends.
+        """
+        self.mech, (q, v), self.own = mech, state, own
         self.shut: list[str] = []  # names of closed rigid contacts and limits, for sentences
         self.depth = 0.0  # least depth of a soft or penalty contact [m], 0 if none pushes
         self._limits(q)
@@ -73,7 +77,7 @@ class Touching:
         address, none = self.scenes[1].address, np.zeros(0)
         touching = self.scenes[1].touching
         assert touching is not None
-        motion.residuals(address, 0.0, q, v, none, none)  # places the bodies
+        motion.residuals(address, 0.0, *self._whole(q, v), none, none)  # places the bodies
         reach = SOLVED * max(1.0, mech.packed.length)
         depths = []
         for one in touching.found[: kernels.find(address, reach, 0)]:
@@ -84,7 +88,10 @@ class Touching:
             elif one["gap"] < 0:
                 depths.append(-float(one["gap"]))
         self.depth = min(depths, default=0.0)
-        kernels.settle_contacts(address, 0.0, q, v)  # penalty friction holds where it is
+        kernels.settle_contacts(address, 0.0, *self._whole(q, v))  # friction holds where it is
+
+    def _whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+        return np.append(q, np.zeros_like(self.own)), np.append(v, self.own)
 
     def _limits(self, q: Array) -> None:
         for name, joint in self.mech.joints.items():
@@ -110,9 +117,10 @@ class Touching:
             return np.zeros(self.mech.nv)
         found = []
         for scene in self.scenes:
-            vdot, tau, flow = np.zeros(self.mech.nv), np.zeros(self.mech.nv), np.zeros(3)
-            motion.acceleration(scene.address, 0.0, q, v, tau, vdot, flow)
-            found.append(vdot)
+            state = self._whole(q, v)
+            vdot, tau, flow = np.zeros_like(state[1]), np.zeros_like(state[1]), np.zeros(3)
+            motion.acceleration(scene.address, 0.0, *state, tau, vdot, flow)
+            found.append(vdot[: self.mech.nv])
         return self.mech.mass_matrix(q) @ (found[1] - found[0])
 
     @property

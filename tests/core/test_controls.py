@@ -497,11 +497,6 @@ def test_controls_follow_new_names_and_go_with_what_they_read():
     assert pg.Model.from_json(model.to_json()) == model
 
 
-def test_linearisation_of_a_model_with_controls_is_refused():
-    with pytest.raises(pg.InputError, match="'i'"):
-        pg.Mechanism(pendulum(EVERY, WHOLE)).linearise()
-
-
 def legs():
     bodies = [
         pg.Body(name="trunk", joint="prismatic", axes=[(1, 0, 0)]),
@@ -545,3 +540,206 @@ def test_size_and_depth_of_expressions_are_bounded(text, kind):
     field = {"state": "rate", "sampled": "update"}[kind["kind"]]
     with pytest.raises(pg.ModelError, match="column"):
         pg.Control(name="c", **kind, **{field: text})
+
+
+LIMITED = {"limits": [(-9.0, 9.0)]}
+
+
+@pytest.mark.parametrize("controls", [STATES, (*STATES, *EVERY[2:3])], ids=["states", "pid"])
+def test_time_stepping_takes_states_to_the_order_of_its_step(controls):
+    torque = TORQUE if len(controls) == 2 else f"{TORQUE} + x.pid"
+    plain = pendulum(controls, torque)
+    off = []
+    for step in (1e-2, 5e-3, 2.5e-3):
+        call = {"t_end": 1.0, "q": [0.4], "v": [0.5]}
+        run = pg.simulate(plain.edit("arm", **LIMITED), method="moreau_jean", step=step, **call)
+        exact = pg.simulate(plain, t_eval=run.t, rtol=1e-12, **call)
+        apart = [np.abs(getattr(run, x) - getattr(exact, x)) for x in ("q", "v", "states")]
+        off.append(np.concatenate([x.max(axis=0) for x in apart]))
+        told = run.state_error_at[-1]
+        assert (off[-1][2:] < 2 * told).all()
+        assert (told < 2 * off[-1][2:]).all()
+    # no force depends on the velocity itself: order two
+    assert (off[1] < 0.27 * off[0]).all()
+    assert (off[2] < 0.27 * off[1]).all()
+
+
+def test_states_go_on_through_impacts():
+    """The integral of the speed of a bouncing ball is its height, a count of time its time."""
+    ball = pg.Body(name="ball", joint="prismatic", axes=[Z], mass=1.0, q=[0.5],
+                   shape=pg.Shape(kind="sphere", radius=0.1))  # fmt: skip
+    states = [pg.State(name="s", rate="=v.ball"), pg.State(name="t", rate=1.0)]
+    floor = pg.Contact(name="floor", body="ball", restitution=0.7)
+    model = pg.Model(bodies=[ball], contacts=[floor], controls=states)
+    run = pg.simulate(model, t_end=1.5, method="moreau_jean", step=5e-3)
+    assert np.allclose(run.states[:, 0], run.q[:, 0] - 0.5, rtol=0, atol=1e-12)
+    assert np.allclose(run.states[:, 1], run.t, rtol=0, atol=1e-12)
+
+
+def test_the_estimate_has_the_states():
+    model = pendulum(STATES, TORQUE)
+    coarse = pg.simulate(model, t_end=1.0, q=[0.4], step=5e-2, method="rk4")
+    exact = pg.simulate(model, t_end=1.0, q=[0.4], rtol=1e-13, t_eval=coarse.t)
+    assert coarse.state_error_at.shape == coarse.states.shape
+    assert (np.diff(coarse.state_error_at, axis=0) >= 0).all()
+    off = np.abs(coarse.states - exact.states).max(axis=0)
+    assert (off < 2 * coarse.state_error_at[-1]).all()
+    assert (coarse.state_error_at[-1] < 2 * off + 1e-12).all()
+    shares = coarse.state_error_at[-1] / np.ptp(coarse.states, axis=0)
+    assert coarse.relative_error[-1] >= shares.max()
+    assert "x.f[1]" in coarse.accuracy or shares.max() <= coarse.error_estimate
+    assert pg.simulate(model, t_end=1.0, step=5e-2, estimate=False).state_error_at.shape[1] == 2
+
+
+@pytest.mark.parametrize("sample", [1e-300, 1e-17])
+@pytest.mark.parametrize("how", [{"rtol": 1e-6}, {"step": 1e-3, "method": "rk4"}])
+def test_a_sample_time_below_the_resolution_of_time_is_refused(sample, how):
+    control = pg.Sampled(name="c", update="=q.arm", sample=sample)
+    with pytest.raises(pg.InputError) as refused:
+        pg.simulate(pendulum([control], "=x.c"), t_end=1.0, **how)
+    assert all(fact in str(refused.value) for fact in ("'c'", "sample", f"{sample:g}"))
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5"])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("lag", [1.0, 0.1, 0.01])
+def test_frames_between_steps_are_as_good_as_their_ends(method, rtol, lag):
+    controls = [pg.Filter(name="f", input="=v.arm + sin(5*t)", lag=lag)]
+    model = pendulum(controls, "=-3*x.f")
+
+    def rate(t, y):
+        return y[1], (-3 * y[2] - 9.81 * np.cos(y[0])) / 0.7, (y[1] + np.sin(5 * t) - y[2]) / lag
+
+    exact = solve_ivp(rate, (0, 3), (0.4, 0.0, 0.0), rtol=1e-13, atol=1e-14, method="DOP853",
+                      dense_output=True)  # fmt: skip
+    run = pg.simulate(model, t_end=3.0, q=[0.4], method=method, rtol=rtol, frames=301)
+    found = np.column_stack((run.q, run.v, run.states))
+    assert np.abs(found - exact.sol(run.t).T).max() < 100 * rtol
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5"])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_a_state_that_begins_at_zero_is_as_accurate_as_others(method, rtol):
+    """Its scale is that of accepted steps; SciPy's DOP853 is off by 2 rtol here."""
+    rod = pg.Body(name="rod", axes=[Z], v=[0.3])
+    state = pg.State(name="s", rate="=100*(sin(50*t) - x.s)")
+    model = pg.Model(bodies=[rod], gravity=(0, 0, 0), controls=[state])
+    run = pg.simulate(model, t_end=1.0, method=method, rtol=rtol, frames=1001)
+    a, b = 0.8, -0.4  # of the response a sin + b cos
+    exact = a * np.sin(50 * run.t) + b * np.cos(50 * run.t) - b * np.exp(-100 * run.t)
+    off = np.abs(run.states[:, 0] - exact)
+    assert off.max() < 50 * rtol
+    assert off.max() < 3 * run.state_error_at[-1, 0] + 1e-12
+
+
+def jacobian_by_hand(q):
+    """Of [q, v, i, f] of the pendulum with STATES, at rest."""
+    motion = [9.81 * np.sin(q) / 0.7, 0, 5 / 0.7, -2 / 0.7]
+    return np.array([[0, 1, 0, 0], motion, [-1, 0, -0.2, 0], [0, 10, 0, -10]])
+
+
+def test_linearisation_has_the_states():
+    mech = pg.Mechanism(pendulum(STATES, TORQUE))
+    q = mech.equilibrium([0.4])
+    i = (1 - q[0]) / 0.2
+    assert abs(5 * i - 9.81 * np.cos(q[0])) < 1e-8
+    found = mech.linearise(q)
+    assert found.states == ("x.i[1]", "x.f[1]")
+    assert np.allclose(found.s, [i, 0.0], atol=1e-9)
+    assert np.allclose(found.A, jacobian_by_hand(q[0]), rtol=0, atol=1e-8)
+    assert np.allclose(found.B[:, 0], [0, 1 / 0.7, 0, 0], rtol=0, atol=1e-10)
+    assert np.abs(found.drift).max() < 1e-8
+    assert not found.notices
+    A, B, C, D = found.state_space()
+    assert C.shape == (1, 4)
+
+
+def test_a_small_motion_with_states_is_that_of_its_linearisation():
+    from scipy.linalg import expm
+
+    model = pendulum(STATES, TORQUE)
+    mech = pg.Mechanism(model)
+    q = mech.equilibrium([0.4])
+    found = mech.linearise(q)
+    started = model.edit("i", kind="control", start=found.s[0])
+    runs = [
+        pg.simulate(started, t_end=0.5, q=q + h, rtol=1e-12).q[-1, 0] for h in (1e-4, -1e-4)
+    ]  # fmt: skip
+    assert np.isclose((runs[0] - runs[1]) / 2e-4, expm(0.5 * found.A)[0, 0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("windup", ["none", "clamp"])
+def test_the_integral_of_a_pid_holds_the_load(windup):
+    pid = pg.PID(name="c", signal="=q.arm", setpoint=0.3, kp=40.0, ki=30.0, kd=9.0, filter=0.01,
+                 low=-50.0, high=50.0, windup=windup)  # fmt: skip
+    mech = pg.Mechanism(pendulum([pid], "=x.c"))
+    q = mech.equilibrium()
+    assert np.isclose(q[0], 0.3, rtol=0, atol=1e-8)
+    found = mech.linearise(q)
+    assert np.allclose(found.s, [9.81 * np.cos(0.3), 0.0], atol=1e-7)
+    assert np.abs(found.drift).max() < 1e-6
+    k = 9.81 * np.sin(0.3)
+    motion = [(k - 40 - 900) / 0.7, 0, 1 / 0.7, -900 / 0.7]
+    A = np.array([[0, 1, 0, 0], motion, [-30, 0, 0, 0], [-100, 0, 0, -100]])
+    assert np.allclose(found.A, A, rtol=1e-7, atol=1e-6)
+
+
+def test_lqr_feeds_an_integral_back():
+    from scipy.linalg import solve_continuous_are
+
+    body = pg.Body(name="s", joint="prismatic", axes=[(1, 0, 0)], mass=2.0)
+    model = pg.Model(
+        bodies=[body], gravity=(0, 0, 0), controls=[pg.State(name="sum", rate="=q.s - 0.5")],
+        forces=[pg.Motor(name="p", body="s"), pg.Wrench(name="load", body="s", force=[-7.0, 0, 0])],
+    )  # fmt: skip
+    found = pg.lqr(model, [1.0, 1.0, 4.0], 0.5, q=[0.5])
+    assert found.states == ("q.s", "v.s", "x.sum[1]")
+    A, B = np.array([[0, 1, 0], [0, 0, 0], [1, 0, 0.0]]), np.array([[0], [0.5], [0.0]])
+    P = solve_continuous_are(A, B, np.diag([1.0, 1.0, 4.0]), [[0.5]])
+    assert np.allclose(found.K, B.T @ P / 0.5, rtol=1e-10)
+    heavier = found.model.edit("load", force=[-9.0, 0, 0])  # a load that nobody told it
+    run = pg.simulate(heavier, t_end=20.0, rtol=1e-9)
+    assert np.isclose(run.q[-1, 0], 0.5, atol=1e-6)
+    assert pg.place_poles(model, [-1, -2, -3], q=[0.5]).stable
+
+
+def test_linearisation_by_samples_is_refused():
+    for call in (
+        lambda m: pg.Mechanism(m).linearise(),
+        lambda m: pg.Mechanism(m).equilibrium(),
+        lambda m: pg.lqr(m, 1.0),
+    ):
+        with pytest.raises(pg.InputError, match="'u'"):
+            call(pendulum(EVERY, WHOLE))
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
+def test_a_figure_begins_and_steps_as_a_run(method):
+    """The memory that a figure takes over, stepped by the kernels that the module has too."""
+    from pgraph_core.live.run import LiveRun, Setup
+
+    model = pendulum(EVERY, WHOLE).edit("arm", q=[0.4])
+    live = LiveRun(pg.Mechanism(model), Setup(step=1e-2), method)
+    steps = live.record.steps
+    steps.advance(100)
+    run = pg.simulate(model, t_end=1.0, step=1e-2, method=method, frames=101)
+    assert np.array_equal(steps.q[:1], run.q[-1])
+    assert np.array_equal(steps.v, np.append(run.v[-1], run.states[-1]))
+
+
+def test_a_figure_of_a_model_with_controls_leaves_fields_open():
+    from pgraph_core.live.opened import follows, opened
+    from pgraph_core.live.run import LiveRun, Setup
+
+    def make(mech, method):
+        return LiveRun(mech, Setup(step=1e-2), method)
+
+    model = pendulum(EVERY, WHOLE).edit("arm", v=[0.5])
+    runs = {method: make(pg.Mechanism(model), method) for method in ("rk4", "dopri5")}
+    for path in ("controls.pid.kp=1:9", "controls.i.start=0:1", "k", "bodies.arm.mass=1:3"):
+        ((field, of),) = follows(model, runs, [opened(model, path)], make)
+        if "bodies" in path:
+            assert field.number > 2  # some values, each with its numbers
+        else:
+            assert field.number == 0  # any value, by a rule
+            assert all(of[method].copies for method in runs)
