@@ -66,13 +66,6 @@ def opened(model: Model, given: str) -> Opened:
     """Parse `PATH`, `PATH=low:high` or `PATH=low:high:n`. Raises InputError."""
     name, _, span = given.partition("=")
     path = Path(model, name, "export")
-    if model.controls:
-        text = (
-            f"varies nothing in a model with controls, such as '{model.controls[0].name}', whose "
-        )
-        raise InputError(
-            Problem("export", name, f"{text}states a figure begins once; leave it out")
-        )
     x, count = path.present, 0
     low, high = sorted((x / RANGE_FACTOR, x * RANGE_FACTOR)) if x else (-1.0, 1.0)
     if span:
