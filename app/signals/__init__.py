@@ -23,8 +23,11 @@ from pgraph_core.units import Dim
 from .. import constraints
 
 MOST_WORDS = 8  # completions in a list
-WORD = re.compile(r"""(?:\b(?P<group>q|v|x|out)(?:\.|\[["']?))?(?P<name>\w*)$""")
-MEASURED = {"q": "position of", "v": "speed of", "x": "control", "out": "output"}
+WORD = re.compile(r"""(?:\b(?P<group>q|v|x|u|f|out)(?:\.|\[["']?))?(?P<name>\w*)$""")
+MEASURED = {
+    "q": "position of", "v": "speed of", "x": "control", "out": "output", "u": "input of",
+    "f": "torque or force of",
+}  # fmt: skip
 
 
 class Word(NamedTuple):
@@ -118,7 +121,7 @@ class Vocabulary:
             output = self._known.outputs[name]
             name, k = output.at, output.coordinate
             group = "q" if output.kind == OF_JOINT[0] else "v"
-        if group == "x":
+        if group in ("x", "u", "f"):
             return math.nan  # runs alone know it
         if group == "v":
             return self._moment.v[name][k]
@@ -178,13 +181,13 @@ class Vocabulary:
 def known_of(model: pg.Model) -> Known:
     """Return the names that expressions in a model may use."""
     bodies = {b.name: b for b in model.bodies}
-    return Known(bodies, model.outputs, model.controls, model.parameters)
+    return Known(bodies, model.outputs, model.controls, model.parameters, model.forces)
 
 
 def _measured(known: Known) -> Iterator[tuple[str, str]]:
     """Yield (group, name) of all that is measured."""
     for group in MEASURED:
-        names = {"out": known.outputs, "x": known.controls}.get(group, known.bodies)
+        names = known.of(group)
         yield from ((group, name) for name in names)
 
 
@@ -194,7 +197,7 @@ def all_signals(known: Known) -> list[str]:
 
 
 def signals_of(known: Known, group: str, name: str) -> list[str]:
-    """Return the signals "q" or "v" of a body, "x" of a control or "out" of an output."""
+    """Return the signals of a body, control, output or drive."""
     count = 1
     if group in ("q", "v"):
         body = known.bodies[name]
@@ -221,8 +224,8 @@ def clicked(model: pg.Model, serial: int, part: str, name: str, rate: bool) -> H
         found = [x for group in ("vq" if rate else "qv") for x in signals_of(known, group, name)]
         problem = f"the joint of '{name}' does not move"
         return Hint(serial, put=found[0]) if found else Hint(serial, problem)
-    group = {"outputs": "out", "controls": "x"}.get(part, "")
-    if name in {"out": known.outputs, "x": known.controls}.get(group, ()):
+    group = {"outputs": "out", "controls": "x", "forces": "f"}.get(part, "")
+    if group and name in known.of(group):
         text = written(group, name)
         try:
             known.dim(parsed(text))

@@ -368,7 +368,7 @@ def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array,
     """
     external = np.zeros((len(t), packed.nb, 6))
     if on_bodies(forces):
-        own = packed.loads(tuple(on_bodies(forces)))
+        own = packed.loads(tuple(on_bodies(forces)), named=forces)
         scene = Scene(packed, packed.passive, own, NO_CONSTRAINTS)
         for i in range(len(t)):
             state = (t[i], q[i], v[i], external[i])

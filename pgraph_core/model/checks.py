@@ -14,8 +14,8 @@ from ..sentences import no_such_field
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
-from .control import Control, loop_problems
-from .expressions import Known, expression_problems
+from .control import Control
+from .expressions import Known, expression_problems, loop_problems
 from .output import OF_JOINT, OF_LOAD, Output, Site
 from .scenario import Scenario, Switch, condition_problems, known_names
 from .world import Ground, World, below_kinetic
@@ -352,19 +352,25 @@ def reference_problems(
         *site_problems(sites, bodies),
         *output_problems(outputs, bodies, [s.name for s in sites]),
         *unique("control", [c.name for c in controls]),
-        *loop_problems(controls),
+        *loop_problems(controls, forces, ""),
         *varying_problems(
-            (constraints, forces, controls), scenarios, Known(bodies, outputs, controls, parameters)
+            (constraints, forces, controls), scenarios,
+            Known(bodies, outputs, controls, parameters, forces),
         ),
-    ]
+        *(
+            problem for s in scenarios if s.forces
+            for problem in loop_problems(controls, (*forces, *s.forces), f"scenario '{s.name}', ")
+        ),
+    ]  # fmt: skip
 
 
 def varying_problems(
-    parts: Sequence[Sequence[Described]], scenarios: Sequence[Scenario], known: Known
+    parts: Sequence[Sequence[Described]], scenarios: Sequence[Scenario], own: Known
 ) -> list[Problem]:
     """Return problems with expressions in parts, and in the forces of scenarios."""
-    found = [problem for some in parts for problem in expression_problems(some, known)]
+    found = [problem for some in parts for problem in expression_problems(some, own)]
     for s in scenarios:
+        known = own.beside(s.forces)
         found += expression_problems(s.forces, known, f"scenario '{s.name}', ")
         conditions = [x.when.holds for x in s.switches if x.when and x.when.holds]
         texts = (known.problem(text, None) for text in conditions)

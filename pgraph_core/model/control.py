@@ -6,14 +6,13 @@ jumps to a new value at its samples; both are expressions. The kinds differ in t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from ..errors import Problem, shown
+from ..errors import shown
 from ..fields import Expression, Number, OfKinds, Text, field, refuse
-from ..signals import Node, filled, parsed, signals_in
+from ..signals import Node, filled, parsed
 from ..units import S
 
 VERSION = 7  # schema version of files that have controls
@@ -270,30 +269,3 @@ class Sampled(Control):
     @property
     def own(self) -> tuple[Own, ...]:
         return (Own(self._read("update"), self._number("start"), self.sample),)
-
-
-def loop_problems(controls: Sequence[Control]) -> list[Problem]:
-    """Return the algebraic loops among values that follow from each other without a state."""
-    reads = {c.name: _named(c) for c in controls if isinstance(c, PID) and not c.sample}
-    done = set[str]()
-    for first in reads:
-        path, left = [first], [iter(reads[first])]
-        while left:
-            name = next(left[-1], None)
-            if name is None:
-                done.add(path.pop())
-                left.pop()
-            elif name in path:
-                round_ = " -> ".join(f"x.{x}" for x in (*path[path.index(name) :], name))
-                text = f"an algebraic loop: {round_}; put a filter or a state between them"
-                return [Problem(f"control {shown(name)}", "signal", text)]
-            elif name in reads and name not in done:
-                path.append(name)
-                left.append(iter(reads[name]))
-    return []
-
-
-def _named(c: PID) -> list[str]:
-    texts = [x for x in (c.signal, c.setpoint) if isinstance(x, str)]
-    found = (signal for x in texts for signal in signals_in(x))
-    return sorted({name for group, name, k in found if group == "x" and k == 0})

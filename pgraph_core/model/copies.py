@@ -15,7 +15,7 @@ from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
 from .contact import Contact
 from .editing import renamed
-from .expressions import expressions_of, read_by, read_through, renamed_in
+from .expressions import drives_read, expressions_of, read_by, read_through, renamed_in
 from .output import Output, Site
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
@@ -132,7 +132,7 @@ class _Copy:
         copy = renamed(part, self.names)
         if isinstance(part, Force):
             if self._shared(part):
-                text = "was not copied: it reads a control of the original"
+                text = "was not copied: it reads a control or a drive of the original"
                 self.lost.append(f"{part.word()} '{part.name}' {text}")
                 return None
             copy = copy.unchecked_copy(renamed_in(copy, self.called, "out"))
@@ -147,7 +147,9 @@ class _Copy:
         return copy
 
     def _shared(self, part: Force) -> bool:
-        """Return True if a force reads a control that follows the original branch."""
+        """Return True if a force reads a drive, or a control that follows the original branch."""
+        if drives_read(part):
+            return True
         read = read_through(part, self.controls, self.outputs)
         return bool(read) if self.mirror else any(name in self.names for name, _ in read)
 

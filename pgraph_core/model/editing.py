@@ -16,7 +16,7 @@ from .checks import fits_joint, force_problems, output_problems, state_problems,
 from .constraint import Constraint
 from .contact import Contact
 from .control import Control
-from .expressions import controls_read, read_by, renamed_in
+from .expressions import controls_read, drives_read, read_by, renamed_in
 from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
 
@@ -226,21 +226,21 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
 
 
 def in_expressions(
-    parts: Mapping[str, Sequence[Any]], names: Mapping[str, str], group: str
+    parts: Mapping[str, Sequence[Any]], names: Mapping[str, str], *groups: str
 ) -> dict[str, tuple[Any, ...]]:
     """Return the parts with expressions, in which names are renamed.
 
-    `group` is "out" for outputs, "x" for controls and "" for parameters.
+    `groups` are "out" for outputs, "x" for controls, "u" and "f" for drives, "" for parameters.
     """
 
     def new(part: Any) -> Any:
-        update = renamed_in(part, names, group)
+        update = renamed_in(part, names, *groups)
         return part.unchecked_copy(update) if update else part
 
     found = {key: tuple(map(new, parts[key])) for key in ("forces", "constraints", "controls")}
     scenarios = list[Scenario]()
     for s in parts["scenarios"]:
-        switches = followed(s.switches, ("holds",), lambda x: with_names(x, names, (group,)))
+        switches = followed(s.switches, ("holds",), lambda x: with_names(x, names, groups))
         scenarios.append(
             s.unchecked_copy({"forces": tuple(map(new, s.forces)), "switches": switches})
         )
@@ -360,7 +360,8 @@ def without(
 
     def reads(part: Force | Control) -> bool:
         read = {x for x, _ in read_by(part, parts["outputs"])}
-        return not (names.isdisjoint(read) and lost_controls.isdisjoint(controls_read(part)))
+        others = lost_controls.isdisjoint(controls_read(part))
+        return not (names.isdisjoint(read) and others and lost_drives.isdisjoint(drives_read(part)))
 
     def touched(part: Constraint | Contact | Force | Site | Output | Control) -> bool:
         if isinstance(part, (Force, Control)) and reads(part):
@@ -377,7 +378,7 @@ def without(
             switches, ("force", "gap"), lambda x: None if x in gone["contacts"] else x
         )
         read = lambda x: {name for _, name, _ in signals_in(x)}  # noqa: E731
-        lost = names | gone["outputs"] | lost_controls
+        lost = names | gone["outputs"] | lost_controls | lost_drives
         switches = followed(switches, ("holds",), lambda x: None if read(x) & lost else x)
         return s.unchecked_copy(
             {
@@ -391,9 +392,10 @@ def without(
             }
         )
 
-    lost_controls = set[str]()
-    for _ in parts["controls"]:  # one may read another
+    lost_controls, lost_drives, before = set[str](), set[str](), -1
+    while before < (before := len(lost_controls) + len(lost_drives)):  # one may read another
         lost_controls |= {c.name for c in parts["controls"] if reads(c)}
+        lost_drives |= {f.name for f in parts["forces"] if touched(f)}
     gone = {
         kind: {part.name for part in parts[kind] if touched(part)}
         for kind in ("constraints", "contacts", "forces", "sites", "outputs", "controls")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from itertools import pairwise
 from typing import Any
 
 from .. import joints
 from ..errors import Problem, nearest, shown
 from ..fields import Described, OfSums, fields_of
-from ..forces import OnJoint
-from ..signals import Node, Unreadable, is_expression, parsed, signals_in, with_names
+from ..forces import Force, OnJoint
+from ..signals import Node, Unreadable, is_expression, parsed, signals_in, with_names, written
 from ..signals.grammar import walk
 from ..signals.meaning import CONSTANTS, TIME, constant, dim_of, fits, places_of, unit
 from ..units import RAD, Dim, M, Q, S
@@ -20,6 +21,8 @@ from .control import PID, Control
 from .output import OF_JOINT, OF_LOAD, Output
 
 Bodies = Mapping[str, Body | None]
+DRIVEN = ("u", "f")  # groups of signals of drives
+PASSED = ("x", *DRIVEN)  # groups of signals that may follow from others at once
 PATHS = {  # output -> what it follows from, which an expression in a force would have to wait for
     "accelerometer": "the accelerations", "force": "the joint forces", "torque": "the joint forces",
 }  # fmt: skip
@@ -52,9 +55,10 @@ class Known:
 
     def __init__(
         self, bodies: Bodies, outputs: Sequence[Output], controls: Sequence[Control],
-        parameters: Mapping[str, float],
+        parameters: Mapping[str, float], forces: Sequence[Force],
     ):  # fmt: skip
         self.bodies, self.parameters = bodies, parameters
+        self.drives = {f.name: f for f in forces if isinstance(f, OnJoint)}
         self.outputs = {o.name: o for o in outputs}
         self.controls = {c.name: c for c in controls}
 
@@ -66,6 +70,8 @@ class Known:
         group, name, k = node.signal
         if group == "x":
             return self._of_control(node, name, k)
+        if group in DRIVEN:
+            return self._of_drive(node, group, name, k)
         if group == "out":
             return self._of_output(node, name, k)
         return self._of_joint(node, name, k, group == "v")
@@ -93,6 +99,32 @@ class Known:
         if k > (count := len(control.own)):
             text = f"control {shown(name)} has its value, 0, and states from 1 to {count}; given "
             raise Unreadable(node.column, f"{text}{k}")
+
+    def of(self, group: str) -> Mapping[str, Any]:
+        """Return the parts by name that have signals of a group."""
+        if group in DRIVEN:
+            return self.drives
+        return {"out": self.outputs, "x": self.controls}.get(group, self.bodies)
+
+    def beside(self, forces: Sequence[Force]) -> Known:
+        """Return the names with those of further drives, as of a scenario."""
+        other = copy(self)
+        other.drives = {**self.drives, **{f.name: f for f in forces if isinstance(f, OnJoint)}}
+        return other
+
+    def _of_drive(self, node: Node, group: str, name: str, k: int) -> Dim | None:
+        drive = self.drives.get(name)
+        if drive is None:
+            do = nearest(name, self.drives) if self.drives else "the model has none"
+            text = f"no motor, servo or actuator is named {shown(name)}; {do}. Forces of contacts "
+            text += "and constraints follow from all forces: a condition of a switch reads them"
+            raise Unreadable(node.column, text)
+        if k:
+            raise Unreadable(node.column, f"{group}.{name} is one number; given entry {k}")
+        if group == "f" and drive.has_state:
+            text = f"{shown(name)} has a lag or an integral of its own, whose torque no expression "
+            raise Unreadable(node.column, f"{text}knows; give the lag to a control of kind filter")
+        return wanted(drive, drive.INPUT if group == "u" else "torque", self.bodies)
 
     def _of_output(self, node: Node, name: str, k: int) -> Dim:
         output = self.outputs.get(name)
@@ -199,7 +231,7 @@ def read_by(part: Described, outputs: Sequence[Output]) -> set[tuple[str, int]]:
     named = {signal for _, _, text in expressions_of(part) for signal in signals_in(text)}
     return {
         of.get(name, (name, k)) if group == "out" else (name, k)
-        for group, name, k in named if group != "x"
+        for group, name, k in named if group in ("q", "v", "out")
     }  # fmt: skip
 
 
@@ -219,5 +251,51 @@ def read_through(
 
 def controls_read(part: Described) -> set[str]:
     """Return the controls that the expressions in a part read."""
-    named = (signal for _, _, text in expressions_of(part) for signal in signals_in(text))
-    return {name for group, name, _ in named if group == "x"}
+    return named_in(part, "x")
+
+
+def drives_read(part: Described) -> set[str]:
+    """Return the drives whose input or torque the expressions in a part read."""
+    return named_in(part, *DRIVEN)
+
+
+def named_in(part: Described, *groups: str) -> set[str]:
+    """Return the names in the expressions of a part that belong to these groups of signals."""
+    signals = (signal for _, _, text in expressions_of(part) for signal in signals_in(text))
+    return {name for group, name, _ in signals if group in groups}
+
+
+def loop_problems(controls: Sequence[Control], forces: Sequence[Force], of: str) -> list[Problem]:
+    """Return the algebraic loops among values that follow from each other without a state."""
+    reads: dict[str, tuple[PID | OnJoint, str, list[str]]] = {}
+    for c in controls:
+        if isinstance(c, PID) and not c.sample:
+            reads[written("x", c.name)] = c, "signal", _followed(c.signal, c.setpoint)
+    for f in forces:
+        if isinstance(f, OnJoint):
+            given = getattr(f, f.INPUT)
+            reads[written("u", f.name)] = f, f.INPUT, _followed(given)
+            reads[written("f", f.name)] = f, f.INPUT, _followed(given, f.torque)
+    done = set[str]()
+    for first in reads:
+        path, left = [first], [iter(reads[first][2])]
+        while left:
+            name = next(left[-1], None)
+            if name is None:
+                done.add(path.pop())
+                left.pop()
+            elif name in path:
+                part, field, _ = reads[name]
+                loop = " -> ".join((*path[path.index(name) :], name))
+                text = f"an algebraic loop: {loop}; put a filter or a state between them"
+                return [Problem(f"{of}{part.word()} {shown(part.name)}", field, text)]
+            elif name in reads and name not in done:
+                path.append(name)
+                left.append(iter(reads[name][2]))
+    return []
+
+
+def _followed(*values: Any) -> list[str]:
+    """Return the signals in expressions that may follow from others, as they are written."""
+    signals = (signal for text in values if isinstance(text, str) for signal in signals_in(text))
+    return sorted({written(group, name) for group, name, k in signals if group in PASSED and not k})

@@ -48,6 +48,7 @@ from .editing import (
     renamed_in_scenarios,
     without,
 )
+from .expressions import DRIVEN
 from .files import gathered, located
 from .output import Output, Site
 from .parameters import Formula, cells_of, followed, formulas_in, inlined, resolved, still_true
@@ -458,9 +459,9 @@ class Model(World):
                 fields["scenarios"], _ = renamed_in_scenarios(self.scenarios, key, names)
             if key == "sites":
                 fields["outputs"] = tuple(renamed(o, names) for o in self.outputs)
-            if key in ("outputs", "controls"):
-                group = "out" if key == "outputs" else "x"
-                fields |= in_expressions({**self._others(), **fields}, names, group)
+            groups = {"outputs": ("out",), "controls": ("x",), "forces": DRIVEN}.get(key, ())
+            if groups:
+                fields |= in_expressions({**self._others(), **fields}, names, *groups)
             formulas = followed(formulas, (), names, key)  # type: ignore[arg-type]
         return self._with(notices, formulas=formulas, **fields)
 

@@ -204,10 +204,13 @@ class Packed:
         kept = self._driven
         return kept[2] if kept is not None and kept[1] is drives else bends(drives)
 
-    def loads(self, forces: tuple[Force, ...], *, states: bool = False) -> Loads:
+    def loads(
+        self, forces: tuple[Force, ...], *, states: bool = False, named: tuple[Force, ...] = ()
+    ) -> Loads:
         """Return the given wrenches, springs between bodies, and expressions of all forces.
 
-        With `states`, the states of controls are included even if no force reads them.
+        With `states`, the states of controls are included even if no force reads them. Expressions
+        may name further drives, `named`.
         """
         found = NO_LOADS
         if on_bodies(forces):
@@ -216,7 +219,7 @@ class Packed:
             return found
         places = Places(self.model, self.topology, self.system)
         given = self.model, forces, self.drives(forces), found
-        return found._replace(signals=signals(places, *given))
+        return found._replace(signals=signals(places, *given, named))
 
     @cached_property
     def passive_loads(self) -> Loads:

@@ -42,14 +42,18 @@ class Program:
 
     def __init__(
         self, parameters: Mapping[str, float], places: Any = None,
-        controls: Mapping[str, Control] = EMPTY,
+        controls: Mapping[str, Control] = EMPTY, forces: Sequence[Force] = (),
     ):  # fmt: skip
-        """Create an empty program. `places(group, name, k)` tells what reads a signal."""
+        """Create an empty program. `places(group, name, k)` tells what reads a signal.
+
+        Of `forces` with one name the last one counts.
+        """
         self.rows: list[tuple[float, ...]] = []
         self._numbers: dict[tuple[float, ...], int] = {}
         self._named: dict[str, int] = {}
         self._parameters, self._places = {**CONSTANTS, **parameters}, places
         self._controls, self._values = controls, dict[str, Operand]()
+        self._drives = {f.name: f for f in forces if isinstance(f, OnJoint)}
         for control in controls.values():
             self._parameters |= control.numbers
 
@@ -127,8 +131,32 @@ class Program:
             if name not in self._values:
                 self._values[name] = self.of(self._controls[name].value)
             return self._values[name]
+        if group == "u":
+            return self.input(self._drives[name])
+        if group == "f":
+            return self.pushed(self._drives[name])
         place = (STATE, name, k - 1) if group == "x" else (group, name, k)
         return self.put(*self._places(*place))
+
+    def input(self, f: OnJoint) -> Operand:
+        """Add the value of a drive's input, within its bounds."""
+        given = getattr(f, f.INPUT)
+        u = self.value(given)
+        return self.held(u, *f.inputs) if isinstance(given, str) else u
+
+    def pushed(self, f: OnJoint) -> Operand:
+        """Add the torque that a drive gives, before its gear and within its bounds."""
+        gain, torque, kp, kd = f.law
+        found = self.put(kernels.ADD, self.value(torque), self.times(gain, self.input(f)))
+        for factor, group in ((kp, "q"), (kd, "v")):
+            for body, k, by in f.terms if factor else ():
+                along = self.times(by * factor, self.put(*self._places(group, body, k)))
+                found = self.put(kernels.SUB, found, along)
+        return self.held(found, *f.torques)
+
+    def times(self, by: float, x: Operand) -> Operand:
+        """Add a product with a constant."""
+        return x if by == 1.0 else self.put(kernels.MUL, self.number(by), x)
 
     def power(self, base: Operand, exponent: Operand, node: Node) -> Operand:
         """Add a power, as repeated products if the exponent is a small integer."""
@@ -270,6 +298,11 @@ def states_of(model: Model) -> list[tuple[Control, int, Own]]:
     return [(c, k, own) for c in model.controls for k, own in enumerate(c.own)]
 
 
+def known_forces(model: Model) -> tuple[Force, ...]:
+    """Return all forces that expressions of a model may name, those of scenarios too."""
+    return (*(f for s in model.scenarios for f in s.forces), *model.forces)
+
+
 def varying(f: Force) -> bool:
     """Return True if a force contains an expression."""
     if isinstance(f, OnJoint):
@@ -282,13 +315,19 @@ def _entries(f: Wrench) -> list[tuple[Any, ...]]:
 
 
 def signals(
-    places: Places, model: Model, forces: Sequence[Force], drives: Drives, loads: Loads
+    places: Places,
+    model: Model,
+    forces: Sequence[Force],
+    drives: Drives,
+    loads: Loads,
+    named: Sequence[Force] = (),
 ) -> tuple[Array, Ints, Ints]:
     """Return (code, targets, states) for all expressions in these forces, for their drives and
     loads, and in the controls.
     """
     controls = {c.name: c for c in model.controls}
-    program = Program(model.parameters, places, controls)
+    known = (*known_forces(model), *named, *forces)
+    program = Program(model.parameters, places, controls, known)
     targets = list[tuple[int, ...]]()
     rows, wrenches = iter(drives.table[drives.passive :]), iter(loads.wrench[0])
     owner = 0
@@ -316,12 +355,17 @@ def signals(
     return program.code(), owners, own
 
 
-def values_of(model: Model, packed: Any, t: Array, q: Array, v: Array) -> dict[str, Array]:
-    """Return the values {control: (n,)} of controls at times (n,), in states of a run."""
+def values_of(
+    model: Model, packed: Any, forces: Sequence[Force], t: Array, q: Array, v: Array
+) -> dict[str, Array]:
+    """Return the values {control: (n,)} of controls at times (n,), in states of a run with these
+    forces.
+    """
     controls = {c.name: c for c in model.controls}
     if not controls:
         return {}
-    program = Program(model.parameters, Places(model, packed.topology, packed.system), controls)
+    places = Places(model, packed.topology, packed.system)
+    program = Program(model.parameters, places, controls, (*known_forces(model), *forces))
     last = [2 * program.signal("x", name, 0) + 1 for name in controls]
     code, found = program.code(), np.empty((len(last), len(t)))
     for i in range(len(t)):
@@ -337,27 +381,21 @@ def _of_drive(program: Program, f: OnJoint) -> tuple[Operand | None, Operand | N
     gain u / kp, or without a kp torque + gain u.
     """
     gain, torque, kp, _ = f.law
-    given = getattr(f, f.INPUT)
-    u = program.value(given)
-    if isinstance(given, str):
-        u = program.held(u, *f.inputs)
+    u = program.input(f)
     if kp:
-        target = _times(program, gain / kp, u) if isinstance(given, str) else None
+        varies = isinstance(getattr(f, f.INPUT), str)
+        target = program.times(gain / kp, u) if varies else None
         return target, program.value(torque) if isinstance(torque, str) else None
-    u = _times(program, gain, u)
+    u = program.times(gain, u)
     plain = isinstance(torque, float) and torque == 0.0
     return None, u if plain else program.put(kernels.ADD, program.value(torque), u)
-
-
-def _times(program: Program, by: float, x: Operand) -> Operand:
-    return x if by == 1.0 else program.put(kernels.MUL, program.number(by), x)
 
 
 def _turned(program: Program, turn: Array, x: Sequence[Operand]) -> list[Operand]:
     """Multiply a vector by a matrix."""
     found = list[Operand]()
     for row in turn.tolist():
-        parts = [_times(program, by, one) for by, one in zip(row, x) if by]
+        parts = [program.times(by, one) for by, one in zip(row, x) if by]
         total = parts[0]
         for other in parts[1:]:
             total = program.put(kernels.ADD, total, other)

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..curves import Table
 from ..dynamics.scene import load_wrenches
 from ..dynamics.states import BodyMotion, bodies_over, turned
+from ..forces import OnJoint
 from ..model import Force
 from ..model.constraint import InJoints
 from ..packing import Array
@@ -45,15 +47,30 @@ def _states(run: Any) -> tuple[Array, Array, Array]:
 
 def _loads(run: Any) -> Array:
     """Return the wrenches on bodies due to model, scenario and call forces, (n, nb, 6)."""
-    mech, name = run.mechanism, run.header.get("scenario")
-    own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
+    mech, own = run.mechanism, acting(run)
+    drives = tuple(f for f in own if isinstance(f, OnJoint))  # which expressions may name
     t, (q, v) = run.t.copy(), run._with_states()  # kernels need writable arrays
     loads = load_wrenches(mech.packed, own, t, q, v)
     for begin, end, given in run.header.get("forces", ()):
         force = Force.model_validate(given)
         acts = (t >= begin) & ((t < end) | (end >= t[-1]))
-        loads[acts] += load_wrenches(mech.packed, (force,), t[acts], q[acts], v[acts])
+        loads[acts] += load_wrenches(mech.packed, (*drives, force), t[acts], q[acts], v[acts])
     return loads
+
+
+def acting(run: Any) -> tuple[Force, ...]:
+    """Return the forces of a run's model and scenario, with the inputs of the call."""
+    model, name = run.mechanism.model, run.header.get("scenario")
+    inputs = run.header.get("inputs", {})
+
+    def driven(f: Force) -> Force:
+        if not isinstance(f, OnJoint) or f.name not in inputs:
+            return f
+        x = inputs[f.name]
+        return f.unchecked_copy({f.INPUT: Table(**x) if isinstance(x, dict) else x})
+
+    own = model.forces + (model.scenario(name).forces if name is not None else ())
+    return tuple(map(driven, own))
 
 
 def add_constraint_wrenches(

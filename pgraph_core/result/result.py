@@ -33,7 +33,7 @@ from ..packing import Array
 from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly, keep_unchanged
 from ..tolerances import EPS
-from .bodies import body_motion, body_poses
+from .bodies import acting, body_motion, body_poses
 from .columns import Column, columns_of, dataset, frame, matlab, meant, no_column
 from .dense import states_at
 from .records import (
@@ -674,7 +674,7 @@ class Result(EqualByFields, Portable):
     def controls(self) -> Mapping[str, Array]:
         """The values {name: (n,)} of the model's controls."""
         model, packed = self.mechanism.model, self.mechanism.packed
-        found = values_of(model, packed, self.t, *self._with_states())
+        found = values_of(model, packed, acting(self), self.t, *self._with_states())
         return Named(found, "controls", "control")
 
     def _with_states(self) -> tuple[Array, Array]:

@@ -19,7 +19,8 @@ LONGEST = 2000  # characters of an expression
 MOST_LEVELS = 50  # brackets and signs inside each other
 DEEPEST = 250  # operations inside each other: a sum of that many terms
 KEPT = 512  # trees of the last texts
-GROUPS = ("q", "v", "out", "x")  # coordinates, velocities, outputs, controls
+# coordinates, velocities, outputs, controls, inputs of drives and the torques that they give
+GROUPS = ("q", "v", "out", "x", "u", "f")
 
 _DECIMAL = r"(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d[\d_]*)?"
 TOKEN = re.compile(
@@ -275,7 +276,9 @@ def names_in(text: str) -> set[str]:
 
 
 def with_names(text: str, names: Mapping[str, str], groups: tuple[str, ...]) -> str:
-    """Rename bodies ("q", "v"), outputs ("out"), controls ("x") or parameters ("") in a text."""
+    """Rename bodies ("q", "v"), outputs ("out"), controls ("x"), drives ("u", "f") or parameters
+    ("") in a text.
+    """
     found = [n for n in walk(parsed(text)) if n.op in ("name", "signal")]
     for n in sorted(found, key=lambda n: n.span, reverse=True):
         group, name, _ = n.signal

@@ -344,7 +344,7 @@ def _what_acts(
     now = active_constraints(mech, given)
     active, changes = switch_changes(mech, given, o.switches, now, span)
     switches = switches_of(mech, given, o.switches, span)
-    conditions = conditions_of(mech, switches, contacts)
+    conditions = conditions_of(mech, switches, contacts, forces)
     exerted = tuple(filter(exerts, forces))
     return RunPlan(
         drives=mech.packed.drives(forces), loads=mech.packed.loads(exerted, states=True),

@@ -24,6 +24,7 @@ from ..forces import OnJoint
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
+from ..model.expressions import drives_read
 from ..model.scenario import STEP
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
@@ -183,7 +184,7 @@ class Stepper(Snapshots):
     def controls(self) -> Mapping[str, float]:
         """The values {control: value} of the controls at the state."""
         state = np.array([self.t]), self._steps.q[None], self._steps.v[None]
-        found = values_of(self.mech.model, self.mech.packed, *state)
+        found = values_of(self.mech.model, self.mech.packed, self._forces, *state)
         return Named({name: float(x[0]) for name, x in found.items()}, "controls", "control")
 
     @property
@@ -617,7 +618,12 @@ class Stepper(Snapshots):
             view.flags.writeable = False
         carriers = [[mech.topology.number(x) for x in f.pair] for f in on_bodies(forces)]
         self._carriers = np.array(carriers, dtype=np.int64).reshape(-1, 2)
-        self._servos, self._inputs = _servos(forces, drives), _inputs(forces, drives)
+        self._forces = forces
+        parts = (*forces, *mech.model.controls)
+        read = {name for part in parts for name in drives_read(part)}
+        # what expressions read is a number of theirs, which no step changes
+        self._servos = {k: x for k, x in _servos(forces, drives).items() if k not in read}
+        self._inputs = {k: x for k, x in _inputs(forces, drives).items() if k not in read}
         self._ended(Outcome())
         self._open()
 

@@ -22,12 +22,12 @@ from ..engine.records import LIMIT, PAIR, rows_of, table
 from ..engine.signals import values
 from ..errors import InputError, ModelError, Problem, choices, refusal, shown
 from ..mechanism import Mechanism
-from ..model import Scenario, Switch, When
+from ..model import Force, Scenario, Switch, When
 from ..model.checks import switch_problems
 from ..model.expressions import Known
 from ..packing import Array, Ints
 from ..packing.constraints import values_of
-from ..packing.signals import Places, Program
+from ..packing.signals import Places, Program, known_forces
 from ..result.records import UserEvent
 from ..signals import parsed
 from ..tolerances import NEARBY, ROUNDING, SOLVED
@@ -251,7 +251,7 @@ class ConditionOf(NamedTuple):
 
 
 def conditions_of(
-    mech: Mechanism, switches: Sequence[Switch], contacts: Tables | None
+    mech: Mechanism, switches: Sequence[Switch], contacts: Tables | None, forces: Sequence[Force]
 ) -> tuple[ConditionOf, ...]:
     """Return the switches that wait for conditions, by watched numbers. Raises InputError."""
     names = [c.name for c in mech.model.constraints]
@@ -262,7 +262,7 @@ def conditions_of(
         what, name = s.when.subject
         number = names.index(s.constraint)
         if what == "holds":
-            place = _reading(mech, name)
+            place = _reading(mech, name, forces)
             found.append(ConditionOf(number, s.active, s.when, place, contacts))
             continue
         known = _known(mech, contacts)[what]
@@ -274,15 +274,18 @@ def conditions_of(
     return tuple(found)
 
 
-def _reading(mech: Mechanism, text: str) -> Callable[[float, Array, Array], float]:
+def _reading(
+    mech: Mechanism, text: str, forces: Sequence[Force]
+) -> Callable[[float, Array, Array], float]:
     """Return the margin of a signal comparison as a function of (t, q, v). Raises InputError."""
     model, packed = mech.model, mech.packed
     bodies = {b.name: b for b in model.bodies}
-    known = Known(bodies, model.outputs, model.controls, model.parameters)
+    known = Known(bodies, model.outputs, model.controls, model.parameters, forces)
     if problem := known.problem(text, None):  # problem of a switch given in the call
         raise refusal("simulate", "switches", problem)
     places, controls = Places(model, packed.topology, packed.system), known.controls
-    program = Program(model.parameters, places, controls)
+    acting = (*known_forces(model), *forces)  # controls may name what does not act
+    program = Program(model.parameters, places, controls, acting)
     last = 2 * program.margin(parsed(text)) + 1
     code = program.code()
 

@@ -355,3 +355,112 @@ def test_two_threads_keep_their_own_values():
         for _ in range(5):
             together = list(pool.map(run, (0.1, 0.9)))
             assert all(map(np.array_equal, alone, together))
+
+
+def driven_pair(first, second, controls=(), **fields):
+    """Two arms on the ground, each with a drive."""
+    arms = [
+        pg.Body(name=name, axes=[Z], mass=2.0, com=(0.5, 0, 0), inertia=(0.1, 0.1, 0.2))
+        for name in ("a", "b")
+    ]
+    forces = [pg.Force(name=name, body=body, **f) for name, body, f in
+              (("one", "a", first), ("two", "b", second))]  # fmt: skip
+    return pg.Model(bodies=arms, gravity=(0, -9.81, 0), forces=forces, controls=controls, **fields)
+
+
+SERVO = {
+    "kind": "servo", "kp": 30.0, "kd": 2.0, "target": "=0.5*cos(2*t)", "torque": 0.7,
+    "torque_limit": 9.0, "input_high": 0.3,
+}  # fmt: skip
+BY_HAND = "max(-9, min(9, 0.7 + 30*(min(0.5*cos(2*t), 0.3) - q.a) - 2*v.a))"
+DRIVES = {  # a drive, and its input and torque by hand
+    "servo": (SERVO, "min(0.5*cos(2*t), 0.3)", BY_HAND),
+    "motor": ({"kind": "motor", "torque": "=sin(t) - q.a"}, "(sin(t) - q.a)", "(sin(t) - q.a)"),
+    "speed": (
+        {"kind": "speed_servo", "kd": 4.0, "speed": pg.Table(t=[0, 1], value=[0, 3])},
+        "table(t, 0, 0, 1, 3)", "4*(table(t, 0, 0, 1, 3) - v.a)",
+    ),
+    "actuator": (
+        {"kind": "actuator", "gain": 5.0, "kp": 10.0, "kd": 1.0, "input": 2.0, "gear": -2.0},
+        "2", "(10 + 20*q.a + 2*v.a)",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("group", ["u", "f"])
+@pytest.mark.parametrize("of", DRIVES)
+@pytest.mark.parametrize("how", [{"rtol": 1e-9}, {"method": "rk4", "step": 1e-2}])
+def test_the_input_and_the_torque_of_a_drive_are_signals(of, group, how):
+    drive, given, pushed = DRIVES[of]
+    law = given if group == "u" else pushed
+    two = [{"kind": "motor", "torque": f"=0.5*{x}*(1 + 0*t)"} for x in (f"{group}.one", law)]
+    runs = [pg.simulate(driven_pair(drive, x), t_end=1.5, q=[0.4, 0.1], **how) for x in two]
+    assert np.allclose(runs[0].q, runs[1].q, rtol=0, atol=1e-8)
+    assert pg.Model.from_json(runs[0].mechanism.model.to_json()) == runs[0].mechanism.model
+
+
+@pytest.mark.parametrize("of", DRIVES)
+def test_the_power_of_a_drive_adds_up_to_its_work(of):
+    drive = DRIVES[of][0]
+    work = pg.State(name="work", rate=f"=f.one*v.a*{drive.get('gear', 1.0)}")
+    model = driven_pair(drive, {"kind": "motor", "torque": 0.0}, [work])
+    run = pg.simulate(model, t_end=1.5, q=[0.4, 0.0], rtol=1e-11)
+    assert np.allclose(run.states[:, 0], run.work, rtol=0, atol=1e-9)
+
+
+def test_a_control_reads_drives_as_they_act_in_a_run():
+    pid = pg.PID(name="c", signal="=u.one", setpoint=1.0, kp=1.0)
+    one, two = ({"kind": "motor", "torque": x} for x in (2.0, "=x.c"))
+    model = driven_pair(one, two, [pid])
+    run = pg.simulate(model, t_end=0.1, inputs={"one": 5.0})
+    assert np.allclose(run.controls["c"], -4.0)
+    stepper = pg.Stepper(pg.Mechanism(model), inputs={"one": 5.0})
+    assert stepper.controls["c"] == -4.0
+    with pytest.raises(pg.InputError, match="'one'"):  # its number is in an expression
+        stepper.input("one", 3.0)
+
+
+def test_joint_forces_have_wrenches_that_follow_an_input_of_the_call():
+    pull = {"kind": "wrench", "force": ["=2*u.one", 0, 0]}
+    model = driven_pair({"kind": "motor", "torque": 2.0}, pull)
+    run = pg.simulate(model, t_end=0.1, inputs={"one": 5.0}, method="rk4", step=1e-3)
+    same = driven_pair({"kind": "motor", "torque": 5.0}, {**pull, "force": [10.0, 0, 0]})
+    other = pg.simulate(same, t_end=0.1, method="rk4", step=1e-3)
+    assert np.allclose(run.joint_force, other.joint_force, rtol=1e-12, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "controls", "facts"),
+    [
+        ("=f.two", "=f.one", [], ("f.two -> f.one -> f.two",)),
+        ("=u.one", "=1", [], ("u.one -> u.one",)),
+        ("=x.c", "=1", [pg.PID(name="c", signal="=f.one")], ("x.c -> f.one -> x.c",)),
+        ("=f.three", "=1", [], ("'three'", "one")),
+        ("=f.one[1]", "=1", [], ("entry 1",)),
+        ("=q.a + f.two", "=1", [], ("rad and N m",)),
+    ],
+)
+def test_loops_and_names_of_drives_are_refused_by_name(one, two, controls, facts):
+    with pytest.raises(pg.ModelError) as refused:
+        driven_pair(*({"kind": "motor", "torque": x} for x in (one, two)), controls)
+    assert all(fact in str(refused.value) for fact in facts)
+
+
+def test_a_state_between_two_drives_is_no_loop():
+    lag = pg.Filter(name="c", input="=f.two", lag=0.1)
+    two = {"kind": "motor", "torque": "=-f.one - 2*v.b"}
+    model = driven_pair({"kind": "motor", "torque": "=-x.c - 2*v.a"}, two, [lag])
+    assert pg.simulate(model, t_end=0.5).status.ok
+    with pytest.raises(pg.ModelError, match="lag"):
+        driven_pair({"kind": "motor", "torque": 1.0, "lag": 0.1}, two, [lag])
+
+
+def test_signals_of_drives_follow_names_and_go_with_them():
+    lag = pg.Filter(name="c", input="=u.one", lag=0.1)
+    model = driven_pair(SERVO, {"kind": "motor", "torque": "=f.one"}, [lag])
+    new = model.edit("one", kind="force", name="hip servo")
+    assert text_of(new, "two") == '=f["hip servo"]'
+    assert new.controls[0].input == '=u["hip servo"]'
+    left = model.remove("a")
+    assert not left.forces
+    assert not left.controls
