@@ -181,12 +181,13 @@ class Mechanism(Dynamics):
     ) -> Linearisation:
         """Linearise the equations of motion about a state: x' = drift + A x + B δτ.
 
-        x contains independent coordinates and velocities. All forces and active constraints of a
-        run at t = 0 are included. Soft and penalty contacts act as springs and dampers. Closed
-        rigid contacts and limits have no derivative and are listed in `notices` of the result, as
-        is a state that is not an equilibrium. Constraints of velocities alone reduce the velocities
-        only. The eigenvalues of a conservative mechanism at rest are ±iω from two symmetric
-        problems, good to 1e-12 on a chain of 1000 bodies.
+        x contains independent coordinates, velocities and the states of controls. The states are
+        those at which they stay and hold the position, if there are any. All forces and active
+        constraints of a run at t = 0 are included. Soft and penalty contacts act as springs and
+        dampers. Closed rigid contacts and limits have no derivative and are listed in `notices` of
+        the result, as is a state that is not an equilibrium. Constraints of velocities alone reduce
+        the velocities only. The eigenvalues of a conservative mechanism at rest are ±iω from two
+        symmetric problems, good to 1e-12 on a chain of 1000 bodies.
 
         Parameters
         ----------
@@ -206,7 +207,7 @@ class Mechanism(Dynamics):
         Raises
         ------
         InputError
-            If the constraints cannot be met.
+            If the constraints cannot be met, or if a control acts at samples.
         """
         from .analysis.linear import linearise  # compiled for lanes
 
@@ -215,7 +216,8 @@ class Mechanism(Dynamics):
     def equilibrium(self, q: Array | None = None, scenario: str | None = None) -> Array:
         """Find an equilibrium near q.
 
-        All forces of a run at t = 0 act, with active constraints and joint limits. Contacts and
+        All forces of a run at t = 0 act, with active constraints and joint limits, and states of
+        controls at which they stay, such as the integral of a PID. Contacts and
         limits of tendons and springs are ignored, so bodies may end inside the ground. If all
         forces have an energy, the search only decreases it: the result is stable unless the start
         was an equilibrium.
@@ -235,7 +237,8 @@ class Mechanism(Dynamics):
         Raises
         ------
         InputError
-            If no equilibrium is found. The message names the joint that moves on.
+            If no equilibrium is found, with the joint that moves on, or if a control acts at
+            samples.
         """
         from .analysis.equilibrium import equilibrium  # compiled for lanes
 

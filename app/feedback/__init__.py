@@ -94,13 +94,13 @@ def usual(plain: pg.Feedback, model: pg.Model) -> dict[str, float]:
     Deviations are NEAR, and rates what the fastest motion of the plant makes of them. An input is
     what accelerates the state that it moves most as that motion does.
     """
-    n = len(plain.states) // 2
+    n = len(plain.positions)
     fastest = float(np.abs(np.linalg.eigvals(plain.A)).max()) or 1.0
-    near = np.array([NEAR.get(unit_of(model, name), 1.0) for name in plain.states[:n]])
-    found = dict(zip(plain.states, (*near, *(near * fastest))))
+    near = np.array([NEAR.get(unit_of(model, name), 1.0) for name in plain.positions])
+    found = dict.fromkeys(plain.states, 1.0) | dict(zip(plain.states, (*near, *(near * fastest))))
     for k, name in enumerate(plain.inputs):
-        moved = np.abs(plain.B[n:, k]) > 0
-        needed = near[moved] * fastest**2 / np.abs(plain.B[n:, k][moved])
+        moved = np.abs(plain.B[n : 2 * n, k]) > 0
+        needed = near[moved] * fastest**2 / np.abs(plain.B[n : 2 * n, k][moved])
         found[name] = float(needed.min()) if len(needed) else 1.0
     return {name: float(f"{x:.2g}") for name, x in found.items()}
 
@@ -124,18 +124,18 @@ def response(design: Design) -> list[tuple[str, list[float], list[float]]]:
     found = design.found
     if found is None or not found.stable:
         return []
-    n = len(found.states) // 2
-    k = found.states.index(design.asked.step) if design.asked.step in found.states[:n] else 0
-    target = np.zeros(2 * n)
+    n = len(found.positions)
+    k = found.states.index(design.asked.step) if design.asked.step in found.positions else 0
+    target = np.zeros(len(found.states))
     target[k] = design.largest[found.states[k]]
     slowest = float(np.abs(found.poles.real).min())
     t = np.linspace(0.0, CONSTANTS_OF_TIME / slowest, POINTS)
     once = expm((found.A - found.B @ found.K) * t[1])
-    x = np.empty((len(t), 2 * n))
+    x = np.empty((len(t), len(target)))
     x[0] = -target
     for i in range(1, len(t)):
         x[i] = once @ x[i - 1]
-    names = (*found.states[:n], *found.inputs)
+    names = (*found.positions, *found.inputs)
     values = np.hstack((x[:, :n] + target[:n], -x @ found.K.T))
     return [
         (name, t.tolist(), (y / design.largest[name]).tolist()) for name, y in zip(names, values.T)

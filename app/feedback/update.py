@@ -98,7 +98,7 @@ def coordinates(design: Design) -> tuple[str, ...]:
     found = design.found
     if found is None:
         return ()
-    named = (parsed(name).signal for name in found.states[: len(found.states) // 2])
+    named = (parsed(name).signal for name in found.positions)
     several = {body.name: body.dof > 1 for body in design.model.bodies}
     return tuple(f"{name}[{k}]" if several[name] else name for _, name, k in named)
 

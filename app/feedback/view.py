@@ -83,7 +83,7 @@ def _asked(design: Design) -> list[Payload]:
                           options=sorted({*names, *known}, key=[*names, *known].index),
                           help="which ones the others follow through the constraints"))  # fmt: skip
     if design.found is not None:
-        states = design.found.states[: len(design.found.states) // 2]
+        states = design.found.positions
         step = asked.step if asked.step in states else states[0]
         rows.append(choice("step", "Step of", step, states, help="in the response"))
     return rows
@@ -115,7 +115,7 @@ def _held(design: Design, display: Display) -> str:
     """Return what the feedback holds: the state, and the inputs at it."""
     assert design.found is not None
     found = design.found
-    states = list(zip(found.states, found.at))[: len(found.states) // 2]
+    states = list(zip(found.positions, found.at))
     texts = []
     for name, value in (*states, *zip(found.inputs, found.hold)):
         unit = unit_of(design.model, name)

@@ -38,6 +38,11 @@ class Feedback(Suggests):
     model: Model  # the drives have the feedback as their expressions
 
     @property
+    def positions(self) -> tuple[str, ...]:
+        """The names of the coordinates, which are the first states."""
+        return tuple(name for name in self.states if name[0] == "q")
+
+    @property
     def stable(self) -> bool:
         """Return True if all poles lie in the left half-plane.
 

@@ -188,3 +188,21 @@ def test_only_a_pid_has_a_step_response(name):
     found = answered(begun(model), do.AskResponse(ME, name)).clients[ME].response
     assert "PID" in found.problem
     assert found.curves == ()
+
+
+def test_states_of_controls_are_fed_back_with_a_deviation_of_their_own():
+    body = pg.Body(name="s", joint="prismatic", axes=[(1, 0, 0)], mass=2.0)
+    total = pg.State(name="sum", rate="=q.s - 0.5")
+    model = pg.Model(
+        bodies=[body], gravity=(0, 0, 0), controls=[total], forces=[pg.Motor(name="p", body="s")]
+    )
+    state = answered(begun(model.edit("s", q=[0.5])), do.OpenFeedback(ME))
+    now = design(state)
+    assert now.problem == ""
+    assert now.found.states == ("q.s", "v.s", "x.sum[1]")
+    assert now.found.stable
+    assert now.largest["x.sum[1]"] == 1.0
+    assert "x.sum[1]" in str(feedback(now, Display()))
+    before = now.found.K[0, 2]
+    state = answered(state, edit("largest", "0.1", at=3))
+    assert design(state).found.K[0, 2] > 5 * before
