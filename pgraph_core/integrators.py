@@ -57,10 +57,11 @@ class Method(NamedTuple):
     @property
     def of_duals(self) -> Any:
         """The kernel that repeats a step with derivatives."""
-        if not self.implicit:
+        module, name = self.step.split(".")
+        if module == "explicit":
             return import_module(f"{STEPPING}.duals").explicit_of_duals
-        name = self.step.partition(".")[2]
-        return getattr(import_module(f"{STEPPING}.implicit_duals"), f"{name}_of_duals")
+        where = "moreau_duals" if module == "moreau" else "implicit_duals"
+        return getattr(import_module(f"{STEPPING}.{where}"), f"{name}_of_duals")
 
     @property
     def starts(self) -> bool:

@@ -347,6 +347,18 @@ class Tableau(NamedTuple):
     dense: Any
 
 
+class Carried(NamedTuple):
+    """The runs of duals that repeat the parts of a step of time stepping."""
+
+    repeat: Any  # address of the kernel that repeats a part in all runs
+    part: Any  # address of the kernel that does so in one
+    runs: Any  # (k,) addresses of the runs of duals
+    order: Any  # (m,) rows with unknown impulses
+    matrix: Any  # (m, m) of their laws
+    right: Any  # (m, WIDTH)
+    ended: Any  # (2,) when derivatives ceased to exist [s], and why
+
+
 class Run(NamedTuple):
     """A run in progress: scene, method, times, state and frames."""
 
@@ -412,6 +424,8 @@ RUN = named(
     I1, F1, F1, F2, F2, C2, array_of(STEP_CONTROL), array_of(COUNTERS), F1, F2, I1, I1, F1, OUT,
 )  # fmt: skip
 
+CARRIED = named(Carried, i8, i8, I1, I1, F2, F2, F1)
+
 # of numbers with derivatives: a scene but for a user's function, and what a run computes from it
 SCENE_OF_DUALS = carrying(SCENE)
 SCENE_OF_DUALS = SCENE_OF_DUALS.but(user=USER)
@@ -421,3 +435,4 @@ RUN_OF_DUALS = RUN_OF_DUALS.but(flow=carrying(F1))
 save, opened = stored(SCENE, SCENE_OF_DUALS)
 save_run_tuple, opened_run = stored(RUN, RUN_OF_DUALS)
 save_guard_tuple, guard_at = stored(GUARD)
+save_carried_tuple, carried_at = stored(CARRIED)

@@ -136,6 +136,7 @@ STEP_CONTROL = record(
     clock=REAL,  # time of the next check of the guard while nothing is faster than `slow` [s]
     slow=REAL,  # [rad/s, m/s]
     approach=INTEGER,  # address of the kernel that finds `bound`, 0 for none
+    carried=INTEGER,  # address of what repeats parts of a step with derivatives, 0 for none
     steepest=REAL,  # largest acceleration of a step so far, if corners end steps [rad/s², m/s²]
 )
 

@@ -20,7 +20,14 @@ from numpy.lib import format as npy
 from ..model import Model
 from ..model.files import LARGEST, gathered
 from ..packing import Array
-from .records import OF_CONSTRAINTS, ContactRecord, Named, event_arrays, events_of_arrays
+from .records import (
+    OF_CONSTRAINTS,
+    ContactRecord,
+    Derivatives,
+    Named,
+    event_arrays,
+    events_of_arrays,
+)
 
 CHUNK = 1 << 16  # [bytes] block size for reading times
 PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
@@ -29,7 +36,7 @@ ARRAYS = (
     "constraint_drift", "error_at", "states", "state_error_at",
 )  # fmt: skip
 SCALARS = ("message", "counters", "timing", "header", "notices")
-FORCE = "force:"  # before the names of constraints
+FORCE, DERIVATIVE = "force:", "derivative:"  # before the names of constraints and paths
 
 
 def file_of(run: Any, folder: Path) -> bytes:
@@ -39,6 +46,7 @@ def file_of(run: Any, folder: Path) -> bytes:
         model = model.unchecked_copy({"bodies": gathered(model.bodies, folder)})
     arrays = {name: getattr(run, name) for name in ARRAYS}
     arrays |= {FORCE + name: value for name, value in run.constraint_force.items()}
+    arrays |= {DERIVATIVE + path: value for path, value in run.derivatives.items()}
     arrays |= run.contacts.arrays() | event_arrays(run.user_events)
     header = {
         "status": run.status.name,
@@ -65,11 +73,17 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
     arrays.setdefault("states", np.zeros((n, 0)))  # older files have none
     arrays.setdefault("state_error_at", np.full((n, arrays["states"].shape[1]), np.nan))
     found = {name: header[name] for name in SCALARS} | {name: arrays[name] for name in ARRAYS}
-    forces = {k.removeprefix(FORCE): a for k, a in arrays.items() if k.startswith(FORCE)}
+    forces, derivatives = (
+        {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
+        for prefix in (FORCE, DERIVATIVE)
+    )
     mech = Mechanism(model)
     fits = found["q"].shape[1:] == (mech.nq,) and found["v"].shape[1:] == (mech.nv,)
     if not fits or len({len(found[name]) for name in ARRAYS}) != 1:
         raise ValueError("arrays of different lengths")
+    shape = len(found["t"]), mech.nq + mech.nv + 2 + 2 * found["states"].shape[1]
+    if any(x.shape != shape for x in derivatives.values()):
+        raise ValueError("derivatives of another shape")
     return {
         **found,
         "mechanism": mech,
@@ -78,6 +92,7 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
         "constraint_force": Named(forces, *OF_CONSTRAINTS),
         "contacts": ContactRecord.of_arrays(arrays),
         "user_events": events_of_arrays(arrays),
+        "derivatives": Derivatives(derivatives),
     }
 
 

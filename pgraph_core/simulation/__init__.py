@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy.typing as npt
 
 from ..dynamics.arguments import stretched
-from ..errors import InputError, Problem, explained
+from ..errors import explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
@@ -160,10 +160,7 @@ def simulate(
     if len(wrt):
         from .sensitivity import Carried, Given, variables_of
 
-        if monitors:
-            text = "an event that ends steps has no derivatives yet: give either events or wrt"
-            raise InputError(Problem("simulate", "events", text))
-        given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording)
+        given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording, wrt)
         record.carried = Carried(given, variables_of(given, wrt))
     record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
     built, busy = time.perf_counter(), time.thread_time()

@@ -75,11 +75,13 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     if isinstance(finer, str):
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
     record.ended.notices += undecided(record, finer)
+    if record.carried is not None and finer.carried is not None:
+        record.ended.notices += record.carried.unlike(finer.carried, plan.times)
     rows, length, q = mech.packed.rows, plan.length, record.out.q[:n]
     off = apart(record, finer, n)
     ahead = plan.onward() if record.met else plan
     if ahead.tolerance is None and may_jump(record, ahead):
-        third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1))
+        third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1), carries=False)
         if not isinstance(third, str):
             off = (np.maximum(*both) for both in zip(off, apart(record, third, n)))
     turned, moved, states = off
@@ -218,10 +220,10 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     return first if isinstance(second, str) else second
 
 
-def _again(record: Recording, plan: RunPlan) -> Recording | str:
+def _again(record: Recording, plan: RunPlan, carries: bool = True) -> Recording | str:
     """Return a run of this plan, or the reason why it did not reach its end."""
     try:
-        other = record.finer(plan)
+        other = record.finer(plan, carries)
     except InputError as refused:
         return str(refused)
     return other if other.ended.ok else other.ended.message

@@ -292,7 +292,14 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
     acts = _what_acts(mech, o, given, o.span(given), o.checked_forces(mech), None)
     start = initial_state(mech, given, q, v, tau, o.span(given)[0])
-    return replace(plan, drives=acts.drives, loads=acts.loads, length=acts.length, start=start)
+    contacts = plan.contacts
+    if contacts is not None:
+        contacts = contact_tables(mech.packed, touching_contacts(mech, given))
+        contacts = stepped_tables(mech.packed, contacts, acts.drives)
+    return replace(
+        plan, drives=acts.drives, loads=acts.loads, length=acts.length, start=start,
+        contacts=contacts,
+    )  # fmt: skip
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:

@@ -249,13 +249,17 @@ class Recording:
         elif self.ended.status is Status.DONE:
             self.ended.notices += remarks(self)
 
-    def finer(self, plan: RunPlan) -> Recording:
+    def finer(self, plan: RunPlan, carries: bool) -> Recording:
         """Record the same motion with a finer plan, for comparison.
+
+        It carries the derivatives of this run too if asked.
 
         Raises InputError if contacts that come near do not fit the plan's method.
         """
         other = Recording(self.mech, plan, *self.began, self.tau, coarser=self)
         other.progress = progress = self.progress
+        if carries and self.carried is not None:
+            other.carried = self.carried.finer()
         if other.begin():
             other.advance_to_end(progress and (lambda _: progress(1.0)))
         return other
@@ -426,7 +430,8 @@ class Recording:
             if (given.constraint in self.held) == given.active:
                 continue
             on, off = ([given.constraint], []) if given.active else ([], [given.constraint])
-            if not self._switch(switched_by(self.held, on, off, t), frame=False):
+            by = self.watch.monitors[waiting.index(given)] if self.watch is not None else None
+            if not self._switch(switched_by(self.held, on, off, t), by=by):
                 return
             left += [
                 i for i, other in enumerate(waiting)
@@ -459,14 +464,14 @@ class Recording:
         """Continue with contacts. Returns False if the run ends. Raises InputError."""
         plan, t, done = self.plan, float(self.steps.control["time"]), self.done
         assert plan.way is not None
-        if self.carried is not None:
-            self.carried.stop(self, "something comes near, and contacts have none yet")
         refused = plan.way.refused
         if refused is not None and (t == self.start or refused.problems[0].where == "simulate"):
             raise refused  # a method that takes no contacts at all, or none as at the start
         if t == self.start:
             self.plan = self.planned = plan.touching
             self.ended, self.held = Outcome(), {*plan.active.tolist()}
+            if self.carried is not None:
+                self.carried.take_plan(self.plan)
             self._prepare(*(x.copy() for x in self.began))
             return self.begin()
         if refused is not None:
@@ -483,6 +488,8 @@ class Recording:
         self.steps.go_another_way(self.plan, self.out)
         self._join()
         self.steps.watched[:, self.steps.watched.shape[1] - before.shape[1] :] = before
+        if self.steps.carried is not None:
+            self.steps.carried.go_on(self)
         if self.scene.touching is not None:
             self._in_swing()
         if self.events is not None:
@@ -513,14 +520,19 @@ class Recording:
         to = times[-1] if not self._ahead else self._ahead[0].t
         self.steps.control["last"] = int(np.searchsorted(times, to)) + 1
 
-    def _switch(self, change: Change, *, frame: bool = True) -> bool:
+    def _switch(self, change: Change, *, by: Monitor | None = None) -> bool:
         """Apply a change between two steps. Returns False if the run ends.
 
-        With `frame`, the last frame has this time and is recorded again.
+        Without a condition that it is `by`, the last frame has this time and is recorded again.
         """
         change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
-        if self.steps.carried is not None:
-            self.steps.carried.stop(self, "constraints are switched")
+        carried, late, places = self.steps.carried, None, self.scene.blocks.blocks_f
+        if carried is not None and by is not None and len(self.q) > self.mech.nq:
+            carried.stop(self, "a condition switches beside controls with states")
+            carried = None
+        if carried is not None:
+            late = None if by is None else carried.lateness(self, change.t, by)
+            places = places.copy()
         self._end_stretch()
         self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
         before = self._energy()
@@ -534,6 +546,12 @@ class Recording:
         except InputError as refused:
             self._cannot_close(refused)
             return False
+        if carried is not None:
+            carried.keep_late([*change.on.tolist(), *change.off.tolist()], late)
+            if np.array_equal(places, self.scene.blocks.blocks_f, equal_nan=True):
+                carried.switch(self, change.t, late)
+            else:
+                carried.stop(self, "a constraint holds parts where they are, which depends on them")
         gain = self._energy() - middle
         self.steps.ledger[at.WORK_DONE if gain > 0 else at.DISSIPATED] += abs(gain)
         from .contact_log import switched
@@ -543,7 +561,7 @@ class Recording:
             text = f"joints were moved by up to {moved:.3g} to meet the constraints switched on"
             self.ended.notices.append(f"at t = {change.t:g} s {text}")
         self.held = set(change.active.tolist())
-        if frame:
+        if by is None:
             self.steps.restart()
             self._stop_at_next()
         else:

@@ -26,7 +26,14 @@ from ..dynamics.lifted import (
 )
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.arrays import FACTORED, RUN_OF_DUALS, SCENE_OF_DUALS, RunLinks
+from ..engine.arrays import (
+    CARRIED,
+    FACTORED,
+    RUN_OF_DUALS,
+    SCENE_OF_DUALS,
+    RunLinks,
+)
+from ..engine.arrays import Carried as CarriedTuple
 from ..engine.compiler.address import address_of, address_of_array, buffer
 from ..engine.compiler.dual import WIDTH
 from ..engine.compiler.kinds import F1, carrying
@@ -39,7 +46,7 @@ from ..packing import Array, Ints
 from ..packing.forces import times_at_bounds
 from ..result import Result
 from ..result.records import Derivatives
-from ..tolerances import step_of_differences
+from ..tolerances import VISIBLE, step_of_differences
 from .options import Options
 from .paths import Path, distinct
 from .plan import RunPlan, varied
@@ -49,7 +56,16 @@ CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
 NUMBERS = carrying(F1)
 SHARE = step_of_differences(6)  # step of differences over the size of a number
+MOST_ROWS = 3000  # of a run with derivatives: their laws are solved as one dense system
+NO_TIMES = np.zeros(0)
 ROUNDS = 50  # projections of the initial state, as in `assembled`
+
+
+ENDS = {
+    1: "something is about to slip or to stick",
+    2: "things hit at the same time that would hit one after the other for other numbers",
+    3: "something hits as a step begins, whose time has no derivatives yet",
+}
 
 
 class Given(NamedTuple):
@@ -62,6 +78,7 @@ class Given(NamedTuple):
     q: Any
     v: Any
     recording: Callable[..., Any]  # makes a `Recording`
+    wrt: Any = ()  # as given
 
     def at(self, mech: Mechanism, options: Options) -> RunPlan:
         """The plan for another mechanism of the same structure."""
@@ -176,6 +193,21 @@ def _input(given: Given, name: str, call: str) -> Variable:
 # -- runs of duals ---------------------------------------------------------------------------------
 
 
+class Lateness(NamedTuple):
+    """How the time of an event changes with each number, and the rates of the state before it."""
+
+    times: Array
+    rates: Array
+
+
+class Slope(NamedTuple):
+    """The derivatives of a scene and of its initial state."""
+
+    scene: Any
+    q: Array
+    v: Array
+
+
 class Carried:
     """The derivatives of a run in progress."""
 
@@ -184,6 +216,10 @@ class Carried:
         self.given, self.variables = given, variables
         self._ended: list[str] = []
         self._base: tuple[Any, Array, Array] | None = None
+        self._parts: _Parts | None = None
+        self.slopes: list[Slope] = []
+        self._late: dict[int, Array] = {}  # derivatives of when constraints were switched last
+        self._most = MOST
         self.out = np.zeros((0, 0, 0, WIDTH))  # empty until a run starts
         _refuse(given)
 
@@ -195,15 +231,22 @@ class Carried:
         from ..engine.stepping import duals
 
         n = len(record.plan.times)
-        slopes = [self._slope(record, variable) for variable in self.variables]
-        size = -(-len(slopes) // MOST)
+        self.slopes = self.slopes or [self._slope(record, one) for one in self.variables]
+        if record.steps.carried is not self:
+            self._begun = self.given, self.variables, self.slopes
+        slopes, stepped = self.slopes, record.plan.contacts is not None
+        most = self._most = MOST - stepped  # the last derivative is by the time of an impact there
+        size = -(-len(slopes) // most)
         self.out = np.full((size, n, record.steps.stages.shape[1], WIDTH), np.nan)
-        groups = [slopes[k : k + MOST] for k in range(0, len(slopes), MOST)]
+        groups = [slopes[k : k + most] for k in range(0, len(slopes), most)]
         self._runs = [_RunOfDuals(record, start, group) for group in groups]
         self._addresses = np.array([run.address for run in self._runs])
         self._step, self._note = map(address_of, (record.plan.method.of_duals, duals.note_duals))
         self._advance = address_of(_advance_run())
         self._kernel = duals.advance_with_duals
+        if stepped:
+            self._parts = _Parts(record, self._runs)
+            record.steps.control["carried"] = self._parts.address
         record.steps.carried = self
         record._free = None  # nobody else steps it
 
@@ -212,18 +255,88 @@ class Carried:
         given = self._addresses, self._step, self._note, self.out, budget
         return self._kernel(run, self._advance, *given)
 
+    def take_plan(self, plan: RunPlan) -> None:
+        """Differentiate a run that goes on by another plan. Raises InputError."""
+        given = self.given._replace(plan=replace(plan, start=self.given.plan.start))
+        _refuse(given)
+        self.given, self.slopes, self._base = given, [], None
+        self.variables = variables_of(given, given.wrt)
+
+    def go_on(self, record: Any) -> None:
+        """Carry the derivatives of the state into the scene with which a recording goes on."""
+        try:
+            count, old, before = len(self.variables), self._runs, self._each()
+            lanes = [one for run in old for one in run.derivatives(None)]
+            lanes = [one for k, one in enumerate(lanes) if k % MOST < self._most][:count]
+            self.take_plan(record.plan)
+            self.join(record, (record.q, record.v))
+        except InputError as refused:
+            self.stop(record, refused.problems[0].text)
+            return
+        for now, past in zip(self._each(), before):
+            now[:] = past
+        for k, one in enumerate(lanes):
+            self._runs[k // self._most].take(k % self._most, one)
+
     def stop(self, record: Any, why: str) -> None:
         """Go on without derivatives."""
         t = float(record.steps.control["time"])
-        record.steps.carried = None
+        record.steps.carried, record.steps.control["carried"] = None, 0
         self._ended.append(f"at t = {t:.6g} s derivatives end: {why}")
+
+    def switch(self, record: Any, t: float, late: Lateness | None) -> None:
+        """Follow a switch of constraints at t, which the run of numbers has taken.
+
+        `late` are the derivatives of t, if it depends on the state.
+        """
+        after = rates(record, t) if late else None
+        for run, k in zip(self._runs, range(0, len(self.slopes), self._most)):
+            times = late.times[k : k + self._most] if late else NO_TIMES
+            run.switch(t, record.steps, times, late and late.rates, after)
+
+    def lateness(self, record: Any, t: float, condition: Any) -> Lateness:
+        """The derivatives of the time t at which a condition is met. Raises InputError."""
+        when, before = condition.given.when, rates(record, t)
+        if when.constraint is not None:  # follows a switch, at once or after a given time
+            known = self._late.get(condition.given.place)
+            return Lateness(np.zeros(len(self.slopes)) if known is None else known, before)
+        nq, nv = len(record.q), len(record.v)
+        y = np.concatenate((record.q, record.v))
+
+        def along(way: Array, dt: float) -> float:
+            h = SHARE / max(float(np.abs(way).max(initial=0.0)), 1.0)
+            total = 0.0
+            for k, weight in CENTRAL.items():
+                x = y + k * h * way
+                total += weight * condition(t + k * h * dt, x[:nq].copy(), x[nq:].copy())
+            return total / h
+
+        rate = along(before[: nq + nv], 1.0)
+        ways = [run.derivatives(nq + nv) for run in self._runs]
+        found = [along(d, 0.0) for run in ways for d in run[: self._most]][: len(self.slopes)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return Lateness(-np.array(found) / rate, before)
+
+    def keep_late(self, constraints: Sequence[int], late: Lateness | None) -> None:
+        """Keep when these constraints were switched, for conditions that wait for a time."""
+        for one in constraints:
+            self._late[one] = late.times if late else np.zeros(len(self.slopes))
+
+    @property
+    def ended(self) -> list[str]:
+        """Sentences on when derivatives end and why."""
+        if self._parts is None or not self._parts.ended[1]:
+            return self._ended
+        t, why = self._parts.ended
+        return [*self._ended, f"at t = {t:.6g} s derivatives end: {ENDS[int(why)]}"]
 
     def notices(self) -> list[str]:
         """Sentences on where derivatives end, and on numbers without influence."""
         idle = [one.path for one, d in zip(self.variables, self._each()) if not d.any()]
-        found = self._ended + [f"{path} has no influence on the motion" for path in idle]
+        ended = self.ended
+        found = ended + [f"{path} has no influence on the motion" for path in idle]
         for one, d in zip(self.variables, self._each()):
-            if not self._ended and not np.isfinite(d).all():
+            if not ended and not np.isfinite(d).all():
                 found.append(f"derivatives by {one.path} are not finite: a slope was infinite")
         return found
 
@@ -240,7 +353,33 @@ class Carried:
 
     def _each(self) -> list[Array]:
         """The derivatives by each variable, (frames, nq + nv + 2)."""
-        return [group[..., k] for group in self.out for k in range(1, WIDTH)]
+        return [group[..., k] for group in self.out for k in range(1, self._most + 1)]
+
+    def finer(self) -> Carried:
+        """The same derivatives, for a finer run of the same motion."""
+        given, variables, slopes = self._begun
+        other = Carried(given, variables)
+        other.slopes = slopes
+        return other
+
+    def unlike(self, finer: Carried, t: Array) -> list[str]:
+        """Sentences on derivatives that differ from those of a finer run at these times."""
+        found, nq = [], len(self.given.plan.start[0])
+        nv = len(self.given.plan.start[1])
+        for one, mine, other in zip(self.variables, self._each(), finer._each()):
+            worst, first = 0.0, t[-1]
+            for part in (slice(0, nq), slice(nq, nq + nv)):
+                a, b = mine[: len(t), part], other[: len(t), part]
+                size = np.nanmax(np.abs(b), initial=0.0)
+                apart = np.nan_to_num(np.abs(a - b)).max(axis=1, initial=0.0)
+                if size > 0.0 and (share := float(apart.max() / size)) > VISIBLE:
+                    worst = max(worst, share)
+                    first = min(first, t[(apart > VISIBLE * size).argmax()])
+            if worst:
+                text = f"derivatives by {one.path} are {100 * worst:.2g} % apart from those of a "
+                text += f"finer run, above 1 % from t = {first:.6g} s on: give a smaller step or "
+                found.append(f"{text}rtol")
+        return found
 
     def of_frames(self, rows: slice | Ints) -> Derivatives:
         """{path: (frames, nq + nv + 2)} of q, v, work and dissipation."""
@@ -253,12 +392,16 @@ class Carried:
         return abs(variable.present) or 1.0
 
     def beside(self, run: Result, path: str, change: float) -> Result:
-        """The run that a number changed by this much has to first order, at the same frames."""
+        """The run that a number changed by this much has to first order, at the same frames.
+
+        With contacts its accelerations and forces are nan.
+        """
         from ..engine.stepping.duals import record_states
 
         (variable,) = (one for one in self.variables if one.path == path)
         mech, plan = variable.made(variable.present + change)
-        plan = replace(plan, times=np.array(run.t), shown=None, changes=(), way=None)
+        stepped = plan.contacts is not None
+        plan = replace(plan, times=np.array(run.t), shown=None, changes=(), way=None, contacts=None)
         other = self.given.recording(mech, plan, *plan.start, self.given.tau)
         states = np.zeros((len(run.t) + 1, other.steps.stages.shape[1]))
         own = np.zeros(run.states.shape), run.states
@@ -268,15 +411,16 @@ class Carried:
         arrays = tuple(other.out)
         record_states(other.scene.address, record, accelerate, plan.times, states, arrays)
         other.steps.control["frame"] = len(run.t)
+        if stepped:  # impulses are not among the derivatives
+            other.out.vdot[:], other.out.wrenches[:] = np.nan, np.nan
         return other.result(None, (), {})
 
-    def _slope(self, record: Any, variable: Variable) -> tuple[Any, Array, Array]:
+    def _slope(self, record: Any, variable: Variable) -> Slope:
         """Derivatives of the scene and of the initial state."""
         if variable.seed is not None:
             q, v = (np.zeros(len(part)) for part in self.given.plan.start)
             (q, v)[variable.seed[0]][variable.seed[1]] = 1.0
-            arrays = record.scene.arrays
-            return slope_of(SCENE_OF_DUALS, [arrays], [0.0]), q, v
+            return Slope(slope_of_scenes([record.scene], [0.0]), q, v)
         h, refused = variable.step(), dict[type, PgraphError]()
         built = cache(lambda k: self._built(variable, k * h) if k else self._here(variable))
         try:
@@ -299,7 +443,7 @@ class Carried:
         """The scene and the initial state for another value."""
         mech, plan = variable.made(variable.present + change)
         other = self.given.recording(mech, plan, *plan.start, self.given.tau)
-        return other.scene.arrays, *plan.start
+        return other.scene, *plan.start
 
     def _here(self, variable: Variable) -> tuple[Any, Array, Array]:
         """The scene and the initial state as they are, the same for all numbers."""
@@ -307,20 +451,50 @@ class Carried:
             self._base = self._built(variable, 0.0)
         return self._base
 
-    def _sum(self, found: Sequence[Any], weights: Sequence[float]) -> tuple[Any, Array, Array]:
-        scene = slope_of(SCENE_OF_DUALS, [one[0] for one in found], weights)
+    def _sum(self, found: Sequence[Any], weights: Sequence[float]) -> Slope:
+        scene = slope_of_scenes([one[0] for one in found], weights)
         q, v = (weighted([one[i] for one in found], weights) for i in (1, 2))
-        return scene, q, v
+        return Slope(scene, q, v)
 
-    def _line(self, built: Callable[[int], Any], h: float) -> tuple[Any, Array, Array] | None:
+    def _line(self, built: Callable[[int], Any], h: float) -> Slope | None:
         """Derivatives of what is linear in a number, from three values. None if it is not."""
         found = [built(k) for k in (0, 1, -2)]
         slope = self._sum(found, (0.0, 1.0 / (3.0 * h), -1.0 / (3.0 * h)))
-        values = [*zip(*found)]
-        lines = are_on_lines(SCENE_OF_DUALS, values[0]) and all(
-            are_on_lines(NUMBERS, x) for x in values[1:]
-        )
-        return slope if lines else None
+        scenes, *start = zip(*found)
+        lines = are_on_lines(SCENE_OF_DUALS, [one.arrays for one in scenes])
+        return slope if lines and all(are_on_lines(NUMBERS, x) for x in start) else None
+
+
+def slope_of_scenes(scenes: Sequence[Any], weights: Sequence[float]) -> Any:
+    """The slope of the arrays of scenes."""
+    return slope_of(SCENE_OF_DUALS, [one.arrays for one in scenes], weights)
+
+
+def directions(mech: Mechanism, q: Array) -> Array:
+    """∂q'/∂v at q, (nq, nv)."""
+    found = np.zeros((mech.nq, mech.nv))
+    for joint in mech.joints.values():
+        first, own, count = joint.q.start, joint.v.start, joint.v.stop - joint.v.start
+        if joint.q.stop - first == count:
+            found[joint.q, joint.v] = np.eye(count)
+            continue
+        if count == 6:  # free: its place comes before its attitude, and turns before shifts
+            found[first : first + 3, own + 3 : own + 6] = np.eye(3)
+            first += 3
+        w, x, y, z = 0.5 * q[first : first + 4]
+        turns = [[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]]
+        found[first : first + 4, own : own + 3] = turns
+    return found
+
+
+def rates(record: Any, t: float) -> Array:
+    """The rates of the state of a run: q', v', and the power put in and dissipated."""
+    flow, vdot = np.zeros(3), np.zeros(len(record.v))
+    motion.constrained_dynamics(
+        record.scene.address, record.steps.links.accelerate, t, record.q, record.v,
+        record.scene.given, flow, vdot, np.empty_like(record.out.wrenches[0]),
+    )  # fmt: skip
+    return np.concatenate((directions(record.mech, record.q) @ record.v, vdot, flow[:2]))
 
 
 def _advance_run() -> Any:
@@ -331,8 +505,12 @@ def _advance_run() -> Any:
 
 def _refuse(given: Given) -> None:
     plan, why = given.plan, ""
-    if plan.contacts is not None or plan.contact_points:
-        why = "contacts and joint limits have no derivatives yet; switch them off"
+    if plan.contact_points:
+        why = "contacts and limits have derivatives by method='moreau_jean' alone"
+    if plan.contacts is not None and plan.contacts.touches:
+        why = "contacts of shapes have no derivatives yet, limits and friction of joints have them"
+    if plan.contacts is not None and len(plan.start[0]) > given.mech.nq:
+        why = "limits have no derivatives yet beside controls with states"
     if callable(given.tau) or plan.tau is not None:
         why = "a function of torques has no derivatives: give motors or servos in its place"
     if (plan.loads.signals[2][:, SAMPLE] >= 0).any():
@@ -381,8 +559,14 @@ class _RunOfDuals:
         steps = record.steps
         scene = record.scene.arrays
         constrain = address_of(duals.constrain_duals) if len(record.scene.active) > 1 else 0
-        self._scene = lifted(SCENE_OF_DUALS, scene, [slope[0] for slope in slopes])
-        self._scene = self._scene._replace(links=scene.links._replace(constraints=constrain))
+        links = scene.links._replace(constraints=constrain)
+        if record.scene.touching is not None:
+            from ..engine.stepping import moreau_duals
+
+            links = links._replace(forces=address_of(moreau_duals.forces_of_duals))
+        self._scene = lifted(SCENE_OF_DUALS, scene, [slope.scene for slope in slopes])
+        space = self._scene.space._replace(slots=scene.space.slots.copy())
+        self._scene = self._scene._replace(links=links, space=space)
         self._scene.space.vectors[FACTORED] = 0.0  # these factors have no derivatives
         self._at_scene = _saved(SCENE_OF_DUALS, self._scene)
         nq, nv = len(steps.q), len(steps.v)
@@ -403,12 +587,59 @@ class _RunOfDuals:
         self.address = address_of_array(self._at_run)
         y = stages[at.Y]
         y[: nq + nv, 0] = np.concatenate(start)
-        for k, (_, q, v) in enumerate(slopes, start=1):
-            y[: nq + nv, k] = np.concatenate((q, v))
+        for k, slope in enumerate(slopes, start=1):
+            y[: nq + nv, k] = np.concatenate((slope.q, slope.v))
         if constrain and record.plan.project:
             t = float(record.plan.times[0])
             duals.place_of_duals(self.address, t, ROUNDS)
         y[: nq + nv, 0] = np.concatenate((steps.q, steps.v))
+        stages[at.CANDIDATE] = y
+
+    def take(self, k: int, derivatives: Array) -> None:
+        """Give the state its derivatives by number k."""
+        for row in (at.Y, at.CANDIDATE):
+            self._run.stages[row, :, 1 + k] = derivatives
+
+    def derivatives(self, n: int | None) -> Array:
+        """(MOST, n) of the first n entries of the state, or of all."""
+        return self._run.stages[at.Y, :n, 1:].T.copy()
+
+    def switch(self, t: float, steps: Any, late: Array, before: Any, after: Any) -> None:
+        """Project the state onto other constraints at t, whose derivatives are `late`."""
+        from ..engine.stepping import duals
+
+        y, n = self._run.stages[at.Y], len(steps.q) + len(steps.v)
+        if len(late):
+            y[:, 1 : 1 + len(late)] += np.outer(before, late)
+        self._scene.space.vectors[FACTORED] = 0.0
+        y[:n, 0] = np.concatenate((steps.q, steps.v))
+        if self._scene.blocks.active[0]:
+            duals.place_of_duals(self.address, t, ROUNDS)
+            y[n:, 1:] = np.nan  # of the energy that the impulse takes
+        y[:n, 0] = np.concatenate((steps.q, steps.v))
+        if len(late):
+            y[:, 1 : 1 + len(late)] -= np.outer(after, late)
+        self._run.stages[at.CANDIDATE] = y
+        self._run.control["fresh"] = self._run.control["filled"] = 0
+
+
+class _Parts:
+    """What repeats the parts of steps of time stepping, behind an address."""
+
+    def __init__(self, record: Any, runs: Sequence[_RunOfDuals]):
+        from ..engine.stepping import moreau_duals
+
+        m = record.scene.space.vectors.shape[1]
+        if m > MOST_ROWS:
+            text = f"has derivatives up to {MOST_ROWS} rows of limits and constraints; here are {m}"
+            raise InputError(Problem("simulate", "wrt", text))
+        repeat, part = map(address_of, (moreau_duals.repeat_part, moreau_duals.part_of_duals))
+        addresses = np.array([run.address for run in runs])
+        self.ended = np.zeros(2)
+        order, matrix, right = np.zeros(m, dtype=np.int64), np.zeros((m, m)), np.zeros((m, WIDTH))
+        self._kept = CarriedTuple(repeat, part, addresses, order, matrix, right, self.ended)
+        self._buffer = _saved(CARRIED, self._kept)
+        self.address = address_of_array(self._buffer)
 
 
 def _saved(kind: Any, value: Any) -> Any:

@@ -43,6 +43,7 @@ from .switches import Change
 
 if TYPE_CHECKING:
     from .contact_log import Clearance
+    from .one_step import LinearStep
 
 GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
 AUTO = "auto"
@@ -431,6 +432,42 @@ class Stepper(Snapshots):
         timing = {"build": built - before, "step": stepped - built}
         return self._record.result(None, (), timing)
 
+    def linearise(
+        self, tau: npt.ArrayLike | None = None, *, inputs: Sequence[str] | None = None
+    ) -> LinearStep:
+        """Return the discrete dynamics of the next step, δx⁺ = A δx + B δu, exact to rounding.
+
+        Limits and friction of joints are part of it. Entries are nan where no derivative exists,
+        as where something is about to slip; `notices` say why.
+
+        Parameters
+        ----------
+        tau : array_like (nv,), optional
+            Torques of the step [N·m, N], as for `step`.
+        inputs : sequence of str, optional
+            Names of inputs that B is by. Without names it is by the torques of all joints.
+
+        Returns
+        -------
+        LinearStep
+            A (2 nv, 2 nv), B (2 nv, len(inputs) or nv) and notices. x is the change of coordinates
+            and velocities; balls and free bodies have small rotations [rad].
+
+        Raises
+        ------
+        InputError
+            If an input is unknown, or the scene has parts without derivatives.
+        """
+        from .one_step import linear_step
+
+        chosen = {}
+        for name in inputs or ():
+            self._checked(name, self.inputs.get(name, 0.0))
+            _, knot, _, slope, _ = self._inputs[name]
+            chosen[name] = knot, slope
+        acting = self._tau if callable(self._tau) else self._record.scene.given.copy()
+        return linear_step(self, acting if tau is None else tau, chosen)
+
     # -- changes between steps -------------------------------------------------------------------
 
     def switch(self, constraint: str, active: bool) -> None:
@@ -639,6 +676,11 @@ class Stepper(Snapshots):
     def recording(self) -> Recording:
         """The underlying run, with its scene and its steps."""
         return self._record
+
+    @property
+    def options_of_step(self) -> Options:
+        """The options of a run over the next step."""
+        return self._options._replace(t_start=self.t, t_end=self.t + self._width)
 
     @property
     def width(self) -> float:

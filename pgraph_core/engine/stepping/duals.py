@@ -9,9 +9,10 @@ from .. import layout as at
 from ..arrays import OUT, opened_run
 from ..compiler.address import caller
 from ..compiler.dual import duals, revalued
-from ..compiler.jit import kernel, sweep
+from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, F3, I1, carrying, f8, i8, of_duals, void
 from ..motion import acceleration, call_projection, call_record, constrain, opened, projection
+from ..records import REACHED
 from ..tree.moving import normalise_all
 from .batch import call_advance
 from .explicit import dense_output, last_stage, runge_kutta_step, semi_implicit_step, turn_spins
@@ -79,6 +80,13 @@ def go_back(run, numbers):
     control.clip = given.clip
 
 
+@part
+def width_of_step(numbers):
+    """Return the width of the last step of numbers, which an event may have cut short."""
+    given = opened_run(numbers).control[0]
+    return given.time - given.old_time if given.fired == REACHED else given.old_width
+
+
 @sweep
 def begin_step(run, numbers):
     """Go back to the start of the last step of numbers, with v' there."""
@@ -114,10 +122,11 @@ def end_step(run, numbers):
 def explicit_of_duals(run, numbers):
     """Repeat an explicit step."""
     begin_step(run, numbers)
-    data = opened_run(run)
+    data, other = opened_run(run), opened_run(numbers).control[0]
     control, stages, tableau = data.control[0], data.stages, data.tableau
     rows, size = opened(data.scene).rows, size_of_state(run)
-    t, h = control.time, opened_run(numbers).control[0].old_width
+    dense = tableau.dense.shape[0] > 0
+    t, h = control.time, other.old_width if dense else width_of_step(numbers)
     if tableau.b.shape[0] == 0:
         semi_implicit_step(rows, size, h, stages)
     else:
@@ -125,6 +134,13 @@ def explicit_of_duals(run, numbers):
         runge_kutta_step(run, None, rows, given, size, t, h, control.clip, stages, in_body)
     if data.method[0].ends == 1:
         last_stage(run, min(t + h, control.clip))
+    if dense and other.fired == REACHED:
+        copied(stages, at.Y, at.Y_OLD, stages.shape[1])
+        control.old_time = t
+        control.old_width = h
+        control.filled = 0
+        dense_output(run, width_of_step(numbers) / h)
+        copied(stages, at.TRIAL, at.CANDIDATE, stages.shape[1])
     end_step(run, numbers)
 
 

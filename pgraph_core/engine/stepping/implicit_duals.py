@@ -18,7 +18,7 @@ from ..motion import opened
 from ..tree.moving import advance, local_rate
 from . import gauss as by_gauss
 from . import implicit as by_radau
-from .duals import STEP_OF_DUALS, end_step, go_back
+from .duals import STEP_OF_DUALS, end_step, go_back, width_of_step
 from .implicit import finish_local, local_slope
 from .state import copied, size_of_state
 
@@ -95,7 +95,7 @@ def radau_of_duals(run, numbers):
     go_back(run, numbers)
     data, given = opened_run(run), opened_run(numbers)
     control, stages, flow, real = data.control[0], data.stages, data.flow, data.real
-    nv, h = control.nv, given.control[0].old_width
+    nv, h = control.nv, width_of_step(numbers)
     base = 3 * nv
     report, y = parted(real[base + by_radau.WEIGHTS]), parted(stages[at.Y])
     open_report(report)
@@ -201,7 +201,7 @@ def gauss_of_duals(run, numbers):
     data, given = opened_run(run), opened_run(numbers)
     control, stages, flow, real = data.control[0], data.stages, data.flow, data.real
     nq, nv = size_of_state(run)
-    h, count = given.control[0].old_width, data.tableau.b.shape[0]
+    h, count = width_of_step(numbers), data.tableau.b.shape[0]
     scene = opened(data.scene)
     q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
     start, unused = real[nv + by_gauss.START, :nv], real[nv + by_gauss.SCRATCH, :nv]

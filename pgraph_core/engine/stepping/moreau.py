@@ -37,9 +37,12 @@ from ..arrays import (
     STRAYS,
     SWEEPS_DONE,
     ZERO,
+    carried_at,
     opened_run,
 )
+from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import f8, i8, void
 from ..constraints.blocks import first_of, locate, residual_velocity, size_of, type_of, velocities
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
@@ -69,6 +72,10 @@ from .booking import book, note_chain
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 from .unilateral import ASK, CUT, REST, add_passed, add_unilateral, push_out
+
+# runs of duals, run of numbers, finished part of the step, its width, that of the part, first block
+REPEAT = void(i8, i8, f8, f8, f8, i8)
+call_repeat = caller(REPEAT)
 
 MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
 
@@ -203,6 +210,9 @@ def part_of_step(run, done, h, w, mode):
         this.counters[0].solver_iterations += solve_part(scene, own, q, v, vdot, ledger)
     else:
         space.vectors[STEP, :nv] = 0.0
+    if this.control[0].carried != 0:
+        carried = this.control[0].carried
+        call_repeat(carried_at(carried).repeat, (carried, run, done, h, w, first))
     book(scene, first, t + w, h, w == h - done)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])

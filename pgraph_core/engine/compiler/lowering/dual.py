@@ -203,6 +203,16 @@ _extreme(min, "<")
 _extreme(max, ">")
 
 
+def _copy_sign(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    word = ir.IntType(64)
+    bits = (builder.bitcast(value_in(builder, a), word) for a in args)
+    x, y = (builder.icmp_signed("<", one, ir.Constant(word, 0)) for one in bits)
+    return builder.select(builder.xor(x, y), builder.fneg(args[0]), args[0])
+
+
+operation((math.copysign,), _of_two(DUAL, cast=True), _copy_sign, (Dual, Dual))
+
+
 @overload(operator.pow, jit_options=INLINED, strict=False)
 def _whole_power(x: Any, n: Any) -> Any:
     if not (isinstance(x, Dual) and isinstance(n, types.Integer)):

@@ -1,0 +1,225 @@
+"""Derivatives of impulses, where a run of numbers has found their values.
+
+The laws of the active rows are equations: u = 0 of what is held. By the implicit function theorem
+the derivatives of λ solve the linearised laws, with the right side of duals at the values of λ.
+Where impulses are redundant, some of their derivatives are zero: those of velocities are the same
+for all choices.
+"""
+
+import math
+
+from ...tolerances import NOTABLE, PROXIMAL, SOLVED
+from .. import layout as at
+from ..arrays import (
+    BEFORE,
+    CHANGE,
+    DINV,
+    LAMBDA,
+    OTHER,
+    RHS,
+    STEP,
+    opened,
+)
+from ..compiler.dual import WIDTH, parted
+from ..compiler.jit import part, sweep
+from ..constraints.blocks import (
+    first_of,
+    joint_of,
+    joints_of,
+    one_sided,
+    size_of,
+    slack_of,
+    type_of,
+)
+from ..vec import dot, load
+from .newton import gather, rows_of
+
+OPEN, BOUND, HELD, UNCLEAR = 0, 1, 2, 3  # what a block's law says
+
+
+@sweep
+def law_of(data, i, unilateral, size):
+    """Return what the law of block i of numbers says, where velocities are of this size."""
+    lam, r = data.space.vectors[LAMBDA], first_of(data.space.slots, i)
+    if not unilateral:
+        return HELD
+    if type_of(data.blocks.blocks_i, i) == at.T_FRICTION:
+        u = gather(data.space.y, data.space.slots, i, data.space.vectors[STEP])
+        if abs(data.space.vectors[RHS, r] + u[0]) > SOLVED * size:
+            return BOUND
+        bound = data.blocks.blocks_f[i, at.AIM]
+        return HELD if abs(lam[r]) < (1.0 - NOTABLE) * bound else UNCLEAR
+    arrives = lam[r] * data.space.own[i, 0] > SOLVED * size  # more than what rounding leaves
+    return HELD if arrives else OPEN
+
+
+@part
+def unknowns(law, size):
+    """Return how many impulses of a block follow from its law."""
+    return 0 if law == OPEN or law == BOUND else size
+
+
+@sweep
+def largest_of(data, m):
+    """Return the largest velocity of m rows before or without impulses."""
+    size = 0.0
+    for r in range(m):
+        here = max(abs(data.space.vectors[RHS, r]), abs(data.space.vectors[BEFORE, r]))
+        size = max(size, here)
+    return size
+
+
+@sweep
+def linearise_laws(data, carried, first, size):
+    """Write the slopes of all laws by the unknown impulses into `matrix`.
+
+    Returns (the number of unknowns, whether a law has no slope).
+    """
+    blocks_i, active, slots = data.blocks.blocks_i, data.blocks.active, data.space.slots
+    y, vectors, order, matrix = data.space.y, data.space.vectors, carried.order, carried.matrix
+    effect, dinv = vectors[OTHER], vectors[DINV]
+    count = 0
+    unclear = False
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        law = law_of(data, i, j >= first, size)
+        unclear = unclear or law == UNCLEAR
+        for c in range(unknowns(law, size_of(blocks_i, i))):
+            for k in range(dinv.shape[0]):
+                effect[k] = 0.0
+            for s in range(joints_of(slots, i)):
+                k = joint_of(slots, i, s)
+                effect[k] = dinv[k] * y[i, 3 * s + c]
+            order[count] = first_of(slots, i) + c
+            row = 0
+            for n in range(1, active[0] + 1):
+                law = law_of(data, active[n], n >= first, size)
+                u = gather(y, slots, active[n], effect)
+                for d in range(unknowns(law, size_of(blocks_i, active[n]))):
+                    matrix[row, count] = u[d]
+                    row += 1
+            count += 1
+    return count, unclear
+
+
+@sweep
+def miss_laws(scene, data, first, size):
+    """Write by how much duals miss the laws into CHANGE, in the order of the unknowns."""
+    own = opened(scene)
+    blocks, space = own.blocks, own.space
+    blocks_i, blocks_f, active, slots = blocks.blocks_i, blocks.blocks_f, blocks.active, space.slots
+    vectors = space.vectors
+    missed = vectors[CHANGE]
+    row = 0
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        law = law_of(data, i, j >= first, size)
+        count = unknowns(law, size_of(blocks_i, i))
+        r = first_of(slots, i)
+        u = gather(space.y, slots, i, vectors[STEP])
+        for c in range(count):
+            missed[row + c] = vectors[RHS, r + c] + u[c]
+        if one_sided(type_of(blocks_i, i)) and count > 0:
+            missed[row] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+            missed[row] += slack_of(blocks_i, blocks_f, i)
+        row += count
+
+
+@sweep
+def effects_of_duals(scene):
+    """Write diag(1/d) Yᵀ λ of all active blocks of duals into STEP."""
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    vectors, slots = space.vectors, space.slots
+    for k in range(space.where.shape[0]):
+        vectors[STEP, k] = 0.0
+    for j in range(1, blocks.active[0] + 1):
+        i = blocks.active[j]
+        lam = rows_of(vectors[LAMBDA], first_of(slots, i), size_of(blocks.blocks_i, i))
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
+            vectors[STEP, k] += vectors[DINV, k] * dot(load(space.y, i, 3 * s), lam)
+
+
+@sweep
+def impulses_of_duals(scene, numbers, carried, first, m):
+    """Compute λ of duals from RHS and BEFORE, and what it does to the joints in STEP.
+
+    Returns whether a law has no slope, between sticking and sliding.
+    """
+    own, data = opened(scene), opened(numbers)
+    vectors, given = own.space.vectors, data.space.vectors[LAMBDA]
+    for r in range(m):
+        vectors[LAMBDA, r] = given[r]
+    size = largest_of(data, m)
+    for j in range(first, own.blocks.active[0] + 1):
+        i = own.blocks.active[j]
+        if law_of(data, i, True, size) == BOUND:
+            r, bound = first_of(own.space.slots, i), own.blocks.blocks_f[i, at.AIM]
+            vectors[LAMBDA, r] = bound if given[r] > 0.0 else -bound
+    effects_of_duals(scene)
+    count, unclear = linearise_laws(data, carried, first, size)
+    miss_laws(scene, data, first, size)
+    missed, impulses = parted(vectors[CHANGE]), parted(vectors[LAMBDA])
+    right, order = carried.right, carried.order
+    for row in range(count):
+        for k in range(1, WIDTH):
+            right[row, k] = -missed[row, k]
+    solve_ranked(carried.matrix, right, order, count)
+    for row in range(count):
+        for k in range(1, WIDTH):
+            impulses[order[row], k] += right[row, k]
+    effects_of_duals(scene)
+    return unclear
+
+
+@sweep
+def solve_ranked(a, b, order, n):
+    """Solve a x = b for columns 1 to WIDTH - 1 of b, in place, by elimination with full pivoting.
+
+    Rows and columns are scaled by their diagonals, in column 0. `order` is permuted like x. What
+    the rank does not determine is zero.
+    """
+    for r in range(n):
+        b[r, 0] = 1.0 / math.sqrt(abs(a[r, r])) if a[r, r] != 0.0 else 1.0
+    for r in range(n):
+        for c in range(n):
+            a[r, c] *= b[r, 0] * b[c, 0]
+        for k in range(1, WIDTH):
+            b[r, k] *= b[r, 0]
+    rank = n
+    for p in range(n):
+        best, row, column = 0.0, p, p
+        for r in range(p, n):
+            for c in range(p, n):
+                if abs(a[r, c]) > best:
+                    best, row, column = abs(a[r, c]), r, c
+        if not best > PROXIMAL:
+            rank = p
+            break
+        if row != p:
+            for c in range(n):
+                a[p, c], a[row, c] = a[row, c], a[p, c]
+            for k in range(1, WIDTH):
+                b[p, k], b[row, k] = b[row, k], b[p, k]
+        if column != p:
+            for r in range(n):
+                a[r, p], a[r, column] = a[r, column], a[r, p]
+            order[p], order[column] = order[column], order[p]
+            b[p, 0], b[column, 0] = b[column, 0], b[p, 0]
+        for r in range(p + 1, n):
+            x = a[r, p] / a[p, p]
+            if x != 0.0:
+                for c in range(p + 1, n):
+                    a[r, c] -= x * a[p, c]
+                for k in range(1, WIDTH):
+                    b[r, k] -= x * b[p, k]
+    for r in range(n - 1, -1, -1):
+        for k in range(1, WIDTH):
+            x = b[r, k]
+            for c in range(r + 1, rank):
+                x -= a[r, c] * b[c, k]
+            b[r, k] = x / a[r, r] if r < rank else 0.0
+    for r in range(n):
+        for k in range(1, WIDTH):
+            b[r, k] *= b[r, 0]

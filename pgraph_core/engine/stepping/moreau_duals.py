@@ -1,0 +1,459 @@
+"""Derivatives of time stepping: the parts of a step are repeated in duals as they are taken.
+
+An impact ends a part at a time that depends on all numbers. The last derivative of a dual is
+therefore by the width of the part that ends there. At the impact the gap is zero, which gives the
+derivatives of that width from those of the gap, and with them those of the state ([Müller 1995] and
+others call it the jump of the derivatives, or saltation).
+"""
+
+import math
+
+from ...tolerances import NOTABLE, step_of_differences
+from .. import layout as at
+from ..arrays import (
+    BEFORE,
+    CHANGE,
+    DAMPING,
+    DINV,
+    GYRE,
+    LAMBDA,
+    OTHER,
+    RHS,
+    STEP,
+    ZERO,
+    carried_at,
+    opened_run,
+)
+from ..compiler.address import caller
+from ..compiler.dual import WIDTH, parted, revalued
+from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import f8, i8, of_duals, void
+from ..constraints.blocks import (
+    ends_of,
+    first_of,
+    locate,
+    one_sided,
+    residual_velocity,
+    size_of,
+    span,
+    type_of,
+    velocities,
+)
+from ..constraints.constraints import driven_power, number_rows, unit_responses
+from ..constraints.paths import spread
+from ..contact.contacts import contacts_at
+from ..contact.meeting import limit_gap
+from ..contact.newton import gather
+from ..contact.slopes import impulses_of_duals
+from ..contact.sweeps import own_block
+from ..motion import call_acceleration, opened
+from ..tree.kinematics import frames, positions
+from ..tree.moving import advance
+from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
+from .duals import D1, STEP_OF_DUALS, end_step, take_values
+from .moreau import REPEAT, book_drives, relax, stiffen, turn_rates
+from .state import copied, size_of_state
+from .unilateral import push_out, span_reaches
+
+BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
+# entries of END: when a part begins, of which only the derivatives count, how wide it is, and what
+# was left of the step when the path to an impact was looked for
+BEGUN, TAKEN, LEFT, KEPT = 0, 1, 2, 3
+START, HERE = at.WEIGHT, at.STAGE  # rows: the state there, and the one that waits meanwhile
+SHIFT = step_of_differences(2)  # part of a step over which forces are differenced in time
+NO_SLOPE, TOGETHER, HIT = 1.0, 2.0, 3.0  # why derivatives end
+
+
+@kernel(i8(of_duals, D1, D1, D1), nogil=True, later=True)
+def forces_of_duals(scene, v, tau, flow):
+    """Add nothing: limits act by impulses alone."""
+    return 0
+
+
+# run of duals, run of numbers, runs of duals, finished part, widths, first block
+PART = void(of_duals, i8, i8, f8, f8, f8, i8)
+call_part = caller(PART)
+
+
+@kernel(REPEAT, nogil=True, later=True)
+def repeat_part(carried, numbers, done, h, w, first):
+    """Repeat a part of a step in all runs of duals."""
+    given = carried_at(carried)
+    for k in range(given.runs.shape[0]):
+        call_part(given.part, (given.runs[k], numbers, carried, done, h, w, first))
+
+
+@kernel(PART, nogil=True, later=True)
+def part_of_duals(run, numbers, carried, done, h, w, first):
+    """Repeat a part of a step from the state CANDIDATE."""
+    data = opened_run(run)
+    scene, stages = data.scene, data.stages
+    take_values(run, numbers, at.CANDIDATE, at.TRIAL)
+    if w == 0.0:
+        locate_impact(run, numbers, carried, (done, h), first)
+    elif parted(stages[at.END])[LEFT, 0] > 0.0:
+        locate_end(run, numbers, (done, h))
+    begin_part(run, done, h, w)
+    copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
+    t, width = opened_run(numbers).control[0].time + done, stages[at.END, TAKEN]
+    move_freely(run, t, h, w)
+    nq, nv = size_of_state(run)
+    q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
+    vdot, before = stages[at.SLOPE, nq : nq + nv], stages[at.TRIAL, nq : nq + nv]
+    ledger, flow = stages[at.CANDIDATE, nq + nv :], data.flow
+    scene_of_numbers = opened_run(numbers).scene
+    set_rows(scene, scene_of_numbers, first, width, q, v)
+    own = opened(scene)
+    space = own.space
+    ledger[at.WORK_DONE] += width * flow[0]
+    ledger[at.DISSIPATED] += width * flow[1]
+    for k in range(nv):
+        space.vectors[STEP, k] = 0.0
+    if own.blocks.active[0] > 0:
+        m = number_rows(own.blocks, space.slots)
+        set_rates(run, t, w)
+        if w < h and first > 1:
+            follow_width(run, t + w, h, m)
+        unit_responses(own.rows, own.const, own.blocks, own.work, space)
+        given = carried_at(carried)
+        if impulses_of_duals(scene, scene_of_numbers, given, first, m):
+            end_derivatives(carried, t, NO_SLOPE)
+        ledger[at.DISSIPATED] -= gained(scene, scene_of_numbers, first)
+        spread(own.rows, own.const, own.work, space.vectors[STEP])
+    for j in range(nv):
+        v[j] += width * vdot[j] + space.vectors[STEP, j]
+    damping, tau = stages[at.ERROR, :nv], stages[at.TORQUE, :nv]
+    book_drives(own.rows, own.drives, tau, before, damping, width, v, ledger)
+    if first > 1:
+        work = driven_power(own.blocks, space, before) + driven_power(own.blocks, space, v)
+        ledger[at.WORK_DONE] += 0.5 * work
+    advance(own.rows, q, v, 0.5 * width)
+    if own.blocks.active[0] >= first and w > 0.0:
+        for j in range(first, own.blocks.active[0] + 1):
+            own_block(space.y, space.slots, space.vectors[DINV], own.blocks.active[j], space.own)
+        push_out(scene, first, h, q)
+    stages[at.END, BEGUN] = stages[at.END, BEGUN] + width
+    cease(carried, stages[at.CANDIDATE])
+
+
+@sweep
+def begin_part(run, done, h, w):
+    """Set the derivatives of the width of a part, of which the last ends with the step."""
+    stages = opened_run(run).stages
+    begun, taken = parted(stages[at.END])[BEGUN], parted(stages[at.END])[TAKEN]
+    if w > 0.0:
+        state = parted(stages[at.CANDIDATE])
+        for i in range(stages.shape[1]):
+            state[i, BY_WIDTH] = 0.0
+        begun[BY_WIDTH] = 0.0
+    last = w > 0.0 and w == h - done
+    for k in range(1, WIDTH):
+        taken[k] = -begun[k] if last else 0.0
+    taken[0] = w
+    if w > 0.0:
+        left = parted(stages[at.END])[LEFT]
+        left[0] = 0.0 if last else h - done
+        for k in range(1, WIDTH):
+            left[k] = -begun[k]
+        copied(stages, at.CANDIDATE, START, stages.shape[1])
+    if w > 0.0 and not last:
+        taken[BY_WIDTH] = 1.0
+
+
+@sweep
+def move_freely(run, t, h, w):
+    """Go to the middle of a part, and compute v' and the power there."""
+    data = opened_run(run)
+    scene, stages, flow = data.scene, data.stages, data.flow
+    nq, nv = size_of_state(run)
+    q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
+    before, vdot = stages[at.TRIAL, nq : nq + nv], stages[at.SLOPE, nq : nq + nv]
+    own = opened(scene)
+    active, vectors, width = own.blocks.active, own.space.vectors, stages[at.END, TAKEN]
+    count = active[0]
+    active[0] = 0
+    advance(own.rows, q, v, 0.5 * width)
+    if 0.0 < w < h:
+        differ_in_time(run, t + 0.5 * w, SHIFT * h)
+    accelerate(run, t + 0.5 * w)
+    if w > 0.0:
+        if w < h:
+            late = stages[at.END, BEGUN] + 0.5 * width
+            late = revalued(late, 0.0)
+            for j in range(nv):
+                vdot[j] += stages[at.FROM, nq + j] * late
+            flow[0] += stages[at.FROM, nq + nv] * late
+            flow[1] += stages[at.FROM, nq + nv + 1] * late
+        for j in range(nv):
+            vectors[ZERO, j] = 0.0
+        gyre = vectors[GYRE : GYRE + GYRE_ROWS]
+        keep_gyrating(own.rows, own.const, own.work, q, before, width, vectors[ZERO], gyre, vdot)
+        keep_spinning(own.rows, own.const, own.work, before, width, vectors[STEP], vdot)
+    relax(own.rows, own.const, vectors, own.given)
+    for j in range(nv):
+        stages[at.ERROR, j] = vectors[DAMPING, j]
+    positions(own.rows, own.work)
+    active[0] = count
+
+
+@sweep
+def accelerate(run, t):
+    """Compute v' and the power of CANDIDATE at time t, with drives as inertia."""
+    data = opened_run(run)
+    stages, width = data.stages, data.stages[at.END, TAKEN]
+    nq, nv = size_of_state(run)
+    q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
+    tau, vdot = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv]
+    stiffen(data.scene, t, width, q, v)
+    call_acceleration(data.links.accelerate, (data.scene, t, q, v, tau, vdot, data.flow))
+
+
+@sweep
+def differ_in_time(run, t, shift):
+    """Write the slopes of v' and of the power in time into FROM, by central differences."""
+    data = opened_run(run)
+    stages, flow, own = data.stages, data.flow, opened(data.scene)
+    nq, nv = size_of_state(run)
+    for sign in (-1.0, 1.0):
+        accelerate(run, t + sign * shift)
+        relax(own.rows, own.const, own.space.vectors, own.given)
+        for j in range(nv):
+            x = sign * stages[at.SLOPE, nq + j] / (2.0 * shift)
+            stages[at.FROM, nq + j] = x if sign < 0.0 else stages[at.FROM, nq + j] + x
+        for c in range(2):
+            x = sign * flow[c] / (2.0 * shift)
+            stages[at.FROM, nq + nv + c] = x if sign < 0.0 else stages[at.FROM, nq + nv + c] + x
+
+
+@sweep
+def set_rows(scene, numbers, first, width, q, v):
+    """Write the unilateral rows, from block `first` on, as the run of numbers has chosen them."""
+    blocks, given = opened(scene).blocks, opened(numbers).blocks.blocks_f
+    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
+    for j in range(first, active[0] + 1):
+        i = active[j]
+        kind = type_of(blocks_i, i)
+        if kind == at.T_FRICTION:
+            blocks_f[i, at.AIM] = width * blocks_f[i, at.VALUE]
+        elif kind == at.T_SPAN:
+            span_reaches(scene, i, width, v)
+        else:
+            blocks_f[i, at.AIM] = 0.0
+            if given[i, at.AIM] != 0.0:
+                blocks_f[i, at.AIM] = 2.0 * limit_gap(blocks, i, q) / width
+            blocks_f[i, at.BOUNCE] = 0.0
+            if given[i, at.BOUNCE] != 0.0:
+                blocks_f[i, at.BOUNCE] = blocks_f[i, at.REBOUND]
+
+
+@sweep
+def set_rates(run, t, w):
+    """Write J v into BEFORE and J (v + w v') into RHS, as `moreau.set_velocities` does."""
+    data = opened_run(run)
+    stages, own = data.stages, opened(data.scene)
+    rows, const, work, space = own.rows, own.const, own.work, own.space
+    nq, nv = size_of_state(run)
+    v, vdot = stages[at.CANDIDATE, nq : nq + nv], stages[at.SLOPE, nq : nq + nv]
+    vectors, width = space.vectors, stages[at.END, TAKEN]
+    locate(own.blocks, work, space.place)
+    velocities(rows, const, work, v, space.linear)
+    residual_velocity(own.blocks, work, space, t, v, vectors[BEFORE])
+    for j in range(nv):
+        vectors[STEP, j] = v[j] + width * vdot[j]
+    turn_rates(rows, const, work, vectors[STEP])
+    velocities(rows, const, work, vectors[STEP], space.linear)
+    residual_velocity(own.blocks, work, space, t + w, vectors[STEP], vectors[RHS])
+
+
+@sweep
+def follow_width(run, t, h, m):
+    """Add to the speeds of rows what prescribed motions change where the part ends later, at t."""
+    data = opened_run(run)
+    own, stages = opened(data.scene), data.stages
+    vectors, nv = own.space.vectors, data.control[0].nv
+    end = revalued(stages[at.END, BEGUN] + stages[at.END, TAKEN], 0.0)
+    for sign in (-1.0, 1.0):
+        row = vectors[CHANGE] if sign < 0.0 else vectors[OTHER]
+        moment = t + sign * SHIFT * h
+        residual_velocity(own.blocks, own.work, own.space, moment, vectors[STEP, :nv], row)
+    for r in range(m):
+        slope = (vectors[OTHER, r] - vectors[CHANGE, r]) / (2.0 * SHIFT * h)
+        vectors[RHS, r] += slope * end
+
+
+@sweep
+def gained(scene, numbers, first):
+    """Return the energy that unilateral impulses add [J], as `impulse.gained`."""
+    own, given = opened(scene), opened(numbers).space.vectors[LAMBDA]
+    blocks, space = own.blocks, own.space
+    blocks_i, blocks_f, vectors = blocks.blocks_i, blocks.blocks_f, space.vectors
+    gain = 0.0 * vectors[STEP, 0]
+    for j in range(first, blocks.active[0] + 1):
+        i = blocks.active[j]
+        r = first_of(space.slots, i)
+        u = gather(space.y, space.slots, i, vectors[STEP])
+        for c in range(size_of(blocks_i, i)):
+            if given[r + c] != 0.0:
+                mean = vectors[BEFORE, r + c] + vectors[RHS, r + c] + u[c]
+                if one_sided(type_of(blocks_i, i)):
+                    mean -= blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+                gain += vectors[LAMBDA, r + c] * 0.5 * mean
+    return gain
+
+
+# -- the time of an impact -------------------------------------------------------------------------
+
+
+@part
+def gap_of(scene, i, q):
+    """Return the gap of a limit of a joint or of a length, after `positions`."""
+    data = opened(scene)
+    blocks = data.blocks
+    if type_of(blocks.blocks_i, i) == at.T_LIMIT:
+        return limit_gap(blocks, i, q)
+    a, b = ends_of(blocks.blocks_i, i)
+    return span(blocks.blocks_f, i, data.work, a, b)[0]
+
+
+@sweep
+def locate_impact(run, numbers, carried, place, first):
+    """Give the state before an impact the derivatives of its time.
+
+    The fastest block to close tells them. What hits together by chance has no common slope. `place`
+    is (finished part of the step, its width).
+    """
+    data = opened_run(run)
+    scene, stages = data.scene, data.stages
+    own, given = opened(scene), opened(opened_run(numbers).scene)
+    active, gaps = own.blocks.active, own.space.vectors[OTHER]
+    chief, fastest = -1, 0.0
+    for j in range(first, active[0] + 1):
+        r = first_of(given.space.slots, active[j])
+        closing = -given.space.vectors[BEFORE, r]
+        if given.space.vectors[LAMBDA, r] > 0.0 and closing > fastest:
+            chief, fastest = active[j], closing
+    if chief < 0:
+        return
+    if not parted(stages[at.END])[LEFT, 0] > 0.0:  # no part has ended here
+        end_derivatives(carried, opened_run(numbers).control[0].time + place[0], HIT)
+        return
+    follow_path(run, numbers, place)
+    q = stages[at.CANDIDATE, : data.control[0].nq]
+    gaps[0] = gap_of(scene, chief, q)
+    gap = parted(gaps)
+    for j in range(first, active[0] + 1):
+        i = active[j]
+        r = first_of(given.space.slots, i)
+        closing = -given.space.vectors[BEFORE, r]
+        if given.space.vectors[LAMBDA, r] > 0.0 and closing > NOTABLE * fastest:
+            gaps[1] = gap_of(scene, i, q)
+            for k in range(1, BY_WIDTH):
+                share = gap[1, BY_WIDTH] / gap[0, BY_WIDTH]
+                if abs(gap[1, k] - share * gap[0, k]) > NOTABLE * (abs(gap[1, k]) + abs(gap[0, k])):
+                    end_derivatives(carried, opened_run(numbers).control[0].time, TOGETHER)
+    arrive(run)
+
+
+@sweep
+def locate_end(run, numbers, place):
+    """Give the state after a part the derivatives of the time at which it ended without an impact.
+
+    It ended where a limit was met on the path: the one whose gap is least there. The part itself
+    went another way, so that the limit is looked for again. v' depends on the velocity before a
+    part, so that its end may not be held: derivatives would be wrong by a part of the step.
+    """
+    data = opened_run(run)
+    scene, stages = data.scene, data.stages
+    given, gaps = opened(opened_run(numbers).scene), opened(scene).space.vectors[OTHER]
+    tally = contacts_at(given.links.contacts).tally[0]
+    follow_path(run, numbers, place)
+    q = stages[at.CANDIDATE, : data.control[0].nq]
+    least = math.inf
+    for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        if given.blocks.blocks_f[i, at.LOCATED] < math.inf:
+            gaps[1] = gap_of(scene, i, q)
+            if abs(parted(gaps)[1, 0]) < least:
+                least = abs(parted(gaps)[1, 0])
+                gaps[0] = gaps[1]
+    arrive(run)
+
+
+@sweep
+def arrive(run):
+    """Go back from the path to the state that waits, at the time at which the first gap closes."""
+    data = opened_run(run)
+    stages, gap = data.stages, parted(opened(data.scene).space.vectors[OTHER])
+    copied(stages, HERE, at.CANDIDATE, stages.shape[1])
+    stages[at.END, BEGUN] = stages[at.END, KEPT]
+    stages[at.END, TAKEN] = 0.0
+    state, times = parted(stages[at.CANDIDATE]), parted(stages[at.END])
+    for k in range(1, BY_WIDTH):
+        later = -gap[0, k] / gap[0, BY_WIDTH]
+        for i in range(stages.shape[1]):
+            state[i, k] += state[i, BY_WIDTH] * later
+        times[BEGUN, k] += times[BEGUN, BY_WIDTH] * later
+    for i in range(stages.shape[1]):
+        state[i, BY_WIDTH] = 0.0
+    times[BEGUN, BY_WIDTH] = 0.0
+    times[LEFT, 0] = 0.0
+
+
+@sweep
+def follow_path(run, numbers, place):
+    """Go along the path without impulses on which the impact was looked for, as `state_at`."""
+    data = opened_run(run)
+    scene, stages = data.scene, data.stages
+    nq, nv = size_of_state(run)
+    done, h = place
+    left = parted(stages[at.END])[LEFT, 0]
+    copied(stages, at.CANDIDATE, HERE, stages.shape[1])
+    copied(stages, START, at.CANDIDATE, stages.shape[1])
+    copied(stages, START, at.TRIAL, stages.shape[1])
+    stages[at.END, KEPT] = stages[at.END, BEGUN]
+    stages[at.END, BEGUN] = -stages[at.END, LEFT]
+    stages[at.END, TAKEN] = stages[at.END, LEFT]
+    move_freely(run, opened_run(numbers).control[0].time + (h - left), h, left)
+    copied(stages, START, at.CANDIDATE, stages.shape[1])
+    stages[at.END, TAKEN] = done - (h - left)
+    parted(stages[at.END])[TAKEN, BY_WIDTH] = 1.0
+    own, time = opened(scene), stages[at.END, TAKEN]
+    q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
+    speed = own.space.vectors[STEP, :nv]
+    for j in range(nv):
+        speed[j] = v[j] + 0.5 * time * stages[at.SLOPE, nq + j]
+    advance(own.rows, q, speed, time)
+    frames(own.rows, own.const, own.work, q, v)
+    positions(own.rows, own.work)
+
+
+# -- ends ------------------------------------------------------------------------------------------
+
+
+@part
+def end_derivatives(carried, t, why):
+    """Note the first time at which derivatives do not exist."""
+    ended = carried_at(carried).ended
+    if ended[1] == 0.0:
+        ended[0] = t
+        ended[1] = why
+
+
+@sweep
+def cease(carried, state):
+    """Make all derivatives nan once they have ended."""
+    if carried_at(carried).ended[1] != 0.0:
+        derivatives = parted(state)
+        for i in range(state.shape[0]):
+            for k in range(1, WIDTH):
+                derivatives[i, k] = math.nan
+
+
+@kernel(STEP_OF_DUALS, nogil=True, later=True)
+def moreau_jean_of_duals(run, numbers):
+    """End a step, of which all parts have been repeated."""
+    stages = opened_run(run).stages
+    for i in range(stages.shape[1]):
+        parted(stages[at.CANDIDATE])[i, BY_WIDTH] = 0.0
+    end_step(run, numbers)
+    copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
+    stages[at.END, BEGUN] = 0.0
