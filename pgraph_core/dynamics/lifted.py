@@ -57,6 +57,8 @@ def slope_of(kind: Any, values: Sequence[Any], weights: Sequence[float]) -> Any:
     first, *others = values
     if any(x.shape != first.shape for x in others):
         raise Differs
+    if kind.duals and are_same(values):
+        return np.zeros(_words(first).shape)
     if kind.duals and kind.dtype.names:
         real = np.tile(_is_real(kind.dtype), (len(first), 1))
         words = [_words(x) for x in values]
@@ -81,7 +83,7 @@ def are_on_lines(kind: Any, values: Sequence[Any]) -> bool:
         return all(
             are_on_lines(own, [value[i] for value in values]) for i, own in enumerate(kind.members)
         )
-    if not (isinstance(kind, ArrayKind) and kind.duals):
+    if not (isinstance(kind, ArrayKind) and kind.duals) or are_same(values):
         return True
     words = [_words(value) for value in values]
     if kind.dtype.names:
@@ -91,6 +93,12 @@ def are_on_lines(kind: Any, values: Sequence[Any]) -> bool:
     size = max(float(np.abs(x).max(initial=0.0)) for x in (at_0, at_1, at_2))
     bent = np.abs(2.0 * at_1 + at_2 - 3.0 * at_0)
     return float(bent.max(initial=0.0)) <= 16.0 * np.finfo(float).eps * size
+
+
+def are_same(values: Sequence[Array]) -> bool:
+    """True if arrays of one shape have the same bits."""
+    first = values[0].tobytes()
+    return all(value.tobytes() == first for value in values[1:])
 
 
 def laid_out(kind: Any, value: Any) -> list[int]:
