@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..engine.arrays import Scene
 from ..errors import InputError, Problem
 from ..packing import Array
+from .options import Options
 from .recording import Recording
 from .sensitivity import Carried, Given, Slope, Variable, directions, slope_of_scenes
-
-if TYPE_CHECKING:
-    from .stepper import Stepper
 
 GIVEN, DRIVES = Scene._fields.index("given"), Scene._fields.index("drives")
 
@@ -31,12 +29,14 @@ class LinearStep(NamedTuple):
     notices: tuple[str, ...] = ()  # why entries are nan
 
 
-def linear_step(stepper: Stepper, tau: Any, inputs: dict[str, tuple[int, float]]) -> LinearStep:
-    """Return the linearised next step, with torques `tau`.
+def linear_step(
+    own: Recording, options: Options, width: float, tau: Any, inputs: dict[str, tuple[int, float]]
+) -> LinearStep:
+    """Return the linearised next step, of a width [s], of a recording with torques `tau`.
 
     `inputs` are {name: (knot, its change with the input)}. Raises InputError.
     """
-    mech, own = stepper.mech, stepper.recording
+    mech = own.mech
     nq, nv = mech.nq, mech.nv
     if callable(tau):
         text = "a function of torques has no derivatives: give numbers, motors or servos"
@@ -44,11 +44,10 @@ def linear_step(stepper: Stepper, tau: Any, inputs: dict[str, tuple[int, float]]
     if len(own.q) > nq:
         text = "has no derivatives yet beside controls with states"
         raise InputError(Problem("Stepper.linearise", "", text))
-    options = stepper.options_of_step
     plan = replace(
         own.plan, start=(own.q.copy(), own.v.copy()), active=np.array(sorted(own.held)),
         times=np.array([options.t_start, options.t_end]), substeps=np.array([1]),
-        width=np.array([stepper.width]), shown=None, changes=(), way=None,
+        width=np.array([width]), shown=None, changes=(), way=None,
     )  # fmt: skip
     record = Recording(mech, plan, plan.start[0], plan.start[1], tau)
     columns = [f"x.{n}" for n in range(2 * nv)]

@@ -466,7 +466,8 @@ class Stepper(Snapshots):
             _, knot, _, slope, _ = self._inputs[name]
             chosen[name] = knot, slope
         acting = self._tau if callable(self._tau) else self._record.scene.given.copy()
-        return linear_step(self, acting if tau is None else tau, chosen)
+        torques = acting if tau is None else tau
+        return linear_step(self._record, self.options_of_step, self.width, torques, chosen)
 
     # -- changes between steps -------------------------------------------------------------------
 
