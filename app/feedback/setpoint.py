@@ -19,6 +19,7 @@ from . import NEAR
 
 FRAMES = 200  # points of a curve
 SETTLED = 0.02  # part of the step within which the signal stays once it has settled
+LAST = 0.2  # part of the time over which a settled signal rests, as in the Plots tab
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Response:
     unit: str = ""  # unit of the size: "angle" and "length" follow the page's units
     curves: tuple[tuple[str, list[float], list[float]], ...] = ()  # name, times [s]
     overshoot: float = 0.0  # largest excess over the setpoint
-    settled: float = 0.0  # time from which on it stays SETTLED near its last value [s]
+    settled: float | None = None  # time from which on it stays SETTLED near its end [s], if it does
     left: float = 0.0  # error at the end
     problem: str = ""
     busy: bool = True
@@ -66,10 +67,17 @@ def answered(model: pg.Model, name: str, how: dict[str, Any]) -> Response:
     y /= size
     read_as = control.signal.strip().removeprefix("=").strip()
     curves = tuple((x, t.tolist(), z.tolist()) for x, z in ((read_as, y), (f"x.{name}", u)))
-    outside = np.flatnonzero(np.abs(y - y[-1]) > SETTLED)
-    settled = float(t[outside[-1] + 1]) if len(outside) else 0.0
     overshoot, left = max(float(y.max()) - 1.0, 0.0), 1.0 - float(y[-1])
-    return Response(name, size, unit, curves, overshoot, settled, left, busy=False)
+    return Response(name, size, unit, curves, overshoot, _settled(t, y), left, busy=False)
+
+
+def _settled(t: np.ndarray, y: np.ndarray) -> float | None:
+    """Return the time from which on a curve stays near the mean of its last part, if that rests."""
+    last = y[t >= t[-1] - LAST * (t[-1] - t[0])]
+    if np.ptp(last) > SETTLED:
+        return None
+    outside = np.flatnonzero(np.abs(y - last.mean()) > SETTLED)
+    return float(t[outside[-1] + 1]) if len(outside) else 0.0
 
 
 def _ran(model: pg.Model, how: dict[str, Any]) -> pg.Result:

@@ -4,11 +4,12 @@
   const { make, send } = pgraph;
   const SERIES = 8; // colours, which the style has as --s0 and so on
   const DASHES = [[], [6, 3], [2, 2]], KEPT = [[5, 3], [2, 2], [8, 2, 2, 2], [1, 3], [8, 4]]; // [px]
-  const NOISE = 1e-12; // of the largest value of a plot: what rounding leaves of a zero
+  const NOISE = 2 ** 12 * Number.EPSILON; // of the largest value of a plot: rounding of thousands of operations
   const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 28;
   const heightOf = (canvas) => canvas.clientHeight || 142;
   const BAND = 0.02; // of its way within which a curve has settled
-  const LOUD = 1e-3; // of the largest amplitude: a spectrum is shown up to the last that is larger
+  const LAST = 0.2; // of the time in sight: the part in which a settled curve rests; half a cosine varies by 0.1 of its way there
+  const LOUD = 1e-3; // of the largest amplitude: smaller ones end a spectrum and count as no swing
   let zoom = null, charts = [], cursor = 0, measured = false, spectra = false;
 
   function build(host) {
@@ -227,27 +228,84 @@
   // Of the first eight curves, the next and the ones after; of each kept run another.
   const dashes = ({ i, kept }) => (kept ? KEPT[(kept - 1) % KEPT.length] : DASHES[Math.floor(i / SERIES) % DASHES.length]);
 
-  // Of each curve, over the times in sight. The frequency is of crossings of the mean upwards.
+  // The part of a curve between two times, with its values at both.
+  function within({ t, y }, t0, t1) {
+    const found = [];
+    t.forEach((at, i) => {
+      const line = (time) => [time, y[i - 1] + ((time - t[i - 1]) / (at - t[i - 1])) * (y[i] - y[i - 1])];
+      if (i && t[i - 1] < t0 && at > t0) found.push(line(t0));
+      if (at >= t0 && at <= t1) found.push([at, y[i]]);
+      if (i && t[i - 1] < t1 && at > t1) found.push(line(t1));
+    });
+    return found;
+  }
+  function overTime(seen) {
+    let [low, high, area, square] = [Infinity, -Infinity, 0, 0];
+    seen.forEach(([at, v], i) => {
+      low = Math.min(low, v); high = Math.max(high, v);
+      if (!i) return;
+      const [before, u] = seen[i - 1], dt = at - before;
+      area += dt * (u + v) / 2; square += dt * (u * u + u * v + v * v) / 3;
+    });
+    const span = seen.at(-1)[0] - seen[0][0];
+    return { low, high, mean: area / span, rms: Math.sqrt(square / span) };
+  }
+  // Between the samples i - 1 and i: the time at which a curve has this value.
+  const crossing = (seen, i, value) => seen[i - 1][0] + ((value - seen[i - 1][1]) / (seen[i][1] - seen[i - 1][1])) * (seen[i][0] - seen[i - 1][0]);
+
+  // Overshoot and settling time of a step. It has settled if its last part varies by less than BAND of its way from the start
+  // to the mean of that part. Where it returns to its start there is none.
+  function stepped(seen, { low, high }) {
+    const [start, value] = seen[0], end = seen.at(-1)[0];
+    const last = overTime(within({ t: seen.map(([at]) => at), y: seen.map(([, v]) => v) }, end - LAST * (end - start), end));
+    const way = last.mean - value, size = Math.abs(way), spread = last.high - last.low, least = BAND * (high - low);
+    if (size <= least && spread <= least) return null;
+    if (spread > BAND * size) return { settled: false };
+    const band = BAND * size, out = seen.findLastIndex(([, v]) => Math.abs(v - last.mean) > band);
+    const edge = last.mean + Math.sign(seen[out][1] - last.mean) * band;
+    return { settled: true, final: last.mean, overshoot: Math.max(0, way > 0 ? high - last.mean : last.mean - low) / size, time: crossing(seen, out + 1, edge) - start };
+  }
+  // Cycles a second, of at least two, or null. Each swing to the other side of a value is timed halfway between its two extremes:
+  // of a decaying oscillation these times are evenly apart, whatever the value, as the crossings of one value are not.
+  function frequency(seen, { low, high }, middle) {
+    const extremes = [], least = LOUD * (high - low); // smaller swings count as none
+    let side = 0;
+    seen.forEach(([, v], i) => {
+      const now = Math.abs(v - middle) > least ? Math.sign(v - middle) : side;
+      if (now && now !== side) extremes.push(i);
+      else if (now && now * (v - seen[extremes.at(-1)][1]) > 0) extremes[extremes.length - 1] = i;
+      side = now;
+    });
+    const whole = extremes.filter((i) => i && i < seen.length - 1); // the others may go on out of sight
+    const times = whole.slice(1).map((to, k) => {
+      const from = whole[k], half = (seen[from][1] + seen[to][1]) / 2, sign = Math.sign(seen[to][1] - half);
+      let i = from + 1;
+      while (sign * (seen[i][1] - half) < 0) i++;
+      return crossing(seen, i, half);
+    });
+    const cycles = Math.floor((times.length - 1) / 2);
+    return cycles < 2 ? null : cycles / (times[2 * cycles] - times[0]);
+  }
+  // What the ruler says of a curve from t0 to t1, or null. Of what varies by rounding of `scale` it names no step and no frequency.
+  function figures(line, [t0, t1], scale) {
+    const seen = within(line, t0, t1);
+    if (seen.length < 2) return null;
+    const found = overTime(seen), varies = found.high - found.low > NOISE * scale;
+    const step = varies ? stepped(seen, found) : null;
+    return { ...found, step, frequency: varies ? frequency(seen, found, step?.final ?? found.mean) : null };
+  }
+  const largest = (all) => Math.max(0, ...all.flatMap(({ y }) => y.map(Math.abs)));
+
   function measures(chart, all, span) {
     chart.table.hidden = !measured || !span;
     if (chart.table.hidden) return;
-    const [t0, t1] = span;
-    const few = (x) => (Number.isFinite(x) ? Number(x.toPrecision(4)).toString() : "–");
-    const row = ({ label: name, t, y }) => {
-      let [low, high, area, square, span, ups, first, final] = [Infinity, -Infinity, 0, 0, 0, 0, NaN, NaN];
-      const seen = t.map((at, i) => [at, y[i]]).filter(([at]) => at >= t0 && at <= t1);
-      seen.forEach(([at, v], i) => {
-        low = Math.min(low, v); high = Math.max(high, v);
-        if (!i) return;
-        const [before, u] = seen[i - 1], dt = at - before;
-        area += dt * (u + v) / 2; square += dt * (u * u + u * v + v * v) / 3; span += dt;
-      });
-      const mean = area / span;
-      seen.forEach(([at, v], i) => { if (i && seen[i - 1][1] < mean && v >= mean) { ups++; first = Number.isNaN(first) ? at : first; final = at; } });
-      const end = seen.at(-1)?.[1], start = seen[0]?.[1], way = end - start, over = way > 0 ? high - end : end - low;
-      const goes = Math.abs(way) > 1e-3 * (high - low), last = seen.findLastIndex(([, v]) => Math.abs(v - end) > BAND * Math.abs(way));
-      return [name, few(low), few(high), few(mean), few(Math.sqrt(square / span)), goes ? `${few(100 * over / Math.abs(way))} %` : "–",
-        goes && last < seen.length - 2 ? `${few(seen[last + 1][0] - seen[0][0])} s` : "–", ups > 1 ? `${few((ups - 1) / (final - first))} Hz` : "–"];
+    const few = (x) => Number(x.toPrecision(4)).toString(), scale = largest(all);
+    const row = (one) => {
+      const found = figures(one, span, scale);
+      if (!found) return [one.label, ...Array(7).fill("–")];
+      const { low, high, mean, rms, step, frequency: often } = found;
+      const said = (text) => (!step ? "–" : step.settled ? text() : "not settled");
+      return [one.label, ...[low, high, mean, rms].map(few), said(() => `${few(100 * step.overshoot)} %`), said(() => `${few(step.time)} s`), often === null ? "–" : `${few(often)} Hz`];
     };
     const line = (tag) => (cells) => make("tr", {}, ...cells.map((textContent) => make(tag, { textContent })));
     chart.table.replaceChildren(line("th")(["", "min", "max", "mean", "RMS", "overshoot", "settles in", "frequency"]), ...all.map(row).map(line("td")));
@@ -286,7 +344,7 @@
   function legend(chart, entries) {
     chart.legend.replaceChildren(...entries.map(([name, color, value, dash]) => {
       const style = dash.length === 0 ? "solid" : dash[0] > 2 ? "dashed" : "dotted";
-      const noise = NOISE * Math.max(...chart.data.curves.flatMap(({ y }) => [Math.max(...y), -Math.min(...y)]));
+      const noise = NOISE * largest(chart.data.curves);
       const said = value === null ? "" : Math.abs(value) < noise ? "0" : Number(value.toPrecision(4)).toString();
       return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `border-top-color:${color};border-top-style:${style}` }), `${name} ${said}`);
     }));
@@ -297,7 +355,7 @@
     paintAll(host);
   }
 
-  pgraph.amplitudes = amplitudes;
+  Object.assign(pgraph, { amplitudes, figures });
   pgraph.on("opened", () => { zoom = null; });
   pgraph.view("plots", {
     build, plots: draw, signals: choices,

@@ -176,8 +176,11 @@ def test_the_step_response_of_a_pid_is_that_of_its_transfer_function(
     assert u[0] == pytest.approx(kp + kd / lag)
     assert found.overshoot == pytest.approx(max(wanted.max() - 1, 0), abs=1e-6)
     assert found.left == pytest.approx(1 - wanted[-1], abs=1e-6)
-    near = np.abs(wanted - wanted[-1]) <= SETTLED
-    assert near[np.array(t) >= found.settled].all()
+    late = wanted[np.array(t) >= 0.8 * t[-1]]
+    assert (found.settled is None) == (np.ptp(late) > SETTLED)
+    if found.settled is not None:
+        near = np.abs(wanted - late.mean()) <= SETTLED * (1 + 1e-4)
+        assert near[np.array(t) >= found.settled].all()
     assert state.model is model
 
 

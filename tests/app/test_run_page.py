@@ -1,5 +1,6 @@
 """Runs as a person meets them: play, scrub, live, cancel, plots, operators, reports, export."""
 
+import math
 from typing import Any
 
 import pytest
@@ -146,6 +147,56 @@ SINE = """() => {  // 2 sin(2 pi 3 t) about 5, for 10 s at uneven times: its pea
   const y = t.map((x) => 5 + 2 * Math.sin(2 * Math.PI * 3 * x));
   const found = pgraph.amplitudes({ t, y }, [0, 10]), top = Math.max(...found.y);
   return [found.t[found.y.indexOf(top)], top]; }"""
+
+
+FIGURES = """([of, n, span, uneven, about, way, damping]) => {  // of a curve
+  const t = Array.from({ length: n }, (_, k) => span * (k / (n - 1)) ** uneven);
+  const w = 10, z = damping, wd = w * Math.sqrt(Math.max(0, 1 - z * z));
+  const curves = {
+    step: (x) => 1 - Math.exp(-z * w * x) * (Math.cos(wd * x) + (z * w / wd) * Math.sin(wd * x)),
+    lag: (x) => 1 - Math.exp(-x), sine: (x) => Math.sin(w * x + 0.3),
+    pulse: (x) => Math.exp(-z * w * x) * Math.sin(wd * x),
+    still: (x) => 3e-16 * Math.sin(1e4 * x) };
+  const y = t.map((x) => about + way * curves[of](x));
+  return pgraph.figures({ t, y }, [0, span], Math.max(...y.map(Math.abs))); }"""
+
+
+def test_the_ruler_names_a_step_and_a_frequency_only_where_there_is_one(rods):
+    """Constant curves had an overshoot of 1040 % and 15 Hz, and unsettled ones a wrong one."""
+
+    def said(of, n, span, uneven=1.0, about=0.0, way=1.0, damping=0.25):
+        return rods.evaluate(FIGURES, [of, n, span, uneven, about, way, damping])
+
+    for about in (1.0, -0.3, 1e6, 1e-9):
+        for n in (3, 200, 2000):
+            found = said("still", n, 3.0, about=about, way=about)
+            assert (found["step"], found["frequency"]) == (None, None)
+            assert found["mean"] == pytest.approx(about)
+    shapes = [(1.0, 0.0, 1.0), (1.1, 7.0, -3.0), (0.9, -2e3, 1e3), (1.0, 1e-6, 1e-6)]
+    for uneven, about, way in shapes:
+        shape = {"uneven": uneven, "about": about, "way": way}
+        for damping in (0.05, 0.1, 0.25):
+            found = said("step", 2000, 12.0 if damping == 0.05 else 6.0, damping=damping, **shape)
+            root = math.sqrt(1 - damping**2)
+            overshoot = math.exp(-math.pi * damping / root)
+            assert found["step"]["overshoot"] == pytest.approx(overshoot, rel=3e-3)
+            assert found["frequency"] == pytest.approx(10 * root / (2 * math.pi), rel=3e-3)
+        early = said("step", 600, 2.0, damping=0.05, **shape)  # has not settled
+        assert early["step"] == {"settled": False}
+        assert early["frequency"] == pytest.approx(
+            10 * math.sqrt(1 - 0.05**2) / (2 * math.pi), rel=3e-3
+        )
+        assert said("step", 200, 1.0, **shape)["frequency"] is None  # fewer than two periods
+        found = said("lag", 600, 8.0, **shape)
+        assert found["step"]["overshoot"] < 2e-3
+        assert found["step"]["time"] == pytest.approx(-math.log(0.02), rel=0.02)
+        assert found["frequency"] is None
+        assert said("lag", 600, 3.0, **shape)["step"] == {"settled": False}
+        assert said("sine", 900, 4.0, **shape)["frequency"] == pytest.approx(
+            10 / (2 * math.pi), rel=1e-3
+        )
+        assert said("sine", 300, 1.2, **shape)["frequency"] is None  # two periods, in part beyond
+        assert said("pulse", 900, 9.0, **shape)["step"] is None  # it returns to where it began
 
 
 def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, served):
