@@ -267,6 +267,7 @@ def merged(forms: Sequence[list[Payload]]) -> list[Payload]:
     if not others:
         return first
     tables = [{_key(f): f for g in form for f in g["fields"]} for form in others]
+    states = [{g["title"]: g["state"] for g in form} for form in others]
     found = []
     for g in first:
         fields = [
@@ -274,7 +275,8 @@ def merged(forms: Sequence[list[Payload]]) -> list[Payload]:
             for f in g["fields"] if all(_key(f) in table for table in tables)
         ]  # fmt: skip
         if fields:
-            found.append({**g, "fields": fields})
+            same = all(state.get(g["title"]) == g["state"] for state in states)
+            found.append({**g, "fields": fields, "state": g["state"] if same else "various"})
     return found
 
 

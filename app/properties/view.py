@@ -135,7 +135,7 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     limited = any(body.limits)
     limits = [form.limits(), *([form.vector("limit_restitution")] if limited else [])]
     springs = [form.vector(f) for f in ("stiffness", "rest", "damping", "friction", "armature")]
-    sprung = any(body.stiffness + body.damping + body.friction)
+    sprung = any(body.stiffness + body.damping + body.friction + body.armature)
     moving, turned = any(body.v), any(body.rotation[1:])
     found = [
         group("Joint", joint),
@@ -147,9 +147,9 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
             for k in range(1, min(len(body.shapes), MOST_SHAPES))
         ),
         group("Inertia", inertia, False, "from shapes" if "inertia" in body.derived else "given"),
-        group("Limits", limits, limited, "none"),
-        group("Spring, damper", springs, sprung, "none"),
-        group("Initial state", state, moving, "at rest"),
+        group("Limits", limits, limited, "given" if limited else "none"),
+        group("Spring, damper", springs, sprung, "given" if sprung else "none"),
+        group("Initial state", state, moving, "moving" if moving else "at rest"),
         group("Name and frame", frame, False, "turned" if turned else "aligned"),
     ]
     found = [{**g, "fields": [f for f in g["fields"] if f["cells"]]} for g in found]

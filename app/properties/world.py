@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import pgraph_core as pg
+from pgraph_core.errors import counted
 from pgraph_core.fields import about
 from pgraph_core.model.editing import in_expressions
 from pgraph_core.model.expressions import expressions_of
@@ -90,8 +91,11 @@ def _ground(state: State, display: Display) -> Payload:
                             help="a rectangle at another height", buttons=[out]))  # fmt: skip
     more = button("+ step", "", "a rectangle at another height", field="steps", index=[], text="")
     fields[-1] = {**fields[-1], "buttons": [*fields[-1]["buttons"], more]}
-    special = ground.slope != 0 or bool(ground.steps)
-    return group("Ground", fields, special, "level")
+    special = [f"slope {shown(ground.slope, 'angle', display):.4g} {display.angle}"] * bool(
+        ground.slope
+    )
+    special += [counted(len(ground.steps), "step")] * bool(ground.steps)
+    return group("Ground", fields, bool(special), ", ".join(special) or "level")
 
 
 def _parameters(state: State) -> Payload:
@@ -111,7 +115,7 @@ def _parameters(state: State) -> Payload:
     ]
     help = "numbers with a name: a cell of a body holds =name or =name/2"
     parameters = field("parameters", "", [], kind="parameters", rows=rows, help=help)
-    return group("Parameters", [parameters], bool(rows), "none")
+    return group("Parameters", [parameters], bool(rows), str(len(rows) or "none"))
 
 
 def _rows(state: State) -> dict[str, int]:

@@ -226,6 +226,42 @@ def test_properties_of_the_model(state, field, index, text, value):
         assert after(now, high, out).model.ground.steps == ()
 
 
+def summaries(state, *names):
+    sent = properties(state, names, state.clients[ME].display)
+    return {group["title"]: group["state"] for group in sent["groups"]}
+
+
+@pytest.mark.parametrize(("angle", "said"), [("rad", "0.3491 rad"), ("deg", "20 deg")])
+def test_the_summary_of_the_ground_follows_its_fields(state, angle, said):
+    """It read "level" under a slope."""
+    state = display(state, angle=angle)
+    assert summaries(state)["Ground"] == "level"
+    sloped = after(state, do.EditWorld(ME, 1, "slope", (((), "20 deg"),)))
+    assert said in summaries(sloped)["Ground"]
+    stepped = after(sloped, do.EditWorld(ME, 1, "steps", (((), ""),)))
+    assert summaries(stepped)["Ground"] not in ("level", summaries(sloped)["Ground"])
+    back = after(sloped, do.EditWorld(ME, 1, "slope", (((), "0"),)))
+    assert summaries(back)["Ground"] == "level"
+    assert summaries(after(state, do.EditParameter(ME, 1, "thigh", "0.3")))["Parameters"] == "1"
+
+
+@pytest.mark.parametrize(
+    ("title", "field", "text"),
+    [
+        ("Limits", "limits", "-1"), ("Spring, damper", "stiffness", "3"),
+        ("Spring, damper", "armature", "0.1"), ("Initial state", "v", "2"),
+    ],
+)  # fmt: skip
+def test_the_summary_of_a_group_follows_its_fields(state, title, field, text):
+    index = (0, 0) if field == "limits" else (0,)
+    empty = summaries(state, "2")[title]
+    now = edit(state, field, (index, text))
+    assert reply(now) == ""
+    given = summaries(now, "2")[title]
+    assert given != empty == summaries(now, "3")[title]
+    assert summaries(now, "2", "3")[title] not in (given, empty)
+
+
 def test_one_parameter_for_four_legs(state):
     state = after(state, do.EditParameter(ME, 1, "thigh", "0.3"))
     state = edit(state, "link", ((0,), "=thigh"), bodies=("2", "3", "4"))
