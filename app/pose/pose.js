@@ -25,8 +25,7 @@
     if (!pgraph.inView(host)) return;
     const $ = (selector) => host.querySelector(selector);
     $(".home").hidden = $(".use").hidden = !data.posed;
-    $(".at").hidden = data.posed;
-    at(host);
+    $(".at").textContent = typeof data.time === "number" ? `at ${data.time.toFixed(3)} s` : "";
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     $(".hint").hidden = !data.hint;
@@ -36,11 +35,6 @@
     host.firstChild.hidden = $(".joints").hidden = !rows.length;
     host.classList.toggle("one", one);
     pgraph.keyed($(".joints"), items, joint, (line, item) => fill(line, item, data.selected));
-  }
-
-  function at(host) {
-    const [time, start, end] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0, 0, 0];
-    host.querySelector(".at").textContent = end > start ? `at ${time.toFixed(3)} s` : "";
   }
 
   function joint() {
@@ -121,5 +115,5 @@
     if (act) later(act);
   }
 
-  pgraph.view("joints", { build, joints: draw, time: at, playback: at, selected: (host) => draw(host, pgraph.latest.joints ?? { rows: [] }) });
+  pgraph.view("joints", { build, joints: draw, selected: (host) => draw(host, pgraph.latest.joints ?? { rows: [] }) });
 })();

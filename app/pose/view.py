@@ -17,23 +17,29 @@ from ..core.events import Event
 from ..core.views import Host, Payload, Place, hue, watching
 from ..properties.body_cells import euler_of
 from . import Client, State
-from .solving import coordinates
+from .solving import coordinates, shown_time
 from .update import Gripped
 
+EVERY = 0.2  # [s] between two updates while a run plays
 MOST = 100  # limit on sliders, beyond which only the selected body's path has them
 
 
 class JointsView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
+        self._sent = 0.0  # when it was sent last while a run played
 
     def render(self, old: State, new: State) -> None:
         moved = new.run is not old.run or new.playback != old.playback
+        if moved and new.playback.moves:
+            now = time.perf_counter()
+            moved = now - self._sent > EVERY
+            self._sent = now if moved else self._sent
         changed = any((
             new.derived is not old.derived,
             new.posed is not old.posed,
             new.pose_problem != old.pose_problem,
-            moved and not new.playback.moves,
+            moved,
         ))  # fmt: skip
         for client, page in new.clients.items():
             before = old.clients.get(client, Client())
@@ -72,6 +78,7 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
         "selected": selection,
         "problem": state.pose_problem,
         "posed": state.pose is not None,
+        "time": shown_time(state),
         "hint": hint(state, rows),
     }
 

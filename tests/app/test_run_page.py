@@ -3,9 +3,11 @@
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.playback.update import Loop, Pause, Play
 from pgraph_app.plots.update import Plot
 from pgraph_app.report.update import SetReport
 from pgraph_app.server import Server
@@ -18,6 +20,7 @@ from .on_page import (
     field,
     notice,
     place,
+    pose_of_all,
     refused,
     row,
     simulate,
@@ -147,6 +150,39 @@ SINE = """() => {  // 2 sin(2 pi 3 t) about 5, for 10 s at uneven times: its pea
   const y = t.map((x) => 5 + 2 * Math.sin(2 * Math.PI * 3 * x));
   const found = pgraph.amplitudes({ t, y }, [0, 10]), top = Math.max(...found.y);
   return [found.t[found.y.indexOf(top)], top]; }"""
+
+
+POSE = """() => [document.querySelector("[data-view=joints] .at").textContent,
+  [...document.querySelectorAll("[data-view=joints] .joint [type=range]")].map((s) => +s.value)]"""
+
+
+def test_the_pose_is_that_of_the_time_in_its_heading_also_while_a_run_plays(rods, served):
+    """The heading read the time of the picture, the numbers were those of the last stop."""
+    pose_of_all(rods)
+    result = simulated(rods, served)
+    seen = {}
+
+    def read():
+        heading, values = rods.evaluate(POSE)
+        if heading:
+            time = float(heading.removeprefix("at ").removesuffix(" s"))
+            frame = int(np.abs(result.t - time).argmin())
+            assert result.t[frame] == pytest.approx(time, abs=6e-4)
+            assert values == pytest.approx(result.q[frame].tolist(), abs=1e-9)
+            seen[time] = values
+        return heading
+
+    until(lambda: not served.store.state.playback.moves, "the end of the preview")
+    served.send(Loop(client_of(served), True))
+    served.send(Play(client_of(served)))
+    until(lambda: (read(), len(seen) > 4)[1], "the pose to follow")
+    assert len({tuple(values) for values in seen.values()}) > 4
+    served.send(Pause(client_of(served)))
+    served.send(Loop(client_of(served), False))
+    until(lambda: not served.store.state.playback.moves, "a pause")
+    now = served.store.state.playback.time
+    stopped = f"at {result.t[np.abs(result.t - now).argmin()]:.3f} s"
+    until(lambda: read() == stopped, "the pose where it stopped")
 
 
 FIGURES = """([of, n, span, uneven, about, way, damping]) => {  // of a curve
