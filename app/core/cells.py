@@ -48,6 +48,13 @@ class Display:
         """Return the unit in which a quantity is displayed."""
         return {"angle": self.angle, "length": self.length}.get(quantity, "")
 
+    def of_unit(self, unit: str) -> tuple[str, float]:
+        """Return a unit such as "rad/s" in those of the page, "deg/s", and how many it makes."""
+        head, slash, rest = unit.partition("/")
+        heads: dict[str, Quantity] = {"rad": "angle", "m": "length"}
+        quantity = heads.get(head, "number")
+        return (self.unit(quantity) or head) + slash + rest, self.shown(1.0, quantity)
+
     def shown(self, value: float, quantity: Quantity) -> float:
         """Convert an SI value to the page's unit, in the fewest digits that convert back to it."""
         if quantity == "length" and self.length == "mm":

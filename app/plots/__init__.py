@@ -9,12 +9,15 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core import joints
+from pgraph_core.model.output import OF_JOINT
 from pgraph_core.show.animation import between
 from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
 
 from .. import run
 from ..core import state
+from ..core.cells import Display
 from ..core.state import Names
 
 POINTS = 1200  # pairs of extremes a curve: more than a screen has columns
@@ -117,7 +120,7 @@ def drifts(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
 
 KINDS = {
     POSES: Kind("poses", "", lambda run, _: ((), np.zeros((len(run.t), 0)))),
-    "q": Kind("joint position", "rad, m", joint("q", "q")),
+    "q": Kind("joint position", "rad, m, 1", joint("q", "q")),
     "v": Kind("joint velocity", "rad/s, m/s", joint("v", "v")),
     "vdot": Kind("joint acceleration", "rad/s², m/s²", joint("vdot", "v")),
     "position": Kind("position", "m", body("body_pose", 0)),
@@ -142,7 +145,9 @@ OF_BODIES = (
 )  # fmt: skip
 
 
-OF_JOINTS = ("q", "v", "vdot")
+PER = {"q": "", "v": "/s", "vdot": "/s²"}
+OF_JOINTS = tuple(PER)
+SI = Display()
 
 
 def of_body(model: pg.Model, name: str) -> list[Signal]:
@@ -219,34 +224,51 @@ def title(signal: Signal) -> str:
     return f"{label} {signal.of}" if label.endswith(" of") else f"{label} of {signal.of}"
 
 
-def unit(model: pg.Model, signal: Signal) -> str:
-    """Return the unit of a signal. A joint that both rotates and slides has two."""
-    both = KINDS[signal.quantity].unit
-    if signal.kind == "output":
-        return next((x.reading.unit for x in model.outputs if x.name == signal.of), both)
-    if signal.kind not in OF_JOINTS or not any(body.name == signal.of for body in model.bodies):
-        return both
-    turning, sliding = both.split(", ")
-    motions = {motion.kind for motion in model.body(signal.of).sequence}
-    turn = {"rotate", "screw"}
-    if motions <= turn or (signal.kind != "q" and motions <= {*turn, "ball"}):
-        return turning
-    return sliding if motions == {"translate"} else both
+def units(model: pg.Model, signal: Signal, name: str) -> list[str]:
+    """Return the SI unit of each column of a signal of one part, or one unit for all columns.
+
+    Raises PgraphError if the model lacks the part.
+    """
+    what = signal.quantity
+    if what == "output":
+        output = model.part(name, kind="output")
+        if output.kind not in OF_JOINT:
+            return [output.reading.unit]
+        motions = model.body(output.at).sequence
+        found = [unit for motion in motions for unit in joints.KINDS[motion.kind].v]
+        return [found[output.coordinate] + "/s" * (output.kind == "joint_velocity")]
+    if what not in OF_JOINTS:
+        return KINDS[what].unit.split(", ")
+    kinds = [joints.KINDS[motion.kind] for motion in model.body(name).sequence]
+    return [unit + PER[what] for kind in kinds for unit in (kind.q if what == "q" else kind.v)]
 
 
-def curves(run: pg.Result, signal: Signal) -> list[Curve]:
-    """Return the lines for a signal, or [] if the run lacks it."""
+def unit(model: pg.Model, signal: Signal, display: Display = SI) -> str:
+    """Return the units of a signal's columns as a page displays them, such as "deg/s, m/s"."""
+    found: dict[str, None] = {}
+    for name in signal.bodies:
+        try:
+            found |= dict.fromkeys(display.of_unit(x)[0] for x in units(model, signal, name))
+        except pg.PgraphError:
+            continue
+    return ", ".join(found)
+
+
+def curves(run: pg.Result, signal: Signal, display: Display = SI) -> list[Curve]:
+    """Return the lines for a signal in the page's units, or [] if the run lacks it."""
     found: list[Curve] = []
     for name in signal.bodies:
         try:
             labels, columns = KINDS[signal.quantity].read(run, name)
+            each = units(run.mechanism.model, signal, name)
         except (KeyError, pg.PgraphError):
             continue
         for i in range(columns.shape[1]):
+            y = columns[:, i] * display.of_unit(each[i % len(each)])[1]
             if not signal.component:
-                found.append(thinned(labels[i], np.asarray(run.t), columns[:, i]))
+                found.append(thinned(labels[i], np.asarray(run.t), y))
             elif labels[i] == signal.component:
-                found.append(thinned(name, np.asarray(run.t), columns[:, i]))
+                found.append(thinned(name, np.asarray(run.t), y))
     return found
 
 

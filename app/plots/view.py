@@ -9,6 +9,7 @@ import numpy as np
 from pgraph_core.errors import counted
 
 from ..core.bridge import Bridge
+from ..core.cells import Display
 from ..core.views import Host, Payload, Place
 from . import (
     KINDS,
@@ -47,7 +48,7 @@ class PlotsView:
         due = self._due(old, new)
         for client, now in new.clients.items():
             before = old.clients.get(client)
-            if before is None or due or before.plots != now.plots or fresh(old, new):
+            if before is None or due or shown(before) != shown(now) or fresh(old, new):
                 self._bridge.send(client, "plots", plots(new, now))
             if before is None or before.selected != now.selected or fresh(old, new):
                 self._bridge.send(client, "signals", signals(new, now))
@@ -60,6 +61,11 @@ class PlotsView:
         if late:
             self._drawn = time.perf_counter()
         return late
+
+
+def shown(client: Client) -> tuple[object, ...]:
+    """Return the choices of a page that its charts show."""
+    return client.plots, client.display
 
 
 def fresh(old: State, new: State) -> bool:
@@ -95,13 +101,13 @@ def signals(state: State, client: Client) -> Payload:
 
 def plots(state: State, client: Client) -> Payload:
     """Return the charts for one page, including the curves of kept runs."""
-    return {"charts": [chart(state, Signal(*plot)) for plot in client.plots]}
+    return {"charts": [chart(state, Signal(*plot), client.display) for plot in client.plots]}
 
 
-def chart(state: State, signal: Signal) -> Payload:
+def chart(state: State, signal: Signal, display: Display) -> Payload:
     """Return the chart for one signal, with its curves and those of each kept run."""
     run = state.plotted.result if state.plotted is not None else None
-    found, why = of_state(state, signal), missing(state, signal)
+    found, why = of_state(state, signal, display), missing(state, signal)
     if signal.quantity in CARRIED and found and not any(np.any(curve.y) for curve in found):
         found, why = [], IDLE  # an axis of 1e-12 would look like a force
     return {
@@ -111,11 +117,12 @@ def chart(state: State, signal: Signal) -> Payload:
         "of": signal.of,
         "title": title(signal),
         "none": why,
-        "unit": unit(state.plotted.model if state.plotted else state.model, signal),
+        "unit": unit(state.plotted.model if state.plotted else state.model, signal, display),
         "curves": [curve._asdict() for curve in found],
         "kept": [
-            {"name": one.name, "curves": [c._asdict() for c in curves(one.run.result, signal)]}
+            {"name": one.name, "curves": [c._asdict() for c in lines]}
             for one in state.runs
+            for lines in [curves(one.run.result, signal, display)]
         ],
     }
 
@@ -131,14 +138,14 @@ def missing(state: State, signal: Signal) -> str:
     return "not in this run; it has " + ", ".join(called[:3]) if called else "not in this run"
 
 
-def of_state(state: State, signal: Signal) -> list[Curve]:
+def of_state(state: State, signal: Signal, display: Display) -> list[Curve]:
     """Return the curves for the played run, or for the last part of a live one."""
     if state.plotted is None:
         return []
     if state.live is None:
-        return curves(state.plotted.result, signal)
+        return curves(state.plotted.result, signal, display)
     start = state.t_end - LIVE_SPAN
-    parts = [curves(part, signal) for part in state.live.parts if part.t[-1] >= start]
+    parts = [curves(part, signal, display) for part in state.live.parts if part.t[-1] >= start]
     found = []
     for pieces in zip(*parts):
         t, y = (np.concatenate([getattr(c, axis) for c in pieces]) for axis in ("t", "y"))

@@ -190,7 +190,7 @@ class _Form:
         turning, _, sliding = given.partition(", ")
         if sliding:
             of_motions = [sliding if m.kind == "translate" else turning for m in self.body.sequence]
-            found = [self._as_displayed(unit) for unit in of_motions]
+            found = [self.display.of_unit(unit)[0] for unit in of_motions]
         elif given and quantity_in(given) == "number":
             return given
         else:
@@ -201,12 +201,6 @@ class _Form:
             units = [self.display.unit(quantity_of(self.body, name, at)) for at in places]
             found = [u + per for u in units if u]
         return ", ".join(dict.fromkeys(found))
-
-    def _as_displayed(self, unit: str) -> str:
-        """Return a unit such as "rad/s" with rad or m replaced by the page's unit."""
-        head, slash, rest = unit.partition("/")
-        names = {"rad": self.display.angle, "m": self.display.length}
-        return names.get(head, head) + slash + rest
 
     def vector(self, name: str, names: tuple[str, ...] = ()) -> Payload:
         about, cells = shows(name), self.cells(name, names)

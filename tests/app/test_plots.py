@@ -1,6 +1,7 @@
 """Plots: the signals of a run and the payload (interface 1.8)."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app import plots as data
 from pgraph_app.gait.view import phases
-from pgraph_app.plots.view import plots, signals
+from pgraph_app.plots.view import PlotsView, plots, signals
 from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
 
@@ -69,7 +70,7 @@ def test_six_poses_over_the_run_share_one_scale_as_fig_10(run):
     ("joint", "units"),
     [
         ("revolute", ("rad", "rad/s", "rad/s²")), ("prismatic", ("m", "m/s", "m/s²")),
-        ("universal", ("rad", "rad/s", "rad/s²")), ("spherical", ("rad, m", "rad/s", "rad/s²")),
+        ("universal", ("rad", "rad/s", "rad/s²")), ("spherical", ("1", "rad/s", "rad/s²")),
         ("cylindrical", ("rad, m", "rad/s, m/s", "rad/s², m/s²")),
     ],
 )  # fmt: skip
@@ -77,6 +78,50 @@ def test_units_are_those_of_the_joint(joint, units):
     model = pg.Model(bodies=(pg.Body(name="a", joint=joint),))
     assert tuple(data.unit(model, data.Signal(kind, "a")) for kind in ("q", "v", "vdot")) == units
     assert data.unit(model, data.Signal("energy", "")) == "J"
+
+
+JOINTS = ["revolute", "prismatic", "universal", "spherical", "cylindrical", "screw", "free"]
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize(("angle", "length"), [("deg", "m"), ("deg", "mm"), ("rad", "mm")])
+def test_curves_and_their_unit_are_in_the_units_of_the_page(joint, angle, length):
+    """They showed rad beside cells in degrees."""
+    kinds = ("joint_velocity", "joint_position")[: 1 if joint in ("spherical", "free") else 2]
+    outputs = [pg.Output(name=kind, kind=kind, at="a") for kind in kinds]
+    outputs += [pg.Output(name=kind, kind=kind, at="a") for kind in ("gyro", "force", "rotation")]
+    bodies = (
+        pg.Body(name="a", joint=joint, link=(0.1, 0, 0), com=(0.1, 0.2, 0)),
+        pg.Body(name="b", parent="a", joint="prismatic", link=(0, 0, 1)),
+    )
+    result = pg.simulate(pg.Model(bodies=bodies, outputs=outputs), t_end=0.05, estimate=False)
+    state = ran(begun(result.mechanism.model), result)
+    signals_of = [*data.of_body(result.mechanism.model, "a"), *data.of_scene(result)]
+    signals_of += data.of_several(result.mechanism.model, ["a", "b"])
+    page = after(state, do.SetDisplay(ME, "angle", angle), do.SetDisplay(ME, "length", length))
+    display = page.clients[ME].display
+    factors = {"rad": 180 / np.pi if angle == "deg" else 1.0, "m": 1e3 if length == "mm" else 1.0}
+    for signal in signals_of:
+        plotted = data.curves(result, signal)
+        shown = data.curves(result, signal, display)
+        si = data.unit(result.mechanism.model, signal).split(", ")
+        named = data.unit(result.mechanism.model, signal, display).split(", ")
+        heads = {x.partition("/")[0] for x in si}
+        assert len(named) == len(si)
+        for before, after_ in zip(plotted, shown, strict=True):
+            some = [factors.get(head, 1.0) for head in heads]
+            assert any(np.allclose(after_.y, np.multiply(before.y, f), rtol=1e-12) for f in some)
+        if len(heads) == 1 and (head := heads.pop()) in factors:
+            assert named[0].partition("/")[0] == {"rad": angle, "m": length}[head]
+    signal = data.Signal("v", "a")
+    first = data.curves(result, signal, display)[0].y
+    turns = joint != "prismatic"
+    assert first == pytest.approx(result.v[:, 0] * factors["rad" if turns else "m"])
+    sent = []
+    bridge = SimpleNamespace(send=lambda client, topic, payload: sent.append((topic, payload)))
+    page = after(page, do.Plot(ME, *signal, True))
+    PlotsView(bridge).render(page, after(page, do.SetDisplay(ME, "length", "m")))
+    assert ("plots" in dict(sent)) == (length == "mm")
 
 
 def test_thinning_keeps_extremes_ends_and_order():
