@@ -20,17 +20,10 @@ FOLDER = Path(__file__).parent
 NAMES = ("paper", "ink", "muted", "line", "shade")
 LIGHT = ("#ffffff", "#1b1f24", "#5b6470", "#d8dde3", "#eef1f4")
 DARK = ("#16181c", "#e8eaed", "#9aa4b1", "#363c45", "#22262c")
-SERIES = ("#0b62a4", "#c2410c", "#15803d", "#a21caf", "#b45309", "#0e7490", "#b91c1c", "#4d7c0f")
+SERIES = ("#2f5be7", "#c2560c", "#0b7d63", "#9333a8", "#684018", "#0e7490", "#b91c1c", "#4d7c0f")
 SERIES_DARK = (
-    "#6cb6ff",
-    "#ff9b6a",
-    "#6ee7a0",
-    "#f0abfc",
-    "#fbbf24",
-    "#67e8f9",
-    "#fca5a5",
-    "#bef264",
-)
+    "#7fa3ff", "#f2944a", "#4fd0b0", "#d48ae6", "#fbbf24", "#67e8f9", "#fca5a5", "#bef264"
+)  # fmt: skip
 
 
 class Section(NamedTuple):

@@ -1,7 +1,11 @@
 """Plots: the signals of a run and the payload (interface 1.8)."""
 
+import itertools
 import json
+import re
+from importlib.resources import files
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +16,7 @@ from pgraph_app.gait.view import phases
 from pgraph_app.plots.view import PlotsView, plots, signals
 from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
+from pgraph_core.study import page
 
 from .store import ME, OTHER, after, begun, built_in, do, ran, reply
 
@@ -98,8 +103,8 @@ def test_curves_and_their_unit_are_in_the_units_of_the_page(joint, angle, length
     state = ran(begun(result.mechanism.model), result)
     signals_of = [*data.of_body(result.mechanism.model, "a"), *data.of_scene(result)]
     signals_of += data.of_several(result.mechanism.model, ["a", "b"])
-    page = after(state, do.SetDisplay(ME, "angle", angle), do.SetDisplay(ME, "length", length))
-    display = page.clients[ME].display
+    mine = after(state, do.SetDisplay(ME, "angle", angle), do.SetDisplay(ME, "length", length))
+    display = mine.clients[ME].display
     factors = {"rad": 180 / np.pi if angle == "deg" else 1.0, "m": 1e3 if length == "mm" else 1.0}
     for signal in signals_of:
         plotted = data.curves(result, signal)
@@ -118,10 +123,43 @@ def test_curves_and_their_unit_are_in_the_units_of_the_page(joint, angle, length
     turns = joint != "prismatic"
     assert first == pytest.approx(result.v[:, 0] * factors["rad" if turns else "m"])
     sent = []
-    bridge = SimpleNamespace(send=lambda client, topic, payload: sent.append((topic, payload)))
-    page = after(page, do.Plot(ME, *signal, True))
-    PlotsView(bridge).render(page, after(page, do.SetDisplay(ME, "length", "m")))
+    bridge: Any = SimpleNamespace(send=lambda client, topic, payload: sent.append((topic, payload)))
+    mine = after(mine, do.Plot(ME, *signal, True))
+    PlotsView(bridge).render(mine, after(mine, do.SetDisplay(ME, "length", "m")))
     assert ("plots" in dict(sent)) == (length == "mm")
+
+
+def linear(colour):
+    """Return a colour's linear red, green and blue (3,), by the definition of sRGB."""
+    c = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)])
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def oklab(colour):
+    """Return a colour's place in a space of evenly perceived distances (Ottosson 2020), (3,)."""
+    cones = np.array([
+        [0.4122214708, 0.5363325363, 0.0514459929], [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]) @ linear(colour)  # fmt: skip
+    return np.array([
+        [0.2104542553, 0.7936177850, -0.0040720468], [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]) @ np.cbrt(cones)  # fmt: skip
+
+
+@pytest.mark.parametrize(("theme", "series"), [(0, page.SERIES), (1, page.SERIES_DARK)])
+def test_curves_have_distinct_colours_with_contrast_on_the_page_and_in_studies(theme, series):
+    """Potential and dissipated energy were two browns."""
+    css = (files("pgraph_app") / "core/page.css").read_text()
+    assert tuple(re.findall(r"--s\d: (#\w{6})", css))[8 * theme :][:8] == series
+    paper = ("#ffffff", re.findall(r"--panel: (#\w{6})", css)[0])[theme]
+    light = np.array([0.2126, 0.7152, 0.0722])
+    for colour in series:
+        dark, bright = sorted((light @ linear(colour), light @ linear(paper)))
+        assert (bright + 0.05) / (dark + 0.05) >= 4.5  # WCAG 2.2, AA
+    seen = 0.02  # the least distance that is noticed
+    for one, other in itertools.combinations(series, 2):
+        assert np.linalg.norm(oklab(one) - oklab(other)) > 4 * seen
 
 
 def test_thinning_keeps_extremes_ends_and_order():
