@@ -6,16 +6,19 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, get_args
 
 import pgraph_core as pg
-from pgraph_core.errors import nearest
+from pgraph_core.errors import choices, nearest
+from pgraph_core.joints import KINDS, PER_MOTION
 from pgraph_core.model.copies import free_name
+from pgraph_core.model.shape import mass_properties_of
 
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.derived import CONTACT
+from ..properties.body_cells import quantity_of, shows
 
 COLUMNS = ("name", "parent", "dof", "constraint")
 HEADINGS = {
@@ -28,6 +31,14 @@ AXIS = re.compile(r"[+-]?[xyzXYZ]")
 VECTOR = re.compile(r"(link|com|tip) ([xyz])")
 FIELDS = (*(f for f in pg.Body.model_fields if f not in ("motions", "shapes")), "motions", "shapes")
 LENGTHS = ("link", "com", "tip")
+OF_JOINT = ("joint", "dof", "motions")  # read first: the units of other cells follow from them
+NUMBERS = (
+    *LENGTHS, "mass", "density", "inertia", "rotation", "axes", "q", "v", "limits", *PER_MOTION,
+)  # fmt: skip
+TYPED = {unit for units in cells.UNITS.values() for unit in units}
+BETWEEN = re.compile(  # separators of numbers, but not the blank before a unit
+    rf"\s*[,;]\s*|\s+(?!(?:{'|'.join(sorted(TYPED))})(?:[\s,;]|$))"
+)
 NONE = "none"
 COPIED = 1000  # rows at most with all that they carry
 DOF = re.compile(r"([0-6])?\s*([a-z]+(?: \+ [a-z]+)*)?")
@@ -42,7 +53,9 @@ def rows_of(
     """Return the model with the pasted lines, their bodies, and notes on changed entries.
 
     Lines fill `rows` one by one; more of them, or all without `rows`, become new rows, whose
-    names are made free if `rows` is empty. Raises Refusal or PgraphError, naming the line.
+    names are made free if `rows` is empty. A new row of the table's own columns is a `rod`. With
+    other columns it is a body of a description, with the defaults of a model file and a centre of
+    mass in the middle of its shapes or its rod. Raises Refusal or PgraphError, naming the line.
     """
     columns, units, lines = _table(text, column)
     for name in rows:
@@ -52,7 +65,8 @@ def rows_of(
         raise Refusal(f"line {len(rows) + 1} has no row; paste into the column Body to make rows")
     before = model
     places = _places(model, len(new))
-    model = _with_rods(model, places, under, rod)
+    described = not {"joint", "", *COLUMNS}.issuperset(columns)
+    model = _with_rows(model, places, under, None if described else rod)
     names = _free_names(before, [_cell(line, columns, "name") for line in new], bool(rows))
     renamed = {old: now for old, now in names if old} if not rows else {}
     changes: dict[str, dict[str, Any]] = {}
@@ -64,8 +78,6 @@ def rows_of(
             change["name"] = names[k - len(rows)][1]
             parent = change.get("parent", above)
             change["parent"] = renamed.get(parent, parent)
-            if not change.keys().isdisjoint(("shape", "shapes", "com")):
-                change.setdefault("tip", None)  # drops the tip of the default rod
         above = change.get("name", body.name)
         changes[body.name] = change
     try:
@@ -76,7 +88,9 @@ def rows_of(
             text = text.replace(f"'{place}'", f"'{name}'")
         raise Refusal(text) from None
     filled = [changes[name].get("name", name) for name in (*rows[: len(lines)], *places)]
-    told = (_renamed(names), _left_out(columns, lines))
+    open_ = [now for place, (_, now) in zip(places, names) if "com" not in changes[place]]
+    after, centres = _centred(after, open_)
+    told = (_renamed(names), _left_out(columns, lines), centres)
     return after, tuple(filled), " ".join(text for text in told if text)
 
 
@@ -187,17 +201,50 @@ def _places(model: pg.Model, count: int) -> tuple[str, ...]:
     return tuple(f"{blank}{k}" for k in range(1, count + 1))
 
 
-def _with_rods(model: pg.Model, places: Sequence[str], under: str | None, rod: Rod) -> pg.Model:
-    """Add a rod on a hinge for each new row, attached to the ground for now."""
+def _with_rows(
+    model: pg.Model, places: Sequence[str], under: str | None, rod: Rod | None
+) -> pg.Model:
+    """Add a body on a hinge for each new row, attached to the ground for now."""
     if not places:
         return model
     chain = pg.Model.serial(1)
     on = under if under in model.row else "ground"
-    first = rod(model if model.bodies else chain, places[0], str(on))
-    more = rod(chain, "more", "1")
-    new = [first, *(more.unchecked_copy({"name": name}) for name in places[1:])]
-    new = [body.unchecked_copy({"parent": "ground"}) for body in new]
-    return model.replace(bodies=(*model.bodies, *new))
+    first = rod(model if model.bodies else chain, places[0], str(on)) if rod else None
+    more = rod(chain, "more", "1") if rod else pg.Body(name="more")
+    new = [first or more, *[more] * (len(places) - 1)]
+    named = [b.unchecked_copy({"name": x, "parent": "ground"}) for b, x in zip(new, places)]
+    return model.replace(bodies=(*model.bodies, *named))
+
+
+def _centred(model: pg.Model, names: Sequence[str]) -> tuple[pg.Model, str]:
+    """Put the centre of mass of bodies into the middle of their shapes or rods, and say so."""
+    ways: dict[str, list[str]] = {}
+    changes: dict[str, dict[str, Any]] = {}
+    for body in map(model.body, names):
+        if "com" not in body.derived:
+            way, com = _centre(model, body)
+            ways.setdefault(way, []).append(f"'{body.name}'")
+            changes[body.name] = {"com": com}
+    found = "; ".join(f"{choices(those, 5)} {way}" for way, those in ways.items())
+    text = f"Centres of mass that the lines do not give: {found}." if found else ""
+    return model.edit_all(changes) if changes else model, text
+
+
+def _centre(model: pg.Model, body: pg.Body) -> tuple[str, tuple[float, ...]]:
+    """Return where a body has its centre of mass if it is not given, in words and body axes [m].
+
+    A body without shapes is a rod from its joint to its tip, or to the joint of all its children.
+    """
+    try:
+        if body.shapes:
+            com = mass_properties_of(body.shapes, 1.0).com
+            return "in the middle of the shapes", tuple(map(float, com))
+    except pg.PgraphError:  # a shape without a volume
+        return "at the joint", pg.Body.model_fields["com"].default
+    ends = {body.tip} if body.tip else {c.link for c in model.bodies if c.parent == body.name}
+    if len(ends) == 1 and any(end := ends.pop()):
+        return "in the middle of the rod", tuple(x / 2 for x in end)
+    return "at the joint", pg.Body.model_fields["com"].default
 
 
 def _free_names(model: pg.Model, wanted: Sequence[str], as_typed: bool) -> list[tuple[str, str]]:
@@ -218,11 +265,15 @@ def _change(
     The line is (text, unit) by field.
     """
     found: dict[str, Any] = {}
-    for field, (text, unit) in line.items():
+    moving: pg.Body | None = None
+    for field in sorted(line, key=lambda field: field not in OF_JOINT):
+        text, unit = line[field]
         if not text or not field:
             continue
+        if moving is None and field not in OF_JOINT:
+            moving = _moving(body, line.get("name", ("", ""))[0], found)
         try:
-            change = _typed(model, body, field, text, unit)
+            change = _typed(model, body, moving or body, field, text, unit)
         except Refusal as refusal:
             raise Refusal(f"line {number}, {field}: {refusal}") from None
         body = body.unchecked_copy({k: x for k, x in change.items() if k not in ("dof", "name")})
@@ -233,63 +284,135 @@ def _change(
     return found
 
 
-def _typed(model: pg.Model, body: pg.Body, field: str, text: str, unit: str) -> dict[str, Any]:
+def _moving(body: pg.Body, name: str, change: Mapping[str, Any]) -> pg.Body:
+    """Return a body with the joint that a line gives it. Raises PgraphError."""
+    fields = {field: change[field] for field in OF_JOINT if field in change}
+    if "motions" in fields:
+        fields = {"joint": "compound", "motions": fields["motions"]}
+    return pg.Body(name=name or body.name, **fields) if fields else body
+
+
+def _typed(
+    model: pg.Model, body: pg.Body, moving: pg.Body, field: str, text: str, unit: str
+) -> dict[str, Any]:
+    """Return the fields that a cell changes. Units are those of the joint of `moving`."""
+    match = VECTOR.fullmatch(field)
+    if unit and not match and field not in NUMBERS:
+        raise Refusal(f"takes no unit; given {cells.quoted(unit)}")
     if field == "constraint":
         return _read_only(model, text)
     if field in ("dof", "joint"):
         return _joint(body, text)
-    if match := VECTOR.fullmatch(field):
-        value = repr(_number(text, unit, "length"))
-        return cells.change(body, match[1], ("xyz".index(match[2]),), value)
+    if match:
+        at = "xyz".index(match[2])
+        value = repr(_number(moving, match[1], [at], text, unit))
+        return cells.change(body, match[1], (at,), value)
     if field in ("name", "parent"):
         return cells.change(body, field, (), text)
-    if field == "mass" or (field == "density" and text.lower() != NONE):
-        return {field: _number(text, unit, "mass" if field == "mass" else "number")}
-    return {field: _value(field, text, unit)}
+    return {field: _value(moving, field, text, unit)}
 
 
-def _number(text: str, unit: str, of: cells.Quantity) -> float:
-    """Return the SI value of a cell, in the unit of its heading or its own unit. Raises Refusal."""
-    known = cells.UNITS[of]
-    if unit and known and unit not in known:
-        raise Refusal(f"has the unit {cells.quoted(unit)}; use {' or '.join(known)}")
-    if cells.NUMBER.fullmatch(text) and unit in known:
-        times, by = known[unit]
-        return cells.number(text) * times / by
-    return cells.quantity(text, of, cells.Display())
+def _number(body: pg.Body, field: str, at: Sequence[int], text: str, unit: str) -> float:
+    """Return the SI value of a number in the unit of its heading or its own unit, as typed.
+
+    It is the entry `at` of its field, or all of several. Raises Refusal.
+    """
+    known = [_units(body, field, k) for k in at] or [{}]
+    of: set[cells.Quantity] = {quantity_of(body, field, (k,)) for k in at}
+    if unit in ("-", "1") and not any(known):
+        unit = ""
+    each = {name: x for name, x in known[0].items() if all(x == y.get(name) for y in known)}
+    heading = next((name for name in each if _letters(name) == _letters(unit)), "")
+    if unit and not heading:
+        allowed = f"use {' or '.join(each)}" if each else "it takes no unit here"
+        where = f" for number {at[0] + 1}" if len(at) == 1 and at[0] else ""
+        raise Refusal(f"cannot be in {cells.quoted(unit)}{where}; {allowed}")
+    if unit and _is_bare(text):
+        text = f"{text} {each[heading]}"
+    if len(of) > 1 and not _is_bare(text):
+        raise Refusal(f"is for an angle and a length; write one for each; given {text!r}")
+    return cells.quantity(text, of.pop() if len(of) == 1 else "number", cells.Display())
 
 
-def _value(field: str, text: str, unit: str) -> Any:
-    """Parse a field that is not a single number: JSON, or blank-separated numbers or words."""
+def _is_bare(text: str) -> bool:
+    """Return True for a number or a calculation without a unit."""
+    return bool(cells.NUMBER.fullmatch(text) or cells.ARITHMETIC.fullmatch(text))
+
+
+def _units(body: pg.Body, field: str, at: int) -> dict[str, str]:
+    """Return the heading units of an entry of a field, with the unit to type behind its number."""
+    typed = {unit: unit for unit in cells.UNITS[quantity_of(body, field, (at,))]}
+    if field == "v":
+        return {f"{unit}/s": unit for unit in typed} | typed
+    if typed or field == "q":
+        return typed
+    names = shows(field).unit.split(", ")
+    if len(names) > 1:  # of a rotation, of a translation
+        motion = body.sequence[at : at + 1]
+        names = list({names[x != "rad"] for m in motion for x in KINDS[m.kind].v})
+    return {name: "" for name in names if name and len(names) == 1}
+
+
+def _letters(unit: str) -> str:
+    """Return a unit in one spelling: kgm2 for kg m², kg*m^2 and kg·m2."""
+    return re.sub(r"[\s^*·]", "", unit).replace("²", "2").replace("³", "3")
+
+
+def _value(body: pg.Body, field: str, text: str, unit: str) -> Any:
+    """Parse the cell of a field: JSON, or blank-separated numbers or words. Raises Refusal."""
     if text.lower() == NONE:
         return None
     if text[0] in '[{"' or text in ("true", "false"):
         try:
             value = json.loads(text)
         except ValueError:
-            raise Refusal(f"cannot be read; given {cells.quoted(text)}") from None
-        text = " ".join(map(str, value)) if field in LENGTHS else ""
-        if field not in LENGTHS:
-            return value
-    words = re.split(r"[\s,;]+", text.strip())
+            if field not in NUMBERS or not (match := re.fullmatch(r"\[([^\[\]]*)\]", text)):
+                raise Refusal(f"cannot be read; given {cells.quoted(text)}") from None
+            text = match[1].strip()  # [0 mm, 30 mm]
+        else:
+            return _read(body, field, value, unit) if field in NUMBERS else value
+    words = [text] if field in ("mass", "density") else BETWEEN.split(text)
     if field == "derived":
         return tuple(words)
     if field == "axes" and all(AXIS.fullmatch(word) for word in words):
         return tuple(_unit_vector(word) for word in words)
-    if field not in (*LENGTHS, "inertia", "rotation", "axes", "q", "v"):
+    if field not in NUMBERS:
         numbers = [cells.number(word) for word in words]
         return numbers[0] if len(numbers) == 1 else tuple(numbers)
-    if field in LENGTHS:
-        numbers = [_number(word, unit, "length") for word in words]
-    else:
-        numbers = [cells.number(word) for word in words]
+    single = len(words) == 1 and field in ("mass", "density", *PER_MOTION)
+    numbers = _read(body, field, words[0] if single else words, unit)
     if field != "inertia":
-        return tuple(numbers)
+        return numbers
     if len(numbers) == 9:
         return tuple(tuple(numbers[k : k + 3]) for k in (0, 3, 6))
     if len(numbers) != 3:
         raise Refusal(f"needs the 3 moments about x, y, z or all 9 numbers; given {len(numbers)}")
     return tuple(tuple(m if i == k else 0.0 for k in range(3)) for i, m in enumerate(numbers))
+
+
+def _read(body: pg.Body, field: str, value: Any, unit: str) -> Any:
+    """Return the SI values of nested numbers and texts. Raises Refusal."""
+    motions = len(body.sequence)
+    among: list[tuple[str, bool]] = []  # numbers whose unit can be typed: text, whether without
+
+    def read(value: Any, at: Sequence[int]) -> Any:
+        if isinstance(value, (list, tuple)):
+            one_for_all = field == "limits" and not any(isinstance(x, (list, tuple)) for x in value)
+            inner = [at if one_for_all or at is not every else [k] for k in range(len(value))]
+            return tuple(read(x, k) for x, k in zip(value, inner))
+        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+            return value
+        text = value if isinstance(value, str) else repr(value)
+        if cells.UNITS[quantity_of(body, field, tuple(at[:1]))]:
+            among.append((text, _is_bare(text)))
+        return _number(body, field, at, text, unit)
+
+    every = list(range(motions)) if field in ("limits", *PER_MOTION) else [0]
+    found = read(value, every)
+    bare = [text for text, without in among if without]
+    if len(bare) < len(among) and any(map(cells.number, bare)):
+        raise Refusal(f"has a unit behind some of its numbers only; {bare[0]} has none")
+    return found
 
 
 def _unit_vector(axis: str) -> tuple[float, ...]:

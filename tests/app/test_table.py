@@ -1,7 +1,9 @@
 """The table: rows selected, copied, moved, pasted and counted (interface 1.2 to 1.4)."""
 
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import pgraph_core as pg
@@ -81,6 +83,153 @@ def test_d1_the_number_of_bodies_may_be_changed_later(state):
 
 def paste(text, rows=(), column=0, under=None):
     return do.Paste(ME, 1, text, rows, column, under)
+
+
+def line(joint, heading, cell, order=1):
+    """Return a table of one body, with the joint before or after the field."""
+    head, row = ["name", "joint", heading][::order], ["a", joint, cell][::order]
+    return "\t".join(head) + "\n" + "\t".join(row)
+
+
+DEG = math.pi / 180
+IN_UNITS = [
+    ("revolute", "q [deg]", "90", "q", (90 * DEG,)),
+    ("revolute", "q [rad]", "1.5", "q", (1.5,)),
+    ("revolute", "q", "79.05 deg", "q", (79.05 * DEG,)),
+    ("revolute", "q [rad]", "79.05 deg", "q", (79.05 * DEG,)),
+    ("revolute", "q [deg]", "[90]", "q", (90 * DEG,)),
+    ("revolute", "q (deg)", "180/4", "q", (45 * DEG,)),
+    ("screw", "q", "90°", "q", (90 * DEG,)),
+    ("prismatic", "q [mm]", "5", "q", (0.005,)),
+    ("prismatic", "q", "5 mm", "q", (0.005,)),
+    ("prismatic", "q [cm]", "1/2", "q", (0.005,)),
+    ("cylindrical", "q", "90 deg 5 mm", "q", (90 * DEG, 0.005)),
+    ("cylindrical", "q", '["90 deg", "5 mm"]', "q", (90 * DEG, 0.005)),
+    ("cylindrical", "q", "[90 deg, 5 mm]", "q", (90 * DEG, 0.005)),
+    ("planar", "q", "5 mm, 1 m, 90 deg", "q", (0.005, 1.0, 90 * DEG)),
+    ("free", "q", "5 mm 0 0 1 0 0 0", "q", (0.005, 0, 0, 1, 0, 0, 0)),
+    ("free", "v", "90 deg 0 0 5 mm 0 0", "v", (90 * DEG, 0, 0, 0.005, 0, 0)),
+    ("universal", "q [deg]", "90 -45", "q", (90 * DEG, -45 * DEG)),
+    ("spherical", "v [deg/s]", "90 0 45", "v", (90 * DEG, 0, 45 * DEG)),
+    ("revolute", "v [deg]", "90", "v", (90 * DEG,)),
+    ("prismatic", "v [mm/s]", "5", "v", (0.005,)),
+    ("prismatic", "v [m/s]", "5", "v", (5.0,)),
+    ("revolute", "limits [deg]", "-90 90", "limits", ((-90 * DEG, 90 * DEG),)),
+    ("revolute", "limits [deg]", "[[-90, null]]", "limits", ((-90 * DEG, None),)),
+    ("prismatic", "limits", "-5 mm 5 mm", "limits", ((-0.005, 0.005),)),
+    ("cylindrical", "limits", '[["-90 deg", 0], [0, "5 mm"]]', "limits",
+     ((-90 * DEG, 0), (0, 0.005))),
+    ("prismatic", "rest [mm]", "5", "rest", (0.005,)),
+    ("universal", "rest [deg]", "90", "rest", (90 * DEG, 90 * DEG)),
+    ("screw", "pitch [mm]", "5", "pitch", (0.005,)),
+    ("prismatic", "stiffness [N/m]", "5", "stiffness", (5,)),
+    ("cylindrical", "stiffness", "5 6", "stiffness", (5, 6)),
+    ("spherical", "damping [N m s/rad]", "5", "damping", (5,)),
+    ("weld", "mass [g]", "500", "mass", 0.5),
+    ("weld", "mass [g]", "1/2", "mass", 0.0005),
+    ("weld", "com [mm]", "10/2 0 1 m", "com", "unit behind"),
+    ("weld", "tip", "5 mm 0 3 cm", "tip", (0.005, 0, 0.03)),
+    ("weld", "link z [mm]", "30/6", "link", (0, 0, 0.005)),
+    ("weld", "inertia [kg m^2]", "1 2 2.5", "inertia", ((1, 0, 0), (0, 2, 0), (0, 0, 2.5))),
+    ("weld", "inertia [kg·m²]", "1 2 2.5", "inertia", ((1, 0, 0), (0, 2, 0), (0, 0, 2.5))),
+    ("weld", "rotation [-]", "0 1 0 0", "rotation", (0, 1, 0, 0)),
+    # refused by name
+    ("revolute", "q [mm]", "90", "q", "'mm'"),
+    ("prismatic", "q [deg]", "90", "q", "'deg'"),
+    ("revolute", "v [rpm]", "90", "v", "'rpm'"),
+    ("revolute", "q [turns]", "90", "q", "'turns'"),
+    ("revolute", "q", "5 mm", "q", "mm"),
+    ("prismatic", "q", "5 deg", "q", "deg"),
+    ("cylindrical", "q [deg]", "90 5", "q", "'deg'"),
+    ("cylindrical", "rest", "5 mm", "rest", "angle"),
+    ("cylindrical", "limits [mm]", "-5 5", "limits", "'mm'"),
+    ("free", "q [mm]", "5 0 0 1 0 0 0", "q", "'mm'"),
+    ("spherical", "q [deg]", "1 0 0 0", "q", "'deg'"),
+    ("planar", "q", "1 2 3 deg", "q", "unit behind"),
+    ("revolute", "stiffness [N/m]", "5", "stiffness", "'N/m'"),
+    ("revolute", "friction [mN m]", "5", "friction", "'mN m'"),
+    ("weld", "inertia [g mm^2]", "1 2 2.5", "inertia", "'g mm^2'"),
+    ("weld", "density [g/cm3]", "5", "density", "'g/cm3'"),
+    ("weld", "rotation [deg]", "1 0 0 0", "rotation", "'deg'"),
+    ("revolute", "axes [mm]", "0 0 1", "axes", "'mm'"),
+    ("weld", "link", "1 2 3 mm", "link", "unit behind"),
+    ("weld", "shape [mm]", '{"kind": "sphere", "radius": 40}', "shape", "'mm'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize(("joint", "heading", "cell", "field", "value"), IN_UNITS)
+def test_the_unit_of_a_heading_or_a_cell_is_taken_or_refused(
+    state, joint, heading, cell, field, value, order
+):
+    new = after(state, paste(line(joint, heading, cell, order)))
+    if isinstance(value, str):
+        assert new.model is state.model
+        assert value in reply(new)
+        assert field in reply(new)
+    else:
+        found = getattr(new.model.body("a"), field)
+        assert np.array(found, object).shape == np.array(value, object).shape
+        for x, y in zip(np.ravel(found), np.ravel(value)):
+            assert x == y or x == pytest.approx(y, rel=1e-15)
+
+
+@pytest.mark.parametrize(("heading", "joint", "cell", "q"), [
+    ("joint", "prismatic", "5 mm", (0.005,)),
+    ("dof", "1 prismatic", "5 mm", (0.005,)),
+    ("dof", "1", "90 deg", (90 * DEG,)),
+    ("motions", '"[[""translate"", [0, 0, 1]], [""rotate"", [0, 0, 1]]]"', "5 mm 90 deg",
+     (0.005, 90 * DEG)),
+])  # fmt: skip
+def test_units_are_those_of_the_joint_that_the_line_gives(state, heading, joint, cell, q):
+    for rows in ((), ("4",)):
+        for text in (f"q\t{heading}\n{cell}\t{joint}", f"{heading}\tq\n{joint}\t{cell}"):
+            new = after(state, paste(text, rows)).model
+            assert (new.body("4") if rows else new.bodies[-1]).q == q
+
+
+def sphere(x):
+    return f'"{{""kind"": ""sphere"", ""radius"": 0.04, ""position"": [{x}, 0, 0]}}"'
+
+
+def test_a_centre_that_is_not_pasted_is_in_the_middle_of_the_shape_or_the_rod(state):
+    empty = after(state, do.DeleteBodies(ME, tuple(state.model.row), "delete"))
+    for start in (state, empty):
+        new = after(start, paste(
+            "name\tparent\tlink [mm]\ttip\tshape\tcom\n"
+            "base\tground\t\t\t\t\n"
+            "rod\tbase\t250 0 0\t\t\t\n"
+            "end\trod\t0 0 -300\t0 400 mm 0\t\t\n"
+            f"ball\tground\t\t\t{sphere(0.5)}\t\n"
+            f"own\tground\t\t1 0 0\t{sphere(0.5)}\t0 0 2 cm\n"
+            "alone\tground\t1 0 0\t\t\t\n"
+        ))  # fmt: skip
+        coms = {b.name: b.com for b in new.model.bodies}
+        assert coms["base"] == (0.125, 0, 0)
+        assert coms["rod"] == (0, 0, -0.15)
+        assert coms["end"] == (0, 0.2, 0)
+        assert coms["ball"] == pytest.approx((0.5, 0, 0), abs=1e-15)
+        assert coms["own"] == (0, 0, 0.02)
+        assert coms["alone"] == pg.Body(name="x").com
+        assert all(f"'{x}'" in notice(new) for x in ("base", "rod", "end", "ball", "alone"))
+        assert "'own'" not in notice(new)
+
+
+def test_what_a_pasted_line_leaves_out_has_the_default_of_a_model_file(state):
+    new = after(state, paste("name\tmass\na\t2")).model.body("a")
+    assert new == pg.Body(name="a", mass=2.0)
+    text = f'name\tdensity\tderived\tshape\na\t100\t"[""mass"", ""com""]"\t{sphere(0.5)}'
+    steel = after(state, paste(text)).model.body("a")
+    assert steel.com == pytest.approx((0.5, 0, 0), abs=1e-15)
+
+
+@pytest.mark.parametrize("event", [do.NewModel(ME, 1, "4"), paste("a\nb\nc\nd"),
+                                   do.CountBodies(ME, 1, "9")])  # fmt: skip
+def test_rods_that_are_only_counted_or_named_have_their_centre_in_the_middle(state, event):
+    for body in after(state, event).model.bodies[-2:]:
+        assert body.tip is not None
+        assert np.linalg.norm(body.tip) == pytest.approx(np.linalg.norm(body.link))
+        assert body.com == tuple(x / 2 for x in body.tip)
 
 
 def test_a_pasted_body_with_a_com_or_a_shape_takes_no_tip_of_another(state):
