@@ -126,7 +126,7 @@ def _run_lines(data: dict[str, Any]) -> list[str]:
         f"method             {data['method']}, {_steps(data)}, t = {data['t']:.6g} s",
         f"error estimate     {data['accuracy']}",
         f"energy             {first:.6g} J at the start, {last:.6g} J at the end",
-        f"energy drift       {data['energy_drift']:.3g} of its range",
+        f"energy drift       {100 * data['energy_drift']:.3g} % of its range",
         f"constraint drift   {position:.3g} m, {velocity:.3g} m/s",
         f"cost               {', '.join(counters)}",
         f"time               {', '.join(timing)}",

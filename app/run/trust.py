@@ -98,6 +98,12 @@ def percent(part: float) -> str:
     return "none" if math.isnan(part) else f"{float(f'{100 * part:.2g}'):g} %"
 
 
+def drift(result: Any) -> str:
+    """Return the energy drift, such as '4.9 % of its range', or "" if it is unknown."""
+    part = float(result.energy_drift)
+    return "" if math.isnan(part) else f"{percent(part)} of its range"
+
+
 def felt(run: Run) -> str:
     """Return the error estimate as lengths and angles, such as "about 3 mm, 0.2°"."""
     kinds = {motion.kind for body in run.model.bodies for motion in body.sequence}
@@ -155,7 +161,7 @@ def outcome(state: State) -> list[Line] | None:
 def summary(run: Run) -> list[Line]:
     """Return lines (label, value, ok) about the end, accuracy and cost of a run."""
     result = run.result
-    drift, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
+    off, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
     estimated = not math.isnan(estimate)
     lines = [
         ("Status", run.ended or result.message or result.status.value, result.status.ok),
@@ -165,7 +171,7 @@ def summary(run: Run) -> list[Line]:
             f"{result.accuracy}{why(estimate)}" if estimated else "",
             estimate < POOR,
         ),
-        (ENERGY, f"{drift:.2g} of its range{why(drift)}", drift < POOR),
+        (ENERGY, f"{drift(result)}{why(off)}", off < POOR),
     ]
     if run.model.constraints and len(result.constraint_drift):
         position, velocity = result.constraint_drift.max(axis=0)
@@ -178,7 +184,7 @@ def summary(run: Run) -> list[Line]:
 
 def why(error: float) -> str:
     """Return advice for a large error or drift, or "" if both are small."""
-    return "" if error < POOR else f": above {POOR:g}; a smaller step makes it smaller"
+    return f": above {percent(POOR)}; a smaller step makes it smaller" if error >= POOR else ""
 
 
 def cost(result: Any) -> str:

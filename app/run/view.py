@@ -15,7 +15,7 @@ from ..core.bridge import Bridge
 from ..core.views import Host, Payload, Place, audience
 from . import FREE_RUN, Request, Run, State
 from .footfalls import prints
-from .trust import outcome, trust
+from .trust import drift, outcome, trust
 
 PARTS = ("derived", "request", "last_run", "job", "runs", "run_problem", "kernels")
 
@@ -163,7 +163,7 @@ def measures(run: Run) -> dict[str, str]:
         found["work put in"] = f"{result.work[-1]:.4g} J, range {work:.3g} J"
     if run.usual_force:
         found["usual largest force"] = f"{run.usual_force:.4g} N"
-    found["energy drift"] = f"{float(result.energy_drift):.2g} of its range"
+    found["energy drift"] = drift(result)
     return found
 
 

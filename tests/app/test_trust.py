@@ -10,7 +10,8 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.run import Request, Run
-from pgraph_app.run.trust import _lines, felt, trust, verdict
+from pgraph_app.run.trust import _lines, felt, summary, trust, verdict
+from pgraph_app.run.view import measures
 from pgraph_core.analysis.singular import TOO_LOW
 
 from .store import ME, after, begun, do, ran
@@ -85,6 +86,24 @@ def test_three_short_rows_stand_below_each_verdict(error, drift, loops):
     rows = _lines(estimated(model, error, accuracy="a sentence of many words, and more", **known))
     assert len(rows) == 3
     assert all(0 < len(value) < 28 for _, value, _, _ in rows)
+
+
+@pytest.mark.parametrize("drift", [0.0, 6.1e-10, 0.0049, 0.049, 12.0, math.nan])
+def test_an_energy_drift_has_one_form_in_the_seal_the_report_and_beside_other_runs(
+    drift, monkeypatch
+):
+    """Runs were compared by 6.1e-10 of the range, and the seal said percent."""
+    result = pg.simulate(TURNING, t_end=0.01, step=1e-3)
+    monkeypatch.setattr(pg.Result, "energy_drift", drift)
+    run = Run(TURNING, Request(), result)
+    compared = measures(run)["energy drift"]
+    seal = next(value for label, value, *_ in _lines(run) if label == "Energy drift")
+    report = {label: value for label, value, _ in summary(run)}.get("Energy drift", "")
+    assert bool(compared) == bool(report) == (not math.isnan(drift))
+    if compared:
+        assert float(compared.partition(" % ")[0]) == pytest.approx(100 * drift, rel=0.05)
+        assert compared.startswith(f"{seal} ")
+        assert report.startswith(compared)
 
 
 def test_small_steps_are_good_and_large_ones_rough():
