@@ -21,6 +21,7 @@ HOLDING = {
     (3, 3): "weld", (3, 2): "revolute", (2, 3): "prismatic", (2, 2): "cylindrical",
     (3, 1): "universal", (3, 0): "point", (2, 0): "line", (1, 0): "plane", (0, 3): "orientation",
 }  # fmt: skip
+MOST_NAMED = 8  # joints or constraints in one sentence
 ROWS = {kind: rows for rows, kind in HOLDING.items()}
 
 
@@ -69,18 +70,33 @@ def lines_of(state: State, found: Any) -> list[Payload]:
         moves = counted(found.prescribed, "way") + " to move"
         lines.append(_line("", f"Prescribed motions drive it: they decide {moves}.", False))
     elif found.redundant and found.dof == 0:
-        text = "Nothing can move: a loop of hinges that are not parallel is locked. Check the axes."
-        lines.append(_line("", text, True))
+        lines.append(_line("", locking(state.model), True))
     if found.redundant and found.dof + found.prescribed > 0:
         text = "The motion is right all the same; of the forces along these the least are taken."
         lines.append(_line("", text, False))
     if found.extra:
-        joints = ", ".join(f"'{name}'" for name in found.joints[:8])
+        joints = ", ".join(f"'{name}'" for name in found.joints[:MOST_NAMED])
         leads = "the branch taken follows the velocity" if found.finite else "they lead nowhere"
         lines.append(
             _line("", f"Singular position: {joints} can move in more ways; {leads}.", True)
         )
     return lines
+
+
+def locking(model: pg.Model) -> str:
+    """Return which constraints hold which joints of a model that cannot move."""
+    ties = [c.name for c in model.constraints if c.active]
+    held = [body.name for body in model.bodies if body.dof]
+    joints = f"the joint{'s' * (len(held) > 1)} of {_named(held)}"
+    locks = "together lock" if len(ties) > 1 else "locks"
+    return f"Nothing can move: {_named(ties)} {locks} {joints}. Check where and how they act."
+
+
+def _named(names: list[str]) -> str:
+    """Return the quoted names in a sentence, at most MOST_NAMED of them."""
+    few = [f"'{name}'" for name in names[:MOST_NAMED]]
+    rest = len(names) - len(few)
+    return _listed([*few, f"{rest} more"] if rest else few)
 
 
 def needless(kind: str, rows: list[Any]) -> str:

@@ -332,13 +332,44 @@ def changed(
     if field in ("kind", "law"):
         return _put(model, part, name, rekinded(model, part, item, entries[0][1]))
     if field in (*PAIR, "at") or typed_as(item, field)[0] == "choice":
-        data = {**data, field: entries[0][1]}
-        if field == "body" and data.get("coefficients"):
-            data["coefficients"] = {entries[0][1]: next(iter(data["coefficients"].values()))}
-        return _put(model, part, name, data)
+        return _put(model, part, name, on_joint(model, item, data, {field: entries[0][1]}))
     for index, text in entries:
         data = _typed(model, item, data, field, index, text, display, at)
     return _put(model, part, name, data)
+
+
+def on_joint(
+    model: pg.Model, item: Item, data: dict[str, Any], changes: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the fields of a part with another body, other body, site or coordinate.
+
+    What refers to the joint then refers to the new one: a prescribed motion begins where that joint
+    stands, unless it is an expression.
+    """
+    data = {**data, **changes}
+    body = data.get("body")
+    if body not in model.row or not {"body", "coordinate"} & changes.keys():
+        return data
+    if "body" in changes and data.get("coefficients"):
+        row = next(iter(data["coefficients"].values()))
+        fits = len(row) == model.body(body).dof
+        data["coefficients"] = {body: row if fits else _unit_row(model, body)}
+    if isinstance(item, pg.Motion) and not isinstance(item.q_of_t, str):
+        data["q_of_t"] = _moved(item.q_of_t, model.body(body), data.get("coordinate", 0))
+    return data
+
+
+def _moved(curve: Any, body: pg.Body, coordinate: int) -> dict[str, Any]:
+    """Return a curve of the same kind that begins at the position of a joint, if it has one."""
+    place = dict(enumerate(joints.places(body.sequence))).get(coordinate)
+    start = _start(curve) if place is None else body.q[place]
+    gone = start - _start(curve)
+    match curve:
+        case pg.Sine():
+            return {**curve.model_dump(), "mean": curve.mean + gone}
+        case pg.Polynomial():
+            return {**curve.model_dump(), "coefficients": (start, *curve.coefficients[1:])}
+    return {**curve.model_dump(), "value": tuple(x + gone for x in curve.value)}
 
 
 def _typed(
@@ -355,7 +386,7 @@ def _typed(
     form, bounds = typed_as(item, field)
     match field:
         case _ if form == "whole":
-            return {**data, field: whole(text, *bounds)}
+            return on_joint(model, item, data, {field: whole(text, *bounds)})
         case _ if form == "flag":
             return {**data, field: text == FLAG[True]}
         case "curve":
@@ -403,15 +434,7 @@ def _curve(old: Any, kind: str) -> dict[str, Any] | str:
     """Return a curve of another kind with the same initial value."""
     if kind not in CURVES:
         raise Refusal(f"must be one of {', '.join(CURVES)}")
-    match old:
-        case pg.Sine():
-            start = old.mean + old.amplitude * math.sin(old.phase)
-        case pg.Polynomial():
-            start = old.coefficients[0]
-        case str():
-            start = 0.0
-        case _:
-            start = old.value[0]
+    start = _start(old)
     if kind == "expression":
         return f"={start!r} + 0*t"
     if kind == "sine":
@@ -419,6 +442,18 @@ def _curve(old: Any, kind: str) -> dict[str, Any] | str:
     if kind == "polynomial":
         return {"kind": kind, "coefficients": (start, 0.0)}
     return {"t": (0.0, 1.0), "value": (start, start)}
+
+
+def _start(curve: Any) -> float:
+    """Return the initial value of a curve, or 0 for an expression."""
+    match curve:
+        case pg.Sine():
+            return curve.mean + curve.amplitude * math.sin(curve.phase)
+        case pg.Polynomial():
+            return curve.coefficients[0]
+        case str():
+            return 0.0
+    return curve.value[0]
 
 
 def _over(old: Any, text: str) -> Any:

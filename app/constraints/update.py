@@ -206,9 +206,7 @@ def _next(state: S, client: int, body: str) -> S:
 
 def _with_body(state: State, part: Part, name: str, slot: str, body: str):
     item = parts.item_of(state.model, part, name)
-    data = {**state.model.cells(item, part), slot: body}
-    if data.get("coefficients") and slot == "body":
-        data["coefficients"] = {body: (1.0,) * state.model.body(body).dof}
+    data = parts.on_joint(state.model, item, state.model.cells(item, part), {slot: body})
     items = tuple(data if x.name == name else x for x in getattr(state.model, part))
     return state.model.replace(**{part: items})
 

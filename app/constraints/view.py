@@ -50,8 +50,8 @@ FEEDBACK = button("feedback …", "Feedback", "Gains that hold the pose shown: L
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
 DRAWN = 120  # points of a drawn curve, two or three pixels apart
 Q_OF_T = {
-    "sine": ("mean", "amplitude", "frequency", "phase"),
-    "polynomial": ("c0", "c1", "c2", "c3"),
+    "sine": ("mean [{}]", "amplitude [{}]", "frequency [rad/s]", "phase [rad]"),
+    "polynomial": ("c0 [{}]", "c1 [{}/s]", "c2 [{}/s²]", "c3 [{}/s³]"),
 }
 
 
@@ -228,7 +228,7 @@ def _field(
         case "body" | "other" | "at":
             return [_name_field(model, part, item, name)]
         case "q_of_t":
-            return _curve(item)
+            return _curve(model, item)
         case "interpolation" if not isinstance(item.q_of_t, pg.Table):
             return []
         case "coefficients":
@@ -306,7 +306,7 @@ def _unit(model: pg.Model, item: Any, given: str) -> str:
     return given.split(", ")[slides]
 
 
-def _curve(item: pg.Motion) -> list[Payload]:
+def _curve(model: pg.Model, item: pg.Motion) -> list[Payload]:
     """Return fields for the kind of a prescribed motion and its numbers."""
     curve = item.q_of_t
     kind = curve.kind if isinstance(curve, (pg.Sine, pg.Polynomial)) else "table"
@@ -321,7 +321,10 @@ def _curve(item: pg.Motion) -> list[Payload]:
     else:
         assert isinstance(curve, pg.Polynomial)
         numbers = (*curve.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]
-    row = [cell((i,), x, name) for i, (x, name) in enumerate(zip(numbers, Q_OF_T[kind]))]
+    joint = degrees(model.body(item.body))
+    unit = joint[item.coordinate][1] if item.coordinate < len(joint) else ""
+    names = [name.format(unit) if unit else name.partition(" [")[0] for name in Q_OF_T[kind]]
+    row = [cell((i,), x, name) for i, (x, name) in enumerate(zip(numbers, names))]
     shows = CELLS[kind]
     return [*found, field(kind, shows.label, row, help=shows.help, columns=2, note=shows.help)]
 

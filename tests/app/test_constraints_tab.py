@@ -1,5 +1,6 @@
 """Constraints, contacts, forces, limits and loops in their tab."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -472,3 +473,66 @@ def test_a_control_of_a_model_without_joints_is_refused():
     state = after(begun(pg.Model()), do.AddPart(ME, "controls", "pid", None))
     assert "joint" in notice(state)
     assert state.model.controls == ()
+
+
+@pytest.mark.parametrize("pick", [False, True])
+@pytest.mark.parametrize("curve", ["polynomial", "sine", "table"])
+@pytest.mark.parametrize(
+    ("change", "value", "joint"), [("body", "2", "2"), ("body", "3", "3"), ("coordinate", "1", "3")]
+)
+def test_a_motion_begins_at_the_joint_that_it_drives(pick, curve, change, value, joint):
+    q = {"1": 0.4, "2": -1.2, "3": (0.7, -0.3)}
+    model = pg.Model.serial(3).edit("3", joint="universal")
+    for name, start in q.items():
+        model = model.edit(name, q=start)
+    of = "3" if change == "coordinate" else "1"
+    state = after(begun(model), do.AddPart(ME, "constraints", "motion", of))
+    state = edit(state, "constraints", "motion", "curve", ((), curve))
+    if curve == "polynomial":
+        state = edit(state, "constraints", "motion", "polynomial", ((1,), "2"))
+    if pick and change == "body":
+        asked = after(state, do.Pick(ME, "constraints", "motion", "body"))
+        state = after(asked, do.PickName(ME, value))
+    else:
+        state = edit(state, "constraints", "motion", change, ((), value))
+    motion = state.model.constraints[0]
+    assert getattr(motion, change) == (int(value) if change == "coordinate" else value)
+    start = np.ravel(q[joint])[motion.coordinate]
+    begins = {
+        pg.Sine: lambda c: c.mean + c.amplitude * math.sin(c.phase),
+        pg.Polynomial: lambda c: c.coefficients[0],
+        pg.Table: lambda c: c.value[0],
+    }[type(motion.q_of_t)]
+    assert begins(motion.q_of_t) == pytest.approx(start)
+    if curve == "polynomial":
+        assert motion.q_of_t.coefficients[1] == 2.0  # as typed
+
+
+@pytest.mark.parametrize(("joint", "unit"), [("revolute", "rad"), ("prismatic", "m")])
+def test_the_numbers_of_a_motion_show_the_units_of_its_joint(joint, unit):
+    state = begun(pg.Model.serial(2).edit("2", joint=joint))
+    state = after(state, do.AddPart(ME, "constraints", "motion", "2"))
+    for curve, units in (
+        ("polynomial", [unit, f"{unit}/s", f"{unit}/s²", f"{unit}/s³"]),
+        ("sine", [unit, unit, "rad/s", "rad"]),
+    ):
+        state = edit(state, "constraints", "motion", "curve", ((), curve))
+        rows = form(state, Display(), "constraints", state.model.constraints[0])[0]["fields"]
+        (cells,) = [row["cells"] for row in rows if row["field"] == curve]
+        assert [cell["name"].split("[")[1].rstrip("]") for cell in cells] == units
+
+
+@pytest.mark.parametrize("joint", ["prismatic", "revolute"])
+@pytest.mark.parametrize("copies", [1, 2])
+def test_what_locks_a_joint_is_named(joint, copies):
+    state = begun(pg.Model.serial(1).replace(bodies=({"name": "slider", "joint": joint, "mass": 1.0,
+                                                      "axes": ["z"]},)))  # fmt: skip
+    for _ in range(copies):
+        state = after(state, do.AddPart(ME, "constraints", "weld", "slider"))
+        state = after(state, do.PickName(ME, "ground"))
+    lines = mobility_report(replace(state, mobility=report(state.model)), 300)["lines"]
+    (text,) = [line["text"] for line in lines if line["bad"]]
+    assert all(f"'{c.name}'" in text for c in state.model.constraints)
+    assert "'slider'" in text
+    assert "hinge" not in text
+    assert "loop" not in text
