@@ -41,6 +41,7 @@ from .update import Unreadable
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 MOST_FILLED = 30  # bodies of a page
+ABOVE = 0.02  # height of a fill over the size of bodies: clear of its neighbours' facets
 
 
 class SceneView:
@@ -186,7 +187,7 @@ class SceneView:
         for part in ("outline", "fill", "behind"):
             client.scene.add_mesh_simple(
                 f"{node}/{part}",
-                solid.vertices + 0.002 * size * solid.vertex_normals,
+                solid.vertices + ABOVE * size * solid.vertex_normals,
                 solid.faces,
                 color=shapes.HUES[shapes.hue_of(d.branches[k])],
                 opacity=0.4 if part == "behind" else None,
