@@ -347,7 +347,7 @@ def on_joint(
     stands, unless it is an expression.
     """
     data = {**data, **changes}
-    body = data.get("body")
+    body: str = data.get("body", "")
     if body not in model.row or not {"body", "coordinate"} & changes.keys():
         return data
     if "body" in changes and data.get("coefficients"):
