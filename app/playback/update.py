@@ -99,7 +99,9 @@ class Loop(FromPage):
 def loop(state: State, event: Loop) -> State:
     if state.t_end <= state.t_start:
         return state
-    return replace(state, playback=replace(state.playback, loop=event.loop))
+    shown = state.playback  # once, until now
+    again = replace(shown, loop=event.loop, playing=shown.playing or shown.preview, preview=False)
+    return replace(state, playback=again)
 
 
 @on(Tick)

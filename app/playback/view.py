@@ -41,7 +41,7 @@ def playback(state: State) -> Payload:
         "moment": moment(state),
         "playing": p.moves if live is None else live.running,
         "speed": p.speed,
-        "loop": p.loop,
+        "loop": p.loop and not p.preview,
         "speeds": SPEEDS,
         "live": live is not None,
         "nothing": live is None and state.t_end <= state.t_start,

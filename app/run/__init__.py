@@ -228,6 +228,16 @@ class State(state.State):
         return None if gone or self.run_framed != self.framed else last
 
     @property
+    def outdated(self) -> str:
+        """Why Play computes another run than the last one, or "" if it plays that one."""
+        if self.earlier is not None:
+            return "The model was edited since this run"
+        run = None if self.live is not None else self.run
+        if run is None or (run.request == self.request and not run.ended):
+            return ""
+        return "This is a live run" if run.ended else "The settings of the run were changed"
+
+    @property
     def plotted(self) -> Run | None:
         """The run used for plots: the one to play, or that of the model before its last edits."""
         return self.run or self.earlier

@@ -8,9 +8,9 @@
     host.replaceChildren(keep, text("p", "muted hint", "Keep a run, change something, play again: the runs are compared here."),
       make("table", { className: "compared" }, make("thead", {}, make("tr", {}, make("th"), make("th", { textContent: "this run" }))), make("tbody")));
   }
-  function draw(host, { compared: { kept, rows }, summary, stale }) {
+  function draw(host, { compared: { kept, rows }, continues }) {
     const $ = (selector) => host.querySelector(selector), line = $("thead tr");
-    $(".keep-run").disabled = summary === null || stale;
+    $(".keep-run").disabled = !continues;
     $(".hint").hidden = $(".compared").hidden === kept.length > 0;
     $(".compared").hidden = !kept.length;
     pgraph.keyed(line, kept.map((one) => ({ ...one, one })), column, (th, { one }) => { th.pgraphId = one.id; cells.set(th.querySelector(".cell"), one.name); });

@@ -18,14 +18,15 @@
     go(100);
   }
 
-  // Plays what there is; computes it first where there is nothing, or the model was edited since.
+  // Plays what there is; computes it first where there is nothing, or nothing of this model and these settings.
   function play(anew = false) {
-    const { playing, nothing } = pgraph.latest.playback ?? {}, { job, live, stale, empty } = pgraph.latest.run ?? {};
+    const { playing, nothing } = pgraph.latest.playback ?? {}, { job, live, outdated, empty } = pgraph.latest.run ?? {};
     if (empty || job) return;
     if (going(live)) send(playing ? "Pause" : "Play");
     else if (mode === "live") asSet("GoLive");
-    else if (anew || nothing || stale) asSet("Simulate");
-    else send(playing ? "Pause" : "Play");
+    else if (playing && !anew) send("Pause");
+    else if (anew || nothing || outdated) asSet("Simulate");
+    else send("Play");
   }
   const going = (live) => Boolean(live) && live.running !== undefined; // not yet stopped
   pgraph.play = () => play();
@@ -91,21 +92,21 @@
   }
 
   // What the button does now.
-  function button(el, { job, live, stale, empty, kernels }) {
-    const playing = pgraph.latest.playback?.playing && !job, bar = el.querySelector("progress");
-    const word = job ? (job.fraction ? `Cancel ${job.text}` : "Cancel") : playing ? "Pause" : stale && !live ? "Run again" : "Play";
+  function button(el, { job, live, outdated, empty, kernels }) {
+    const playing = pgraph.latest.playback?.playing && !job, again = mode === "run" && !live && outdated, bar = el.querySelector("progress");
+    const word = job ? (job.fraction ? `Cancel ${job.text}` : "Cancel") : playing ? "Pause" : again ? "Run again" : "Play";
     if (el.dataset.icon !== (playing ? "pause" : job ? "stop" : "play")) {
       el.dataset.icon = playing ? "pause" : job ? "stop" : "play";
       el.querySelector("svg").replaceWith(icon(el.dataset.icon, 14));
     }
     el.querySelector(".said").textContent = word;
-    el.title = empty ? "No bodies yet" : job ? "Cancel the simulation" : playing ? "Pause (Space)" : stale ? "The model was edited since this run: compute it again (Space)" : "Play (Space); compute it again (Shift Space)";
+    el.title = empty ? "No bodies yet" : job ? "Cancel the simulation" : playing ? "Pause (Space)" : again ? `${outdated}: compute it again (Space)` : "Play (Space); compute it again (Shift Space)";
     el.setAttribute("aria-label", job ? "cancel" : word.toLowerCase());
     el.disabled = empty;
     bar.hidden = !job;
     if (job?.fraction) bar.value = job.fraction;
     else bar.removeAttribute("value");
-    el.classList.toggle("stale", Boolean(stale));
+    el.classList.toggle("stale", Boolean(again));
     el.classList.toggle("waits", Boolean(job) && kernels !== null);
   }
 

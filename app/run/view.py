@@ -55,7 +55,7 @@ def run(state: State) -> Payload:
         "live": live(state),
         "problem": state.run_problem,
         "summary": outcome(state),
-        "stale": state.earlier is not None,
+        "outdated": state.outdated,
         "continues": state.run is not None and state.live is None,
         "trust": trust(state, job(state), kernels(state), live(state)),
         "compared": compared(state),

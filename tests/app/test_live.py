@@ -84,6 +84,24 @@ def test_stopped_it_is_a_run_like_any_other(live):
     assert (again.playing, again.time) == (True, 0.0)
 
 
+def test_play_computes_again_unless_the_last_run_is_of_these_settings(live):
+    recorded = stopped(fed(live, parts(live, 3)))
+    assert run(recorded)["outdated"]  # what Live recorded is not the run of the settings
+    asked = after(recorded, do.Simulate(ME))
+    computed = after(asked, do.Done(asked.job.id, recorded.run.result))
+    assert not run(computed)["outdated"]
+    for field, text in (("t_end", "0.5"), ("step", "0.002"), ("rtol", "1e-6"), ("method", "rk4")):
+        other = after(computed, do.SetRun(ME, 1, field, text))
+        assert run(other)["outdated"]
+        assert other.run is computed.run  # still shown
+        back = getattr(computed.request, field)
+        back = after(other, do.SetRun(ME, 2, field, "" if back is None else str(back)))
+        assert bool(run(back)["outdated"]) is (back.request != computed.request)
+    edited = after(computed, do.Edit(ME, 1, "2", "mass", (), "3"))
+    assert run(edited)["outdated"]
+    assert not run(after(edited, do.Undo(ME)))["outdated"]
+
+
 def test_an_edit_goes_on_from_where_it_is(live):
     first = parts(live, 2)
     state = after(fed(live, first), do.Edit(ME, 1, "2", "mass", (), "3"))

@@ -145,6 +145,25 @@ def test_a_live_run_follows_an_edit_and_a_long_run_is_cancelled(rods, served):
     page.locator("[data-view=trust]").filter(has_text="cancelled").wait_for()
 
 
+def test_play_after_a_live_run_computes_the_run_of_the_settings(rods, served):
+    page = rods
+    page.locator(".modes .live").click()
+    page.locator("button.play").click()
+    until(lambda: served.store.state.t_end > 0.1, "a live run")
+    page.locator(".modes .run").click()
+    until(lambda: served.store.state.live is None, "the run joined")
+    recorded = served.store.state.last_run
+    page.locator("button.play.stale").click()
+    until(lambda: served.store.state.last_run is not recorded, "another run")
+    state = served.store.state
+    assert (state.last_run.ended, state.last_run.request) == ("", state.request)
+    assert state.last_run.result.t[-1] == pytest.approx(state.request.t_end)
+    page.locator("button.loop[aria-pressed=false]").click()  # shown once until now
+    until(lambda: not served.store.state.playback.preview, "repeating")
+    assert served.store.state.playback.loop
+    page.locator("button.loop[aria-pressed=true]").wait_for()
+
+
 SINE = """() => {  // 2 sin(2 pi 3 t) about 5, for 10 s at uneven times: its peak in the spectrum
   const t = Array.from({ length: 1500 }, (_, k) => 10 * (k / 1499) ** 1.1);
   const y = t.map((x) => 5 + 2 * Math.sin(2 * Math.PI * 3 * x));
