@@ -22,6 +22,7 @@ from .cells import LISTS, Key, Refusal, Rows, names_of
 from .state import Notice, Rename, S, Step, replied, told
 
 UNDO_DEPTH = 200
+ALSO = "Also changed"  # title of what an edit changed besides; undo withdraws it
 MOST_BODIES = 1000
 MOST_RENAMES = 1000  # limit on remembered renames
 NAMED = ("constraints", "contacts", "forces", "sites", "outputs", "controls")  # besides bodies
@@ -77,9 +78,7 @@ def _pointed(before: pg.Model, now: pg.Model) -> Iterator[str]:
 
 def _noticed(state: S, client: int, said: Sequence[str]) -> S:
     """Notify the page about side effects of the edit, and about parts that it did not change."""
-    first, *more = said or ("",)
-    text = f"{first}; and {len(more)} more" if len(more) > 1 else "; ".join((first, *more))
-    return told(state, client, Notice("Also changed", text)) if text else state
+    return told(state, client, Notice(ALSO, "; ".join(said))) if said else state
 
 
 def with_model(state: S, model: pg.Model, label: str, at: int | None = None) -> S:

@@ -33,7 +33,10 @@
     }, good ? LASTS.good : LASTS.bad);
   }
   pgraph.toast = (text, good = false) => tell("", text, good);
-  pgraph.on("notice", ({ title, text, bad }) => tell(title, text, !bad));
+  pgraph.on("notice", ({ title, text, bad, withdrawn }) => {
+    if (!withdrawn) { tell(title, text, !bad); return; }
+    for (const note of document.querySelectorAll(".pgraph-toast")) if (note.querySelector("strong")?.textContent === title) note.remove();
+  });
 
   // -- a lost connection: viser then replaces how it sends by a function that only complains -------
   const LOST = 2; // seconds in a row without it

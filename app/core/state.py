@@ -35,6 +35,7 @@ class Notice:
     title: str
     text: str = ""
     bad: bool = False
+    withdrawn: bool = False  # the notices of this title are no longer true
 
 
 @dataclass(frozen=True)

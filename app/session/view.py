@@ -70,8 +70,7 @@ class SessionView:
             self._notify(client, Notice("Not saved", str(error), bad=True))
 
     def _notify(self, client: int, notice: Notice) -> None:
-        said = {"title": notice.title, "text": notice.text, "bad": notice.bad}
-        self._bridge.send(client, "notice", said)
+        self._bridge.send(client, "notice", vars(notice))
 
     def _theme(self, client: int, dark: bool) -> None:
         handle = self._bridge.server.get_clients().get(client)

@@ -205,6 +205,8 @@ def test_notices_are_of_one_kind_are_closed_and_are_read_whole(page):
       .getBoundingClientRect().y; return [...document.querySelectorAll(".pgraph-toast")]
       .every((one) => one.getBoundingClientRect().bottom < y); }"""
     shows(page, above)
+    page.evaluate("pgraph.receive('notice', { title: 'Also changed', withdrawn: true })")
+    until(lambda: not notes.filter(has_text="Also changed").count(), "the edit undone")
     page.evaluate("pgraph.toast('a fourth'); pgraph.toast('a fifth')")
     assert notes.count() == 3
     page.evaluate("document.querySelectorAll('.pgraph-toast .close').forEach((x) => x.click())")
