@@ -64,6 +64,11 @@ class ExportView:
                 self._bridge.send(client, "making", {"fraction": float(fraction)})
             return self._making.get(client) is asked
 
+        if asked.what == "live" and (why := recorded_only(asked.run)):
+            text = f"Its reader can play the run, not change it: {why}."
+            self._bridge.send(
+                client, "notice", {"title": "A recording", "text": text, "bad": False}
+            )
         name = re.sub(r"[^\w-]+", "_", asked.run.model.name) or "run"
         try:
             suffix, content = made(asked, progress)
@@ -135,6 +140,13 @@ def living(run: Run) -> bytes:
         return page(run.result, [f"bodies.{name}.mass" for name in heavy[:OPEN]]).encode()
     except InputError:
         return page(run.result).encode()
+
+
+def recorded_only(run: Run) -> str:
+    """Return the reason why the living figure of a run only plays it, or ""."""
+    from pgraph_core.live.export import why_recorded  # compiles kernels of its own
+
+    return why_recorded(run.result)
 
 
 def drawn(asked: Exporting, progress: Callable[[float], bool]) -> bytes:

@@ -70,7 +70,7 @@ def exported(
     """
     run = recorded(model, scenario, t_end)
     write_atomic(path, page(run, fields).encode())
-    return run, _stays(run)
+    return run, why_recorded(run)
 
 
 def page(run: Result, fields: Sequence[str] = ()) -> str:
@@ -111,7 +111,7 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
         "how": "",
     }  # fmt: skip
     try:
-        if refused := _stays(run):
+        if refused := why_recorded(run):
             raise InputError(Problem("export", "", refused))
         setup = _setup(run, found["step"])
         methods = methods_of(mech, setup)
@@ -121,7 +121,8 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
     except InputError as problem:
         if wanted and not module.stale():
             raise
-        found["refused"] = f"This scene cannot be computed here: {problem.problems[0].text}."
+        if not module.stale():  # that is for the author; the reader has a recording
+            found["refused"] = f"This scene cannot be computed here: {problem.problems[0].text}."
         return found
     for field, of in follows(mech.model, runs, wanted, make):
         place, entry = field.path, {method: what._asdict() for method, what in of.items()}
@@ -175,8 +176,8 @@ def _setup(run: Result, step: float) -> Setup:
     return setup._replace(state=(run.q[0], run.v[0]))
 
 
-def _stays(run: Result) -> str:
-    """Return the reason why a run cannot be exported, or "" if it can."""
+def why_recorded(run: Result) -> str:
+    """Return the reason why the figure of a run only plays the recording, or ""."""
     if run.header.get("given_torques"):
         return "its torques come from Python, which a browser does not run"
     if run.header.get("inputs"):

@@ -27,12 +27,13 @@
       lacking = "This browser has no WebGL 2, so the motion is not drawn. ";
     }
     let broken = "";
+    const computes = given.engine.methods.length > 0; // else it is a recording on purpose
     try {
       engine = await Engine.made(given.engine);
       world = await engine.world();
     } catch (error) {
-      broken = given.engine.refused || (error instanceof Problem ? error.message : "The browser refused the kernels.");
-      broken += " The recorded run is shown; it cannot be changed.";
+      broken = computes ? (error instanceof Problem ? error.message : "The browser refused the kernels.") : given.engine.refused;
+      broken = `${broken} The recorded run is shown; it cannot be changed.`.trim();
       engine = null;
     }
     window.pgraph_live = {
@@ -306,7 +307,7 @@
     });
     draw();
     const hint = engine && view ? "Drag a body to pull on it, the background to turn the view." : "";
-    say(broken || (open.length ? `Move a slider to change the mechanism. ${hint}` : hint), !!broken);
+    say(broken || (open.length ? `Move a slider to change the mechanism. ${hint}` : hint), !!broken && computes);
     document.body.dataset.ready = engine ? "live" : "recorded";
   }
 

@@ -75,6 +75,18 @@ def test_a_living_figure_of_torques_in_python_is_the_recording():
     assert "Python" in view.living(Run(model, Request(), result)).decode()
 
 
+def test_a_living_figure_without_a_fitting_module_is_a_recording(run, monkeypatch):
+    assert view.recorded_only(run) == module.stale()
+    monkeypatch.setattr(module, "stale", lambda: "the module is old; make it again: python -m x")
+    assert "make it again" in view.recorded_only(run)  # said on the page, to who can do it
+    html = view.living(run).decode()
+    assert "make it again" not in html
+    (text,) = re.findall(r'<script[^>]*id="figure"[^>]*>(.*?)</script>', html, re.DOTALL)
+    given = json.loads(text)
+    assert (given["engine"]["methods"], given["engine"]["refused"]) == ([], "")
+    assert given["recording"]["count"] > 1
+
+
 @pytest.fixture(scope="module")
 def walk():
     model = built_in("quadruped_hips")

@@ -255,6 +255,16 @@ def test_a_browser_that_lacks_something_shows_the_recorded_run(figure, before, s
     assert "cut short" in cut.locator("#said").inner_text()
 
 
+def test_a_figure_that_cannot_compute_is_a_recording_without_a_warning(figure, monkeypatch):
+    monkeypatch.setattr(module, "stale", lambda: "the module is old; make it again: python -m x")
+    shown = figure(page(recorded(model_of("pendulum")), ["bodies.rod.mass=0.5:2"]))
+    assert ready(shown) == "recorded"
+    assert "make it" not in shown.locator("body").inner_text()
+    assert shown.locator("#said.wrong").count() == 0
+    shown.get_by_role("button", name="Play").click()
+    shown.wait_for_function(LATER)
+
+
 @of_these_sources
 @pytest.mark.parametrize("how", ["torques", "switches", "scenario"])
 def test_what_the_kernels_of_a_page_lack_stays_behind(figure: Any, how: str) -> None:
