@@ -20,19 +20,45 @@
     const box = host.querySelector(".chooser"), data = pgraph.latest.constraints;
     box.hidden = !box.hidden;
     if (box.hidden) return;
-    box.replaceChildren(...data.kinds.flatMap(({ part, title, kinds }) => [
-      make("h4", { textContent: title }),
-      ...kinds.map(([kind, about]) => make("button", { "data-kind": `${part} ${kind}`, onclick: () => {
+    const sought = make("input", { className: "cell sought", type: "search", placeholder: "Type to filter, Enter adds the first", "aria-label": "kind to add" });
+    const groups = data.kinds.map(({ title, kinds }) => make("section", {}, make("h4", { textContent: title }),
+      ...kinds.map(({ part, kind, name, about }) => make("button", { "data-kind": `${part} ${kind}`, onclick: () => {
         box.hidden = true;
-        send("AddPart", { part, kind, body: pgraph.latest.constraints.listed ?? pgraph.latest.selection ?? null }); // by now
-      } }, make("strong", { textContent: kind }), make("span", { textContent: about })))]));
-    box.querySelector("button").focus();
-    box.onkeydown = (event) => { if (event.key === "Escape") { box.hidden = true; event.stopPropagation(); } };
+        send("AddPart", { part, kind, body: target() }); // by now
+      } }, make("strong", { textContent: name }), make("span", { textContent: about })))));
+    sought.oninput = () => {
+      const words = sought.value.toLowerCase().split(/\s+/);
+      for (const group of groups) {
+        const found = [...group.querySelectorAll("button")].filter((one) => {
+          one.hidden = !words.every((word) => one.textContent.toLowerCase().includes(word));
+          return !one.hidden;
+        });
+        group.hidden = !found.length;
+      }
+    };
+    box.replaceChildren(make("div", { className: "for muted" }), sought, ...groups);
+    heading(box);
+    sought.focus();
+    box.onkeydown = (event) => {
+      if (event.key === "Escape") { box.hidden = true; event.stopPropagation(); }
+      if (event.key === "Enter" && event.target === sought) box.querySelector("section:not([hidden]) button:not([hidden])")?.click();
+    };
+  }
+  const headed = (host) => heading(host.querySelector(".chooser"));
+  const target = () => pgraph.latest.constraints.listed ?? pgraph.latest.selection ?? null;
+
+  // The body that gets the part; all that are selected with it get one each.
+  function heading(box) {
+    const line = box.querySelector(".for");
+    if (!line) return;
+    const body = target(), { selected = [] } = pgraph.latest, more = selected.includes(body) ? selected.length - 1 : 0;
+    line.textContent = body === null ? "Its body is clicked next" : `On '${body}'${more ? ` and ${more} more selected` : ""}`;
   }
 
   function draw(host, data) {
     const box = host.querySelector(".ties");
     filter(box.querySelector(".filter"), data);
+    heading(box.querySelector(".chooser"));
     const assemble = box.querySelector(".assemble");
     assemble.disabled = data.assembling || !data.lists[0].items.length;
     report(box.querySelector(".report"), data.mobility);
@@ -165,6 +191,6 @@
 
   pgraph.on("constraints", banner);
   pgraph.on("connectionsFor", (body) => { if (body !== undefined) send("OpenConstraints", { body }); });
-  pgraph.view("constraints", { build, constraints: draw });
+  pgraph.view("constraints", { build, constraints: draw, selection: headed, selected: headed });
   pgraph.view("part", { constraints: inspect });
 })();

@@ -47,6 +47,11 @@ from .update import allowed
 LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs", "controls")
 RESPONSE = button("step response …", "AskResponse", "Of the signal, to a step of the setpoint")
 FEEDBACK = button("feedback …", "Feedback", "Gains that hold the pose shown: LQR, pole placement")
+USUAL = (
+    ("constraints", "point"), ("constraints", "motion"), ("loops", "revolute"),
+    ("contacts", "complementarity"), ("forces", "motor"), ("forces", "servo"),
+    ("forces", "spring"), ("limits", "limits"),
+)  # fmt: skip
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
 DRAWN = 120  # points of a drawn curve, two or three pixels apart
 Q_OF_T = {
@@ -81,10 +86,7 @@ def constraints(state: State, page: Client) -> Payload:
     return {
         "listed": page.listed,
         "called": page.called,
-        "kinds": [
-            {"part": part, "title": TITLES[part], "kinds": list(kinds.items())}
-            for part, kinds in sorted(KINDS.items(), key=lambda k: list(TITLES).index(k[0]))
-        ],
+        "kinds": choices(),
         "lists": [_list(state, page, part) for part in LISTS],
         "limits": _limits(state, page),
         "picking": _picking(page.picking),
@@ -92,6 +94,24 @@ def constraints(state: State, page: Client) -> Payload:
         "assembling": bool(state.errands),
         "display": vars(page.display),
     }
+
+
+def choices() -> list[Payload]:
+    """Return all kinds that can be added, in titled groups. The usual ones come first."""
+    groups = {"Often used": list(USUAL)}
+    for part, title in TITLES.items():
+        groups[title] = [(part, kind) for kind in KINDS[part] if (part, kind) not in USUAL]
+    return [
+        {
+            "title": title,
+            "kinds": [
+                {"part": part, "kind": kind, "name": f"{kind} loop" if part == "loops" else kind,
+                 "about": KINDS[part][kind]}
+                for part, kind in kinds
+            ],
+        }
+        for title, kinds in groups.items() if kinds
+    ]  # fmt: skip
 
 
 def _switched(state: State, part: Part, item: Any) -> str:

@@ -536,3 +536,13 @@ def test_what_locks_a_joint_is_named(joint, copies):
     assert "'slider'" in text
     assert "hinge" not in text
     assert "loop" not in text
+
+
+def test_undo_withdraws_what_an_edit_changed_besides(state):
+    for _ in range(5):
+        state = add(state, "constraints", "point")
+    removed = after(state, do.DeleteBodies(ME, ("3",), "delete"))
+    assert all(f"'{c.name}'" in notice(removed) for c in state.model.constraints)
+    for event in (do.Undo, do.Redo):
+        removed = after(removed, event(ME))
+        assert removed.clients[ME].notice.withdrawn

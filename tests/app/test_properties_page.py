@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
+from pgraph_app import constraints
 from pgraph_app.constraints.update import EditPart, OpenPart
+from pgraph_app.constraints.view import choices
 from pgraph_app.model.update import Edit, Redo, Undo
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.properties.world import DeleteParameter, EditWorld
@@ -461,3 +463,25 @@ def test_what_is_typed_stays_in_its_row_and_lands_in_no_other(page, served, kind
     page.wait_for_function(
         "[...document.querySelectorAll('[role=alert]')].some((one) => one.checkVisibility())"
     )
+
+
+def test_a_kind_is_found_by_typing_and_its_body_is_named(bench, served):
+    choose_body(bench, "3")
+    bench.evaluate("() => pgraph.front('Connections')")
+    bench.locator("button.add-tie").click()
+    bench.locator(".chooser .for", has_text="'3'").wait_for()
+    bench.wait_for_function("() => document.activeElement.matches('.chooser input')")
+    bench.keyboard.type("damp")
+    shown = bench.locator(".chooser button[data-kind]:visible")
+    bench.wait_for_function(
+        "() => [...document.querySelectorAll('.chooser button:not([hidden])')]"
+        ".every((one) => one.textContent.toLowerCase().includes('damp'))"
+    )
+    assert 0 < shown.count() < 20
+    bench.locator(".chooser input").fill("motor")
+    bench.keyboard.press("Enter")
+    until(lambda: [f.kind for f in model(served).forces] == ["motor"], "a motor")
+    assert model(served).forces[0].body == "3"
+    names = [(one["part"], one["name"]) for group in choices() for one in group["kinds"]]
+    assert len(names) == len(set(names))
+    assert len(names) == sum(map(len, constraints.KINDS.values()))
