@@ -74,6 +74,7 @@ def test_a_trot_is_steered_while_it_plays_then_looked_at_and_kept(walker, served
     until(lambda: served.store.state.live is None, "the walk over")
     until(lambda: served.store.state.run, "the walk as a run")
     end = served.store.state.run.result.t[-1]
+    page.wait_for_function("pgraph.latest.run.summary")  # what can be exported depends on it
     with page.expect_download() as download:
         page.locator("button.exports").click()
         page.locator("button.export.csv").click()
