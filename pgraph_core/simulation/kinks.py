@@ -13,7 +13,7 @@ from ..mechanism import Mechanism
 from ..model.constraint import Motion
 from ..packing import Array, Ints
 from ..packing.signals import count_of_edges, of_time
-from ..tolerances import NOTABLE
+from ..tolerances import EPS, NOTABLE
 
 AT_A_TIME = 256  # edges that one call of the kernel finds
 MOST_KINKS = 100_000  # of a motion, at which steps end
@@ -73,11 +73,12 @@ def _of_program(name: str, code: Array, begin: float, end: float) -> list[Kink]:
         parts.append(out[:count])
         last = out[count - 1] if count else end
     t = np.concatenate(parts)
+    t = t[t - begin > EPS * max(abs(begin), abs(end))]  # the rest is of the start
     ends = np.concatenate(([begin], t, [end]))
     scale = np.abs(_values(code, np.append(ends, 0.5 * (ends[1:] + ends[:-1])))).max(axis=0)
     if not np.isfinite(scale).all():
         return []
-    jumps = _values(code, t) - _values(code, np.nextafter(t, begin))
+    jumps = _values(code, np.nextafter(t, end)) - _values(code, np.nextafter(t, begin))
     jumps[np.abs(jumps) <= NOTABLE * scale] = 0.0
     return [Kink(name, *row) for row in np.column_stack((t, jumps)).tolist()]
 
