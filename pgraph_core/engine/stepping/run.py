@@ -118,6 +118,8 @@ def step_once(run):
         call_look_back(links.look_back, (run,))
         if control.fired == REACHED:
             onto_constraints(run, control.time, at.Y)
+    if corner and control.time == end:  # no event ended the step before
+        control.edge = end
     if control.samples > 0 and code == at.DONE and control.time > control.old_time:
         sampled(run)
     if control.widths == GIVEN:
@@ -189,7 +191,6 @@ def accept(run, h, end, corner):
     control.old_time = control.time
     control.old_width = h
     control.time = end
-    control.edge = end if corner else control.edge
     control.filled = 0
     control.rejected = 0
     data.counters[0].steps += 1
