@@ -55,8 +55,9 @@ def playback(effort: Effort, n: int, server: Any) -> Iterator[Row]:
 
 def moving(n: int) -> Any:
     """The page's state with a run in which all bodies move."""
+    from pgraph_app.core.jobs import Done
     from pgraph_app.features import initial, update
-    from pgraph_app.run.update import Simulate, Simulated
+    from pgraph_app.run.update import Simulate
     from pgraph_app.scene.update import Show, Viewport
     from pgraph_app.session.update import Connected
 
@@ -64,7 +65,7 @@ def moving(n: int) -> Any:
     result = pg.simulate(pg.Mechanism(model), t_end=0.1, step=1e-3, method="rk4")
     state = initial(model)
     for event in (
-        Connected(ME), Viewport(ME, 1.0), Simulate(ME), Simulated(1, result),
+        Connected(ME), Viewport(ME, 1.0), Simulate(ME), Done(1, result),
         Show(ME, "axes", False),
     ):  # fmt: skip
         state = update(state, event)

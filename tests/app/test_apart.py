@@ -84,8 +84,9 @@ def test_a_refusal_of_a_child_is_that_of_the_reader(event, tmp_path, monkeypatch
     ],
 )
 def test_a_child_that_fails_is_refused_and_leaves_nothing(expression, facts, tmp_path, monkeypatch):
-    monkeypatch.setattr(apart, "LONGEST", 2)
-    monkeypatch.setattr(apart, "PATIENCE", 2)
+    if facts == "60 s":  # others end by themselves, however busy the machine is
+        monkeypatch.setattr(apart, "LONGEST", 2)
+        monkeypatch.setattr(apart, "PATIENCE", 2)
     left = tmp_path / "left"
     make = f"__import__('pathlib').Path({str(left)!r}).mkdir()"
     with pytest.raises(Refusal, match=facts):

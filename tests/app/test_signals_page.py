@@ -126,8 +126,6 @@ def test_a_signal_is_picked_by_clicks(page, served, compiled, torque):
     page.keyboard.type(" + 4*")
     page.locator('[data-part="outputs"] .tie .title').click()
     until(lambda: torque.input_value().endswith("4*out.tilt"), "the sensor")
-    page.locator('[data-part="forces"] .tie .title').click()
-    says(page, "push", "cart")
     page.keyboard.type(" + 5*")
     page.mouse.click(*on_screen(page, middle_of(served, "pole")))
     until(lambda: torque.input_value().endswith("5*q.pole"), "the body in 3D")

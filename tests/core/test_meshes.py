@@ -201,7 +201,7 @@ def test_collada_has_the_scene_in_metres(tmp_path):
         ("3 2 1 0", "3 2 1 7", "vertices"),
         ("<vcount>4", "<vcount>9", "corners"),
         ("0 0 100", "0 0", " 3 "),
-        ("<node><rotate>", NODE, "circle"),
+        ("<node><rotate>", NODE, "line 13"),
         ("<COLLADA>", "<!DOCTYPE a><COLLADA>", "document type"),
     ):  # fmt: skip
         (tmp_path / "bad.dae").write_text(COLLADA.replace(old, new, 1))
