@@ -108,7 +108,10 @@
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     $(".search-curves").replaceChildren(...data.curves.map(curve));
-    $(".search-result").replaceChildren(...(data.found && !data.job ? [result(data.found)] : []));
+    const found = data.job ? null : data.found, shown = JSON.stringify(found);
+    if (host.pgraphShown === shown) return; // its button may be pressed just now
+    host.pgraphShown = shown;
+    $(".search-result").replaceChildren(...(found ? [result(found)] : []));
   }
 
   // The data as dots, and the curve of the run that was tried last.
