@@ -8,7 +8,7 @@ import pytest
 import pgraph_core as pg
 
 
-def holds(text: str, *facts: str) -> None:
+def assert_names(text: str, *facts: str) -> None:
     """Assert that a message names all facts."""
     assert [fact for fact in facts if fact not in text] == [], text
 
@@ -22,10 +22,10 @@ def refusal(make: Callable[[], Any], *errors: type[Exception]) -> Any:
     return refused.value
 
 
-def judge(problems: Iterable[pg.Problem], expected: Iterable[Any]) -> None:
+def assert_problems(problems: Iterable[pg.Problem], expected: Iterable[Any]) -> None:
     """Assert that each problem begins with its part and field and names the facts."""
     problems, expected = list(problems), list(expected)
     heads = [", ".join(filter(None, (p.where, p.field))) for p in problems]
     assert heads == [head for head, *_ in expected]
     for problem, (_, *facts) in zip(problems, expected):
-        holds(problem.text, *facts)
+        assert_names(problem.text, *facts)

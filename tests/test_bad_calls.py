@@ -11,7 +11,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
 from pgraph_core.errors import shown
-from tests.refusals import holds, judge, refusal
+from tests.refusals import assert_names, assert_problems, refusal
 
 NAN, INF = math.nan, math.inf
 BASE = pg.Model.serial(3)
@@ -174,7 +174,7 @@ CALLS = [
 def test_a_refused_call_names_the_argument_and_what_would_do(call, facts):
     before = TWO.to_json()
     text = str(refusal(call))
-    holds(text, *facts)
+    assert_names(text, *facts)
     assert (BASE.to_json(), TWO.to_json()) == (BEFORE, before)
 
 
@@ -253,7 +253,7 @@ def test_constraints_that_cannot_be_met_are_named_with_their_gap(model, facts):
     """By `assemble`, and as the end of a run."""
     mech = pg.Mechanism(model)
     error = str(refusal(mech.assemble, pg.InputError))
-    holds(error, *facts)
+    assert_names(error, *facts)
     done = pg.simulate(mech, t_end=0.1)
     assert done.status is pg.Status.CANNOT_CLOSE
     assert error in done.message
@@ -263,7 +263,7 @@ def test_velocities_that_a_switch_contradicts_end_the_run():
     switches = ((0.0, "fast", False), (0.1, "fast", True))
     model = held("velocity", slow=1.0, fast=2.0)
     done = pg.simulate(model, t_end=0.2, switches=switches, estimate=False)
-    holds(done.message, "constraint 'fast'", "0.1 s", "0.5")
+    assert_names(done.message, "constraint 'fast'", "0.1 s", "0.5")
 
 
 def test_a_loop_that_does_not_close_names_joints_left_at_the_parents_origin():
@@ -286,7 +286,7 @@ def test_a_gait_names_contacts_of_its_model_and_goes_with_them():
     gait = TROT.edit(feet=[f.model_dump() | {"foot": f"{f.foot}!"} for f in TROT.feet])
     scenario = pg.Scenario(name="walk", gait=gait)
     error = refusal(lambda: QUADRUPED.replace(scenarios=(scenario,)), pg.ModelError)
-    judge(error.problems[:1], [("scenario 'walk', gait", "'left_front_foot!'", *FEET)])
+    assert_problems(error.problems[:1], [("scenario 'walk', gait", "'left_front_foot!'", *FEET)])
     lame = QUADRUPED.remove("left_hind_paw")
     assert all(s.gait is None for s in lame.scenarios)
     assert any("scenario 'trot'" in text for text in lame.notices)
@@ -335,7 +335,7 @@ LATE = [
 
 @pytest.mark.parametrize(("call", "facts"), [(call, facts) for call, *facts in LATE])
 def test_a_switch_a_gait_or_a_study_that_does_not_fit_is_refused(call, facts):
-    holds(str(refusal(call)), *facts)
+    assert_names(str(refusal(call)), *facts)
 
 
 def test_a_target_that_no_method_reaches_is_answered_with_the_best(tmp_path):
@@ -344,11 +344,11 @@ def test_a_target_that_no_method_reaches_is_answered_with_the_best(tmp_path):
     best = min((row for row in study.rows if row.error), key=lambda row: row.error)
     facts = ("recommend, target", "1e-12", f"{best.error:.2g}", "rk4", f"{best.step:g} s")
     error = str(refusal(study.recommend, pg.InputError))
-    holds(error, *facts)
+    assert_names(error, *facts)
     assert "1 run " in study.answer  # was left out
     assert "`longest`" in study.answer
     error = str(refusal(lambda: study.save(tmp_path / "a.pdf"), pg.FileError))
-    holds(error, "a.pdf", ".html, .json, .svg, .txt")
+    assert_names(error, "a.pdf", ".html, .json, .svg, .txt")
 
 
 @pytest.mark.parametrize(
@@ -362,7 +362,7 @@ def test_a_target_that_no_method_reaches_is_answered_with_the_best(tmp_path):
 )
 def test_words_after_pgraph_report_are_refused(capsys, words, facts):
     assert main(["report", *words]) == 1
-    holds(capsys.readouterr().err, *facts)
+    assert_names(capsys.readouterr().err, *facts)
     with pytest.raises(SystemExit):
         main(["report", "pendulum", "--steps", "a,b"])
     assert "'a,b'" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from pydantic import BaseModel
 import pgraph_core as pg
 from pgraph_app.cli import main
 from pgraph_core.errors import shown
-from tests.refusals import holds, judge, refusal
+from tests.refusals import assert_names, assert_problems, refusal
 from tests.worlds import WHOLE
 
 pytestmark = pytest.mark.quick
@@ -232,7 +232,7 @@ ROWS = [
 @pytest.mark.parametrize(("fields", "expected"), ROWS)
 def test_models_are_refused_alike_by_python_and_by_file(fields, expected, tmp_path, capsys):
     problems = refusal(lambda: pg.Model(**fields), pg.ModelError).problems
-    judge(problems, expected)
+    assert_problems(problems, expected)
     file = tmp_path / "model.json"
     file.write_text(json.dumps(fields))
     assert main(["check", str(file)]) == 1
@@ -336,7 +336,7 @@ def test_every_field_refuses_values_of_the_wrong_type_and_size(cls):
             facts = (shown(value), shown(leaf), "missing", "'zz'", "zz: ")
             assert any(fact in text for fact in facts for text in texts), (given, texts)
             if get_origin(bare(info.annotation)) is Literal and field != "kind":
-                holds(texts[0], *get_args(bare(info.annotation)))  # the choices
+                assert_names(texts[0], *get_args(bare(info.annotation)))  # the choices
             assert not any("\n" in text for text in texts), given
 
 
@@ -361,7 +361,7 @@ def test_a_file_that_is_no_model_is_named_with_the_place(content, tmp_path, caps
     error = refusal(lambda: pg.Model.load(file), pg.FileError)
     head, _, said = str(error).removeprefix(str(file)).partition(": ")
     assert head.removeprefix(", ") == place
-    holds(said, *facts)
+    assert_names(said, *facts)
     assert main(["check", str(file), "--json"]) == 1
     out, err = capsys.readouterr()
     assert err == f"{error}\n"
@@ -372,4 +372,4 @@ def test_a_file_that_is_no_model_is_named_with_the_place(content, tmp_path, caps
 def test_numbers_that_json_has_not_are_refused_by_their_field(number, given):
     text = f'{{"bodies": [{{"name": "a", "mass": {number}}}]}}'
     problems = refusal(lambda: pg.Model.from_json(text), pg.ModelError).problems
-    judge(problems, [("body 'a', mass", f"given {given}")])
+    assert_problems(problems, [("body 'a', mass", f"given {given}")])

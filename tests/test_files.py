@@ -10,7 +10,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
-from tests.refusals import holds, refusal
+from tests.refusals import assert_names, refusal
 
 pytestmark = pytest.mark.quick
 
@@ -59,7 +59,7 @@ def test_a_failed_write_leaves_the_old_file(step, existed, error, tmp_path: Path
     with pytest.raises((pg.FileError, KeyboardInterrupt)) as refused:
         MODEL.edit("1", mass=9.0).save(file)
     if isinstance(error, OSError):
-        holds(str(refused.value), str(file), "No space left on device")
+        assert_names(str(refused.value), str(file), "No space left on device")
     assert [p.name for p in tmp_path.iterdir()] == (["m.json"] if existed else [])
     if existed:
         assert pg.Model.load(file) == MODEL
@@ -105,7 +105,7 @@ def test_a_place_that_cannot_be_written_or_read_is_named(
     for call in calls:
         error = str(refusal(call, pg.FileError))
         assert error.startswith(shown)
-        holds(error, reason)
+        assert_names(error, reason)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from tests.refusals import holds, refusal
+from tests.refusals import assert_names, refusal
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -220,4 +220,4 @@ def test_an_action_beyond_the_limits_acts_as_the_limit():
     ],
 )
 def test_what_no_environment_is_made_of_is_refused(make, facts):
-    holds(str(refusal(make)), *facts)
+    assert_names(str(refusal(make)), *facts)

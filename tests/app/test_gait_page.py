@@ -82,13 +82,13 @@ def test_a_trot_is_steered_while_it_plays_then_looked_at_and_kept(walker, served
         head, *rows = csv.reader(file)
     assert float(rows[-1][0]) == pytest.approx(end)
     page.wait_for_function("pgraph.latest.phases.feet.length === 4")
-    agree(page.evaluate("pgraph.latest.phases"), head, rows)
+    assert_agreement(page.evaluate("pgraph.latest.phases"), head, rows)
     page.get_by_role("button", name="Display").click()
     page.locator('[data-what="forces"]').check()
     page.wait_for_function(OVER)  # arrows that no body hides
 
 
-def agree(shown: dict[str, Any], head: list[str], rows: list[list[str]]) -> None:
+def assert_agreement(shown: dict[str, Any], head: list[str], rows: list[list[str]]) -> None:
     """The phases that the page draws are those of the table."""
     for number, foot in enumerate(shown["feet"]):
         own = [(t, code) for k, t, code in shown["changes"] if k == number]

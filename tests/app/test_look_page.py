@@ -27,7 +27,7 @@ def faults(page: Any) -> list[str]:
     return page.evaluate(LOOKS, [LEAST, SMALL])["faults"]
 
 
-def in_order(page: Any, what: str) -> None:
+def assert_in_order(page: Any, what: str) -> None:
     """Wait until nothing is wrong: colours fade and panels move after a change."""
     frames(page)
     try:
@@ -71,31 +71,31 @@ def theme(page: Any, dark: bool) -> None:
     page.locator(f"html[data-mantine-color-scheme={scheme}]").wait_for()
 
 
-def all_tabs_in_order(page: Any) -> None:
+def assert_all_tabs_in_order(page: Any) -> None:
     for tab in TABS:
         page.evaluate("(tab) => pgraph.front(tab)", tab)
-        in_order(page, tab)
+        assert_in_order(page, tab)
     page.evaluate("pgraph.frame.drawer(false); pgraph.front('Bodies')")
     for which in ASKED:
         ask(page, which)
-        in_order(page, which)
+        assert_in_order(page, which)
         page.keyboard.press("Escape")
     for opens in ("button.keys", "button.search-all", "button.method", "button.exports"):
         page.locator(opens).click()
-        in_order(page, opens)
+        assert_in_order(page, opens)
         page.keyboard.press("Escape")
     shows(page, "!pgraph.overlaid()")
     page.evaluate("pgraph.toast('a notice'); pgraph.toast('another', true)")
     cell = row(page, "lumbar").locator("input.name")
     typed(cell, "thorax")
     page.locator("table.bodies tr.sentence").wait_for()
-    in_order(page, "a refused cell, and notices")
+    assert_in_order(page, "a refused cell, and notices")
     cell.press("Escape")
 
 
 def test_every_tab_is_in_order_in_one_size_and_theme(walked):
     sized(walked, 1280, 800)
-    all_tabs_in_order(walked)
+    assert_all_tabs_in_order(walked)
 
 
 @pytest.mark.nightly
@@ -104,7 +104,7 @@ def test_every_tab_is_in_order_in_one_size_and_theme(walked):
 def test_every_tab_is_in_order_in_all_sizes_and_themes(walked, size, dark):
     sized(walked, *size)
     theme(walked, dark)
-    all_tabs_in_order(walked)
+    assert_all_tabs_in_order(walked)
 
 
 FITS = """() => { const box = (s) => document.querySelector(s).getBoundingClientRect();
@@ -141,7 +141,7 @@ def test_themes_are_legible(page):
     for scheme in ("dark", "light"):
         page.locator("button.theme").click()
         page.locator(f"html[data-mantine-color-scheme={scheme}]").wait_for()
-        in_order(page, scheme)
+        assert_in_order(page, scheme)
 
 
 VIEW = "document.querySelector('canvas:not(.pgraph *)').getBoundingClientRect().toJSON()"
@@ -249,4 +249,4 @@ def test_a_model_is_in_order_in_both_themes(page: Any, served: Server, name, siz
     page.locator("table.bodies tr[data-name] td.number").first.click()
     for dark in (True, False):
         theme(page, dark)
-        in_order(page, f"{name}, {'dark' if dark else 'light'}")
+        assert_in_order(page, f"{name}, {'dark' if dark else 'light'}")

@@ -17,7 +17,7 @@ SIZES = [1.0, 1e-6, 1e6]
 NONE = np.zeros((3, 3))
 
 
-def honest(runs, floor, small=10.0):
+def assert_honest(runs, floor, small=10.0):
     """No estimate is below a fifth of the error; few are above ten times it, by lucky phases."""
     ratios = []
     for run, known, size in runs:
@@ -53,7 +53,7 @@ def incline(size, slope, share, step, t_turn, **options):
 @pytest.mark.parametrize("frames", [2, 101])
 def test_slip_that_turns_within_a_step(size, share, frames):
     step = 0.005
-    honest(
+    assert_honest(
         (
             incline(size, 0.4, share, step, (first + phase) * step, frames=frames)
             for first in (0, 50)
@@ -85,7 +85,7 @@ def test_slip_that_ends_within_a_step(size, mu):
         known[:, 0], known[:, 2] = v0 * slid - 0.5 * mu * g * slid**2 + rolled, size
         known[:, 3], known[:, 5] = np.cos(half), np.sin(half)
         runs.append((run, known, np.ptp(known[:, 0]) + 1.0))
-    honest(runs, 1e-8)
+    assert_honest(runs, 1e-8)
 
 
 @pytest.mark.parametrize("e", [0.3, 0.5, 1.0])
@@ -107,7 +107,7 @@ def test_slow_impacts_within_a_step(e, size, limited):
         model = pg.Model(bodies=(body,), contacts=contacts, gravity=(0, 0, -g))
         run = pg.simulate(model, t_end=0.25, step=step, frames=126, method="moreau_jean")
         runs.append((run, size + bounces(run.t, height, g, e)[:, None], height))
-    honest(runs, 1e-7, np.inf)
+    assert_honest(runs, 1e-7, np.inf)
 
 
 def bounces(t, height, g, e):

@@ -21,7 +21,7 @@ def states(mech, size, seed=0):
     return qs, rng.normal(size=(size, mech.nv)), rng.normal(size=(size, mech.nv))
 
 
-def close(a, b, tolerance):
+def assert_close(a, b, tolerance):
     assert np.max(np.abs(a - b)) <= tolerance * max(1.0, np.max(np.abs(b)))
 
 
@@ -33,8 +33,8 @@ def test_forward_and_inverse_dynamics_of_random_forests(seed):
     batch = pg.BatchStepper(mech, len(qs))
     batch.reset(qs, vs)
     vdots = batch.acceleration(taus)
-    close(vdots, np.array([mech.forward_dynamics(*row) for row in zip(qs, vs, taus)]), 1e-11)
-    close(batch.inverse_dynamics(vdots), taus, 1e-10)
+    assert_close(vdots, np.array([mech.forward_dynamics(*row) for row in zip(qs, vs, taus)]), 1e-11)
+    assert_close(batch.inverse_dynamics(vdots), taus, 1e-10)
 
 
 def balls():
@@ -83,7 +83,7 @@ def test_instances_equal_single_runs(model, size, method):
         one = pg.simulate(
             model.edit("3", mass=mass), qs[i], vs[i], tau=taus[i], t_end=t_end, frames=2, **given
         )
-        close(batch.q[i], one.q[-1], 1e-11)
-        close(batch.v[i], one.v[-1], 1e-10)
-        close(vdots[i], one.vdot[-1], 1e-9)
-        close(batch.work[i], one.work[-1], 1e-11)
+        assert_close(batch.q[i], one.q[-1], 1e-11)
+        assert_close(batch.v[i], one.v[-1], 1e-10)
+        assert_close(vdots[i], one.vdot[-1], 1e-9)
+        assert_close(batch.work[i], one.work[-1], 1e-11)

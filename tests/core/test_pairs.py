@@ -80,7 +80,7 @@ def test_points_have_the_gap_of_the_nearest_of_them():
         assert len(set(touch.whose[:, 2])) == len(touch.gap)
 
 
-def check(scene: Scene, touch: Touch) -> None:
+def assert_well_formed(scene: Scene, touch: Touch) -> None:
     assert 1 <= len(touch.gap) <= 8
     np.testing.assert_allclose(np.linalg.norm(touch.normal, axis=1), 1, atol=ROUNDING)
     along = ((touch.a - touch.b) * touch.normal).sum(axis=1)
@@ -100,7 +100,7 @@ def test_contact_points_lie_in_the_shapes(kinds, square):
     for seed in range(4):
         scene = scene_of(seed, kinds, square=square)
         if true_gap(scene) > -0.02:  # where one lies deep in the other a point may leave it
-            check(scene, scene.pair())
+            assert_well_formed(scene, scene.pair())
 
 
 @given(seeds, st.sampled_from(ALL), st.booleans())
