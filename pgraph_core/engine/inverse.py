@@ -146,7 +146,7 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
         wanted[j] = tau[j]
         largest = max(largest, abs(tau[j]), abs(passive[j]))
     outboard(rows, const, work, q, v)
-    m = located(scene, v, True)
+    m = located(rows, const, blocks, work, space, v, True)
     residual(blocks, work, space, 0.0, q, row)
     for r in range(m):
         if not abs(row[r]) <= SOLVED * length:
