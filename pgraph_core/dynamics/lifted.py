@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..engine.compiler.dual import WIDTH
 from ..engine.compiler.kinds import Array as ArrayKind
 from ..engine.compiler.kinds import Group
-from ..packing import Array
+from ..packing import Array, Ints
 
 MOST = WIDTH - 1  # derivatives that a dual carries
 
@@ -19,86 +20,81 @@ class Differs(Exception):
     """Two tuples are not of the same structure."""
 
 
-def lifted(kind: Any, value: Any, slopes: Sequence[Any]) -> Any:
-    """Return `value` of a kind with duals, with these derivatives, tuples of the same form.
+class Flat(NamedTuple):
+    """The numbers of a tuple of arrays in one array."""
+
+    words: Array  # (n,) all real numbers
+    begins: Ints  # where those of each array begin
+    fixed: tuple[Any, ...]  # what has no derivatives: sizes and integers
+
+
+def flat(kind: Any, value: Any) -> Flat:
+    """Return the numbers of `value` of a kind with duals."""
+    found: list[Array] = []
+    fixed: list[Any] = []
+    for own, array in _arrays(kind, value):
+        fixed.append(array.shape)
+        if not own.duals:
+            fixed.append(array.tobytes())
+        elif own.dtype.names:
+            words, real = _words(array), _is_real(own.dtype)
+            fixed.append(words[:, ~real].tobytes())
+            found.append(words[:, real].ravel())
+        else:
+            found.append(array.ravel())
+    begins = np.cumsum([0, *(x.size for x in found if x.size)])
+    return Flat(np.concatenate(found), begins[:-1], tuple(fixed))
+
+
+def lifted(kind: Any, value: Any, slopes: Array) -> Any:
+    """Return `value` of a kind with duals, with derivatives of its `Flat.words`, (k, n).
 
     An array of duals is float64 (..., WIDTH), one of records of duals (records, words, WIDTH).
     """
-    if isinstance(kind, Group):
-        parts = [
-            lifted(own, part, [slope[i] for slope in slopes])
-            for i, (own, part) in enumerate(zip(kind.members, value))
-        ]
-        return kind.names(*parts) if kind.names else tuple(parts)
-    if not (isinstance(kind, ArrayKind) and kind.duals):
-        return value
-    words = _words(value)
-    out = np.zeros((*words.shape, WIDTH))
-    out[..., 0].view(np.int64)[...] = words.view(np.int64)
-    for k, slope in enumerate(slopes, start=1):
-        out[..., k] = slope
-    return out
+    begin = 0
+
+    def of(kind: Any, value: Any) -> Any:
+        nonlocal begin
+        if isinstance(kind, Group):
+            parts = [of(own, part) for own, part in zip(kind.members, value)]
+            return kind.names(*parts) if kind.names else tuple(parts)
+        if not (isinstance(kind, ArrayKind) and kind.duals):
+            return value
+        words = _words(value)
+        out = np.zeros((*words.shape, WIDTH))
+        out[..., 0].view(np.int64)[...] = words.view(np.int64)
+        real = np.broadcast_to(_is_real(kind.dtype) if kind.dtype.names else True, words.shape)
+        end = begin + np.count_nonzero(real)
+        out[real, 1 : 1 + len(slopes)] = slopes[:, begin:end].T
+        begin = end
+        return out
+
+    return of(kind, value)
 
 
-def slope_of(kind: Any, values: Sequence[Any], weights: Sequence[float]) -> Any:
-    """Return Σ weights values of every array with duals, None for other members.
+def slope_of(values: Sequence[Flat], weights: Sequence[float]) -> Array:
+    """Return Σ weights words, (n,).
 
     The sum of the weights is zero: numbers that do not differ have a slope of exactly zero.
 
     Raises Differs if sizes or integers are not the same.
     """
-    if isinstance(kind, Group):
-        return tuple(
-            slope_of(own, [value[i] for value in values], weights)
-            for i, own in enumerate(kind.members)
-        )
-    if not isinstance(kind, ArrayKind):
-        return None
-    first, *others = values
-    if any(x.shape != first.shape for x in others):
+    if any(x.fixed != values[0].fixed for x in values):
         raise Differs
-    if kind.duals and are_same(values):
-        return np.zeros(_words(first).shape)
-    if kind.duals and kind.dtype.names:
-        real = np.tile(_is_real(kind.dtype), (len(first), 1))
-        words = [_words(x) for x in values]
-        if any((x.view(np.int64)[~real] != words[0].view(np.int64)[~real]).any() for x in words):
-            raise Differs
-        out = np.zeros(real.shape)
-        out[real] = weighted([x[real] for x in words], weights)
-        return out
-    if kind.duals:
-        return weighted(values, weights)
-    if any((x != first).any() for x in others):
-        raise Differs
-    return None
+    return weighted([x.words for x in values], weights)
 
 
-def are_on_lines(kind: Any, values: Sequence[Any]) -> bool:
-    """True if every number has values at 0, 1 and -2 that are on a line, to rounding.
+def are_on_lines(values: Sequence[Flat]) -> bool:
+    """Return whether all numbers have values at 0, 1 and -2 that are on a line, to rounding.
 
     The bound of 2 f(1) + f(-2) - 3 f(0) is 16 roundings of the largest value in its array.
     """
-    if isinstance(kind, Group):
-        return all(
-            are_on_lines(own, [value[i] for value in values]) for i, own in enumerate(kind.members)
-        )
-    if not (isinstance(kind, ArrayKind) and kind.duals) or are_same(values):
-        return True
-    words = [_words(value) for value in values]
-    if kind.dtype.names:
-        words = [x[:, _is_real(kind.dtype)] for x in words]
-    finite = np.isfinite(words[0])
-    at_0, at_1, at_2 = (x[finite] for x in words)
-    size = max(float(np.abs(x).max(initial=0.0)) for x in (at_0, at_1, at_2))
-    bent = np.abs(2.0 * at_1 + at_2 - 3.0 * at_0)
-    return float(bent.max(initial=0.0)) <= 16.0 * np.finfo(float).eps * size
-
-
-def are_same(values: Sequence[Array]) -> bool:
-    """True if arrays of one shape have the same bits."""
-    first = values[0].tobytes()
-    return all(value.tobytes() == first for value in values[1:])
+    finite = np.isfinite(values[0].words)
+    at_0, at_1, at_2 = (np.where(finite, x.words, 0.0) for x in values)
+    begins = values[0].begins
+    size = np.maximum.reduceat(np.maximum.reduce(np.abs((at_0, at_1, at_2))), begins)
+    bent = np.maximum.reduceat(np.abs(2.0 * at_1 + at_2 - 3.0 * at_0), begins)
+    return bool((bent <= 16.0 * np.finfo(float).eps * size).all())
 
 
 def laid_out(kind: Any, value: Any) -> list[int]:
@@ -123,6 +119,15 @@ def weighted(values: Sequence[Array], weights: Sequence[float]) -> Array:
     return total
 
 
+def _arrays(kind: Any, value: Any) -> Iterator[tuple[ArrayKind, Array]]:
+    """Iterate over all arrays of a tuple, with their kinds."""
+    if isinstance(kind, Group):
+        for own, part in zip(kind.members, value):
+            yield from _arrays(own, part)
+    elif isinstance(kind, ArrayKind):
+        yield kind, value
+
+
 def _words(value: Any) -> Array:
     """An array of numbers as it is, one of records as (records, words)."""
     if not value.dtype.names:
@@ -131,6 +136,7 @@ def _words(value: Any) -> Array:
     return flat.reshape(len(value), value.dtype.itemsize // 8)
 
 
+@cache
 def _is_real(record: np.dtype[Any]) -> Any:
     """(words,) whether each word of a record is a real number."""
     found = np.zeros(record.itemsize // 8, dtype=bool)

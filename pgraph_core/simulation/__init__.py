@@ -158,7 +158,8 @@ def simulate(
     monitors = () if events is NO_EVENTS else monitors_of(events, (mech.nq, mech.nv))
     record = Recording(mech, plan, *state, tau, monitors)
     if len(wrt):
-        from .sensitivity import Carried, Given, variables_of
+        from .sensitivity import Carried
+        from .variables import Given, variables_of
 
         given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording, wrt)
         record.carried = Carried(given, variables_of(given, wrt))

@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..engine.arrays import Scene
+from ..dynamics.lifted import flat, slope_of
+from ..engine.arrays import SCENE_OF_DUALS, Scene
 from ..errors import InputError, Problem
 from ..packing import Array
 from .options import Options
 from .recording import Recording
-from .sensitivity import Carried, Given, Slope, Variable, directions, slope_of_scenes
-
-GIVEN, DRIVES = Scene._fields.index("given"), Scene._fields.index("drives")
+from .sensitivity import Carried, directions
+from .variables import Given, Slope, Variable
 
 
 class LinearStep(NamedTuple):
@@ -56,14 +56,14 @@ def linear_step(
         Given(mech, options, plan, tau, None, None, Recording),
         [Variable(name, 1.0, lambda _: (mech, plan)) for name in columns],
     )
-    scene = slope_of_scenes([record.scene], [0.0])
-    zero = np.zeros(nq), np.zeros(nv)
+    arrays = record.scene.arrays
+    scene, zero = _acting(arrays), (np.zeros(nq), np.zeros(nv))
     for column in directions(mech, plan.start[0]).T:
         carried.slopes.append(Slope(scene, column, zero[1]))
     for one in np.eye(nv):
         carried.slopes.append(Slope(scene, zero[0], one))
     for one in inputs.values() if inputs else range(nv):
-        carried.slopes.append(Slope(_acting(scene, one), *zero))
+        carried.slopes.append(Slope(_acting(arrays, one), *zero))
     record.carried = carried
     if not record.begin():
         raise InputError(Problem("Stepper.linearise", "", record.ended.message))
@@ -76,17 +76,20 @@ def linear_step(
     return LinearStep(both[:, : 2 * nv], both[:, 2 * nv :], tuple(carried.ended))
 
 
-def _acting(scene: Any, one: Any) -> Any:
-    """The slope of a scene by the torque of a joint, or by (knot, slope) of an input."""
-    parts = list(scene)
-    if isinstance(one, tuple):
-        drives = list(parts[DRIVES])
-        drives[1] = drives[1].copy()
-        drives[1][one[0], 1] = one[1]
-        parts[DRIVES] = tuple(drives)
-    else:
-        parts[GIVEN] = np.eye(len(parts[GIVEN]))[one]
-    return tuple(parts)
+def _acting(scene: Scene, one: int | tuple[int, float] | None = None) -> Array:
+    """Return the slope of a scene by the torque of a joint, or by (knot, slope) of an input.
+
+    It is zero if `one` is None.
+    """
+    none, knots = np.zeros(len(scene.given)), scene.drives.knots.copy()
+    ends = []
+    for share in (0.0, 1.0):
+        given = none if one is None or isinstance(one, tuple) else share * np.eye(len(none))[one]
+        if isinstance(one, tuple):
+            knots[one[0], 1] = share * one[1]
+        drives = scene.drives._replace(knots=knots)
+        ends.append(flat(SCENE_OF_DUALS, scene._replace(given=given, drives=drives)))
+    return slope_of(ends, (0.0, 1.0))
 
 
 def _remember(record: Recording, own: Recording) -> None:

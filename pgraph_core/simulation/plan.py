@@ -290,16 +290,13 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
 def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any) -> RunPlan:
     """A plan with the forces and the initial state of another mechanism of the same structure."""
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
-    acts = _what_acts(mech, o, given, o.span(given), o.checked_forces(mech), None)
-    start = initial_state(mech, given, q, v, tau, o.span(given)[0])
-    contacts = plan.contacts
+    begin, contacts = o.span(given)[0], plan.contacts
+    _, drives, loads = _forces(mech, o, given, begin, o.checked_forces(mech))
+    start = initial_state(mech, given, q, v, tau, begin)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
-        contacts = stepped_tables(mech.packed, contacts, acts.drives)
-    return replace(
-        plan, drives=acts.drives, loads=acts.loads, length=acts.length, start=start,
-        contacts=contacts,
-    )  # fmt: skip
+        contacts = stepped_tables(mech.packed, contacts, drives)
+    return replace(plan, drives=drives, loads=loads, start=start, contacts=contacts)
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
@@ -344,21 +341,29 @@ def _what_acts(
 
     Conditions of switches may ask for `contacts`.
     """
-    forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
-    if o.inputs:
-        forces = driven(forces, o.inputs, "simulate", span[0])
-    forces = begun(forces, span[0])
+    forces, drives, loads = _forces(mech, o, given, span[0], extra)
     now = active_constraints(mech, given)
     active, changes = switch_changes(mech, given, o.switches, now, span)
     switches = switches_of(mech, given, o.switches, span)
     conditions = conditions_of(mech, switches, contacts, forces)
-    exerted = tuple(filter(exerts, forces))
     return RunPlan(
-        drives=mech.packed.drives(forces), loads=mech.packed.loads(exerted, states=True),
-        active=active, varying=tuple(filter(varying, exerted)),
+        drives=drives, loads=loads, active=active,
+        varying=tuple(filter(varying, filter(exerts, forces))),
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,
     )  # fmt: skip
+
+
+def _forces(
+    mech: Mechanism, o: Options, given: Scenario | None, begin: float, extra: tuple[Force, ...]
+) -> tuple[tuple[Force, ...], Drives, Loads]:
+    """Return all forces of a run, in joints and as loads."""
+    forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
+    if o.inputs:
+        forces = driven(forces, o.inputs, "simulate", begin)
+    forces = begun(forces, begin)
+    loads = mech.packed.loads(tuple(filter(exerts, forces)), states=True)
+    return forces, mech.packed.drives(forces), loads
 
 
 def _with_method(

@@ -167,16 +167,23 @@ class Recording:
         }
 
     def _scene(self) -> Scene:
-        mech, plan = self.mech, self.plan
-        acts: Any = {"contacts": plan.contacts, "user": self.user}
+        watched = len(self.watch.monitors) if self.watch else 0
+        return self.scene_of(self.mech, self.plan, self.user, watched)
+
+    @staticmethod
+    def scene_of(
+        mech: Mechanism, plan: RunPlan, user: UserTorque | None = None, watched: int = 0
+    ) -> Scene:
+        """Return the scene of a run with `watched` monitors."""
+        acts: Any = {"contacts": plan.contacts, "user": user}
         if plan.contact_points:
             from .event_scene import EventScene
 
             frames = len(plan.times)
-            acts["watched"] = len(self.watch.monitors) if self.watch else 0
             return EventScene(
-                mech, plan.drives, plan.loads, plan.ever, plan.contact_points, frames, **acts
-            )
+                mech, plan.drives, plan.loads, plan.ever, plan.contact_points, frames,
+                watched=watched, **acts,
+            )  # fmt: skip
         own = mech.packed.blocks
         if not (len(plan.ever) or plan.contacts):
             own = NO_BLOCKS

@@ -1,0 +1,267 @@
+"""The numbers by which a run is differentiated, and the derivatives of its scene and start.
+
+Packed constants that are linear in a number have the slope of their line. Others are differentiated
+by central differences of order 6 over steps of 1/256 of the number, to about 1e-12 of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..dynamics.lifted import Differs, Flat, are_on_lines, flat, slope_of
+from ..engine.arrays import SCENE_OF_DUALS
+from ..engine.compiler.kinds import F1, carrying, group
+from ..engine.signals import AT_MOST, CHOOSE, LESS, SAMPLE
+from ..errors import InputError, ModelError, PgraphError, Problem, nearest, shown
+from ..forces import OnJoint
+from ..mechanism import Mechanism
+from ..packing import Array
+from ..packing.forces import times_at_bounds
+from ..tolerances import step_of_differences
+from .options import Options
+from .paths import Path, distinct
+from .plan import RunPlan, varied
+
+# weights of f(x + k h) for h f'(x), k = -3 ... 3, and on one side, k = 0 ... 6
+CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
+SHARE = step_of_differences(6)  # step of differences over the size of a number
+SCENE_AND_START = group(SCENE_OF_DUALS, carrying(F1), carrying(F1))
+
+
+class Given(NamedTuple):
+    """The arguments of a run that its derivatives need again."""
+
+    mech: Mechanism
+    options: Options
+    plan: RunPlan
+    tau: Any
+    q: Any
+    v: Any
+    recording: Any  # the class of recordings, which imports this module
+    wrt: Any = ()  # as given
+
+    def at(self, mech: Mechanism, options: Options) -> RunPlan:
+        """The plan for another mechanism of the same structure."""
+        return varied(mech, options, self.plan, self.tau, self.q, self.v)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number that a run is differentiated by."""
+
+    path: str
+    present: float
+    made: Callable[[float], tuple[Mechanism, RunPlan]]  # the run for another value
+    seed: tuple[int, int] | None = None  # 0 or 1, and the place in the initial q or v
+
+    def step(self) -> float:
+        """Step of the differences."""
+        return SHARE * (abs(self.present) or 1.0)
+
+
+def variables_of(given: Given, wrt: Any, call: str = "simulate") -> list[Variable]:
+    """The numbers at these paths. Raises InputError."""
+    listed = [wrt] if isinstance(wrt, str) else wrt
+    if not isinstance(listed, (list, tuple)) or not listed:
+        text = f"must be a list of paths, as ['bodies.arm.mass', 'q.arm']; given {shown(wrt)}"
+        raise InputError(Problem(call, "wrt", text))
+    found, paths = [], []
+    for one in listed:
+        if not isinstance(one, (str, tuple, list)) or not one:
+            raise InputError(Problem(call, "wrt", f"must name paths; given {shown(one)}"))
+        word = one if isinstance(one, str) else ".".join(map(str, one))
+        group, _, name = word.partition(".")
+        if group in ("q", "v") and word not in given.mech.model.parameters:
+            found.append(_coordinate(given, group, name, call))
+        elif group == "inputs" and word not in given.mech.model.parameters:
+            found.append(_input(given, name, call))
+        else:
+            paths.append(Path(given.mech.model, one, call))
+            found.append(_number(given, paths[-1]))
+    distinct(paths, call)
+    names = [one.path for one in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(Problem(call, "wrt", f"'{name}' is given twice"))
+    return found
+
+
+def _number(given: Given, path: Path) -> Variable:
+    options, model = given.options, given.mech.model
+    call = {"q": given.q, "v": given.v, "tau": given.tau, "inputs": dict(options.inputs) or None}
+    if instead := path.replaced_by(model, options.scenario, call):
+        raise InputError(Problem("simulate", path.text, f"has no influence: {instead}"))
+    if np.isnan(path.present):
+        text = "has no value in the model: give it one to differentiate by it"
+        raise InputError(Problem("simulate", path.text, text))
+
+    def made(x: float) -> tuple[Mechanism, RunPlan]:
+        mech = Mechanism(path.set(model, x))
+        return mech, given.at(mech, options)
+
+    return Variable(path.text, path.present, made)
+
+
+def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
+    """An initial coordinate: "q.arm", or "v.trunk.3" of a joint with several."""
+    mech = given.mech
+    joints = {
+        body: range(*getattr(joint, kind).indices(len(given.plan.start[kind == "v"])))
+        for body, joint in mech.joints.items()
+    }
+    body, _, entry = name.rpartition(".")
+    body, entry = (body, entry) if body in joints and entry.isdecimal() else (name, "0")
+    if body not in joints:
+        text = f"no body with a moving joint is named {body!r}; {nearest(body, joints)}"
+        raise InputError(Problem(call, f"{kind}.{name}", text))
+    place = joints[body]
+    if (body == name and len(place) > 1) or int(entry) >= len(place):
+        text = f"the joint has {len(place)} entries: name one, as in {kind}.{body}.0"
+        raise InputError(Problem(call, f"{kind}.{name}", text))
+    index = place[int(entry)]
+    if kind == "q" and any(i <= index < i + 4 for _, i, _ in mech.packed.quaternions):
+        text = "is a part of a quaternion, which does not vary alone"
+        raise InputError(Problem(call, f"{kind}.{name}", text))
+    start, t = given.plan.start, float(given.plan.times[0])
+
+    def made(x: float) -> tuple[Mechanism, RunPlan]:
+        state = [part.copy() for part in start]
+        state[kind == "v"][index] = x
+        return mech, replace(given.plan, start=mech.packed.with_states(t, *state))
+
+    present = float(start[kind == "v"][index])
+    alone = mech.packed.run is mech.packed  # no state of a control starts from it
+    seed = (int(kind == "v"), index) if alone else None
+    return Variable(f"{kind}.{name}", present, made, seed)
+
+
+def _input(given: Given, name: str, call: str) -> Variable:
+    options = given.options
+    inputs = dict(options.inputs)
+    present = inputs.get(name)
+    if not isinstance(present, (int, float)):
+        text = f"is not a number given in the call; give inputs={{{name!r}: 0.0}} to simulate"
+        raise InputError(Problem(call, f"inputs.{name}", text))
+
+    def made(x: float) -> tuple[Mechanism, RunPlan]:
+        changed = tuple((inputs | {name: x}).items())
+        return given.mech, given.at(given.mech, options._replace(inputs=changed))
+
+    return Variable(f"inputs.{name}", float(present), made)
+
+
+# -- derivatives of the scene and the start --------------------------------------------------------
+
+
+class Slope(NamedTuple):
+    """The derivatives of a scene, of its `Flat.words`, and of its initial state."""
+
+    scene: Array
+    q: Array
+    v: Array
+
+
+class Slopes:
+    """Derivatives of the scene and of the initial state of a run."""
+
+    def __init__(self, given: Given):
+        self._given, (q, v) = given, given.plan.start
+        self._end = -len(q) - len(v)  # of the words of a scene
+        self._nv = len(v)
+        self._here = cache(lambda: self._flat(given.mech, given.plan))  # the same for all numbers
+
+    def of(self, variable: Variable) -> Slope:
+        """Return the derivatives by a number. Raises InputError and ModelError."""
+        if variable.seed is not None:
+            found = np.zeros(len(self._here().words))
+            kind, place = variable.seed
+            found[(-self._nv if kind else self._end) + place] = 1.0
+            return self._parts(found)
+        h, refused = variable.step(), dict[type, PgraphError]()
+
+        @cache
+        def built(k: int) -> Flat:
+            return self._flat(*variable.made(variable.present + k * h)) if k else self._here()
+
+        try:
+            three = [built(k) for k in (0, 1, -2)]
+            slope = slope_of(three, (0.0, 1.0 / (3.0 * h), -1.0 / (3.0 * h)))
+            if are_on_lines(three):
+                return self._parts(slope)
+        except (ModelError, Differs):
+            pass  # at one of the ends: one side is left
+        for side, weights in ((1, CENTRAL), (1, ONE_SIDED), (-1, ONE_SIDED)):
+            try:
+                found = [built(side * k) for k in weights]
+                scale = [side * weight / h for weight in weights.values()]
+                return self._parts(slope_of(found, scale))
+            except ModelError as error:
+                refused[ModelError] = error
+            except Differs:
+                text = "changes what acts as it leaves its value, so that no derivative exists"
+                refused[Differs] = InputError(Problem("simulate", variable.path, text))
+        raise refused.get(Differs) or refused[ModelError]
+
+    def _flat(self, mech: Mechanism, plan: RunPlan) -> Flat:
+        scene = self._given.recording.scene_of(mech, plan)
+        return flat(SCENE_AND_START, (scene.arrays, *plan.start))
+
+    def _parts(self, found: Array) -> Slope:
+        return Slope(found[: self._end], *np.split(found[self._end :], [-self._nv]))
+
+
+# -- runs without derivatives ----------------------------------------------------------------------
+
+
+def refuse(given: Given) -> None:
+    """Raise InputError for a run that has no derivatives."""
+    plan, why = given.plan, ""
+    if plan.contact_points:
+        why = "contacts and limits have derivatives by method='moreau_jean' alone"
+    if plan.contacts is not None and plan.contacts.touches:
+        why = "contacts of shapes have no derivatives yet, limits and friction of joints have them"
+    if plan.contacts is not None and len(plan.start[0]) > given.mech.nq:
+        why = "limits have no derivatives yet beside controls with states"
+    if callable(given.tau) or plan.tau is not None:
+        why = "a function of torques has no derivatives: give motors or servos in its place"
+    if (plan.loads.signals[2][:, SAMPLE] >= 0).any():
+        why = "controls that act at samples have no derivatives yet; give them no sample time"
+    if why:
+        raise InputError(Problem("simulate", "wrt", why))
+    if not plan.method.implicit:
+        _refuse_bounded(given)
+    code = plan.loads.signals[0]
+    if np.isin(code[::2, 0], (CHOOSE, LESS, AT_MOST)).any():
+        text = "an expression that compares has no derivatives yet, because its value jumps; "
+        text += "smoothstep, min and max have them"
+        raise InputError(Problem("simulate", "wrt", text))
+
+
+def _refuse_bounded(given: Given) -> None:
+    """Raise InputError for a drive of which steps end at a bound, for explicit methods.
+
+    A step begins there at a kink, and its first stage takes the derivative of the side before it.
+    """
+    model, options, plan = given.mech.model, given.options, given.plan
+    of_scenario = () if options.scenario is None else model.scenario(options.scenario).forces
+    forces = (*model.forces, *of_scenario, *options.checked_forces(given.mech))
+    driving = [f for f in forces if isinstance(f, OnJoint)]
+    begin, end = plan.times[[0, -1]]
+    for f, row in zip(driving, plan.drives.table[plan.drives.passive :]):
+        met = times_at_bounds(row, plan.drives.knots)
+        least, most = f.states
+        if np.isfinite([least, most]).any():
+            name = "state_high" if np.isfinite(most) else "state_low"
+        elif ((met >= begin) & (met <= end)).any():
+            name = "torque_low" if f.torque_limit is None else "torque_limit"
+        else:
+            continue
+        text = f"bounds what acts over time, through which {plan.method.name} has no derivatives "
+        text += "yet; give method='radau5' or 'gauss6', or no bound"
+        raise InputError(Problem(f"force '{f.name}'", name, text))
