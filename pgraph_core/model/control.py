@@ -6,6 +6,7 @@ jumps to a new value at its samples; both are expressions. The kinds differ in t
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
@@ -56,9 +57,9 @@ class Control(OfKinds):
         return ()
 
     @property
+    @abstractmethod
     def own(self) -> tuple[Own, ...]:
         """The states, in the order of their numbers."""
-        raise NotImplementedError
 
     @property
     def value(self) -> Node:
