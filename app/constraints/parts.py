@@ -343,8 +343,8 @@ def on_joint(
 ) -> dict[str, Any]:
     """Return the fields of a part with another body, other body, site or coordinate.
 
-    What refers to the joint then refers to the new one: a prescribed motion begins where that joint
-    stands, unless it is an expression.
+    What refers to the joint then refers to the new one: the prescribed motion and the target of a
+    servo begin where that joint stands, unless they are expressions.
     """
     data = {**data, **changes}
     body: str = data.get("body", "")
@@ -354,17 +354,31 @@ def on_joint(
         row = next(iter(data["coefficients"].values()))
         fits = len(row) == model.body(body).dof
         data["coefficients"] = {body: row if fits else _unit_row(model, body)}
-    if isinstance(item, pg.Motion) and not isinstance(item.q_of_t, str):
-        data["q_of_t"] = _moved(item.q_of_t, model.body(body), data.get("coordinate", 0))
+    for field in ("q_of_t", "target"):
+        curve = data.get(field)
+        if curve is not None and not isinstance(curve, str):
+            terms = [(body, data.get("coordinate", 0), 1.0)]
+            if rows := data.get("coefficients"):
+                terms = [(name, k, by) for name, row in rows.items() for k, by in enumerate(row)]
+            data[field] = _moved(curve, model, terms)
     return data
 
 
-def _moved(curve: Any, body: pg.Body, coordinate: int) -> dict[str, Any]:
-    """Return a curve of the same kind that begins at the position of a joint, if it has one."""
-    place = dict(enumerate(joints.places(body.sequence))).get(coordinate)
-    start = _start(curve) if place is None else body.q[place]
+def _moved(curve: Any, model: pg.Model, terms: Sequence[tuple[str, int, float]]) -> Any:
+    """Return a curve of the same kind that begins at the position of a sum of joint coordinates, if
+    all have one.
+    """
+    start = 0.0
+    for name, k, by in terms:
+        body = model.body(name)
+        place = dict(enumerate(joints.places(body.sequence))).get(k)
+        if place is None:
+            return curve
+        start += by * body.q[place]
     gone = start - _start(curve)
     match curve:
+        case float() | int():
+            return start
         case pg.Sine():
             return {**curve.model_dump(), "mean": curve.mean + gone}
         case pg.Polynomial():
@@ -453,6 +467,8 @@ def _start(curve: Any) -> float:
             return curve.coefficients[0]
         case str():
             return 0.0
+        case float() | int():
+            return curve
     return curve.value[0]
 
 

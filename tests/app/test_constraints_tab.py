@@ -508,6 +508,26 @@ def test_a_motion_begins_at_the_joint_that_it_drives(pick, curve, change, value,
         assert motion.q_of_t.coefficients[1] == 2.0  # as typed
 
 
+@pytest.mark.parametrize("target", [1.5, {"t": (0.0, 2.0), "value": (0.2, 0.9)}, "=sin(t)"])
+@pytest.mark.parametrize(
+    ("change", "value", "start"), [("body", "2", -1.2), ("coordinate", "1", -0.3)]
+)
+def test_the_target_of_a_servo_begins_at_its_new_joint(target, change, value, start):
+    q = {"1": 0.4, "2": -1.2, "3": (0.7, -0.3)}
+    model = pg.Model.serial(3).edit("3", joint="universal")
+    for name, own in q.items():
+        model = model.edit(name, q=own)
+    body = "3" if change == "coordinate" else "1"
+    servo = pg.Servo(name="hold", body=body, kp=1.0, target=target)
+    state = edit(begun(model.replace(forces=[servo])), "forces", "hold", change, ((), value))
+    new = state.model.forces[0].target
+    if isinstance(target, dict):
+        assert new.value == pytest.approx((start, start + 0.7))
+    else:
+        assert new == (target if isinstance(target, str) else start)
+    assert getattr(state.model.forces[0], change) == (1 if change == "coordinate" else "2")
+
+
 @pytest.mark.parametrize(("joint", "unit"), [("revolute", "rad"), ("prismatic", "m")])
 def test_the_numbers_of_a_motion_show_the_units_of_its_joint(joint, unit):
     state = begun(pg.Model.serial(2).edit("2", joint=joint))
