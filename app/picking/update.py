@@ -94,7 +94,7 @@ def clicked(state: State, event: ClickSpot) -> State:
     if page is None or page.aim is None or (found := spot_of(state, event, page.aim)) is None:
         return state
     if page.aim.wants == "signal":
-        hint = signal_of(state.model, 0, "bodies", found.body, event.rate)
+        hint = signal_of(state.model, 0, "bodies", found.body, event.rate, None, "")
         return with_client(state, client, hint=hint)
     if page.aim.wants == "measure":
         kept = page.aim.spots if len(page.aim.spots) == 1 else ()

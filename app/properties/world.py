@@ -9,7 +9,7 @@ import pgraph_core as pg
 from pgraph_core.errors import counted
 from pgraph_core.fields import about
 from pgraph_core.model.editing import in_expressions
-from pgraph_core.model.expressions import expressions_of
+from pgraph_core.model.expressions import texts_of
 from pgraph_core.model.parameters import evaluated
 from pgraph_core.signals.grammar import names_in, with_names
 
@@ -103,7 +103,7 @@ def _parameters(state: State) -> Payload:
     model = state.model
     used = dict.fromkeys(model.parameters, 0)
     texts = [f.text for f in model.formulas]
-    texts += [x for f in (*model.forces, *model.constraints) for _, _, x in expressions_of(f)]
+    texts += texts_of(model.forces, model.constraints, model.controls, model.scenarios)
     for text in texts:
         for name in names_in(text):
             if name in used:

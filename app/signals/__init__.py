@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Self
 import pgraph_core as pg
 from pgraph_core import joints
 from pgraph_core.errors import shown
-from pgraph_core.model.expressions import Known, wanted
+from pgraph_core.model.expressions import SIGNALS_OF, Known, at_once, loop_problems, wanted
 from pgraph_core.model.output import OF_JOINT
 from pgraph_core.model.parameters import evaluated
 from pgraph_core.signals import Node, Unreadable, parsed, written
@@ -23,10 +23,10 @@ from pgraph_core.units import Dim
 from .. import constraints
 
 MOST_WORDS = 8  # completions in a list
-WORD = re.compile(r"""(?:\b(?P<group>q|v|x|u|f|out)(?:\.|\[["']?))?(?P<name>\w*)$""")
+WORD = re.compile(r"""(?:\b(?P<group>q|v|x|u|f|out|force)(?:\.|\[["']?))?(?P<name>\w*)$""")
 MEASURED = {
     "q": "position of", "v": "speed of", "x": "control", "out": "output", "u": "input of",
-    "f": "torque or force of",
+    "f": "torque or force of", "force": "force of",
 }  # fmt: skip
 
 
@@ -67,7 +67,7 @@ class Vocabulary:
     """
 
     def __init__(self, model: pg.Model, moment: Moment, item: Any, field: str, varies: bool):
-        self._known = known_of(model)
+        self._known, self._model, self._field = known_of(model), model, field
         self._moment, self._item, self._varies = moment, item, varies
         self._of_time = isinstance(item, pg.Motion)
         field = "q_of_t" if self._of_time else field
@@ -93,7 +93,9 @@ class Vocabulary:
             tree = parsed(text)
             if self._item is None and not compares(tree):
                 return "must compare, as in q.arm > 0.5", ""
-            problem = self._known.problem(text, self.wanted, of_time=self._of_time)
+            now = at_once(self._item, self._field)
+            problem = self._known.problem(text, self.wanted, of_time=self._of_time, at_once=now)
+            problem = problem or looped(self._model, self._item, self._field, text)
             return problem.removeprefix(f"{shown(text)}: "), "" if problem else self._value(tree)
         except ValueError as error:
             return str(error), ""
@@ -121,7 +123,7 @@ class Vocabulary:
             output = self._known.outputs[name]
             name, k = output.at, output.coordinate
             group = "q" if output.kind == OF_JOINT[0] else "v"
-        if group in ("x", "u", "f"):
+        if group in ("x", "u", "f", "force"):
             return math.nan  # runs alone know it
         if group == "v":
             return self._moment.v[name][k]
@@ -181,7 +183,9 @@ class Vocabulary:
 def known_of(model: pg.Model) -> Known:
     """Return the names that expressions in a model may use."""
     bodies = {b.name: b for b in model.bodies}
-    return Known(bodies, model.outputs, model.controls, model.parameters, model.forces)
+    exerting = [c.name for c in model.constraints], [c.name for c in model.contacts]
+    known = model.outputs, model.controls, model.parameters, model.forces
+    return Known(bodies, *known, exerting)
 
 
 def _measured(known: Known) -> Iterator[tuple[str, str]]:
@@ -217,21 +221,31 @@ def _unit_of(dim: Dim | None) -> str:
     return "" if dim is None or dim == Dim() else unit(dim)
 
 
-def clicked(model: pg.Model, serial: int, part: str, name: str, rate: bool) -> Hint:
-    """Return the signal of what was clicked, or the reason why it has none."""
+def looped(model: pg.Model, item: Any, field: str, text: str) -> str:
+    """Return the algebraic loop that an expression in a field of a part would close, or ""."""
+    if item is None or field not in type(item).model_fields:
+        return ""
+    new = item.unchecked_copy({field: text})
+    controls = [new if x is item else x for x in model.controls]
+    forces = [new if x is item else x for x in model.forces]
+    return next((problem.text for problem in loop_problems(controls, forces, "")), "")
+
+
+def clicked(
+    model: pg.Model, serial: int, part: str, name: str, rate: bool, item: Any, field: str
+) -> Hint:
+    """Return the signal of what was clicked, or the reason why a field of `item` cannot read it."""
     known = known_of(model)
     if part == "bodies" and name in known.bodies:
         found = [x for group in ("vq" if rate else "qv") for x in signals_of(known, group, name)]
         problem = f"the joint of '{name}' does not move"
         return Hint(serial, put=found[0]) if found else Hint(serial, problem)
-    group = {"outputs": "out", "controls": "x", "forces": "f"}.get(part, "")
+    group = SIGNALS_OF.get(part, ("",))[-1]
     if group and name in known.of(group):
         text = written(group, name)
-        try:
-            known.dim(parsed(text))
-        except Unreadable as error:
-            return Hint(serial, str(error).partition(": ")[2])
-        return Hint(serial, put=text)
+        problem = known.problem(f"={text}", None, at_once=at_once(item, field))
+        problem = problem.partition(": ")[2] or looped(model, item, field, f"={text}")
+        return Hint(serial, problem, put="" if problem else text)
     body = next((x.body for x in getattr(model, part, ()) if getattr(x, "name", "") == name), "")
     hint = f"; click body '{body}'" if body in known.bodies else ""
     return Hint(serial, f"'{name}' has no coordinate that an expression can read{hint}")

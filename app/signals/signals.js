@@ -66,7 +66,7 @@
   pgraph.on("hint", (hint) => {
     if (!cell) return;
     if (hint.put) {
-      const before = cell.value.slice(0, cell.selectionStart), open = before.match(/\b(q|v|out)(\.|\[["']?)?$/)?.[0] ?? "";
+      const before = cell.value.slice(0, cell.selectionStart), open = before.match(/\b(q|v|out|x|u|f|force)(\.|\[["']?)?$/)?.[0] ?? "";
       put(hint.put, before.length - open.length, cell.selectionEnd);
     } else if (hint.serial === asked || !hint.serial) draw(hint);
   });
@@ -114,7 +114,8 @@
       if (!first) return;
       const of = meant(event.target), open = /\bv(\.|\[["']?)?$/.test(cell.value.slice(0, cell.selectionStart));
       asked = pgraph.nextSerial();
-      send("PickSignal", { serial: asked, rate: event.shiftKey || open, ...of });
+      const { part, name: owner, cell: field } = takes(cell);
+      send("PickSignal", { serial: asked, rate: event.shiftKey || open, ...of, of: part, owner, cell: field });
     }, true);
   }
 })();

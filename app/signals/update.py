@@ -60,15 +60,23 @@ def moment(state: State) -> Moment:
 
 @dataclass(frozen=True)
 class PickSignal(FromPage):
-    """A part was clicked while an expression is typed. `rate` asks for the speed of a body."""
+    """A part was clicked while an expression is typed in a cell of another part, or of a switch.
+
+    `rate` asks for the speed of a body.
+    """
 
     serial: int
     part: Part | Literal["bodies"]
     name: Text
     rate: bool
+    of: Part | Literal["switches", ""]
+    owner: Text
+    cell: Text
 
 
 @on(PickSignal)
 def signal_picked(state: State, event: PickSignal) -> State:
-    found = clicked(state.model, event.serial, event.part, event.name, event.rate)
+    item = _item(state.model, event.of, event.owner)
+    clicks = event.part, event.name, event.rate
+    found = clicked(state.model, event.serial, *clicks, item, event.cell)
     return with_client(state, event.client, hint=found)

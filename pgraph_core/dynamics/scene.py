@@ -35,12 +35,14 @@ from ..engine.records import (
     WATCH,
     table,
 )
+from ..engine.stepping.measured import measured
 from ..joints import SIZE
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
 from ..packing.forces import on_bodies
 from ..packing.packed import Packed
+from ..packing.signals import locate_forces, measured_rows
 from ..portable import Unportable
 
 if TYPE_CHECKING:
@@ -85,6 +87,11 @@ class Scene(Unportable):
         if (own.blocks_i[:, at.B_KNOTS] < at.SINE).any():
             own = own._replace(curves=own.curves.copy())
         self.blocks: Blocks = _extended(own, contacts) if contacts else own
+        if len(measured_rows(loads.signals[0])):
+            numbers = {c.name: i for i, c in enumerate(packed.model.contacts)}
+            touches = contacts.touches if contacts else ()
+            pairs = [numbers.get(pair.contact.name, -1) for pair in touches]
+            locate_forces(loads.signals[0], own.first.tolist(), pairs)
         self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
         self.given = np.zeros(packed.nv)
         self.user, self.gains = user, gains
@@ -165,6 +172,18 @@ class Scene(Unportable):
         for kept in self.space:
             kept[:] = 0
         self.activate(constraints)
+
+    def begin_controls(self, t: float, near: float, q: Array, v: Array) -> None:
+        """Give the states of controls their first values at t, and take the samples within `near`.
+
+        Forces that samples read are those of the first values.
+        """
+        if len(measured_rows(self.loads.signals[0])):
+            motion.begin_controls(self.address, t, -1.0, q, v)
+            forces = np.zeros((len(self.blocks.blocks_i), 6))
+            state = t, q, v, np.zeros(len(v)), np.zeros(3)
+            measured(self.address, address_of(motion.acceleration), *state, forces)
+        motion.begin_controls(self.address, t, near, q, v)
 
     @property
     def held(self) -> int:

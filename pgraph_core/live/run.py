@@ -240,7 +240,7 @@ class LiveRun:
         self.record = Recording(mech, self.plan, *state, plan.tau)
         if mech.model.controls:
             begin = self.record.steps.q, self.record.steps.v
-            motion.begin_controls(self.record.scene.address, self.record.start, 0.0, *begin)
+            self.record.scene.begin_controls(self.record.start, 0.0, *begin)
             self.record.scene.loads.signals[0][1::2] = 0.0  # values on the way, of no later use
         if plan.tolerance is None:
             self.record.steps.open_ended(setup.step)

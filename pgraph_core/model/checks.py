@@ -355,7 +355,7 @@ def reference_problems(
         *loop_problems(controls, forces, ""),
         *varying_problems(
             (constraints, forces, controls), scenarios,
-            Known(bodies, outputs, controls, parameters, forces),
+            Known(bodies, outputs, controls, parameters, forces, names),
         ),
         *(
             problem for s in scenarios if s.forces

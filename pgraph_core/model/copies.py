@@ -15,7 +15,14 @@ from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
 from .contact import Contact
 from .editing import renamed
-from .expressions import drives_read, expressions_of, read_by, read_through, renamed_in
+from .expressions import (
+    drives_read,
+    expressions_of,
+    named_in,
+    read_by,
+    read_through,
+    renamed_in,
+)
 from .output import Output, Site
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
@@ -150,8 +157,11 @@ class _Copy:
         """Return True if a force reads a drive, or a control that follows the original branch."""
         if drives_read(part):
             return True
-        read = read_through(part, self.controls, self.outputs)
-        return bool(read) if self.mirror else any(name in self.names for name, _ in read)
+        through = read_through(part, self.controls)
+        if any(named_in(c, "force") for c in through):
+            return True
+        read = {name for c in through for name, _ in read_by(c, self.outputs)}
+        return bool(read) if self.mirror else not read.isdisjoint(self.names)
 
     def formula(self, f: Formula, parts: Sequence[Any], called: Names) -> Formula | None:
         """Return the formula for the copied cell with its reflected sign, or None for a number."""

@@ -17,7 +17,7 @@ from ..signals.grammar import names_in
 from ..tolerances import NAMED, SOLVED
 from .body import Body
 from .constraint import AlongAxes, Constraint
-from .expressions import expressions_of
+from .expressions import texts_of
 from .world import DOWN
 
 
@@ -252,9 +252,8 @@ def _overlap(a: str, b: str) -> bool:
 
 def _idle_parameters(model: Any) -> Iterator[str]:
     """Yield warnings about parameters that no formula or expression uses."""
-    forces = [*model.forces, *(f for s in model.scenarios for f in s.forces)]
     texts = [f.text for f in model.formulas]
-    texts += [x for part in (*forces, *model.constraints) for _, _, x in expressions_of(part)]
+    texts += texts_of(model.forces, model.constraints, model.controls, model.scenarios)
     used = set[str]().union(*map(names_in, texts))
     for name in model.parameters:
         if name not in used:

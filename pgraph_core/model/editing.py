@@ -16,7 +16,7 @@ from .checks import fits_joint, force_problems, output_problems, state_problems,
 from .constraint import Constraint
 from .contact import Contact
 from .control import Control
-from .expressions import controls_read, drives_read, read_by, renamed_in
+from .expressions import controls_read, drives_read, named_in, read_by, renamed_in
 from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
 
@@ -230,7 +230,8 @@ def in_expressions(
 ) -> dict[str, tuple[Any, ...]]:
     """Return the parts with expressions, in which names are renamed.
 
-    `groups` are "out" for outputs, "x" for controls, "u" and "f" for drives, "" for parameters.
+    `groups` are "out" for outputs, "x" for controls, "u" and "f" for drives, "force" for contacts
+    and constraints, "" for parameters.
     """
 
     def new(part: Any) -> Any:
@@ -360,8 +361,9 @@ def without(
 
     def reads(part: Force | Control) -> bool:
         read = {x for x, _ in read_by(part, parts["outputs"])}
-        others = lost_controls.isdisjoint(controls_read(part))
-        return not (names.isdisjoint(read) and others and lost_drives.isdisjoint(drives_read(part)))
+        named = (controls_read(part), drives_read(part), named_in(part, "force"))
+        lost = (lost_controls, lost_drives, exerting)
+        return bool(names & read) or any(a & b for a, b in zip(named, lost))
 
     def touched(part: Constraint | Contact | Force | Site | Output | Control) -> bool:
         if isinstance(part, (Force, Control)) and reads(part):
@@ -378,7 +380,7 @@ def without(
             switches, ("force", "gap"), lambda x: None if x in gone["contacts"] else x
         )
         read = lambda x: {name for _, name, _ in signals_in(x)}  # noqa: E731
-        lost = names | gone["outputs"] | lost_controls | lost_drives
+        lost = names | gone["outputs"] | lost_controls | lost_drives | exerting
         switches = followed(switches, ("holds",), lambda x: None if read(x) & lost else x)
         return s.unchecked_copy(
             {
@@ -392,6 +394,10 @@ def without(
             }
         )
 
+    exerting = {
+        part.name for part in (*parts["constraints"], *parts["contacts"])
+        if not names.isdisjoint(part.touches)
+    }  # fmt: skip
     lost_controls, lost_drives, before = set[str](), set[str](), -1
     while before < (before := len(lost_controls) + len(lost_drives)):  # one may read another
         lost_controls |= {c.name for c in parts["controls"] if reads(c)}

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from itertools import pairwise
 from typing import Any
 
 from .. import joints
@@ -14,14 +14,19 @@ from ..forces import Force, OnJoint
 from ..signals import Node, Unreadable, is_expression, parsed, signals_in, with_names, written
 from ..signals.grammar import walk
 from ..signals.meaning import CONSTANTS, TIME, constant, dim_of, fits, places_of, unit
-from ..units import RAD, Dim, M, Q, S
+from ..units import RAD, Dim, M, N, Q, S
 from .body import Body
 from .constraint import Motion
 from .control import PID, Control
 from .output import OF_JOINT, OF_LOAD, Output
+from .scenario import Scenario
 
 Bodies = Mapping[str, Body | None]
 DRIVEN = ("u", "f")  # groups of signals of drives
+SIGNALS_OF = {  # parts of a model -> groups of the signals that they have
+    "outputs": ("out",), "controls": ("x",), "forces": DRIVEN, "constraints": ("force",),
+    "contacts": ("force",),
+}  # fmt: skip
 PASSED = ("x", *DRIVEN)  # groups of signals that may follow from others at once
 PATHS = {  # output -> what it follows from, which an expression in a force would have to wait for
     "accelerometer": "the accelerations", "force": "the joint forces", "torque": "the joint forces",
@@ -56,8 +61,10 @@ class Known:
     def __init__(
         self, bodies: Bodies, outputs: Sequence[Output], controls: Sequence[Control],
         parameters: Mapping[str, float], forces: Sequence[Force],
+        exerting: tuple[Sequence[str], Sequence[str]] = ((), ()),
     ):  # fmt: skip
-        self.bodies, self.parameters = bodies, parameters
+        """`exerting` are the names of all constraints and contacts."""
+        self.bodies, self.parameters, self._exerting = bodies, parameters, exerting
         self.drives = {f.name: f for f in forces if isinstance(f, OnJoint)}
         self.outputs = {o.name: o for o in outputs}
         self.controls = {c.name: c for c in controls}
@@ -74,6 +81,8 @@ class Known:
             return self._of_drive(node, group, name, k)
         if group == "out":
             return self._of_output(node, name, k)
+        if group == "force":
+            return self._of_force(node, name, k)
         return self._of_joint(node, name, k, group == "v")
 
     def _of_joint(self, node: Node, name: str, k: int, rate: bool) -> Dim:
@@ -104,7 +113,9 @@ class Known:
         """Return the parts by name that have signals of a group."""
         if group in DRIVEN:
             return self.drives
-        return {"out": self.outputs, "x": self.controls}.get(group, self.bodies)
+        names = dict.fromkeys(itertools.chain(*self._exerting))
+        of = {"out": self.outputs, "x": self.controls, "force": names}
+        return of.get(group, self.bodies)
 
     def beside(self, forces: Sequence[Force]) -> Known:
         """Return the names with those of further drives, as of a scenario."""
@@ -116,8 +127,9 @@ class Known:
         drive = self.drives.get(name)
         if drive is None:
             do = nearest(name, self.drives) if self.drives else "the model has none"
-            text = f"no motor, servo or actuator is named {shown(name)}; {do}. Forces of contacts "
-            text += "and constraints follow from all forces: a condition of a switch reads them"
+            if name in self.of("force"):
+                do = f"write {written('force', name)} for the force of a contact or constraint"
+            text = f"no motor, servo or actuator is named {shown(name)}; {do}"
             raise Unreadable(node.column, text)
         if k:
             raise Unreadable(node.column, f"{group}.{name} is one number; given entry {k}")
@@ -125,6 +137,19 @@ class Known:
             text = f"{shown(name)} has a lag or an integral of its own, whose torque no expression "
             raise Unreadable(node.column, f"{text}knows; give the lag to a control of kind filter")
         return wanted(drive, drive.INPUT if group == "u" else "torque", self.bodies)
+
+    def _of_force(self, node: Node, name: str, k: int) -> Dim:
+        known = self.of("force")
+        if name not in known:
+            do = nearest(name, known) if known else "the model has none"
+            raise Unreadable(node.column, f"no contact or constraint is named {shown(name)}; {do}")
+        if all(name in names for names in self._exerting):
+            text = f"a contact and a constraint are both named {shown(name)}; rename one"
+            raise Unreadable(node.column, text)
+        if k > 3:
+            text = f"the force of {shown(name)} has its size, 0, and entries from 1 to 3 along x, y"
+            raise Unreadable(node.column, f"{text} and z; given {k}")
+        return N
 
     def _of_output(self, node: Node, name: str, k: int) -> Dim:
         output = self.outputs.get(name)
@@ -141,12 +166,22 @@ class Known:
             raise Unreadable(node.column, f"output {shown(name)} is one number; given entry {k}")
         return self._of_joint(node, output.at, output.coordinate, output.kind == OF_JOINT[1])
 
-    def problem(self, text: str, wanted: Dim | None, *, of_time: bool = False) -> str:
-        """Return why an expression is invalid in a field of dimension `wanted`, or ""."""
+    def problem(
+        self, text: str, wanted: Dim | None, *, of_time: bool = False, at_once: str = ""
+    ) -> str:
+        """Return why an expression is invalid in a field of dimension `wanted`, or "".
+
+        `at_once` is the part that follows from it at the same instant, "" if it acts later.
+        """
         try:
             tree = parsed(text)
             for node in walk(tree):
                 self._check(node, of_time)
+                if at_once and node.op == "signal" and node.signal[0] == "force":
+                    force = written("force", node.signal[1])
+                    loop = f"an algebraic loop: {force} -> {at_once} -> {force}, which follows"
+                    do = "from all forces; read it in a control with samples"
+                    raise Unreadable(node.column, f"{loop} {do}")
             found = dim_of(tree, self.dim)
         except Unreadable as error:
             return f"{shown(text)}: {error}"
@@ -172,7 +207,7 @@ class Known:
         except (ValueError, ArithmeticError):
             text = "the places of a table are numbers or parameters"
             raise Unreadable(node.column, text) from None
-        if any(not a < b for a, b in pairwise(places)):
+        if any(not a < b for a, b in itertools.pairwise(places)):
             raise Unreadable(node.column, f"the places of a table ascend; given {places}")
 
 
@@ -189,11 +224,22 @@ def expression_problems(parts: Iterable[Described], known: Known, of: str = "") 
         for name, _, text in expressions_of(part):
             where = f"{of}{part.word()} {shown(getattr(part, 'name', ''))}"
             dim = wanted(part, name, known.bodies)
-            if problem := known.problem(text, dim, of_time=isinstance(part, Motion)):
+            now = at_once(part, name)
+            if problem := known.problem(text, dim, of_time=isinstance(part, Motion), at_once=now):
                 found.append(Problem(where, name, problem))
         if isinstance(part, PID) and not found and (problem := _error_problem(part, known)):
             found.append(Problem(f"{part.word()} {shown(part.name)}", "setpoint", problem))
     return found
+
+
+def at_once(part: Described | None, name: str) -> str:
+    """Return what follows from a field of a part at the same instant, "" if it acts later.
+
+    A condition, None, and the inputs of a control with samples act after that instant.
+    """
+    if part is None or (isinstance(part, Control) and getattr(part, "sample", None)):
+        return ""
+    return f"{part.word()} {shown(getattr(part, 'name', ''))}"
 
 
 def _error_problem(part: PID, known: Known) -> str:
@@ -235,18 +281,15 @@ def read_by(part: Described, outputs: Sequence[Output]) -> set[tuple[str, int]]:
     }  # fmt: skip
 
 
-def read_through(
-    part: Described, controls: Sequence[Control], outputs: Sequence[Output]
-) -> set[tuple[str, int]]:
-    """Return (body, degree of freedom) for each joint that a part reads through controls."""
-    known, seen = {c.name: c for c in controls}, set[str]()
-    left, found = controls_read(part), set[tuple[str, int]]()
-    while left - seen:
-        name = (left - seen).pop()
-        seen.add(name)
+def read_through(part: Described, controls: Sequence[Control]) -> list[Control]:
+    """Return the controls that a part reads, also through others."""
+    known, found = {c.name: c for c in controls}, dict[str, Control]()
+    left = controls_read(part)
+    while new := left - found.keys():
+        name = new.pop()
+        found[name] = known[name]
         left |= controls_read(known[name])
-        found |= read_by(known[name], outputs)
-    return found
+    return list(found.values())
 
 
 def controls_read(part: Described) -> set[str]:
@@ -257,6 +300,16 @@ def controls_read(part: Described) -> set[str]:
 def drives_read(part: Described) -> set[str]:
     """Return the drives whose input or torque the expressions in a part read."""
     return named_in(part, *DRIVEN)
+
+
+def texts_of(
+    forces: Iterable[Force], constraints: Iterable[Described], controls: Iterable[Control],
+    scenarios: Iterable[Scenario],
+) -> list[str]:  # fmt: skip
+    """Return the expressions in the parts of a model, also of scenarios."""
+    parts = [*forces, *constraints, *controls, *(f for s in scenarios for f in s.forces)]
+    holds = [x.when.holds for s in scenarios for x in s.switches if x.when and x.when.holds]
+    return [text for part in parts for _, _, text in expressions_of(part)] + holds
 
 
 def named_in(part: Described, *groups: str) -> set[str]:

@@ -48,7 +48,7 @@ from .editing import (
     renamed_in_scenarios,
     without,
 )
-from .expressions import DRIVEN
+from .expressions import SIGNALS_OF
 from .files import gathered, located
 from .output import Output, Site
 from .parameters import Formula, cells_of, followed, formulas_in, inlined, resolved, still_true
@@ -459,7 +459,7 @@ class Model(World):
                 fields["scenarios"], _ = renamed_in_scenarios(self.scenarios, key, names)
             if key == "sites":
                 fields["outputs"] = tuple(renamed(o, names) for o in self.outputs)
-            groups = {"outputs": ("out",), "controls": ("x",), "forces": DRIVEN}.get(key, ())
+            groups = SIGNALS_OF.get(key, ())
             if groups:
                 fields |= in_expressions({**self._others(), **fields}, names, *groups)
             formulas = followed(formulas, (), names, key)  # type: ignore[arg-type]

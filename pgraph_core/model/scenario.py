@@ -358,6 +358,8 @@ def _unknown(switch: Switch, known: Known, refused: bool) -> str:
     what, name = switch.when.subject
     if what == "holds":
         return ""  # its names are checked with those of other expressions
+    if what == "force" and name in known["gap"] and name in known["constraint"]:
+        return f"of '{switch.constraint}': a contact and a constraint are both '{name}'; rename one"
     if name in known[what] or (refused and what == "coordinate"):
         return ""
     there = known[what]

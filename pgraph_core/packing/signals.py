@@ -12,6 +12,7 @@ from ..curves import Table, VectorTable
 from ..engine import signals as kernels
 from ..engine.edges import COMPARES, MARK, NEEDED
 from ..engine.signals import DRIVE, STATES, TARGET, WRENCH
+from ..engine.stepping.measured import CONSTRAINT, CONTACT, COUNT, FIRST, WHAT
 from ..fields import EMPTY, is_expression
 from ..forces import OnJoint, Wrench
 from ..model import Control, Force, Model
@@ -220,7 +221,8 @@ class Program:
         timed = list[bool]()
         for op, *operands, _ in rows.tolist():
             reads = [int(k) for k in operands[: _operands(int(op))]]
-            moves.append(op in (kernels.Q, kernels.V) or any(moves[k] for k in reads))
+            own = op in (kernels.Q, kernels.V) or (op == kernels.NUMBER and operands[0] != 0.0)
+            moves.append(own or any(moves[k] for k in reads))
             timed.append(op == kernels.TIME or any(timed[k] for k in reads))
             k = len(timed) - 1
             if op in kernels.COMPARING and timed[k] and not moves[k]:
@@ -237,6 +239,33 @@ def _operands(op: int) -> int:
     if op <= kernels.V or op == kernels.CHOOSE:
         return 0 if op <= kernels.V else 3
     return 2 if op <= kernels.AT_MOST or op == kernels.POW else 1
+
+
+def measured_rows(code: Array) -> Ints:
+    """Return the rows of the forces of contacts and constraints in a program."""
+    return np.flatnonzero((code[::2, 0] == kernels.NUMBER) & (code[::2, WHAT] != 0.0)) * 2
+
+
+def contacts_read(code: Array) -> list[int]:
+    """Return the numbers of the contacts whose forces are in a program."""
+    rows = code[measured_rows(code)]
+    return rows[rows[:, WHAT] >= CONTACT, FIRST].astype(int).tolist()
+
+
+def locate_forces(code: Array, first: Sequence[int], pairs: Sequence[int]) -> None:
+    """Write the blocks of constraints and the pairs of contacts into a program of their numbers.
+
+    `first` are the first blocks of all constraints, with their end, or [0] if none ever acts;
+    `pairs` the number of the contact of each pair.
+    """
+    for i in measured_rows(code).tolist():
+        n = int(code[i, FIRST])
+        if code[i, WHAT] < CONTACT:
+            begin, end = first[n : n + 2] if n + 1 < len(first) else (0, 0)
+            code[i, FIRST], code[i, COUNT] = begin, end - begin
+        else:
+            own = [k for k, number in enumerate(pairs) if number == n]
+            code[i, FIRST], code[i, COUNT] = min(own, default=0), len(own)
 
 
 def count_of_edges(code: Array) -> int:
@@ -262,8 +291,15 @@ class Places:
         self._model, self._outputs = model, {o.name: o for o in model.outputs}
         self._states = {(c.name, k): i for i, (c, k, _) in enumerate(states_of(model))}
 
-    def __call__(self, group: str, name: str, k: int) -> tuple[int, int]:
-        """Return the operation that reads a signal, and the index in q or v."""
+    def __call__(self, group: str, name: str, k: int) -> tuple[int, ...]:
+        """Return the operation that reads a signal, and its operands: the index in q or v, or what
+        `measured` reads.
+        """
+        if group == "force":
+            numbers = [c.name for c in self._model.constraints]
+            if name in numbers:
+                return kernels.NUMBER, CONSTRAINT + k, numbers.index(name)
+            return kernels.NUMBER, CONTACT + k, [c.name for c in self._model.contacts].index(name)
         if group == STATE:
             return kernels.V, int(self._topology.dof.sum()) + self._states[name, k]
         if group == "out":

@@ -19,8 +19,9 @@ LONGEST = 2000  # characters of an expression
 MOST_LEVELS = 50  # brackets and signs inside each other
 DEEPEST = 250  # operations inside each other: a sum of that many terms
 KEPT = 512  # trees of the last texts
-# coordinates, velocities, outputs, controls, inputs of drives and the torques that they give
-GROUPS = ("q", "v", "out", "x", "u", "f")
+# coordinates, velocities, outputs, controls, inputs of drives and the torques that they give,
+# forces of contacts and constraints
+GROUPS = ("q", "v", "out", "x", "u", "f", "force")
 
 _DECIMAL = r"(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d[\d_]*)?"
 TOKEN = re.compile(
@@ -276,8 +277,8 @@ def names_in(text: str) -> set[str]:
 
 
 def with_names(text: str, names: Mapping[str, str], groups: tuple[str, ...]) -> str:
-    """Rename bodies ("q", "v"), outputs ("out"), controls ("x"), drives ("u", "f") or parameters
-    ("") in a text.
+    """Rename bodies ("q", "v"), outputs ("out"), controls ("x"), drives ("u", "f"), contacts and
+    constraints ("force") or parameters ("") in a text.
     """
     found = [n for n in walk(parsed(text)) if n.op in ("name", "signal")]
     for n in sorted(found, key=lambda n: n.span, reverse=True):

@@ -18,11 +18,11 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
 from .estimate import error_estimate
+from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of
 from .plan import plan_of
 from .recording import Recording
 from .start import by_names, torques_by_names, with_state
-from .switches import monitors_of
 
 if TYPE_CHECKING:
     from ..packing import Array

@@ -29,7 +29,7 @@ from ..packing import Array, Drives, Ints, Loads, System, point_in_row
 from ..packing.constraints import Blocks, block_arrays
 from ..rotation import matrix, normals_of
 from ..topology import Topology
-from .switches import room_for
+from .monitors import room_for
 
 INSTEAD = "use method 'moreau_jean'"
 

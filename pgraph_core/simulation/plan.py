@@ -31,8 +31,9 @@ from ..model import Contact, Force, Scenario, Table
 from ..model.scenario import STEP
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import bends_of_loads, exerts
-from ..packing.signals import varying
+from ..packing.signals import contacts_read, varying
 from ..tolerances import EPS, SOLVED
+from .conditions import ConditionOf, conditions_of
 from .kinks import Kink, kinks_of
 from .kinks import told as told_of
 from .options import (
@@ -51,8 +52,6 @@ from .rates import Rate
 from .start import controller_of, initial_state, is_controller
 from .switches import (
     Change,
-    ConditionOf,
-    conditions_of,
     ever,
     switch_changes,
     switches_of,
@@ -380,7 +379,7 @@ def _with_method(
     try:
         method, why = _method(rate, plan, name, o, step)
         if contacts is not None and plan.impulses and method.name != "moreau_jean":
-            contacts, points = _event_driven(mech, contacts)
+            contacts, points = _event_driven(mech, contacts, plan.loads)
             why = f"{why}, from event to event of contacts and limits"
     except InputError as problem:
         if not plan.impulses or name not in ("auto", *METHODS):
@@ -514,12 +513,17 @@ def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]
 
 
 def _event_driven(
-    mech: Mechanism, contacts: Tables
+    mech: Mechanism, contacts: Tables, loads: Loads
 ) -> tuple[Tables | None, tuple[ContactPoint, ...]]:
     """Return (soft contacts, rigid contact points and limits) for an event-driven run."""
     if contacts.remembers:
         text = "a penalty contact remembers where it sticks, and a step to an event is taken again"
         text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
+        raise InputError(Problem("simulate", "method", text))
+    rigid = {t.contact.name for t in contacts.touches if t.contact.law != "soft"}
+    if read := rigid & {mech.model.contacts[i].name for i in contacts_read(loads.signals[0])}:
+        text = f"a control reads the force of the rigid contact '{min(read)}', which is a signal in"
+        text += " time stepping only; use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
     from .event_scene import contact_points
 

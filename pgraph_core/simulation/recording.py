@@ -37,17 +37,19 @@ from ..result.records import (
     Named,
 )
 from ..tolerances import EPS
+from .conditions import Condition, limits_of
 from .failures import failure, trouble
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
+from .monitors import room_for
 from .options import MOST_STEPS
 from .plan import RunPlan
 from .remarks import remarks, turns_unseen
-from .switches import Change, Condition, closed, hold_here, limits_of, room_for, switched_by
+from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
+    from .monitors import Monitor, Watch
     from .sensitivity import Carried
-    from .switches import Monitor, Watch
 
 PROGRESS_EVERY = 0.02  # s of computation between two calls of `progress`
 MOST_KEPT = 32_768  # numbers in the frames of a run, for which a mechanism keeps room
@@ -239,7 +241,7 @@ class Recording:
 
     def _watching(self, monitors: Sequence[Monitor]) -> Watch:
         """Return the watch for switch conditions, followed by user events."""
-        from .switches import Watch
+        from .monitors import Watch
 
         waiting = [Condition(given, self) for given in self.plan.conditions]
         return Watch(waiting, monitors, *self.size)
@@ -339,7 +341,7 @@ class Recording:
                 self.ended.notices.append(f"at the start {report}")
         if first and self.size != (mech.nq, mech.nv):
             near = 4.0 * EPS * abs(self.start)
-            motion.begin_controls(self.scene.address, self.start, near, self.q, self.v)
+            self.scene.begin_controls(self.start, near, self.q, self.v)
         self.began = self.q.copy(), self.v.copy()
         code = self._first_evaluation() if first or self.scene.remembers else 0
         if code and self.user is not None:

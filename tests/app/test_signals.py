@@ -160,16 +160,39 @@ def test_a_motion_takes_time_alone(model):
         ("outputs", "tilt", False, "out.tilt"),
         ("bodies", "plate", False, ""),
         ("outputs", "load", False, ""),
-        ("contacts", "foot", False, ""),
+        ("forces", "hold", False, "f.hold"),
+        ("forces", "wind", False, ""),
         ("bodies", "gone", False, ""),
     ],
 )
 def test_what_is_clicked_is_put_into_the_expression(model, part, name, rate, text):
-    state = after(begun(model), do.PickSignal(ME, 4, part, name, rate))
+    cell = {"of": "forces", "owner": "push", "cell": "torque"}
+    state = after(begun(model), do.PickSignal(ME, 4, part, name, rate, **cell))
     found = state.clients[ME].hint
     assert found.put == text
     assert bool(found.problem) == (not text)
     assert state.model is model
+
+
+def test_what_would_close_a_loop_is_not_put_into_the_expression(model):
+    """The signal of the edited force itself, of one that follows from it, and of a contact."""
+    model = model.edit("turn", torque="=0.5*f.push")
+    controls = [pg.Sampled(name="load", update="=t", sample=0.1)]
+    state = begun(model.replace(controls=controls))
+    own = {"of": "forces", "owner": "push", "cell": "torque"}
+    for part, name, path in (
+        ("forces", "push", "f.push -> f.push"), ("forces", "turn", "f.turn -> f.push -> f.turn"),
+        ("contacts", "foot", "force.foot -> "),
+    ):  # fmt: skip
+        found = after(state, do.PickSignal(ME, 4, part, name, False, **own)).clients[ME].hint
+        assert not found.put
+        assert path in found.problem
+        typed = f"=2*{'force' if part == 'contacts' else 'f'}.{name}"
+        assert path in hint(model, typed, state=state).problem
+    sampled = {"of": "controls", "owner": "load", "cell": "update"}
+    for part, name, text in (("forces", "push", "f.push"), ("contacts", "foot", "force.foot")):
+        found = after(state, do.PickSignal(ME, 4, part, name, False, **sampled)).clients[ME].hint
+        assert (found.put, found.problem) == (text, "")
 
 
 def test_the_form_takes_what_the_hint_accepts(model):

@@ -464,3 +464,16 @@ def test_signals_of_drives_follow_names_and_go_with_them():
     left = model.remove("a")
     assert not left.forces
     assert not left.controls
+
+
+def test_a_parameter_of_a_control_or_a_condition_is_used():
+    lock = pg.Weld(name="lock", body="arm", active=False)
+    switch = {"constraint": "lock", "active": True, "when": {"holds": "=q.arm > bound"}}
+    model = pendulum().replace(
+        controls=[pg.State(name="s", rate="=rate*t")], constraints=[lock],
+        scenarios=[pg.Scenario(name="s", switches=[switch])],
+        parameters={"rate": 1.0, "bound": 2.0, "idle": 3.0},
+    )  # fmt: skip
+    told = [text for text in model.doubts if "parameter" in text]
+    assert len(told) == 1
+    assert "'idle'" in told[0]

@@ -19,6 +19,7 @@ from ..signals import take_samples
 from ..tree.moving import normalise_all
 from ..vec import finite
 from .explicit import dense_output, last_stage, turn_spins
+from .measured import measure, measures
 from .state import acceleration_of, call_step, copied, onto_constraints, size_of_state
 from .widths import (
     first_width,
@@ -137,6 +138,10 @@ def sampled(run):
     nq, nv = size_of_state(run)
     t = control.time
     signals = opened(data.scene).loads.signals
+    if measures(signals, t, nearby(t)):
+        accelerate, i = data.links.accelerate, control.frame
+        forces, vdot = data.out[3][i], data.out[2][i]  # of a frame that is not recorded yet
+        measure(data.scene, accelerate, t, y[:nq], y[nq : nq + nv], vdot, data.flow, forces)
     if take_samples(signals, t, nearby(t), y[:nq], y[nq : nq + nv]) > 0:
         control.fresh = 0
 

@@ -1,0 +1,302 @@
+"""Conditions of switches: functions of the state that rise through zero when they become true."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from ..dynamics.scene import Scene
+from ..engine import motion
+from ..engine.arrays import Frames
+from ..engine.compiler.address import address_of
+from ..engine.records import LIMIT, PAIR, rows_of, table
+from ..engine.signals import values
+from ..engine.stepping.measured import CONSTRAINT, CONTACT, FIRST, VALUE, WHAT
+from ..errors import choices, refusal, shown
+from ..mechanism import Mechanism
+from ..model import Force, Switch, When
+from ..model.expressions import Known
+from ..packing import Array
+from ..packing.signals import Places, Program, known_forces, measured_rows
+from ..signals import parsed
+from ..tolerances import SOLVED
+
+if TYPE_CHECKING:
+    from ..contact.tables import Tables
+
+
+class ConditionOf(NamedTuple):
+    """A switch that waits for a condition, in numeric form."""
+
+    constraint: int
+    active: bool
+    when: When
+    place: Any  # index of the monitored quantity
+    contacts: Tables | None  # contacts of the run
+
+    @property
+    def of_contact(self) -> bool:
+        """Return True if it monitors a contact."""
+        return self.when.gap is not None or self.contact_force
+
+    @property
+    def contact_force(self) -> bool:
+        """Return True if it monitors a contact force."""
+        return self.when.force is not None and self.place[0] == "contact"
+
+    @property
+    def margin(self) -> float:
+        """The gap below which the watched contact must be active [m]."""
+        return max(self.limit[0] * self.limit[1], 0.0) if self.when.gap is not None else 0.0
+
+    @property
+    def compiled(self) -> bool:
+        """Return True if compiled steps know its value, a coordinate or a stored value."""
+        of_constraint = self.when.constraint is not None and not self.when.after
+        return self.when.coordinate is not None or of_constraint
+
+    @property
+    def limit(self) -> tuple[float, float]:
+        """Return (sign, value) such that the condition is true if sign x - value < 0."""
+        when = self.when
+        return (-1.0, -when.above) if when.above is not None else (1.0, when.below or 0.0)
+
+
+def conditions_of(
+    mech: Mechanism, switches: Sequence[Switch], contacts: Tables | None, forces: Sequence[Force]
+) -> tuple[ConditionOf, ...]:
+    """Return the switches that wait for conditions, by watched numbers. Raises InputError."""
+    names = [c.name for c in mech.model.constraints]
+    found = []
+    for s in switches:
+        if s.when is None:
+            continue
+        what, name = s.when.subject
+        number = names.index(s.constraint)
+        if what == "holds":
+            place = _comparison(mech, name, forces)
+            found.append(ConditionOf(number, s.active, s.when, place, contacts))
+            continue
+        known = _known(mech, contacts)[what]
+        if name not in known:
+            text = f"of '{s.constraint}': no {what} is named {name!r}; "
+            text += f"choose one of {choices(tuple(known))}" if known else f"there is no {what}"
+            raise refusal("simulate", "switches", text)
+        found.append(ConditionOf(number, s.active, s.when, known[name], contacts))
+    return tuple(found)
+
+
+class Comparison(NamedTuple):
+    """A comparison of signals, in numeric form."""
+
+    text: str
+    code: Array
+    last: int  # row of its margin, positive if it is true
+
+    def __call__(self, t: float, q: Array, v: Array) -> float:
+        """Evaluate the margin. Raises InputError if it is not finite."""
+        values(self.code, t, q, v)
+        found = float(self.code[self.last, 0])
+        if not np.isfinite(found):
+            reason = f"{shown(self.text)} has no value at t = {t:.6g} s"
+            raise refusal("simulate", "switches", reason)
+        return found
+
+
+def _comparison(mech: Mechanism, text: str, forces: Sequence[Force]) -> Comparison:
+    """Return a comparison of signals. Raises InputError."""
+    model, packed = mech.model, mech.packed
+    bodies = {b.name: b for b in model.bodies}
+    names = [c.name for c in model.constraints], [c.name for c in model.contacts]
+    known = Known(bodies, model.outputs, model.controls, model.parameters, forces, names)
+    if problem := known.problem(text, None):  # problem of a switch given in the call
+        raise refusal("simulate", "switches", problem)
+    places, controls = Places(model, packed.topology, packed.system), known.controls
+    acting = (*known_forces(model), *forces)  # controls may name what does not act
+    program = Program(model.parameters, places, controls, acting)
+    last = 2 * program.margin(parsed(text)) + 1
+    return Comparison(text, program.code(), last)
+
+
+def limits_of(mech: Mechanism, conditions: Sequence[ConditionOf]) -> Any:
+    """Return LIMIT records for the conditions on coordinates."""
+    found = []
+    for event, given in enumerate(conditions):
+        if given.when.coordinate is not None:
+            joint = next(x for x in mech.joints.values() if x.q.start <= given.place < x.q.stop)
+            velocity = joint.v.start + given.place - joint.q.start
+            found.append((given.place, velocity, *given.limit, event))
+    return rows_of(LIMIT, found)
+
+
+def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]]:
+    """Return the names available to conditions: entries of q, contact pairs and constraints."""
+    places = {}
+    for name, joint in mech.joints.items():
+        if joint.q.stop == joint.q.start + 1:
+            places[name] = joint.q.start
+        elif joint.q.stop - joint.q.start == joint.v.stop - joint.v.start:
+            places |= {
+                f"{name} {k}": joint.q.start + k for k in range(joint.q.stop - joint.q.start)
+            }
+    numbers = {c.name: i for i, c in enumerate(mech.model.constraints)}
+    pairs: dict[str, list[int]] = {}
+    for i, pair in enumerate(contacts.touches if contacts is not None else ()):
+        pairs.setdefault(pair.contact.name, []).append(i)
+    touching = {name: ("contact", found) for name, found in pairs.items()}
+    held = {name: ("constraint", i) for name, i in numbers.items()}
+    return {
+        "coordinate": places,
+        "gap": pairs,
+        "force": {**touching, **held},
+        "constraint": numbers,
+    }
+
+
+class UnderWay(Protocol):
+    """The interface to a run that evaluates a condition, such as a `Recording`."""
+
+    mech: Mechanism
+    plan: Any
+    scene: Any
+    steps: Any
+    events: Any
+    held: set[int]  # constraints that are active now
+    since: dict[int, float]  # when constraints were switched last [s]
+    start: float  # [s]
+
+
+class Condition:
+    """A monitor that rises through zero when its condition becomes true."""
+
+    direction, terminal = 1, False
+
+    def __init__(self, given: ConditionOf, record: UnderWay):
+        """Set up the condition without computing anything yet."""
+        self.given, self.record = given, record
+        self._frame: Frames | None = None
+        self._scene: Scene | None = None
+
+    @property
+    def name(self) -> str:
+        """The condition as text."""
+        return str(self.given.when)
+
+    def __call__(self, t: float, q: Array, v: Array) -> float:
+        """Return the distance beyond the bound, positive if the condition is true."""
+        when = self.given.when
+        if when.holds is not None:
+            self._measure(t, q, v)
+            return self.given.place(t, q, v)
+        if when.constraint is not None:
+            holds = (self.given.place in self.record.held) == when.active
+            if holds and when.after:
+                return t - self.record.since.get(self.given.place, self.record.start) - when.after
+            return 1.0 if holds else -1.0
+        value = self._value(t, q, v)
+        if when.above is not None:
+            return value - when.above
+        return (when.below or 0.0) - value
+
+    def _value(self, t: float, q: Array, v: Array) -> float:
+        when, place = self.given.when, self.given.place
+        if when.coordinate is not None:
+            return float(q[place])
+        if when.gap is not None:
+            return self._gap(t, q, v)
+        what, numbers = place
+        if what == "contact":
+            return float(np.linalg.norm(self._push(when.force or "", numbers, t, q, v)))
+        return float(np.linalg.norm(self._held(numbers, t, q, v)))
+
+    def _measure(self, t: float, q: Array, v: Array) -> None:
+        """Write the forces that a comparison names into its program."""
+        code, model = self.given.place.code, self.record.mech.model
+        for i in measured_rows(code).tolist():
+            what, number = int(code[i, WHAT]), int(code[i, FIRST])
+            if what < CONTACT:
+                force = self._held(number, t, q, v)
+            else:
+                name, tables = model.contacts[number].name, self.given.contacts
+                touches = tables.touches if tables is not None else ()
+                pairs = [k for k, pair in enumerate(touches) if pair.contact.name == name]
+                force = self._push(name, pairs, t, q, v) if pairs else np.zeros(3)
+            entry = what % CONSTRAINT
+            code[i, VALUE] = force[entry - 1] if entry else np.linalg.norm(force)
+
+    def _held(self, number: int, t: float, q: Array, v: Array) -> Array:
+        """Return the force of a constraint [N]."""
+        frame = self._evaluated(self.record.scene.address, t, q, v)
+        one = np.array([number], dtype=np.int64)
+        (wrench,) = self.record.scene.forces(frame.wrenches[0], one).values()
+        return wrench[3:]
+
+    def _gap(self, t: float, q: Array, v: Array) -> float:
+        """Return the smallest gap of a contact at any distance [m]."""
+        record, tables = self.record, self.given.contacts
+        if record.plan.way is not None and tables is not None:  # contacts are not in force
+            guard = record.steps.clearance
+            gap = guard.gaps(record.scene, q[None], len(tables.touches))[0, self.given.place].min()
+            if np.isfinite(gap):
+                return float(gap)
+        from ..engine.contact.contacts import find
+
+        scene = self._alone()
+        self._evaluated(scene.address, t, q, v)
+        assert scene.touching is not None
+        far = self.record.plan.length / SOLVED  # from there the mechanism is a point
+        found = scene.touching.found[: find(scene.address, far, 0)]
+        gaps = found["gap"][np.isin(found["pair"], self.given.place)]
+        return float(gaps.min(initial=far))
+
+    def _push(self, name: str, pairs: Sequence[int], t: float, q: Array, v: Array) -> Array:
+        """Return the force of a contact, from the state if it tells it, or the last step [N]."""
+        record, tables = self.record, self.given.contacts
+        assert tables is not None
+        if record.events is not None:
+            points = record.events.scene.points
+            some = [
+                i for i, p in enumerate(record.plan.contact_points)
+                if p.pair == name or p.pair.startswith(f"{name}[")
+            ]  # fmt: skip
+            if some:
+                return points["force"][some].sum(axis=0)
+        if record.scene.touching is None:
+            return np.zeros(3)  # nothing has come near
+        if tables.touches[pairs[0]].contact.law == "soft":
+            frame = self._evaluated(self._alone().address, t, q, v)
+            return frame.pairs["force"][0, pairs].sum(axis=0)
+        assert record.scene.touching is not None
+        return record.scene.touching.pairs["force"][pairs].sum(axis=0)
+
+    def _alone(self) -> Scene:
+        """Return the contacts without memory of steps: evaluating them has no side effects."""
+        if self._scene is None:
+            plan, tables = self.record.plan, self.given.contacts
+            none = np.zeros(0, dtype=np.int64)
+            packed = self.record.mech.packed
+            self._scene = Scene(packed, plan.drives, plan.loads, none, contacts=tables)
+        return self._scene
+
+    def _evaluated(self, scene: int, t: float, q: Array, v: Array) -> Frames:
+        """Evaluate the forces at a state into a separate frame."""
+        mech, tables = self.record.mech, self.given.contacts
+        touches = len(tables.touches) + len(tables.limits) if tables is not None else 0
+        blocks = len(self.record.scene.active) + touches
+        if self._frame is not None and len(self._frame.wrenches[0]) != blocks:
+            self._frame = None  # another scene
+        frame = self._frame = self._frame or Frames(
+            q=np.zeros((1, len(q))), v=np.zeros((1, len(v))), vdot=np.zeros((1, len(v))),
+            wrenches=np.zeros((1, blocks, 6)), energies=np.zeros((1, 4)),
+            drifts=np.zeros((1, 2)), pushes=np.zeros((1, mech.nb, 6)),
+            pairs=table(PAIR, 1, touches), missed=np.zeros((1, 3)),
+        )  # fmt: skip
+        frame.wrenches[:] = 0.0  # none is recorded while no constraint is active
+        accelerate = address_of(motion.acceleration)
+        if scene == self.record.scene.address:
+            accelerate = self.record.steps.links.accelerate
+        flow, ledger = np.zeros(3), np.zeros(2)
+        motion.record(scene, accelerate, t, q, v, flow, ledger, 0, tuple(frame))
+        return frame
