@@ -160,9 +160,20 @@ class Program:
         return x if by == 1.0 else self.put(kernels.MUL, self.number(by), x)
 
     def power(self, base: Operand, exponent: Operand, node: Node) -> Operand:
-        """Add a power, as repeated products if the exponent is a small integer."""
-        if node.op != "number" or node.value not in WHOLE:
+        """Add a power, as repeated products if the exponent is a small integer.
+
+        Of a negative base only integers as exponents give a number.
+        """
+        if node.op == "neg" and node.args[0].op == "number":
+            inverse = self.power(base, self.number(node.args[0].value), node.args[0])
+            return self.put(kernels.DIV, self.number(1.0), inverse)
+        if node.op != "number" or not node.value.is_integer():
             return self.put(kernels.POW, base, exponent)
+        if node.value not in WHOLE:
+            odd = node.value % 2.0
+            size = self.put(kernels.ABS, base)
+            found = self.put(kernels.POW, size, self.number(node.value - odd))
+            return self.put(kernels.MUL, base, found) if odd else found
         found = base
         for _ in range(int(node.value) - 1):
             found = self.put(kernels.MUL, found, base)

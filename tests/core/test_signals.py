@@ -131,6 +131,18 @@ def test_a_run_obeys_the_law_that_is_written(name):
     assert pg.Model.from_json(model.to_json()) == model
 
 
+@pytest.mark.parametrize("base", [-3.0, -0.5, 0.7, 2.0])
+@pytest.mark.parametrize("power", [-21, -9, -3, -1, 0, 1, 2, 5, 8, 9, 14, 31])
+def test_a_whole_power_of_any_number_is_its_product(base, power):
+    size = base**power
+    body = pg.Body(name="arm", axes=[Z], inertia=(1, 1, 1))
+    push = pg.Motor(name="push", body="arm", torque=f"=({base} + 0*t)^{power}/{abs(size)!r}")
+    model = pg.Model(bodies=[body], gravity=(0, 0, 0), forces=[push])
+    run = pg.simulate(model, t_end=1.0, step=0.1, method="rk4")
+    assert run.status.ok
+    assert np.isclose(run.v[-1, 0], np.sign(size), rtol=1e-13)
+
+
 def test_a_wrench_in_a_body_that_stands_turned_is_in_its_own_axes():
     quarter = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
     body = pg.Body(name="b", joint="free", rotation=quarter, mass=2.0, inertia=(1, 2, 3))
