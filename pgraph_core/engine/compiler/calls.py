@@ -173,18 +173,13 @@ class _Take:
     def is_a(self, wanted: Any) -> Any:
         """Return whether the object is an instance of a type or a subtype."""
         b = self.b
+
+        def below() -> Any:
+            found = self.code.python("PyType_IsSubtype", self.type, wanted)
+            return b.icmp_signed("!=", found, HALF(0))
+
         same = b.icmp_unsigned("==", self.type, wanted)
-        with b.if_else(same) as (then, other):
-            with then:
-                first = b.block
-            with other:
-                below = self.code.python("PyType_IsSubtype", self.type, wanted)
-                found = b.icmp_signed("!=", below, HALF(0))
-                second = b.block
-        result = b.phi(ir.IntType(1))
-        result.add_incoming(ir.IntType(1)(1), first)
-        result.add_incoming(found, second)
-        return result
+        return _either(b, same, lambda: ir.IntType(1)(1), below)
 
     def number(self, value: Any, suspicious: Any) -> None:
         """Lay out a number, and check for a Python error if the number is suspicious."""
@@ -307,21 +302,7 @@ def _enter(made: ir.Module, take: Any) -> None:
             fail("PyExc_TypeError", message)
 
     code.loop(count, argument)
-    kind = ir.FunctionType(HALF, [WORDS, WORDS]).as_pointer()
-    function = b.inttoptr(code.word(table, FUNCTION), kind)
-    nogil = b.icmp_signed("!=", code.word(table, NOGIL), WORD(0))
-    with b.if_else(nogil) as (then, other):
-        with then:
-            thread = code.python("PyEval_SaveThread")
-            first = b.call(function, [words, results])
-            code.python("PyEval_RestoreThread", thread)
-            one = b.block
-        with other:
-            second = b.call(function, [words, results])
-            two = b.block
-    status = b.phi(HALF)
-    status.add_incoming(first, one)
-    status.add_incoming(second, two)
+    status = _called(code, table, words, results)
     with b.if_then(b.icmp_signed("!=", status, HALF(0)), likely=False):
         fail("PyExc_RuntimeError", code.word(table, FAILED))
     with b.if_then(b.icmp_signed("==", made_of, WORD(0))):
@@ -329,26 +310,55 @@ def _enter(made: ir.Module, take: Any) -> None:
         code.python("Py_IncRef", none)
         b.ret(none)
 
-    def boxed(i: Any) -> Any:
-        value = code.word(results, i)
-        real = b.icmp_signed("==", code.word(table, b.add(i, WORD(FIRST))), WORD(REAL))
-        with b.if_else(real) as (then, other):
-            with then:
-                first = code.python("PyFloat_FromDouble", b.bitcast(value, DOUBLE))
-                one = b.block
-            with other:
-                second = code.python("PyLong_FromLongLong", value)
-                two = b.block
-        found = b.phi(OBJECT)
-        found.add_incoming(first, one)
-        found.add_incoming(second, two)
-        return found
-
     with b.if_then(b.icmp_signed("==", code.word(table, IN_TUPLE), WORD(0))):
-        b.ret(boxed(WORD(0)))
+        b.ret(_boxed(code, table, results, WORD(0)))
     several = code.python("PyTuple_New", made_of)
-    code.loop(made_of, lambda i: code.python("PyTuple_SetItem", several, i, boxed(i)))
+    code.loop(
+        made_of,
+        lambda i: code.python("PyTuple_SetItem", several, i, _boxed(code, table, results, i)),
+    )
     b.ret(several)
+
+
+def _called(code: _Code, table: Any, words: Any, results: Any) -> Any:
+    """Call the kernel, without the GIL where the table says so. Returns its status."""
+    b = code.builder
+    kind = ir.FunctionType(HALF, [WORDS, WORDS]).as_pointer()
+    function = b.inttoptr(code.word(table, FUNCTION), kind)
+    nogil = b.icmp_signed("!=", code.word(table, NOGIL), WORD(0))
+
+    def released() -> Any:
+        thread = code.python("PyEval_SaveThread")
+        status = b.call(function, [words, results])
+        code.python("PyEval_RestoreThread", thread)
+        return status
+
+    return _either(b, nogil, released, lambda: b.call(function, [words, results]))
+
+
+def _boxed(code: _Code, table: Any, results: Any, i: Any) -> Any:
+    """Return result i as a Python object."""
+    b, value = code.builder, code.word(results, i)
+    real = b.icmp_signed("==", code.word(table, b.add(i, WORD(FIRST))), WORD(REAL))
+    return _either(
+        b,
+        real,
+        lambda: code.python("PyFloat_FromDouble", b.bitcast(value, DOUBLE)),
+        lambda: code.python("PyLong_FromLongLong", value),
+    )
+
+
+def _either(b: Any, condition: Any, one: Callable[[], Any], other: Callable[[], Any]) -> Any:
+    """Return the value of the first if the condition holds, else that of the other."""
+    values: list[tuple[Any, Any]] = []
+    with b.if_else(condition) as (then, otherwise):
+        for branch, value in ((then, one), (otherwise, other)):
+            with branch:
+                values.append((value(), b.block))
+    found = b.phi(values[0][0].type)
+    for value, block in values:
+        found.add_incoming(value, block)
+    return found
 
 
 # -- the table of a kernel -------------------------------------------------------------------------

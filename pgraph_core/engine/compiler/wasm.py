@@ -17,6 +17,7 @@ from numba.core.compiler_lock import global_compiler_lock
 
 from .jit import Kernel
 from .lowering.dispatch import Library, lowered
+from .optimising import export, optimise_fully, parsed
 
 TRIPLE = "wasm32-unknown-unknown"
 LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"
@@ -68,24 +69,16 @@ def portable(text: str) -> Any:
     """Convert a numba module to a module for wasm32."""
     text = re.sub(r'target triple = ".*"', f'target triple = "{TRIPLE}"', text)
     text = re.sub(r'target datalayout = ".*"', f'target datalayout = "{LAYOUT}"', text)
-    text = re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
-    # numba's environments, which nothing reads; there are no common symbols in wasm
-    return llvm.parse_assembly(text.replace("= common ", "= linkonce_odr "))
+    return parsed(text)
 
 
 def optimised(whole: Any, exports: list[str]) -> bytes:
     """Return the optimised module as an object file."""
-    for one in (*whole.functions, *whole.global_variables):
-        if not one.is_declaration:
-            one.linkage = "external" if one.name in exports else "internal"
-    whole.verify()
+    export(whole, exports)
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     machine = llvm.Target.from_triple(TRIPLE).create_target_machine(
         cpu="generic", features=FEATURES, opt=3, reloc="static"
     )
-    options = llvm.create_pipeline_tuning_options(speed_level=3)
-    options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = True
-    passes = llvm.create_pass_builder(machine, options)
-    passes.getModulePassManager().run(whole, passes)
+    optimise_fully(whole, machine)
     return machine.emit_object(whole)

@@ -279,28 +279,55 @@ def corrected(run, h):
     return change, size
 
 
+@sweep
+def begin_stages(run, h):
+    """Write p₀ to START, and the stages that the slope at Y predicts."""
+    data = opened_run(run)
+    stages, real, scene, tableau = data.stages, data.real, opened(data.scene), data.tableau
+    nq, nv = size_of_state(run)
+    q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
+    start, unused = real[nv + START, :nv], real[nv + SCRATCH, :nv]
+    momenta(scene.rows, scene.const, scene.work, q, v, start, unused)
+    for i in range(tableau.b.shape[0]):
+        late = tableau.c[i] * h
+        for j in range(nv):
+            slope = stages[at.SLOPE, nq + j]
+            real[nv + Z + i, j] = late * (v[j] + 0.5 * late * slope)
+            real[nv + Z + i, nv + j] = v[j] + late * slope
+
+
+@sweep
+def end_stages(run, h):
+    """Compute q and v of CANDIDATE from the rates of the stages. Returns False if M is singular."""
+    data = opened_run(run)
+    stages, real, rows = data.stages, data.real, opened(data.scene).rows
+    nq, nv = size_of_state(run)
+    wanted, scratch = real[nv + WANTED], real[nv + SCRATCH]
+    collocated(run, data.tableau.b, h, wanted)
+    copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
+    q = stages[at.CANDIDATE, :nq]
+    advance(rows, q, wanted[:nv], 1.0)
+    regular, _ = factor_mass(run, q)
+    out_of_chart(rows, wanted[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], scratch[:nv])
+    substitute(real, nv, real[nv + PIVOTS], scratch)
+    for j in range(nv):
+        stages[at.CANDIDATE, nq + j] = scratch[j]
+    return regular
+
+
 @kernel(STEP, nogil=True, later=True)
 def gauss(run, h):
     """Take one step of Gauss collocation in (q, p)."""
     data = opened_run(run)
     control, counters, stages = data.control[0], data.counters[0], data.stages
-    flow, real, tableau = data.flow, data.real, data.tableau
+    flow, tableau = data.flow, data.tableau
     nq, nv = size_of_state(run)
     count = tableau.b.shape[0]
     regular, total = factor_mass(run, stages[at.Y, :nq])
     if not regular:
         return NOT_SOLVED
     still = (STILL * EPS / h) ** 2 * total
-    scene = opened(data.scene)
-    q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
-    start, scratch = real[nv + START, :nv], real[nv + SCRATCH]
-    momenta(scene.rows, scene.const, scene.work, q, v, start, scratch[:nv])
-    for i in range(count):
-        late = tableau.c[i] * h
-        for j in range(nv):
-            slope = stages[at.SLOPE, nq + j]
-            real[nv + Z + i, j] = late * (v[j] + 0.5 * late * slope)
-            real[nv + Z + i, nv + j] = v[j] + late * slope
+    begin_stages(run, h)
     last = math.inf
     solved = False
     power = 0.0
@@ -325,24 +352,8 @@ def gauss(run, h):
         last = missed
     if not solved:
         return NOT_SOLVED
-    wanted = real[nv + WANTED]
-    collocated(run, tableau.b, h, wanted)
-    copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
-    q = stages[at.CANDIDATE, :nq]
-    advance(opened(data.scene).rows, q, wanted[:nv], 1.0)
-    regular, total = factor_mass(run, q)
-    if not regular:
+    if not end_stages(run, h):
         return NOT_SOLVED
-    out_of_chart(
-        opened(data.scene).rows,
-        wanted[:nv],
-        wanted[nv : 2 * nv],
-        scratch[nv : 2 * nv],
-        scratch[:nv],
-    )
-    substitute(real, nv, real[nv + PIVOTS], scratch)
-    for j in range(nv):
-        stages[at.CANDIDATE, nq + j] = scratch[j]
     stages[at.CANDIDATE, nq + nv] += power
     stages[at.CANDIDATE, nq + nv + 1] += loss
     return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
