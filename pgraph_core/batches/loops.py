@@ -99,7 +99,8 @@ def _room(stepper: Stepper) -> tuple[tuple[Array, ...], Ints]:
         (len(drives.table), columns.DRIVE), drives.knots.shape, steps.stages.shape,
         (1, columns.LANE), scene.blocks.blocks_f.shape, space.y.shape, space.omega.shape,
         space.factor.shape, space.place.shape, space.vectors.shape, space.linear.shape,
-        space.carried.shape, space.nulls.shape, (4, 1),
+        space.carried.shape, space.nulls.shape, (2, len(space.omega)), (4, 1),
+        (3, wide),
     )  # fmt: skip
     held = tuple(np.zeros((*shape, LANE_WIDTH)) for shape in shapes)
     return held, np.zeros((2, LANE_WIDTH), dtype=np.int64)

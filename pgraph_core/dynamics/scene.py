@@ -20,7 +20,6 @@ from ..engine.arrays import (
     Workspace,
 )
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
-from ..engine.constraints.proximal import REFINEMENTS
 from ..engine.records import (
     BODY_WRENCH,
     CONTACT,
@@ -421,7 +420,7 @@ def workspace(
         table(WATCH, 1),
         table(DIP, MOST_DIPS if count else 0),
         np.zeros((MOST_DIPS if count else 0, nq + nv)),
-        np.zeros((m + REFINEMENTS, m)),
+        np.zeros((m, m)),
         np.zeros(nv, dtype=np.int64),
         np.zeros((count, 9)),
     )

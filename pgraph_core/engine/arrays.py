@@ -134,7 +134,7 @@ class Workspace(NamedTuple):
     watch: Any  # (1,) where the pivots of omega dip in a run
     dips: Any  # (8,) the first dips
     dip_states: Any  # (8, nq + nv) q and v there
-    nulls: Any  # (m + REFINEMENTS, m) null directions of omega
+    nulls: Any  # (m, m) null directions of omega
     where: Any  # (nv,) places of joints in a row of y, from 1, 0 for none
     own: Any  # (nb, 9) a block's part of omega
 

@@ -122,52 +122,6 @@ def solve_factor(gram, m, x):
             x[k] -= gram[r, k] * x[r]
 
 
-@sweep
-def holds(scene, m, length, q, v, turned, row):
-    """Compute Jᵀ after `located`. Returns whether q and v fulfil the constraints."""
-    data = opened(scene)
-    blocks, work, space = data.blocks, data.work, data.space
-    residual(blocks, work, space, 0.0, q, row)
-    for r in range(m):
-        if not abs(row[r]) <= SOLVED * length:
-            return False
-    set_jacobian(scene, m, turned)
-    residual_velocity(blocks, work, space, 0.0, v, row)
-    fast = 0.0
-    for r in range(m):
-        size = 0.0
-        for j in range(v.shape[0]):
-            size += abs(turned[j, r] * v[j])
-        fast = max(fast, size)
-    good = True
-    for r in range(m):
-        good = good and abs(row[r]) <= SOLVED * fast
-    return good
-
-
-@sweep
-def take_off(turned, gram, m, weight, shift, cost, row, tau):
-    """Take Jᵀ λ of one proximal step off τ. Returns the largest change or idle torque."""
-    for r in range(m):
-        row[r] = 0.0
-    for j in range(tau.shape[0]):
-        x = weight[j] * (tau[j] + shift[j])
-        for r in range(m):
-            row[r] += turned[j, r] * x
-    solve_factor(gram, m, row)
-    left = 0.0
-    for j in range(tau.shape[0]):
-        x = 0.0
-        for r in range(m):
-            x += turned[j, r] * row[r]
-        tau[j] -= x
-        left = max(left, abs(x))
-        if not cost[j] > 0.0:
-            shift[j] += tau[j]
-            left = max(left, abs(tau[j]))
-    return left
-
-
 @kernel(
     i8(
         i8, i8, f8, F1, F1, F1, F1, F1, F2, F2, F2, F1
@@ -181,7 +135,7 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
     weights, 0 for joints without a motor. `turned`, `gram` and `vectors` are workspace.
     """
     data = opened(scene)
-    rows, const, work = data.rows, data.const, data.work
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     n = v.shape[0]
     wanted, shift, weight, row = vectors[WANTED], vectors[SHIFT], vectors[WEIGHT], vectors[ROW]
     outboard(rows, const, work, q, v)
@@ -192,9 +146,22 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
         wanted[j] = tau[j]
         largest = max(largest, abs(tau[j]), abs(passive[j]))
     outboard(rows, const, work, q, v)
-    m = located(rows, const, data.blocks, work, data.space, v, True)
-    if not holds(scene, m, length, q, v, turned, row):
-        return 1
+    m = located(scene, v, True)
+    residual(blocks, work, space, 0.0, q, row)
+    for r in range(m):
+        if not abs(row[r]) <= SOLVED * length:
+            return 1
+    set_jacobian(scene, m, turned)
+    residual_velocity(blocks, work, space, 0.0, v, row)
+    fast = 0.0
+    for r in range(m):
+        size = 0.0
+        for j in range(n):
+            size += abs(turned[j, r] * v[j])
+        fast = max(fast, size)
+    for r in range(m):
+        if not abs(row[r]) <= SOLVED * fast:
+            return 1
     dearest = 0.0
     for j in range(n):
         shift[j] = 0.0
@@ -203,11 +170,27 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
         weight[j] = cost[j] if cost[j] > 0.0 else IDLE * dearest
     if not set_factor(turned, weight, m, gram):
         return 1
-    left = math.inf
     for _ in range(FIXED_POINT_ROUNDS):
-        if left > ROUNDING * largest:
-            left = take_off(turned, gram, m, weight, shift, cost, row, tau)
-    if not left <= ROUNDING * largest:
+        for r in range(m):
+            row[r] = 0.0
+        for j in range(n):
+            x = weight[j] * (tau[j] + shift[j])
+            for r in range(m):
+                row[r] += turned[j, r] * x
+        solve_factor(gram, m, row)
+        changed, idle = 0.0, 0.0
+        for j in range(n):
+            x = 0.0
+            for r in range(m):
+                x += turned[j, r] * row[r]
+            tau[j] -= x
+            changed = max(changed, abs(x))
+            if not cost[j] > 0.0:
+                shift[j] += tau[j]
+                idle = max(idle, abs(tau[j]))
+        if changed <= ROUNDING * largest and idle <= ROUNDING * largest:
+            break
+    else:
         return 1
     for j in range(n):
         if not cost[j] > 0.0:

@@ -167,11 +167,10 @@ def projection(scene, t, q, v, rounds):
 def residuals(scene, t, q, v, gap, speed):
     """Compute g and g' of the active blocks, leaving their positions in the workspace."""
     data = opened(scene)
-    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
-    outboard(rows, const, work, q, v)
-    located(rows, const, blocks, work, space, v, True)
-    residual(blocks, work, space, t, q, gap)
-    residual_velocity(blocks, work, space, t, v, speed)
+    outboard(data.rows, data.const, data.work, q, v)
+    located(scene, v, True)
+    residual(data.blocks, data.work, data.space, t, q, gap)
+    residual_velocity(data.blocks, data.work, data.space, t, v, speed)
 
 
 @kernel(RECORD, nogil=True)

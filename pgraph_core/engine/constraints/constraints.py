@@ -6,30 +6,16 @@
 
 from ...tolerances import DIP, EPS, ROUNDING
 from .. import layout as at
-from ..arrays import (
-    CHANGE,
-    DINV,
-    FACTORED,
-    LAMBDA,
-    LEAST,
-    MOVED,
-    OTHER,
-    PLACED,
-    RHS,
-    STEP,
-    ZERO,
-    opened,
-)
+from ..arrays import CHANGE, DINV, FACTORED, LAMBDA, LEAST, MOVED, PLACED, RHS, STEP, ZERO, opened
 from ..compiler.dual import carries
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
-from ..compiler.masks import any_of, both, chosen, either, larger, more, most, without
 from ..layout import T_ALIGN, T_COORD, T_VELOCITY
 from ..rows import TRANSLATE, axis_of, kind_of, origin_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance
-from ..vec import accumulate, cross, scale, store, sub
+from ..vec import accumulate, cross, largest, scale, store, sub
 from .blocks import (
     along,
     along_coordinates,
@@ -51,7 +37,7 @@ from .blocks import (
     velocities,
 )
 from .paths import carry, carry_coordinates, pivots, spread
-from .proximal import along_nulls, factor_proximal, largest, solve_proximal
+from .proximal import along_nulls, factor_proximal, solve_proximal
 
 NO_GAP = 64 * EPS  # relative to the mechanism's size: rounding
 CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
@@ -101,11 +87,11 @@ def couplings(blocks, space):
 
 
 @part
-def delassus(rows, const, blocks, work, space, m, asked):
+def delassus(rows, const, blocks, work, space, m):
     """Compute Y, Ω and its factor for the active blocks. Returns μ and the null directions."""
     unit_responses(rows, const, blocks, work, space)
     couplings(blocks, space)
-    return factor_proximal(space, m, asked)
+    return factor_proximal(space.omega, space.factor, space.nulls, m)
 
 
 @part
@@ -164,17 +150,35 @@ def respond(rows, const, blocks, work, space):
     spread(rows, const, work, step)
 
 
-@part
-def located(rows, const, blocks, work, space, v, moving):
+@sweep
+def located(scene, v, moving):
     """Compute origins and positions of the active blocks from the frames. Returns the rows.
 
     Computes velocities of origins too if `moving`.
     """
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     positions(rows, work)
     if moving:
         velocities(rows, const, work, v, space.linear)
     locate(blocks, work, space.place)
     return number_rows(blocks, space.slots)
+
+
+@sweep
+def gaps(scene, t, q, row):
+    """Compute g of the active blocks in a row of `vectors`, after `located`."""
+    data = opened(scene)
+    blocks, work, space = data.blocks, data.work, data.space
+    residual(blocks, work, space, t, q, space.vectors[row])
+
+
+@sweep
+def speeds(scene, t, v, row):
+    """Compute g' of the active blocks in a row of `vectors`, after `located`."""
+    data = opened(scene)
+    blocks, work, space = data.blocks, data.work, data.space
+    residual_velocity(blocks, work, space, t, v, space.vectors[row])
 
 
 @part
@@ -187,24 +191,23 @@ def impose(scene, t, q, v, vdot):
     rows, const, blocks = data.rows, data.const, data.blocks
     work, space, gains = data.work, data.space, data.gains
     vectors = space.vectors
-    moving = gains[0] > 0.0 or turns_with_speed(blocks)
-    m = located(rows, const, blocks, work, space, v, moving)
+    m = located(scene, v, gains[0] > 0.0 or turns_with_speed(blocks))
     rhs = vectors[RHS]
     residual_acceleration(blocks, work, space, t, vdot, rhs)
     if gains[0] > 0.0:
         other = vectors[CHANGE]
-        residual_velocity(blocks, work, space, t, v, other)
+        speeds(scene, t, v, CHANGE)
         for r in range(m):
             rhs[r] += gains[0] * other[r]
-        residual(blocks, work, space, t, q, other)
+        gaps(scene, t, q, CHANGE)
         for r in range(m):
             rhs[r] += gains[1] * other[r]
     for r in range(m):
         rhs[r] = -rhs[r]
-    mu, count = delassus(rows, const, blocks, work, space, m, 1.0)
+    mu, count = delassus(rows, const, blocks, work, space, m)
     watch(scene, t, q, v)
     remember(vectors, q, mu, count)
-    iterations = solve_proximal(space, mu, count, m, 0.0, 1.0)
+    iterations = solve_proximal(space.omega, space.factor, space.nulls, mu, count, vectors, m, 0.0)
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]
@@ -239,12 +242,15 @@ def remember(vectors, q, mu, count):
 @part
 def drift(rows, const, blocks, work, space, t, q, v, out):
     """Compute the largest |g| and |g'| of the active blocks in out (2,), after `outboard`."""
-    change = space.vectors[CHANGE]
-    m = located(rows, const, blocks, work, space, v, True)
-    residual(blocks, work, space, t, q, change)
-    out[0] = largest(change, m)
-    residual_velocity(blocks, work, space, t, v, change)
-    out[1] = largest(change, m)
+    vectors = space.vectors
+    positions(rows, work)
+    velocities(rows, const, work, v, space.linear)
+    m = number_rows(blocks, space.slots)
+    locate(blocks, work, space.place)
+    residual(blocks, work, space, t, q, vectors[CHANGE])
+    out[0] = largest(vectors[CHANGE], m)
+    residual_velocity(blocks, work, space, t, v, vectors[CHANGE])
+    out[1] = largest(vectors[CHANGE], m)
 
 
 @part
@@ -282,140 +288,121 @@ def wrenches(rows, blocks, work, space, out):
 def extent(rows, blocks, work):
     """Return the size of the mechanism's coordinates [m], the scale for rounding in positions."""
     blocks_f = blocks.blocks_f
-    size = 0.0
+    x, y, z = 0.0, 0.0, 0.0
     for k in range(1, rows.shape[0]):
         p = origin_of(work, k)
-        size = larger(size, larger(abs(p[0]), larger(abs(p[1]), abs(p[2]))))
+        x, y, z = max(x, abs(p[0])), max(y, abs(p[1])), max(z, abs(p[2]))
+    size = max(x, max(y, z))
     for i in range(blocks_f.shape[0]):
         for n in range(6):
-            size = larger(size, abs(blocks_f[i, n]))
+            size = max(size, abs(blocks_f[i, n]))
     return size
 
 
 @sweep
-def settle(rows, const, blocks, work, space, t, q, v, mu, count, asked):
-    """Project with the factors of the last acceleration. Returns a mask of where that was enough.
+def settle(scene, t, q, v):
+    """Project with the factors of the last acceleration. Returns False, without moving, if too far
+    off.
 
     The relative error of a correction is the distance `moved` from the state of the factors. At the
-    end of a step it is negligible, because the last stage was close and the gap is small. Too far
-    off, nothing moves.
+    end of a step it is negligible, because the last stage was close and the gap is small.
     """
-    vectors, nulls, nv = space.vectors, space.nulls, v.shape[0]
-    rhs, step, change = vectors[RHS], vectors[STEP], vectors[MOVED]
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    vectors, nulls = space.vectors, space.nulls
+    mu, count = vectors[FACTORED, 0], int(vectors[FACTORED, 1])
+    known = vectors[FACTORED, 2]
+    vectors[FACTORED, 2] = 0.0
     moved = 0.0
     for i in range(q.shape[0]):
-        moved = larger(moved, abs(q[i] - vectors[PLACED, i]))
-    near = both(asked, more(NEAR, moved))
-    if not any_of(near):
-        return near
+        moved = max(moved, abs(q[i] - vectors[PLACED, i]))
+    if known == 0.0 or not moved < NEAR:
+        return False
     frames(rows, const, work, q, v)
-    m = located(rows, const, blocks, work, space, v, True)
+    m = located(scene, v, True)
     rounding = NO_GAP * extent(rows, blocks, work)
-    residual_velocity(blocks, work, space, t, v, rhs)
-    missed = along_nulls(nulls, count, rhs, m)
-    correct(rows, const, blocks, work, space, mu, count, m, rounding, near)
-    for j in range(nv):
-        change[j] = step[j]
-    missed = larger(missed, moved * largest(change, nv))
-    residual(blocks, work, space, t, q, rhs)
-    opened = both(near, more(largest(rhs, m), rounding))
-    if any_of(opened):
-        missed = chosen(opened, larger(missed, along_nulls(nulls, count, rhs, m)), missed)
-        correct(rows, const, blocks, work, space, mu, count, m, rounding, opened)
-        length = largest(step, nv)
-        missed = chosen(opened, larger(missed, moved * length), missed)
-        near = without(near, without(opened, more(SMALL_MOVE, length)))
-    good = both(near, most(missed, rounding))
-    for j in range(nv):
-        v[j] = chosen(good, v[j] + change[j], v[j])
-    move(rows, q, vectors, both(good, opened))
-    return good
+    speeds(scene, t, v, RHS)
+    missed = along_nulls(nulls, count, vectors[RHS], m)
+    correct(scene, mu, count, m, rounding)
+    change = vectors[MOVED]
+    for j in range(v.shape[0]):
+        change[j] = vectors[STEP, j]
+    missed = max(missed, moved * largest(change, v.shape[0]))
+    gaps(scene, t, q, RHS)
+    open_gap = largest(vectors[RHS], m) > rounding
+    if open_gap:
+        missed = max(missed, along_nulls(nulls, count, vectors[RHS], m))
+        correct(scene, mu, count, m, rounding)
+        step = largest(vectors[STEP], v.shape[0])
+        missed = max(missed, moved * step)
+        if not step < SMALL_MOVE:
+            return False
+    if not missed <= rounding:
+        return False
+    for j in range(v.shape[0]):
+        v[j] += change[j]
+    if open_gap:
+        advance(rows, q, vectors[STEP], 1.0)
+    return True
 
 
 @part
-def move(rows, q, vectors, where):
-    """Move q along STEP where the mask is set."""
-    if not any_of(where):
-        return
-    new = vectors[OTHER, : q.shape[0]]
-    for i in range(q.shape[0]):
-        new[i] = q[i]
-    advance(rows, new, vectors[STEP], 1.0)
-    for i in range(q.shape[0]):
-        q[i] = chosen(where, new[i], q[i])
-
-
-@sweep
-def close(rows, const, blocks, work, space, t, q, v, rounds, asked):
-    """Project q and v onto the constraints in the mass metric. Returns masks (rounds, failed).
+def project(scene, t, q, v, rounds):
+    """Project q and v onto the constraints in the mass metric. Returns the rounds, or -1 on
+    failure.
 
     Both corrections use one factorisation, which is repeated while positions move notably. Next to
     a singular position rounding alone moves them, so a gap of the size of rounding counts as zero.
     Derivatives of q are moved once in any case, and those of v after them.
     """
-    vectors, nv, least = space.vectors, v.shape[0], 2 if carries(q) else 1
-    rhs, step, zero = vectors[RHS], vectors[STEP], vectors[ZERO]
-    for j in range(nv):
-        zero[j] = 0.0
-    open_, taken, failed = asked, 0.0 * asked, 0.0 * asked
-    gap, size = failed, failed
-    for k in range(1, rounds + 1):
-        if not any_of(open_):
-            break
-        taken = taken + open_
-        outboard(rows, const, work, q, v)
-        inboard(rows, const, work, zero)
-        m = located(rows, const, blocks, work, space, v, True)
-        mu, count = delassus(rows, const, blocks, work, space, m, open_)
-        residual_velocity(blocks, work, space, t, v, rhs)
-        correct(rows, const, blocks, work, space, mu, count, m, 0.0, open_)
-        for j in range(nv):
-            v[j] = chosen(open_, v[j] + step[j], v[j])
-        residual(blocks, work, space, t, q, rhs)
-        gap = chosen(open_, largest(rhs, m), gap)
-        size = chosen(open_, extent(rows, blocks, work), size)
-        if k >= least:
-            open_ = without(open_, most(gap, NO_GAP * size))
-        if not any_of(open_):
-            break
-        correct(rows, const, blocks, work, space, mu, count, m, 0.0, open_)
-        move(rows, q, vectors, open_)
-        last = both(open_, more(SMALL_MOVE, largest(step, nv)))
-        if k < least:
-            last = 0.0 * last
-        if k == rounds:
-            last = open_
-        failed = either(failed, without(last, most(gap, CLOSED * size)))
-        open_ = without(open_, last)
-    if any_of(failed):  # beside a mechanism that is a point every gap is large
-        frames(rows, const, work, q, v)
-        m = located(rows, const, blocks, work, space, v, False)
-        residual(blocks, work, space, t, q, rhs)
-        failed = without(failed, most(largest(rhs, m), CLOSED * gap))
-    return taken, failed
-
-
-@part
-def project(scene, t, q, v, rounds):
-    """Project q and v onto the constraints. Returns the rounds, or -1 on failure."""
+    least = 2 if carries(q) else 1
+    if settle(scene, t, q, v):
+        return 1
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
-    known = space.vectors[FACTORED]
-    mu, count, valid = known[0], int(known[1]), known[2]
-    known[2] = 0.0
-    if any_of(settle(rows, const, blocks, work, space, t, q, v, mu, count, valid)):
-        return 1
-    taken, failed = close(rows, const, blocks, work, space, t, q, v, rounds, 1.0)
-    return -1 if any_of(failed) else int(taken)
+    vectors = space.vectors
+    zero = vectors[ZERO]
+    for j in range(v.shape[0]):
+        zero[j] = 0.0
+    m = 0
+    gap = 0.0
+    size = 1.0
+    taken = 0
+    for taken in range(1, rounds + 1):
+        outboard(rows, const, work, q, v)
+        inboard(rows, const, work, zero)
+        m = located(scene, v, True)
+        mu, count = delassus(rows, const, blocks, work, space, m)
+        speeds(scene, t, v, RHS)
+        correct(scene, mu, count, m, 0.0)
+        for j in range(v.shape[0]):
+            v[j] += vectors[STEP, j]
+        gaps(scene, t, q, RHS)
+        gap = largest(vectors[RHS], m)
+        size = extent(rows, blocks, work)
+        if gap <= NO_GAP * size and taken >= least:
+            return taken
+        correct(scene, mu, count, m, 0.0)
+        advance(rows, q, vectors[STEP], 1.0)
+        if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE and taken >= least:
+            break
+    if gap <= CLOSED * size:
+        return taken
+    frames(rows, const, work, q, v)  # beside a mechanism that is a point every gap is large
+    located(scene, v, False)
+    gaps(scene, t, q, RHS)
+    return taken if largest(vectors[RHS], m) <= CLOSED * gap else -1
 
 
 @sweep
-def correct(rows, const, blocks, work, space, mu, count, m, enough, asked):
+def correct(scene, mu, count, m, enough):
     """Compute -M⁻¹ Jᵀ Ω⁺ RHS in STEP, to within `enough` of RHS."""
-    rhs = space.vectors[RHS]
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    vectors = space.vectors
     for r in range(m):
-        rhs[r] = -rhs[r]
-    solve_proximal(space, mu, count, m, enough, asked)
+        vectors[RHS, r] = -vectors[RHS, r]
+    solve_proximal(space.omega, space.factor, space.nulls, mu, count, vectors, m, enough)
     respond(rows, const, blocks, work, space)
 
 

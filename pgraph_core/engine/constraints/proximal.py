@@ -13,7 +13,7 @@ from ...tolerances import PROXIMAL
 from ..arrays import CHANGE, LAMBDA, RHS
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, store_triple, triple
-from ..compiler.masks import any_of, both, chosen, either, larger, more, most, without
+from ..compiler.masks import chosen, more
 from ..linear import backward3, factor3, solve3
 from ..vec import load, load3, store, store3
 
@@ -52,16 +52,12 @@ def less_block(y, a, i, j, x):
 
 
 @sweep
-def factor_proximal(space, m, asked):
-    """Factor Ω + μI = L diag(B) Lᵀ with 3x3 blocks B. Returns (μ, null directions).
-
-    In lanes where a direction is not null, or not `asked`, it is zero.
-    """
-    omega, factor, nulls = space.omega, space.factor, space.nulls
+def factor_proximal(omega, factor, nulls, m):
+    """Factor Ω + μI = L diag(B) Lᵀ with 3x3 blocks B. Returns (μ, null directions)."""
     trace = 0.0
     for r in range(m):
         trace += omega[r, r]
-    mu = chosen(more(trace, 0.0), PROXIMAL * trace / m, 1.0)  # else all rows are null
+    mu = PROXIMAL * trace / m if trace > 0.0 else 1.0  # no row moves anything: all are null
     end = whole_blocks(m)
     for r in range(m, end):
         for c in range(end):
@@ -70,17 +66,14 @@ def factor_proximal(space, m, asked):
     for r in range(end):
         for c in range(end):
             factor[r, c] = omega[r, c]
-        factor[r, r] = factor[r, r] + (mu if r < m else 1.0)
+        factor[r, r] += mu if r < m else 1.0
     small = 0
     for i in range(0, end, 3):
         f = factor3(load_factor3(factor, i))
         store_factor3(factor, i, f)
         for n in range(3):
-            x = f[n] * (SMALL * mu)
-            here = without(asked, both(more(x, 0.0), more(1.0, x)))
-            if i + n < m and any_of(here):
+            if not 0.0 < f[n] * (SMALL * mu) < 1.0 and i + n < m:
                 begin_null(factor, f, i, n, nulls[small], end)
-                keep(nulls[small], here, end)
                 small += 1
         for j in range(i + 3, end, 3):
             eliminate(factor, f, i, j, end)
@@ -90,13 +83,6 @@ def factor_proximal(space, m, asked):
             nulls[count, r] = nulls[n, r]
         count += refine_null(factor, mu, nulls, count, 1, m)
     return mu, count
-
-
-@part
-def keep(x, mask, end):
-    """Set x to zero where the mask is not set."""
-    for r in range(end):
-        x[r] = chosen(mask, x[r], 0.0)
 
 
 @part
@@ -145,10 +131,7 @@ def begin_null(factor, f, i, n, x, end):
 
 @sweep
 def refine_null(factor, mu, nulls, n, iterations, m):
-    """Refine direction n by inverse iteration, orthogonal to earlier ones.
-
-    Where it is not null it becomes zero. Returns 1 if it is null in any lane, else 0.
-    """
+    """Refine null direction n by inverse iteration, orthogonal to earlier ones. 1 if null."""
     growth = 0.0
     end = whole_blocks(m)
     for _ in range(iterations):
@@ -156,9 +139,7 @@ def refine_null(factor, mu, nulls, n, iterations, m):
         for other in range(n):
             take_out(nulls, other, nulls[n], end)
         growth = normalise(nulls[n], end)
-    null = more(growth * NULL * mu, 1.0)
-    keep(nulls[n], null, end)
-    return 1 if any_of(null) else 0
+    return 1 if growth * NULL * mu > 1.0 else 0
 
 
 @part
@@ -191,20 +172,11 @@ def take_out(nulls, n, x, end):
 
 
 @part
-def largest(x, m):
-    """Return the largest magnitude of the first m numbers."""
-    size = 0.0
-    for r in range(m):
-        size = larger(size, abs(x[r]))
-    return size
-
-
-@part
 def along_nulls(nulls, count, x, m):
     """Return the largest component of x along the null directions."""
     size = 0.0
     for n in range(count):
-        size = larger(size, abs(inner(nulls[n], x, whole_blocks(m))))
+        size = max(size, abs(inner(nulls[n], x, whole_blocks(m))))
     return size
 
 
@@ -240,14 +212,15 @@ def remainder(omega, rhs, lam, out, end):
 
 
 @sweep
-def solve_proximal(space, mu, count, m, enough, asked):
+def solve_proximal(omega, factor, nulls, mu, count, vectors, m, enough):
     """Solve Ω λ = RHS for the minimum-norm λ by proximal refinement. Returns the iterations.
 
     Corrections shrink by a constant ratio, so the one of the size of rounding is not computed. The
     first solve leaves the residual μ λ and is the last one if that is at most `enough`.
     """
-    omega, factor, nulls, vectors = space.omega, space.factor, space.nulls, space.vectors
-    rhs, lam, change = vectors[RHS], vectors[LAMBDA], vectors[CHANGE]
+    rhs = vectors[RHS]
+    lam = vectors[LAMBDA]
+    change = vectors[CHANGE]
     end = whole_blocks(m)
     for r in range(m, end):
         rhs[r] = 0.0
@@ -256,34 +229,31 @@ def solve_proximal(space, mu, count, m, enough, asked):
     for r in range(end):
         lam[r] = rhs[r]
     size = solve_factor(factor, lam, m)
-    last, taken = size, asked
-    refined = without(asked, most(mu * size, enough))
-    open_ = both(refined, more(last, 0.0))
-    for _ in range(1, REFINEMENTS):
-        if not any_of(open_):
-            break
+    last = size
+    taken = 1
+    if mu * size <= enough:
+        return taken
+    while taken < REFINEMENTS and last > 0.0:
         remainder(omega, rhs, lam, change, end)
         largest = solve_factor(factor, change, m)
-        taken = taken + open_
-        shrinks = both(open_, more(0.5 * last, largest))
-        late = both(without(open_, shrinks), more(largest, 1e-9 * size))  # else it is rounding
-        open_ = shrinks
-        if any_of(late):
+        taken += 1
+        if not largest < 0.5 * last:
+            if not (largest > 1e-9 * size and count < m):  # rounding is all that is left
+                break
             for r in range(end):
-                nulls[count, r] = chosen(late, change[r], 0.0)
+                nulls[count, r] = change[r]
             normalise(nulls[count], end)
-            refine_null(factor, mu, nulls, count, INVERSE_ITERATIONS, m)
+            if refine_null(factor, mu, nulls, count, INVERSE_ITERATIONS, m) == 0:
+                break
             take_out(nulls, count, rhs, end)
             take_out(nulls, count, lam, end)
-            open_ = either(open_, both(late, more(inner(nulls[count], nulls[count], end), 0.0)))
             count += 1
+            continue
         for r in range(end):
-            lam[r] = chosen(shrinks, lam[r] + change[r], lam[r])
-        open_ = without(open_, both(shrinks, most(largest * (largest / last), 1e-16 * size)))
-        last = chosen(both(open_, shrinks), largest, last)
-        open_ = both(open_, more(last, 0.0))
+            lam[r] += change[r]
+        if largest * (largest / last) <= 1e-16 * size:
+            break
+        last = largest
     for n in range(count):
-        along = chosen(refined, inner(nulls[n], lam, end), 0.0)
-        for r in range(end):
-            lam[r] -= along * nulls[n, r]
+        take_out(nulls, n, lam, end)
     return taken

@@ -108,7 +108,8 @@ def event_acceleration(scene, t, q, v, tau, vdot, flow):
 def solve_points(blocks, work, space, contact, m, flow):
     """Compute λ of all active rows, with sliding blocks last. Returns the friction power [W]."""
     points, columns, small = contact.points, contact.columns, contact.small
-    slots, vectors = space.slots, space.vectors
+    slots, omega, factor = space.slots, space.omega, space.factor
+    vectors, nulls = space.vectors, space.nulls
     lam = vectors[LAMBDA]
     held, k, count = m, 0, 0
     for s in range(points.shape[0]):
@@ -122,11 +123,11 @@ def solve_points(blocks, work, space, contact, m, flow):
     for r in range(m):
         lam[r] = 0.0
     if held > 0:
-        mu, count = factor_proximal(space, held, 1.0)
+        mu, count = factor_proximal(omega, factor, nulls, held)
         for j in range(k + 1):
             for r in range(held):
                 vectors[RHS, r] = columns[j, r]
-            flow[2] += solve_proximal(space, mu, count, held, 0.0, 1.0)
+            flow[2] += solve_proximal(omega, factor, nulls, mu, count, vectors, held, 0.0)
             for r in range(held):
                 columns[k + 1 + j, r] = lam[r]
     if k == 0:

@@ -1,7 +1,8 @@
 """Explicit steps in lanes for trees and for loops closed by constraints.
 
 The steps are those of `explicit` and `constraints`, with the same operations in the same order, so
-every lane has the bits of its own run. If a lane cannot be returned to its constraints, its step is
+every lane has the bits of its own run. Rare cases are not written twice. If the factors of its last
+stage do not return a lane to its constraints, or null directions appear late, its step is
 discarded and taken by the kernels of one instance.
 """
 
@@ -9,24 +10,58 @@ import math
 from typing import Any, NamedTuple
 
 from .. import layout as at
-from ..arrays import FACTORED, PLACED, RHS, Blocks, Workspace, opened_run
+from ..arrays import CHANGE, FACTORED, LAMBDA, PLACED, RHS, Blocks, Workspace, opened_run
 from ..arrays import STEP as RESPONSE
 from ..compiler.elementary import FAR
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, F3, I1, I2, group, i8, void
 from ..compiler.lane import lanes
-from ..compiler.masks import chosen, either, most, without
-from ..constraints.blocks import residual_acceleration, turns_with_speed
-from ..constraints.constraints import close, delassus, driven_power, located, respond, settle
-from ..constraints.proximal import solve_proximal
+from ..compiler.masks import any_of, both, chosen, either, larger, more, most, without
+from ..constraints.blocks import (
+    locate,
+    residual,
+    residual_acceleration,
+    residual_velocity,
+    turns_with_speed,
+    velocities,
+)
+from ..constraints.constraints import (
+    CLOSED,
+    NEAR,
+    NO_GAP,
+    SMALL_MOVE,
+    couplings,
+    driven_power,
+    number_rows,
+    respond,
+    unit_responses,
+)
+from ..constraints.proximal import (
+    NULL,
+    PROXIMAL,
+    REFINEMENTS,
+    SMALL,
+    begin_null,
+    eliminate,
+    inner,
+    load_factor3,
+    normalise,
+    remainder,
+    solve_factor,
+    store_factor3,
+    take_out,
+    whole_blocks,
+)
 from ..forces import knot_after
+from ..linear import factor3
 from ..motion import opened
+from ..rows import origin_of
 from ..stepping.batch import call_advance
 from ..stepping.explicit import combine, semi_implicit_step
 from ..stepping.state import STEP_ROUNDS, copied, rate_of, size_of_state
 from ..tree.articulated import inboard, joint_acceleration
-from ..tree.kinematics import outboard
-from ..tree.moving import normalise_all
+from ..tree.kinematics import frames, outboard, positions
+from ..tree.moving import advance, normalise_all
 from . import block as of
 from .block import TAKEN as STEPS
 from .block import take_drives
@@ -52,11 +87,122 @@ class Held(NamedTuple):
     linear: Any
     carried: Any
     nulls: Any
+    marks: Any  # (2, m) which pivots are small, whose directions are null
     counts: Any  # (4, 1) iterations and rounds
+    moved: Any  # (3, max(nq, nv)) states on their way onto the constraints
 
 
 ARRAYS = len(Held._fields)
+SMALL_ONE, IS_NULL = 0, 1  # rows of `marks`
 SOLVED, ALL_SOLVED, ROUNDS, ALL_ROUNDS = range(4)  # iterations and rounds: of a step, of all
+
+
+# -- Ω λ = r ---------------------------------------------------------------------------------------
+
+
+@sweep
+def factor_proximal(h, m):
+    """Run `proximal.factor_proximal`. Returns μ and the slots of null directions, or zero."""
+    omega, factor, nulls, marks, lives = h.omega, h.factor, h.nulls, h.marks, h.lane[0, of.LIVES]
+    trace = 0.0
+    for r in range(m):
+        trace += omega[r, r]
+    mu = chosen(more(trace, 0.0), PROXIMAL * trace / m, 1.0)
+    end = whole_blocks(m)
+    for r in range(m, end):
+        for c in range(end):
+            omega[r, c] = 0.0
+            omega[c, r] = 0.0
+    for r in range(end):
+        for c in range(end):
+            factor[r, c] = omega[r, c]
+        factor[r, r] = factor[r, r] + (mu if r < m else 1.0)
+    count = 0
+    for i in range(0, end, 3):
+        f = factor3(load_factor3(factor, i))
+        store_factor3(factor, i, f)
+        for n in range(3):
+            x = f[n] * (SMALL * mu)
+            small = without(lives, both(more(x, 0.0), more(1.0 + 0.0 * x, x)))
+            if i + n < m and any_of(small):
+                begin_null(factor, f, i, n, nulls[count], end)
+                marks[SMALL_ONE, count] = small
+                count += 1
+        for j in range(i + 3, end, 3):
+            eliminate(factor, f, i, j, end)
+    for n in range(count):
+        keep(nulls[n], marks[SMALL_ONE, n], end)
+        solve_factor(factor, nulls[n], m)
+        for other in range(n):
+            take_out(nulls, other, nulls[n], end)
+        growth = normalise(nulls[n], end)
+        marks[IS_NULL, n] = both(marks[SMALL_ONE, n], more(growth * NULL * mu, 1.0))
+        keep(nulls[n], marks[IS_NULL, n], end)
+    return mu, count
+
+
+@part
+def keep(x, mask, end):
+    """Return x where the mask is set, and zero elsewhere."""
+    for r in range(end):
+        x[r] = chosen(mask, x[r], 0.0)
+
+
+@sweep
+def solve_proximal(h, mu, count, m, enough, asked):
+    """Run `proximal.solve_proximal` in lanes `asked`. One with late null directions goes alone."""
+    omega, factor, nulls, lane = h.omega, h.factor, h.nulls, h.lane[0]
+    rhs, lam, change = h.rows[RHS], h.rows[LAMBDA], h.rows[CHANGE]
+    end = whole_blocks(m)
+    for r in range(m, end):
+        rhs[r] = 0.0
+    for n in range(count):
+        take_out(nulls, n, rhs, end)
+    for r in range(end):
+        lam[r] = rhs[r]
+    size = solve_factor(factor, lam, m)
+    last = size
+    refined = without(asked, most(mu * size, enough))
+    open_ = both(refined, more(last, 0.0))
+    taken = 1.0 + 0.0 * mu
+    for _ in range(1, REFINEMENTS):
+        if not any_of(open_):
+            break
+        remainder(omega, rhs, lam, change, end)
+        largest = solve_factor(factor, change, m)
+        taken = taken + open_
+        stays = without(open_, more(0.5 * last, largest))
+        late = both(stays, more(largest, 1e-9 * size))
+        lane[of.ALONE] = either(lane[of.ALONE], late)
+        open_ = without(open_, stays)
+        for r in range(end):
+            lam[r] = chosen(open_, lam[r] + change[r], lam[r])
+        open_ = without(open_, most(largest * (largest / last), 1e-16 * size))
+        last = chosen(open_, largest, last)
+        open_ = both(open_, more(last, 0.0))
+    for n in range(count):
+        along = chosen(refined, inner(nulls[n], lam, end), 0.0)
+        for r in range(end):
+            lam[r] -= along * nulls[n, r]
+    return taken
+
+
+@part
+def along_nulls(h, count, x, m):
+    """Compute `proximal.along_nulls`."""
+    size = 0.0 * x[0]
+    for n in range(count):
+        size = larger(size, abs(inner(h.nulls[n], x, whole_blocks(m))))
+    return size
+
+
+@part
+def largest_of(x, m):
+    """Return the largest magnitude of the first m numbers."""
+    size = 0.0 * x[0]
+    for r in range(m):
+        size = larger(size, abs(x[r]))
+    return size
 
 
 # -- slopes and steps ------------------------------------------------------------------------------
@@ -98,14 +244,16 @@ def slope(data, drives, blocks, space, h, size, t, row, out):
     outboard(rows, const, work, q, v)
     inboard(rows, const, work, h.vectors[of.TAU])
     joint_acceleration(rows, const, work, vdot)
-    m = located(rows, const, blocks, work, space, v, turns_with_speed(blocks))
+    m = located(rows, blocks, space, h, v, turns_with_speed(blocks))
     residual_acceleration(blocks, work, space, t, vdot, rhs)
     for r in range(m):
         rhs[r] = -rhs[r]
-    mu, count = delassus(rows, const, blocks, work, space, m, lane[of.LIVES])
+    unit_responses(rows, const, blocks, work, space)
+    couplings(blocks, space)
+    mu, count = factor_proximal(h, m)
     for i in range(nq):
         h.rows[PLACED, i] = q[i]
-    h.counts[SOLVED, 0] += solve_proximal(space, mu, count, m, 0.0, lane[of.LIVES])
+    h.counts[SOLVED, 0] += solve_proximal(h, mu, count, m, 0.0, lane[of.LIVES])
     respond(rows, const, blocks, work, space)
     for j in range(nv):
         vdot[j] += h.rows[RESPONSE, j]
@@ -114,12 +262,23 @@ def slope(data, drives, blocks, space, h, size, t, row, out):
     return mu, count
 
 
+@part
+def located(rows, blocks, space, h, v, moving):
+    """Run `constraints.located`."""
+    positions(rows, h.work)
+    if moving:
+        velocities(rows, h.const, h.work, v, h.linear)
+    locate(blocks, h.work, h.place)
+    return number_rows(blocks, space.slots)
+
+
 @sweep
 def step(data, drives, blocks, space, h, tableau, size, t, end, width):
     """Take one step from Y into CANDIDATE, and project it onto the constraints at its end."""
     a, weights, c = tableau
     rows, stages, lane = data.rows, h.stages, h.lane[0]
     n, count = stages.shape[1], weights.shape[0]
+    lane[of.ALONE] = 0.0
     h.counts[SOLVED, 0] = 0.0
     mu, slots = slope(data, drives, blocks, space, h, size, t, at.Y, at.SLOPE)
     if count == 0:
@@ -135,16 +294,122 @@ def step(data, drives, blocks, space, h, tableau, size, t, end, width):
             mu, slots = slope(data, drives, blocks, space, h, size, x, at.TRIAL, at.STAGE + r)
         combine(stages, weights, count, width, at.CANDIDATE)
     normalise_all(rows, stages[at.CANDIDATE, : size[0]])
-    const, work, lives = h.const, h.work, lane[of.LIVES]
-    q, v = stages[at.CANDIDATE, : size[0]], stages[at.CANDIDATE, size[0] : size[0] + size[1]]
-    settled = settle(rows, const, blocks, work, space, end, q, v, mu, slots, lives)
-    left = without(lives, settled)
-    rounds, failed = close(rows, const, blocks, work, space, end, q, v, STEP_ROUNDS, left)
-    h.counts[ROUNDS, 0] = settled + rounds
+    settled = settle(rows, blocks, space, h, size, end, mu, slots)
+    h.counts[ROUNDS, 0] = settled
+    project(
+        rows, blocks, space, h, size, end, without(lane[of.LIVES], either(settled, lane[of.ALONE]))
+    )
     sum_ = 0.0 * lane[of.LIVES]
     for i in range(n):
         sum_ += 0.0 * stages[at.CANDIDATE, i]
-    lane[of.ALONE] = either(failed, without(lives, most(abs(sum_), 0.0)))
+    lane[of.ALONE] = either(lane[of.ALONE], without(lane[of.LIVES], most(abs(sum_), 0.0)))
+
+
+@sweep
+def settle(rows, blocks, space, h, size, t, mu, count):
+    """Run `constraints.settle` on CANDIDATE, leaving it unchanged where that fails."""
+    nq, nv = size
+    const, work, lives, step = h.const, h.work, h.lane[0, of.LIVES], h.rows[RESPONSE]
+    q, v = h.stages[at.CANDIDATE, :nq], h.stages[at.CANDIDATE, nq : nq + nv]
+    rhs, change, new, old = h.rows[RHS], h.moved[0], h.moved[1], h.moved[2]
+    moved = 0.0 * lives
+    for i in range(nq):
+        moved = larger(moved, abs(q[i] - h.rows[PLACED, i]))
+    near = both(lives, more(NEAR + 0.0 * moved, moved))
+    if not any_of(near):
+        return near
+    frames(rows, const, work, q, v)
+    m = located(rows, blocks, space, h, v, True)
+    rounding = NO_GAP * extent(rows, h)
+    residual_velocity(blocks, work, space, t, v, rhs)
+    missed = along_nulls(h, count, rhs, m)
+    correct(rows, blocks, space, h, mu, count, m, rounding, near)
+    for j in range(nv):
+        change[j] = step[j]
+    missed = larger(missed, moved * largest_of(change, nv))
+    residual(blocks, work, space, t, q, rhs)
+    opened_ = both(near, more(largest_of(rhs, m), rounding))
+    for i in range(nq):
+        old[i] = q[i]
+    if any_of(opened_):
+        far = larger(missed, along_nulls(h, count, rhs, m))
+        correct(rows, blocks, space, h, mu, count, m, rounding, opened_)
+        length = largest_of(step, nv)
+        missed = chosen(opened_, larger(far, moved * length), missed)
+        near = without(near, without(opened_, more(SMALL_MOVE + 0.0 * length, length)))
+        move(rows, h, q, new, opened_)
+    good = both(near, most(missed, rounding))
+    for i in range(nq):
+        q[i] = chosen(good, q[i], old[i])
+    for j in range(nv):
+        v[j] = chosen(good, v[j] + change[j], v[j])
+    return good
+
+
+@part
+def move(rows, h, q, new, where):
+    """Move q along the response in the lanes of the mask."""
+    for i in range(q.shape[0]):
+        new[i] = q[i]
+    advance(rows, new, h.rows[RESPONSE], 1.0)
+    for i in range(q.shape[0]):
+        q[i] = chosen(where, new[i], q[i])
+
+
+@sweep
+def project(rows, blocks, space, h, size, t, asked):
+    """Run `constraints.project` on CANDIDATE. Lanes that fail continue alone."""
+    nq, nv = size
+    const, work, lane, step, tau = h.const, h.work, h.lane[0], h.rows[RESPONSE], h.vectors[of.TAU]
+    q, v = h.stages[at.CANDIDATE, :nq], h.stages[at.CANDIDATE, nq : nq + nv]
+    rhs, open_ = h.rows[RHS], asked
+    for _ in range(STEP_ROUNDS):
+        if not any_of(open_):
+            return
+        h.counts[ROUNDS, 0] += open_
+        for j in range(nv):
+            tau[j] = 0.0
+        outboard(rows, const, work, q, v)
+        inboard(rows, const, work, tau)
+        m = located(rows, blocks, space, h, v, True)
+        unit_responses(rows, const, blocks, work, space)
+        couplings(blocks, space)
+        mu, count = factor_proximal(h, m)
+        residual_velocity(blocks, work, space, t, v, rhs)
+        correct(rows, blocks, space, h, mu, count, m, 0.0, open_)
+        for j in range(nv):
+            v[j] = chosen(open_, v[j] + step[j], v[j])
+        residual(blocks, work, space, t, q, rhs)
+        gap, far = largest_of(rhs, m), extent(rows, h)
+        open_ = both(open_, more(gap, NO_GAP * far))
+        correct(rows, blocks, space, h, mu, count, m, 0.0, open_)
+        move(rows, h, q, h.moved[1], open_)
+        still = both(open_, more(SMALL_MOVE + 0.0 * gap, largest_of(step, nv)))
+        lane[of.ALONE] = either(lane[of.ALONE], both(still, more(gap, CLOSED * far)))
+        open_ = without(open_, either(still, lane[of.ALONE]))
+    lane[of.ALONE] = either(lane[of.ALONE], open_)
+
+
+@part
+def correct(rows, blocks, space, h, mu, count, m, enough, asked):
+    """Run `constraints.correct`."""
+    for r in range(m):
+        h.rows[RHS, r] = -h.rows[RHS, r]
+    solve_proximal(h, mu, count, m, enough, asked)
+    respond(rows, h.const, blocks, h.work, space)
+
+
+@part
+def extent(rows, h):
+    """Compute `constraints.extent`."""
+    size = 0.0 * h.lane[0, of.LIVES]
+    for k in range(1, rows.shape[0]):
+        p = origin_of(h.work, k)
+        size = larger(size, larger(abs(p[0]), larger(abs(p[1]), abs(p[2]))))
+    for i in range(h.blocks_f.shape[0]):
+        for n in range(6):
+            size = larger(size, abs(h.blocks_f[i, n]))
+    return size
 
 
 # -- blocks of instances ---------------------------------------------------------------------------
@@ -210,7 +475,7 @@ def as_lanes(x):
     return Held(
         lanes(x[0]), lanes(x[1]), lanes(x[2]), lanes(x[3]), lanes(x[4]), lanes(x[5]), lanes(x[6]),
         lanes(x[7]), lanes(x[8]), lanes(x[9]), lanes(x[10]), lanes(x[11]), lanes(x[12]),
-        lanes(x[13]), lanes(x[14]), lanes(x[15]), lanes(x[16]),
+        lanes(x[13]), lanes(x[14]), lanes(x[15]), lanes(x[16]), lanes(x[17]), lanes(x[18]),
     )  # fmt: skip
 
 
@@ -218,7 +483,7 @@ def as_lanes(x):
 def as_numbers(x):
     return Held(
         x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12], x[13],
-        x[14], x[15], x[16],
+        x[14], x[15], x[16], x[17], x[18],
     )  # fmt: skip
 
 
