@@ -175,6 +175,9 @@ window.pgraph = (() => {
       controls.getPosition(position, true);
       controls.getTarget(target, true);
       controls.setLookAt(position.x + x, position.y + y, position.z + z, target.x + x, target.y + y, target.z + z, false);
+      controls.update(0); // in the picture in which the bodies have moved, with what is behind all of them
+      const { scene, backgroundMaterial } = window.__viserMutable;
+      scene.traverse((one) => { if (one.material && one.material === backgroundMaterial) one.position.set(one.position.x + x, one.position.y + y, one.position.z + z); });
     },
   };
 

@@ -87,12 +87,14 @@ pgraph.frame = (() => {
   function drawer(on) {
     if (on) root.dataset.drawer ||= "open";
     else delete root.dataset.drawer;
+    if (on && narrow()) sheets();
   }
+  function sheets() { for (const slot of ["left", "right"]) delete root.dataset[`${slot}Sheet`]; }
   // A side panel is there, or gives its room to the view; in a narrow window it lies over the view.
   function toggle(slot, on = root.dataset[slot] === "closed") {
     if (narrow()) {
-      for (const other of ["left", "right"]) delete root.dataset[`${other}Sheet`];
-      if (on) root.dataset[`${slot}Sheet`] = "";
+      sheets();
+      if (on) { drawer(false); root.dataset[`${slot}Sheet`] = ""; }
     } else if (on) delete root.dataset[slot];
     else root.dataset[slot] = "closed";
   }
@@ -139,8 +141,9 @@ pgraph.frame = (() => {
     watched?.disconnect();
     let settling = null;
     pgraph.tellView = () => {
-      const aspect = canvas.clientWidth / canvas.clientHeight;
-      if (aspect > 0) pgraph.send("Viewport", { aspect: Math.min(Math.max(aspect, 0.06), 19), turned: pgraph.camera.turned() });
+      const { clientWidth, clientHeight } = canvas, aspect = clientWidth / clientHeight, tools = slots.view.querySelector(".pgraph-tools");
+      const free = 1 - (2 * (tools.offsetTop + tools.offsetHeight)) / clientHeight;
+      if (aspect > 0) pgraph.send("Viewport", { aspect: Math.min(Math.max(aspect, 0.06), 19), free: Math.max(free, 0.5), turned: pgraph.camera.turned() });
     };
     watched = new ResizeObserver(() => {
       clearTimeout(settling);

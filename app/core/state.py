@@ -70,6 +70,7 @@ class Client:
     selected: tuple[str, ...] = ()  # all selected bodies in the table's order
     dark: bool = False
     aspect: float | None = None  # width over height of its 3D view, once known
+    free: float = 1.0  # share of that height between toolbar and hint
     reply: Reply | None = None
     notice: Notice | None = None
     asked: Any = None  # the last event that asked for something to be sent once, or shown
@@ -109,8 +110,8 @@ class Client:
     def again(self, fresh: Any) -> Self:
         """Return the page as it was, reconnected as `fresh`. What it asked for is not repeated."""
         return replace(
-            self, aspect=fresh.aspect, notice=fresh.notice, asked=fresh.asked, selection=None,
-            selected=(),
+            self, aspect=fresh.aspect, free=fresh.free, notice=fresh.notice, asked=fresh.asked,
+            selection=None, selected=(),
         )  # fmt: skip
 
 

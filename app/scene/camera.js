@@ -18,14 +18,17 @@ pgraph.camera = (() => {
   function gizmo() {
     const box = svg("svg", { class: "axes", viewBox: "0 0 64 64", width: 64, height: 64, role: "group", "aria-label": "directions of the view" },
       svg("circle", { class: "disc", cx: HALF, cy: HALF, r: HALF - 0.5 }));
+    const lines = svg("g", {});
+    box.append(lines);
     for (const one of AXES) {
       const { axis, which, sign } = one;
-      one.line = sign > 0 ? svg("line", { x1: HALF, y1: HALF }) : null;
+      one.line = sign > 0 ? svg("line", { class: `axis ${axis}`, x1: HALF, y1: HALF }) : null;
+      if (one.line) lines.append(one.line);
       one.end = svg("circle", { r: sign > 0 ? 7 : 5 });
-      one.reach = svg("circle", { class: "reach", r: 12 });
+      one.reach = svg("circle", { class: "reach", r: 13 });
       one.text = sign > 0 ? svg("text", { dy: 3 }, axis) : null;
-      one.group = svg("g", { class: `axis ${axis}${sign > 0 ? "" : " minus"}`, role: "button", tabindex: sign > 0 ? 0 : -1, "aria-label": `view from ${which}`, "data-which": which }, svg("title", {}, `View from ${which}`),
-        ...[one.line, one.end, one.text, one.reach].filter(Boolean));
+      one.group = svg("g", { class: `axis ${axis}${sign > 0 ? "" : " minus"}`, ...(sign > 0 ? { role: "button", tabindex: 0, "aria-label": `view from ${which}` } : {}), "data-which": which }, svg("title", {}, `View from ${which}`),
+        ...[one.end, one.text, one.reach].filter(Boolean));
       one.group.addEventListener("keydown", (event) => { if (event.key === "Enter") look(which); });
       box.append(one.group);
     }
@@ -67,7 +70,7 @@ pgraph.camera = (() => {
       }
     });
     const order = AXES.map((_, i) => i).sort((a, b) => seen[a][2] - seen[b][2]).map((i) => AXES[i].group); // the nearest last
-    if (order.some((group, i) => box.children[i + 1] !== group) && !box.contains(document.activeElement)) box.append(...order);
+    if (order.some((group, i) => box.children[i + 2] !== group) && !box.contains(document.activeElement)) box.append(...order);
   });
 
   document.body.append(make("div", { className: "pgraph pgraph-views", role: "toolbar", "aria-label": "3D view" }, gizmo(),
@@ -87,12 +90,16 @@ pgraph.camera = (() => {
     if (at) send("FrameSpot", at);
   });
 
-  // The model moved: the camera and what it looks at move by as much, so that a page that turns
-  // its view meanwhile loses nothing.
-  let last = null;
-  pgraph.on("follow", (at) => {
-    if (at.length && last && viser.controls()) viser.shift(at.map((x, k) => x - last[k]));
-    last = at.length ? at : null;
+  // The model moved, and a node with it: the camera and what it looks at move by as much, so that
+  // a page that turns its view meanwhile loses nothing.
+  let last = null, follows = true;
+  pgraph.on("follow", (on) => { follows = on; });
+  viser.frame(() => {
+    const at = window.__viserMutable?.nodeRefFromName["/along"]?.position.toArray();
+    if (!at || !viser.controls()) return;
+    const way = at.map((x, k) => x - (last ?? at)[k]);
+    if (follows && way.some(Boolean)) viser.shift(way);
+    last = at;
   });
   // A camera that a person has moved is not set again when the view gets another shape.
   let turned = false, watched = null;
@@ -109,6 +116,6 @@ pgraph.camera = (() => {
     pgraph.tellView();
   }
   // A camera that is set anew is set for where the model is now.
-  pgraph.on("framed", () => { last = null; if (turned) turn(false); });
+  pgraph.on("framed", (at) => { last = at; if (turned) turn(false); });
   return { look, measure, turned: () => turned };
 })();

@@ -15,6 +15,7 @@ from . import Client, State, marks
 from .marks import looks
 from .update import View
 
+ALONG = "/along"  # the node that a page's camera follows
 IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed
 CLEAR = 0.02  # height of a camera above the ground over the model's size
 FILLS = 0.6  # least share of the picture's width or height that a model and its motion fill
@@ -30,8 +31,8 @@ class CameraView:
         self._server, self._bridge = bridge.server, bridge
         self._framed = -1
         self._up = ""
-        # place of the model that each page knows, or None
-        self._followed: dict[int, list[float] | None] = {}
+        self._along = bridge.server.scene.add_frame(ALONG, show_axes=False)
+        self._follows: dict[int, bool] = {}  # by page: whether its camera goes along
         self._views: dict[
             int, tuple[str, tuple[str, ...]]
         ] = {}  # view of each page, and the bodies in it
@@ -65,8 +66,12 @@ class CameraView:
                 (changed or page.follow != before.follow) and not fits(handle, new, page)
             ):
                 self._look(handle, new, page, which, chosen)
-            self._follow(client, new, page.follow)
-        for known in (self._followed, self._views):
+            if page.follow != self._follows.get(client):
+                self._follows[client] = page.follow
+                self._bridge.send(client, "follow", page.follow)
+        if (at := followed(new)) != tuple(self._along.position):
+            self._along.position = at
+        for known in (self._follows, self._views):
             for gone in known.keys() - new.clients.keys():
                 del known[gone]
 
@@ -76,17 +81,9 @@ class CameraView:
     ) -> None:  # fmt: skip
         """Set a camera, and again after each resize of the view until a person moves the camera."""
         self._views[handle.client_id] = which, selected
-        self._followed[handle.client_id] = None  # the page goes along from here on
-        self._bridge.send(handle.client_id, "framed", which)
-        look(handle, state, page, which, selected)
-
-    def _follow(self, client: int, state: State, follows: bool) -> None:
-        """Send a page the point that its camera follows."""
-        along = travelled(state) if follows else np.zeros(3)
-        at = [round(float(x), 6) for x in along * middle(state)] if along.any() else []
-        if at != self._followed.get(client, []):
-            self._followed[client] = at
-            self._bridge.send(client, "follow", at)
+        with handle.atomic():  # the page hears of both at once: its camera moves in each picture
+            self._bridge.send(handle.client_id, "framed", followed(state))
+            look(handle, state, page, which, selected)
 
     def _start(self, state: State) -> None:
         """Set the up direction and the initial camera of new pages for another model."""
@@ -118,7 +115,7 @@ def look(
         way = stage.towards(state.model.up, which)
     aspect = TYPICAL_ASPECT if page.aspect is None else page.aspect
     corners = extent(state, selected if which in ("fit", "centre") else ())
-    seen = stage.fitted(corners, up, way, aspect)
+    seen = stage.fitted(corners, up, way, aspect, page.free)
     if which == "centre":
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
         far = float(np.linalg.norm(np.asarray(at.position) - np.asarray(at.look_at)))
@@ -149,7 +146,7 @@ def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
     if page.aspect is None or not holds(handle, state, page, corners).all():
         return False
     way = np.asarray(at.position) - np.asarray(at.look_at)
-    nearest = stage.fitted(corners, up, way / np.linalg.norm(way), page.aspect)
+    nearest = stage.fitted(corners, up, way / np.linalg.norm(way), page.aspect, page.free)
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     near, far = (np.linalg.norm(x - middle) for x in (nearest.position, np.asarray(at.position)))
     return bool(FILLS * far < FRAMING.margin * near)
@@ -257,6 +254,16 @@ def travelled(state: State) -> np.ndarray:
     if state.run is None or state.pose is not None:
         return np.zeros(3)
     return state.run.travels
+
+
+def followed(state: State) -> tuple[float, float, float]:
+    """Return the point [m] with which a following camera moves, 0 on the other axes.
+
+    It is the place of a node of the scene, which moves in the same picture as the bodies.
+    """
+    along = travelled(state)
+    x, y, z = along * middle(state) if along.any() else along
+    return round(float(x), 6), round(float(y), 6), round(float(z), 6)
 
 
 def middle(state: State) -> np.ndarray:

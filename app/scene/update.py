@@ -49,9 +49,13 @@ class View(FromPage):
 
 @dataclass(frozen=True)
 class Viewport(FromPage):
-    """The aspect ratio (width over height) of a page's 3D view has changed."""
+    """The aspect ratio (width over height) of a page's 3D view has changed.
+
+    `free` is the share of its height between the toolbar and its mirror image.
+    """
 
     aspect: Annotated[float, Field(gt=0.05, lt=20)]
+    free: Annotated[float, Field(ge=0.5, le=1)] = 1.0
     turned: bool = False  # whether a person moved the camera since it was set
 
 
@@ -59,10 +63,8 @@ class Viewport(FromPage):
 def viewport(state: State, event: Viewport) -> State:
     if state.playback.unseen:
         state = replace(state, playback=replace(state.playback, unseen=False))
-    return with_client(
-        state, event.client, aspect=event.aspect,
-        turned=event.turned,
-    )  # fmt: skip
+    now = {"aspect": event.aspect, "free": event.free, "turned": event.turned}
+    return with_client(state, event.client, **now)
 
 
 @dataclass(frozen=True)

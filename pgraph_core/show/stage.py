@@ -211,8 +211,13 @@ def towards(up: str, which: str) -> np.ndarray:
     return way / np.linalg.norm(way)
 
 
-def fitted(points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float) -> Viewpoint:
+def fitted(
+    points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float, free: float = 1.0
+) -> Viewpoint:
     """Return the nearest camera in the direction `way` (a unit vector) that sees all points.
+
+    They are within the middle share `free` of the picture's height, above and below which
+    something else may be drawn.
 
     A point at (x, y, z) in the camera's axes, z towards the camera at (a, b, d), is in the picture
     if |x - a| <= h (d - z) and |y - b| <= v (d - z), with the tangents h and v of the picture's
@@ -220,8 +225,8 @@ def fitted(points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float) -
     """
     right, above = frame(up, way)
     x, y, z = points @ right, points @ above, points @ way
-    v = FRAMING.margin * math.tan(FRAMING.field_of_view / 2)
-    h = v * aspect
+    half = math.tan(FRAMING.field_of_view / 2)
+    v, h = min(FRAMING.margin, free) * half, FRAMING.margin * half * aspect
     x_high, x_low = (x + h * z).max(), (x - h * z).min()
     y_high, y_low = (y + v * z).max(), (y - v * z).min()
     middle = (z.min() + z.max()) / 2

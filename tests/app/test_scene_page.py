@@ -331,18 +331,28 @@ def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, se
     until(lambda: served.store.state.run, "the flight")
     for event in (Pause(client), Scrub(client, 0.0), Show(client, "follow", True)):
         served.send(event)
-    at = "(x) => Math.abs((pgraph.latest.follow?.[0] ?? 1e9) - x) < 1e-5"
+    at = "(x) => Math.abs(__viserMutable.nodeRefFromName['/along'].position.x - x) < 1e-5"
     page.wait_for_function(at, arg=0)
     before = steady(page, served)
+    page.evaluate("""() => {
+      const { nodeRefFromName, camera } = window.__viserMutable;
+      window.apart = []; // in each picture: the way from the camera to the body
+      pgraph.viser.frame(() => {
+        const body = nodeRefFromName["/bodies/1"]?.getWorldPosition(camera.position.clone());
+        if (body) window.apart?.push(body.sub(camera.position).toArray());
+      });
+    }""")
     for k in range(1, 41):
         served.send(Scrub(client, 0.05 * k))
     page.wait_for_function(at, arg=10)
     after = at_rest(page)
+    apart = np.array(page.evaluate("[window.apart, (window.apart = null)][0]"))
+    np.testing.assert_allclose(apart, apart[:1].repeat(len(apart), axis=0), atol=1e-3)
     np.testing.assert_allclose(after[:3], before[:3], rtol=0.01, atol=1e-4)
     assert np.linalg.norm(after[3:] - before[3:]) == pytest.approx(10, rel=0.01)
     served.send(Show(client, "follow", False))
     served.send(Scrub(client, 4.0))
-    page.wait_for_function("pgraph.latest.follow.length === 0")
+    page.wait_for_function("pgraph.latest.follow === false")
     served.send(Show(client, "follow", True))
     until(lambda: abs(np.linalg.norm((camera(page) - before)[3:]) - 20) < 2, "where the body is")
 
