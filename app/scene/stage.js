@@ -82,9 +82,21 @@ pgraph.stage = (() => {
 
   // Bodies are matte porcelain; what is selected is seen through others.
   for (const name of ["/bodies", "/selected"]) viser.materials(name, (material) => { if (material.roughness === 1) material.roughness = 0.5; });
-  viser.materials("/selected", (material) => {
-    if (material.transparent && material.depthFunc !== GREATER) Object.assign(material, { depthFunc: GREATER, depthWrite: false });
-    if (material.side === BACK) outline(material);
+  // In the accent: where something else is before it, fainter, and over that the body itself, which hides its own inside.
+  const ORDER = { behind: 1, fill: 2 }; // arrows come after them
+  viser.frame(() => {
+    for (let k = 0, body; (body = node(`/selected/${k}`)); k++) {
+      for (const part of ["outline", "behind", "fill"]) {
+        node(`/selected/${k}/${part}`)?.traverse((mesh) => {
+          const { material } = mesh;
+          if (!material?.color) return;
+          if (part === "outline") { outline(material); return; }
+          mesh.renderOrder = ORDER[part];
+          material.color.set(tone("--accent"));
+          if (!material.transparent || (part === "behind" && material.depthFunc !== GREATER)) Object.assign(material, part === "fill" ? { transparent: true, needsUpdate: true } : { depthFunc: GREATER, depthWrite: false });
+        });
+      }
+    }
   });
   // The back of a body, as many pixels larger on all sides.
   const WIDTH = 2; // [px]
@@ -106,6 +118,7 @@ pgraph.stage = (() => {
   }
   // An arrow is seen through the body that it acts on: drawn last, over all, in a colour without light.
   for (const [arrows, colour] of [["/forces", "--force"], ["/loads", "--s1"], ["/pull", "--accent"]]) {
+    viser.frame(() => node(arrows)?.traverse((mesh) => { if (mesh.material) mesh.renderOrder = 3; }));
     viser.materials(arrows, (material) => {
       if (material.depthTest) Object.assign(material, { depthTest: false, transparent: true, toneMapped: false, needsUpdate: true });
       material.color.setScalar(0);

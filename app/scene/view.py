@@ -172,15 +172,13 @@ class SceneView:
         """Return everything on which the fill depends."""
         d, body = state.derived, state.model.body(name)
         links = self._looks[d.number[name] - 1].links
-        branch = d.branches[d.number[name] - 1]
-        return body.shapes, links, body.tip, body.com, body.mass, d.grain, branch
+        return body.shapes, links, body.tip, body.com, body.mass, d.grain
 
     def _fill(
         self, client: viser.ClientHandle, state: State, name: str, at: int
     ) -> viser.FrameHandle:
-        """Fill one body in its branch's hue, fainter if occluded by others, and outline it."""
-        d = state.derived
-        size, k = d.grain, d.number[name] - 1
+        """Fill one body, fainter if occluded by others, and outline it. The page colours it."""
+        size, k = state.derived.grain, state.derived.number[name] - 1
         solid = shapes.mesh(self._looks[k].pieces)
         node = f"/selected/{at}"
         frame = client.scene.add_frame(node, show_axes=False)
@@ -189,7 +187,6 @@ class SceneView:
                 f"{node}/{part}",
                 solid.vertices + ABOVE * size * solid.vertex_normals,
                 solid.faces,
-                color=shapes.HUES[shapes.hue_of(d.branches[k])],
                 opacity=0.4 if part == "behind" else None,
                 flat_shading=len(solid.faces) < FLAT and part != "outline",
                 side="back" if part == "outline" else "front",

@@ -31,7 +31,7 @@ PAINTS: tuple[Color, ...] = (
 )  # fmt: skip
 COAT, RUBBER, TINT = (
     (218, 220, 224),
-    (48, 54, 64),
+    (76, 84, 98),
     0.55,
 )  # colours of bodies, and the share of the paint
 LUMA = (0.299, 0.587, 0.114)  # weights of red, green and blue (ITU-R BT.601)
