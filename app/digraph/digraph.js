@@ -2,7 +2,8 @@
 pgraph.digraph = (() => {
   const { make } = pgraph;
   const NS = "http://www.w3.org/2000/svg";
-  const RADIUS = 11, CORNER = 6;
+  const RADIUS = 11, CORNER = 6, GAP = 6; // [px], the last one around a name
+  const pen = document.createElement("canvas").getContext("2d");
   const SPLIT = 1600; // [px] of the window from which the tree is drawn at first
   const svg = (tag, attributes = {}, ...children) => {
     const el = document.createElementNS(NS, tag);
@@ -25,11 +26,10 @@ pgraph.digraph = (() => {
       make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas), pgraph.pictureButton("fit bare", "fit", "Fit", "Show all of it (double click)", () => canvas.fit(true)),
         card, make("div", { className: "drag-hint", hidden: true })),
       host.pgraphSteps,
-      make("h4", {}, make("button", { className: "fold", title: "Pgraph: the order of a walk round the tree. jdof: the degrees of freedom that each entry adds", onclick: () => jdof(host) }, "Pgraph", make("span")),
+      make("h4", {}, make("span", { title: "The order of a walk round the tree; jdof, the degrees of freedom that each entry adds, is in its tooltip and below as it is built", textContent: "Pgraph" }),
         make("button", { className: "link walk", textContent: "How it is built", title: "The seven steps that make Pgraph, and a frame update", onclick: () => pgraph.steps.toggle() })),
       make("div", { className: "vectors", onclick: (event) => { const entry = event.target.closest(".entry"); if (entry) select(entry.dataset.name || null); } }));
-    jdof(host, Boolean(pgraph.choices.get().jdof));
-    pgraph.digraphHand(host, canvas, { offered, drop, hover: (k) => hover(host, k), label });
+    pgraph.digraphHand(host, canvas, { offered, drop, hover: (k) => hover(host, k) });
     canvas.addEventListener("click", (event) => {
       const k = numberAt(event.target);
       if (k && !canvas.dragged) picked(host.graph.data.names[k - 1], event.ctrlKey || event.metaKey);
@@ -40,6 +40,7 @@ pgraph.digraph = (() => {
     canvas.addEventListener("focusout", () => hover(host, 0));
     pgraph.steps.build(host.pgraphSteps, host);
     toggle(pgraph.choices.get().graph ?? innerWidth >= SPLIT);
+    new ResizeObserver(() => pgraph.draw("digraph", "digraph")).observe(host.querySelector(".sheet"));
   }
   // The drawn tree, beside the gutter of the table.
   function toggle(on = document.documentElement.dataset.graph === undefined) {
@@ -47,14 +48,6 @@ pgraph.digraph = (() => {
     else delete document.documentElement.dataset.graph;
     document.querySelector(".acts .graph")?.setAttribute("aria-pressed", on);
     pgraph.choices.set({ graph: on });
-  }
-
-  // The second row of numbers, below the first.
-  function jdof(host, on = !host.classList.contains("jdof")) {
-    host.classList.toggle("jdof", on);
-    host.querySelector(".fold").setAttribute("aria-expanded", on);
-    host.querySelector(".fold span").textContent = on ? " and jdof" : "";
-    pgraph.choices.set({ jdof: on });
   }
 
   // What the signs mean.
@@ -69,8 +62,27 @@ pgraph.digraph = (() => {
       make("span", { textContent: "Drag a number onto its new parent, with Shift to close a loop.", className: "how" }));
   }
 
-  function draw(host, data) {
-    const canvas = host.querySelector("svg.digraph");
+  // The tree in the width of its panel: columns move together until their nodes nearly touch, letters keep their size.
+  function squeezed(host, data) {
+    const room = host.querySelector(".sheet").clientWidth, { x, y, width } = data;
+    if (data.kind !== "tree" || !room) return data;
+    const next = x.map((at, k) => Math.min(...x.filter((other, j) => y[j] === y[k] && other > at)));
+    const by = Math.min(1, Math.max(room / width, (2 * RADIUS + GAP) / Math.min(...next.map((other, k) => other - x[k]))));
+    const rooms = x.map((at, k) => by * (Math.min(next[k] - RADIUS, width) - at) - RADIUS - GAP);
+    return { ...data, rooms, x: x.map((at) => at * by), width: width * by, routes: data.routes.map((points) => points.map(([at, high]) => [at * by, high])) };
+  }
+  // As much of a name as there is room for.
+  function label(name, room) {
+    pen.font = `600 11px ${getComputedStyle(document.querySelector(".pgraph")).fontFamily}`;
+    const fits = (text) => pen.measureText(text).width <= room;
+    if (fits(name)) return name;
+    let n = name.length - 1;
+    while (n && !fits(`${name.slice(0, n)}…`)) n--;
+    return n ? `${name.slice(0, n)}…` : "";
+  }
+
+  function draw(host, payload) {
+    const canvas = host.querySelector("svg.digraph"), data = squeezed(host, payload);
     const before = host.graph, known = before?.data;
     const focused = canvas.contains(document.activeElement) ? known?.names[numberAt(document.activeElement) - 1] : undefined;
     canvas.release();
@@ -89,7 +101,7 @@ pgraph.digraph = (() => {
     }
     vectors(host.querySelector(".vectors"), graph, part);
     arrange(canvas, [...graph.edges.slice(1), ...(tree ? loops(data, part) : []), ...graph.nodes]);
-    if (!known || known.names.length !== data.names.length || known.kind !== data.kind) pgraph.beforePicture("digraph size", () => canvas.fit());
+    if (!known || known.names.length !== data.names.length || known.kind !== data.kind || known.width !== data.width) pgraph.beforePicture("digraph size", () => canvas.fit());
     mark(host, pgraph.latest.selection);
     const again = focused === undefined ? 0 : data.names.indexOf(focused) + 1;
     if (graph.nodes[again] && again) { reachable(graph, again); graph.nodes[again].focus({ preventScroll: true }); } // before the hover: a focus shows its card
@@ -184,22 +196,20 @@ pgraph.digraph = (() => {
   }
 
   function node(data, k, kind, part) {
-    const name = data.names[k - 1], place = [data.x[k], data.y[k], data.x[k] + RADIUS + 5];
+    const name = data.names[k - 1], place = [data.x[k], data.y[k], label(name, data.rooms?.[k] ?? Infinity)];
     const g = part(["node", k, kind, name, data.colors[k - 1], ...place], () => drawn(data, k, kind, ...place));
     if (g.getAttribute("tabindex") !== String(k === 1 ? 0 : -1)) g.setAttribute("tabindex", k === 1 ? 0 : -1);
     return g;
   }
-  function drawn(data, k, kind, x, y, labelX) {
+  function drawn(data, k, kind, x, y, said) {
     const name = data.names[k - 1], g = svg("g", {
       class: `node${kind}`, "data-name": name, "data-number": k, tabindex: k === 1 ? 0 : -1, role: "button", "aria-label": `${k} ${name}`,
       style: `--body: ${data.colors[k - 1]}`,
     });
     if (kind === " separation") g.append(svg("circle", { class: "outer", cx: x, cy: y, r: RADIUS + 3 }));
-    g.append(svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k),
-      written("label", labelX, y + 4, label(name)));
+    g.append(svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k), written("label", x + RADIUS + 5, y + 4, said));
     return g;
   }
-  const label = (name) => (name.length > 20 ? `${name.slice(0, 19)}…` : name);
   const numberAt = (el) => Number(el.closest?.("g.node")?.dataset.number ?? 0);
 
   // -- what is marked: the selection, and under the pointer the path to the root ---------------

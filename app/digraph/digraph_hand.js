@@ -1,21 +1,20 @@
 // The pointer on the digraph: pan, zoom, hover, and a node dragged onto another.
 pgraph.digraphHand = (host, canvas, graph) => {
   const PULLED = 5; // [px] from where a press is a drag
-  const LEGIBLE = 0.82, SMALLEST = 0.45; // scales at which its letters have 8 px, and of all of a tree
+  const SMALLEST = 0.45; // scale of all of a tree
   const NAME = 90; // [px] right of a node: its name
   const view = { x: 0, y: 0, scale: 1, moved: false, all: false };
   let press = null; // {x, y, k, dragging, offered}
 
   // -- the part that is seen ------------------------------------------------------------------
-  // At first legible, and wider than the panel if need be, which scrolls; where all is asked for, all.
+  // At first in the letters of the page, and wider than the panel if need be, which scrolls; where all is asked for, all.
   canvas.fit = (all = false) => {
     const data = host.graph?.data;
     if (!data) return;
     view.all = all;
-    canvas.style.width = all ? "" : `max(100%, ${Math.ceil(LEGIBLE * data.width)}px)`;
+    canvas.style.width = all ? "" : `max(100%, ${Math.floor(data.width)}px)`;
     const w = canvas.clientWidth || 400, h = canvas.clientHeight || 300;
-    const whole = Math.min(w / data.width, h / data.height, 1.15);
-    view.scale = Math.max(whole, all ? SMALLEST : LEGIBLE);
+    view.scale = all ? Math.max(Math.min(w / data.width, h / data.height, 1), SMALLEST) : 1;
     view.x = (data.width - w / view.scale) / 2;
     if (data.width * view.scale > w) view.x = Math.min(data.x[0] - w / view.scale / 2, data.width - w / view.scale);
     view.y = Math.min(0, (data.height - h / view.scale) / 2);
@@ -106,7 +105,7 @@ pgraph.digraphHand = (host, canvas, graph) => {
     hint(to, event.shiftKey);
   }
   function hint(to, loop) {
-    const { names, parent } = host.graph.data, name = (k) => (k > 0 ? graph.label(names[k - 1]) : "the ground");
+    const { names, parent } = host.graph.data, name = (k) => (k > 0 ? names[k - 1] : "the ground");
     const own = name(press.k), other = name(to);
     let text = `Drop ${own} onto its new parent; Escape leaves it where it is.`;
     if (to >= 0 && to !== press.k) {

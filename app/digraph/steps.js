@@ -22,7 +22,7 @@ pgraph.steps = (() => {
       make("div", { className: "bar" }, first, button("previous", "Back", "one step back", () => go(box, box.at - 1)),
         button("next", "Next", "one step on", () => go(box, box.at + 1)), button("run", "Play", "step after step", () => play(box, !box.timer)),
         make("span", { className: "muted where" }), make("div", { className: "stack" })),
-      make("div", { className: "said", role: "status" }), make("div", { className: "shown" }));
+      make("div", { className: "said", role: "status" }), make("div", { className: "shown" }), pgraph.digraph.legend());
   }
 
   function draw(box, data) {
