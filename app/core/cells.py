@@ -106,12 +106,15 @@ def _calculated(typed: str) -> float:
         raise Refusal(text) from None
 
 
-def quantity(text: str, of: Quantity, display: Display) -> float:
+def quantity(text: str, of: Quantity, display: Display, rate: bool = False) -> float:
     """Parse a typed quantity into SI. It is in the page's unit unless typed with one: 3 mm, 30 deg.
 
-    Raises Refusal.
+    A `rate` is a quantity a second, which can also be typed as 60 rpm or 5 mm/s. Raises Refusal.
     """
-    found = _quantity(text, of, display)
+    typed = text.strip()
+    if rate and of == "angle" and typed.endswith("rpm"):
+        return number(typed.removesuffix("rpm")) * 2 * math.pi / 60
+    found = _quantity(typed.removesuffix("/s") if rate else typed, of, display)
     if of == "length" and abs(found) > FAR:
         raise Refusal(f"is too long to draw; use at most {FAR:g} m; given {quoted(text.strip())}")
     return found
@@ -145,9 +148,9 @@ def _refuse_unit_of_another(typed: str, of: Quantity) -> None:
             raise Refusal(f"is {words[of]}{wanted}; {match[2]} is the unit of {words[other]}")
 
 
-def content(text: str, of: Quantity, display: Display) -> float | str:
+def content(text: str, of: Quantity, display: Display, rate: bool = False) -> float | str:
     """Parse a number into SI units, or return the formula typed instead of one. Raises Refusal."""
-    return text.strip() if text.lstrip().startswith("=") else quantity(text, of, display)
+    return text.strip() if text.lstrip().startswith("=") else quantity(text, of, display, rate)
 
 
 def whole(text: str, low: int, high: int) -> int:

@@ -141,7 +141,7 @@ def edit_of(
         if field == "limits" and not text.strip():
             new = None
         else:
-            new = content(text, quantity_of(body, field, index), display)
+            new = content(text, quantity_of(body, field, index), display, rate=field == "v")
         value = replaced(value, index, new)
         if field == "inertia" and len(index) == 2:
             value = replaced(value, (index[1], index[0]), new)

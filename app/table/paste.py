@@ -35,9 +35,9 @@ OF_JOINT = ("joint", "dof", "motions")  # read first: the units of other cells f
 NUMBERS = (
     *LENGTHS, "mass", "density", "inertia", "rotation", "axes", "q", "v", "limits", *PER_MOTION,
 )  # fmt: skip
-TYPED = {unit for units in cells.UNITS.values() for unit in units}
+TYPED = {unit + per for units in cells.UNITS.values() for unit in units for per in ("", "/s")}
 BETWEEN = re.compile(  # separators of numbers, but not the blank before a unit
-    rf"\s*[,;]\s*|\s+(?!(?:{'|'.join(sorted(TYPED))})(?:[\s,;]|$))"
+    rf"\s*[,;]\s*|\s+(?!(?:{'|'.join(sorted(TYPED | {'rpm'}))})(?:[\s,;]|$))"
 )
 NONE = "none"
 COPIED = 1000  # rows at most with all that they carry
@@ -331,7 +331,8 @@ def _number(body: pg.Body, field: str, at: Sequence[int], text: str, unit: str) 
         text = f"{text} {each[heading]}"
     if len(of) > 1 and not _is_bare(text):
         raise Refusal(f"is for an angle and a length; write one for each; given {text!r}")
-    return cells.quantity(text, of.pop() if len(of) == 1 else "number", cells.Display())
+    single = of.pop() if len(of) == 1 else "number"
+    return cells.quantity(text, single, cells.Display(), rate=field == "v")
 
 
 def _is_bare(text: str) -> bool:
@@ -343,7 +344,8 @@ def _units(body: pg.Body, field: str, at: int) -> dict[str, str]:
     """Return the heading units of an entry of a field, with the unit to type behind its number."""
     typed = {unit: unit for unit in cells.UNITS[quantity_of(body, field, (at,))]}
     if field == "v":
-        return {f"{unit}/s": unit for unit in typed} | typed
+        turns = {"rpm": "rpm"} if "rad" in typed else {}
+        return {f"{unit}/s": unit for unit in typed} | typed | turns
     if typed or field == "q":
         return typed
     names = shows(field).unit.split(", ")
