@@ -8,14 +8,15 @@
     host.replaceChildren(keep, text("p", "muted hint", "Keep a run, change something, play again: the runs are compared here."),
       make("table", { className: "compared" }, make("thead", {}, make("tr", {}, make("th"), make("th", { textContent: "this run" }))), make("tbody")));
   }
-  function draw(host, { compared: { kept, rows }, continues }) {
+  function draw(host, { compared: { kept, changed, rows }, continues }) {
     const $ = (selector) => host.querySelector(selector), line = $("thead tr");
     $(".keep-run").disabled = !continues;
     $(".hint").hidden = $(".compared").hidden === kept.length > 0;
     $(".compared").hidden = !kept.length;
     pgraph.keyed(line, kept.map((one) => ({ ...one, one })), column, (th, { one }) => { th.pgraphId = one.id; cells.set(th.querySelector(".cell"), one.name); });
     line.append(line.querySelector("th:not(:first-child):not([data-name])"));
-    $("tbody").replaceChildren(...rows.map((row) => make("tr", {}, ...row.map((textContent) => make("td", { textContent })))));
+    const lines = (all, className) => all.map((row) => make("tr", { className }, ...row.map((textContent) => make("td", { textContent }))));
+    $("tbody").replaceChildren(...lines(changed, "changed"), ...lines(rows, ""));
     pgraph.frame.count("Compare", kept.length);
   }
   // A kept run: its name, and a button that lets it go.

@@ -14,6 +14,7 @@ from pgraph_core.simulation.options import ADAPTIVE
 from ..core.bridge import Bridge
 from ..core.views import Host, Payload, Place, audience
 from . import FREE_RUN, Request, Run, State
+from .differences import differences
 from .footfalls import prints
 from .trust import drift, outcome, trust
 
@@ -134,13 +135,17 @@ def live(state: State) -> Payload | None:
 
 def compared(state: State) -> Payload:
     """Return the kept runs, and one row of values (kept runs, shown run) per measure."""
-    found = [measures(one.run) for one in state.runs]
+    if not state.runs:
+        return {"kept": [], "changed": [], "rows": []}
+    runs = [one.run for one in state.runs]
     if state.plotted is not None:
-        found.append(measures(state.plotted))
+        runs.append(state.plotted)
+    found = [measures(run) for run in runs]
     kept: dict[str, None] = dict.fromkeys(what for one in found for what in one)
     return {
         "kept": [{"id": one.id, "name": one.name} for one in state.runs],
-        "rows": [[what, *(one.get(what, "") for one in found)] for what in kept if state.runs],
+        "changed": differences(runs),
+        "rows": [[what, *(one.get(what, "") for one in found)] for what in kept],
     }
 
 

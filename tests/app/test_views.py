@@ -13,6 +13,8 @@ from pgraph_app.features import places
 from pgraph_app.model.view import toolbar
 from pgraph_app.playback.view import playback
 from pgraph_app.properties.view import properties
+from pgraph_app.run import Request, Run
+from pgraph_app.run.differences import differences
 from pgraph_app.run.view import run
 from pgraph_app.table.view import table
 
@@ -54,6 +56,35 @@ def test_two_runs_are_compared_in_numbers():
     assert lines["distance"] == ("6 m", "3 m")  # 4 m/s along the vertical are no distance
     assert lines["mean speed"] == ("3 m/s", "3 m/s")
     assert lines["duration"] == ("2 s", "1 s")
+
+
+def compared(first, second, **settings):
+    """The differences between a kept run of a model and a run of another with other settings."""
+    rows = differences(
+        [Run(model, Request(**given), None) for model, given in ((first, {}), (second, settings))]
+    )
+    return {what: tuple(values) for what, *values in rows}
+
+
+def test_runs_that_are_compared_say_what_was_changed_between_them():
+    model = pg.Model.serial(3).add(pg.Spring(name="s", body="1", other="3", stiffness=5.0))
+    assert compared(model, model) == compared(model, pg.Model.from_json(model.to_json())) == {}
+    heavier = model.edit("2", mass=2.5).edit("s", stiffness=50.0).replace(gravity=(0, 0, -1.62))
+    before = model.body("2").mass
+    assert compared(model, heavier) == {
+        "gravity [m/s²]": ("0, 0, -9.81", "0, 0, -1.62"),
+        "2: mass [kg]": (f"{before:.4g}", "2.5"),
+        "s: stiffness [N/m]": ("5", "50"),
+    }
+    assert compared(model, model, step=0.01)["step"] == ("0.001 s", "0.01 s")
+    assert compared(model, model.remove("3"))["s"] == ("spring", "none")
+    every = model.edit_all({body.name: {"mass": 9.0, "com": (1, 2, 3)} for body in model.bodies})
+    lines = compared(pg.Model.serial(20), pg.Model.serial(20).edit_all(
+        {str(k): {"mass": 7.0} for k in range(1, 21)}
+    ))  # fmt: skip
+    assert len(lines) < 20
+    assert any("more" in what for what in lines)
+    assert compared(model, every)["1: mass [kg]"][1] == "9"
 
 
 @pytest.mark.parametrize("joint", pg.Body.model_fields["joint"].annotation.__args__)
