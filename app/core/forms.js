@@ -80,7 +80,7 @@ pgraph.forms = (() => {
   function row(box, el) {
     const field = el.pgraphField, what = make("div", { className: "what" }, make("span"), make("span", { className: "unit" }));
     const grid = make("div", { className: "grid" });
-    return [make("div", { className: "field" }, what, grid, ...(field.upload ? [upload(box)] : [])), make("div", { className: "note muted" })];
+    return [make("div", { className: "field" }, what, grid, ...(field.upload ? [upload(box, grid)] : [])), make("div", { className: "note muted" })];
   }
   // The cells of a row by their places: one that stays keeps what is typed in it. Returns the inputs.
   function cellsOf(box, el, grid, field) {
@@ -215,11 +215,17 @@ pgraph.forms = (() => {
     grid.append(take);
   }
 
-  function upload(box) {
+  // A file is chosen among the kinds.
+  function upload(box, grid) {
     const file = make("input", { type: "file", accept: ".stl,.obj,.ply,.off,.glb", hidden: true, "aria-label": "mesh file" });
     file.onchange = () => { if (file.files[0]) box.pgraphAsk.upload(file.files[0]); file.value = ""; };
-    const press = make("button", { className: "action", textContent: "Mesh …", title: "STL, OBJ, PLY, OFF or GLB, 10 MB at most", onclick: () => file.click() });
-    return make("span", {}, press, file);
+    grid.addEventListener("change", (event) => {
+      if (event.target.value !== "file") return;
+      event.stopPropagation();
+      cells.revert(event.target);
+      file.click();
+    }, true);
+    return file;
   }
 
   // Named numbers: name, value, how many cells use it; the last row makes a new one.

@@ -54,12 +54,10 @@
     slider.addEventListener("pointerdown", () => { slider.dataset.held = "1"; });
     slider.addEventListener("pointerup", () => { delete slider.dataset.held; });
     const name = make("button", { className: "of", onclick: () => send("Select", { body: of().body }) }, make("span", { className: "chip" }), make("span"));
-    const unit = make("button", { className: "unit", onclick: () => send("SetDisplay", UNITS[unit.textContent]) });
     const plot = make("button", { className: "bare plot", title: "Plot it over time", "aria-label": "plot", onclick: () => { send("Plot", { kind: "q", of: of().body, on: true }); pgraph.front("Plots"); } }, pgraph.icon("plots", 14));
-    line.append(name, make("span", { className: "muted" }), make("span", { className: "move" }, slider, dial(slider)), cell, unit, plot);
+    line.append(name, make("span", { className: "muted" }), make("span", { className: "move" }, slider, dial(slider)), cell, make("span", { className: "unit" }), plot);
     return line;
   }
-  const UNITS = { "°": { what: "angle", value: "rad" }, rad: { what: "angle", value: "deg" }, m: { what: "length", value: "mm" }, mm: { what: "length", value: "m" } };
 
   // Of a joint that turns without limits: over its slider, which takes the keys; turns are counted on.
   function dial(slider) {
@@ -88,9 +86,7 @@
     line.className = `joint${again ? " again" : ""}${row.body === selected ? " selected" : ""}`;
     name.title = name.lastChild.textContent = row.body;
     line.querySelector(".muted").textContent = row.label;
-    const unit = line.querySelector(".unit"), other = UNITS[row.unit].value;
-    unit.textContent = row.unit;
-    unit.title = `Show ${other === "deg" ? "degrees" : other === "rad" ? "radians" : other}`;
+    line.querySelector(".unit").textContent = row.unit;
     line.querySelector(".plot").setAttribute("aria-label", `plot ${label}`);
     line.querySelector(".move").classList.toggle("turns", row.turns);
     slider.setAttribute("aria-label", label);

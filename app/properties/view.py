@@ -123,7 +123,7 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
         ], help=shows("joint").help),
         *form.motions(), *([form.vector("pitch")] if any(body.pitch) else []), form.vector("link"),
     ]  # fmt: skip
-    frame = [form.text("name"), form.vector(turn, names), form.length(), form.follows(form.tip())]
+    frame = [form.text("name"), form.vector(turn, names), form.follows(form.tip())]
     mass = [form.follows(form.vector(one)) for one in ("mass", "com")]
     inertia = [form.material(), form.follows(form.inertia())]
     state = [form.vector("q", Q_NAMES.get(body.joint, ())),
@@ -140,7 +140,7 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     found = [
         group("Joint", joint),
         group("Mass", mass),
-        group("Shape", kind_and_size),
+        group("Shape", [*kind_and_size, form.length()]),
         group("Place and look", look, False, ROLES[body.shapes[0].role] if look else ""),
         *(
             group(f"Shape {k + 1}", form.shape(k), False, body.shapes[k].kind)
@@ -291,6 +291,8 @@ class _Form:
         kind = NO_SHAPE if shape is None else shape.kind
         kinds = [(k, k.capitalize()) for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]
         upload = {"upload": True, "help": "what is drawn, and what touches in contacts"}
+        if not at:
+            kinds.append(("file", "Mesh file …"))  # STL, OBJ, PLY, OFF or GLB, 10 MB at most
         found = [choice(prefix + "kind", "Kind", kind, kinds, **({} if at else upload))]
         if shape is None:
             found[0]["note"] = "" if at else STAND_IN
@@ -330,7 +332,8 @@ class _Form:
             "from the joint to the tip: shape, tip, centre of mass, inertia, and the joints and "
             "points at the tip go with it"
         )
-        return field("body_length", "Length", cells, unit=self.display.unit("length"), help=help)
+        unit = self.display.unit("length")
+        return field("body_length", "Body length", cells, unit=unit, help=help)
 
     def material(self) -> Payload:
         """Return the density from which the mass follows, as a number or by material."""

@@ -17,7 +17,6 @@ pgraph.table = (() => {
 
   function build(host) {
     const head = make("tr", {}, ...HEAD.map(([text, title]) => make("th", { textContent: text, title })));
-    head.firstChild.replaceChildren(pgraph.opens(make("button", { className: "bare", textContent: HEAD[0][0] }), pgraph.digraph.legend()));
     const body = make("tbody");
     body.addEventListener("mousedown", pressed);
     body.addEventListener("click", (event) => { // on a number of several selected rows, and no drag
