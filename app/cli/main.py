@@ -125,8 +125,8 @@ def arguments(parser: ArgumentParser) -> None:
         "model",
         metavar="MODEL",
         nargs="?",
-        default="quadruped",
-        help="a file or the name of a built-in model (default: quadruped)",
+        default="quadruped_hips",
+        help="a file or the name of a built-in model (default: quadruped_hips)",
     )
     file_options(parser)
     parser.add_argument("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine only")

@@ -48,7 +48,9 @@ def _of_parts(part: str, models: Sequence[pg.Model]) -> list[list[str]]:
         if all(one is each[0] for one in each):
             continue
         if None in each or len({type(one) for one in each}) > 1:
-            found.append([name, *("none" if one is None else one.word() for one in each)])
+            found.append(
+                [name, *("none" if one is None else type(one).__name__.lower() for one in each)]
+            )
         else:
             found += _of_fields(type(each[0]), f"{name}: ", each)
     return found

@@ -1,6 +1,7 @@
 // The scenario that is chosen for the run: how it starts, what acts in it, what goes on and off when.
 (() => {
   const { make, button, text, cells, forms, send } = pgraph;
+  let adding = null; // the scenario that was asked for one more force
   const now = () => pgraph.latest.scenario?.id ?? null; // the one that is shown
 
   function build(host) {
@@ -35,7 +36,7 @@
     };
     for (const box of [kind, body]) { box.addEventListener("mousedown", fill); box.addEventListener("focus", fill); }
     const box = make("div", { className: "field add-drive" }, make("span", { className: "muted", textContent: "+" }), kind, make("span", { className: "muted", textContent: "on" }), body,
-      button("small", "Add", "Acts in this scenario only", () => send("AddDrive", { scenario: now(), kind: kind.value, body: body.value })));
+      button("small", "Add", "Acts in this scenario only", () => { adding = now(); send("AddDrive", { scenario: now(), kind: kind.value, body: body.value }); }));
     box.pgraphFill = fill;
     return box;
   }
@@ -87,14 +88,13 @@
     const empty = box.querySelector(".empty");
     empty.textContent = "none besides those of the model";
     empty.hidden = data.drives.length > 0;
-    const known = new Set([...box.querySelectorAll(".tie")].map((el) => el.dataset.name));
-    const added = data.drives.filter((item) => !known.has(item.name)).length === 1 && known.size > 0;
     pgraph.keyed(box.querySelector(".rows"), ofScenario(data, data.drives), (item) => {
       const el = make("div", { className: "tie" });
-      const open = (on) => { el.classList.toggle("open", on); el.querySelector(".form").hidden = !on; el.querySelector(".title").setAttribute("aria-expanded", String(on)); };
+      const open = (on) => { el.classList.toggle("open", on); el.querySelector(".form").hidden = !on; el.querySelector(".title").setAttribute("aria-expanded", String(on)); if (on) pgraph.beforePicture("drive", () => el.scrollIntoView({ block: "nearest" })); };
       el.append(make("div", { className: "line" }, make("button", { className: "title", onclick: () => open(!el.classList.contains("open")) }, make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
         button("small delete-tie", "×", "Delete", () => send("DeleteDrive", { name: el.dataset.name, scenario: data.id }))), make("div", { className: "form" }));
-      open(added); // it is there to be set; the forces of another scenario stay closed
+      open(adding === data.id); // it is there to be set; the forces of another scenario stay closed
+      adding = null;
       return el;
     }, (el, item) => {
       for (const [part, value] of [["strong", item.name], [".between", item.between], [".kind", item.kind]]) el.querySelector(part).textContent = value;

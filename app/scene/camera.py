@@ -257,12 +257,13 @@ def travelled(state: State) -> np.ndarray:
 
 
 def followed(state: State) -> tuple[float, float, float]:
-    """Return the point [m] with which a following camera moves, 0 on the other axes.
+    """Return the way of the bodies from their initial places [m], 0 where no camera follows them.
 
     It is the place of a node of the scene, which moves in the same picture as the bodies.
     """
     along = travelled(state)
-    x, y, z = along * middle(state) if along.any() else along
+    home = np.asarray(state.derived.positions)
+    x, y, z = along * (middle(state) - home.mean(axis=0)) if along.any() else along
     return round(float(x), 6), round(float(y), 6), round(float(z), 6)
 
 
