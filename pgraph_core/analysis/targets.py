@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 
 from .. import words
 from ..dynamics import Dynamics
-from ..dynamics.arguments import finite
+from ..dynamics.arguments import finite, whole_number
 from ..engine import layout as at
 from ..errors import InputError, Problem, choices, counted, shown
 from ..given import array_of
@@ -27,10 +27,7 @@ from .rows import Rows
 WHERE = "inverse_kinematics"
 REACH_ROUNDS = 100
 MOST_STARTS = 100_000
-STRIDE, STRIDES = (
-    0.25,
-    8,
-)  # share of the size that a hand moves a point in one call, and the number of rounds
+STRIDE, STRIDES = 0.25, 8  # share of the size a hand moves a point in one call, and its rounds
 
 
 class Target(NamedTuple):
@@ -46,9 +43,7 @@ def inverse_kinematics(
     mech: Dynamics, targets: Mapping[str, Any], q: Array | None, scenario: str | None, starts: int
 ) -> Array:
     """Return q (nq,) near q. See `Mechanism.inverse_kinematics`."""
-    if isinstance(starts, bool) or not isinstance(starts, int) or not 1 <= starts <= MOST_STARTS:
-        text = f"must be a whole number from 1 to {MOST_STARTS}; given {shown(starts)}"
-        raise InputError(Problem(WHERE, "starts", text))
+    starts = whole_number(WHERE, "starts", starts, 1, MOST_STARTS)
     q, _ = state_of(mech, q, None, scenario)
     wanted = [_target(mech, q, name, value) for name, value in targets.items()]
     if not wanted:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from hashlib import sha256
-from numbers import Integral
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from ..dynamics.arguments import numbers_in, positions
+from ..dynamics.arguments import numbers_in, positions, whole_number
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine.compiler.jit import made_by_numba
@@ -40,6 +39,7 @@ from .instances import (
 )
 from .loops import LoopLanes, on_constraints
 
+CALL = "BatchStepper"
 MOST_COPIES = 10_000_000  # instances
 SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of its own
     "step": "instances take steps of one width: give the batch a step=",
@@ -121,8 +121,8 @@ class BatchStepper(Snapshots):
         mech = mechanism_of(mechanism, "BatchStepper")
         cores = (os.cpu_count() or 1) if threads is None else threads
         counts = {
-            "size": _whole("size", size, 1, MOST_COPIES),
-            "threads": _whole("threads", cores, 1),
+            "size": whole_number(CALL, "size", size, 1, MOST_COPIES),
+            "threads": whole_number(CALL, "threads", cores, 1),
         }
         vars(self).update(mech=mech, **counts)
         self._options: dict[str, Any] = {
@@ -309,7 +309,7 @@ class BatchStepper(Snapshots):
             False for instances that have failed, whose state is that before the failed step.
         """
         self._give(tau)
-        self._many.step(_whole("n", n, 1))
+        self._many.step(whole_number(CALL, "n", n, 1))
         return self.ok
 
     def trace(self, tau: npt.ArrayLike | None = None, n: int = 1) -> Array:
@@ -326,7 +326,7 @@ class BatchStepper(Snapshots):
             Coordinates and velocities of each instance.
         """
         self._give(tau)
-        found, nq, nv = self._many.trace(_whole("n", n, 1)), self.mech.nq, self.mech.nv
+        found, nq, nv = self._many.trace(whole_number(CALL, "n", n, 1)), self.mech.nq, self.mech.nv
         own = self.states.shape[1]
         return np.delete(found, [*range(nq, nq + own), *range(nq + own + nv, found.shape[2])], 2)
 
@@ -618,16 +618,6 @@ def _read_only(view: Array) -> Array:
     view = view.view()
     view.flags.writeable = False
     return view
-
-
-def _whole(name: str, value: Any, least: int, most: int = 2**62) -> int:
-    """Return a whole number. Raises InputError."""
-    whole = isinstance(value, Integral) and not isinstance(value, bool)
-    if not whole or not least <= int(value) <= most:
-        text = f"must be a whole number >= {least}"
-        text += f" and <= {most}" if most < 2**62 else ""
-        raise _refused(name, f"{text}; given {shown(value)}")
-    return int(value)
 
 
 def _refused(field: str, text: str, call: str = "") -> InputError:

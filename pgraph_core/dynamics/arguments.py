@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -103,6 +104,15 @@ def positions(packed: Packed, q: Array) -> None:
         lengths = np.linalg.norm(q[:, i : i + 4], axis=1)
         for row in q[~((lengths > 1e-3) & (lengths < 1e3))]:
             position(packed, row)
+
+
+def whole_number(call: str, field: str, value: Any, least: int, most: float = math.inf) -> int:
+    """Return an integer within these bounds. Raises InputError, which names the call."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or not least <= value <= most:
+        text = f"must be a whole number >= {least}"
+        text += "" if most == math.inf else f" and <= {most}"
+        raise InputError(Problem(call, field, f"{text}; given {shown(value)}"))
+    return int(value)
 
 
 def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:

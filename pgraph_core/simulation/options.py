@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import words
+from ..dynamics.arguments import whole_number
 from ..errors import InputError, Problem, choices, one_of, shown
 from ..fields import listed
 from ..forces import OnJoint
@@ -113,16 +114,13 @@ class Options(NamedTuple):
         if atol and not method.adaptive:
             text = f"{method.name} takes a step, not a tolerance; for one choose "
             raise InputError(Problem("simulate", "atol", text + choices(ADAPTIVE)))
-        most = self.max_steps
-        if not isinstance(most, Integral) or isinstance(most, bool) or most < 1:
-            text = f"must be a whole number >= 1; given {most!r}"
-            raise InputError(Problem("simulate", "max_steps", text))
+        most = whole_number("simulate", "max_steps", self.max_steps, 1)
         if not method.adaptive:
             return None
         widest = length if step is None else positive("step", step)
         fixed = step is not None and rtol is None
         rtol = rtol or (SOLVED if fixed else RTOL)
-        return Tolerance(rtol, float(atol), widest, int(most), fixed)
+        return Tolerance(rtol, float(atol), widest, most, fixed)
 
     def checked_forces(self, mech: Mechanism) -> tuple[Force, ...]:
         """Return the forces of a call, checked to fit the model. Raises InputError."""
@@ -288,13 +286,11 @@ def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array
     """Return the times: `frames` evenly from `t_start` to `t_end`, or `t_start` and `t_eval`."""
     if t_eval is not None:
         return _grid(t_eval, t_start, t_end)
-    if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:
-        text = f"must be a whole number >= 2; given {frames!r}"
-        raise InputError(Problem("simulate", "frames", text))
-    if int(frames) > MOST_FRAMES:
+    count = whole_number("simulate", "frames", frames, 2)
+    if count > MOST_FRAMES:
         text = f"must be at most {MOST_FRAMES}, which already takes gigabytes; given {frames}"
         raise InputError(Problem("simulate", "frames", text))
-    return np.linspace(t_start, t_end, int(frames))
+    return np.linspace(t_start, t_end, count)
 
 
 def _grid(t_eval: Any, t_start: float, t_end: float) -> Array:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..dynamics.arguments import finite
+from ..dynamics.arguments import finite, whole_number
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine import motion as kernels
@@ -354,7 +354,7 @@ class Stepper(Snapshots):
         ...     status = stepper.step(tau=-0.1 * stepper.v)
         """
         if type(n) is not int or n < 1:
-            n = _whole(n)
+            n = whole_number("Stepper", "n", n, 1)
         if self.status is not Status.DONE and not self.status.ok:
             text = f"the last step failed: {self.message}; call reset or restore"
             raise InputError(Problem("Stepper.step", "", text))
@@ -390,7 +390,7 @@ class Stepper(Snapshots):
         tau : array_like (nv,), optional
             Torques [N·m, N], as for `step`.
         """
-        return self._recorded(_whole(n), self._width, frames, tau)
+        return self._recorded(whole_number("Stepper", "n", n, 1), self._width, frames, tau)
 
     def because(self, why: str) -> None:
         """Set the reason for the choice of method, as shown in the headers of later records."""
@@ -415,7 +415,7 @@ class Stepper(Snapshots):
     def _recorded(self, n: int, width: float, frames: int | None, tau: Any) -> Result:
         before = time.perf_counter()
         k = np.arange(n + 1)
-        if frames is not None and _whole(frames, "frames", 2) <= n:
+        if frames is not None and whole_number("Stepper", "frames", frames, 2) <= n:
             k = np.unique(np.round(np.linspace(0, n, frames)).astype(np.int64))
         control = self._steps.control
         times = control["time"] + k * width
@@ -782,11 +782,3 @@ def _inputs(
             start = 0.0 if f.integrates else torque
             found[f.name] = f, first_torque, start, gain, tuple(follows)
     return found
-
-
-def _whole(n: Any, name: str = "n", least: int = 1) -> int:
-    """Return a checked number of steps or frames. Raises InputError."""
-    if not isinstance(n, Integral) or isinstance(n, bool) or n < least:
-        text = f"must be a whole number >= {least}; given {shown(n)}"
-        raise InputError(Problem("Stepper", name, text))
-    return int(n)
