@@ -146,73 +146,6 @@ def own_mass_ratio(model: Model) -> float | None:
     return None if tip is None else tip.mass / model.body(tip.parent).mass
 
 
-def inertia(model: Model, value: float) -> Model:
-    """Scale every body's inertia about its centre of mass by `value`, leaving masses unchanged."""
-    if not any(any(map(any, body.inertia)) for body in model.bodies):
-        raise lacking("inertia", "inertia about centres of mass")
-    bodies = tuple(
-        changed(b, inertia=tuple(tuple(value * x for x in row) for row in b.inertia))
-        for b in model.bodies
-    )
-    return model.replace(bodies=bodies)
-
-
-def chain_length(model: Model, value: float) -> Model:
-    """Build a chain of `value` links, each like the model's first body cut to 1 / value of its
-    length.
-
-    Lengths and masses are divided by the number, inertias by its cube; the first link has the
-    initial state of the body, the others follow at rest.
-    """
-    n, first = int(value), model.bodies[0] if model.bodies else None
-    if n != value or n < 1:
-        text = f"must be numbers of links; given {value:g}"
-        raise refusal("stability_map", "values", text)
-    if first is None or first.joint not in ("revolute", "universal", "spherical"):
-        text = "chain_length repeats a first body on a revolute, universal or spherical joint"
-        raise refusal("stability_map", "axis", text)
-    end = tuple(2 * x for x in first.com) if first.tip is None else first.tip
-    if not any(end):
-        text = f"the first body '{first.name}' must have a tip or centre of mass off its joint"
-        raise refusal("stability_map", "axis", text)
-    links = tuple(_link(first, end, i, n) for i in range(n))
-    return Model(bodies=links, name=f"chain of {n}", gravity=model.gravity, up=model.up)
-
-
-def own_chain_length(model: Model) -> float | None:
-    """Return 1 for a single body without features that a chain cannot reproduce."""
-    if len(model.bodies) != 1 or model.forces or model.constraints or model.contacts:
-        return None
-    (body,) = model.bodies
-    held = (body.stiffness, body.damping, body.friction)
-    return None if body.limits or any(np.any(part) for part in held) else 1.0
-
-
-def _link(body: Body, end: tuple[float, ...], i: int, n: int) -> Body:
-    """Return link i of n. All except the first start at the end of the previous link, at rest."""
-
-    def part(x: tuple[float, ...], by: int = n) -> tuple[float, ...]:
-        return tuple(c / by for c in x)
-
-    rest = {} if i == 0 else {"q": (), "v": (), "rotation": (1.0, 0.0, 0.0, 0.0)}
-    return changed(
-        body,
-        name=str(i + 1),
-        parent=str(i) if i else GROUND,
-        link=part(end) if i else body.link,
-        mass=body.mass / n,
-        com=part(body.com),
-        tip=None if body.tip is None else part(body.tip),
-        inertia=tuple(part(row, n**3) for row in body.inertia),
-        stiffness=0.0,
-        damping=0.0,
-        friction=0.0,
-        limits=(),
-        shape=None,
-        **rest,
-    )
-
-
 def speed(model: Model, value: float) -> Model:
     """Set the largest initial velocity to `value` and scale the others in proportion.
 
@@ -251,31 +184,6 @@ def joint_friction(model: Model, value: float) -> Model:
     return model.replace(bodies=bodies)
 
 
-def redundancy(model: Model, value: float) -> Model:
-    """Replicate every active constraint 1 + value times."""
-    active = [c for c in model.constraints if c.active]
-    if not active:
-        raise lacking("redundancy", "active constraints")
-    if value != int(value) or value < 0:
-        text = f"of redundancy must be whole numbers >= 0; given {value:g}"
-        raise refusal("stability_map", "values", text)
-    copies = tuple(
-        c.unchecked_copy({"name": f"{c.name} again {i + 1}"})
-        for i in range(int(value))
-        for c in active
-    )
-    return model.replace(constraints=(*model.constraints, *copies))
-
-
-def singularity(model: Model, value: float) -> Model:
-    """Shift the initial position of the first hinge or slide by `value`."""
-    kinds = ((b, b.sequence[0].kind) for b in model.bodies if b.sequence)
-    mover = next((b for b, kind in kinds if kind in AXIAL), None)
-    if mover is None:
-        raise lacking("singularity", "the first hinge or slide")
-    return _with_body(model, mover, changed(mover, q=(mover.q[0] + value, *mover.q[1:])))
-
-
 def _with_body(model: Model, old: Body, new: Body) -> Model:
     return model.replace(bodies=tuple(new if b is old else b for b in model.bodies))
 
@@ -297,11 +205,6 @@ TABLE = (
          _shared(c.stiffness for c in model.contacts if c.law != "complementarity")),
     Axis("mass_ratio", "mass of the last tip body over its parent's", "",
          (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9), mass_ratio, own=own_mass_ratio),
-    Axis("inertia", "factor on every inertia", "",
-         (1e-15, 1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e3), inertia, own=lambda model: 1.0),
-    Axis("chain_length", "links of a chain of the same length and mass", "links",
-         (2, 5, 10, 20, 50, 100, 200, 500, 1000), chain_length,
-         own=own_chain_length),
     Axis("speed", "largest initial velocity", "rad/s or m/s",
          (0.1, 1.0, 1e1, 1e2, 1e3, 1e4), speed,
          own=lambda model: max((abs(x) for b in model.bodies for x in b.v), default=0.0) or None),
@@ -310,10 +213,6 @@ TABLE = (
          own=lambda model: _shared(c.friction for c in model.contacts)),
     Axis("joint_friction", "friction of every hinge and slide", "N m or N",
          (0, 0.01, 0.1, 1, 3, 10), joint_friction),
-    Axis("redundancy", "copies of every active constraint", "copies", (0, 1, 2, 5), redundancy,
-         own=lambda model: 0.0),
-    Axis("singularity", "distance of the first joint from its initial position", "rad or m",
-         (0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2), singularity, own=lambda model: 0.0),
     Axis("step", "step of the run", "s",
          (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), of_steps=True),
 )

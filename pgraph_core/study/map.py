@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, Problem, choices, explained
+from ..errors import explained
 from ..integrators import METHODS
 from ..mechanism import Mechanism
-from ..model.files import write_atomic
 from ..packing import Array, row_of_velocity
-from ..portable import Portable, jsonable
+from ..portable import jsonable
 from ..result import Result, Status
 from ..tolerances import NAMED
 from .measures import TRUST, joint_errors
-from .page import Key, Section, Square, escape, heat_map, page, table
+from .page import Look, Section, Square, escape, heat_map, page, table
 from .reference import KnownMotion
+from .saved import Saved
 
 NAN = float("nan")
 WRONG = 1  # rad, or of the length, or of the energies: from there on the motion is another one
@@ -230,20 +228,24 @@ def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> 
 OWN = "◂"  # marks the model's own value
 COLUMN = 420  # width of a narrow figure [px]
 LOOK = {  # letter of the text map, colour and ink of the figure, meaning
-    Verdict.OK: (".", "#2e9e5b", "#ffffff", "as accurate as asked for"),
-    Verdict.INACCURATE: ("i", "#e3b341", "#1b1f24", "bounded, but not as accurate as asked for"),
-    Verdict.UNSTABLE: ("U", "#c2352b", "#ffffff", "the method makes the motion grow"),
-    Verdict.DAMPED: ("d", "#8d6cc9", "#ffffff", "the method takes energy that the model conserves"),
-    Verdict.DRIFT: ("D", "#d9782d", "#ffffff", "constraints drift"),
-    Verdict.FAILED: ("F", "#5a2327", "#ffffff", "the run ended early, or was refused"),
-    Verdict.SLOW: ("s", "#8a939e", "#ffffff", "more steps than the budget allows"),
+    Verdict.OK: Look(".", "#2e9e5b", "#ffffff", "as accurate as asked for"),
+    Verdict.INACCURATE: Look(
+        "i", "#e3b341", "#1b1f24", "bounded, but not as accurate as asked for"
+    ),
+    Verdict.UNSTABLE: Look("U", "#c2352b", "#ffffff", "the method makes the motion grow"),
+    Verdict.DAMPED: Look(
+        "d", "#8d6cc9", "#ffffff", "the method takes energy that the model conserves"
+    ),
+    Verdict.DRIFT: Look("D", "#d9782d", "#ffffff", "constraints drift"),
+    Verdict.FAILED: Look("F", "#5a2327", "#ffffff", "the run ended early, or was refused"),
+    Verdict.SLOW: Look("s", "#8a939e", "#ffffff", "more steps than the budget allows"),
 }
 HEADER = ("value", "method", "step [s]", "verdict", "error", "order", "evaluations", "why")
 
 
 @explained
 @dataclass(frozen=True)
-class StabilityMap(Portable):
+class StabilityMap(Saved):
     """Verdicts for each axis value, method and step size. `print` shows them as text."""
 
     model: str  # name
@@ -269,7 +271,7 @@ class StabilityMap(Portable):
             line = f"{self._label(value):{widest}}"
             for name in self.methods:
                 own = (c for c in self.cells if (c.value, c.method) == (value, name))
-                line += f"  {''.join(LOOK[c.status][0] for c in own):{max(per, len(name))}}"
+                line += f"  {''.join(LOOK[c.status].letter for c in own):{max(per, len(name))}}"
             lines.append(line.rstrip())
         text = [*lines, "", *self._legend(), "", self.advice, "", *self.findings()]
         return "\n".join(text).rstrip()
@@ -353,7 +355,7 @@ class StabilityMap(Portable):
     def _legend(self) -> list[str]:
         """Return legend entries for the letters that occur."""
         there = {cell.status for cell in self.cells}
-        lines = [f"{LOOK[v][0]}  {v:11} {LOOK[v][3]}" for v in Verdict if v in there]
+        lines = [f"{LOOK[v].letter}  {v:11} {LOOK[v].text}" for v in Verdict if v in there]
         if self.own is not None:
             lines.append(f"{OWN}  the model as it is")
         return lines if self.complete else [*lines, "cancelled: only the finished cells are here"]
@@ -376,27 +378,19 @@ class StabilityMap(Portable):
             found.append(f"{method} {status}{more}, as at {where}: {cells[0].text}")
         return found
 
-    def figure(self, *, narrow: bool = False) -> str:
-        """Return a heat map as standalone SVG text.
-
-        Parameters
-        ----------
-        narrow : bool, optional
-            Whether the figure must fit the width of a column.
-        """
+    def _drawn(self, narrow: bool) -> str:
+        there = {c.status for c in self.cells}
+        looks = {  # without a letter where all is well
+            v: look._replace(letter="" if v is Verdict.OK else look.letter)
+            for v, look in LOOK.items() if v in there
+        }  # fmt: skip
         squares = []
         for c in self.cells:
-            letter, colour, ink, _ = LOOK[c.status]
-            letter = "" if c.status is Verdict.OK else letter
             text = f"{c.method}, {c.value:g}, step {c.step:g} s: {c.status}: {c.text}"
             place = self.values.index(c.value), self.methods.index(c.method), self._column(c)
-            squares.append(Square(*place, colour, ink, letter, text))
+            squares.append(Square(*place, looks[c.status], text))
         values, steps = [self._label(x) for x in self.values], [f"{x:g} s" for x in self.steps]
-        there = {c.status for c in self.cells}
-        legend = [
-            Key("" if v is Verdict.OK else letter, colour, ink, f"{v.lower()}: {meaning}")
-            for v, (letter, colour, ink, meaning) in LOOK.items() if v in there
-        ]  # fmt: skip
+        legend = [look._replace(text=f"{v.lower()}: {look.text}") for v, look in looks.items()]
         axis = self.axis.replace("_", " ") + (f" [{self.unit}]" if self.unit else "")
         if self.own is not None:
             axis += f"; {OWN}: the model as it is"
@@ -435,31 +429,7 @@ class StabilityMap(Portable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, with None for numbers that are not finite."""
-        return jsonable(vars(self) | {"cells": [asdict(cell) for cell in self.cells]})
-
-    def to_json(self) -> str:
-        """One JSON object."""
-        return json.dumps(self.to_dict(), allow_nan=False)
-
-    def save(self, path: str | Path, /) -> None:
-        """Save the map to a file.
-
-        Parameters
-        ----------
-        path : path
-            A page (.html), the figure (.svg) or the numbers (.json).
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written or has another suffix.
-        """
-        kinds = {".html": self.html, ".svg": self.figure, ".json": self.to_json}
-        suffix = Path(path).suffix.lower()
-        if suffix not in kinds:
-            text = f"must end in {choices(kinds)}; given {suffix!r}"
-            raise FileError(Problem(str(path), "", text))
-        write_atomic(path, kinds[suffix]())
+        return jsonable(asdict(self))
 
 
 def maps_page(maps: Sequence[StabilityMap]) -> str:

@@ -95,7 +95,7 @@ def duration(seconds: float) -> str:
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.3g} s"
 
 
-# -- figures ---------------------------------------------------------------------------------------
+# -- error against run time ------------------------------------------------------------------------
 
 LEFT, TOP, FOOT, LEGEND = 72.0, 16.0, 48.0, 22.0  # margins, and the height of a legend's line
 INK, LINE, SHADE = (
@@ -112,11 +112,6 @@ MARKS = (  # within a circle of radius 1
     "M-1,-1H1L0,0L1,1H-1L0,0Z",
     "M-1.2,0L.8,-1.1V1.1Z",
 )
-
-
-CELL, CELL_HIGH, GAP = 26, 24, 12  # size of a heat map's cell [px], and between groups
-MAP_LEFT, MAP_TOP = 84, 64
-LETTER_WIDE, HEAD_WIDE = 6.8, 4.2  # width of a letter of a group's name and of a slanted head
 
 
 class Point(NamedTuple):
@@ -136,165 +131,152 @@ class Curve(NamedTuple):
     dashed: bool = False
 
 
-class Paper(NamedTuple):
-    """The size of the diagram and of its legend, which is on the right or in columns below."""
+class Axis(NamedTuple):
+    """A logarithmic axis over whole decades."""
 
-    width: float
-    height: float
-    right: float  # end of the time axis
-    bottom: float  # end of the error axis
-    columns: int  # columns of a legend below the diagram, 0 for a legend at the right
+    low: int  # exponents of its ends
+    high: int
+    start: float  # [px] places of its ends
+    end: float
 
+    @classmethod
+    def of(cls, values: Sequence[float], start: float, end: float) -> Axis:
+        """Return the axis between two places that shows all values."""
+        low = math.floor(math.log10(min(values)) - 0.05)
+        return cls(low, max(math.ceil(math.log10(max(values)) + 0.05), low + 1), start, end)
 
-WIDE = Paper(900.0, 520.0, 690.0, 472.0, 0)
+    def __call__(self, value: float) -> float:
+        """Return the place of a value."""
+        share = (math.log10(value) - self.low) / (self.high - self.low)
+        return self.start + share * (self.end - self.start)
 
-
-def narrow_paper(curves: int) -> Paper:
-    """Return the paper size for a column of 400 to 500 pixels, in which text remains legible."""
-    lines = math.ceil(curves / 2)
-    return Paper(480.0, 350.0 + FOOT + lines * LEGEND, 470.0, 350.0, 2)
-
-
-class Axes(NamedTuple):
-    """The decades on both axes, and their positions on the paper."""
-
-    paper: Paper
-    time: tuple[int, int]  # exponents of the seconds at left and right
-    error: tuple[int, int]  # exponents of the errors at bottom and top
-
-    def x(self, seconds: float) -> float:
-        """Return the horizontal position for a time."""
-        low, high = self.time
-        return LEFT + (math.log10(seconds) - low) / (high - low) * (self.paper.right - LEFT)
-
-    def y(self, error: float) -> float:
-        """Return the vertical position for an error."""
-        low, high = self.error
-        bottom = self.paper.bottom
-        return bottom - (math.log10(min(error, TRUST)) - low) / (high - low) * (bottom - TOP)
+    @property
+    def decades(self) -> range:
+        """The exponents with a line."""
+        return range(self.low, self.high + 1)
 
 
 def error_diagram(
     label: str,
     curves: Sequence[Curve],
-    paper: Paper = WIDE,
-    titles: tuple[str, str] = ("run time", "error (rms, without unit)"),
+    titles: tuple[str, str],
     *,
+    narrow: bool = False,
     limit: float = math.nan,
     target: float | None = None,
 ) -> str:
     """Return a diagram of log error over log run time, with one curve per method.
 
+    The legend is on the right, or below in a `narrow` one for a column of 400 to 500 pixels.
     Without points it is a sentence. `titles` are the titles of the axes. Errors below `limit`, the
     limit of the reference, are shaded. `target` is a dashed line.
     """
-    open_ = (
-        '<svg xmlns="http://www.w3.org/2000/svg" role="img" '
-        f'viewBox="0 0 {paper.width:g} {paper.height:g}" '
-        f'aria-label="{escape(label)}" font-family="system-ui, sans-serif" font-size="12">'
-    )
+    right, bottom = (470.0, 350.0) if narrow else (690.0, 472.0)
+    width, height = 900.0, 520.0
+    if narrow:
+        width, height = 480.0, bottom + FOOT + math.ceil(len(curves) / 2) * LEGEND
     points = [point for curve in curves for point in curve.points]
-    if not points:
-        return f"{open_}{_text(LEFT, 40, 'no run reached the end', anchor='start')}</svg>"
-    errors = [min(point.error, TRUST) for point in points]
-    axes = Axes(paper, _decades([point.seconds for point in points]), _decades(errors))
-    parts = [_shade(axes, limit), _grid(axes, titles), _target(axes, target)]
-    parts += [_curve(axes, curve, i) for i, curve in enumerate(curves)]
-    return f"{open_}{''.join(parts)}{_legend(paper, curves)}</svg>"
-
-
-def _decades(values: list[float]) -> tuple[int, int]:
-    low = math.floor(math.log10(min(values)) - 0.05)
-    high = math.ceil(math.log10(max(values)) + 0.05)
-    return low, max(high, low + 1)
-
-
-def _grid(axes: Axes, titles: tuple[str, str]) -> str:
-    bottom, right = axes.paper.bottom, axes.paper.right
-    parts = []
-    for k in range(axes.time[0], axes.time[1] + 1):
-        x = axes.x(10.0**k)
-        parts.append(_line(x, TOP, x, bottom) + _text(x, bottom + 18, duration(10.0**k)))
-    for k in range(axes.error[0], axes.error[1] + 1):
-        y = axes.y(10.0**k)
-        parts.append(_line(LEFT, y, right, y) + _text(LEFT - 8, y + 4, f"1e{k}", anchor="end"))
-    parts.append(_text((LEFT + right) / 2, bottom + 40, titles[0]))
-    middle = (TOP + bottom) / 2
-    turned = f'transform="rotate(-90 16 {middle:g})"'
-    parts.append(_text(16, middle, titles[1], extra=turned))
-    return "".join(parts)
-
-
-def _shade(axes: Axes, limit: float) -> str:
-    if not limit > 10.0 ** axes.error[0]:
-        return ""
-    top = max(axes.y(min(limit, 10.0 ** axes.error[1])), TOP)
-    width, height = axes.paper.right - LEFT, axes.paper.bottom - top
+    inside = _text(LEFT, 40, "no run reached the end", "start")
+    if points:
+        x = Axis.of([point.seconds for point in points], LEFT, right)
+        y = Axis.of([min(point.error, TRUST) for point in points], bottom, TOP)
+        inside = _shade(x, y, limit) + _grid(x, y, titles) + _target(x, y, target)
+        inside += "".join(_curve(x, y, curve, i) for i, curve in enumerate(curves))
+        for i, curve in enumerate(curves):
+            line, column = divmod(i, 2)
+            place = right + 18, TOP + 14 + LEGEND * i
+            if narrow:
+                place = 20 + (width - 20) / 2 * column, bottom + FOOT + 14 + LEGEND * line
+            inside += _mark(place[0], place[1] - 4, i)
+            inside += _text(place[0] + 12, place[1], curve.name, "start")
     return (
-        f'<rect x="{LEFT:g}" y="{top:.1f}" width="{width:g}" height="{height:.1f}" '
+        '<svg xmlns="http://www.w3.org/2000/svg" role="img" '
+        f'viewBox="0 0 {width:g} {height:g}" aria-label="{escape(label)}" '
+        f'font-family="system-ui, sans-serif" font-size="12">{inside}</svg>'
+    )
+
+
+def _grid(x: Axis, y: Axis, titles: tuple[str, str]) -> str:
+    """Return a line for each decade, and the titles."""
+    parts = []
+    for k in x.decades:
+        at = x(10.0**k)
+        parts.append(_line(at, TOP, at, y.start))
+        parts.append(_text(at, y.start + 18, duration(10.0**k)))
+    for k in y.decades:
+        at = y(10.0**k)
+        parts.append(_line(LEFT, at, x.end, at) + _text(LEFT - 8, at + 4, f"1e{k}", "end"))
+    middle = (TOP + y.start) / 2
+    turned = f'transform="rotate(-90 16 {middle:g})"'
+    parts.append(_text((LEFT + x.end) / 2, y.start + 40, titles[0]))
+    return "".join(parts) + _text(16, middle, titles[1], extra=turned)
+
+
+def _shade(x: Axis, y: Axis, limit: float) -> str:
+    if not limit > 10.0**y.low:
+        return ""
+    top = max(y(min(limit, 10.0**y.high)), TOP)
+    return (
+        f'<rect x="{LEFT:g}" y="{top:.1f}" width="{x.end - LEFT:g}" height="{y.start - top:.1f}" '
         f'style="fill:{SHADE}"><title>below {limit:.1e}: the limit of the reference</title></rect>'
     )
 
 
-def _target(axes: Axes, target: float | None) -> str:
-    if target is None or not 10.0 ** axes.error[0] <= target <= 10.0 ** axes.error[1]:
+def _target(x: Axis, y: Axis, target: float | None) -> str:
+    if target is None or not 10.0**y.low <= target <= 10.0**y.high:
         return ""
-    y = axes.y(target)
-    line = _line(LEFT, y, axes.paper.right, y, f"stroke:{INK};stroke-dasharray:5 4")
-    return line + _text(LEFT + 6, y - 5, f"target {target:g}", anchor="start")
+    line = _line(LEFT, y(target), x.end, y(target), f"stroke:{INK};stroke-dasharray:5 4")
+    return line + _text(LEFT + 6, y(target) - 5, f"target {target:g}", "start")
 
 
-def _curve(axes: Axes, curve: Curve, i: int) -> str:
-    places = [(axes.x(point.seconds), axes.y(point.error)) for point in curve.points]
-    colour = series_colour(i)
-    dash = ";stroke-dasharray:6 3" if curve.dashed else ""
-    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
-    line = f'<polyline points="{path}" style="fill:none;stroke:{colour};stroke-width:1.8{dash}"/>'
-    marks = (
-        f'<g tabindex="0">{_mark(x, y, i, colour, hollow=point.hollow)}'
+def _curve(x: Axis, y: Axis, curve: Curve, i: int) -> str:
+    places = [(x(point.seconds), y(min(point.error, TRUST))) for point in curve.points]
+    look = f"stroke:{series_colour(i)};stroke-width:1.8"
+    look += ";stroke-dasharray:6 3" if curve.dashed else ""
+    path = " ".join(f"{a:.1f},{b:.1f}" for a, b in places)
+    return f'<polyline points="{path}" style="fill:none;{look}"/>' + "".join(
+        f'<g tabindex="0">{_mark(*place, i, hollow=point.hollow)}'
         f"<title>{escape(point.text)}</title></g>"
-        for point, (x, y) in zip(curve.points, places)
+        for point, place in zip(curve.points, places)
     )
-    return line + "".join(marks)
 
 
-def _legend(paper: Paper, curves: Sequence[Curve]) -> str:
-    parts = []
-    for i, curve in enumerate(curves):
-        x, y = _place(paper, i)
-        parts.append(_mark(x, y - 4, i, series_colour(i)) + _text(x + 12, y, curve.name, "start"))
-    return "".join(parts)
-
-
-def _place(paper: Paper, i: int) -> tuple[float, float]:
-    """Return the position of the i-th legend entry."""
-    if not paper.columns:
-        return paper.right + 18, TOP + 14 + LEGEND * i
-    line, column = divmod(i, paper.columns)
-    step = (paper.width - 20) / paper.columns
-    return 20 + step * column, paper.bottom + FOOT + 14 + LEGEND * line
-
-
-def _mark(x: float, y: float, i: int, colour: str, *, hollow: bool = False) -> str:
-    path = MARKS[i % len(MARKS)]
-    fill = "transparent" if hollow else colour
+def _mark(x: float, y: float, i: int, *, hollow: bool = False) -> str:
+    """Return the mark of a curve."""
+    colour = series_colour(i)
     return (
-        f'<path d="{path}" transform="translate({x:.1f} {y:.1f}) scale(4.5)" '
-        f'style="fill:{fill};stroke:{colour};stroke-width:.3"/>'
+        f'<path d="{MARKS[i % len(MARKS)]}" transform="translate({x:.1f} {y:.1f}) scale(4.5)" '
+        f'style="fill:{"transparent" if hollow else colour};stroke:{colour};stroke-width:.3"/>'
     )
 
 
-def _line(x0: float, y0: float, x1: float, y1: float, style: str = "") -> str:
-    style = style or f"stroke:{LINE}"
+def _line(x0: float, y0: float, x1: float, y1: float, style: str = f"stroke:{LINE}") -> str:
     return f'<line x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}" style="{style}"/>'
 
 
-def _text(x: float, y: float, text: str, anchor: str = "middle", extra: str = "") -> str:
-    place = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" style="fill:{INK}" {extra}'
-    return f"<text {place}>{escape(text)}</text>"
+def _text(
+    x: float, y: float, text: str, anchor: str = "middle", size: int = 12, ink: str = INK,
+    extra: str = "",
+) -> str:  # fmt: skip
+    """Return a text whose colour and size a page's style sheet does not override."""
+    look = f'text-anchor="{anchor}" style="fill:{ink};font-size:{size}px" {extra}'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{escape(text)}</text>'
 
 
 # -- heat map --------------------------------------------------------------------------------------
+
+CELL, CELL_HIGH, GAP = 26, 24, 12  # size of a heat map's cell [px], and between groups
+MAP_LEFT, MAP_TOP = 84, 64
+LETTER_WIDE, HEAD_WIDE = 6.8, 4.2  # width of a letter of a group's name and of a slanted head
+
+
+class Look(NamedTuple):
+    """The look of a cell of a heat map, which its legend explains."""
+
+    letter: str
+    colour: str
+    ink: str  # colour of the letter
+    text: str
 
 
 class Square(NamedTuple):
@@ -303,19 +285,8 @@ class Square(NamedTuple):
     row: int
     group: int
     column: int
-    colour: str
-    ink: str  # colour of the letter
-    letter: str
+    look: Look
     text: str  # shown when one points at it
-
-
-class Key(NamedTuple):
-    """A legend entry for a heat map: a colour, a letter and their meaning."""
-
-    letter: str
-    colour: str
-    ink: str
-    text: str
 
 
 def heat_map(
@@ -325,7 +296,7 @@ def heat_map(
     groups: Sequence[str],
     columns: Sequence[str],
     squares: Sequence[Square],
-    legend: Sequence[Key],
+    legend: Sequence[Look],
     wide: float = math.inf,
 ) -> str:
     """Draw coloured cells in rows below their legend, with one group of columns per method.
@@ -336,41 +307,28 @@ def heat_map(
     beyond = HEAD_WIDE * max(map(len, columns), default=0) - CELL / 2  # the last head, turned
     group = len(columns) * CELL + max(beyond, GAP)
     places = _places([max(group, LETTER_WIDE * len(x) + GAP) for x in groups], wide)
-    bands = range(max((band for _, band in places), default=0) + 1)
-    bottom = high * len(bands)
-    parts = [f'<text x="4" y="12" {_style(11)}>{escape(axis)}</text>']
-    parts += [_head(name, x, band * high, columns) for name, (x, band) in zip(groups, places)]
-    for band in bands:
-        for i, text in enumerate(rows):
-            y = band * high + MAP_TOP + i * CELL_HIGH + 16
-            place = f'x="{MAP_LEFT - 8}" y="{y}" text-anchor="end"'
-            parts.append(f"<text {place} {_style(11)}>{escape(text)}</text>")
-    for each in squares:
-        x, band = places[each.group]
-        y = band * high + MAP_TOP + each.row * CELL_HIGH
-        parts.append(_square(each, x + each.column * CELL, y))
+    bands = max((band for _, band in places), default=0) + 1
     width = max((x for x, _ in places), default=0.0) + group
     width = max(width, min(wide, 640.0))
-    x, y, keys = 4.0, 0.0, []
-    for key in legend:
-        long = 28 + 6.2 * len(key.text)
-        if x > 4.0 and x + long > width:
-            x, y = 4.0, y + LEGEND
-        keys.append(
-            f'<rect x="{x}" y="{y}" width="14" height="14" rx="2" fill="{key.colour}"/>'
-            f'<text x="{x + 7}" y="{y + 11}" text-anchor="middle" {_style(10, key.ink)}>'
-            f"{key.letter}</text>"
-            f'<text x="{x + 19}" y="{y + 11}" {_style(11)}>{escape(key.text)}</text>'
-        )
-        x += long
-    top = y + LEGEND + 4
-    high = f"{top + bottom:.0f}"
-    size = f'viewBox="0 0 {width:.0f} {high}" width="{width:.0f}" height="{high}"'
-    body = f'{"".join(keys)}<g transform="translate(0 {top:.0f})">{"".join(parts)}</g>'
+    keys, top = _keys(legend, width)
+    parts = [_text(4, top + 12, axis, "start", 11)]
+    for name, (x, band) in zip(groups, places):
+        parts.append(_head(name, x, top + band * high, columns))
+    for band in range(bands):
+        for i, text in enumerate(rows):
+            y = top + band * high + MAP_TOP + i * CELL_HIGH + 16
+            parts.append(_text(MAP_LEFT - 8, y, text, "end", 11))
+    for each in squares:
+        x, band = places[each.group]
+        y = top + band * high + MAP_TOP + each.row * CELL_HIGH
+        inside = _box(x + each.column * CELL, y, CELL - 2, CELL_HIGH - 2, each.look)
+        parts.append(f'<g tabindex="0"><title>{escape(each.text)}</title>{inside}</g>')
+    tall = f"{top + bands * high:.0f}"
+    size = f'viewBox="0 0 {width:.0f} {tall}" width="{width:.0f}" height="{tall}"'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" '
         'font-family="system-ui, sans-serif" font-size="11">'
-        f"<title>{escape(title)}</title>{body}</svg>"
+        f"<title>{escape(title)}</title>{keys}{''.join(parts)}</svg>"
     )
 
 
@@ -385,24 +343,29 @@ def _places(widths: Sequence[float], wide: float) -> list[tuple[float, int]]:
     return found
 
 
+def _keys(legend: Sequence[Look], width: float) -> tuple[str, float]:
+    """Return the legend in lines of this width, and its height."""
+    x, y, keys = 4.0, 0.0, []
+    for look in legend:
+        long = 28 + 6.2 * len(look.text)
+        if x > 4.0 and x + long > width:
+            x, y = 4.0, y + LEGEND
+        keys.append(_box(x, y, 14, 14, look) + _text(x + 19, y + 11, look.text, "start", 11))
+        x += long
+    return "".join(keys), y + LEGEND + 4
+
+
 def _head(name: str, x: float, top: float, columns: Sequence[str]) -> str:
-    parts = [f'<text x="{x}" y="{top + MAP_TOP - 40}" {_style(11)}>{escape(name)}</text>']
+    parts = [_text(x, top + MAP_TOP - 40, name, "start", 11)]
     for j, text in enumerate(columns):
         middle, y = x + j * CELL + CELL / 2, top + MAP_TOP - 6
         turned = f'transform="rotate(-40 {middle} {y})"'
-        parts.append(f'<text x="{middle}" y="{y}" {_style(9)} {turned}>{escape(text)}</text>')
+        parts.append(_text(middle, y, text, "start", 9, extra=turned))
     return "".join(parts)
 
 
-def _square(each: Square, x: float, y: float) -> str:
-    return (
-        f'<g tabindex="0"><title>{escape(each.text)}</title><rect x="{x:.1f}" y="{y}" '
-        f'width="{CELL - 2}" height="{CELL_HIGH - 2}" rx="3" fill="{each.colour}"/>'
-        f'<text x="{x + CELL / 2 - 1:.1f}" y="{y + 15}" text-anchor="middle" '
-        f"{_style(11, each.ink)}>{each.letter}</text></g>"
-    )
-
-
-def _style(size: int, ink: str = INK) -> str:
-    """Return text colour and size as attributes that a page's style sheet does not override."""
-    return f'style="fill: {ink}; font-size: {size}px"'
+def _box(x: float, y: float, wide: int, high: int, look: Look) -> str:
+    """Return a coloured box with its letter."""
+    box = f'<rect x="{x:.1f}" y="{y:.1f}" width="{wide}" height="{high}" rx="3"'
+    letter = _text(x + wide / 2, y + high / 2 + 4, look.letter, size=11, ink=look.ink)
+    return f'{box} fill="{look.colour}"/>{letter}'

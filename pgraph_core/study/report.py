@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, InputError, Problem, counted, explained, refusal
-from ..model.files import write_atomic
-from ..portable import Portable, jsonable
+from ..errors import InputError, counted, explained, refusal
+from ..portable import jsonable
 from ..tolerances import NOTABLE
 from .measures import Errors, Spread
-from .page import (
-    WIDE,
-    Curve,
-    Point,
-    Section,
-    aligned,
-    duration,
-    error_diagram,
-    escape,
-    narrow_paper,
-    page,
-    table,
-)
+from .page import Curve, Point, Section, aligned, duration, error_diagram, escape, page, table
+from .saved import Saved
 from .task import Outcome, Participant, Setting
 
 LEVELS = tuple(10.0**-k for k in range(3, 10))  # errors at which engines are compared
@@ -72,25 +58,15 @@ class Row:
         cls, one: Participant, setting: Setting, done: Outcome, found: Errors | None, limit: float
     ) -> Row:
         """Build the row of one run. Errors below `limit`, the reference's, are raised to it."""
-        limited = found is not None and found.rms < limit
-        rms = None if found is None else max(found.rms, limit) if limited else found.rms
+        rms, end, largest = (None, None, None) if found is None else found
+        limited = rms is not None and rms < limit
         return cls(
-            one.name,
-            one.peer,
-            setting.step,
-            setting.rtol,
-            done.ok,
-            done.reason,
-            rms,
-            None if found is None else found.end,
-            None if found is None else found.largest,
-            limited,
-            _finite(done.estimate),
-            _finite(done.energy_drift),
+            one.name, one.peer, setting.step, setting.rtol, done.ok, done.reason,
+            limit if limited else rms, end, largest, limited,
+            _finite(done.estimate), _finite(done.energy_drift),
             done.drift if all(map(np.isfinite, done.drift)) else None,
-            _finite(done.penetration),
-            dict(done.counters),
-        )
+            _finite(done.penetration), dict(done.counters),
+        )  # fmt: skip
 
     @property
     def setting(self) -> Setting:
@@ -125,12 +101,6 @@ class Row:
             us_per_step=1e6 * stepping[1] / steps if steps else None,
             real_time_factor=duration / seconds[1],
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Convert to a dictionary of values that JSON can represent."""
-        data = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        counters = None if self.counters is None else dict(self.counters)
-        return data | {"counters": counters, "digits": self.digits}
 
     @property
     def cells(self) -> tuple[str, ...]:
@@ -181,10 +151,8 @@ class Row:
 
 @explained
 @dataclass(frozen=True)
-class Study(Portable):
+class Study(Saved):
     """Error against run time for several methods on one motion. `print(study)` shows a table."""
-
-    SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # files
 
     name: str  # name of the model
     scenario: str | None
@@ -383,14 +351,7 @@ class Study(Portable):
             cells.append([f"{level:.0e}", ours["ours"], duration(ours["seconds"]), *theirs])
         return cells
 
-    def figure(self, *, narrow: bool = False) -> str:
-        """Return the diagram as standalone SVG text.
-
-        Parameters
-        ----------
-        narrow : bool, optional
-            Whether the figure must fit the width of a column.
-        """
+    def _drawn(self, narrow: bool) -> str:
         curves = []
         for name in self.methods:
             rows = self.of(name)
@@ -400,12 +361,10 @@ class Study(Portable):
             points = [row.point for row in rows]
             curves.append(Curve(label, points, dashed=bool(rows and rows[0].peer)))
         label = f"error {self._of_what}against run time of {self.name}"
-        paper = narrow_paper(len(curves)) if narrow else WIDE
-        limit = self.reference["limit"]
         clock = "run time of a whole call" + (" (processor)" if self.clock == "processor" else "")
-        what = f"error of the {self.quantity}, rms, without unit"
-        titles = clock, what
-        return error_diagram(label, curves, paper, titles, limit=limit, target=self.target)
+        titles = clock, f"error of the {self.quantity}, rms, without unit"
+        limit = self.reference["limit"]
+        return error_diagram(label, curves, titles, narrow=narrow, limit=limit, target=self.target)
 
     def sections(self) -> list[Section]:
         """Return the sections of the report, for embedding in another page."""
@@ -424,39 +383,11 @@ class Study(Portable):
         return page(first, self.sections(), rest)
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert to a dictionary of values that JSON can represent."""
-        data = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        data["rows"] = [row.to_dict() for row in self.rows]
-        for name in ("orders", "reference", "timing", "machine"):
-            data[name] = dict(data[name])
+        """Return plain values for JSON, with None for numbers that are not finite."""
+        data, row = asdict(self), self.advised()
+        data["rows"] = [asdict(each) | {"digits": each.digits} for each in self.rows]
         found = {"against_peers": self.against_peers(), "answer": self.answer}
-        row = self.advised()
-        return data | found | {"recommended": None if row is None else self.rows.index(row)}
-
-    def to_json(self) -> str:
-        """Serialise the fields as a JSON object, with null for numbers that are not finite."""
-        return json.dumps(jsonable(self.to_dict()), allow_nan=False)
-
-    def save(self, path: str | Path, /) -> None:
-        """Save the report to a file.
-
-        Parameters
-        ----------
-        path : path
-            A page (.html), the data (.json), the diagram (.svg) or a table (.txt).
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written or has another suffix.
-        """
-        kinds = dict(zip(self.SUFFIXES, (self.html, self.to_json, self.figure, self.__str__)))
-        suffix = Path(path).suffix.lower()
-        if suffix not in kinds:
-            kind = suffix or "no suffix"
-            words = f"a report is written as {', '.join(self.SUFFIXES)}; given {kind!r}"
-            raise FileError(Problem(str(path), "", words))
-        write_atomic(path, kinds[suffix]())
+        return jsonable(data | found | {"recommended": row and self.rows.index(row)})
 
 
 def seconds_at(rows: tuple[Row, ...], error: float) -> float:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -128,13 +128,6 @@ def methods_of(call: str, given: Any, *, impulses: bool, suited: bool) -> tuple[
 def is_number(value: Any) -> bool:
     """Return True if `value` is a real number other than True or False."""
     return isinstance(value, Real) and not isinstance(value, bool)
-
-
-def whole(call: str, field: str, value: Any, least: int) -> int:
-    """Return `value` as an integer. Raises InputError if it is less than `least`."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
-        raise refusal(call, field, f"must be a whole number >= {least}; given {value!r}")
-    return int(value)
 
 
 def finite_numbers(call: str, field: str, given: Any) -> tuple[float, ...]:

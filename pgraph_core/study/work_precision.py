@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.arguments import whole_number
 from ..errors import InputError, choices, explained, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
@@ -47,7 +48,6 @@ from .task import (
     methods_of,
     own_participant,
     start,
-    whole,
 )
 
 USUAL_FRAMES = 101  # default number of times at which motions are compared
@@ -139,8 +139,8 @@ def work_precision(
     given = None if scenario is None else mech.model.scenario(scenario)
     duration = t_end if t_end is not None else given.t_end if given else 1.0
     duration = positive("t_end", duration, call=call)
-    whole(call, "rounds", rounds, 1)
-    whole(call, "frames", frames, 3)
+    whole_number(call, "rounds", rounds, 1)
+    whole_number(call, "frames", frames, 3)
     if target is not None:
         positive("target", target, unit=", an error such as 1e-6", call=call)
     positive("longest", longest, call=call)
@@ -161,32 +161,8 @@ def work_precision(
     rate = task.rate()
     ladder = Ladder.of(task, steps, tolerances, fixed, rate)
     names = methods_of(call, methods, impulses=task.impulses, suited=True)
-    names, refused = suited(task, names, ladder, asked=methods is not None)
     work = Work(task, ladder, names, engines_of(peers), progress, longest, rounds, clock)
-    work.notes += refused
-    return work.study(known, rate, target)
-
-
-def suited(
-    task: Task, names: tuple[str, ...], ladder: Ladder, *, asked: bool
-) -> tuple[tuple[str, ...], list[str]]:
-    """Try each method for one frame. Return the methods that support the scene, and a message for
-    each other method.
-
-    Raises InputError for a requested method (`asked`) that does not.
-    """
-    kept, refused = [], []
-    for name in names:
-        try:
-            task.until(2).run(name, ladder.settings(METHODS[name])[0], lambda _: False)
-            kept.append(name)
-        except InputError as problem:
-            if asked:
-                raise
-            refused.append(f"{name} is left out: {problem.problems[0].text}")
-    if not kept:
-        raise refusal("work_precision", "methods", refused[0])
-    return tuple(kept), refused
+    return work.study(known, rate, target, asked=methods is not None)
 
 
 class Work:
@@ -213,11 +189,16 @@ class Work:
         self.rows: list[Row] = []
         self.steps_took: dict[tuple[str, Setting], list[float]] = {}  # seconds
 
-    def study(self, known: Reference | None, rate: float, target: float | None) -> Study:
-        """Run the study and return it. If it is stopped, return the part that was done."""
+    def study(
+        self, known: Reference | None, rate: float, target: float | None, *, asked: bool
+    ) -> Study:
+        """Run the study and return it. If it is stopped, return the part that was done.
+
+        Raises InputError for a requested method (`asked`) that does not support the scene.
+        """
         baseline, cancelled = None, False
         try:
-            self._compile()
+            self._compile(asked)
             began = time.perf_counter()
             if known is None:
                 step = self.ladder.steps[-1]
@@ -255,13 +236,24 @@ class Work:
             if answer is not None and not answer:
                 raise Stopped
 
-    def _compile(self) -> None:
-        """Run each method briefly, so that later runs need no compilation."""
-        began = time.perf_counter()
+    def _compile(self, asked: bool) -> None:
+        """Run each method briefly, so that later runs need no compilation.
+
+        Methods that do not support the scene are left out, with a note.
+        """
+        began, kept = time.perf_counter(), []
         for name in self.names:
             self.report(0.0)
-            first = self.ladder.settings(METHODS[name])[0]
-            self.task.until(2).run(name, first)
+            try:
+                self.task.until(2).run(name, self.ladder.settings(METHODS[name])[0])
+                kept.append(name)
+            except InputError as problem:
+                if asked:
+                    raise
+                self.notes.append(f"{name} is left out: {problem.problems[0].text}")
+        if not kept:
+            raise refusal("work_precision", "methods", self.notes[0])
+        self.names = tuple(kept)
         self.timing["compile"] = time.perf_counter() - began
 
     def _shorten(self, task: Task, known: Reference) -> None:

@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
-import pgraph_models
 from pgraph_core.study import stability
 from pgraph_core.study.axes import AXES, first_axis
 from pgraph_core.study.map import Verdict
@@ -214,24 +213,18 @@ def touching():
 
 
 MODELS = {"contact_stiffness": touching, "friction": touching}
-BUILT_IN = {"inertia": "quadruped", "redundancy": "four_bar", "singularity": "four_bar"}
 
 
 @pytest.mark.parametrize("name", AXES)
 def test_every_usual_value_makes_a_valid_model_and_leaves_the_old_one(name):
-    made = MODELS.get(name, sprung)
-    model = pg.Model.load(pgraph_models.path(BUILT_IN[name])) if name in BUILT_IN else made()
+    model = MODELS.get(name, sprung)()
     before = model.to_json()
     for value in AXES[name].values:
-        made = AXES[name].applied(model, value)
-        if len(made.bodies) < 300:
-            pg.Mechanism(made)
+        pg.Mechanism(AXES[name].applied(model, value))
     assert model.to_json() == before
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in AXES if n not in ("step", "singularity", "chain_length", "speed")]
-)
+@pytest.mark.parametrize("name", [n for n in AXES if n not in ("step", "speed")])
 def test_an_axis_that_a_model_has_not_is_refused(name):
     model = pg.Model(bodies=(pg.Body(name="a", joint="weld", inertia=np.zeros((3, 3))),))
     with pytest.raises(pg.InputError):
@@ -239,7 +232,7 @@ def test_an_axis_that_a_model_has_not_is_refused(name):
 
 
 def test_axes_change_their_numbers_and_keep_the_rest():
-    """Forces at the start, critical damping, the mass and reach of a chain, ratios of masses."""
+    """Forces at the start, critical damping, ratios of masses."""
     made = AXES["stiffness"].applied(sprung(), 2e6)
     a = made.body("a")
     assert a.stiffness == (2e6,)
@@ -250,18 +243,9 @@ def test_axes_change_their_numbers_and_keep_the_rest():
     model = pg.Model(bodies=(mass("a", stiffness=200.0),), gravity=(0, 0, 0))
     damping = AXES["damping_ratio"].applied(model, 1.0).body("a").damping
     assert damping == pytest.approx((2 * np.sqrt(200.0),))
-    model = pg.Model(bodies=(mass("a", tip=(0, -1, 0)),), **DOWN)
-    made = AXES["chain_length"].applied(model, 50)
-    assert sum(b.mass for b in made.bodies) == pytest.approx(1.0)
-    assert pg.Mechanism(made).pose(np.zeros(50), "50")[0][1] == pytest.approx(-0.98)
-    own = AXES["chain_length"].own
-    assert own(model) == 1.0
-    assert own(model.edit("a", stiffness=2.0)) is None  # a chain would lose it
-    assert own(model.add(mass("b", parent="a"))) is None
 
 
-@pytest.mark.parametrize("axis", ["mass_ratio", "inertia"])
-def test_numbers_that_follow_from_shapes_are_varied_like_given_ones(axis):
+def test_numbers_that_follow_from_shapes_are_varied_like_given_ones():
     box = pg.Shape(kind="box", size=(1.0, 0.1, 0.1))
     steel = {"shape": box, "density": 7850.0, "derived": ("mass", "com", "inertia")}
     bodies = (pg.Body(name="a", **steel), pg.Body(name="b", parent="a", link=(1, 0, 0), **steel))
@@ -269,7 +253,7 @@ def test_numbers_that_follow_from_shapes_are_varied_like_given_ones(axis):
     for body in bodies:
         numbers = {"mass": body.mass, "com": body.com, "inertia": body.inertia}
         plain = plain.edit(body.name, derived=(), density=None, **numbers)
-    derived, own = (AXES[axis].applied(m, 1e-9).body("b") for m in (model, plain))
+    derived, own = (AXES["mass_ratio"].applied(m, 1e-9).body("b") for m in (model, plain))
     assert derived.mass == own.mass > 0
     assert (derived.com, derived.inertia) == (own.com, own.inertia)
     assert first_axis(model) == first_axis(plain) == "mass_ratio"
