@@ -12,8 +12,9 @@ import pgraph_core as pg
 from pgraph_core.analysis.targets import nearest
 from pgraph_core.fields import fields_of
 from pgraph_core.joints import AXIAL, SIZE, Motion
+from pgraph_core.model.poses import elementary
 from pgraph_core.paper import frames
-from pgraph_core.paper.motion import bodies_of, elementary, q_slices
+from pgraph_core.paper.motion import bodies_of, q_slices
 from pgraph_core.show.shapes import to_wxyz
 
 from ..run import Run

@@ -1,43 +1,106 @@
-"""Body poses in the initial state of a description, computed with plain NumPy."""
+"""Body frames of a description at its initial or any other coordinates, in plain NumPy."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from .. import joints
 from ..fields import GROUND
+from ..joints import Motion
 from ..rotation import Array, matrix, quaternion_of, rodrigues, unit_vector
 from .body import Body
 
+Numbers: TypeAlias = "Sequence[float] | Array"
 
-@dataclass(frozen=True)
-class Pose:
-    """The pose of a body frame in the world."""
+
+class Pose(NamedTuple):
+    """The pose of a body frame in the world or in its parent."""
 
     position: Array  # (3,) [m]
     rotation: Array  # (3, 3)
 
-    def place(self, point: Any) -> Array:
-        """Return the world position of a body point [m]."""
+    def place(self, point: Numbers) -> Array:
+        """Return the position of a body point [m]."""
         return self.position + self.rotation @ np.asarray(point, dtype=float)
 
 
+# -- the motions of a joint ------------------------------------------------------------------------
+
+
+def elementary(body: Body, q: Numbers) -> Iterator[tuple[Motion, Numbers]]:
+    """Yield the motions of a joint in order, each with its own coordinates."""
+    start = 0
+    for motion in body.sequence:
+        end = start + joints.SIZE[motion.kind][0]
+        yield motion, q[start:end]
+        start = end
+
+
+def direction(motion: Motion, home: Array) -> Array:
+    """Return the unit axis in the parent's axes at q = 0."""
+    return unit_vector(home @ motion.axis)
+
+
+def turn(motion: Motion, home: Array, q: Numbers) -> Array:
+    """Return the rotation matrix (3, 3) of a motion, in the preceding axes."""
+    if motion.kind in ("rotate", "screw"):
+        return rodrigues(direction(motion, home), q[0])
+    return np.eye(3) if motion.kind == "translate" else matrix(list(q[-4:]))
+
+
+def slide(motion: Motion) -> float:
+    """Return the way along the axis by a unit of q."""
+    return 1.0 if motion.kind == "translate" else motion.pitch / (2 * np.pi)
+
+
+def displacement(motion: Motion, turned: Array, home: Array, q: Numbers) -> Array:
+    """Return a motion's displacement of the origin (3,) in world axes, after axes `turned`."""
+    if motion.kind in ("translate", "screw"):
+        return turned @ direction(motion, home) * slide(motion) * q[0]
+    return turned @ q[:3] if motion.kind == "free" else np.zeros(3)
+
+
+# -- bodies ----------------------------------------------------------------------------------------
+
+
+def carried(parent: Pose, body: Body, q: Numbers) -> Pose:
+    """Return the pose of a body at the coordinates q of its joint."""
+    turned, home = parent.rotation, matrix(body.rotation)
+    at = parent.place(body.link)
+    for motion, x in elementary(body, q):
+        if motion.kind != "rotate":
+            at = at + displacement(motion, turned, home, x)
+        turned = turned @ turn(motion, home, x)
+    return Pose(at, turned @ home)
+
+
+def at_home(body: Body) -> Pose:
+    """Return the pose in the parent's frame at the initial q, computed once per body.
+
+    After an edit all other bodies are the same objects, so the rest of the table is not computed
+    again.
+    """
+    known = vars(body)
+    if "at_home" not in known:
+        known["at_home"] = carried(Pose(np.zeros(3), np.eye(3)), body, body.q)
+    return known["at_home"]
+
+
 def poses(bodies: Sequence[Body]) -> dict[str, Pose]:
-    """Return the poses of all bodies and the ground, by name."""
+    """Return the poses of all bodies and the ground in the initial state, by name."""
     found = {GROUND: Pose(np.zeros(3), np.eye(3))}
     by_name = {body.name: body for body in bodies}
 
-    def pose(name: str) -> Pose:
-        if name not in found:
-            found[name] = _carried(pose(by_name[name].parent), by_name[name])
-        return found[name]
-
-    for name in by_name:
-        pose(name)
+    for body in bodies:
+        chain = [body.name]
+        while chain[-1] not in found:
+            chain.append(by_name[chain[-1]].parent)
+        for name in chain[-2::-1]:
+            parent, own = found[by_name[name].parent], at_home(by_name[name])
+            found[name] = Pose(parent.place(own.position), parent.rotation @ own.rotation)
     return found
 
 
@@ -46,24 +109,3 @@ def home_poses(bodies: Sequence[Body]) -> Array:
     found = poses(bodies)
     rows = [(*found[b.name].position, *quaternion_of(found[b.name].rotation)) for b in bodies]
     return np.array(rows).reshape(-1, 7)
-
-
-def _carried(parent: Pose, body: Body) -> Pose:
-    """Return the pose of a body moved by its joint."""
-    R, home, i = parent.rotation, matrix(body.rotation), 0
-    x = parent.position + R @ np.array(body.link)
-    for motion in body.sequence:
-        nq = joints.SIZE[motion.kind][0]
-        a = np.array(body.q[i : i + nq], dtype=float)
-        axis = R @ home @ unit_vector(motion.axis)
-        if motion.kind in joints.AXIAL:
-            if motion.kind != "translate":
-                R = rodrigues(axis, float(a[0])) @ R
-            slide = 1.0 if motion.kind == "translate" else motion.pitch / (2 * np.pi)
-            x = x + axis * slide * a[0]
-        else:
-            if motion.kind == "free":
-                x = x + R @ a[:3]
-            R = R @ matrix(a[-4:].tolist())
-        i += nq
-    return Pose(x, R @ home)

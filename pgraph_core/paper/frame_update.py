@@ -17,9 +17,10 @@ import numpy as np
 from ..errors import counted, explained, refusal, shown
 from ..joints import AXIAL, SIZE, Motion
 from ..model import Body, Model
+from ..model.poses import displacement, elementary, turn
 from ..rotation import Array, matrix, multiply, rodrigues, unit
 from ..topology import Ints, Topology
-from .motion import axes_of_motion, bodies_of, displacement, elementary, q_slices, turn, v_slices
+from .motion import axes_of_motion, bodies_of, q_slices, v_slices
 
 CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # factors that conjugate a quaternion
 

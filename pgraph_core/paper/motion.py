@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -12,7 +12,8 @@ from .. import joints
 from ..errors import InputError, Problem, explained, shown
 from ..joints import Motion
 from ..model import Body, Model
-from ..rotation import Array, matrix, rodrigues, skew
+from ..model.poses import Pose, carried, direction, displacement, elementary, poses, slide, turn
+from ..rotation import Array, matrix, skew
 from ..topology import Ints, Topology, find
 
 
@@ -49,7 +50,10 @@ def _slices(sizes: list[int]) -> list[slice]:
 def frames(model: Model, topology: Topology, q: Sequence[float] | Array) -> tuple[Array, Array]:
     """Return origins (nb, 3) and rotations (nb, 3, 3) of the bodies in the world, by number."""
     bodies = bodies_of(model, topology)
-    return _frames(bodies, topology.parent.tolist(), q, q_slices(bodies))
+    found = [Pose(np.zeros(3), np.eye(3))]  # of the ground
+    for body, p, place in zip(bodies, topology.parent.tolist(), q_slices(bodies)):
+        found.append(carried(found[p], body, q[place]))
+    return _arrays(found[1:])
 
 
 @explained
@@ -75,89 +79,23 @@ def home_poses(model: Model) -> tuple[Array, Array]:
         text = f"must be a pg.Model; given {shown(model)}"
         raise InputError(Problem("home_poses", "model", text))
     topology = Topology.of(model)
-    local = [_at_home(body) for body in bodies_of(model, topology)]
-    position = np.zeros((len(local) + 1, 3))
-    rotation = np.zeros((len(local) + 1, 3, 3))
-    rotation[0] = np.eye(3)
-    for k, (p, (link, turned)) in enumerate(zip(topology.parent.tolist(), local), start=1):
-        position[k] = position[p] + rotation[p] @ link
-        rotation[k] = rotation[p] @ turned
-    return position[1:], rotation[1:]
+    bodies = bodies_of(model, topology)
+    found = poses(bodies)
+    return _arrays([found[body.name] for body in bodies])
 
 
-def _at_home(body: Body) -> tuple[Array, Array]:
-    """Return the origin and rotation in the parent's frame at the initial q, computed once per
-    body.
-
-    After an edit all other bodies are the same objects, so the rest of the table is not computed
-    again.
-    """
-    known = vars(body)
-    if "at_home" not in known:
-        (position,), (rotation,) = _frames([body], [0], body.q, [slice(None)])
-        known["at_home"] = position, rotation
-    return known["at_home"]
-
-
-def _frames(
-    bodies: list[Body], parent: list[int], q: Sequence[float] | Array, places: list[slice]
-) -> tuple[Array, Array]:
-    position = np.zeros((len(bodies) + 1, 3))
-    rotation = np.zeros((len(bodies) + 1, 3, 3))
-    rotation[0] = np.eye(3)
-    for k, (body, p, place) in enumerate(zip(bodies, parent, places), start=1):
-        turned, home = rotation[p], matrix(body.rotation)
-        at = position[p] + turned @ body.link
-        for motion, x in elementary(body, q[place]):
-            if motion.kind != "rotate":
-                at = at + displacement(motion, turned, home, x)
-            turned = turned @ turn(motion, home, x)
-        position[k], rotation[k] = at, turned @ home
-    return position[1:], rotation[1:]
-
-
-def elementary(
-    body: Body, q: Sequence[float] | Array
-) -> Iterator[tuple[Motion, Sequence[float] | Array]]:
-    """Yield the motions of a joint in order, each with its own coordinates."""
-    start = 0
-    for motion in body.sequence:
-        end = start + joints.SIZE[motion.kind][0]
-        yield motion, q[start:end]
-        start = end
-
-
-def _direction(motion: Motion, home: Array) -> Array:
-    """Return the unit axis in the parent's axes at q = 0."""
-    axis = home @ motion.axis
-    return axis / np.linalg.norm(axis)
-
-
-def turn(motion: Motion, home: Array, q: Sequence[float] | Array) -> Array:
-    """Return the rotation matrix (3, 3) of a motion, in the preceding axes."""
-    if motion.kind in ("rotate", "screw"):
-        return rodrigues(_direction(motion, home), q[0])
-    return np.eye(3) if motion.kind == "translate" else matrix(list(q[-4:]))
-
-
-def displacement(motion: Motion, turned: Array, home: Array, q: Sequence[float] | Array) -> Array:
-    """Return a motion's displacement of the origin (3,) in world axes, after axes `turned`."""
-    if motion.kind in ("translate", "screw"):
-        return turned @ _direction(motion, home) * _slide(motion) * q[0]
-    return turned @ q[:3] if motion.kind == "free" else np.zeros(3)
-
-
-def _slide(motion: Motion) -> float:
-    """Return the way along the axis by a unit of q."""
-    return 1.0 if motion.kind == "translate" else motion.pitch / (2 * np.pi)
+def _arrays(found: Sequence[Pose]) -> tuple[Array, Array]:
+    """Return the origins (nb, 3) and rotations (nb, 3, 3) of these poses."""
+    position = np.array([pose.position for pose in found]).reshape(-1, 3)
+    return position, np.array([pose.rotation for pose in found]).reshape(-1, 3, 3)
 
 
 def axes_of_motion(motion: Motion, turned: Array, home: Array) -> Array:
     """Return H (6, dof) for one motion, from eq. (6) for a rotation and eq. (7) for a slide."""
     none = np.zeros((3, 3))
     if motion.kind in joints.AXIAL:
-        h = (turned @ _direction(motion, home))[:, None]
-        return np.vstack((0 * h if motion.kind == "translate" else h, _slide(motion) * h))
+        h = (turned @ direction(motion, home))[:, None]
+        return np.vstack((0 * h if motion.kind == "translate" else h, slide(motion) * h))
     if motion.kind == "ball":
         return np.vstack((turned, none))
     return np.block([[turned, none], [none, turned]])
