@@ -124,9 +124,10 @@ def test_the_camera_of_an_animation_sees_the_whole_motion(server, leaves: bool):
     at = Viewpoint(np.array(camera.position), np.array(camera.look_at))
     up = np.array((0.0, 0.0, 1.0))
     found = bodies.looks(run.mechanism.model.bodies, ((1,), ()), [(1, 2, 3)])
-    corners = animation.whole(found, run.body_pose, up, leaves)
-    assert in_picture(corners, up, at, animation.ASPECT).all()
-    assert (np.ptp(corners[:, 0]) > 1.5) != leaves
+    track = bodies.Track(found, run.body_pose, up)
+    assert in_picture(track.corners, up, at, animation.ASPECT).all()
+    assert track.travels == leaves
+    assert (np.ptp(track.corners[:, 0]) > 1.5) != leaves
 
 
 def test_an_animation_is_one_page_with_bodies_where_the_run_has_them(run: pg.Result, server):

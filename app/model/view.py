@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.show.notebook import picture
+from pgraph_core.show.notebook import pictures
 
 from ..core.bridge import Bridge
 from ..core.edit import STAND_IN
@@ -94,8 +94,7 @@ class GalleryView:
 
 def drawn(model: pg.Model) -> str:
     """Draw a model in its home position, as SVG text."""
-    top, (positions, R) = pg.Topology.of(model), pg.home_poses(model)
-    return picture(model, tuple(top.parent.tolist()), tuple(top.names), positions, R)
+    return pictures(model, [pg.home_poses(model)])[0]
 
 
 VIEWS = (

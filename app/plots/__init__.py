@@ -184,14 +184,10 @@ def components(run: pg.Result, signal: Signal) -> list[str]:
 
 def strip(run: pg.Result) -> list[tuple[float, str]]:
     """Return (time, SVG text) for pictures evenly spaced over a run, as in Fig. 10 of the paper."""
-    top = run.mechanism.topology
     times = np.linspace(float(run.t[0]), float(run.t[-1]), STRIP if len(run.t) > 1 else 1)
     poses = [between(np.asarray(run.t), np.asarray(run.body_pose), float(t)) for t in times]
-    found = pictures(
-        run.mechanism.model, tuple(top.parent.tolist()), tuple(top.names),
-        [(positions, to_matrix(wxyz)) for positions, wxyz in poses],
-    )  # fmt: skip
-    return list(zip(times.tolist(), found))
+    placed = [(positions, to_matrix(wxyz)) for positions, wxyz in poses]
+    return list(zip(times.tolist(), pictures(run.mechanism.model, placed)))
 
 
 def of_scene(run: pg.Result) -> list[Signal]:

@@ -29,8 +29,7 @@ from ..model.scenario import STEP
 from ..result import Result
 from ..result.columns import coordinates
 from ..show import model_html, shapes
-from ..show.animation import level
-from ..show.bodies import extent, looks
+from ..show.bodies import Track, looks
 from ..show.stage import GRID, depth
 from ..simulation import simulate
 from ..simulation.options import RTOL
@@ -222,16 +221,8 @@ class _Drawing:
         """Return the pieces and the camera target."""
         model, system = self.mech.model, self.mech.packed.system
         found = self.looks(model)
-        up = np.array(GRID[model.up][1])
-        start = self.pose[0, 0, :3] if len(self.bodies) else np.zeros(3)
-        first = extent(found, self.pose[0, :, :3], self.turns[0])
-        still = float(np.linalg.norm(np.ptp(first, axis=0)))
-        gone = level(self.pose[:, :1, :3] - start, up)
-        travels = float(np.linalg.norm(gone, axis=-1).max(initial=0.0)) > still
-        seen = self.pose[..., :3] - gone if travels else self.pose[..., :3]
-        corners = [extent(found, p, R) for p, R in zip(seen[::8], self.turns[::8])]
-        low, high = np.min(np.concatenate(corners), 0), np.max(np.concatenate(corners), 0)
-        size = max(float(np.linalg.norm(high - low)), 0.05)
+        track = Track(found, self.pose, np.array(GRID[model.up][1]))
+        size, low, high = track.size, track.corners.min(axis=0), track.corners.max(axis=0)
         ground = depth(model, self.bodies, self.parent, self.pose[0, :, :3], size)
         pieces, meshes = self._pieces(found)
         numbers = system.bodies_f
@@ -244,7 +235,8 @@ class _Drawing:
             "columns": columns,
             "pieces": pieces, "meshes": meshes, "up": model.up, "size": size,
             "center": (low + high) / 2, "low": -ground, "cell": shapes.spaced(size) / 5,
-            "mass": sum(body.mass for body in self.bodies), "travels": travels, "start": start,
+            "mass": sum(body.mass for body in self.bodies),
+            "travels": track.travels, "start": track.start,
             "bodies": [
                 {"name": name, "row": system.bodies_i[k, ROW], "offset": numbers[k, OFFSET],
                  "home": numbers[k, HOME]}

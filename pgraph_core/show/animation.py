@@ -8,7 +8,7 @@ import re
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import needed
-from .bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, extent, looks
-from .shapes import branch_colors, children_of, reach, to_matrix
+from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, Track, looks
+from .shapes import branch_colors, children_of
 from .stage import FRAMING, GRID, depth, fitted, floor, light, steps, towards, unlit
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ PICTURES = 30  # a second
 SHOWN = 3000
 ASPECT = 1.2  # aspect of the narrowest usual window, in which everything must be visible
 QUIET = "<style>.mantine-Notification-root { display: none; }</style>"  # viser's on software GL
-MOMENTS = 16  # moments of a run that the camera must show
 
 # Draws more into a picture: (time [s], positions, quaternions, shift of the picture [m])
 Extra = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]
@@ -59,20 +58,16 @@ def draw(
     model, names = run.mechanism.model, run.mechanism.names
     bodies, parent = [model.body(name) for name in names], run.mechanism.topology.parent.tolist()
     t, pose = np.asarray(run.t), np.asarray(run.body_pose)
-    children = children_of(parent)
-    _, size = reach(bodies, pose[0, :, :3], to_matrix(pose[0, :, 3:]))
     up = np.array(GRID[model.up][1])
+    found = looks(bodies, children_of(parent), branch_colors(parent))
+    track = Track(found, pose, up)
     scene, camera = server.scene, server.initial_camera
     scene.set_up_direction(up)
-    low = depth(model, bodies, parent, pose[0, :, :3], size)
-    planes = (floor(scene, model, size, False, low), steps(scene, model))
+    low = depth(model, bodies, parent, pose[0, :, :3], track.size)
+    planes = (floor(scene, model, track.size, False, low), steps(scene, model))
     under = [node for node in planes if node is not None]
     ground = [(node, node.position) for node in under]
-    found = looks(bodies, children, branch_colors(parent))
-    leaves = np.linalg.norm(level(pose[:, 0, :3] - pose[0, 0, :3], up), axis=-1).max() > size
-    camera.position, camera.look_at = fitted(
-        whole(found, pose, up, leaves), up, towards(model.up, "start"), ASPECT
-    )
+    camera.position, camera.look_at = fitted(track.corners, up, towards(model.up, "start"), ASPECT)
     camera.up, camera.fov = up, FRAMING.field_of_view
     unlit(scene)
     light(scene, False, model.up)
@@ -83,23 +78,13 @@ def draw(
     times = np.linspace(t[0], t[-1], count)
     for time in times:
         positions, wxyz = between(t, pose, float(time))
-        gone = level(positions[0] - pose[0, 0, :3], up) if leaves else np.zeros(3)
+        gone = track.gone(positions)
         drawn.place(positions - gone, wxyz)
         if extra is not None:
             extra(float(time), positions, wxyz, gone)
         for node, at in ground:
             node.position = at - gone
         wait(float(times[1] - times[0]))
-
-
-def whole(found: Sequence[Look], pose: np.ndarray, up: np.ndarray, leaves: bool) -> np.ndarray:
-    """Return body corners at sampled instants of the run (n, 3), in place if the run `leaves`."""
-    corners = []
-    for frame in pose[np.linspace(0, len(pose) - 1, MOMENTS).astype(int)]:
-        gone = level(frame[0, :3] - pose[0, 0, :3], up) if leaves else np.zeros(3)
-        corners.append(extent(found, frame[:, :3] - gone, to_matrix(frame[:, 3:])))
-    every = np.concatenate(corners)
-    return every if np.isfinite(every).all() else corners[0]
 
 
 def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -112,11 +97,6 @@ def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, n
     sign = np.where((a[:, 3:] * b[:, 3:]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
     wxyz = (1 - s) * a[:, 3:] + s * sign * b[:, 3:]
     return (1 - s) * a[:, :3] + s * b[:, :3], wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True)
-
-
-def level(way: np.ndarray, up: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Remove the component along the axis `up` from vectors (..., 3)."""
-    return way * (1.0 - np.asarray(up))
 
 
 def opened(page: str, height: int = 480) -> Any:

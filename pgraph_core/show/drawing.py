@@ -9,8 +9,7 @@ import numpy as np
 
 from ..errors import InputError, Problem, choices
 from . import shapes, stage
-from .animation import level
-from .bodies import extent, looks
+from .bodies import Track, looks
 from .notebook import numbered
 from .raster import NOTHING, Camera, Ground, Sun, Tones, cover, developed, light
 
@@ -40,19 +39,13 @@ class Drawing:
         children, colors = shapes.children_of(parent), shapes.branch_colors(parent)
         self.looks = looks(bodies, children, colors)
         self._solids(self.looks)
-        self._start = poses[0, 0, :3] if poses.shape[1] else np.zeros(3)
-        first = self._corners(poses[0])
-        still = max(float(np.linalg.norm(np.ptp(first, axis=0))), 0.05)
-        gone = level(poses[:, :1, :3] - self._start, self.up) if poses.shape[1] else np.zeros(1)
-        self._travels = bool(np.linalg.norm(gone, axis=-1).max(initial=0.0) > still)
-        near = poses[:: max(len(poses) // 40, 1)]
-        seen = np.concatenate([self._corners(pose) - self._gone(pose) for pose in near])
-        self._reach = float(np.linalg.norm(np.ptp(seen, axis=0))) or 0.05
+        self._track = Track(self.looks, poses, self.up)
+        self._reach = self._track.size
         way = stage.towards(model.up, view)
-        self._view = stage.fitted(seen, self.up, way, self.size[0] / self.size[1])
+        self._view = stage.fitted(self._track.corners, self.up, way, self.size[0] / self.size[1])
         self._right, self._above = stage.frame(self.up, way)
         self._way = way
-        flat = level(stage.towards(model.up, "start"), self.up)
+        flat = stage.towards(model.up, "start") * self._track.across
         flat /= np.linalg.norm(flat)
         sunwards = np.array((np.cross(self.up, flat), flat, self.up)).T @ np.array(TILT)
         self.towards_sun = sunwards / np.linalg.norm(sunwards)
@@ -126,13 +119,6 @@ class Drawing:
         normals[:count] = np.einsum("nij,nj->ni", turns, normals[:count])
         return places, normals
 
-    def _corners(self, pose: np.ndarray) -> np.ndarray:
-        return extent(self.looks, pose[:, :3], shapes.to_matrix(pose[:, 3:]))
-
-    def _gone(self, pose: np.ndarray) -> np.ndarray:
-        """Return the camera displacement that follows a travelling mechanism [m]."""
-        return level(pose[0, :3] - self._start, self.up) if self._travels else np.zeros(3)
-
     # -- where it is seen from -----------------------------------------------------------------
 
     def on_screen(self, places: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -147,7 +133,7 @@ class Drawing:
         width, height = self.size[0] * OVERSAMPLING, self.size[1] * OVERSAMPLING
         step = 2 * np.tan(stage.FRAMING.field_of_view / 2) / height
         corner = -self._way - self._right * step * width / 2 + self._above * step * height / 2
-        eye = self._view.position + self._gone(pose)
+        eye = self._view.position + self._track.gone(pose)
         return Camera._make(map(_three, (eye, corner, self._right * step, -self._above * step)))
 
     def _projected(self, places: np.ndarray, camera: Camera) -> np.ndarray:

@@ -121,60 +121,41 @@ ROUND = 20  # points around a ball or a rim
 MOST_PIECES = 400  # pieces that are drawn: the nearest bodies of a large model
 
 
-def picture(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
-            positions: np.ndarray, R: np.ndarray) -> str:  # fmt: skip
-    """Draw `model` at the given poses (nb, 3), (nb, 3, 3), with bodies in the order of `names`."""
-    return pictures(model, parent, names, [(positions, R)])[0]
+def pictures(model: Any, poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[str]:
+    """Return an SVG of `model` with bodies, by number, at each of the poses (nb, 3), (nb, 3, 3).
 
-
-def pictures(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
-             poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[str]:  # fmt: skip
-    """Draw `model` at each of these poses with a common scale and centre."""
-    children, colors = shapes.children_of(parent), shapes.branch_colors(parent)
-    looks = bodies.looks([model.body(name) for name in names], children, colors)
-    up = np.array(GRID[model.up][1])
+    All have the same scale and centre.
+    """
+    known, parent = numbered(model)
+    looks = bodies.looks(known, shapes.children_of(parent), shapes.branch_colors(parent))
     way = stage.towards(model.up, "start")
-    right, above = stage.frame(up, way)
-    view = np.stack((right, above, way))
-    every = [_parts(looks, view, *pose) for pose in poses]
-    points = [flat for drawn in every for _, flat, _, _ in drawn]
-    if not points:
-        return [_svg("") for _ in every]
-    low, high = np.concatenate(points).min(0), np.concatenate(points).max(0)
-    scale = 0.88 * min(WIDTH / max(high[0] - low[0], 1e-9), HEIGHT / max(high[1] - low[1], 1e-9))
-    middle = (low + high) / 2
+    view = np.stack((*stage.frame(np.array(GRID[model.up][1]), way), way))
+    every = [
+        [
+            ((at + outline(piece) @ turn.T) @ view.T, piece.color or look.color, piece.opacity)
+            for look, at, turn in zip(looks, *pose) for piece in look.pieces[:MOST_PIECES]
+        ]
+        for pose in poses
+    ]  # fmt: skip
+    flat = np.concatenate([np.zeros((0, 2)), *(seen[:, :2] for one in every for seen, *_ in one)])
+    low, high = flat.min(axis=0, initial=np.inf), flat.max(axis=0, initial=-np.inf)
+    scale = 0.88 * min(np.array((WIDTH, HEIGHT)) / np.maximum(high - low, 1e-9))
     found = []
     for drawn in every:
-        drawn = sorted(drawn, key=lambda part: part[0])[-MOST_PIECES:]
-        found.append(_svg("".join(_shape(*part[1:], middle, scale) for part in drawn)))
+        nearest = sorted(drawn, key=lambda part: part[0][:, 2].mean())[-MOST_PIECES:]
+        inside = "".join(_shape(seen[:, :2], *look, (low + high) / 2, scale)
+                         for seen, *look in nearest)  # fmt: skip
+        box = f'viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
+        svg = f'<svg xmlns="http://www.w3.org/2000/svg" {box} aria-hidden="true">{inside}</svg>'
+        found.append(svg)
     return found
-
-
-def _parts(
-    looks: Sequence[bodies.Look], view: np.ndarray, positions: np.ndarray, R: np.ndarray
-) -> list[tuple[float, np.ndarray, shapes.Color, float]]:
-    """Return (nearness, corners in the picture, colour, opacity) for each piece."""
-    drawn: list[tuple[float, np.ndarray, shapes.Color, float]] = []
-    for look, at, turn in zip(looks, positions, R):
-        for piece in look.pieces[:MOST_PIECES]:
-            corners = at + outline(piece) @ turn.T
-            flat = corners @ view.T
-            color = piece.color or look.color
-            drawn.append((float(flat[:, 2].mean()), flat[:, :2], color, piece.opacity))
-    return drawn
-
-
-def _svg(inside: str) -> str:
-    box = f'viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
-    return f'<svg xmlns="http://www.w3.org/2000/svg" {box} aria-hidden="true">{inside}</svg>'
 
 
 def _shape(
     flat: np.ndarray, color: shapes.Color, opacity: float, middle: np.ndarray, scale: float
 ) -> str:
     """Return the convex outline of the points as SVG, lit from above."""
-    at = (flat - middle) * scale
-    at = np.column_stack((WIDTH / 2 + at[:, 0], HEIGHT / 2 - at[:, 1]))
+    at = (WIDTH / 2, HEIGHT / 2) + (flat - middle) * (scale, -scale)
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in hull(at))
     edge = tuple(int(0.72 * c) for c in color)
     seen = f' opacity="{opacity:.3g}"' if opacity < 1 else ""
