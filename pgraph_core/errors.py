@@ -11,7 +11,7 @@ import os
 import struct
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from numbers import Integral, Real
@@ -271,7 +271,7 @@ def _explained(function: Any) -> Any:
             if not any(map(is_deep, (*args, *named.values()))):
                 raise
             text = "has an argument that contains itself or is nested too deeply"
-            raise InputError(Problem(function.__qualname__, "", text)) from None
+            raise InputError(Problem(_called_as(function, args), "", text)) from None
         except BARE as error:
             if ours := words.renamed(named, _names(function)):
                 return call(*args, **ours)
@@ -281,6 +281,16 @@ def _explained(function: Any) -> Any:
             raise InputError(found) from (None if found[0].text.startswith("is ") else error)
 
     return call
+
+
+def _called_as(function: Any, args: Sequence[Any]) -> str:
+    """Return the name of a call as it is written: that of a method with the class of its object."""
+    name = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
+    owner, _, method = name.rpartition(".")
+    kinds = (args[0] if isinstance(args[0], type) else type(args[0])).__mro__ if args else ()
+    if owner and any(kind.__qualname__ == owner for kind in kinds):
+        return f"{kinds[0].__qualname__}.{method}"
+    return f"{kinds[0].__qualname__}" if any(k.__qualname__ == name for k in kinds) else name
 
 
 def _names(function: Any) -> list[str]:
@@ -311,7 +321,7 @@ def _problems_of_call(
 ) -> list[Problem]:
     """Return the problems with the arguments of a failed call, or [] if they fit."""
     signature = inspect.signature(function)
-    where = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
+    where = _called_as(function, args)
     parameters = signature.parameters
     if next(iter(parameters), "") in ("self", "cls", "_cls"):
         if not (args and hasattr(args[0], function.__name__)):

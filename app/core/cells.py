@@ -14,7 +14,7 @@ from dataclasses import field as field_
 from typing import Any, Literal
 
 import pgraph_core as pg
-from pgraph_core.model.model import PARTS
+from pgraph_core.model.checks import PARTS
 from pgraph_core.model.parameters import evaluated
 
 Quantity = Literal["angle", "length", "mass", "number"]

@@ -16,7 +16,7 @@ from typing import Any
 import pgraph_core as pg
 from pgraph_core.errors import counted
 from pgraph_core.joints import AXIAL, SIZE
-from pgraph_core.model.model import TOLD
+from pgraph_core.model.description import TOLD
 
 from .cells import LISTS, Key, Refusal, Rows, names_of
 from .state import Notice, Rename, S, Step, replied, told

@@ -18,7 +18,7 @@ from pgraph_core.errors import choices, counted
 from pgraph_core.formats import READERS
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
-from pgraph_core.model.model import PARTS
+from pgraph_core.model.checks import PARTS
 
 from ..core import cells, edit
 from ..core.cells import Refusal

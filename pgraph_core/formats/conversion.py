@@ -16,9 +16,9 @@ from ..errors import FileError, InputError, Problem, Suggests, choices, explaine
 from ..fields import GROUND
 from ..model import Gear, Model
 from ..model.body import inertia_problems
+from ..model.description import LOST
 from ..model.doubts import MILLI, wide
 from ..model.files import ALLOW
-from ..model.model import LOST
 from ..tolerances import SOLVED
 
 Kind = Literal["read", "converted", "approximated", "left out", "warning"]

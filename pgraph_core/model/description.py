@@ -1,0 +1,274 @@
+"""The parts of a model: what a description holds, and how its parts are found by name."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, Self, overload
+
+from pydantic import ValidationError
+
+from ..errors import ModelError, Problem, choices, explained, nearest_first, shown
+from ..fields import Vec3, field, listed, parts_of
+from ..forces import Force, ends_of
+from ..sentences import in_our_words
+from .body import Body
+from .checks import PARTS, model_problems, problems
+from .constraint import AtPoints, Constraint, Rolling, Skate
+from .contact import Contact
+from .control import Control
+from .doubts import doubts
+from .editing import followed_tips
+from .output import Output, Site
+from .parameters import Formula, inlined, resolved, still_true
+from .scenario import Scenario
+from .world import World
+
+Part = Body | Constraint | Contact | Force | Scenario | Site | Output | Control
+TOLD = "edits told"  # among the attributes of a model
+LOST = "lost in reading"  # likewise
+PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
+
+
+@explained
+class Description(World):
+    """All parts of a model in the order of their lists."""
+
+    bodies: tuple[Body, ...] = field("a list of bodies", converter=parts_of(Body), default=())
+    constraints: tuple[Constraint, ...] = field(
+        "a list of constraints", converter=parts_of(Constraint), default=()
+    )
+    contacts: tuple[Contact, ...] = field(
+        "a list of contacts", converter=parts_of(Contact), default=()
+    )
+    forces: tuple[Force, ...] = field("a list of forces", converter=parts_of(Force), default=())
+    scenarios: tuple[Scenario, ...] = field(
+        "a list of scenarios", converter=parts_of(Scenario), default=()
+    )
+    sites: tuple[Site, ...] = field("a list of sites", converter=parts_of(Site), default=())
+    outputs: tuple[Output, ...] = field("a list of outputs", converter=parts_of(Output), default=())
+    controls: tuple[Control, ...] = field(
+        "a list of controls", converter=parts_of(Control), default=()
+    )
+    formulas: tuple[Formula, ...] = field(
+        "formulas of cells", converter=parts_of(Formula), default=()
+    )
+
+    if not TYPE_CHECKING:
+
+        def __init__(self, /, **data: Any):
+            """Validate a model. Raises ModelError with all problems."""
+            data = resolved({key: listed(value) for key, value in data.items()})
+            try:
+                super(World, self).__init__(**data)
+            except (ValidationError, ModelError):
+                if ours := in_our_words(type(self), data):
+                    self.__init__(**ours)
+                    return
+                raise ModelError(problems(data, type(self).model_fields)) from None
+            if found := model_problems(self._parts(), self.ground, self.parameters):
+                raise ModelError(found)
+
+    def __repr__(self) -> str:
+        counts = [len(getattr(self, key)) for key in PARTS]
+        words = [
+            f"{n} {key if n != 1 else word}" for n, (word, key) in zip(counts, PARTS_OF.items())
+        ]
+        named = [words[0], *(text for n, text in zip(counts[1:], words[1:]) if n)]
+        return f"<Model {shown(self.name)}: {', '.join(named)}; up {self.up}>"
+
+    __str__ = __repr__
+
+    @cached_property
+    def row(self) -> Mapping[str, int]:
+        """The table row, from 0, for each body name."""
+        return {body.name: i for i, body in enumerate(self.bodies)}
+
+    @cached_property
+    def limited(self) -> bool:
+        """Return True if a joint, tendon or spring has limits."""
+        return any(any(body.limits) for body in self.bodies) or any(
+            end is not None for f in self.forces for end in ends_of(f)
+        )
+
+    @cached_property
+    def notices(self) -> tuple[str, ...]:
+        """Notices of additional changes from the last edit or from reading a file.
+
+        A run repeats the notices of all edits since the model was made or read.
+        """
+        return ()
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The notices from all edits since the model was created or read."""
+        return vars(self).get(TOLD, ())
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Messages about parts of the file that affect the motion and are missing from the model.
+
+        It is empty for files of Pgraph. Edits keep it, and every run repeats it as notices.
+        """
+        return vars(self).get(LOST, ())
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """Warnings about implausible values and parts without effect, repeated by each run."""
+        return tuple(doubts(self))
+
+    def body(self, name: str) -> Body:
+        """Return the body with a name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the body.
+
+        Raises
+        ------
+        ModelError
+            If no body has this name. The message lists the existing names.
+        """
+        if name not in self.row:
+            text = f"no body has this name; choose one of {choices(self.row)}"
+            raise ModelError(Problem(f"body {shown(name)}", "", text))
+        return self.bodies[self.row[name]]
+
+    def __contains__(self, name: Any) -> bool:
+        """Return True if the model has a part `name`."""
+        return any(part.name == name for key in PARTS for part in getattr(self, key))
+
+    def __getitem__(self, name: str, /) -> Part:
+        """Return the part called `name`, like `part(name)`."""
+        return self.part(name)
+
+    @overload
+    def part(self, name: str, /, kind: Literal["body"]) -> Body: ...
+    @overload
+    def part(self, name: str, /, kind: Literal["constraint"]) -> Constraint: ...
+    @overload
+    def part(self, name: str, /, kind: Literal["contact"]) -> Contact: ...
+    @overload
+    def part(self, name: str, /, kind: Literal["force"]) -> Force: ...
+    @overload
+    def part(self, name: str, /, kind: Literal["scenario"]) -> Scenario: ...
+    @overload
+    def part(self, name: str, /, kind: Literal["site"]) -> Site: ...
+    @overload
+    def part(self, name: str, /, kind: Literal["output"]) -> Output: ...
+    @overload
+    def part(self, name: str, /, kind: Literal["control"]) -> Control: ...
+    @overload
+    def part(self, name: str, /, kind: str | None = None) -> Part: ...
+    def part(self, name: str, /, kind: str | None = None) -> Part:
+        """Return the part with a name.
+
+        Parameters
+        ----------
+        name : str
+            Name of a body or of any other part. A body has priority.
+        kind : str, optional
+            "body", "constraint", "contact", "force", "scenario", "site", "output" or "control",
+            to choose among several parts with this name.
+
+        Raises
+        ------
+        ModelError
+            If there is none, or if several parts have this name and `kind` is not given.
+        """
+        if kind is not None and kind not in PARTS_OF:
+            text = f"must be one of {', '.join(PARTS_OF)}; given {shown(kind)}"
+            raise ModelError(Problem(f"part {shown(name)}", "kind", text))
+        found: dict[str, Part] = {}
+        for word in PARTS_OF if kind is None else (kind,):
+            for part in getattr(self, PARTS_OF[word]):
+                if part.name == name:
+                    found[word] = part
+        if "body" in found:
+            return found["body"]
+        if len(found) == 1:
+            return next(iter(found.values()))
+        if found:
+            kinds = [f'kind="{word}"' for word in found]
+            text = f"a {' and a '.join(found)} have this name; give {' or '.join(kinds)}"
+            raise ModelError(Problem(f"part {shown(name)}", "", text))
+        keys = PARTS if kind is None else (PARTS_OF[kind],)
+        known = [part.name for key in keys for part in getattr(self, key)]
+        word = kind or ("part" if len(known) > len(self.bodies) else "body")
+        do = f"choose one of {choices(nearest_first(name, known))}" if known else "there is none"
+        raise ModelError(Problem(f"{word} {shown(name)}", "", f"no {word} has this name; {do}"))
+
+    def scenario(self, name: str) -> Scenario:
+        """Return the scenario with a name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the scenario.
+
+        Raises
+        ------
+        ModelError
+            If no scenario has this name. The message lists the existing names.
+        """
+        found = next((s for s in self.scenarios if s.name == name), None)
+        if found is None:
+            known = choices(s.name for s in self.scenarios)
+            do = f"choose one of {known}" if known else "the model has no scenario"
+            raise ModelError(Problem(f"scenario {shown(name)}", "", f"is not there; {do}"))
+        return found
+
+    def point_of(self, constraint: Constraint) -> Vec3:
+        """Return the `point` of a constraint in the axes of its body [m].
+
+        The default is the body's tip, and the middle of its shape for rolling.
+        """
+        body = self.body(constraint.body)
+        if isinstance(constraint, (AtPoints, Skate)) and constraint.point is not None:
+            return constraint.point
+        if isinstance(constraint, Rolling) and body.shape is not None:
+            return body.shape.position
+        return body.tip_point
+
+    @cached_property
+    def hash(self) -> str:
+        """The SHA-256 hash of the description. Equal hashes mean equal physics."""
+        return hashlib.sha256(self.to_json().encode()).hexdigest()
+
+    def cells(
+        self, part: Body | Constraint | Contact | Force | Control, kind: str = "bodies", /
+    ) -> dict[str, Any]:
+        """Return the fields of a part as in a file, with formulas in their cells."""
+        mine = (f for f in self.formulas if (f.part, f.name) == (kind, part.name))
+        return inlined(part, mine)
+
+    def _with(self, notices: Iterable[str], **fields: Any) -> Self:
+        """Return a copy with validated parts replaced, checking only relations between parts."""
+        model = self._made(notices, **fields)
+        if found := model_problems(model._parts(), model.ground, model.parameters):
+            raise ModelError(found)
+        return model
+
+    def _made(self, notices: Iterable[str], **fields: Any) -> Self:
+        """Return a copy with parts replaced, without checks."""
+        if formulas := fields.get("formulas", self.formulas):
+            now = {**self._others(), "bodies": self.bodies, **fields}
+            fields = {**fields, "formulas": still_true(formulas, now, self.parameters)}
+        model = self.unchecked_copy(fields)
+        said = tuple(notices)
+        vars(model)["notices"] = said  # not a field: equality ignores it
+        vars(model)[LOST] = self.lost
+        if told := dict.fromkeys((*self.told, *said)):
+            moot = followed_tips(model.bodies, model.row)
+            vars(model)[TOLD] = tuple(text for text in told if text not in moot)
+        return model
+
+    def _parts(self) -> dict[str, Any]:
+        """Return all parts, grouped by field."""
+        return {key: getattr(self, key) for key in PARTS}
+
+    def _others(self) -> dict[str, Any]:
+        """Return the parts other than bodies, grouped by field."""
+        return {key: getattr(self, key) for key in PARTS if key != "bodies"}
