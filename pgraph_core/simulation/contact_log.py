@@ -6,9 +6,8 @@ With time stepping, phases come from a log of changes, good to one step.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,34 +15,18 @@ from numpy.typing import NDArray
 
 from ..analysis.singular import holding
 from ..analysis.touching import between, length_of
-from ..contact import solids
 from ..contact.tables import ContactPair, Tables, pull_of
-from ..contact.tables import tables as tables_of
-from ..dynamics.scene import NO_CONSTRAINTS, Scene
+from ..dynamics.scene import Scene
 from ..engine import layout as at
-from ..engine.arrays import Guard
-from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
-from ..engine.contact import clearance as kernels
-from ..engine.records import (
-    ACCEPTANCE,
-    CLEARANCE,
-    CONTACT,
-    LIMIT,
-    POSE,
-    SLIP,
-    STANCE,
-    SWING,
-    rows_of,
-    table,
-)
+from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..fields import EVERY, GROUND
 from ..forces import ends_of
 from ..mechanism import Mechanism
 from ..model import Spring
 from ..packing import Array, Ints
-from ..portable import Unportable, keep_unchanged
-from ..result.records import FREE, NOTHING, PHASES, ContactRecord, Event
+from ..result.records import NOTHING, PHASES, ContactRecord, Event
 from ..tolerances import NOTABLE, VISIBLE
+from .clearance import Gaps
 from .plan import Idle, RunPlan
 from .switches import Change
 
@@ -52,7 +35,6 @@ if TYPE_CHECKING:
 
 GRAZING = 2  # steps: a flight of a contact that takes no more is none
 MOST_NAMED = 3
-LEAST_ROOM = 8  # contact points for which a search has room
 
 CAUSES = {
     (SWING, ACCEPTANCE): "it touched down, sliding",
@@ -63,6 +45,25 @@ CAUSES = {
 }
 LIFTED = "the ground cannot pull"
 NAMES = np.array(PHASES)
+
+
+COUNTED = {  # field of the tally -> notice if it is not 0
+    "calmed": "restitution with friction would have gained energy in {calmed} steps: "
+    "these were computed without restitution",
+    "crowded": "{crowded} steps, the first at t = {crowded_time:.6g} s, had too many impacts to "
+    "locate one by one: the rest of each step was computed at once, and the motion after it is "
+    "unreliable; use a smaller step",
+    "chains": "at t = {chain_time:.6g} s a body rebounds between several that it touches, {chains} "
+    "times in all: all are hit at once by Newton's law; with gaps between them, however small, the "
+    "impacts would be successive and the result different",
+    "missed": "the contact solver did not converge: at t = {worst_time:.6g} s {worst_name} "
+    "violates its law by {worst:.3g} N; the largest force of the run is {force:.3g} N; try a "
+    "smaller step",
+    "passed": "at t = {passed_time:.6g} s {passed_name} failed: one shape passed through the other "
+    "within a step; use a smaller step",
+    "unlogged": "{unlogged} changes of contacts' phases were not logged",
+    "overflows": "in {overflows} steps there were too many contact points",
+}
 
 
 def contacts_of(
@@ -123,33 +124,12 @@ def contact_notices(
     """
     if scene.touching is None:
         return []
-
     tally, (t, q, _) = scene.touching.tally, frames
-    found: list[str] = []
-    if tally["calmed"]:
-        found.append(
-            f"restitution with friction would have gained energy in {tally['calmed']} steps: "
-            "these were computed without restitution"
-        )
-    if tally["crowded"]:
-        found.append(
-            f"{tally['crowded']} steps, the first at t = {tally['crowded_time']:.6g} s, had too "
-            "many impacts to locate one by one: the rest of each step was computed at once, and "
-            "the motion after it is unreliable; use a smaller step"
-        )
-    if tally["chains"]:
-        found.append(
-            f"at t = {tally['chain_time']:.6g} s a body rebounds between several that it touches, "
-            f"{tally['chains']} times in all: all are hit at once by Newton's law; with gaps "
-            "between them, however small, the impacts would be successive and the result different"
-        )
     names = [*(f"contact '{pair.name}'" for pair in tables.touches), *tables.limits]
-    if tally["worst"] > NOTABLE * tally["force"]:
-        found.append(
-            f"the contact solver did not converge: at t = {tally['worst_time']:.6g} s "
-            f"{names[tally['worst_pair']]} violates its law by {tally['worst']:.3g} N; the largest "
-            f"force of the run is {tally['force']:.3g} N; try a smaller step"
-        )
+    counts = dict(zip(tally.dtype.names, tally.item()))
+    counts |= {"unlogged": unlogged, "missed": counts["worst"] > NOTABLE * counts["force"]}
+    of_pair = {f"{x}_name": "".join(names[counts[f"{x}_pair"] :][:1]) for x in ("worst", "passed")}
+    found = [text.format(**counts, **of_pair) for name, text in COUNTED.items() if counts[name]]
     share, of = float(tally["deepest"]), "the thickness of the touching shapes"
     if share > 0.0 and not (tally["length"] or tables.geometry.shapes["reach"].any()):
         moved = float(np.ptp(q, axis=0).max(initial=0.0))  # a point mass has no size
@@ -162,19 +142,10 @@ def contact_notices(
             f"{share:.2g} of {of}; "
             f"{why or 'use a smaller step, or start without overlap'}"
         )
-    if tally["passed"]:
-        found.append(
-            f"at t = {tally['passed_time']:.6g} s {names[tally['passed_pair']]} failed: one "
-            "shape passed through the other within a step; use a smaller step"
-        )
     found += limits_passed(mech, tables, active, t, q)
     found += pressed(mech, tables, frames[2][0])
     found += bounced(mech, tables, active)
     found += sunk(mech, tables, active, *frames)
-    if unlogged:
-        found.append(f"{unlogged} changes of contacts' phases were not logged")
-    if tally["overflows"]:
-        found.append(f"in {tally['overflows']} steps there were too many contact points")
     return found
 
 
@@ -472,127 +443,4 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
     return (
         f"{drive.format(named)} '{body}' against {what}, and neither can yield: end the motion "
         "earlier, or use a servo, whose force is finite"
-    )
-
-
-# -- gaps, and runs in which nothing comes near ----------------------------------------------------
-
-
-class Clearance(Unportable):
-    """Contact candidates and conditions that may become true, sharing one kernel address."""
-
-    def __init__(
-        self, mech: Mechanism, tables: Tables | None, conditions: Any = None, margin: float = 0.0
-    ):
-        """Start with no pairs or conditions known to be clear.
-
-        `conditions` are records of LIMIT; things are near from a gap of `margin` on [m].
-        """
-        given = tables_of(mech.packed, ()) if tables is None else tables
-        limits = [] if tables is None else [_limits(tables)]
-        limits += [] if conditions is None else [conditions]
-        count = len(given.candidates.on_ground) + len(given.candidates.pairs)
-        self._mech, self._tables = mech, given
-        self._kept = Guard(
-            given.geometry,
-            given.ground,
-            given.candidates,
-            table(POSE, len(given.geometry.shapes)),
-            solids.search_space(given.geometry, len(given.candidates.members)),
-            table(CONTACT, max(given.room, LEAST_ROOM) if given.touches else 0),
-            np.concatenate(limits),
-            table(CLEARANCE, 1),
-            np.zeros(len(mech.packed.run.rows)),
-            np.zeros(count),
-        )
-        self._kept.state["margin"] = margin
-        self._buffer = buffer()
-        kernels.save_guard(self._buffer, unnamed(self._kept))
-        self.address = address_of_array(self._buffer)
-
-    @property
-    def look_back(self) -> int:
-        """The address of the kernel that checks each completed step."""
-        return address_of(kernels.watch_clearance)
-
-    def gaps(self, scene: Scene, q: Array, pairs: int) -> Array:
-        """Return gaps of contact pairs (n, pairs) [m] at states q (n, nq), or inf if unknown."""
-        found = np.full((len(q), pairs), np.inf)
-        kernels.frame_gaps(scene.address, self.address, np.ascontiguousarray(q), found)
-        return found
-
-    def untouched(self, q: Array, log: tuple[Event, ...]) -> ContactRecord:
-        """Return the record of a run over the states q (n, nq) in which nothing touched."""
-        given = self._mech, self._tables, q, log
-        return ContactRecord.later(lambda: untouched(*given))
-
-
-def _limits(tables: Tables) -> Any:
-    ints, floats, terms, signs = tables.limit_blocks
-    of_one = ints[:, at.B_TERMS] == 1  # a run with others does not look ahead
-    ints, floats = ints[of_one], floats[of_one]
-    rows = [
-        (int(terms[block[at.B_TERM], 1]), int(terms[block[at.B_TERM], 0]), sign, value, -1)
-        for block, sign, value in zip(ints, signs[ints[:, at.B_TERM]], floats[:, at.VALUE])
-    ]
-    return rows_of(LIMIT, rows)
-
-
-class Gaps(Mapping[str, Array]):
-    """Gaps of contact pairs by name, computed on first access."""
-
-    def __init__(self, mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Array]):
-        """Prepare gaps at the states q (n, nq), with `known` gaps for members of one contact."""
-        self._given = mech, tables, q, known
-
-    @cached_property
-    def _found(self) -> dict[str, Array]:
-        mech, tables, q, known = self._given
-        scene = Scene(mech.packed, mech.packed.passive, mech.packed.loads(()), NO_CONSTRAINTS)
-        found = Clearance(mech, tables).gaps(scene, q, len(tables.touches))
-        gaps = {touch.name: gap for touch, gap in zip(tables.touches, found.T)}
-        gaps |= {
-            t.name: known[t.name] for t in tables.touches if t.body == EVERY and t.name in known
-        }
-        keep_unchanged(gaps.values())
-        return gaps
-
-    def __getitem__(self, name: str) -> Array:
-        """Return the gap of one pair, (n,)."""
-        return self._found[name]
-
-    def __iter__(self) -> Iterator[str]:
-        """Over the names."""
-        return (touch.name for touch in self._given[1].touches)
-
-    def __len__(self) -> int:
-        """Return the number of pairs."""
-        return len(self._given[1].touches)
-
-    def __repr__(self) -> str:
-        """Return the repr of the contents as a dictionary."""
-        return repr(self._found)
-
-    def __reduce__(self) -> Any:
-        """A plain dictionary."""
-        return dict, (self._found,)
-
-    def __deepcopy__(self, memo: Any) -> dict[str, Array]:
-        """A plain dictionary."""
-        return {name: gap.copy() for name, gap in self._found.items()}
-
-
-def untouched(mech: Mechanism, tables: Tables, q: Array, log: Sequence[Event]) -> ContactRecord:
-    """Return the record of a run over the states q (n, nq) in which nothing touched."""
-    n, names = len(q), [t.name for t in tables.touches]
-    swings, is_free = np.full(n, PHASES[SWING]), np.full(n, FREE)
-    return ContactRecord(
-        force={name: np.zeros((n, 6)) for name in names},
-        gap=Gaps(mech, tables, q, {}),
-        slip={name: np.zeros(n) for name in names},
-        limit={name: np.zeros(n) for name in tables.limits},
-        wrench=np.zeros((n, mech.nb, 6)),
-        normal={t.name: np.zeros(n) for t in tables.touches if t.other == GROUND},
-        phases=dict.fromkeys(names, swings) | dict.fromkeys(tables.limits, is_free),
-        events=tuple(log),
     )

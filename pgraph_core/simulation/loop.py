@@ -38,7 +38,7 @@ from .options import FINER, MOST_CHOSEN, RTOL
 from .plan import MANY_STEPS, RunPlan, Way, keep
 
 if TYPE_CHECKING:
-    from .contact_log import Clearance
+    from .clearance import Clearance
     from .sensitivity import Carried
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))

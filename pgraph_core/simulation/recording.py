@@ -209,7 +209,7 @@ class Recording:
         conditions = limits_of(self.mech, plan.conditions)
         tables = plan.declared if plan.way is not None else None
         if tables is not None or len(conditions):
-            from .contact_log import Clearance
+            from .clearance import Clearance
 
             guard: Clearance | None = None
             if self.coarser is None and not self.met:

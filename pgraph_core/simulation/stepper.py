@@ -42,7 +42,7 @@ from .start import by_names, torques_by_names, with_state
 from .switches import Change
 
 if TYPE_CHECKING:
-    from .contact_log import Clearance
+    from .clearance import Clearance
     from .one_step import LinearStep
 
 GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
@@ -230,7 +230,7 @@ class Stepper(Snapshots):
 
     @cached_property
     def _clearance(self) -> Clearance:
-        from .contact_log import Clearance
+        from .clearance import Clearance
 
         assert self._record.plan.contacts is not None
         return Clearance(self.mech, self._record.plan.contacts)

@@ -1,0 +1,142 @@
+"""Gaps between shapes that may touch, and the records of runs in which nothing touched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..contact import solids
+from ..contact.tables import Tables
+from ..contact.tables import tables as tables_of
+from ..dynamics.scene import NO_CONSTRAINTS, Scene
+from ..engine import layout as at
+from ..engine.arrays import Guard
+from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
+from ..engine.contact import clearance as kernels
+from ..engine.records import CLEARANCE, CONTACT, LIMIT, POSE, SWING, rows_of, table
+from ..fields import EVERY, GROUND
+from ..mechanism import Mechanism
+from ..packing import Array
+from ..portable import Unportable, keep_unchanged
+from ..result.records import FREE, PHASES, ContactRecord, Event
+
+LEAST_ROOM = 8  # contact points for which a search has room
+
+
+class Clearance(Unportable):
+    """Contact candidates and conditions that may become true, sharing one kernel address."""
+
+    def __init__(
+        self, mech: Mechanism, tables: Tables | None, conditions: Any = None, margin: float = 0.0
+    ):
+        """Start with no pairs or conditions known to be clear.
+
+        `conditions` are records of LIMIT; things are near from a gap of `margin` on [m].
+        """
+        given = tables_of(mech.packed, ()) if tables is None else tables
+        limits = [] if tables is None else [_limits(tables)]
+        limits += [] if conditions is None else [conditions]
+        count = len(given.candidates.on_ground) + len(given.candidates.pairs)
+        self._mech, self._tables = mech, given
+        self._kept = Guard(
+            given.geometry, given.ground, given.candidates,
+            table(POSE, len(given.geometry.shapes)),
+            solids.search_space(given.geometry, len(given.candidates.members)),
+            table(CONTACT, max(given.room, LEAST_ROOM) if given.touches else 0),
+            np.concatenate(limits), table(CLEARANCE, 1),
+            np.zeros(len(mech.packed.run.rows)), np.zeros(count),
+        )  # fmt: skip
+        self._kept.state["margin"] = margin
+        self._buffer = buffer()
+        kernels.save_guard(self._buffer, unnamed(self._kept))
+        self.address = address_of_array(self._buffer)
+
+    @property
+    def look_back(self) -> int:
+        """The address of the kernel that checks each completed step."""
+        return address_of(kernels.watch_clearance)
+
+    def gaps(self, scene: Scene, q: Array, pairs: int) -> Array:
+        """Return gaps of contact pairs (n, pairs) [m] at states q (n, nq), or inf if unknown."""
+        found = np.full((len(q), pairs), np.inf)
+        kernels.frame_gaps(scene.address, self.address, np.ascontiguousarray(q), found)
+        return found
+
+    def untouched(self, q: Array, log: tuple[Event, ...]) -> ContactRecord:
+        """Return the record of a run over the states q (n, nq) in which nothing touched."""
+        given = self._mech, self._tables, q, log
+        return ContactRecord.later(lambda: untouched(*given))
+
+
+def _limits(tables: Tables) -> Any:
+    ints, floats, terms, signs = tables.limit_blocks
+    of_one = ints[:, at.B_TERMS] == 1  # a run with others does not look ahead
+    ints, floats = ints[of_one], floats[of_one]
+    rows = [
+        (int(terms[block[at.B_TERM], 1]), int(terms[block[at.B_TERM], 0]), sign, value, -1)
+        for block, sign, value in zip(ints, signs[ints[:, at.B_TERM]], floats[:, at.VALUE])
+    ]
+    return rows_of(LIMIT, rows)
+
+
+class Gaps(Mapping[str, Array]):
+    """Gaps of contact pairs by name, computed on first access."""
+
+    def __init__(self, mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Array]):
+        """Prepare gaps at the states q (n, nq), with `known` gaps for members of one contact."""
+        self._given = mech, tables, q, known
+
+    @cached_property
+    def _found(self) -> dict[str, Array]:
+        mech, tables, q, known = self._given
+        scene = Scene(mech.packed, mech.packed.passive, mech.packed.loads(()), NO_CONSTRAINTS)
+        found = Clearance(mech, tables).gaps(scene, q, len(tables.touches))
+        gaps = {touch.name: gap for touch, gap in zip(tables.touches, found.T)}
+        gaps |= {
+            t.name: known[t.name] for t in tables.touches if t.body == EVERY and t.name in known
+        }
+        keep_unchanged(gaps.values())
+        return gaps
+
+    def __getitem__(self, name: str) -> Array:
+        """Return the gap of one pair, (n,)."""
+        return self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Over the names."""
+        return (touch.name for touch in self._given[1].touches)
+
+    def __len__(self) -> int:
+        """Return the number of pairs."""
+        return len(self._given[1].touches)
+
+    def __repr__(self) -> str:
+        """Return the repr of the contents as a dictionary."""
+        return repr(self._found)
+
+    def __reduce__(self) -> Any:
+        """A plain dictionary."""
+        return dict, (self._found,)
+
+    def __deepcopy__(self, memo: Any) -> dict[str, Array]:
+        """A plain dictionary."""
+        return {name: gap.copy() for name, gap in self._found.items()}
+
+
+def untouched(mech: Mechanism, tables: Tables, q: Array, log: Sequence[Event]) -> ContactRecord:
+    """Return the record of a run over the states q (n, nq) in which nothing touched."""
+    n, names = len(q), [t.name for t in tables.touches]
+    swings, is_free = np.full(n, PHASES[SWING]), np.full(n, FREE)
+    return ContactRecord(
+        force={name: np.zeros((n, 6)) for name in names},
+        gap=Gaps(mech, tables, q, {}),
+        slip={name: np.zeros(n) for name in names},
+        limit={name: np.zeros(n) for name in tables.limits},
+        wrench=np.zeros((n, mech.nb, 6)),
+        normal={t.name: np.zeros(n) for t in tables.touches if t.other == GROUND},
+        phases=dict.fromkeys(names, swings) | dict.fromkeys(tables.limits, is_free),
+        events=tuple(log),
+    )
