@@ -57,8 +57,8 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     """Return ((n,) largest rotation [rad], (n,) largest translation [m]) between motions q and
     `other`.
 
-    Motions have shape (n, nq), and `rows` are the joint rows of the mechanism. Attitudes differ by
-    an angle.
+    Motions have shape (n, nq), the other one or (1, nq), and `rows` are the joint rows of the
+    mechanism. Attitudes differ by an angle.
     """
     kinds, places = rows[1:, at.KIND], rows[1:, at.QI]
     apart = np.abs(q - other)
@@ -79,7 +79,7 @@ def size_of_motion(rows: Ints, q: Array, length: float) -> float:
     """
     if not len(q):
         return 0.0
-    turned, moved = differences(rows, np.broadcast_to(q[:1], q.shape), q)
+    turned, moved = differences(rows, q, q[:1])
     rest = float(np.sqrt(np.finfo(float).eps)) * (length or 1.0)
     return max(float(turned.max()), float(moved.max()), rest)
 
