@@ -287,10 +287,16 @@ def _called_as(function: Any, args: Sequence[Any]) -> str:
     """Return the name of a call as it is written: that of a method with the class of its object."""
     name = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
     owner, _, method = name.rpartition(".")
-    kinds = (args[0] if isinstance(args[0], type) else type(args[0])).__mro__ if args else ()
-    if owner and any(kind.__qualname__ == owner for kind in kinds):
-        return f"{kinds[0].__qualname__}.{method}"
-    return f"{kinds[0].__qualname__}" if any(k.__qualname__ == name for k in kinds) else name
+    kind = args[0] if args and isinstance(args[0], type) else type(args[0] if args else None)
+    classes = [known.__qualname__ for known in kind.__mro__]
+    if owner in classes:
+        return f"{classes[0]}.{method}"
+    if name in classes:
+        return classes[0]
+    known = function.__globals__.get(owner)
+    while isinstance(known, type) and len(parts := known.__subclasses__()) == 1:
+        known = parts[0]  # a class that only splits another one
+    return f"{known.__qualname__}.{method}" if isinstance(known, type) else name
 
 
 def _names(function: Any) -> list[str]:

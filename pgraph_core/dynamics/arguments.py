@@ -108,7 +108,8 @@ def positions(packed: Packed, q: Array) -> None:
 
 def whole_number(call: str, field: str, value: Any, least: int, most: float = math.inf) -> int:
     """Return an integer within these bounds. Raises InputError, which names the call."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or not least <= value <= most:
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not whole or not least <= int(value) <= most:
         text = f"must be a whole number >= {least}"
         text += "" if most == math.inf else f" and <= {most}"
         raise InputError(Problem(call, field, f"{text}; given {shown(value)}"))

@@ -13,6 +13,7 @@ from ..errors import ModelError, Problem, choices, explained, nearest_first, sho
 from ..fields import Vec3, field, listed, parts_of
 from ..forces import Force, ends_of
 from ..sentences import in_our_words
+from . import files
 from .body import Body
 from .checks import PARTS, model_problems, problems
 from .constraint import AtPoints, Constraint, Rolling, Skate
@@ -236,6 +237,10 @@ class Description(World):
     def hash(self) -> str:
         """The SHA-256 hash of the description. Equal hashes mean equal physics."""
         return hashlib.sha256(self.to_json().encode()).hexdigest()
+
+    def to_json(self) -> str:
+        """Return the description as JSON text, one body per line."""
+        return files.to_json(self.model_dump(mode="json", exclude_none=True), self.formulas)
 
     def cells(
         self, part: Body | Constraint | Contact | Force | Control, kind: str = "bodies", /

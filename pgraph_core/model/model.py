@@ -86,10 +86,6 @@ class Model(Editable):
 
     # -- files ---------------------------------------------------------------------------------
 
-    def to_json(self) -> str:
-        """Return the description as JSON text, one body per line."""
-        return files.to_json(self.model_dump(mode="json", exclude_none=True), self.formulas)
-
     @classmethod
     def from_json(
         cls,

@@ -143,8 +143,8 @@ def pictures(model: Any, poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> list
     found = []
     for drawn in every:
         nearest = sorted(drawn, key=lambda part: part[0][:, 2].mean())[-MOST_PIECES:]
-        inside = "".join(_shape(seen[:, :2], *look, (low + high) / 2, scale)
-                         for seen, *look in nearest)  # fmt: skip
+        inside = "".join(_shape(seen[:, :2], color, opacity, (low + high) / 2, scale)
+                         for seen, color, opacity in nearest)  # fmt: skip
         box = f'viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
         svg = f'<svg xmlns="http://www.w3.org/2000/svg" {box} aria-hidden="true">{inside}</svg>'
         found.append(svg)

@@ -1,11 +1,6 @@
-"""Why a run ended early: its status, with the place and a suggestion.
-
-A `record` is a `Recording`, whose module imports this one.
-"""
+"""Why a run ended early: its status, with the place and a suggestion."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -13,10 +8,12 @@ from ..analysis.singular import blocked, unequal
 from ..engine import layout as at
 from ..engine.records import SWING
 from ..engine.signals import CONTROL, FAILED, LOST, OWNER, values
+from ..model import Control, Force
 from ..model.expressions import expressions_of
 from ..packing import Ints
 from ..result import Status
 from ..tolerances import EPS, NOTABLE
+from .running import Running
 
 STATUS = {
     at.NOT_FINITE: Status.NOT_FINITE,
@@ -27,7 +24,7 @@ STATUS = {
 }
 
 
-def failure(record: Any, code: int) -> tuple[Status, str]:
+def failure(record: Running, code: int) -> tuple[Status, str]:
     """Return (status, message) of a kernel's status code, with the place and a suggestion."""
     t, row = record.steps.control["failed"], int(record.steps.control["fastest"])
     status = STATUS[code]
@@ -37,7 +34,7 @@ def failure(record: Any, code: int) -> tuple[Status, str]:
     return status, f"{status.value} {where}; {_advice(record, status)}"
 
 
-def _advice(record: Any, status: Status) -> str:
+def _advice(record: Running, status: Status) -> str:
     given = record.plan.tolerance
     match status:
         case Status.CANNOT_CLOSE:
@@ -55,7 +52,7 @@ def _advice(record: Any, status: Status) -> str:
     return f"try a step of {0.5 * step:.3g} s, or less stiffness and damping there"
 
 
-def trouble(record: Any, t: float) -> str:
+def trouble(record: Running, t: float) -> str:
     """Return the fault of a function or expression from time t on, for a message."""
     text = record.user.trouble(t) if record.user is not None else ""
     _, targets, states = record.scene.loads.signals
@@ -65,7 +62,7 @@ def trouble(record: Any, t: float) -> str:
     return f": {text}" if text else ""
 
 
-def _steep(record: Any, t: float) -> str:
+def _steep(record: Running, t: float) -> str:
     """Return which expression changes within the least step at t, for a message."""
     code, targets, states = (array.copy() for array in record.scene.loads.signals)
     seen = np.concatenate((targets[:, 0], states[:, 0]))
@@ -82,13 +79,13 @@ def _steep(record: Any, t: float) -> str:
     return ""
 
 
-def _parts(record: Any, owners: Ints, controls: Ints) -> list[Any]:
+def _parts(record: Running, owners: Ints, controls: Ints) -> list[Force | Control]:
     """Return the forces and controls whose expressions have these numbers."""
     forces = [record.plan.varying[i] for i in np.unique(owners).tolist()]
     return forces + [record.mech.model.controls[i] for i in np.unique(controls).tolist()]
 
 
-def _contradicted(record: Any) -> str:
+def _contradicted(record: Running) -> str:
     """Return the contacts and limits that constraints drive bodies against, or ""."""
     if record.events is None or record.done == 0:
         return ""
@@ -101,7 +98,7 @@ def _contradicted(record: Any) -> str:
     return contradicted(record.mech, record.active, points, t, q)
 
 
-def _blocking(record: Any) -> str:
+def _blocking(record: Running) -> str:
     """Return why the last recorded state cannot move to second order, or ""."""
     if record.done == 0:
         return ""
@@ -111,5 +108,5 @@ def _blocking(record: Any) -> str:
     return blocked(record.mech, record.active, t, q, v)
 
 
-def _texts(part: Any) -> str:
+def _texts(part: Force | Control) -> str:
     return " and ".join(repr(text) for _, _, text in expressions_of(part))

@@ -44,10 +44,10 @@ from .monitors import room_for
 from .options import MOST_STEPS
 from .plan import RunPlan
 from .remarks import remarks, turns_unseen
+from .running import Running
 from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
-    from .contact_events import ContactEvents
     from .monitors import Monitor, Watch
     from .sensitivity import Carried
 
@@ -61,13 +61,11 @@ NO_MONITORS = np.zeros((6, 0))  # ROWS of contact.points, which most runs do not
 Progress = Callable[[float], Any] | None
 
 
-class Recording:
-    """A plan in progress, with the stepping loop, scene and frame arrays of one run."""
+class Recording(Running):
+    """A run that is stepped and recorded."""
 
     progress: Progress = None
-    user: UserTorque | None = None  # caller of a torque function
     watch: Watch | None = None  # conditions of switches, then a user's events
-    events: ContactEvents | None = None  # decisions at events of contact points
     _crawls = ""  # the warning that the run would take very many steps
     carried: Carried | None = None  # derivatives
     met = ""  # description of the run until something came near
@@ -462,11 +460,6 @@ class Recording:
         if self.user is not None and self.user.error is not None:
             raise self.user.error
 
-    @property
-    def done(self) -> int:
-        """The number of recorded frames."""
-        return int(self.steps.control["frame"])
-
     # -- where something comes near ---------------------------------------------------------------
 
     def _come_near(self) -> bool:
@@ -622,11 +615,6 @@ class Recording:
     def _is_redundant(self, t: float, q: Array) -> bool:
         """Return whether rows are dependent at or near q, judged by their directions alone."""
         return nulls_of(self.mech, self.active, t, q) > 0
-
-    @property
-    def active(self) -> Ints:
-        """Return the indices of the currently active constraints."""
-        return np.array(sorted(self.held), dtype=np.int64)
 
     def _end_stretch(self) -> None:
         """Keep what is needed to name the singular positions passed since constraints switched."""

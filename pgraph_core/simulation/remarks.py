@@ -1,12 +1,8 @@
-"""Notices about a finished run whose numbers may mislead its reader.
-
-A `record` is a `Recording`, whose module imports this one.
-"""
+"""Notices about a finished run whose numbers may mislead its reader."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -14,9 +10,10 @@ from ..errors import choices
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
 from ..packing import Array
 from ..tolerances import NAMED, VISIBLE
+from .running import Running
 
 
-def remarks(record: Any) -> Iterator[str]:
+def remarks(record: Running) -> Iterator[str]:
     """Yield the notices about a run that reached its end."""
     if not (record.out.v.any() or record.out.vdot.any()):
         yield from at_rest(record)
@@ -24,7 +21,7 @@ def remarks(record: Any) -> Iterator[str]:
     yield from degrees(record)
 
 
-def at_rest(record: Any) -> Iterator[str]:
+def at_rest(record: Running) -> Iterator[str]:
     """Yield a notice if gravity acts but moves no joint in any configuration."""
     mech, model = record.mech, record.mech.model
     held = len(record.plan.ever) or record.plan.contacts is not None
@@ -44,7 +41,7 @@ def at_rest(record: Any) -> Iterator[str]:
         yield f"nothing moves: {why}"
 
 
-def degrees(record: Any) -> Iterator[str]:
+def degrees(record: Running) -> Iterator[str]:
     """Yield notices for hinges that start as if in degrees, unless the model's own does."""
     mech, q = record.mech, record.began[0]
     if not (np.abs(q) >= MOST_ANGLE).any():
@@ -57,7 +54,7 @@ def degrees(record: Any) -> Iterator[str]:
             yield f"q of '{name}': {several_turns(float(q[k]))}"
 
 
-def pulses(record: Any) -> Iterator[str]:
+def pulses(record: Running) -> Iterator[str]:
     """Yield a notice if a function's torques change at a frame without affecting the motion.
 
     A pulse between the evaluations of a step is passed over by any method. Frames are
@@ -80,7 +77,7 @@ def pulses(record: Any) -> Iterator[str]:
         )
 
 
-def turns_unseen(record: Any, frames: tuple[Array, Array, Array, Array]) -> Iterator[str]:
+def turns_unseen(record: Running, frames: tuple[Array, Array, Array, Array]) -> Iterator[str]:
     """Yield a notice about bodies whose motion reverses between frames."""
     from ..result.dense import TOO_WIDE, unseen
 
