@@ -20,22 +20,22 @@ from ..engine import layout as at
 from ..engine import motion as kernels
 from ..engine.compiler.loading import cache_folder
 from ..errors import InputError, Problem, choices, explained, guarded, one_of, shown
-from ..forces import OnJoint
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
-from ..model import Force, Model, Servo, Table
+from ..model import Force, Model
 from ..model.expressions import drives_read
 from ..model.scenario import STEP
-from ..packing import Array, Drives
-from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
-from ..packing.signals import values_of, varying
+from ..packing import Array
+from ..packing.forces import on_bodies
+from ..packing.signals import values_of
 from ..portable import ReadOnly, Snapshots, put_back
 from ..result import Result, Status
 from ..result.bodies import add_constraint_wrenches
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..tolerances import SOLVED
+from .inputs import Inputs
 from .loop import Outcome
-from .options import Options, begun, driven, first_of, inputs_of, positive
+from .options import Options, begun, driven, inputs_of, positive
 from .plan import plan_of, touching_contacts, with_contacts
 from .recording import Recording
 from .start import by_names, torques_by_names, with_state
@@ -48,9 +48,6 @@ if TYPE_CHECKING:
 GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
 AUTO = "auto"
 STEPS_BETWEEN_LOOKS = 100_000  # steps between two looks at whether the user wants to stop
-KNOTS = ("first_target", "targets", "first_torque", "torques")  # fields that locate inputs
-FOLLOWS = ("lag", "integrates", "least", "most")  # fields of the response to an input
-
 ADDRESSES = ("guard", "approach")  # fields of a run's control that belong to this process
 
 
@@ -358,7 +355,7 @@ class Stepper(Snapshots):
         if self.status is not Status.DONE and not self.status.ok:
             text = f"the last step failed: {self.message}; call reset or restore"
             raise InputError(Problem("Stepper.step", "", text))
-        checked = () if inputs is None else self._all_checked(inputs)
+        checked = () if inputs is None else self._inputs.all_checked(inputs)
         self._give(tau)
         for name, value in checked:
             self._put(name, value)
@@ -462,8 +459,8 @@ class Stepper(Snapshots):
 
         chosen = {}
         for name in inputs or ():
-            self._checked(name, self.inputs.get(name, 0.0))
-            _, knot, _, slope, _ = self._inputs[name]
+            self._inputs.checked(name, self.inputs.get(name, 0.0))
+            _, knot, _, slope, _ = self._inputs.known[name]
             chosen[name] = knot, slope
         acting = self._tau if callable(self._tau) else self._record.scene.given.copy()
         torques = acting if tau is None else tau
@@ -511,14 +508,9 @@ class Stepper(Snapshots):
     @property
     def inputs(self) -> dict[str, float]:
         """Constant inputs of motors, servos and actuators, by name."""
-        knots = self._record.plan.drives.knots
-        now = {
-            name: float((knots[knot, 1] - start) / slope)
-            if slope
-            else first_of(getattr(f, f.INPUT))
-            for name, (f, knot, start, slope, _) in self._inputs.items()
-        }
-        return ReadOnly(now, "Stepper.inputs", "write st.step(inputs={name: value})")
+        return ReadOnly(
+            self._inputs.values(), "Stepper.inputs", "write st.step(inputs={name: value})"
+        )
 
     def input(self, name: str, value: float) -> None:
         """Set an input, which stays constant until `reset`.
@@ -535,33 +527,11 @@ class Stepper(Snapshots):
         InputError
             If the name is unknown, or the value is outside the range of the input.
         """
-        self._put(name, self._checked(name, value))
-
-    def _all_checked(self, inputs: Any) -> list[tuple[str, float]]:
-        """Return checked input values by name. Raises InputError."""
-        if not isinstance(inputs, Mapping):
-            text = f"must be a dictionary {{name: value}}; given {shown(inputs)}"
-            raise InputError(Problem("Stepper.step", "inputs", text))
-        return [(name, self._checked(name, x)) for name, x in inputs.items()]
-
-    def _checked(self, name: str, value: Any) -> float:
-        """Return a checked input value. Raises InputError."""
-        if name not in self._inputs:
-            text = f"no constant input is named {shown(name)}; {one_of(self._inputs)}"
-            raise InputError(Problem("Stepper.input", "name", text))
-        x = float(finite("value", [value], 1)[0])
-        if text := self._inputs[name][0].input_problem(x):
-            raise InputError(Problem("Stepper.input", f"'{name}'", text))
-        return x
+        self._put(name, self._inputs.checked(name, value))
 
     def _put(self, name: str, x: float) -> None:
         """Set an input to x from now on."""
-        _, knot, start, slope, follows = self._inputs[name]
-        one = self._record.plan.drives.knots[knot]
-        if follows != AT_ONCE:
-            one[3] = followed(follows, one[1], 0.0, one[3], max(self.t - one[0], 0.0))
-            one[0] = self.t
-        one[1] = start + slope * x
+        self._inputs.put(name, x, self.t)
         self._steps.control["fresh"], self._looked = 0, False
 
     def target(self, servo: str, value: float) -> None:
@@ -579,14 +549,7 @@ class Stepper(Snapshots):
         InputError
             If the name is unknown or the value is not finite.
         """
-        if servo not in self._servos:
-            text = (
-                f"no servo with a constant target is named {shown(servo)}; {one_of(self._servos)}"
-            )
-            raise InputError(Problem("Stepper.target", "servo", text))
-        if servo in self._inputs:  # all with a gain
-            self._checked(servo, value)
-        self._record.plan.drives.knots[self._servos[servo], 1] = finite("value", [value], 1)[0]
+        self._inputs.aim(servo, value)
         self._steps.control["fresh"], self._looked = 0, False
 
     # -- snapshots -------------------------------------------------------------------------------
@@ -659,9 +622,7 @@ class Stepper(Snapshots):
         self._forces = forces
         parts = (*forces, *mech.model.controls)
         read = {name for part in parts for name in drives_read(part)}
-        # what expressions read is a number of theirs, which no step changes
-        self._servos = {k: x for k, x in _servos(forces, drives).items() if k not in read}
-        self._inputs = {k: x for k, x in _inputs(forces, drives).items() if k not in read}
+        self._inputs = Inputs(forces, self._record.plan.drives, read)
         self._ended(Outcome())
         self._open()
 
@@ -691,7 +652,7 @@ class Stepper(Snapshots):
     @property
     def servos(self) -> dict[str, int]:
         """Return {name: knot of the constant target} for the servos."""
-        return self._servos
+        return self._inputs.servos
 
     def _ended(self, how: Outcome) -> None:
         vars(self).update(status=how.status, message=how.message)
@@ -748,37 +709,3 @@ def refuse_as_torques(tau: Any, call: str) -> None:
         text = f"are torques, an array; for {tau} steps write step(n={tau})"
     if text:
         raise InputError(Problem(f"{call}.step", "tau", text))
-
-
-def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:
-    """Return {name: knot of the constant target} for the servos."""
-    driving = [f for f in forces if isinstance(f, OnJoint)]
-    rows = drives.table[["first_target", "targets"]][drives.passive :].tolist()
-    return {
-        f.name: first
-        for f, (first, targets) in zip(driving, rows)
-        if isinstance(f, Servo) and targets == 1 and not f.has_state and not varying(f)
-    }
-
-
-def _inputs(
-    forces: Sequence[Force], drives: Drives
-) -> dict[str, tuple[OnJoint, int, float, float, Follows]]:
-    """Return {name: (force, knot, start, slope, how the acting value follows it)}.
-
-    An input u stands in that knot as start + slope u.
-    """
-    found: dict[str, tuple[OnJoint, int, float, float, Follows]] = {}
-    rows = drives.table[[*KNOTS, *FOLLOWS]][drives.passive :].tolist()
-    for f, row in zip((f for f in forces if isinstance(f, OnJoint)), rows):
-        if varying(f):
-            continue
-        gain, kp = f.law.gain, f.law.kp
-        torque: Any = f.law.torque
-        first_target, targets, first_torque, torques, *follows = row
-        if kp and targets == 1:
-            found[f.name] = f, first_target, 0.0, gain / kp, tuple(follows)
-        elif not kp and torques == 1 and not isinstance(torque, Table):
-            start = 0.0 if f.integrates else torque
-            found[f.name] = f, first_torque, start, gain, tuple(follows)
-    return found
