@@ -149,7 +149,7 @@ def start(args: Namespace) -> None:
     if args.log is not None:
         _log_to(args.log)
     needed("viser")
-    from ..run.update import Simulate
+    from ..gait.update import Simulate
     from ..server import serve  # here: no other command needs viser
     from ..session.autosave import state_folder
 

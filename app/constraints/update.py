@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal, TypeVar, cast
 
 import pgraph_core as pg
 
 from ..core.cells import Refusal
 from ..core.edit import attempted
-from ..core.events import Entries, Event, FromPage, Text, on, on_edit
+from ..core.events import Entries, Event, FromPage, ModelEdit, Text
 from ..core.state import Notice, display_of, told, with_client
 from ..model import Found
 from ..model.update import sent
@@ -20,8 +20,7 @@ S = TypeVar("S", bound=State)
 # -- editing -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class EditPart(FromPage):
+class EditPart(ModelEdit):
     """Text was typed into cells of one field."""
 
     serial: int
@@ -30,67 +29,55 @@ class EditPart(FromPage):
     field: Text
     entries: Entries
 
-
-@on_edit(EditPart)
-def part_edited(state: State, event: EditPart) -> tuple[pg.Model, str]:
-    d, display = state.derived, display_of(state, event.client)
-    places = parts.places(d.names, d.positions, d.wxyz)
-    try:
-        model = parts.changed(
-            state.model, event.part, event.name, event.field, event.entries, display, places
-        )
-    except Refusal as refusal:
-        item = parts.item_of(state.model, event.part, event.name)
-        raise Refusal(f"{about(item, event.field).label}: {refusal}") from None
-    return model, f"{event.field} of {event.name}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        d, display = state.derived, display_of(state, self.client)
+        places = parts.places(d.names, d.positions, d.wxyz)
+        try:
+            model = parts.changed(
+                state.model, self.part, self.name, self.field, self.entries, display, places
+            )
+        except Refusal as refusal:
+            item = parts.item_of(state.model, self.part, self.name)
+            raise Refusal(f"{about(item, self.field).label}: {refusal}") from None
+        return model, f"{self.field} of {self.name}"
 
 
-@dataclass(frozen=True)
-class SwitchPart(FromPage):
+class SwitchPart(ModelEdit):
     """Activate or deactivate a part."""
 
     part: Literal["constraints", "contacts"]
     name: Text
     on: bool
 
-
-@on_edit(SwitchPart)
-def switch(state: State, event: SwitchPart) -> tuple[pg.Model, str]:
-    word = "activate" if event.on else "deactivate"
-    return parts.switched(state.model, event.part, event.name, event.on), f"{word} {event.name}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        word = "activate" if self.on else "deactivate"
+        return parts.switched(state.model, self.part, self.name, self.on), f"{word} {self.name}"
 
 
-@dataclass(frozen=True)
-class DeletePart(FromPage):
+class DeletePart(ModelEdit):
     part: Part
     name: Text
 
-
-@on_edit(DeletePart)
-def delete(state: State, event: DeletePart) -> tuple[pg.Model, str]:
-    return parts.removed(state.model, event.part, event.name), f"delete {event.name}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        return parts.removed(state.model, self.part, self.name), f"delete {self.name}"
 
 
-@dataclass(frozen=True)
 class DuplicatePart(FromPage):
     part: Part
     name: Text
 
-
-@on(DuplicatePart)
-def duplicate(state: State, event: DuplicatePart) -> State:
-    try:
-        model, copy = parts.duplicated(state.model, event.part, event.name)
-    except Refusal as refusal:
-        return told(state, event.client, Notice("Not done", f"{refusal}.", bad=True))
-    after = attempted(state, event.client, lambda: model, f"duplicate {event.name}")
-    return with_client(after, event.client, opened=(event.part, copy))
+    def applied(self, state: State) -> State:
+        try:
+            model, copy = parts.duplicated(state.model, self.part, self.name)
+        except Refusal as refusal:
+            return told(state, self.client, Notice("Not done", f"{refusal}.", bad=True))
+        after = attempted(state, self.client, lambda: model, f"duplicate {self.name}")
+        return with_client(after, self.client, opened=(self.part, copy))
 
 
 # -- adding and picking ------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class AddPart(FromPage):
     """Add a part of that kind. Its bodies are picked next, and the first may be given."""
 
@@ -98,22 +85,19 @@ class AddPart(FromPage):
     kind: Text
     body: Text | None
 
-
-@on(AddPart)
-def add(state: State, event: AddPart) -> State:
-    if event.kind not in KINDS[event.part]:
-        return state
-    if event.part == "controls":
-        return _made(state, event.client, Picking("controls", event.kind), event.body or "", "")
-    picking, page = Picking(event.part, event.kind), state.clients.get(event.client)
-    if event.body is None or event.body not in state.derived.number:
-        return with_client(state, event.client, picking=picking)
-    chosen = page.selected if page is not None and event.body in page.selected else ()
-    picking = replace(picking, more=tuple(name for name in chosen if name != event.body))
-    return _next(with_client(state, event.client, picking=picking), event.client, event.body)
+    def applied(self, state: State) -> State:
+        if self.kind not in KINDS[self.part]:
+            return state
+        if self.part == "controls":
+            return _made(state, self.client, Picking("controls", self.kind), self.body or "", "")
+        picking, page = Picking(self.part, self.kind), state.clients.get(self.client)
+        if self.body is None or self.body not in state.derived.number:
+            return with_client(state, self.client, picking=picking)
+        chosen = page.selected if page is not None and self.body in page.selected else ()
+        picking = replace(picking, more=tuple(name for name in chosen if name != self.body))
+        return _next(with_client(state, self.client, picking=picking), self.client, self.body)
 
 
-@dataclass(frozen=True)
 class Pick(FromPage):
     """Start picking: the next body clicked is assigned to this field of a part."""
 
@@ -121,39 +105,31 @@ class Pick(FromPage):
     name: Text
     slot: Slot
 
-
-@on(Pick)
-def pick(state: State, event: Pick) -> State:
-    try:
-        kind = parts.kind_of(event.part, parts.item_of(state.model, event.part, event.name))
-    except Refusal as refusal:
-        return told(state, event.client, Notice("Not done", f"{refusal}.", bad=True))
-    picking = Picking(event.part, kind, event.slot, event.name)
-    return with_client(state, event.client, picking=picking)
+    def applied(self, state: State) -> State:
+        try:
+            kind = parts.kind_of(self.part, parts.item_of(state.model, self.part, self.name))
+        except Refusal as refusal:
+            return told(state, self.client, Notice("Not done", f"{refusal}.", bad=True))
+        picking = Picking(self.part, kind, self.slot, self.name)
+        return with_client(state, self.client, picking=picking)
 
 
-@dataclass(frozen=True)
 class PickName(FromPage):
     """Pick by name without clicking: the ground, or "*" for every body in a contact."""
 
     name: Text
 
-
-@on(PickName)
-def pick_name(state: State, event: PickName) -> State:
-    if picking_of(state, event.client) is None:
-        return state
-    return picked(state, event.client, event.name)
+    def applied(self, state: State) -> State:
+        if picking_of(state, self.client) is None:
+            return state
+        return picked(state, self.client, self.name)
 
 
-@dataclass(frozen=True)
 class Unpick(FromPage):
     """Pick nothing."""
 
-
-@on(Unpick)
-def unpick(state: State, event: Unpick) -> State:
-    return with_client(state, event.client, picking=None)
+    def applied(self, state: State) -> State:
+        return with_client(state, self.client, picking=None)
 
 
 def picking_of(state: State, client: int) -> Picking | None:
@@ -243,47 +219,37 @@ def _called(state: S, client: int) -> S:
 # -- the tab -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class OpenPart(FromPage):
     """Open one part in the tab, or none if None."""
 
     part: Part
     name: Text | None
 
-
-@on(OpenPart)
-def open_part(state: State, event: OpenPart) -> State:
-    opened = None if event.name is None else (event.part, event.name)
-    return with_client(state, event.client, opened=opened)
+    def applied(self, state: State) -> State:
+        opened = None if self.name is None else (self.part, self.name)
+        return with_client(state, self.client, opened=opened)
 
 
-@dataclass(frozen=True)
 class OpenConstraints(FromPage):
     """Show the tab with the parts on one body, or all parts if None."""
 
     body: Text | None
 
-
-@on(OpenConstraints)
-def open_constraints(state: State, event: OpenConstraints) -> State:
-    known = event.body if event.body in state.derived.number else None
-    return with_client(_called(state, event.client), event.client, listed=known)
+    def applied(self, state: State) -> State:
+        known = self.body if self.body in state.derived.number else None
+        return with_client(_called(state, self.client), self.client, listed=known)
 
 
 # -- the report and assembling -----------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class AskMobility(FromPage):
     """Request the report for a model that is too large for an automatic one."""
 
-
-@on(AskMobility)
-def ask_mobility(state: State, event: AskMobility) -> State:
-    return replace(state, mobility_asked=state.model)
+    def applied(self, state: State) -> State:
+        return replace(state, mobility_asked=state.model)
 
 
-@dataclass(frozen=True)
 class MobilityFound(Event):
     """The report about a model's constraints, or the reason for its absence."""
 
@@ -291,22 +257,17 @@ class MobilityFound(Event):
     found: Any  # pg.Mobility | None
     problem: str = ""
 
-
-@on(MobilityFound)
-def mobility_found(state: State, event: MobilityFound) -> State:
-    if event.model is not state.model:
-        return state
-    return replace(state, mobility=MobilityReport(event.model, event.found, event.problem))
+    def applied(self, state: State) -> State:
+        if self.model is not state.model:
+            return state
+        return replace(state, mobility=MobilityReport(self.model, self.found, self.problem))
 
 
-@dataclass(frozen=True)
 class AssembleState(FromPage):
     """Project the initial state onto the constraints."""
 
-
-@on(AssembleState)
-def assemble(state: State, event: AssembleState) -> State:
-    return sent(state, event.client, "assemble", assembled, compiled=True)
+    def applied(self, state: State) -> State:
+        return sent(state, self.client, "assemble", assembled, compiled=True)
 
 
 def assembled(model: pg.Model) -> Found:

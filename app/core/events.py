@@ -1,25 +1,24 @@
-"""Events and their handlers.
+"""Events: each kind knows what it changes.
 
-Each feature declares its events in its `update.py`, with the handler below the event:
+Each feature declares its events in its `update.py`:
 
-    @dataclass(frozen=True)
     class Pause(FromPage):
-        ...
+        def applied(self, state: State) -> State: ...
 
-    @on(Pause)
-    def paused(state: State, event: Pause) -> State: ...
-
-`on_edit` is for events that make a new model, `on_typed` for text typed into a cell that changes no
-model. The fields of a page's events are validated by their annotations (`from_page`).
+Every event is a frozen dataclass. A `ModelEdit` makes a new model, `TypedText` goes into a cell
+that changes no model, and a `Request` asks a view for something once. The fields of a page's events
+are validated by their annotations (`from_page`).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Annotated, Any, ClassVar, TypeVar
+from inspect import isabstract
+from typing import Annotated, Any, ClassVar, dataclass_transform
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
@@ -38,22 +37,31 @@ Index = Annotated[tuple[Annotated[int, Field(ge=0, le=10**9)], ...], Field(max_l
 Entries = Annotated[tuple[tuple[Index, Text], ...], Field(min_length=1, max_length=12)]
 
 
-class Event:
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+class Event(ABC):
     """An event on a page or in the server."""
 
     # several in a row are drawn once, as the last leaves them, when the pages show what they have
     collapses: ClassVar[bool] = False
 
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True)(cls)
 
-@dataclass(frozen=True)
+    @abstractmethod
+    def applied(self, state: Any) -> Any:
+        """Return the state after this event (pure)."""
+
+
 class Tick(Event):
     """Wall-clock time that passed while something moves [s]."""
 
     collapses = True
     dt: float
 
+    def applied(self, state: State) -> State:
+        return state.ticked(self.dt)
 
-@dataclass(frozen=True)
+
 class FromPage(Event):
     """An event sent by an open page."""
 
@@ -66,110 +74,59 @@ class OfBodies(FromPage):
     """An event for its `bodies`, by default those selected on its page."""
 
 
-@dataclass(frozen=True)
 class OfScenario(FromPage):
     """An event for a scenario, given by number, or None for the chosen one."""
 
     scenario: int | None = field(default=None, kw_only=True)
 
 
-Handler = TypeVar("Handler", bound=Callable[[Any, Any], State])
-Edit = TypeVar("Edit", bound=Callable[[Any, Any], tuple[pg.Model, str]])
-Kind = TypeVar("Kind", bound=FromPage)
-News = TypeVar("News", bound=Callable[[Any, Any, Any], State])
-HANDLERS: dict[type[Event], Callable[[Any, Any], Any]] = {}
+class Request(FromPage):
+    """A request of its page, which a view answers once (`views.requests`)."""
+
+    def applied(self, state: S) -> S:
+        return with_client(state, self.client, asked=self)
 
 
-def on(*kinds: type[Event]) -> Callable[[Handler], Handler]:
-    """Register a function (state, event) -> state as the only handler for these kinds of events."""
+class TypedText(FromPage):
+    """Text typed into a cell, with a reply to its page.
 
-    def keep(handler: Handler) -> Handler:
-        for kind in kinds:
-            assert kind not in HANDLERS, f"{kind.__name__} has two handlers"
-            HANDLERS[kind] = handler
-        return handler
-
-    return keep
-
-
-def on_news(of: str, *kinds: type[Event]) -> Callable[[News], News]:
-    """Like `on`, but for messages from background work, with a handler (state, event, work) ->
-    state.
-
-    The work is the field `of` of the state. Messages of other work, by `event.id`, are ignored.
+    A Refusal, or an error of the core, is shown next to the cell.
     """
 
-    def keep(handler: News) -> News:
-        def heard(state: State, event: Any) -> State:
-            work = getattr(state, of)
-            late = work is None or work.id != event.id
-            return state if late else handler(state, event, work)
+    serial: int
 
-        on(*kinds)(heard)
-        return handler
+    def applied(self, state: Any) -> Any:
+        try:
+            state = self.taken(state)
+        except (Refusal, PgraphError) as refusal:
+            return replied(state, self.client, self.serial, str(refusal))
+        return replied(state, self.client, self.serial)
 
-    return keep
-
-
-def on_page(**fields: str) -> Callable[[type[FromPage]], type[FromPage]]:
-    """Make a kind of event set fields of its page, given as {page field: event field}."""
-
-    def keep(kind: type[FromPage]) -> type[FromPage]:
-        on(kind)(lambda state, event: with_client(
-            state, event.client, **{mine: getattr(event, its) for mine, its in fields.items()}
-        ))  # fmt: skip
-        return kind
-
-    return keep
+    @abstractmethod
+    def taken(self, state: Any) -> Any:
+        """Return the state with the text. Raises Refusal, PgraphError."""
 
 
-def on_request(kind: type[Kind]) -> type[Kind]:
-    """Make a kind of event a request of its page, which a view answers once (`views.requests`)."""
-    on(kind)(lambda state, event: with_client(state, event.client, asked=event))
-    return kind
-
-
-def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
-    """Like `on`, but for text typed into a cell, with a reply to its page.
-
-    A Refusal of the handler, or an error of the core, is shown next to the cell.
-    """
-
-    def keep(handler: Handler) -> Handler:
-        def answered(state: State, event: Any) -> State:
-            try:
-                state = handler(state, event)
-            except (Refusal, PgraphError) as refusal:
-                return replied(state, event.client, event.serial, str(refusal))
-            return replied(state, event.client, event.serial)
-
-        on(*kinds)(answered)
-        return handler
-
-    return keep
-
-
-def on_edit(
-    *kinds: type[FromPage], offer: Callable[[Any, Any], str] = lambda state, event: ""
-) -> Callable[[Edit], Edit]:
-    """Like `on`, but for edits. A function (state, event) -> (new model, label) makes one undo
-    step.
+class ModelEdit(FromPage):
+    """An edit of the model, which makes one undo step.
 
     A refusal is shown next to the cell if the event has a `serial`, with a button for the repair
     that `offer` names, otherwise as a notice.
     """
 
-    def keep(handler: Edit) -> Edit:
-        def done(state: State, event: Any) -> State:
-            return edited(
-                state, event.client, lambda: handler(state, event),
-                getattr(event, "serial", None), lambda: offer(state, event), touched(event),
-            )  # fmt: skip
+    def applied(self, state: Any) -> Any:
+        return edited(
+            state, self.client, lambda: self.edit(state),
+            getattr(self, "serial", None), lambda: self.offer(state), touched(self),
+        )  # fmt: skip
 
-        on(*kinds)(done)
-        return handler
+    @abstractmethod
+    def edit(self, state: Any) -> tuple[pg.Model, str]:
+        """Return the new model and what was done. Raises Refusal, PgraphError."""
 
-    return keep
+    def offer(self, state: Any) -> str:
+        """Return the label of a repair for what was refused, or "" if there is none."""
+        return ""
 
 
 def update(state: S, event: Event) -> S:
@@ -182,7 +139,7 @@ def update(state: S, event: Event) -> S:
         if serial is None:
             return told(state, client, Notice("Not done", str(gone), bad=True))
         return replied(state, client, serial, str(gone))
-    return HANDLERS[type(event)](state, event)
+    return event.applied(state)
 
 
 def of_selection(state: State, event: Any) -> Any:
@@ -198,29 +155,34 @@ def of_selection(state: State, event: Any) -> Any:
     return replace(event, bodies=page.selected)
 
 
-@dataclass(frozen=True)
 class Misread(FromPage):
     """A message from a page that is not a valid event."""
 
     text: str
 
-
-@on(Misread)
-def misread(state: State, event: Misread) -> State:
-    notice = Notice("The page sent an unknown message", event.text, bad=True)
-    return told(state, event.client, notice)
+    def applied(self, state: State) -> State:
+        notice = Notice("The page sent an unknown message", self.text, bad=True)
+        return told(state, self.client, notice)
 
 
 class OfServer(FromPage):
     """An event about a page that only the server may send."""
 
 
+def kinds(of: type[Event] = Event) -> Iterator[type[Any]]:
+    """Yield the kinds of events that can happen, of all features."""
+    for kind in of.__subclasses__():
+        if not isabstract(kind):
+            yield kind
+        yield from kinds(kind)
+
+
 @cache
-def page_events() -> dict[str, TypeAdapter[FromPage]]:
+def page_events() -> dict[str, TypeAdapter[Any]]:
     """Return the events that pages may send, by name."""
     ours = (Misread, OfServer)
-    kinds = [k for k in HANDLERS if issubclass(k, FromPage) and not issubclass(k, ours)]
-    return {kind.__name__: TypeAdapter(kind) for kind in kinds}
+    known = [kind for kind in kinds(FromPage) if not issubclass(kind, ours)]
+    return {kind.__name__: TypeAdapter(kind) for kind in known}
 
 
 def from_page(client: int, text: str) -> FromPage:

@@ -1,20 +1,21 @@
 """Background jobs: work for a model in a thread, which ends with one result or one reason.
 
 A feature declares its kind of `Job`, a field of its `State` that holds the one in progress, a
-function (job, progress) -> result that does the work, and `@on_result` for what the result changes.
+function (job, progress) -> result that does the work.
 """
 
 from __future__ import annotations
 
 import threading
 import time
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, TypeVar
 
 import pgraph_core as pg
 
-from .events import Event, on
+from .events import Event
 from .state import S
 
 REPORT = 0.1  # [s] between progress events
@@ -23,13 +24,19 @@ Report = Callable[..., bool]  # takes news of the work, and returns False once i
 
 
 @dataclass(frozen=True)
-class Job:
+class Work:
+    """Work in progress, whose news are events until it is dropped."""
+
+    FIELD: ClassVar[str]  # field of the state that holds it
+    id: int
+
+
+@dataclass(frozen=True)
+class Job(Work):
     """Work in progress for a model."""
 
     NAME: ClassVar[str]  # the name that users see
-    FIELD: ClassVar[str]  # field of the state that holds it
     PROBLEM: ClassVar[str]  # field of the state with the reason why the last one had no result
-    id: int
     model: pg.Model
     fraction: float = field(default=0.0, kw_only=True)
     cancelled: bool = field(default=False, kw_only=True)
@@ -38,20 +45,12 @@ class Job:
         """Return the fields of the job that news of the work change, by default its fraction."""
         return {"fraction": float(news[0])}
 
+    def ended(self, state: Any, result: Any) -> Any:
+        """Return the state, which no longer holds the job, with its result."""
+        raise NotImplementedError
+
 
 J = TypeVar("J", bound=Job)
-Ended = TypeVar("Ended", bound=Callable[[Any, Any, Any], Any])
-ENDS: dict[type[Job], Callable[[Any, Any, Any], Any]] = {}
-
-
-def on_result(kind: type[Job]) -> Callable[[Ended], Ended]:
-    """Register the function (state, job, result) -> state for the results of a kind of job."""
-
-    def keep(ended: Ended) -> Ended:
-        ENDS[kind] = ended
-        return ended
-
-    return keep
 
 
 def started(state: S, kind: type[Job], *fields: Any, **more: Any) -> S:
@@ -66,50 +65,52 @@ def cancelled(state: S, kind: type[Job]) -> S:
     return state if job is None else replace(state, **{kind.FIELD: replace(job, cancelled=True)})
 
 
-@dataclass(frozen=True)
-class Progress(Event):
+class News(Event):
+    """News of work in progress. News of work that was dropped change nothing."""
+
+    id: int  # id of the work
+
+    def applied(self, state: Any) -> Any:
+        fields = (
+            kind.FIELD
+            for kind in (*Work.__subclasses__(), *Job.__subclasses__())
+            if kind is not Job
+        )
+        known = (getattr(state, field) for field in fields)
+        work = next((work for work in known if work is not None and work.id == self.id), None)
+        return state if work is None else self.heard(state, work)
+
+    @abstractmethod
+    def heard(self, state: Any, work: Any) -> Any:
+        """Return the state after the news of this work."""
+
+
+class Progress(News):
     """A job has advanced."""
 
     collapses = True
-    id: int  # id of the job
     changes: Mapping[str, Any]  # changed fields of the job
 
+    def heard(self, state: S, work: Job) -> S:
+        return replace(state, **{work.FIELD: replace(work, **self.changes)})
 
-@dataclass(frozen=True)
-class Done(Event):
+
+class Done(News):
     """A job has ended with a result."""
 
-    id: int
     result: Any
 
+    def heard(self, state: Any, work: Job) -> Any:
+        return work.ended(replace(state, **{work.FIELD: None}), self.result)
 
-@dataclass(frozen=True)
-class Failed(Event):
+
+class Failed(News):
     """A job has ended without a result."""
 
-    id: int
     text: str
 
-
-@on(Progress, Done, Failed)
-def heard(state: Any, event: Progress | Done | Failed) -> Any:
-    """Handle news of the jobs in progress, and ignore those of jobs that were dropped."""
-    kind = next((one for one in ENDS if _id(state, one) == event.id), None)
-    if kind is None:
-        return state
-    job = getattr(state, kind.FIELD)
-    match event:
-        case Progress(_, changes):
-            return replace(state, **{kind.FIELD: replace(job, **changes)})
-        case Done(_, result):
-            return ENDS[kind](replace(state, **{kind.FIELD: None}), job, result)
-        case Failed(_, text):
-            return replace(state, **{kind.FIELD: None, kind.PROBLEM: text})
-
-
-def _id(state: Any, kind: type[Job]) -> int | None:
-    job = getattr(state, kind.FIELD)
-    return None if job is None else job.id
+    def heard(self, state: S, work: Job) -> S:
+        return replace(state, **{work.FIELD: None, work.PROBLEM: self.text})
 
 
 class Worker:

@@ -160,6 +160,10 @@ class State:
         """True if time is advancing, so that the store ticks."""
         return False
 
+    def ticked(self, dt: float) -> Self:
+        """Return the state after this time [s], while it moves."""
+        return self
+
     @property
     def ready(self) -> bool:
         """True once background jobs can begin."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import pgraph_core as pg
@@ -11,7 +11,7 @@ from pgraph_core.signals import parsed
 
 from ..core.cells import Display, Refusal, quantity, quantity_in
 from ..core.edit import edited
-from ..core.events import Entries, FromPage, Text, on, on_typed
+from ..core.events import Entries, FromPage, Text, TypedText
 from ..core.state import display_of, with_client
 from ..model import Found
 from ..model.update import ErrandDone, sent
@@ -22,45 +22,35 @@ from .setpoint import Response, answered
 AGAIN = "The model was changed meanwhile; these are its gains now. Look at them, and add them."
 
 
-@dataclass(frozen=True)
 class OpenFeedback(FromPage):
     """Look for a feedback that holds the pose shown."""
 
-
-@on(OpenFeedback)
-def opened(state: State, event: OpenFeedback) -> State:
-    return _begun(state, event.client, Asked())
+    def applied(self, state: State) -> State:
+        return _begun(state, self.client, Asked())
 
 
-@dataclass(frozen=True)
 class CloseFeedback(FromPage):
     """Look for none any more."""
 
-
-@on(CloseFeedback)
-def closed(state: State, event: CloseFeedback) -> State:
-    return with_client(state, event.client, design=None)
+    def applied(self, state: State) -> State:
+        return with_client(state, self.client, design=None)
 
 
-@dataclass(frozen=True)
-class EditFeedback(FromPage):
+class EditFeedback(TypedText):
     """Text typed into the cells of one field: numbers of what is allowed, in the order shown."""
 
-    serial: int
     field: Literal["method", "largest", "states", "poles", "step"]
     entries: Entries
 
-
-@on_typed(EditFeedback)
-def edit(state: State, event: EditFeedback) -> State:
-    page = state.clients.get(event.client)
-    if page is None or page.design is None:
-        raise Refusal("The feedback no longer exists.")
-    design = page.design
-    for index, text in event.entries:
-        asked = _changed(design, event.field, index, text, display_of(state, event.client))
-        design = replace(design, asked=asked)
-    return _begun(state, event.client, design.asked, design)
+    def taken(self, state: State) -> State:
+        page = state.clients.get(self.client)
+        if page is None or page.design is None:
+            raise Refusal("The feedback no longer exists.")
+        design = page.design
+        for index, text in self.entries:
+            asked = _changed(design, self.field, index, text, display_of(state, self.client))
+            design = replace(design, asked=asked)
+        return _begun(state, self.client, design.asked, design)
 
 
 def _changed(
@@ -138,51 +128,45 @@ def _begun(state: State, client: int, asked: Asked, before: Design | None = None
     return sent(state, client, "feedback", work, compiled=True, then=then)
 
 
-@dataclass(frozen=True)
 class AddFeedback(FromPage):
     """Put the feedback into the drives of the model."""
 
-
-@on(AddFeedback)
-def added(state: State, event: AddFeedback) -> State:
-    page = state.clients.get(event.client)
-    design = page.design if page is not None else None
-    if design is None or design.found is None or design.busy or design.problem:
-        return state
-    found = design.found
-    if design.model is not state.model:
-        again = _begun(state, event.client, design.asked, design)
-        return edited(again, event.client, lambda: _refused(AGAIN))
-    label = f"feedback of {', '.join(found.inputs)}"
-    state = edited(state, event.client, lambda: (found.model, label))
-    return with_client(state, event.client, design=None)
+    def applied(self, state: State) -> State:
+        page = state.clients.get(self.client)
+        design = page.design if page is not None else None
+        if design is None or design.found is None or design.busy or design.problem:
+            return state
+        found = design.found
+        if design.model is not state.model:
+            again = _begun(state, self.client, design.asked, design)
+            return edited(again, self.client, lambda: _refused(AGAIN))
+        label = f"feedback of {', '.join(found.inputs)}"
+        state = edited(state, self.client, lambda: (found.model, label))
+        return with_client(state, self.client, design=None)
 
 
 def _refused(text: str) -> tuple[pg.Model, str]:
     raise Refusal(text)
 
 
-@dataclass(frozen=True)
 class AskResponse(FromPage):
     """Compute the response to a step of a controller's setpoint, in the chosen run."""
 
     name: Text
 
+    def applied(self, state: State) -> State:
+        client, asked, request = self.client, Response(self.name), state.request
+        how = {**request.options, "t_end": request.t_end}
+        state = with_client(state, client, response=asked)
 
-@on(AskResponse)
-def responded(state: State, event: AskResponse) -> State:
-    client, asked, request = event.client, Response(event.name), state.request
-    how = {**request.options, "t_end": request.t_end}
-    state = with_client(state, client, response=asked)
+        def work(model: pg.Model) -> Found:
+            return Found(value=answered(model, self.name, how))
 
-    def work(model: pg.Model) -> Found:
-        return Found(value=answered(model, event.name, how))
+        def then(now: State, done: ErrandDone) -> State:
+            page = now.clients.get(client)
+            if page is None or page.response is not asked:
+                return now
+            failed = replace(asked, problem=done.problem, busy=False)
+            return with_client(now, client, response=done.found.value or failed)
 
-    def then(now: State, done: ErrandDone) -> State:
-        page = now.clients.get(client)
-        if page is None or page.response is not asked:
-            return now
-        failed = replace(asked, problem=done.problem, busy=False)
-        return with_client(now, client, response=done.found.value or failed)
-
-    return sent(state, client, "step response", work, compiled=True, then=then)
+        return sent(state, client, "step response", work, compiled=True, then=then)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import pgraph_core as pg
@@ -10,9 +10,9 @@ import pgraph_core as pg
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import with_model
-from ..core.events import FromPage, Text, on, on_typed
+from ..core.events import FromPage, Text, TypedText
 from ..run import Request
-from ..run.update import Continue, GoLive, Simulate, asked, go_live, idle
+from ..run.update import asked, go_live, idle
 from . import LAWS, Offer, State, Walking, checked, chosen, grounded, law, offered, offers
 
 STRONGEST = 20.0  # push over the weight
@@ -21,44 +21,43 @@ NAMES = {"speed": "The speed", "turn": "The turning", "friction": "The friction"
          "slope": "The slope", "steps": "The height of the steps"}  # fmt: skip
 
 
-@dataclass(frozen=True)
 class Walk(FromPage):
     """Start a live run with the chosen gait."""
 
-
-@on(Walk)
-def walk(state: State, event: Walk) -> State:
-    return (idle(state) and begun(state)) or state
+    def applied(self, state: State) -> State:
+        return (idle(state) and begun(state)) or state
 
 
-@on(GoLive)
-def live(state: State, event: GoLive) -> State:
-    """Start the live run of a scenario, as a walk if it has a gait."""
-    if not idle(state):
-        return state
-    if event.here:
-        return go_live(state, here=True)
-    asked = state.request.scenario
-    scenario = next((s for s in state.model.scenarios if s.name == asked), None)
-    if scenario is None or scenario.gait is None:
-        return go_live(state)
-    offer = offered(state.model, state.walking)
-    if offer is None or offer.scenario != scenario.name:
-        state = replace(state, walking=chosen(state.walking, scenario.gait.name))
-    return begun(state) or go_live(state)
+class GoLive(FromPage):
+    """Start simulating and playing at once, without an end time: a walk if it has a gait."""
+
+    def applied(self, state: State) -> State:
+        if not idle(state):
+            return state
+        asked = state.request.scenario
+        scenario = next((s for s in state.model.scenarios if s.name == asked), None)
+        if scenario is None or scenario.gait is None:
+            return go_live(state)
+        offer = offered(state.model, state.walking)
+        if offer is None or offer.scenario != scenario.name:
+            state = replace(state, walking=chosen(state.walking, scenario.gait.name))
+        return begun(state) or go_live(state)
 
 
-@on(Simulate)
-def simulate(state: State, event: Simulate) -> State:
-    """Start a simulation. A walk uses the speed and turning rate set here."""
-    return asked(state, None, set_gait(state)) if idle(state) else state
+class Simulate(FromPage):
+    """Simulate the current model. A walk uses the speed and turning rate set here."""
+
+    def applied(self, state: State) -> State:
+        return asked(state, None, set_gait(state)) if idle(state) else state
 
 
-@on(Continue)
-def go_on(state: State, event: Continue) -> State:
-    if not idle(state) or state.live is not None or state.run is None:
-        return state
-    return asked(state, state.run.result, set_gait(state))
+class Continue(FromPage):
+    """Continue from the end of the run for as long again."""
+
+    def applied(self, state: State) -> State:
+        if not idle(state) or state.live is not None or state.run is None:
+            return state
+        return asked(state, state.run.result, set_gait(state))
 
 
 def set_gait(state: State) -> pg.Gait | None:
@@ -85,33 +84,25 @@ def requested(model: pg.Model, offer: Offer) -> Request:
     return Request(offer.scenario, scenario.t_end, step, method)
 
 
-@dataclass(frozen=True)
-class SetGait(FromPage):
-    serial: int
+class SetGait(TypedText):
     gait: Text
 
-
-@on_typed(SetGait)
-def gait_set(state: State, event: SetGait) -> State:
-    if event.gait not in offers(state.model):
-        return state
-    return settled(state, chosen(state.walking, event.gait))
+    def taken(self, state: State) -> State:
+        if self.gait not in offers(state.model):
+            return state
+        return settled(state, chosen(state.walking, self.gait))
 
 
-@dataclass(frozen=True)
-class SetWalk(FromPage):
+class SetWalk(TypedText):
     """Set one field of the gait, with immediate effect."""
 
-    serial: int
     field: Literal["speed", "turn"]
     text: Text
 
-
-@on_typed(SetWalk)
-def walk_set(state: State, event: SetWalk) -> State:
-    value = cells.named_number(NAMES[event.field], event.text)
-    changes = {**state.walking.changes, event.field: value}
-    return settled(state, replace(state.walking, changes=changes))
+    def taken(self, state: State) -> State:
+        value = cells.named_number(NAMES[self.field], self.text)
+        changes = {**state.walking.changes, self.field: value}
+        return settled(state, replace(state.walking, changes=changes))
 
 
 def settled(state: State, walking: Walking) -> State:
@@ -127,58 +118,49 @@ def settled(state: State, walking: Walking) -> State:
     return state
 
 
-@dataclass(frozen=True)
-class SetGround(FromPage):
+class SetGround(TypedText):
     """Change the ground as an edit of the model. A live run continues on the new ground."""
 
-    serial: int
     field: Literal["friction", "slope", "steps", "law"]
     text: Text
 
-
-@on_typed(SetGround)
-def ground_set(state: State, event: SetGround) -> State:
-    if state.going is not None and event.field in ("slope", "steps"):
-        raise Refusal(f"{NAMES[event.field]} is set before a walk: stop this one first.")
-    law = event.field == "law"
-    value = event.text if law else cells.named_number(NAMES[event.field], event.text)
-    model = grounded(state.model, event.field, value)
-    state = with_model(state, model, f"{event.field} of the ground")
-    live, offer = state.going, offered(model, state.walking)
-    if live is not None and offer is not None and event.field == "law":
-        state = replace(state, live=replace(live, request=requested(model, offer)))
-    return state
+    def taken(self, state: State) -> State:
+        if state.going is not None and self.field in ("slope", "steps"):
+            raise Refusal(f"{NAMES[self.field]} is set before a walk: stop this one first.")
+        law = self.field == "law"
+        value = self.text if law else cells.named_number(NAMES[self.field], self.text)
+        model = grounded(state.model, self.field, value)
+        state = with_model(state, model, f"{self.field} of the ground")
+        live, offer = state.going, offered(model, state.walking)
+        if live is not None and offer is not None and self.field == "law":
+            state = replace(state, live=replace(live, request=requested(model, offer)))
+        return state
 
 
-@dataclass(frozen=True)
 class Push(FromPage):
     """Push the trunk or the selected body."""
 
     side: Literal["left", "right", "back", "ahead"]
 
+    def applied(self, state: State) -> State:
+        if state.going is None:
+            return state
+        page = state.clients.get(self.client)
+        body = (page.selection if page is not None else None) or ""
+        walking = replace(
+            state.walking, pushes=state.walking.pushes + 1, push=self.side, pushed=body
+        )
+        return replace(state, walking=walking)
 
-@on(Push)
-def push(state: State, event: Push) -> State:
-    if state.going is None:
-        return state
-    page = state.clients.get(event.client)
-    body = (page.selection if page is not None else None) or ""
-    walking = replace(state.walking, pushes=state.walking.pushes + 1, push=event.side, pushed=body)
-    return replace(state, walking=walking)
 
-
-@dataclass(frozen=True)
-class SetPush(FromPage):
+class SetPush(TypedText):
     """Set the strength of pushes relative to the weight."""
 
-    serial: int
     text: Text
 
-
-@on_typed(SetPush)
-def push_set(state: State, event: SetPush) -> State:
-    strength = cells.named_number("The strength", event.text)
-    if not 0 < strength <= STRONGEST:
-        text = f"The strength is above 0 and at most {STRONGEST:g} weights; given {strength:g}"
-        raise Refusal(text)
-    return replace(state, walking=replace(state.walking, strength=strength))
+    def taken(self, state: State) -> State:
+        strength = cells.named_number("The strength", self.text)
+        if not 0 < strength <= STRONGEST:
+            text = f"The strength is above 0 and at most {STRONGEST:g} weights; given {strength:g}"
+            raise Refusal(text)
+        return replace(state, walking=replace(state.walking, strength=strength))

@@ -6,7 +6,7 @@ import base64
 import binascii
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -23,7 +23,7 @@ from pgraph_core.model.checks import PARTS
 from ..core import cells, edit
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, attempted, showing
-from ..core.events import Event, FromPage, Text, on, on_edit, on_request
+from ..core.events import Event, FromPage, ModelEdit, Request, Text
 from ..core.state import Notice, replied, told, with_client
 from . import Errand, Found, Kept, Members, State
 from .archive import Several, folder_of, mesh_folder, own, read_text, unpacked
@@ -42,8 +42,7 @@ MOST_NAMED = 5  # models of earlier sessions that the greeting names
 S = TypeVar("S", bound=State)
 
 
-@dataclass(frozen=True)
-class Edit(FromPage):
+class Edit(ModelEdit):
     """Text was typed into a cell. `index` selects an entry, and is () for a scalar."""
 
     serial: int
@@ -52,36 +51,28 @@ class Edit(FromPage):
     index: Annotated[tuple[Annotated[int, Field(ge=0, le=6)], ...], Field(max_length=2)]
     text: Text
 
-
-@on_edit(Edit)
-def cell_edited(state: State, event: Edit) -> tuple[pg.Model, str]:
-    try:
-        body = state.model.body(event.body)
-        change = cells.change(body, event.field, event.index, event.text)
-    except Refusal as refusal:
-        raise Refusal(f"body '{event.body}', {event.field}: {refusal}") from None
-    return state.model.edit(event.body, **change), f"{event.field} of {event.body}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        try:
+            body = state.model.body(self.body)
+            change = cells.change(body, self.field, self.index, self.text)
+        except Refusal as refusal:
+            raise Refusal(f"body '{self.body}', {self.field}: {refusal}") from None
+        return state.model.edit(self.body, **change), f"{self.field} of {self.body}"
 
 
-@dataclass(frozen=True)
 class Undo(FromPage):
     """Undo the last edit, no matter who made it."""
 
-
-@on(Undo)
-def undone(state: State, event: Undo) -> State:
-    """Restore the model before the last edit, together with its run if it has one."""
-    return _gone(state, "undo", "redo")
+    def applied(self, state: State) -> State:
+        """Restore the model before the last edit, together with its run if it has one."""
+        return _gone(state, "undo", "redo")
 
 
-@dataclass(frozen=True)
 class Redo(FromPage):
     """Redo the edit that was undone last."""
 
-
-@on(Redo)
-def redone(state: State, event: Redo) -> State:
-    return _gone(state, "redo", "undo")
+    def applied(self, state: State) -> State:
+        return _gone(state, "redo", "undo")
 
 
 def _gone(state: State, back: str, onto: str) -> State:
@@ -99,96 +90,79 @@ def _gone(state: State, back: str, onto: str) -> State:
 # -- new and open ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class NewModel(FromPage):
     """Create a model with the number of bodies, the only question asked in Sec. 4.1."""
 
     serial: int
     bodies: Text
 
-
-@on(NewModel)
-def new_model(state: State, event: NewModel) -> State:
-    """Create a serial chain with the given number of bodies."""
-    try:
-        model = pg.Model.serial(cells.whole(event.bodies, 1, MOST_BODIES))
-    except Refusal as refusal:
-        return replied(state, event.client, event.serial, f"The number of bodies {refusal}")
-    state = edit.replaced(state, model, f"new model of {len(model.bodies)} bodies")
-    return replied(state, event.client, event.serial)
+    def applied(self, state: State) -> State:
+        """Create a serial chain with the given number of bodies."""
+        try:
+            model = pg.Model.serial(cells.whole(self.bodies, 1, MOST_BODIES))
+        except Refusal as refusal:
+            return replied(state, self.client, self.serial, f"The number of bodies {refusal}")
+        state = edit.replaced(state, model, f"new model of {len(model.bodies)} bodies")
+        return replied(state, self.client, self.serial)
 
 
-@on_request
-@dataclass(frozen=True)
-class ShowGallery(FromPage):
+class ShowGallery(Request):
     """Request pictures of the models that can be opened."""
 
 
-@dataclass(frozen=True)
 class OpenBuiltIn(FromPage):
     name: Text
 
-
-@on(OpenBuiltIn)
-def built_in_opened(state: State, event: OpenBuiltIn) -> State:
-    if event.name not in state.gallery:
-        return state
-    return opened(state, event.client, event.name, state.gallery[event.name])
+    def applied(self, state: State) -> State:
+        if self.name not in state.gallery:
+            return state
+        return opened(state, self.client, self.name, state.gallery[self.name])
 
 
-@dataclass(frozen=True)
 class OpenKept(FromPage):
     """Open a model left by an earlier session."""
 
     name: Text
 
-
-@on(OpenKept)
-def kept_opened(state: State, event: OpenKept) -> State:
-    """Open a kept model in place of the current one. An unreadable one remains on offer."""
-    if event.name not in state.kept:
-        return state
-    name, client = event.name, event.client
-    try:
-        model = own(state.kept[name].text)
-    except pg.PgraphError as error:
-        return shown_model(state, client, name, None, str(error))
-    state = shown_model(state, client, name, model)
-    return kept_discarded(state, DiscardKept(client, name)) if state.model is model else state
+    def applied(self, state: State) -> State:
+        """Open a kept model in place of the current one. An unreadable one remains on offer."""
+        if self.name not in state.kept:
+            return state
+        name, client = self.name, self.client
+        try:
+            model = own(state.kept[name].text)
+        except pg.PgraphError as error:
+            return shown_model(state, client, name, None, str(error))
+        state = shown_model(state, client, name, model)
+        return DiscardKept(client, name).applied(state) if state.model is model else state
 
 
-@dataclass(frozen=True)
 class DiscardKept(FromPage):
     """Delete a model left by an earlier session."""
 
     name: Text
 
-
-@on(DiscardKept)
-def kept_discarded(state: State, event: DiscardKept) -> State:
-    """Remove an offered model. Autosave deletes its file."""
-    left = {key: kept for key, kept in state.kept.items() if key != event.name}
-    return replace(state, kept=left)
+    def applied(self, state: State) -> State:
+        """Remove an offered model. Autosave deletes its file."""
+        left = {key: kept for key, kept in state.kept.items() if key != self.name}
+        return replace(state, kept=left)
 
 
-@dataclass(frozen=True)
 class OpenText(FromPage):
     """Open a file whose content was read by the page."""
 
     name: Text
     content: Annotated[str, Field(max_length=8_000_000)]
 
+    def applied(self, state: State) -> State:
+        """Open the model in a text. Long texts are read in an errand: other pages do not wait."""
+        name, content = self.name, self.content
+        foreign = Path(name).suffix.lower() in READERS
+        if len(content) <= LONG and not foreign:
+            return opened(state, self.client, name, content)
 
-@on(OpenText)
-def text_opened(state: State, event: OpenText) -> State:
-    """Open the model in a text. Long texts are read in an errand: other pages do not wait."""
-    name, content = event.name, event.content
-    foreign = Path(name).suffix.lower() in READERS
-    if len(content) <= LONG and not foreign:
-        return opened(state, event.client, name, content)
-
-    work = partial(_found_in_text, name, content)
-    return sent(state, event.client, "open", work, file=name, apart=True)
+        work = partial(_found_in_text, name, content)
+        return sent(state, self.client, "open", work, file=name, apart=True)
 
 
 def _found_in_text(name: str, content: str, _: Any) -> Found:
@@ -213,7 +187,6 @@ def _small_enough(model: pg.Model, report: pg.Report) -> Found:
     return Found(opened=model, report=report)
 
 
-@dataclass(frozen=True)
 class OpenArchive(FromPage):
     """Open a zip with a model and its meshes, read by the page."""
 
@@ -221,13 +194,11 @@ class OpenArchive(FromPage):
     content: Annotated[str, Field(max_length=16_000_000)]  # base64
     member: Text = ""  # the path of one of several models
 
-
-@on(OpenArchive)
-def archive_opened(state: State, event: OpenArchive) -> State:
-    """Start an errand that stores the meshes and opens the model."""
-    work = partial(_found_in_archive, event.member)
-    leaves = lambda content: folder_of(content, mesh_folder())  # noqa: E731
-    return sent_file(state, event.client, event.content, "open", work, leaves, event.name)
+    def applied(self, state: State) -> State:
+        """Start an errand that stores the meshes and opens the model."""
+        work = partial(_found_in_archive, self.member)
+        leaves = lambda content: folder_of(content, mesh_folder())  # noqa: E731
+        return sent_file(state, self.client, self.content, "open", work, leaves, self.name)
 
 
 def _found_in_archive(member: str, content: bytes, _: Any) -> Found:
@@ -238,20 +209,17 @@ def _found_in_archive(member: str, content: bytes, _: Any) -> Found:
         return Found(members=several.members)
 
 
-@dataclass(frozen=True)
 class CancelReading(FromPage):
     """Cancel the file that is being read for the page."""
 
-
-@on(CancelReading)
-def reading_cancelled(state: State, event: CancelReading) -> State:
-    """Cancel the page's current file and stop the process that reads it."""
-    errand = reading(state, event.client)
-    if errand is None:
-        return state
-    state = replace(state, errands=tuple(e for e in state.errands if e is not errand))
-    text = "Its reading was cancelled."
-    return told(state, event.client, Notice(f"{errand.file or errand.label}: not read", text))
+    def applied(self, state: State) -> State:
+        """Cancel the page's current file and stop the process that reads it."""
+        errand = reading(state, self.client)
+        if errand is None:
+            return state
+        state = replace(state, errands=tuple(e for e in state.errands if e is not errand))
+        text = "Its reading was cancelled."
+        return told(state, self.client, Notice(f"{errand.file or errand.label}: not read", text))
 
 
 def reading(state: State, client: int) -> Errand | None:
@@ -352,9 +320,7 @@ def _at(kept: Kept) -> str:
     return time.strftime("%H:%M:%S on %d %B", time.localtime(kept.time))
 
 
-@on_request
-@dataclass(frozen=True)
-class Download(FromPage):
+class Download(Request):
     """Download the model and its meshes as a file."""
 
     suffix: Literal[".json", ".urdf", ".xml"] = ".json"
@@ -363,7 +329,6 @@ class Download(FromPage):
 # -- errands ---------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class ErrandDone(Event):
     """The result of an errand, or the reason for its failure."""
 
@@ -371,36 +336,34 @@ class ErrandDone(Event):
     found: Found = field(default_factory=Found)
     problem: str = ""
 
-
-@on(ErrandDone)
-def errand_done(state: State, event: ErrandDone) -> State:
-    """Apply an errand's changes as one undo step, or notify the page if the model has changed."""
-    errand = next((e for e in state.errands if e.id == event.id), None)
-    if errand is None:
-        return state
-    state = replace(state, errands=tuple(e for e in state.errands if e.id != event.id))
-    client, label, found = errand.client, errand.label, event.found
-    if errand.then is not None:
-        return errand.then(state, event)
-    if found.members:
-        return with_client(state, client, members=Members(errand.file, found.members))
-    if errand.file:
-        state = shown_model(state, client, errand.file, found.opened, event.problem)
-        if found.report is None or not found.report.entries or client not in state.clients:
+    def applied(self, state: State) -> State:
+        """Apply an errand's changes as one undo step, or notify its page if the model changed."""
+        errand = next((e for e in state.errands if e.id == self.id), None)
+        if errand is None:
             return state
-        return with_client(state, client, conversion=found.report)
-    if event.problem:
-        return told(state, client, Notice(f"Not done: {label}", event.problem, bad=True))
-    if errand.model is not state.model:
-        text = "The model was changed meanwhile; try again."
-        return told(state, client, Notice(f"Not done: {label}", text, bad=True))
-    changes: dict[str, dict[str, Any]] = {name: dict(x) for name, x in found.changes.items()}
-    if changes:
-        before = state.model
-        state = attempted(state, client, lambda: before.edit_all(changes), label)
-        if state.model is before:
-            return state
-    return told(state, client, Notice(label.capitalize(), found.text))
+        state = replace(state, errands=tuple(e for e in state.errands if e.id != self.id))
+        client, label, found = errand.client, errand.label, self.found
+        if errand.then is not None:
+            return errand.then(state, self)
+        if found.members:
+            return with_client(state, client, members=Members(errand.file, found.members))
+        if errand.file:
+            state = shown_model(state, client, errand.file, found.opened, self.problem)
+            if found.report is None or not found.report.entries or client not in state.clients:
+                return state
+            return with_client(state, client, conversion=found.report)
+        if self.problem:
+            return told(state, client, Notice(f"Not done: {label}", self.problem, bad=True))
+        if errand.model is not state.model:
+            text = "The model was changed meanwhile; try again."
+            return told(state, client, Notice(f"Not done: {label}", text, bad=True))
+        changes: dict[str, dict[str, Any]] = {name: dict(x) for name, x in found.changes.items()}
+        if changes:
+            before = state.model
+            state = attempted(state, client, lambda: before.edit_all(changes), label)
+            if state.model is before:
+                return state
+        return told(state, client, Notice(label.capitalize(), found.text))
 
 
 def sent(

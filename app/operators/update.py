@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..core.events import FromPage, on, on_request
+from ..core.events import FromPage, Request
 from ..core.state import with_client
 from . import Inspected, State
 
@@ -15,7 +14,6 @@ Index = Annotated[int, Field(ge=0, le=1_000_000)]
 Operator = Literal["M", "J", "eps_phi", "Phi", "S"]
 
 
-@dataclass(frozen=True)
 class Inspect(FromPage):
     """Show an operator, or some of its rows and columns, or "" for none."""
 
@@ -23,16 +21,12 @@ class Inspect(FromPage):
     rows: tuple[Index, Index] | None = None
     columns: tuple[Index, Index] | None = None
 
-
-@on(Inspect)
-def inspect(state: State, event: Inspect) -> State:
-    inspected = Inspected(event.what, event.rows, event.columns) if event.what else None
-    return with_client(state, event.client, inspected=inspected)
+    def applied(self, state: State) -> State:
+        inspected = Inspected(self.what, self.rows, self.columns) if self.what else None
+        return with_client(state, self.client, inspected=inspected)
 
 
-@on_request
-@dataclass(frozen=True)
-class ExportOperator(FromPage):
+class ExportOperator(Request):
     """Download an operator, evaluated at the displayed pose."""
 
     what: Operator

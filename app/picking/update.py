@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from pgraph_core.show import shapes
 from ..constraints import Part, parts
 from ..core.cells import Display, Refusal, place_of
 from ..core.edit import attempted, selected
-from ..core.events import Finite, FromPage, Index, OfServer, Text, on
+from ..core.events import Finite, FromPage, Index, OfServer, Request, Text
 from ..core.state import Notice, told, with_client
 from ..pose import poses
 from ..properties.body_cells import edit_of
@@ -27,7 +27,6 @@ Vector = tuple[Finite, Finite, Finite]
 OF_PARENT = "link"  # a body's field in the axes of its parent
 
 
-@dataclass(frozen=True)
 class StartAim(FromPage):
     """Start picking in the 3D view, for a row of a field or for a measurement."""
 
@@ -38,24 +37,18 @@ class StartAim(FromPage):
     part: Part | None = None
     name: Text = ""
 
-
-@on(StartAim)
-def started(state: State, event: StartAim) -> State:
-    aim = Aim(event.wants, event.field, event.index, event.bodies, event.part, event.name)
-    return with_client(state, event.client, aim=aim, picking=None)
+    def applied(self, state: State) -> State:
+        aim = Aim(self.wants, self.field, self.index, self.bodies, self.part, self.name)
+        return with_client(state, self.client, aim=aim, picking=None)
 
 
-@dataclass(frozen=True)
 class EndAim(FromPage):
     """End picking and discard the measurements."""
 
-
-@on(EndAim)
-def ended(state: State, event: EndAim) -> State:
-    return with_client(state, event.client, aim=None)
+    def applied(self, state: State) -> State:
+        return with_client(state, self.client, aim=None)
 
 
-@dataclass(frozen=True)
 class Pointed(FromPage):
     """The pointer position in the 3D view, as a ray in world axes [m]."""
 
@@ -64,81 +57,70 @@ class Pointed(FromPage):
     slack: Annotated[float, Field(ge=0, le=1)]  # tangent of the angle within which points snap
 
 
-@dataclass(frozen=True)
 class Hover(Pointed):
     """The pointer moves."""
 
     collapses = True
 
-
-@on(Hover)
-def hovered(state: State, event: Hover) -> State:
-    page = state.clients.get(event.client)
-    if page is None or page.aim is None:
-        return state
-    return with_client(
-        state, event.client, aim=replace(page.aim, under=spot_of(state, event, page.aim))
-    )
+    def applied(self, state: State) -> State:
+        page = state.clients.get(self.client)
+        if page is None or page.aim is None:
+            return state
+        return with_client(
+            state, self.client, aim=replace(page.aim, under=spot_of(state, self, page.aim))
+        )
 
 
-@dataclass(frozen=True)
 class ClickSpot(Pointed):
     """A click while picking is active. `rate` asks for the speed of a body in an expression."""
 
     rate: bool = False
 
+    def applied(self, state: State) -> State:
+        page, client = state.clients.get(self.client), self.client
+        if page is None or page.aim is None or (found := spot_of(state, self, page.aim)) is None:
+            return state
+        if page.aim.wants == "signal":
+            hint = signal_of(state.model, 0, "bodies", found.body, self.rate, None, "")
+            return with_client(state, client, hint=hint)
+        if page.aim.wants == "measure":
+            kept = page.aim.spots if len(page.aim.spots) == 1 else ()
+            return with_client(
+                state, client, aim=replace(page.aim, spots=(*kept, found), under=found)
+            )
+        if page.aim.wants == "axis" and found.direction is None:
+            return told(state, client, Notice("No axis there", "Click a face or a round side."))
+        return taken(state, client, page.aim, found)
 
-@on(ClickSpot)
-def clicked(state: State, event: ClickSpot) -> State:
-    page, client = state.clients.get(event.client), event.client
-    if page is None or page.aim is None or (found := spot_of(state, event, page.aim)) is None:
-        return state
-    if page.aim.wants == "signal":
-        hint = signal_of(state.model, 0, "bodies", found.body, event.rate, None, "")
-        return with_client(state, client, hint=hint)
-    if page.aim.wants == "measure":
-        kept = page.aim.spots if len(page.aim.spots) == 1 else ()
-        return with_client(state, client, aim=replace(page.aim, spots=(*kept, found), under=found))
-    if page.aim.wants == "axis" and found.direction is None:
-        return told(state, client, Notice("No axis there", "Click a face or a round side."))
-    return taken(state, client, page.aim, found)
 
-
-@dataclass(frozen=True)
 class AskBody(Pointed):
     """Request the menu of the body under the pointer."""
 
     at: tuple[Finite, Finite]  # position on the page [px]
 
+    def applied(self, state: State) -> State:
+        found = spot_of(state, self)
+        name = None if found is None or found.body == GROUND else found.body
+        return with_client(state, self.client, asked=MenuOf(self.client, name, self.at))
 
-@dataclass(frozen=True)
-class MenuOf(OfServer):
+
+class MenuOf(OfServer, Request):
     """The menu of a body, or of the view, is wanted at a place on the page [px]."""
 
     body: str | None
     at: tuple[float, float]
 
 
-@on(AskBody)
-def asked(state: State, event: AskBody) -> State:
-    found = spot_of(state, event)
-    name = None if found is None or found.body == GROUND else found.body
-    return with_client(state, event.client, asked=MenuOf(event.client, name, event.at))
-
-
-@dataclass(frozen=True)
 class FrameSpot(Pointed):
     """A double click, which selects and frames the body under the pointer, or frames all bodies."""
 
-
-@on(FrameSpot)
-def framed(state: State, event: FrameSpot) -> State:
-    page, found = state.clients.get(event.client), spot_of(state, event)
-    if page is None or page.aim is not None or page.picking is not None:
-        return state
-    name = None if found is None or found.body == GROUND else found.body
-    chosen = selected(state, event.client, name, () if name is None else (name,))
-    return with_client(chosen, event.client, asked=View(event.client, "fit"))
+    def applied(self, state: State) -> State:
+        page, found = state.clients.get(self.client), spot_of(state, self)
+        if page is None or page.aim is not None or page.picking is not None:
+            return state
+        name = None if found is None or found.body == GROUND else found.body
+        chosen = selected(state, self.client, name, () if name is None else (name,))
+        return with_client(chosen, self.client, asked=View(self.client, "fit"))
 
 
 def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None:

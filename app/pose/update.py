@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Literal
 
@@ -17,7 +17,7 @@ from pgraph_core.rotation import matrix, unit
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import attempted
-from ..core.events import Finite, FromPage, Text, on, on_edit, on_page
+from ..core.events import Finite, FromPage, ModelEdit, Text
 from ..core.state import display_of, replied, with_client
 from . import Grip, State, solving
 
@@ -27,7 +27,6 @@ NEAR = 0.15  # snapping distance relative to NOTCH
 FINE = 4  # decimals that a gizmo gives a model of the size of 1 m
 
 
-@dataclass(frozen=True)
 class MoveJoint(FromPage):
     """A joint coordinate was changed to `text`, either by a slider or by typing.
 
@@ -39,26 +38,24 @@ class MoveJoint(FromPage):
     index: Annotated[int, Field(ge=0, le=5)]
     text: Text
 
-
-@on(MoveJoint)
-def joint_moved(state: State, event: MoveJoint) -> State:
-    """Move one coordinate of the pose, unless a loop prevents this."""
-    client, serial, problem = event.client, event.serial, ""
-    try:
-        state.model.body(event.body)
-        typed = measured(state, event) if event.serial else "angle"  # a slider's is in SI units
-        display = display_of(state, client) if serial else cells.Display()
-        value = cells.quantity(event.text, typed, display)
-        pose = solving.posed(state, event.body, event.index, value)
-        state = replace(
-            state, posed=pose, playback=replace(state.playback, playing=False, preview=False)
-        )
-    except Refusal as refusal:
-        problem = f"body '{event.body}', q: {refusal}"
-    except pg.PgraphError as error:
-        problem = str(error)
-    state = replace(state, pose_problem="" if serial else problem)
-    return replied(state, client, serial, problem) if serial else state
+    def applied(self, state: State) -> State:
+        """Move one coordinate of the pose, unless a loop prevents this."""
+        client, serial, problem = self.client, self.serial, ""
+        try:
+            state.model.body(self.body)
+            typed = measured(state, self) if self.serial else "angle"  # a slider's is in SI units
+            display = display_of(state, client) if serial else cells.Display()
+            value = cells.quantity(self.text, typed, display)
+            pose = solving.posed(state, self.body, self.index, value)
+            state = replace(
+                state, posed=pose, playback=replace(state.playback, playing=False, preview=False)
+            )
+        except Refusal as refusal:
+            problem = f"body '{self.body}', q: {refusal}"
+        except pg.PgraphError as error:
+            problem = str(error)
+        state = replace(state, pose_problem="" if serial else problem)
+        return replied(state, client, serial, problem) if serial else state
 
 
 def measured(state: State, event: MoveJoint) -> cells.Quantity:
@@ -67,36 +64,30 @@ def measured(state: State, event: MoveJoint) -> cells.Quantity:
     return "length" if units[event.index : event.index + 1] == ["m"] else "angle"
 
 
-@dataclass(frozen=True)
 class HomePose(FromPage):
     """Show the model's initial state, or the run, again."""
 
-
-@on(HomePose)
-def home_pose(state: State, event: HomePose) -> State:
-    return replace(state, posed=None, pose_problem="")
+    def applied(self, state: State) -> State:
+        return replace(state, posed=None, pose_problem="")
 
 
-@dataclass(frozen=True)
-class UsePose(FromPage):
+class UsePose(ModelEdit):
     """Set the displayed pose as the model's initial state."""
 
-
-@on_edit(UsePose)
-def use_pose(state: State, event: UsePose) -> tuple[pg.Model, str]:
-    q, v = solving.shown_q(state), solving.shown_v(state)
-    return solving.with_initial(state.model, q, v), "initial pose"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        q, v = solving.shown_q(state), solving.shown_v(state)
+        return solving.with_initial(state.model, q, v), "initial pose"
 
 
-@on_page(gizmo="what")
-@dataclass(frozen=True)
 class SetGizmo(FromPage):
     """Select the vector of the selected body that this page's gizmo moves or rotates in 3D."""
 
     what: Literal["", "link", "com", "rotation"]
 
+    def applied(self, state: State) -> State:
+        return with_client(state, self.client, gizmo=self.what)
 
-@dataclass(frozen=True)
+
 class Gripped(FromPage):
     """The gizmo was dragged to `vector` [m] in the axes of the field, or rotated to a quaternion.
 
@@ -108,26 +99,24 @@ class Gripped(FromPage):
     vector: Vector | tuple[Finite, Finite, Finite, Finite]
     done: bool
 
-
-@on(Gripped)
-def gripped(state: State, event: Gripped) -> State:
-    """Draw the body at the gizmo. On release, set the model's link vector or centre of mass."""
-    if event.body not in state.model.row:
-        return state
-    body, client = state.model.body(event.body), event.client
-    turns = event.what == "rotation"
-    if len(event.vector) != (4 if turns else 3) or (turns and not any(event.vector)):
-        return state
-    old = getattr(body, event.what)
-    near = snapped if turns else partial(rounded, size=state.derived.size)
-    vector = near(old, event.vector)
-    if event.done:
-        state = with_client(replace(state, posed=None), client, grip=None)
-        model, change = state.model, {event.what: vector}
-        label = f"{'orientation' if turns else event.what} of {event.body}"
-        return attempted(state, client, lambda: model.edit(event.body, **change), label)
-    state = with_client(state, client, grip=Grip(event.body, event.what, vector))
-    return state if event.what == "com" else _drafted(state, event.body, event.what, vector)
+    def applied(self, state: State) -> State:
+        """Draw the body at the gizmo. On release, set the model's link vector or centre of mass."""
+        if self.body not in state.model.row:
+            return state
+        body, client = state.model.body(self.body), self.client
+        turns = self.what == "rotation"
+        if len(self.vector) != (4 if turns else 3) or (turns and not any(self.vector)):
+            return state
+        old = getattr(body, self.what)
+        near = snapped if turns else partial(rounded, size=state.derived.size)
+        vector = near(old, self.vector)
+        if self.done:
+            state = with_client(replace(state, posed=None), client, grip=None)
+            model, change = state.model, {self.what: vector}
+            label = f"{'orientation' if turns else self.what} of {self.body}"
+            return attempted(state, client, lambda: model.edit(self.body, **change), label)
+        state = with_client(state, client, grip=Grip(self.body, self.what, vector))
+        return state if self.what == "com" else _drafted(state, self.body, self.what, vector)
 
 
 def _drafted(state: State, name: str, what: str, vector: tuple[float, ...]) -> State:
@@ -165,7 +154,6 @@ def snapped(old: Sequence[float], new: Sequence[float]) -> tuple[float, ...]:
     return tuple(round(v, 15) + 0.0 for v in found)
 
 
-@dataclass(frozen=True)
 class DragBody(FromPage):
     """The mouse drags a body's `point`, in its own axes, towards `target`, in world axes [m]."""
 
@@ -174,21 +162,18 @@ class DragBody(FromPage):
     target: Vector
     collapses = True
 
-
-@on(DragBody)
-def body_dragged(state: State, event: DragBody) -> State:
-    """Return the nearest pose that closes all loops and respects the limits."""
-    if event.body not in state.model.row:
-        return state
-    try:
-        pose = solving.dragged(state, event.body, event.point, event.target)
-    except pg.PgraphError as error:
-        return replace(state, pose_problem=str(error))
-    playback = replace(state.playback, playing=False, preview=False)
-    return replace(state, posed=pose, playback=playback, pose_problem="")
+    def applied(self, state: State) -> State:
+        """Return the nearest pose that closes all loops and respects the limits."""
+        if self.body not in state.model.row:
+            return state
+        try:
+            pose = solving.dragged(state, self.body, self.point, self.target)
+        except pg.PgraphError as error:
+            return replace(state, pose_problem=str(error))
+        playback = replace(state.playback, playing=False, preview=False)
+        return replace(state, posed=pose, playback=playback, pose_problem="")
 
 
-@dataclass(frozen=True)
 class Pull(FromPage):
     """A pull of the mouse on `point` of a body, in body axes, towards `target` [m]."""
 
@@ -197,9 +182,7 @@ class Pull(FromPage):
     target: Vector | None  # None: let go
     collapses = True
 
-
-@on(Pull)
-def pull(state: State, event: Pull) -> State:
-    if event.body not in state.model.row:
-        return state
-    return replace(state, pull=event if event.target is not None else None)
+    def applied(self, state: State) -> State:
+        if self.body not in state.model.row:
+            return state
+        return replace(state, pull=self if self.target is not None else None)

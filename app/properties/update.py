@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,7 +18,7 @@ from pgraph_core.model.shape import mass_properties, mass_properties_of
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import edited
-from ..core.events import Chosen, Entries, OfBodies, Text, on, on_edit
+from ..core.events import Chosen, Entries, ModelEdit, OfBodies, Text
 from ..core.state import display_of, replied
 from ..model import Found
 from ..model.archive import mesh_folder
@@ -52,7 +51,6 @@ FurtherShape = Annotated[
 ]
 
 
-@dataclass(frozen=True)
 class Typed(OfBodies):
     """Text typed into the cells of one field, for one or several bodies."""
 
@@ -62,49 +60,43 @@ class Typed(OfBodies):
     entries: Entries
 
 
-@dataclass(frozen=True)
-class EditBodies(Typed):
+class EditBodies(Typed, ModelEdit):
     """An edit of cells, committed by leaving them or by pressing Enter."""
 
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        return _edited(state, self), _label(self)
 
-@on_edit(EditBodies, offer=lambda state, event: _offer(state, event))
-def bodies_edited(state: State, event: EditBodies) -> tuple[pg.Model, str]:
-    return _edited(state, event), _label(event)
+    def offer(self, state: State) -> str:
+        return _offer(state, self)
 
 
-@dataclass(frozen=True)
 class Check(Typed):
     """A check of text while it is being typed, which changes nothing."""
 
-
-@on(Check)
-def checked(state: State, event: Check) -> State:
-    """Report the problem with partly typed cells and a repair. Unfinished numbers are accepted."""
-    problem = offer = ""
-    try:
-        _edited(state, event)
-    except pg.PgraphError as error:
-        problem, offer = str(error), _offer(state, event)
-    except Refusal:
-        pass
-    return replied(state, event.client, event.serial, problem, offer)
+    def applied(self, state: State) -> State:
+        """Report the problem with partly typed cells and a repair. Unfinished numbers pass."""
+        problem = offer = ""
+        try:
+            _edited(state, self)
+        except pg.PgraphError as error:
+            problem, offer = str(error), _offer(state, self)
+        except Refusal:
+            pass
+        return replied(state, self.client, self.serial, problem, offer)
 
 
-@dataclass(frozen=True)
-class Mend(Typed):
+class Mend(Typed, ModelEdit):
     """Replace refused entries by the nearest values that the bodies accept."""
 
-
-@on_edit(Mend)
-def repaired(state: State, event: Mend) -> tuple[pg.Model, str]:
-    """The offer taken."""
-    new = {}
-    for name, change in _changes(state, event).items():
-        mending = mended(state.model.body(name), *_one(event, change))
-        if mending is None:
-            raise Refusal("there is nothing to repair")
-        new[name] = mending
-    return state.model.edit_all(new), f"repair {_label(event)}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        """The offer taken."""
+        new = {}
+        for name, change in _changes(state, self).items():
+            mending = mended(state.model.body(name), *_one(self, change))
+            if mending is None:
+                raise Refusal("there is nothing to repair")
+            new[name] = mending
+        return state.model.edit_all(new), f"repair {_label(self)}"
 
 
 def _label(event: Typed) -> str:
@@ -175,7 +167,6 @@ def _one(event: Typed, change: dict[str, Any]) -> tuple[str, Any]:
 # -- mass from shape, meshes -------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class FillFromShape(OfBodies):
     """Derive mass, centre of mass and inertia from the shapes and a typed density."""
 
@@ -183,25 +174,23 @@ class FillFromShape(OfBodies):
     bodies: Chosen
     density: Text
 
-
-@on(FillFromShape)
-def filled(state: State, event: FillFromShape) -> State:
-    """Set the mass properties from the shapes, in a background task if a mesh must be read."""
-    try:
-        density = cells.number(event.density)
-        if density <= 0:
-            raise Refusal(f"must be > 0 [kg/m³]; given {density:g}")
-        bodies = [state.model.body(name) for name in event.bodies]
-    except (Refusal, pg.PgraphError) as problem:
-        sentence = f"The density {problem}" if isinstance(problem, Refusal) else str(problem)
-        return replied(state, event.client, event.serial, sentence)
-    if any(shape.kind == "mesh" for b in bodies for shape in b.shapes):
-        state = replied(state, event.client, event.serial)
-        work = partial(_filled, bodies=event.bodies, density=density)
-        return sent(state, event.client, "mass from shape", work)
-    of = event.bodies[0] if len(bodies) == 1 else f"{len(bodies)} bodies"
-    make = lambda: (state.model.edit_all(mass_of(bodies, density)), f"mass of {of} from shape")  # noqa: E731
-    return edited(state, event.client, make, event.serial)
+    def applied(self, state: State) -> State:
+        """Set the mass properties from the shapes, in a background task if a mesh must be read."""
+        try:
+            density = cells.number(self.density)
+            if density <= 0:
+                raise Refusal(f"must be > 0 [kg/m³]; given {density:g}")
+            bodies = [state.model.body(name) for name in self.bodies]
+        except (Refusal, pg.PgraphError) as problem:
+            sentence = f"The density {problem}" if isinstance(problem, Refusal) else str(problem)
+            return replied(state, self.client, self.serial, sentence)
+        if any(shape.kind == "mesh" for b in bodies for shape in b.shapes):
+            state = replied(state, self.client, self.serial)
+            work = partial(_filled, bodies=self.bodies, density=density)
+            return sent(state, self.client, "mass from shape", work)
+        of = self.bodies[0] if len(bodies) == 1 else f"{len(bodies)} bodies"
+        make = lambda: (state.model.edit_all(mass_of(bodies, density)), f"mass of {of} from shape")  # noqa: E731
+        return edited(state, self.client, make, self.serial)
 
 
 def _filled(model: pg.Model, bodies: tuple[str, ...], density: float) -> Found:
@@ -209,7 +198,6 @@ def _filled(model: pg.Model, bodies: tuple[str, ...], density: float) -> Found:
     return Found(text, mass_of([model.body(name) for name in bodies], density))
 
 
-@dataclass(frozen=True)
 class UploadMesh(OfBodies):
     """Use a mesh file that the page has read as the shape of these bodies."""
 
@@ -217,14 +205,12 @@ class UploadMesh(OfBodies):
     name: Text
     content: Annotated[str, Field(max_length=15_000_000)]  # base64
 
+    def applied(self, state: State) -> State:
+        """Start a background task that stores and reads the mesh file."""
 
-@on(UploadMesh)
-def uploaded(state: State, event: UploadMesh) -> State:
-    """Start a background task that stores and reads the mesh file."""
-
-    work = partial(shaped, event.bodies, event.name)
-    leaves = partial(_place_of, event.name)
-    return sent_file(state, event.client, event.content, "mesh file", work, leaves)
+        work = partial(shaped, self.bodies, self.name)
+        leaves = partial(_place_of, self.name)
+        return sent_file(state, self.client, self.content, "mesh file", work, leaves)
 
 
 # -- meshes ----------------------------------------------------------------------------------------

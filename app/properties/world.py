@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import pgraph_core as pg
@@ -28,7 +27,7 @@ from ..core.cells import (
     quantity_in,
     shown,
 )
-from ..core.events import Entries, FromPage, Text, on_edit
+from ..core.events import Entries, ModelEdit, Text
 from ..core.state import display_of
 from . import State
 
@@ -134,23 +133,20 @@ WorldField = Literal[
 STEP = ("low", "low", "high", "high", "height")  # fields of the numbers of a ground step
 
 
-@dataclass(frozen=True)
-class EditWorld(FromPage):
+class EditWorld(ModelEdit):
     """Text typed into the cells of one model field."""
 
     serial: int
     field: WorldField
     entries: Entries
 
-
-@on_edit(EditWorld)
-def edited(state: State, event: EditWorld) -> tuple[pg.Model, str]:
-    display = display_of(state, event.client)
-    try:
-        model = _world(state.model, display, event.field, event.entries)
-    except Refusal as refusal:
-        raise Refusal(f"The {event.field} {refusal}") from None
-    return model, f"{event.field} of the model"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        display = display_of(state, self.client)
+        try:
+            model = _world(state.model, display, self.field, self.entries)
+        except Refusal as refusal:
+            raise Refusal(f"The {self.field} {refusal}") from None
+        return model, f"{self.field} of the model"
 
 
 def _world(model: pg.Model, display: Display, field: str, entries: Entries) -> pg.Model:
@@ -213,8 +209,7 @@ def _steps(ground: pg.Ground, entries: Entries, display: Display) -> list[dict[s
 # -- parameters ------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class EditParameter(FromPage):
+class EditParameter(ModelEdit):
     """Edit the value of the parameter in a row, or add a parameter if there is no row."""
 
     serial: int
@@ -222,38 +217,30 @@ class EditParameter(FromPage):
     text: Text
     row: int | None = None
 
-
-@on_edit(EditParameter)
-def parameter_edited(state: State, event: EditParameter) -> tuple[pg.Model, str]:
-    name = event.name.strip()
-    if event.row is not None and event.row not in _rows(state).values():
-        raise Refusal(cells.GONE)
-    return parameter_set(state.model, name, event.text), f"parameter {name}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        name = self.name.strip()
+        if self.row is not None and self.row not in _rows(state).values():
+            raise Refusal(cells.GONE)
+        return parameter_set(state.model, name, self.text), f"parameter {name}"
 
 
-@dataclass(frozen=True)
-class RenameParameter(FromPage):
+class RenameParameter(ModelEdit):
     serial: int
     name: Text
     text: Text
 
-
-@on_edit(RenameParameter)
-def renamed(state: State, event: RenameParameter) -> tuple[pg.Model, str]:
-    model = parameter_renamed(state.model, event.name, event.text.strip())
-    return model, f"name of parameter {event.name}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        model = parameter_renamed(state.model, self.name, self.text.strip())
+        return model, f"name of parameter {self.name}"
 
 
-@dataclass(frozen=True)
-class DeleteParameter(FromPage):
+class DeleteParameter(ModelEdit):
     """Delete a parameter. Cells that use it keep their numbers."""
 
     name: Text
 
-
-@on_edit(DeleteParameter)
-def deleted(state: State, event: DeleteParameter) -> tuple[pg.Model, str]:
-    return parameter_removed(state.model, event.name), f"delete parameter {event.name}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        return parameter_removed(state.model, self.name), f"delete parameter {self.name}"
 
 
 def parameter_set(model: pg.Model, name: str, text: str) -> pg.Model:

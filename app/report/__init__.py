@@ -31,6 +31,13 @@ class Analysis(Job):
     request: Request
     reporting: ReportRequest
 
+    def ended(self, state: State, result: Any) -> State:
+        """Show a Study or StabilityMap, and keep the latest one of the other kind."""
+        duration = self.reporting.t_end or self.request.t_end
+        other = latest(state.report, "stability" if self.kind == "precision" else "precision")
+        kept = None if other is None else replace(other, other=None)
+        return replace(state, report=Report(self.kind, self.model, result, duration, kept))
+
 
 @dataclass(frozen=True)
 class Report:

@@ -14,7 +14,7 @@ from pgraph_core.show import shapes
 from pgraph_core.show.bodies import extent, looks
 
 from ..core import state
-from ..core.jobs import Job
+from ..core.jobs import Job, Work
 from ..core.state import Client as Client
 from ..core.state import Names
 from .footfalls import Change, changes
@@ -49,6 +49,25 @@ class Simulation(Job):
     before: Any = None  # the result that this one goes on from
     gait: pg.Gait | None = None  # replaces the gait of its scenario
     framed: int = 0  # `State.framed` at the request
+
+    def ended(self, state: State, result: Any) -> State:
+        """Show the run of a simulation."""
+        if not len(result.t):  # nothing to play or to keep
+            why = result.message or result.status.value
+            return replace(state, run_problem=f"There is no run to show: {why}.")
+        start = 0.0 if self.before is None else float(self.before.t[-1])
+        plays = self.model is state.model and len(result.t) > 1
+        unseen = not any(page.aspect for page in state.clients.values())
+        stale = "The model was changed during the simulation; undo shows that run."
+        playback = replace(state.playback, time=start, playing=False, preview=plays, unseen=unseen)
+        return replace(
+            state,
+            live=None,
+            last_run=Run(self.model, self.request, result),
+            run_framed=self.framed,
+            playback=playback,
+            run_problem="" if self.model is state.model else stale,
+        )
 
 
 @dataclass(frozen=True)
@@ -109,10 +128,10 @@ class KeptRun:
 
 
 @dataclass(frozen=True)
-class Live:
+class Live(Work):
     """A live run, which plays while it is computed and follows edits of the model."""
 
-    id: int
+    FIELD = "live"
     request: Request
     start: tuple[float, np.ndarray, np.ndarray] | None = None  # (t, q, v); None: the scenario's
     running: bool = True
@@ -266,6 +285,20 @@ class State(state.State):
     @property
     def moves(self) -> bool:
         return self.playback.moves
+
+    def ticked(self, dt: float) -> Self:
+        playback, start, end = self.playback, self.t_start, self.t_end
+        if not playback.moves or end <= start:
+            return self
+        time = playback.time + dt * playback.speed
+        if playback.preview:
+            shown = replace(playback, time=min(time, end), preview=time < end)
+        elif time < end:
+            shown = replace(playback, time=time)
+        else:
+            again = start + (time - end) % (end - start) if playback.loop else end
+            shown = replace(playback, time=again, playing=playback.loop)
+        return replace(self, playback=shown)
 
     @property
     def ready(self) -> bool:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from abc import abstractmethod
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 import pgraph_core as pg
 
 from ..constraints import KINDS, parts
-from ..core.cells import Refusal, scenario, touched
+from ..core.cells import Refusal, scenario
 from ..core.edit import attempted, edited
-from ..core.events import Entries, FromPage, OfScenario, Text, on
+from ..core.events import Entries, FromPage, ModelEdit, OfScenario, Text
 from ..core.state import Notice, display_of, told
 from ..pose import solving
 from ..run import FREE_RUN, Request
@@ -50,46 +50,34 @@ def chosen(state: State, name: str) -> State:
     return replace(state, request=Request(name, s.t_end, s.step, s.method, state.request.rtol))
 
 
-Edit = Callable[[State, Any, str], pg.Model]
+class EditOfScenario(OfScenario, ModelEdit):
+    """An edit of a scenario. The run follows the settings that were typed."""
 
+    LABEL: ClassVar[str]  # says what was done, with fields of the event and `scenario`
 
-def on_scenario(kind: type[FromPage], label: str) -> Callable[[Edit], Edit]:
-    """Register (state, event, scenario name) -> model as the undoable edit for these events.
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        name = named(state, self)
+        return self.changed(state, name), self.LABEL.format(**{**vars(self), "scenario": name})
 
-    `label` says what was done, with fields of the event and `scenario`. The run follows the
-    settings that were typed.
-    """
+    @abstractmethod
+    def changed(self, state: State, name: str) -> pg.Model:
+        """Return the model with another scenario of this name. Raises Refusal, PgraphError."""
 
-    def keep(edit: Edit) -> Edit:
-        def done(state: State, event: Any) -> State:
-            serial = getattr(event, "serial", None)
-
-            def make() -> tuple[pg.Model, str]:
-                name = named(state, event)
-                return edit(state, event, name), label.format(**{**vars(event), "scenario": name})
-
-            after = edited(state, event.client, make, serial, at=touched(event))
-            if serial is None or after.model is state.model:
-                return after
-            for s, new in zip(state.model.scenarios, after.model.scenarios):
-                if s.name == state.request.scenario and s is not new:
-                    return chosen(after, new.name)
+    def applied(self, state: State) -> State:
+        after = super().applied(state)
+        if not hasattr(self, "serial") or after.model is state.model:
             return after
+        for s, new in zip(state.model.scenarios, after.model.scenarios):
+            if s.name == state.request.scenario and s is not new:
+                return chosen(after, new.name)
+        return after
 
-        on(kind)(done)
-        return edit
 
-    return keep
-
-
-@dataclass(frozen=True)
 class NewScenario(FromPage):
     """Create a scenario from the current run settings."""
 
-
-@on(NewScenario)
-def new_scenario(state: State, event: NewScenario) -> State:
-    return _added(state, event.client)
+    def applied(self, state: State) -> State:
+        return _added(state, self.client)
 
 
 def _added(state: State, client: int) -> State:
@@ -97,146 +85,128 @@ def _added(state: State, client: int) -> State:
     return chosen(attempted(state, client, lambda: model, f"add {name}"), name)
 
 
-@dataclass(frozen=True)
 class KeepSettings(FromPage):
     """Store the current run settings in the chosen scenario."""
 
+    def applied(self, state: State) -> State:
+        request = state.request
+        fields = {"t_end": request.t_end, "step": request.step, "method": request.method}
 
-@on(KeepSettings)
-def keep_settings(state: State, event: KeepSettings) -> State:
-    request = state.request
-    fields = {"t_end": request.t_end, "step": request.step, "method": request.method}
+        def make() -> tuple[pg.Model, str]:
+            name = named(state)
+            return put(state.model, name, **fields), f"settings of {name}"
 
-    def make() -> tuple[pg.Model, str]:
-        name = named(state)
-        return put(state.model, name, **fields), f"settings of {name}"
-
-    return edited(state, event.client, make)
+        return edited(state, self.client, make)
 
 
-@dataclass(frozen=True)
 class CopyScenario(OfScenario):
     """Copy the scenario."""
 
-
-@on(CopyScenario)
-def copy_scenario(state: State, event: CopyScenario) -> State:
-    try:
-        model, name = copied(state.model, named(state, event))
-    except (Refusal, pg.PgraphError) as problem:
-        return told(state, event.client, Notice("Not done", str(problem), bad=True))
-    return chosen(attempted(state, event.client, lambda: model, f"duplicate {name}"), name)
+    def applied(self, state: State) -> State:
+        try:
+            model, name = copied(state.model, named(state, self))
+        except (Refusal, pg.PgraphError) as problem:
+            return told(state, self.client, Notice("Not done", str(problem), bad=True))
+        return chosen(attempted(state, self.client, lambda: model, f"duplicate {name}"), name)
 
 
-@dataclass(frozen=True)
 class DeleteScenario(OfScenario):
     """Delete the scenario."""
 
+    def applied(self, state: State) -> State:
+        def make() -> tuple[pg.Model, str]:
+            name = named(state, self)
+            return state.model.remove(name, kind="scenario"), f"delete {name}"
 
-@on(DeleteScenario)
-def delete_scenario(state: State, event: DeleteScenario) -> State:
-    def make() -> tuple[pg.Model, str]:
-        name = named(state, event)
-        return state.model.remove(name, kind="scenario"), f"delete {name}"
-
-    after = edited(state, event.client, make)
-    if after.request.scenario == state.request.scenario:
-        return after
-    left = after.model.scenarios
-    return chosen(after, left[0].name) if left else replace(after, request=Request())
+        after = edited(state, self.client, make)
+        if after.request.scenario == state.request.scenario:
+            return after
+        left = after.model.scenarios
+        return chosen(after, left[0].name) if left else replace(after, request=Request())
 
 
-@dataclass(frozen=True)
-class EditScenario(OfScenario):
+class EditScenario(EditOfScenario):
     """Text typed into the cells of one scenario field."""
 
     serial: int
     field: Text
     entries: Entries
+    LABEL = "{field} of {scenario}"
+
+    def changed(self, state: State, name: str) -> pg.Model:
+        model, display = state.model, display_of(state, self.client)
+        for index, text in self.entries:
+            try:
+                model = changed(model, name, self.field, index, text, display)
+            except Refusal as refusal:
+                raise Refusal(f"The {self.field.replace('t_end', 'duration')} {refusal}") from None
+        return model
 
 
-@on_scenario(EditScenario, "{field} of {scenario}")
-def scenario_edited(state: State, event: EditScenario, name: str) -> pg.Model:
-    model, display = state.model, display_of(state, event.client)
-    for index, text in event.entries:
-        try:
-            model = changed(model, name, event.field, index, text, display)
-        except Refusal as refusal:
-            raise Refusal(f"The {event.field.replace('t_end', 'duration')} {refusal}") from None
-    return model
-
-
-@dataclass(frozen=True)
-class TakePose(OfScenario):
+class TakePose(EditOfScenario):
     """Use the displayed pose as the scenario's initial state, or restore the model's own."""
 
     shown: bool
+    LABEL = "initial state of {scenario}"
 
-
-@on_scenario(TakePose, "initial state of {scenario}")
-def take_pose(state: State, event: TakePose, name: str) -> pg.Model:
-    if not event.shown:
-        return put(state.model, name, q={}, v={})
-    q, v = solving.shown_q(state), solving.shown_v(state)
-    posed = solving.with_initial(state.model, q, v)
-    moves = [body for body in posed.bodies if body.q]
-    return put(state.model, name, q={b.name: b.q for b in moves}, v={b.name: b.v for b in moves})
+    def changed(self, state: State, name: str) -> pg.Model:
+        if not self.shown:
+            return put(state.model, name, q={}, v={})
+        q, v = solving.shown_q(state), solving.shown_v(state)
+        posed = solving.with_initial(state.model, q, v)
+        moves = [body for body in posed.bodies if body.q]
+        return put(
+            state.model, name, q={b.name: b.q for b in moves}, v={b.name: b.v for b in moves}
+        )
 
 
 # -- forces --------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class AddDrive(OfScenario):
+class AddDrive(EditOfScenario):
     """Add a force on a body that acts in this scenario only."""
 
     kind: Text
     body: Text
+    LABEL = "add {kind}"
+
+    def changed(self, state: State, name: str) -> pg.Model:
+        if self.kind not in KINDS["forces"] or self.body not in state.model.row:
+            return state.model
+        draft = as_forces(state.model, state.model.scenario(name))
+        added, _ = parts.added(draft, "forces", self.kind, self.body, parts.GROUND)
+        return with_forces(state.model, name, added)
 
 
-@on_scenario(AddDrive, "add {kind}")
-def add_drive(state: State, event: AddDrive, name: str) -> pg.Model:
-    if event.kind not in KINDS["forces"] or event.body not in state.model.row:
-        return state.model
-    draft = as_forces(state.model, state.model.scenario(name))
-    added, _ = parts.added(draft, "forces", event.kind, event.body, parts.GROUND)
-    return with_forces(state.model, name, added)
-
-
-@dataclass(frozen=True)
-class EditDrive(OfScenario):
+class EditDrive(EditOfScenario):
     """Text typed into the cells of a scenario force."""
 
     serial: int
     name: Text
     field: Text
     entries: Entries
+    LABEL = "{field} of {name}"
+
+    def changed(self, state: State, name: str) -> pg.Model:
+        display, d = display_of(state, self.client), state.derived
+        at = parts.places(d.names, d.positions, d.wxyz)
+        draft = as_forces(state.model, state.model.scenario(name))
+        new = parts.changed(draft, "forces", self.name, self.field, self.entries, display, at)
+        return with_forces(state.model, name, new)
 
 
-@on_scenario(EditDrive, "{field} of {name}")
-def drive_edited(state: State, event: EditDrive, name: str) -> pg.Model:
-    display, d = display_of(state, event.client), state.derived
-    at = parts.places(d.names, d.positions, d.wxyz)
-    draft = as_forces(state.model, state.model.scenario(name))
-    new = parts.changed(draft, "forces", event.name, event.field, event.entries, display, at)
-    return with_forces(state.model, name, new)
-
-
-@dataclass(frozen=True)
-class DeleteDrive(OfScenario):
+class DeleteDrive(EditOfScenario):
     name: Text
+    LABEL = "delete {name}"
 
-
-@on_scenario(DeleteDrive, "delete {name}")
-def delete_drive(state: State, event: DeleteDrive, name: str) -> pg.Model:
-    draft = as_forces(state.model, state.model.scenario(name))
-    return with_forces(state.model, name, parts.removed(draft, "forces", event.name))
+    def changed(self, state: State, name: str) -> pg.Model:
+        draft = as_forces(state.model, state.model.scenario(name))
+        return with_forces(state.model, name, parts.removed(draft, "forces", self.name))
 
 
 # -- switches ------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class AddSwitch(FromPage):
     """Add a switch for a constraint, by default the first. Creates a scenario if there is none.
 
@@ -247,46 +217,40 @@ class AddSwitch(FromPage):
     body: Text = ""
     when: Literal["touches", "leaves", "passes", "exceeds"] | None = None
 
+    def applied(self, state: State) -> State:
+        if state.request.scenario == FREE_RUN:
+            known = state.model.scenarios
+            if not state.model.constraints:
+                text = "No constraint to switch: add one in the tab Constraints."
+                return told(state, self.client, Notice("Not done", text, bad=True))
+            state = chosen(state, known[0].name) if known else _added(state, self.client)
 
-@on(AddSwitch)
-def add_switch(state: State, event: AddSwitch) -> State:
-    if state.request.scenario == FREE_RUN:
-        known = state.model.scenarios
-        if not state.model.constraints:
-            text = "No constraint to switch: add one in the tab Constraints."
-            return told(state, event.client, Notice("Not done", text, bad=True))
-        state = chosen(state, known[0].name) if known else _added(state, event.client)
+        def make() -> pg.Model:
+            when = (self.body, self.when) if self.when else None
+            return conditions.with_switch(state.model, named(state), self.constraint, when)
 
-    def make() -> pg.Model:
-        when = (event.body, event.when) if event.when else None
-        return conditions.with_switch(state.model, named(state), event.constraint, when)
-
-    return attempted(state, event.client, make, "add a switch")
+        return attempted(state, self.client, make, "add a switch")
 
 
-@dataclass(frozen=True)
-class EditSwitch(OfScenario):
+class EditSwitch(EditOfScenario):
     """Text typed into the cells of one field of a switch, or one of its buttons pressed."""
 
     serial: int
     number: Number
     field: Text
     entries: Entries
+    LABEL = "a switch"
+
+    def changed(self, state: State, name: str) -> pg.Model:
+        display = display_of(state, self.client)
+        return conditions.switch_edited(
+            state.model, name, self.number, self.field, self.entries, display
+        )
 
 
-@on_scenario(EditSwitch, "a switch")
-def switch_set(state: State, event: EditSwitch, name: str) -> pg.Model:
-    display = display_of(state, event.client)
-    return conditions.switch_edited(
-        state.model, name, event.number, event.field, event.entries, display
-    )
-
-
-@dataclass(frozen=True)
-class DeleteSwitch(OfScenario):
+class DeleteSwitch(EditOfScenario):
     number: Number
+    LABEL = "delete a switch"
 
-
-@on_scenario(DeleteSwitch, "delete a switch")
-def delete_switch(state: State, event: DeleteSwitch, name: str) -> pg.Model:
-    return conditions.without_switch(state.model, name, event.number)
+    def changed(self, state: State, name: str) -> pg.Model:
+        return conditions.without_switch(state.model, name, self.number)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..core.events import Event, FromPage, on, on_request
+from ..core.events import Event, FromPage, Request
 from ..core.state import Notice, told, with_client
 from . import State
 
@@ -17,25 +17,20 @@ Showable = Literal[
 ]  # fmt: skip
 
 
-@dataclass(frozen=True)
 class Show(FromPage):
     """Toggle an overlay of the 3D view. "follow", the camera, belongs to one page."""
 
     what: Showable
     on: bool
 
-
-@on(Show)
-def show(state: State, event: Show) -> State:
-    if event.what == "follow":
-        return with_client(state, event.client, follow=event.on)
-    shown = state.shown | {event.what} if event.on else state.shown - {event.what}
-    return replace(state, shown=shown)
+    def applied(self, state: State) -> State:
+        if self.what == "follow":
+            return with_client(state, self.client, follow=self.on)
+        shown = state.shown | {self.what} if self.on else state.shown - {self.what}
+        return replace(state, shown=shown)
 
 
-@on_request
-@dataclass(frozen=True)
-class View(FromPage):
+class View(Request):
     """Point a page's camera at the selection or the whole model ("fit"), or use a named direction.
 
     "centre" keeps direction and distance: the selection, or all, comes to the middle, about which
@@ -47,7 +42,6 @@ class View(FromPage):
     ]
 
 
-@dataclass(frozen=True)
 class Viewport(FromPage):
     """The aspect ratio (width over height) of a page's 3D view has changed.
 
@@ -58,26 +52,21 @@ class Viewport(FromPage):
     free: Annotated[float, Field(ge=0.5, le=1)] = 1.0
     turned: bool = False  # whether a person moved the camera since it was set
 
-
-@on(Viewport)
-def viewport(state: State, event: Viewport) -> State:
-    if state.playback.unseen:
-        state = replace(state, playback=replace(state.playback, unseen=False))
-    now = {"aspect": event.aspect, "free": event.free, "turned": event.turned}
-    return with_client(state, event.client, **now)
+    def applied(self, state: State) -> State:
+        if state.playback.unseen:
+            state = replace(state, playback=replace(state.playback, unseen=False))
+        now = {"aspect": self.aspect, "free": self.free, "turned": self.turned}
+        return with_client(state, self.client, **now)
 
 
-@dataclass(frozen=True)
 class Unreadable(Event):
     """Mesh files that cannot be drawn, with one message each."""
 
     sentences: tuple[str, ...]
 
-
-@on(Unreadable)
-def unreadable(state: State, event: Unreadable) -> State:
-    text = f"Transparent links stand for meshes: {' '.join(event.sentences)}"
-    notice = Notice("Meshes are missing", text, bad=True)
-    for client in state.clients:
-        state = told(state, client, notice)
-    return state
+    def applied(self, state: State) -> State:
+        text = f"Transparent links stand for meshes: {' '.join(self.sentences)}"
+        notice = Notice("Meshes are missing", text, bad=True)
+        for client in state.clients:
+            state = told(state, client, notice)
+        return state

@@ -30,7 +30,7 @@ from ..pose import poses
 from ..pose.update import DragBody, Pull
 from ..pose.view import Gizmos
 from ..run import Run
-from ..run.update import GoLive
+from ..run.update import GoLiveHere
 from ..session.update import Select
 from . import Client, State, marks
 from .camera import CameraView
@@ -106,7 +106,7 @@ class SceneView:
             return  # a live run is pulled, not posed
         if pulls and state.going is None:
             if event.phase == "start" and state.run is not None:
-                self._send(GoLive(client, here=True))
+                self._send(GoLiveHere(client))
             if state.run is None:
                 return
         positions, wxyz = poses(state)

@@ -59,6 +59,9 @@ class Search(Job):
         shown = self.curves if run is None else drawn(self.asked, run)
         return {"trials": trials, "said": said, "curves": shown}
 
+    def ended(self, state: State, result: Found) -> State:
+        return replace(state, found=result)
+
 
 def drawn(asked: Asked, run: Any) -> Curves:
     """Return the curves of a run that a search looks at, thinned for drawing."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -11,13 +10,12 @@ import pgraph_core as pg
 from pgraph_core.paper.motion import bodies_of, q_slices, v_slices
 
 from ..constraints import Part
-from ..core.events import FromPage, Text, on
+from ..core.events import FromPage, Text
 from ..core.state import with_client
 from ..pose.solving import shown_q, shown_v
 from . import Moment, State, Vocabulary, clicked
 
 
-@dataclass(frozen=True)
 class AskHint(FromPage):
     """An expression was typed into a cell of a part, of a switch, or of any other row ("")."""
 
@@ -28,14 +26,12 @@ class AskHint(FromPage):
     text: Text
     caret: Annotated[int, Field(ge=0)]
 
-
-@on(AskHint)
-def hinted(state: State, event: AskHint) -> State:
-    item = _item(state.model, event.part, event.name)
-    varies = item is not None or event.part == "switches"
-    words = Vocabulary(state.model, moment(state), item, event.cell, varies)
-    found = words.hint(event.serial, event.text, event.caret)
-    return with_client(state, event.client, hint=found)
+    def applied(self, state: State) -> State:
+        item = _item(state.model, self.part, self.name)
+        varies = item is not None or self.part == "switches"
+        words = Vocabulary(state.model, moment(state), item, self.cell, varies)
+        found = words.hint(self.serial, self.text, self.caret)
+        return with_client(state, self.client, hint=found)
 
 
 def _item(model: pg.Model, part: str, name: str) -> Any:
@@ -58,7 +54,6 @@ def moment(state: State) -> Moment:
     )
 
 
-@dataclass(frozen=True)
 class PickSignal(FromPage):
     """A part was clicked while an expression is typed in a cell of another part, or of a switch.
 
@@ -73,10 +68,8 @@ class PickSignal(FromPage):
     owner: Text
     cell: Text
 
-
-@on(PickSignal)
-def signal_picked(state: State, event: PickSignal) -> State:
-    item = _item(state.model, event.of, event.owner)
-    clicks = event.part, event.name, event.rate
-    found = clicked(state.model, event.serial, *clicks, item, event.cell)
-    return with_client(state, event.client, hint=found)
+    def applied(self, state: State) -> State:
+        item = _item(state.model, self.of, self.owner)
+        clicks = self.part, self.name, self.rate
+        found = clicked(state.model, self.serial, *clicks, item, self.cell)
+        return with_client(state, self.client, hint=found)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -13,7 +12,7 @@ import pgraph_core as pg
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, STAND_IN, attempted, replaced, selected, with_model
-from ..core.events import Bodies, FromPage, Text, on, on_edit
+from ..core.events import Bodies, FromPage, ModelEdit, Text
 from ..core.state import Notice, replied, told
 from . import State
 from . import paste as pasting
@@ -21,44 +20,37 @@ from . import paste as pasting
 GROUND = "ground"
 
 
-@dataclass(frozen=True)
 class AddBody(FromPage):
     """Add a body as child of `parent`, or on the ground if it is None."""
 
     parent: Text | None
 
+    def applied(self, state: State) -> State:
+        model = state.model
 
-@on(AddBody)
-def add(state: State, event: AddBody) -> State:
-    model = state.model
+        def make() -> pg.Model:
+            on_model = self.parent is not None and self.parent in model.row
+            parent = self.parent if on_model and self.parent else GROUND
+            return model.add(rod(model, free_number(model.row), parent))
 
-    def make() -> pg.Model:
-        on_model = event.parent is not None and event.parent in model.row
-        parent = event.parent if on_model and event.parent else GROUND
-        return model.add(rod(model, free_number(model.row), parent))
-
-    return grown(state, event.client, make, "add a body")
+        return grown(state, self.client, make, "add a body")
 
 
-@dataclass(frozen=True)
 class Duplicate(FromPage):
     """Copy the bodies together with the branches that they carry."""
 
     bodies: Bodies
     subtree: bool
 
+    def applied(self, state: State) -> State:
+        model, bodies, subtree = state.model, self.bodies, self.subtree
 
-@on(Duplicate)
-def duplicate(state: State, event: Duplicate) -> State:
-    model, bodies, subtree = state.model, event.bodies, event.subtree
+        def make() -> pg.Model:
+            return model.duplicate(_tops(model, bodies) if subtree else bodies, subtree=subtree)
 
-    def make() -> pg.Model:
-        return model.duplicate(_tops(model, bodies) if subtree else bodies, subtree=subtree)
-
-    return grown(state, event.client, make, f"duplicate {_label(bodies)}")
+        return grown(state, self.client, make, f"duplicate {_label(bodies)}")
 
 
-@dataclass(frozen=True)
 class MirrorBranch(FromPage):
     """Mirror branches of bodies about the plane normal to an axis of each parent."""
 
@@ -66,19 +58,17 @@ class MirrorBranch(FromPage):
     plane: Literal["x", "y", "z"]
     bodies: Bodies | None = None  # all selected bodies, None for `body` alone
 
+    def applied(self, state: State) -> State:
+        chosen = self.bodies or (self.body,)
 
-@on(MirrorBranch)
-def mirror(state: State, event: MirrorBranch) -> State:
-    chosen = event.bodies or (event.body,)
+        def make() -> pg.Model:
+            model = state.model
+            for name in chosen:
+                if not any(inboard in chosen for inboard in _inboard(model, name)):
+                    model = model.mirror(name, self.plane)
+            return model
 
-    def make() -> pg.Model:
-        model = state.model
-        for name in chosen:
-            if not any(inboard in chosen for inboard in _inboard(model, name)):
-                model = model.mirror(name, event.plane)
-        return model
-
-    return grown(state, event.client, make, f"mirror {_label(chosen)}")
+        return grown(state, self.client, make, f"mirror {_label(chosen)}")
 
 
 def _inboard(model: pg.Model, name: str) -> list[str]:
@@ -89,69 +79,56 @@ def _inboard(model: pg.Model, name: str) -> list[str]:
     return found
 
 
-@dataclass(frozen=True)
-class DeleteBodies(FromPage):
+class DeleteBodies(ModelEdit):
     """Delete bodies. Their children are reattached to the remaining bodies or deleted too."""
 
     bodies: Bodies
     children: Literal["attach", "delete"]
 
-
-@on_edit(DeleteBodies)
-def delete(state: State, event: DeleteBodies) -> tuple[pg.Model, str]:
-    model = state.model.remove(event.bodies, children=event.children)
-    return model, f"delete {_label(event.bodies)}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        model = state.model.remove(self.bodies, children=self.children)
+        return model, f"delete {_label(self.bodies)}"
 
 
-@dataclass(frozen=True)
-class MoveRows(FromPage):
+class MoveRows(ModelEdit):
     """Move the rows before a body, or to the end if it is None."""
 
     bodies: Bodies
     before: Text | None
 
-
-@on_edit(MoveRows)
-def move(state: State, event: MoveRows) -> tuple[pg.Model, str]:
-    model, chosen, label = state.model, set(event.bodies), f"move {_label(event.bodies)}"
-    if event.before in chosen:
-        return model, label
-    left = [b.name for b in model.bodies if b.name not in chosen]
-    place = left.index(event.before) if event.before in left else len(left)
-    return model.move(event.bodies, place), label
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        model, chosen, label = state.model, set(self.bodies), f"move {_label(self.bodies)}"
+        if self.before in chosen:
+            return model, label
+        left = [b.name for b in model.bodies if b.name not in chosen]
+        place = left.index(self.before) if self.before in left else len(left)
+        return model.move(self.bodies, place), label
 
 
-@dataclass(frozen=True)
-class SetParent(FromPage):
+class SetParent(ModelEdit):
     bodies: Bodies
     parent: Text
 
-
-@on_edit(SetParent)
-def set_parent(state: State, event: SetParent) -> tuple[pg.Model, str]:
-    changes = {name: {"parent": event.parent} for name in event.bodies}
-    return state.model.edit_all(changes), f"parent of {_label(event.bodies)}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        changes = {name: {"parent": self.parent} for name in self.bodies}
+        return state.model.edit_all(changes), f"parent of {_label(self.bodies)}"
 
 
-@dataclass(frozen=True)
 class CountBodies(FromPage):
     """Set the number of bodies by appending a chain or by removing the last rows."""
 
     serial: int
     text: Text
 
-
-@on(CountBodies)
-def count(state: State, event: CountBodies) -> State:
-    try:
-        n = cells.whole(event.text, 1, MOST_BODIES)
-    except Refusal as refusal:
-        return replied(state, event.client, event.serial, f"The number of bodies {refusal}.")
-    state = attempted(state, event.client, lambda: sized(state.model, n), f"{n} bodies")
-    return replied(state, event.client, event.serial)
+    def applied(self, state: State) -> State:
+        try:
+            n = cells.whole(self.text, 1, MOST_BODIES)
+        except Refusal as refusal:
+            return replied(state, self.client, self.serial, f"The number of bodies {refusal}.")
+        state = attempted(state, self.client, lambda: sized(state.model, n), f"{n} bodies")
+        return replied(state, self.client, self.serial)
 
 
-@dataclass(frozen=True)
 class Paste(FromPage):
     """Paste spreadsheet lines into `rows` starting at `column`. Further lines become new rows.
 
@@ -164,50 +141,45 @@ class Paste(FromPage):
     column: Annotated[int, Field(ge=0, le=3)] = 0
     under: Text | None = None
 
-
-@on(Paste)
-def paste(state: State, event: Paste) -> State:
-    """Paste all lines, or none of them and give the reason."""
-    client, serial = event.client, event.serial
-    try:
-        model, names, notice = pasting.rows_of(
-            state.model, event.text, event.rows, event.column, event.under, rod
-        )
-        if len(model.bodies) > MOST_BODIES:
-            raise Refusal(f"it would be {len(model.bodies)} bodies; {MOST_BODIES} at most")
-    except (Refusal, pg.PgraphError) as problem:
-        return replied(state, client, serial, f"Nothing was pasted: {problem}")
-    if names and not state.model.bodies and STAND_IN.fullmatch(model.name):
-        model = model.replace(name=names[0])
-    state = replied(with_model(state, model, "paste"), client, serial)
-    if names:
-        state = selected(state, client, names[0], names)
-    return told(state, client, Notice("Pasted", notice)) if notice else state
+    def applied(self, state: State) -> State:
+        """Paste all lines, or none of them and give the reason."""
+        client, serial = self.client, self.serial
+        try:
+            model, names, notice = pasting.rows_of(
+                state.model, self.text, self.rows, self.column, self.under, rod
+            )
+            if len(model.bodies) > MOST_BODIES:
+                raise Refusal(f"it would be {len(model.bodies)} bodies; {MOST_BODIES} at most")
+        except (Refusal, pg.PgraphError) as problem:
+            return replied(state, client, serial, f"Nothing was pasted: {problem}")
+        if names and not state.model.bodies and STAND_IN.fullmatch(model.name):
+            model = model.replace(name=names[0])
+        state = replied(with_model(state, model, "paste"), client, serial)
+        if names:
+            state = selected(state, client, names[0], names)
+        return told(state, client, Notice("Pasted", notice)) if notice else state
 
 
-@dataclass(frozen=True)
 class NewFromLines(FromPage):
     """Create a new model from spreadsheet lines alone, instead of from a number of bodies."""
 
     serial: int
     text: Annotated[str, Field(max_length=1_000_000)]
 
-
-@on(NewFromLines)
-def new_from_lines(state: State, event: NewFromLines) -> State:
-    """Create the model from all lines, or refuse and give the reason."""
-    client, serial = event.client, event.serial
-    try:
-        empty = pg.Model(bodies=())
-        model, names, notice = pasting.rows_of(empty, event.text, (), 0, None, rod)
-        if not 0 < len(names) <= MOST_BODIES:
-            raise Refusal(f"it would be {len(names)} bodies; from 1 to {MOST_BODIES}")
-    except (Refusal, pg.PgraphError) as problem:
-        return replied(state, client, serial, f"Nothing was pasted: {problem}")
-    model = model.replace(name=names[0])
-    state = replaced(state, model, f"new model of {len(names)} bodies")
-    state = replied(state, client, serial)
-    return told(state, client, Notice("Pasted", notice)) if notice else state
+    def applied(self, state: State) -> State:
+        """Create the model from all lines, or refuse and give the reason."""
+        client, serial = self.client, self.serial
+        try:
+            empty = pg.Model(bodies=())
+            model, names, notice = pasting.rows_of(empty, self.text, (), 0, None, rod)
+            if not 0 < len(names) <= MOST_BODIES:
+                raise Refusal(f"it would be {len(names)} bodies; from 1 to {MOST_BODIES}")
+        except (Refusal, pg.PgraphError) as problem:
+            return replied(state, client, serial, f"Nothing was pasted: {problem}")
+        model = model.replace(name=names[0])
+        state = replaced(state, model, f"new model of {len(names)} bodies")
+        state = replied(state, client, serial)
+        return told(state, client, Notice("Pasted", notice)) if notice else state
 
 
 def grown(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:

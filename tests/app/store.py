@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.core.events import HANDLERS, Event
+from pgraph_app.core.events import Event, kinds
 from pgraph_app.features import initial, update
 from pgraph_app.model.worker import answer
 from pgraph_app.run import Kernels
 
 ME, OTHER = 1, 2
 LIMIT = 120.0  # [s] for a state that must come; only reached when something is broken
-do: Any = SimpleNamespace(**{kind.__name__: kind for kind in HANDLERS})  # all events, by name
+do: Any = SimpleNamespace(**{kind.__name__: kind for kind in kinds()})  # all events, by name
 
 
 def begun(model: pg.Model, *clients: int, compiled: bool = True, **fields: Any) -> Any:

@@ -312,7 +312,7 @@ def test_parts_of_a_live_run_are_joined_in_step(monkeypatch):
 def test_a_push_while_a_run_plays_takes_it_on_live_from_there():
     state = begun(pg.Model.serial(3))
     result = pg.simulate(pg.Mechanism(state.model), t_end=1.0, step=1e-3)
-    state = after(ran(state, result), do.Scrub(ME, 0.6), do.GoLive(ME, here=True))
+    state = after(ran(state, result), do.Scrub(ME, 0.6), do.GoLiveHere(ME))
     time, q, v = state.going.start
     assert state.playback.time == time == pytest.approx(0.6, abs=0.02)
     k = int(np.abs(result.t - time).argmin())
