@@ -13,7 +13,7 @@ pytestmark = pytest.mark.quick
 NOT_FEATURES = {"core", "cli", "__pycache__"}
 PARTS = {
     "__init__.py": ("State", "Client"),
-    "update.py": ("@on",),
+    "update.py": ("(self, state: State)",),
     "view.py": ("VIEWS = (",),
 }
 
