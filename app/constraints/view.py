@@ -10,7 +10,6 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.forces import OnJoint
 
-from ..core.bridge import Bridge
 from ..core.cells import (
     Display,
     Quantity,
@@ -23,7 +22,7 @@ from ..core.cells import (
     group,
     shown,
 )
-from ..core.views import Host, Payload, Place, audience
+from ..core.views import Host, Payload, Place, topic
 from ..pose.solving import degrees
 from . import (
     CELLS,
@@ -45,6 +44,7 @@ from .mobility import BY_ITSELF, mobility_report
 from .update import allowed
 
 LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs", "controls")
+PARTS = ("derived", "mobility", "mobility_asked", "errands", "request")
 RESPONSE = button("step response …", "AskResponse", "Of the signal, to a step of the setpoint")
 FEEDBACK = button("feedback …", "Feedback", "Gains that hold the pose shown: LQR, pole placement")
 USUAL = (
@@ -60,23 +60,7 @@ Q_OF_T = {
 }
 
 
-class ConstraintsView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        changed = new.derived is not old.derived or any(
-            getattr(old, part) is not getattr(new, part)
-            for part in ("mobility", "mobility_asked", "errands", "request")
-        )
-        for client, now in new.clients.items():
-            before = old.clients.get(client)
-            same = before is not None and _seen(before) == _seen(now)
-            if client in audience(old, new, changed or not same):
-                self._bridge.send(client, "constraints", constraints(new, now))
-
-
-def _seen(page: Client) -> tuple[Any, ...]:
+def _seen(state: State, page: Client) -> tuple[Any, ...]:
     """Return the part of the client state that this tab depends on."""
     return (page.picking, page.opened, page.listed, page.called, page.display)
 
@@ -405,7 +389,7 @@ def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
 
 VIEWS = (
     Place(
-        lambda desk: ConstraintsView(desk.bridge),
+        topic("constraints", constraints, *PARTS, page=_seen),
         21,
         Host("constraints", "left", "Connections"),
         Host("part", "right", order=40),

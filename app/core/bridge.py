@@ -108,6 +108,11 @@ class Bridge:
             self._behind[client_id] = behind + 1
         self._push(client, topic, data)
 
+    def download(self, client_id: int, name: str, content: bytes) -> None:
+        """Send a file to one page, which saves it. Closed pages are ignored."""
+        if (client := self.server.get_clients().get(client_id)) is not None:
+            client.send_file_download(name, content, save_immediately=True)
+
     def _was_shown(self, client_id: int) -> None:
         self._behind[client_id] = max(self._behind.get(client_id, 0) - 1, 0)
         self._heard[client_id] = time.monotonic()

@@ -5,13 +5,15 @@ A feature lists its own in `VIEWS` of its `view.py`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar
+from operator import attrgetter
+from typing import Any, Literal, TypeVar
 
 from pgraph_core.show.shapes import hue_of
 
 from .bridge import Bridge
+from .cells import Display
 from .cells import Payload as Payload
 from .events import Event, FromPage
 from .state import State
@@ -23,17 +25,62 @@ def audience(old: State, new: State, changed: bool) -> list[int]:
     return [client for client in new.clients if changed or client not in old.clients]
 
 
-def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
-    """Return the pages on which a view that is sent only while visible is out of date.
+PLAIN = (bool, int, float, str, frozenset, dict, Display)  # compared by value
+NOTHING: Any = object()  # drawn where there is nothing to send
+Need = str | Callable[[Any], object]  # a field of the state, or a function of it
 
-    If another model was opened that is all of them: a hidden tab keeps nothing of the last one.
+
+def same(a: object, b: object) -> bool:
+    """Return True for one object, for equal plain values, and for tuples of such."""
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(same, a, b))
+    return a is b or (isinstance(a, PLAIN) and a == b)
+
+
+class Topic:
+    """A view that sends what it draws under a topic once something that it depends on has changed.
+
+    It depends on the `needs`, and on `page(state, page)`, a tuple. Without `page`, it draws
+    `draw(state)` for all pages, otherwise `draw(state, page)` for each. With `seen`, it goes to
+    pages with that view in sight, or to all if another model was opened: a hidden tab keeps
+    nothing of the last one.
     """
-    opened = new.framed != old.framed
-    return [
-        client for client, page in new.clients.items()
-        if opened or (view in page.sees
-        and (changed or client not in old.clients or view not in old.clients[client].sees))
-    ]  # fmt: skip
+
+    def __init__(
+        self, bridge: Bridge, topic: str, draw: Callable[..., Any], needs: Sequence[Need],
+        page: Callable[[Any, Any], tuple[object, ...]] | None, seen: str,
+    ):  # fmt: skip
+        self._bridge, self._topic, self._draw = bridge, topic, draw
+        self._needs = [attrgetter(need) if isinstance(need, str) else need for need in needs]
+        self._page, self._seen = page, seen
+
+    def render(self, old: State, new: State) -> None:
+        changed = not all(same(need(old), need(new)) for need in self._needs)
+        clients = [client for client in new.clients if self._due(old, new, client, changed)]
+        shared = self._draw(new) if clients and self._page is None else NOTHING
+        for client in clients:
+            drawn = shared if self._page is None else self._draw(new, new.clients[client])
+            if drawn is not NOTHING:
+                self._bridge.send(client, self._topic, drawn)
+
+    def _due(self, old: State, new: State, client: int, changed: bool) -> bool:
+        """Return True if what a page has of the topic is out of date."""
+        page, before = new.clients[client], old.clients.get(client)
+        if self._seen and new.framed != old.framed:
+            return True
+        if self._seen and self._seen not in page.sees:
+            return False
+        if changed or before is None or (self._seen and self._seen not in before.sees):
+            return True
+        return self._page is not None and not same(self._page(old, before), self._page(new, page))
+
+
+def topic(
+    name: str, draw: Callable[..., Any], *needs: Need,
+    page: Callable[[Any, Any], tuple[object, ...]] | None = None, seen: str = "",
+) -> Callable[[Desk], View]:  # fmt: skip
+    """Return what makes the view of a topic, for its `Place`."""
+    return lambda desk: Topic(desk.bridge, name, draw, needs, page, seen)
 
 
 R = TypeVar("R", bound=FromPage)
@@ -52,6 +99,17 @@ def requests(old: State, new: State, kind: type[R]) -> list[R]:
 def hue(branch: int) -> str:
     """Return the hue for a branch as a CSS variable, which each theme defines."""
     return f"var(--branch-{hue_of(branch)})"
+
+
+def of_page(field: str, draw: Callable[[Any], Any] = lambda value: value) -> Callable[[Desk], View]:
+    """Return what makes the view of a field of the page."""
+    value = attrgetter(field)
+    return topic(field, lambda _, page: draw(value(page)), page=lambda _, page: (value(page),))
+
+
+def news(field: str, draw: Callable[[Any], Any]) -> Callable[[Desk], View]:
+    """Return what makes the view that sends each new value of a field of the page, but not None."""
+    return of_page(field, lambda value: NOTHING if value is None else draw(value))
 
 
 # -- places ----------------------------------------------------------------------------------------

@@ -9,30 +9,11 @@ import numpy as np
 
 import pgraph_core as pg
 
-from ..core.bridge import Bridge
-from ..core.views import Host, Payload, Place, audience, hue
+from ..core.views import Host, Payload, Place, hue, topic
 from ..pose.solving import home, shown_q
-from . import State
+from . import Client, State
 
 SAMPLE = 0.3  # [rad, m] sample motion of joints in a frame update from the initial state
-
-
-class DigraphView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        changed = new.derived is not old.derived
-        clients = audience(old, new, changed)
-        payload = digraph(new) if clients else {}
-        for client in clients:
-            self._bridge.send(client, "digraph", payload)
-        posed = new.pose is not old.pose
-        for client, now in new.clients.items():
-            before = old.clients.get(client)
-            another = before is None or before.walk != now.walk
-            if another or (now.walk and changed) or (now.walk == "frames" and posed):
-                self._bridge.send(client, "steps", walk(new, now.walk))
 
 
 def digraph(state: State) -> Payload:
@@ -61,8 +42,13 @@ def digraph(state: State) -> Payload:
     }
 
 
-def walk(state: State, what: str) -> Payload:
+def _walked(state: State, page: Client) -> tuple[object, ...]:
+    return page.walk, page.walk and state.derived, page.walk == "frames" and state.pose
+
+
+def walk(state: State, page: Client) -> Payload:
     """Return the steps for a page to walk through, from Fig. 4, Fig. 8 or neither."""
+    what = page.walk
     if what == "pgraph":
         d = state.derived
         dof = [state.model.body(name).dof for name in d.names]
@@ -143,4 +129,7 @@ def _back(tip: int, i: int, again: bool) -> Step:
     return Step("4, 5", text, i, (i, 0), i if again else None, pull=True, tip=tip)
 
 
-VIEWS = (Place(lambda desk: DigraphView(desk.bridge), 20, Host("digraph", "left", "Bodies")),)
+VIEWS = (
+    Place(topic("digraph", digraph, "derived"), 20, Host("digraph", "left", "Bodies")),
+    Place(topic("steps", walk, page=_walked), 20),
+)

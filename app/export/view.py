@@ -80,7 +80,7 @@ class ExportView:
                 del self._making[client]
             self._bridge.send(client, "making", None)
         if content:
-            handle.send_file_download(f"{name}.{suffix}", content, save_immediately=True)
+            self._bridge.download(client, f"{name}.{suffix}", content)
 
     def _refuse(self, client: int, text: str) -> None:
         self._bridge.send(client, "notice", {"title": "Not exported", "text": text, "bad": True})

@@ -4,28 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.bridge import Bridge
 from ..core.cells import Display, cell, choice, field, group, quantity_in, shown
-from ..core.views import Host, Payload, Place
+from ..core.views import NOTHING, Host, Payload, Place, topic
 from . import Client, Design, State, response, unit_of
 from .setpoint import SETTLED, Response
 from .update import coordinates, named
 
 METHODS = (("lqr", "LQR"), ("poles", "pole placement"))
-
-
-class FeedbackView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        for client, page in new.clients.items():
-            before = old.clients.get(client, Client())
-            if page.design is not before.design or page.display != before.display:
-                found = page.design and feedback(page.design, page.display)
-                self._bridge.send(client, "feedback", found)
-            if page.response is not None and page.response is not before.response:
-                self._bridge.send(client, "response", stepped(page.response, page.display))
 
 
 def feedback(design: Design, display: Display) -> Payload:
@@ -127,4 +112,17 @@ def _held(design: Design, display: Display) -> str:
     return ", ".join(texts)
 
 
-VIEWS = (Place(lambda desk: FeedbackView(desk.bridge), 70, Host("feedback", "drawer", "Matrices")),)
+def _answer(state: State, page: Client) -> Payload:
+    return NOTHING if page.response is None else stepped(page.response, page.display)
+
+
+VIEWS = (
+    Place(
+        topic("feedback", lambda _, page: page.design and feedback(page.design, page.display),
+              page=lambda _, page: (page.design, page.display)),
+        70, Host("feedback", "drawer", "Matrices"),
+    ),
+    Place(
+        topic("response", _answer, page=lambda _, page: (page.response,)), 70,
+    ),
+)  # fmt: skip

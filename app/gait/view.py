@@ -14,7 +14,7 @@ from pgraph_core.rotation import frame_of
 from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
-from ..core.views import Host, Payload, Place, audience, hue
+from ..core.views import Host, Payload, Place, audience, hue, topic
 from ..run.footfalls import Change, prints
 from . import (
     LAWS,
@@ -32,21 +32,6 @@ from . import (
 PARTS = ("derived", "walking", "run_problem", "job")
 TOUCHING = ("apart", "hits", "slips", "touches")  # PHASES, of contacts that are no feet
 FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]
-
-
-class GaitView:
-    """The settings for a walk, shown below the scenarios of a model with feet."""
-
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
-        changed = changed or (old.going is None) != (new.going is None)
-        clients = audience(old, new, changed)
-        payload = gait(new) if clients else {}
-        for client in clients:
-            self._bridge.send(client, "gait", payload)
 
 
 def gait(state: State) -> Payload:
@@ -200,7 +185,11 @@ def phases(falls: tuple[Change, ...], state: State, window: Window | None = None
 
 
 VIEWS = (
-    Place(lambda desk: GaitView(desk.bridge), 23, Host("gait", "left", "Scenarios")),
+    Place(
+        topic("gait", gait, *PARTS, lambda state: state.going is None),
+        23,
+        Host("gait", "left", "Scenarios"),
+    ),
     Place(lambda desk: PhasesView(desk.bridge), 61, Host("phases", "time")),
     Place(lambda desk: FootprintsView(desk.bridge.server), 72),
 )

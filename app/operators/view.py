@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,36 +14,31 @@ from pgraph_core.errors import counted
 from pgraph_core.paper import Operators
 
 from ..core.bridge import Bridge
-from ..core.views import Host, Payload, Place, requests
+from ..core.views import NOTHING, Host, Payload, Place, requests, topic
 from ..pose.solving import shown_q
+from ..pose.view import moment
 from . import Client, Inspected, State
 from .update import ExportOperator
 
-PACE = 0.2  # [s] between pictures while a run plays
 
-
-class OperatorsView:
+class DownloadView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        self._sent = 0.0  # when, while a run plays
 
     def render(self, old: State, new: State) -> None:
-        moved = new.playback.time != old.playback.time or new.pose is not old.pose
-        late = not new.playback.moves or time.monotonic() - self._sent > PACE
-        changed = new.derived is not old.derived or (moved and late)
-        for client, page in new.clients.items():
-            before = old.clients.get(client, Client())
-            if page.inspected is not None and (changed or before.inspected != page.inspected):
-                self._sent = time.monotonic()
-                self._bridge.send(client, "operator", operator(new, page.inspected))
         for asked in requests(old, new, ExportOperator):
-            self._download(asked.client, new, asked.what, asked.suffix)
+            if not available(new, asked.what):
+                content = as_file(new, asked.what, asked.suffix)
+                self._bridge.download(asked.client, f"{asked.what}.{asked.suffix}", content)
 
-    def _download(self, client: int, state: State, what: str, suffix: str) -> None:
-        handle = self._bridge.server.get_clients().get(client)
-        if handle is not None and not available(state, what):
-            content = as_file(state, what, suffix)
-            handle.send_file_download(f"{what}.{suffix}", content, save_immediately=True)
+
+def _inspected(state: State, page: Client) -> tuple[object, ...]:
+    """Return what the operator on a page depends on."""
+    return page.inspected, page.inspected and (state.derived, state.pose, moment(state))
+
+
+def _shown(state: State, page: Client) -> Payload:
+    return NOTHING if page.inspected is None else operator(state, page.inspected)
 
 
 def operator(state: State, part: Inspected) -> Payload:
@@ -198,5 +192,6 @@ def as_file(state: State, what: str, suffix: str) -> bytes:
 
 
 VIEWS = (
-    Place(lambda desk: OperatorsView(desk.bridge), 51, Host("operators", "drawer", "Matrices")),
+    Place(topic("operator", _shown, page=_inspected), 51, Host("operators", "drawer", "Matrices")),
+    Place(lambda desk: DownloadView(desk.bridge), 51),
 )

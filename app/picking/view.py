@@ -6,31 +6,22 @@ import math
 
 import numpy as np
 
-from ..core.bridge import Bridge
 from ..core.cells import Display
-from ..core.views import Payload, Place, requests
+from ..core.views import NOTHING, Payload, Place, topic
 from . import Aim, Client, Spot, State
 from .update import MenuOf, place
 
 
-class PickingView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
+def _seen(state: State, page: Client) -> tuple[object, ...]:
+    """Return what the marks on a page depend on."""
+    at = state.playback.time, state.run, state.pose, state.derived
+    return page.aim, page.display, page.aim and at
 
-    def render(self, old: State, new: State) -> None:
-        moved = any((
-            new.playback.time != old.playback.time,
-            new.run is not old.run,
-            new.pose is not old.pose,
-            new.derived is not old.derived,
-        ))  # fmt: skip
-        for client, page in new.clients.items():
-            before = old.clients.get(client, Client())
-            other = page.aim is not before.aim or page.display != before.display
-            if other or (moved and page.aim is not None):
-                self._bridge.send(client, "aim", aimed(new, page))
-        for asked in requests(old, new, MenuOf):
-            self._bridge.send(asked.client, "menuOf", {"body": asked.body, "at": asked.at})
+
+def menu(state: State, page: Client) -> Payload:
+    """Return the body whose menu is wanted, and where."""
+    asked = page.asked
+    return {"body": asked.body, "at": asked.at} if isinstance(asked, MenuOf) else NOTHING
 
 
 def aimed(state: State, page: Client) -> Payload | None:
@@ -89,4 +80,7 @@ def measured(state: State, spots: tuple[Spot, ...], display: Display) -> list[tu
     return found
 
 
-VIEWS = (Place(lambda desk: PickingView(desk.bridge), 79),)
+VIEWS = (
+    Place(topic("aim", aimed, page=_seen), 79),
+    Place(topic("menuOf", menu, page=lambda _, page: (page.asked,)), 79),
+)

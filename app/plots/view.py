@@ -10,7 +10,7 @@ from pgraph_core.errors import counted
 
 from ..core.bridge import Bridge
 from ..core.cells import Display
-from ..core.views import Host, Payload, Place
+from ..core.views import Host, Payload, Place, same, topic
 from . import (
     KINDS,
     OF_BODIES,
@@ -48,9 +48,18 @@ class PlotsView:
         due = self._due(old, new)
         for client, now in new.clients.items():
             before = old.clients.get(client)
-            if before is None or due or shown(before) != shown(now) or fresh(old, new):
+            if (
+                before is None
+                or due
+                or shown(before) != shown(now)
+                or not same(recorded(old), recorded(new))
+            ):
                 self._bridge.send(client, "plots", plots(new, now))
-            if before is None or before.selected != now.selected or fresh(old, new):
+            if (
+                before is None
+                or before.selected != now.selected
+                or not same(recorded(old), recorded(new))
+            ):
                 self._bridge.send(client, "signals", signals(new, now))
 
     def _due(self, old: State, new: State) -> bool:
@@ -68,13 +77,11 @@ def shown(client: Client) -> tuple[object, ...]:
     return client.plots, client.display
 
 
-def fresh(old: State, new: State) -> bool:
-    """Return True if there is a new run to plot, or a change in the kept runs."""
-    if (old.live is None) != (new.live is None) or new.runs is not old.runs:
-        return True
-    if new.live is not None and old.live is not None:
-        return bool(new.live.parts) != bool(old.live.parts)
-    return new.plotted is not old.plotted or new.derived is not old.derived
+def recorded(state: State) -> tuple[object, ...]:
+    """Return the run to plot and the kept ones. Of a live run it only matters if it has begun."""
+    if state.live is not None:
+        return state.runs, bool(state.live.parts)
+    return state.runs, None, state.plotted, state.derived
 
 
 def signals(state: State, client: Client) -> Payload:
@@ -153,4 +160,7 @@ def of_state(state: State, signal: Signal, display: Display) -> list[Curve]:
     return found
 
 
-VIEWS = (Place(lambda desk: PlotsView(desk.bridge), 44, Host("plots", "drawer", "Plots")),)
+VIEWS = (
+    Place(lambda desk: PlotsView(desk.bridge), 44, Host("plots", "drawer", "Plots")),
+    Place(topic("signals", signals, recorded, page=lambda _, page: (page.selected,)), 44),
+)

@@ -11,10 +11,9 @@ import viser
 
 from pgraph_core.show.bodies import at_rest
 
-from ..core.bridge import Bridge
 from ..core.cells import Display, Quantity
 from ..core.events import Event
-from ..core.views import Host, Payload, Place, hue, watching
+from ..core.views import Host, Payload, Place, hue, topic
 from ..properties.body_cells import euler_of
 from . import Client, State
 from .solving import coordinates, shown_time
@@ -24,29 +23,10 @@ EVERY = 0.2  # [s] between two updates while a run plays
 MOST = 100  # limit on sliders, beyond which only the selected body's path has them
 
 
-class JointsView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-        self._sent = 0.0  # when it was sent last while a run played
-
-    def render(self, old: State, new: State) -> None:
-        moved = new.run is not old.run or new.playback != old.playback
-        if moved and new.playback.moves:
-            now = time.perf_counter()
-            moved = now - self._sent > EVERY
-            self._sent = now if moved else self._sent
-        changed = any((
-            new.derived is not old.derived,
-            new.posed is not old.posed,
-            new.pose_problem != old.pose_problem,
-            moved,
-        ))  # fmt: skip
-        for client, page in new.clients.items():
-            before = old.clients.get(client, Client())
-            another = before.selection != page.selection
-            another = another or before.display != page.display
-            if client in watching(old, new, "joints", changed or another):
-                self._bridge.send(client, "joints", joints(new, page.selection, page.display))
+def moment(state: State) -> tuple[object, ...]:
+    """Return what says that bodies have moved, every so often while a run plays."""
+    shown = state.playback
+    return state.run, int(shown.time / (EVERY * shown.speed)) if shown.moves else vars(shown)
 
 
 def joints(state: State, selection: str | None, display: Display | None = None) -> Payload:
@@ -190,4 +170,13 @@ def _place(
     drawn.numbers.text = f"{WORD[drawn.what]}: {numbers} {show.unit(of)}"
 
 
-VIEWS = (Place(lambda desk: JointsView(desk.bridge), 41, Host("joints", "right")),)
+VIEWS = (
+    Place(
+        topic(
+            "joints", lambda state, page: joints(state, page.selection, page.display),
+            "derived", "posed", "pose_problem", moment,
+            page=lambda state, page: (page.selection, page.display), seen="joints",
+        ),
+        41, Host("joints", "right"),
+    ),
+)  # fmt: skip

@@ -10,7 +10,6 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.joints import AXIAL
 
-from ..core.bridge import Bridge
 from ..core.cells import (
     WXYZ,
     XYZ,
@@ -27,7 +26,7 @@ from ..core.cells import (
     shapes_by_number,
     shown,
 )
-from ..core.views import Host, Payload, Place, audience, hue
+from ..core.views import Host, Payload, Place, hue, topic
 from . import Client, State
 from .body_cells import (
     ALL,
@@ -65,25 +64,9 @@ ROTATIONS = {
 }
 
 
-class PropertiesView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        for client, now in new.clients.items():
-            before = old.clients.get(client)
-            same = (
-                before is not None
-                and chosen(before) == chosen(now)
-                and before.display == now.display
-            )
-            if client in audience(old, new, new.derived is not old.derived or not same):
-                self._bridge.send(client, "properties", properties(new, chosen(now), now.display))
-
-
-def chosen(client: Client) -> tuple[str, ...]:
-    """Return the bodies selected on a page."""
-    return client.selected
+def _seen(state: State, page: Client) -> tuple[tuple[str, ...], Display]:
+    """Return the part of a page that its form depends on."""
+    return page.selected, page.display
 
 
 def properties(state: State, names: tuple[str, ...], display: Display | None = None) -> Payload:
@@ -387,7 +370,8 @@ def physical(body: pg.Body) -> str:
 
 VIEWS = (
     Place(
-        lambda desk: PropertiesView(desk.bridge), 40,
+        topic("properties", lambda state, page: properties(state, *_seen(state, page)), "derived",
+              page=_seen), 40,
         Host("heading", "right"), Host("properties", "right", order=42),  # the pose between them
     ),
 )  # fmt: skip

@@ -9,8 +9,8 @@ from typing import Any
 from pgraph_core.study.axes import AXES, first_axis
 
 from ..core.bridge import Bridge
-from ..core.views import Host, Payload, Place, audience, requests, watching
-from . import Report, State, latest
+from ..core.views import Host, Payload, Place, requests, topic
+from . import Client, Report, State, latest
 from .update import DownloadReport
 
 KINDS = ("precision", "stability")
@@ -18,30 +18,15 @@ KNOWN = ": known to "
 PARTS = ("analysis", "report", "reporting", "analysis_problem")
 
 
-class ReportsView:
+class DownloadView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
 
     def render(self, old: State, new: State) -> None:
-        changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
-        edited = new.derived is not old.derived
-        clients = {*audience(old, new, changed), *watching(old, new, "reports", edited)}
-        payload = reports(new) if clients else {}
-        figures = set(audience(old, new, new.report is not old.report))
-        figure = drawn(new) if figures else {}
-        for client in clients:
-            self._bridge.send(client, "reports", payload)
-        for client in figures:
-            self._bridge.send(client, "figure", figure)
         for asked in requests(old, new, DownloadReport):
-            self._download(asked.client, latest(new.report, asked.kind))
-
-    def _download(self, client: int, report: Report | None) -> None:
-        handle = self._bridge.server.get_clients().get(client)
-        if handle is None or report is None:
-            return
-        name = re.sub(r"[^\w-]+", "_", f"{report.model.name}_{report.kind}")
-        handle.send_file_download(f"{name}.html", page(report).encode(), save_immediately=True)
+            if (report := latest(new.report, asked.kind)) is not None:
+                name = re.sub(r"[^\w-]+", "_", f"{report.model.name}_{report.kind}")
+                self._bridge.download(asked.client, f"{name}.html", page(report).encode())
 
 
 def page(report: Report) -> str:
@@ -56,6 +41,10 @@ def drawn(state: State) -> dict[str, list[str]]:
         kind: [] if one is None else [one.result.figure(narrow=narrow) for narrow in (True, False)]
         for kind, one in found.items()
     }
+
+
+def _measured(state: State, page: Client) -> tuple[object, ...]:
+    return ("reports" in page.sees and state.derived,)
 
 
 def reports(state: State) -> Payload:
@@ -144,4 +133,11 @@ def _number(text: str) -> float:
     return float(digits[0].rstrip(".")) if digits else 0.0
 
 
-VIEWS = (Place(lambda desk: ReportsView(desk.bridge), 50, Host("reports", "drawer", "Accuracy")),)
+VIEWS = (
+    Place(
+        topic("reports", lambda state, page: reports(state), *PARTS, page=_measured),
+        50, Host("reports", "drawer", "Accuracy"),
+    ),
+    Place(topic("figure", drawn, "report"), 50),
+    Place(lambda desk: DownloadView(desk.bridge), 50),
+)  # fmt: skip

@@ -11,26 +11,13 @@ from pgraph_core.model.scenario import AUTO, METHOD_NAMES
 from pgraph_core.show.stage import GRID
 from pgraph_core.simulation.options import ADAPTIVE
 
-from ..core.bridge import Bridge
-from ..core.views import Host, Payload, Place, audience
+from ..core.views import Host, Payload, Place, topic
 from . import FREE_RUN, Request, Run, State
 from .differences import differences
 from .footfalls import prints
 from .trust import drift, outcome, trust
 
 PARTS = ("derived", "request", "last_run", "job", "runs", "run_problem", "kernels")
-
-
-class RunView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
-        clients = audience(old, new, changed or live(old) != live(new))
-        payload = run(new) if clients else {}
-        for client in clients:
-            self._bridge.send(client, "run", payload)
 
 
 def run(state: State) -> Payload:
@@ -174,7 +161,7 @@ def measures(run: Run) -> dict[str, str]:
 
 VIEWS = (
     Place(
-        lambda desk: RunView(desk.bridge),
+        topic("run", run, *PARTS, live),
         55,
         Host("run", "run"),
         Host("trust", "trust"),

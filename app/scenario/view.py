@@ -6,14 +6,12 @@ import pgraph_core as pg
 
 from ..constraints import KINDS, parts
 from ..constraints.view import between, form
-from ..core.bridge import Bridge
 from ..core.cells import Display, button, by_number, cell, field, group, shown
-from ..core.views import Host, Payload, Place, watching
+from ..core.views import Host, Payload, Place, topic
 from ..run import FREE_RUN
 from . import (
     OFF,
     ON,
-    Client,
     State,
     acting,
     as_forces,
@@ -22,26 +20,11 @@ from . import (
 )
 
 MOST_EVENTS = 200  # limit on shown events of the log
+NEEDS = (
+    "derived", "request",
+    lambda state: None if state.live else state.plotted, lambda state: state.live is None,
+)  # fmt: skip
 PARTS = ("form", "start", "drives", "kinds", "switches", "switchable")  # parts of the tab
-
-
-class ScenarioView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        changed = (
-            new.derived is not old.derived
-            or new.request is not old.request
-            or (new.live is None and new.plotted is not old.plotted)
-            or (old.live is None) != (new.live is None)
-        )
-        for client, page in new.clients.items():
-            before = old.clients.get(client, Client())
-            if client in watching(old, new, "scenario", changed or before.display != page.display):
-                self._bridge.send(client, "scenario", scenario(new, page.display))
-            if client in watching(old, new, "events", changed):
-                self._bridge.send(client, "events", events(new))
 
 
 def scenario(state: State, display: Display) -> Payload:
@@ -151,7 +134,9 @@ def events(state: State) -> list[Payload]:
 
 VIEWS = (
     Place(
-        lambda desk: ScenarioView(desk.bridge), 22,
-        Host("scenario", "left", "Scenarios"), Host("events", "drawer", "Events", 52),
+        topic("scenario", lambda state, page: scenario(state, page.display), *NEEDS,
+              page=lambda state, page: (page.display,), seen="scenario"),
+        22, Host("scenario", "left", "Scenarios"), Host("events", "drawer", "Events", 52),
     ),
+    Place(topic("events", events, *NEEDS, seen="events"), 22),
 )  # fmt: skip

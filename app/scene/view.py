@@ -25,7 +25,7 @@ from pgraph_core.show.bodies import (
 
 from ..core.bridge import Bridge
 from ..core.events import Event
-from ..core.views import Host, Payload, Place, audience
+from ..core.views import Host, Payload, Place, topic
 from ..pose import poses
 from ..pose.update import DragBody, Pull
 from ..pose.view import Gizmos
@@ -304,22 +304,8 @@ class StageView:
             self._lit[client], self._floors[client] = lit, floor
 
 
-class ShowView:
-    """Draws the switches for each kind of overlay in the scene, and the choice of gizmo."""
-
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        changed = new.derived is not old.derived or new.shown != old.shown
-        clients = set(audience(old, new, changed))
-        for client, page in new.clients.items():
-            before = old.clients.get(client, Client())
-            moved = (before.gizmo, before.selection, before.follow) != (
-                page.gizmo, page.selection, page.follow,
-            )  # fmt: skip
-            if client in clients or moved:
-                self._bridge.send(client, "show", switches(new, page))
+def _chosen(state: State, page: Client) -> tuple[object, ...]:
+    return page.gizmo, page.selection, page.follow
 
 
 def switches(state: State, page: Client) -> Payload:
@@ -336,7 +322,7 @@ def switches(state: State, page: Client) -> Payload:
 
 
 VIEWS = (
-    Place(lambda desk: ShowView(desk.bridge), 42, Host("show", "display")),
+    Place(topic("show", switches, "derived", "shown", page=_chosen), 42, Host("show", "display")),
     Place(lambda desk: ForceView(desk.bridge), 67),
     Place(lambda desk: CameraView(desk.bridge), 68),
     Place(lambda desk: StageView(desk.bridge.server), 69),

@@ -6,26 +6,12 @@ import math
 
 from pgraph_core.sweeps.metrics import WAYS
 
-from ..core.bridge import Bridge
-from ..core.views import Host, Payload, Place, watching
+from ..core.views import Host, Payload, Place, topic
 from . import Curves, Found, State
 from .known import numbers_of, signals_of
 
-PARTS = ("searching", "search", "search_problem", "found")
+PARTS = ("derived", "searching", "search", "search_problem", "found")
 DRAWN = 300  # points of a drawn curve
-
-
-class SearchView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        parts = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
-        changed = parts or new.derived is not old.derived
-        clients = watching(old, new, "search", changed)
-        payload = searches(new) if clients else {}
-        for client in clients:
-            self._bridge.send(client, "search", payload)
 
 
 def searches(state: State) -> Payload:
@@ -88,4 +74,6 @@ def result(found: Found, current: bool) -> Payload:
     }  # fmt: skip
 
 
-VIEWS = (Place(lambda desk: SearchView(desk.bridge), 55, Host("search", "drawer", "Search")),)
+VIEWS = (
+    Place(topic("search", searches, *PARTS, seen="search"), 55, Host("search", "drawer", "Search")),
+)

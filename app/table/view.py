@@ -6,31 +6,10 @@ from functools import lru_cache
 
 from pgraph_core.show.digraph import gutter
 
-from ..core.bridge import Bridge
 from ..core.derived import CONTACT
-from ..core.views import Host, Payload, Place, audience, hue
-from . import State
+from ..core.views import NOTHING, Host, Payload, Place, hue, topic
+from . import Client, State
 from .paste import COPIED, copied
-
-
-class TableView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-
-    def render(self, old: State, new: State) -> None:
-        clients = audience(old, new, new.derived is not old.derived)
-        payload = table(new) if clients else {}
-        for client in audience(old, new, new.framed != old.framed):
-            self._bridge.send(client, "opened", new.framed)  # first: what is half typed goes
-        for client in clients:
-            self._bridge.send(client, "table", payload)
-        for client, page in new.clients.items():
-            before = old.clients.get(client)
-            chosen = page.selected
-            same = before is not None and before.selected == chosen and new.model is old.model
-            if not same and 0 < len(chosen) <= COPIED:
-                text = copied(new.model, chosen)  # a browser asks for it at once
-                self._bridge.send(client, "copied", {"bodies": chosen, "text": text})
 
 
 def table(state: State) -> Payload:
@@ -74,6 +53,14 @@ def table(state: State) -> Payload:
     }
 
 
+def lines(state: State, page: Client) -> Payload:
+    """Return the selected rows as text. A browser asks for it at once when they are copied."""
+    chosen = page.selected
+    if not 0 < len(chosen) <= COPIED:
+        return NOTHING
+    return {"bodies": chosen, "text": copied(state.model, chosen)}
+
+
 def held(names: tuple[str, ...], kinds: dict[str, set[str]]) -> str:
     """Return the kinds that occur among the names, such as 'closes a loop, has contacts'."""
     return ", ".join(text for text, of in kinds.items() if not of.isdisjoint(names))
@@ -82,4 +69,8 @@ def held(names: tuple[str, ...], kinds: dict[str, set[str]]) -> str:
 _lanes = lru_cache(maxsize=16)(gutter)
 
 
-VIEWS = (Place(lambda desk: TableView(desk.bridge), 10, Host("table", "left", "Bodies")),)
+VIEWS = (
+    Place(topic("opened", lambda state: state.framed, "framed"), 10),  # what is half typed goes
+    Place(topic("table", table, "derived"), 10, Host("table", "left", "Bodies")),
+    Place(topic("copied", lines, page=lambda state, page: (page.selected, state.model)), 10),
+)

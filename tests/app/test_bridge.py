@@ -9,9 +9,10 @@ import numpy as np
 import viser
 
 from pgraph_app.core import bridge
+from pgraph_app.core.views import Desk
 from pgraph_app.features import State, initial, update
 from pgraph_app.model.update import Edit
-from pgraph_app.scenario.view import ScenarioView
+from pgraph_app.scenario.view import VIEWS
 from pgraph_app.server import serve
 from pgraph_app.session.update import Connected, Sees, Select
 
@@ -220,7 +221,7 @@ class Sent:
 
 def test_a_hidden_tab_costs_an_edit_nothing(leg):
     sent, one, other = Sent(), 1, 2
-    view = ScenarioView(sent)  # type: ignore[arg-type]
+    view = VIEWS[0].make(Desk(sent, lambda event: None))  # type: ignore[arg-type]
 
     def told(before: State, now: State) -> list[int]:
         sent.pages.clear()
