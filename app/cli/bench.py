@@ -4,31 +4,30 @@ from __future__ import annotations
 
 import json
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from pgraph_core.errors import InputError, Problem, choices
 
-from .terminal import Answer, Command, aligned
+from .terminal import Answer, aligned, command, takes
 from .verify import tell
 
 ROOT = Path(__file__).parent.parent.parent
 
 
-def arguments(parser: ArgumentParser) -> None:
-    parser.add_argument(
-        "names", metavar="NAME", nargs="*", help="benchmarks, or `all`; without: list them"
-    )
-    parser.add_argument("--quick", action="store_true", help="the smallest sizes: rough figures")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=".json, .csv, .md, .txt")
-    parser.add_argument(
+@command(
+    "bench",
+    "run benchmarks, most of them against other programs (in a clone)",
+    takes("names", metavar="NAME", nargs="*", help="benchmarks, or `all`; without: list them"),
+    takes("--quick", action="store_true", help="the smallest sizes: rough figures"),
+    takes("-o", "--output", type=Path, metavar="FILE", help=".json, .csv, .md, .txt"),
+    takes(
         "--against", type=Path, metavar="FILE",
         help="a .json of an earlier run; exit code 1 if a ratio to a peer fell by 25 %%",
-    )  # fmt: skip
-
-
+    ),
+)  # fmt: skip
 def bench(args: Namespace) -> Answer:
     """Run the benchmarks. Raises InputError outside a clone, or for an unknown name."""
     folder, table, measure, machine = (part(x) for x in ("", "table", "measure", "machine"))
@@ -115,13 +114,3 @@ def part(name: str) -> Any:
     if str(ROOT) not in sys.path:
         sys.path.insert(0, str(ROOT))
     return import_module(f"benchmarks.{name}".removesuffix("."))
-
-
-COMMANDS = (
-    Command(
-        "bench",
-        "run benchmarks, most of them against other programs (in a clone)",
-        arguments,
-        bench,
-    ),
-)

@@ -17,21 +17,34 @@ from pathlib import Path
 import pgraph_models
 from pgraph_core.errors import InputError, PgraphError, Problem, needed, plain
 
-from . import bench, models, run, study, verify
+from . import bench, models, run, study, verify  # noqa: F401  they make commands
 from .terminal import (
-    file_options,
+    COMMANDS,
+    FILES,
+    NAMED,
     model_path,
     open_model,
-    port,
     print_answer,
     print_problems,
+    takes,
+    whole,
 )
 
-COMMANDS = {
-    command.name: command
-    for module in (models, run, study, verify, bench)
-    for command in module.COMMANDS
-}
+START = (
+    takes("model", metavar="MODEL", nargs="?", default="quadruped_hips",
+          help=f"{NAMED} (default: quadruped_hips)"),
+    *FILES,
+    takes("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine only"),
+    takes("--port", type=whole(0, 65535, " (any free port)"), default=8080, help="default: 8080"),
+    takes(
+        "--token", choices=("auto", "on", "off"), default="auto",
+        help="whether only the printed address opens the page (default: auto, on unless --host is "
+        "this machine's own)",
+    ),
+    takes("--log", metavar="FILE", help="append a line for each event on the page"),
+    takes("--no-browser", action="store_true", help="do not open the browser"),
+    takes("--version", action="version", version=f"pgraph {version('pgraph-dynamics')}"),
+)  # fmt: skip
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -78,7 +91,8 @@ def _command(name: str, words: Sequence[str]) -> int:
     parser = ArgumentParser(
         prog=f"pgraph {name}", description=f"{command.help[0].upper()}{command.help[1:]}."
     )
-    command.arguments(parser)
+    for add in command.arguments:
+        add(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
     args = parser.parse_args(words)
     try:
@@ -104,10 +118,8 @@ def _start(words: Sequence[str]) -> int:
         epilog=f"commands, each with --help and --json:\n{listed}",
         formatter_class=RawDescriptionHelpFormatter,
     )
-    arguments(parser)
-    parser.add_argument(
-        "--version", action="version", version=f"pgraph {version('pgraph-dynamics')}"
-    )
+    for add in START:
+        add(parser)
     args = parser.parse_args(words)
     try:
         start(args)
@@ -118,28 +130,6 @@ def _start(words: Sequence[str]) -> int:
 
 
 # -- pgraph [MODEL] --------------------------------------------------------------------------------
-
-
-def arguments(parser: ArgumentParser) -> None:
-    parser.add_argument(
-        "model",
-        metavar="MODEL",
-        nargs="?",
-        default="quadruped_hips",
-        help="a file or the name of a built-in model (default: quadruped_hips)",
-    )
-    file_options(parser)
-    parser.add_argument("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine only")
-    parser.add_argument("--port", type=port, default=8080, help="default: 8080")
-    parser.add_argument(
-        "--token",
-        choices=("auto", "on", "off"),
-        default="auto",
-        help="whether only the printed address opens the page (default: auto, on unless --host is "
-        "this machine's own)",
-    )
-    parser.add_argument("--log", metavar="FILE", help="append a line for each event on the page")
-    parser.add_argument("--no-browser", action="store_true", help="do not open the browser")
 
 
 def start(args: Namespace) -> None:

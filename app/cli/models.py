@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
@@ -15,25 +15,28 @@ from pgraph_core.errors import FileError, ModelError, Problem
 from pgraph_core.model.files import FOREIGN
 
 from .terminal import (
+    FILES,
+    MODEL,
+    NAMED,
     Answer,
-    Command,
     aligned,
+    command,
     count,
-    file_options,
-    model_argument,
     model_path,
     open_model,
     read_file,
+    takes,
 )
 
 # -- new -------------------------------------------------------------------------------------------
 
 
-def new_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("n", metavar="N", type=count, help="number of bodies")
-    parser.add_argument("-o", "--output", metavar="FILE", help="write to FILE instead")
-
-
+@command(
+    "new",
+    "write a model of N bodies: a serial chain of hinges",
+    takes("n", metavar="N", type=count, help="number of bodies"),
+    takes("-o", "--output", metavar="FILE", help="write to FILE instead"),
+)
 def new(args: Namespace) -> Answer:
     model = pg.Model.serial(args.n)
     if args.output is None:
@@ -51,6 +54,7 @@ def new(args: Namespace) -> Answer:
 # -- models ----------------------------------------------------------------------------------------
 
 
+@command("models", "list the built-in models")
 def models(args: Namespace) -> Answer:
     models = {name: pg.Model.load(pgraph_models.path(name)) for name in pgraph_models.names()}
     rows = [
@@ -73,6 +77,7 @@ def models(args: Namespace) -> Answer:
 # -- info ------------------------------------------------------------------------------------------
 
 
+@command("info", "bodies, degrees of freedom, Pgraph, jdof, tips, mobility", *MODEL)
 def info(args: Namespace) -> Answer:
     model = open_model(args)
     data = facts(model)
@@ -145,6 +150,7 @@ def _listed(numbers: Any) -> str:
 # -- check -----------------------------------------------------------------------------------------
 
 
+@command("check", "list every problem of a model; exit code 1 if there is one", *MODEL)
 def check(args: Namespace) -> Answer:
     """Check a model. Raises PgraphError with all problems in the model and its meshes."""
     path = model_path(args.model)
@@ -187,15 +193,14 @@ def mesh_problems(model: pg.Model) -> list[Problem]:
 # -- convert ---------------------------------------------------------------------------------------
 
 
-def convert_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("model", metavar="IN", help="a file or the name of a built-in model")
-    parser.add_argument("out", metavar="OUT", help="the file to write; its suffix is the format")
-    file_options(parser)
-    parser.add_argument(
-        "--repair", action="store_true", help="replace inertias that no body has by the nearest"
-    )
-
-
+@command(
+    "convert",
+    "a model from one format to another: .json, .urdf, .xml (MJCF)",
+    takes("model", metavar="IN", help=NAMED),
+    takes("out", metavar="OUT", help="the file to write; its suffix is the format"),
+    *FILES,
+    takes("--repair", action="store_true", help="replace inertias that no body has by the nearest"),
+)
 def convert(args: Namespace) -> Answer:
     """Raises PgraphError."""
     from pgraph_core.formats import write_model  # other commands need no kernels
@@ -211,21 +216,3 @@ def convert(args: Namespace) -> Answer:
     data = {"read": read.to_dict(), "written": written.to_dict()}
     text = "\n".join([*lines, f"{args.out}: {len(model.bodies)} bodies written"])
     return Answer(data, text)
-
-
-COMMANDS = (
-    Command("new", "write a model of N bodies: a serial chain of hinges", new_arguments, new),
-    Command("models", "list the built-in models", lambda parser: None, models),
-    Command(
-        "info", "bodies, degrees of freedom, Pgraph, jdof, tips, mobility", model_argument, info
-    ),
-    Command(
-        "check", "list every problem of a model; exit code 1 if there is one", model_argument, check
-    ),
-    Command(
-        "convert",
-        "a model from one format to another: .json, .urdf, .xml (MJCF)",
-        convert_arguments,
-        convert,
-    ),
-)

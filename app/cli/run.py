@@ -15,34 +15,32 @@ import pgraph_core as pg
 from pgraph_core.errors import FileError, Problem
 
 from .terminal import (
+    MODEL,
+    SCENARIO,
+    T_END,
     Answer,
     Bar,
-    Command,
+    above_0,
     aligned,
+    command,
     count,
-    duration,
     first_scenario,
-    model_argument,
     names,
     open_model,
     positive,
     progress_bar,
-    seed,
-    tolerance,
+    takes,
+    whole,
 )
 
 SHOWN = 12  # rows of a sweep's table that are printed
-
-
-def _run_options(parser: ArgumentParser) -> None:
-    """Add the options that both commands pass on to `simulate`."""
-    parser.add_argument("--scenario", help="default: the model's first one")
-    parser.add_argument("--t-end", type=duration, metavar="S", help="duration [s]")
-    parser.add_argument("--method", help="integration method; default: the scenario's, else auto")
-    parser.add_argument("--step", type=positive, metavar="S", help="step [s]")
-    parser.add_argument(
-        "--rtol", type=tolerance, metavar="R", help="relative tolerance of adaptive steps"
-    )
+RUN = (  # what goes to `simulate`
+    SCENARIO,
+    T_END,
+    takes("--method", help="integration method; default: the scenario's, else auto"),
+    takes("--step", type=positive, metavar="S", help="step [s]"),
+    takes("--rtol", type=above_0(0.1), metavar="R", help="relative tolerance of adaptive steps"),
+)
 
 
 def _options(args: Namespace) -> dict[str, Any]:
@@ -54,14 +52,13 @@ def _options(args: Namespace) -> dict[str, Any]:
 # -- run -------------------------------------------------------------------------------------------
 
 
-def run_arguments(parser: ArgumentParser) -> None:
-    model_argument(parser)
-    _run_options(parser)
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help="write the run to FILE: .npz, .csv or .html"
-    )
-
-
+@command(
+    "run",
+    "simulate; print status, error estimate, energy and cost",
+    *MODEL,
+    *RUN,
+    takes("-o", "--output", metavar="FILE", help="write the run to FILE: .npz, .csv or .html"),
+)
 def run(args: Namespace) -> Answer:
     _writable(args.output)
     model = open_model(args)
@@ -163,29 +160,32 @@ def varied(text: str) -> tuple[str, np.ndarray | tuple[float, ...]]:
     return path, tuple(numbers) if ":" in given else np.array(numbers)
 
 
-def sweep_arguments(parser: ArgumentParser) -> None:
+def _samples(parser: ArgumentParser) -> None:
     from pgraph_core.sweeps.sweep import SAMPLES  # other commands need no kernels
 
-    model_argument(parser)
-    parser.add_argument(
+    parser.add_argument("--samples", choices=SAMPLES, default="grid", help="default: grid")
+
+
+@command(
+    "sweep",
+    "run a model at many values of its fields; write a table",
+    *MODEL,
+    takes(
         "--set", type=varied, action="append", required=True, metavar="PATH=VALUES",
         help="bodies.NAME.FIELD=first:last:points, or values with commas, or low:high for samples; "
         "may be repeated",
-    )  # fmt: skip
-    parser.add_argument(
-        "--metric", action="append", required=True, metavar="NAME",
-        help="as 'max knee' or energy_drift; may be repeated",
-    )  # fmt: skip
-    parser.add_argument("-o", "--output", metavar="FILE", help="the table: .csv or .parquet")
-    parser.add_argument("--resume", action="store_true", help="go on where a sweep was interrupted")
-    parser.add_argument("--samples", choices=SAMPLES, default="grid", help="default: grid")
-    parser.add_argument("-n", type=count, metavar="N", help="number of samples")
-    parser.add_argument("--seed", type=seed, default=0, help="of the samples; default: 0")
-    parser.add_argument("--workers", type=count, metavar="N", help="processes; default: all cores")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler: tcp://host:8786")
-    _run_options(parser)
-
-
+    ),
+    takes("--metric", action="append", required=True, metavar="NAME",
+          help="as 'max knee' or energy_drift; may be repeated"),
+    takes("-o", "--output", metavar="FILE", help="the table: .csv or .parquet"),
+    takes("--resume", action="store_true", help="go on where a sweep was interrupted"),
+    _samples,
+    takes("-n", type=count, metavar="N", help="number of samples"),
+    takes("--seed", type=whole(0), default=0, help="of the samples; default: 0"),
+    takes("--workers", type=count, metavar="N", help="processes; default: all cores"),
+    takes("--scheduler", metavar="ADDRESS", help="a Dask scheduler: tcp://host:8786"),
+    *RUN,
+)  # fmt: skip
 def sweep(args: Namespace) -> Answer:
     model = open_model(args)
     given = [path for path, _ in args.set]
@@ -237,37 +237,6 @@ def _table_lines(table: pg.Sweep, failed: list[int], output: str | None) -> list
 # -- export ----------------------------------------------------------------------------------------
 
 
-def export_arguments(parser: ArgumentParser) -> None:
-    model_argument(parser)
-    parser.add_argument("--scenario", help="default: the model's first one")
-    parser.add_argument("--t-end", type=duration, metavar="S", help="duration [s]")
-    parser.add_argument(
-        "--live", action="store_true", help="the reader runs it, pulls on it and changes it"
-    )
-    parser.add_argument(
-        "--open", action="append", default=[], metavar="PATH[=LOW:HIGH]",
-        help="what the reader may change, as bodies.lower.mass=0.2:5; may be repeated",
-    )  # fmt: skip
-    parser.add_argument(
-        "--what", choices=("view", "digraph", "plot"), default="view", help="in a picture"
-    )
-    parser.add_argument(
-        "--columns", type=names, default=(), metavar="A,B", help="of a plot; default: all joints"
-    )
-    parser.add_argument("--at", type=float, metavar="S", help="time of a picture [s]")
-    parser.add_argument("--size", type=size, metavar="WxH", help="in pixels, as 1280x720")
-    parser.add_argument(
-        "--view", choices=("start", "front", "side", "top", "isometric"), default="start"
-    )
-    parser.add_argument("--dark", action="store_true", help="a picture or film on a dark ground")
-    parser.add_argument("--fps", type=positive, default=30.0, help="frames a second of a film")
-    parser.add_argument("--speed", type=positive, default=1.0, help="of a film: 0.5 is slow motion")
-    parser.add_argument(
-        "-o", "--output", required=True, metavar="FILE",
-        help="a page (.html), a picture (.png; plot, digraph: .svg) or a film (.mp4, .gif)",
-    )  # fmt: skip
-
-
 def size(text: str) -> tuple[int, int]:
     """Parse a width and height in pixels."""
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
@@ -289,6 +258,28 @@ TAKES = {  # the options that each kind of file accepts
 }
 
 
+@command(
+    "export",
+    "write an animation, with --live a figure that the reader can change; a picture or a film",
+    *MODEL, SCENARIO, T_END,
+    takes("--live", action="store_true", help="the reader runs it, pulls on it and changes it"),
+    takes(
+        "--open", action="append", default=[], metavar="PATH[=LOW:HIGH]",
+        help="what the reader may change, as bodies.lower.mass=0.2:5; may be repeated",
+    ),
+    takes("--what", choices=("view", "digraph", "plot"), default="view", help="in a picture"),
+    takes("--columns", type=names, default=(), metavar="A,B", help="of a plot; default: all joints"),
+    takes("--at", type=float, metavar="S", help="time of a picture [s]"),
+    takes("--size", type=size, metavar="WxH", help="in pixels, as 1280x720"),
+    takes("--view", choices=("start", "front", "side", "top", "isometric"), default="start"),
+    takes("--dark", action="store_true", help="a picture or film on a dark ground"),
+    takes("--fps", type=positive, default=30.0, help="frames a second of a film"),
+    takes("--speed", type=positive, default=1.0, help="of a film: 0.5 is slow motion"),
+    takes(
+        "-o", "--output", required=True, metavar="FILE",
+        help="a page (.html), a picture (.png; plot, digraph: .svg) or a film (.mp4, .gif)",
+    ),
+)  # fmt: skip
 def export(args: Namespace) -> Answer:
     """Raises PgraphError."""
     suffix = Path(args.output).suffix.lower()
@@ -354,25 +345,3 @@ def _page(args: Namespace) -> Answer:
         field = f"bodies.{model.bodies[0].name}.mass"
         lines += [f"note: readers play and pull; let them change numbers by --open {field}"]
     return Answer(data | {"live": args.live and not why, "note": why}, "\n".join(lines))
-
-
-COMMANDS = (
-    Command(
-        "run",
-        "simulate; print status, error estimate, energy and cost",
-        run_arguments,
-        run,
-    ),
-    Command(
-        "sweep",
-        "run a model at many values of its fields; write a table",
-        sweep_arguments,
-        sweep,
-    ),
-    Command(
-        "export",
-        "write an animation, with --live a figure that the reader can change; a picture or a film",
-        export_arguments,
-        export,
-    ),
-)

@@ -13,18 +13,24 @@ from pgraph_core.errors import FileError, InputError, Problem, choices
 from pgraph_core.model.files import write_atomic
 
 from .terminal import (
+    FILES,
+    METHODS,
+    MODEL,
+    NAMED,
+    SCENARIO,
     Answer,
     Bar,
-    Command,
+    command,
     count,
     first_scenario,
-    model_argument,
-    names,
     numbers,
     open_model,
     positive,
     progress_bar,
+    takes,
 )
+
+T_END = takes("--t-end", type=positive, metavar="S", help="duration [s]")
 
 
 def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
@@ -36,36 +42,34 @@ def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
 # -- report ----------------------------------------------------------------------------------------
 
 
-def report_arguments(parser: ArgumentParser) -> None:
-    model_argument(parser, "?")
-    parser.add_argument("--case", metavar="NAME", help="a verification case instead of MODEL")
-    parser.add_argument("--scenario", help="default: the model's first one")
-    parser.add_argument("--t-end", type=positive, metavar="S", help="duration [s]")
-    parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that fit")
-    parser.add_argument("--steps", type=numbers, metavar="S,S", help="default: h0 halved 8 times")
-    parser.add_argument("--tolerances", type=numbers, metavar="R,R", help="default: 1e-2 .. 1e-12")
-    parser.add_argument("--fixed", action="store_true", help="also run adaptive methods at steps")
-    parser.add_argument("--target", type=positive, metavar="E", help="error to recommend for")
-    parser.add_argument("--rounds", type=count, default=5, help="rounds of timing; default: 5")
-    parser.add_argument(
+@command(
+    "report",
+    "error against run time of every method and of the installed peers",
+    takes("model", metavar="MODEL", nargs="?", help=NAMED),
+    *FILES,
+    takes("--case", metavar="NAME", help="a verification case instead of MODEL"),
+    SCENARIO,
+    T_END,
+    METHODS,
+    takes("--steps", type=numbers, metavar="S,S", help="default: h0 halved 8 times"),
+    takes("--tolerances", type=numbers, metavar="R,R", help="default: 1e-2 .. 1e-12"),
+    takes("--fixed", action="store_true", help="also run adaptive methods at steps"),
+    takes("--target", type=positive, metavar="E", help="error to recommend for"),
+    takes("--rounds", type=count, default=5, help="rounds of timing; default: 5"),
+    takes(
         "--clock", choices=("wall", "processor"), default="processor",
         help="wall includes time of other programs; default: processor",
-    )  # fmt: skip
-    parser.add_argument(
+    ),
+    takes(
         "--quantity", choices=("position", "velocity", "force"), default="position",
         help="whose error is measured; force: that of constraints; default: position",
-    )  # fmt: skip
-    parser.add_argument(
-        "--longest", type=positive, metavar="S", help="leave out longer runs; default: 1"
-    )
-    parser.add_argument(
+    ),
+    takes("--longest", type=positive, metavar="S", help="leave out longer runs; default: 1"),
+    takes(
         "--peers", action=BooleanOptionalAction, default=True, help="compare with other engines"
-    )
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help="write a page (.html), .json, .svg or .txt"
-    )
-
-
+    ),
+    takes("-o", "--output", metavar="FILE", help="write a page (.html), .json, .svg or .txt"),
+)  # fmt: skip
 def report(args: Namespace) -> Answer:
     """Run a study. Raises PgraphError. The exit code is 1 if no method reaches the target."""
     if (args.model is None) == (args.case is None):
@@ -137,25 +141,27 @@ def _problem(study: pg.Study) -> str:
 # -- stability -------------------------------------------------------------------------------------
 
 
-def stability_arguments(parser: ArgumentParser) -> None:
+def _axis(parser: ArgumentParser) -> None:
     from pgraph_core.study.axes import AXES
 
-    model_argument(parser)
-    parser.add_argument(
-        "--axis", choices=tuple(AXES), help="what to vary (default: the first that the model has)"
-    )
-    parser.add_argument("--all", action="store_true", help="every axis that fits the model")
-    parser.add_argument("--values", type=numbers, metavar="X,X", help="default: those of the axis")
-    parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that fit")
-    parser.add_argument("--steps", type=numbers, metavar="S,S", help="default: 0.1 to 1e-4 [s]")
-    parser.add_argument("--t-end", type=positive, metavar="S", help="duration [s]")
-    parser.add_argument("--target", type=positive, metavar="E", help="largest error that is OK")
-    parser.add_argument("--scenario", help="default: none")
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help="write a page (.html), .svg or .json"
-    )
+    help = "what to vary (default: the first that the model has)"
+    parser.add_argument("--axis", choices=tuple(AXES), help=help)
 
 
+@command(
+    "stability",
+    "which methods stay accurate as a model is made stiff or extreme",
+    *MODEL,
+    _axis,
+    takes("--all", action="store_true", help="every axis that fits the model"),
+    takes("--values", type=numbers, metavar="X,X", help="default: those of the axis"),
+    METHODS,
+    takes("--steps", type=numbers, metavar="S,S", help="default: 0.1 to 1e-4 [s]"),
+    T_END,
+    takes("--target", type=positive, metavar="E", help="largest error that is OK"),
+    takes("--scenario", help="default: none"),
+    takes("-o", "--output", metavar="FILE", help="write a page (.html), .svg or .json"),
+)
 def stability(args: Namespace) -> Answer:
     _writable(args.output, (".html", ".json") if args.all else (".html", ".svg", ".json"))
     model = open_model(args)
@@ -209,15 +215,3 @@ def _written(maps: list[pg.StabilityMap], output: str) -> None:
         write_atomic(output, maps_page(maps))
     else:
         write_atomic(output, f"[{', '.join(found.to_json() for found in maps)}]\n")
-
-
-COMMANDS = (
-    Command(
-        "report", "error against run time of every method and of the installed peers",
-        report_arguments, report,
-    ),
-    Command(
-        "stability", "which methods stay accurate as a model is made stiff or extreme",
-        stability_arguments, stability,
-    ),
-)  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
@@ -29,27 +30,12 @@ Bar = Callable[[str, float], bool]  # (what is done, the fraction done) -> True
 # -- arguments -------------------------------------------------------------------------------------
 
 
-def model_argument(parser: ArgumentParser, nargs: str | None = None) -> None:
-    """Add the MODEL argument that most commands take."""
-    text = "a file or the name of a built-in model"
-    parser.add_argument("model", metavar="MODEL", nargs=nargs, help=text)  # type: ignore[arg-type]
-    file_options(parser)
+Takes = Callable[[ArgumentParser], object]  # adds an argument to a parser
 
 
-def file_options(parser: ArgumentParser) -> None:
-    """Add the options for commands that read a model file."""
-    parser.add_argument(
-        "--root", action="append", default=[], metavar="FOLDER",
-        help="a folder in which meshes and included files may lie; may be repeated",
-    )  # fmt: skip
-    parser.add_argument(
-        "--argument", type=given, action="append", default=[], metavar="NAME=VALUE",
-        help="a value for an argument of a xacro file, which is a program; may be repeated",
-    )  # fmt: skip
-
-    parser.add_argument(
-        "--member", default="", metavar="FILE", help="which model of a zip that holds several"
-    )
+def takes(*flags: str, **how: Any) -> Takes:
+    """Return what adds this argument to a parser."""
+    return lambda parser: parser.add_argument(*flags, **how)
 
 
 def given(text: str) -> tuple[str, str]:
@@ -116,57 +102,34 @@ def first_scenario(model: pg.Model, given: str | None) -> str | None:
     return given or next((s.name for s in model.scenarios), None)
 
 
-def count(text: str) -> int:
-    """Parse a number of bodies or rounds."""
-    try:
-        number = int(text)
-    except ValueError:
-        number = 0
-    if not 1 <= number <= LARGEST:
-        raise ArgumentTypeError(f"must be a whole number from 1 to {LARGEST}; given {text!r}")
-    return number
+def whole(least: int, most: int | None = None, about: str = "") -> Callable[[str], int]:
+    """Return a parser of whole numbers within these bounds."""
+    allowed = f">= {least}" if most is None else f"from {least}{about} to {most}"
+
+    def parsed(text: str) -> int:
+        digits = text.isascii() and text.isdigit()
+        if not digits or int(text) < least or (most is not None and int(text) > most):
+            raise ArgumentTypeError(f"must be a whole number {allowed}; given {text!r}")
+        return int(text)
+
+    return parsed
 
 
-def port(text: str) -> int:
-    """Parse a port number, where 0 stands for any free port."""
-    if not (text.isascii() and text.isdigit() and int(text) <= 65535):
-        text = f"must be a whole number from 0 (any free port) to 65535; given {text!r}"
-        raise ArgumentTypeError(text)
-    return int(text)
+def above_0(most: float | None = None, unit: str = "") -> Callable[[str], float]:
+    """Return a parser of finite numbers > 0, or also of at most `most`."""
 
+    def parsed(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = 0.0
+        if not 0 < value < math.inf:
+            raise ArgumentTypeError(f"must be a finite number > 0; given {text!r}")
+        if most is not None and value > most:
+            raise ArgumentTypeError(f"must be at most {most:g}{unit}; given {text!r}")
+        return value
 
-def seed(text: str) -> int:
-    """Parse an integer >= 0."""
-    if not (text.isascii() and text.isdigit()):
-        raise ArgumentTypeError(f"must be a whole number >= 0; given {text!r}")
-    return int(text)
-
-
-def positive(text: str) -> float:
-    """Parse a finite number > 0."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < float("inf"):
-        raise ArgumentTypeError(f"must be a finite number > 0; given {text!r}")
-    return value
-
-
-def duration(text: str) -> float:
-    """Parse a run duration in seconds."""
-    value = positive(text)
-    if value > LONGEST:
-        raise ArgumentTypeError(f"must be at most {LONGEST:g} s; given {text!r}")
-    return value
-
-
-def tolerance(text: str) -> float:
-    """A relative tolerance."""
-    value = positive(text)
-    if value > 0.1:
-        raise ArgumentTypeError(f"must be at most 0.1; given {text!r}")
-    return value
+    return parsed
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -198,10 +161,44 @@ class Answer:
 class Command:
     """The command `pgraph NAME`: its one-line help, its arguments, and its function."""
 
-    name: str
     help: str
-    arguments: Callable[[ArgumentParser], None]
+    arguments: tuple[Takes, ...]
     answer: Callable[[Namespace], Answer]  # raises PgraphError
+
+
+COMMANDS: dict[str, Command] = {}
+
+
+def command(name: str, help: str, *arguments: Takes) -> Callable[[Any], Any]:
+    """Make a function (arguments) -> Answer the command `pgraph NAME`."""
+
+    def keep(answer: Callable[[Namespace], Answer]) -> Callable[[Namespace], Answer]:
+        COMMANDS[name] = Command(help, arguments, answer)
+        return answer
+
+    return keep
+
+
+# -- arguments of several commands -----------------------------------------------------------------
+
+
+count, positive = whole(1, LARGEST), above_0()
+FILES = (
+    takes(
+        "--root", action="append", default=[], metavar="FOLDER",
+        help="a folder in which meshes and included files may lie; may be repeated",
+    ),
+    takes(
+        "--argument", type=given, action="append", default=[], metavar="NAME=VALUE",
+        help="a value for an argument of a xacro file, which is a program; may be repeated",
+    ),
+    takes("--member", default="", metavar="FILE", help="which model of a zip that holds several"),
+)  # fmt: skip
+NAMED = "a file or the name of a built-in model"
+MODEL = (takes("model", metavar="MODEL", help=NAMED), *FILES)
+SCENARIO = takes("--scenario", help="default: the model's first one")
+T_END = takes("--t-end", type=above_0(LONGEST, " s"), metavar="S", help="duration [s]")
+METHODS = takes("--methods", type=names, metavar="M,M", help="default: all that fit")
 
 
 def print_answer(answer: Answer, as_json: bool) -> None:

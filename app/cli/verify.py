@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
 import pgraph_core as pg
 import pgraph_models
 
-from .terminal import Answer, Command, aligned
+from .terminal import Answer, aligned, command, takes
 
 HEADER = (
     "case", "compared", "error", "target", "reference", "time [s]", "steps", "method", "verdict"
@@ -24,13 +24,14 @@ def tell(text: str) -> None:
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
 
-def verify_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument(
+@command(
+    "verify",
+    "compute known motions; print errors, targets and cost; exit code 1 if one misses",
+    takes(
         "names", metavar="NAME", nargs="*",
         help="a case, a family of cases such as chain_n_links, or a case file; default: all",
-    )  # fmt: skip
-
-
+    ),
+)  # fmt: skip
 def verify(args: Namespace) -> Answer:
     """Run verification cases. Raises PgraphError for an unknown name."""
     wanted = args.names or pgraph_models.case_names()
@@ -82,13 +83,3 @@ def _cells(row: dict[str, Any]) -> tuple[Any, ...]:
         row["method"] or "none",
         "ok" if row["ok"] else "MISSED",
     )
-
-
-COMMANDS = (
-    Command(
-        "verify",
-        "compute known motions; print errors, targets and cost; exit code 1 if one misses",
-        verify_arguments,
-        verify,
-    ),
-)
