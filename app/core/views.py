@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import attrgetter
 from typing import Any, Literal, TypeVar
 
@@ -28,6 +29,7 @@ def audience(old: State, new: State, changed: bool) -> list[int]:
 PLAIN = (bool, int, float, str, frozenset, dict, Display)  # compared by value
 NOTHING: Any = object()  # drawn where there is nothing to send
 Need = str | Callable[[Any], object]  # a field of the state, or a function of it
+OfPage = Callable[[Any, Any], tuple[object, ...]]  # (state, page) -> what depends on the page
 
 
 def same(a: object, b: object) -> bool:
@@ -47,10 +49,10 @@ class Topic:
     """
 
     def __init__(
-        self, bridge: Bridge, topic: str, draw: Callable[..., Any], needs: Sequence[Need],
-        page: Callable[[Any, Any], tuple[object, ...]] | None, seen: str,
+        self, topic: str, draw: Callable[..., Any], needs: Sequence[Need], page: OfPage | None,
+        seen: str, desk: Desk,
     ):  # fmt: skip
-        self._bridge, self._topic, self._draw = bridge, topic, draw
+        self._bridge, self._topic, self._draw = desk.bridge, topic, draw
         self._needs = [attrgetter(need) if isinstance(need, str) else need for need in needs]
         self._page, self._seen = page, seen
 
@@ -76,38 +78,19 @@ class Topic:
 
 
 def topic(
-    name: str, draw: Callable[..., Any], *needs: Need,
-    page: Callable[[Any, Any], tuple[object, ...]] | None = None, seen: str = "",
-) -> Callable[[Desk], View]:  # fmt: skip
+    name: str, draw: Callable[..., Any], *needs: Need, page: OfPage | None = None, seen: str = ""
+) -> partial[Topic]:
     """Return what makes the view of a topic, for its `Place`."""
-    return lambda desk: Topic(desk.bridge, name, draw, needs, page, seen)
+    return partial(Topic, name, draw, needs, page, seen)
 
 
-R = TypeVar("R", bound=FromPage)
-
-
-def requests(old: State, new: State, kind: type[R]) -> list[R]:
-    """Return the new requests of this kind, which have not been answered."""
-    found = []
-    for client, page in new.clients.items():
-        before = old.clients.get(client)
-        if isinstance(page.asked, kind) and not (before and before.asked is page.asked):
-            found.append(page.asked)
-    return found
-
-
-def hue(branch: int) -> str:
-    """Return the hue for a branch as a CSS variable, which each theme defines."""
-    return f"var(--branch-{hue_of(branch)})"
-
-
-def of_page(field: str, draw: Callable[[Any], Any] = lambda value: value) -> Callable[[Desk], View]:
+def of_page(field: str, draw: Callable[[Any], Any] = lambda value: value) -> partial[Topic]:
     """Return what makes the view of a field of the page."""
     value = attrgetter(field)
     return topic(field, lambda _, page: draw(value(page)), page=lambda _, page: (value(page),))
 
 
-def news(field: str, draw: Callable[[Any], Any]) -> Callable[[Desk], View]:
+def news(field: str, draw: Callable[[Any], Any]) -> partial[Topic]:
     """Return what makes the view that sends each new value of a field of the page, but not None."""
     return of_page(field, lambda value: NOTHING if value is None else draw(value))
 
