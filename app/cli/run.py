@@ -268,7 +268,7 @@ TAKES = {  # the options that each kind of file accepts
         help="what the reader may change, as bodies.lower.mass=0.2:5; may be repeated",
     ),
     takes("--what", choices=("view", "digraph", "plot"), default="view", help="in a picture"),
-    takes("--columns", type=names, default=(), metavar="A,B", help="of a plot; default: all joints"),
+    takes("--columns", type=names, default=(), metavar="A,B", help="of a plot; default: all"),
     takes("--at", type=float, metavar="S", help="time of a picture [s]"),
     takes("--size", type=size, metavar="WxH", help="in pixels, as 1280x720"),
     takes("--view", choices=("start", "front", "side", "top", "isometric"), default="start"),

@@ -95,6 +95,24 @@ def news(field: str, draw: Callable[[Any], Any]) -> partial[Topic]:
     return of_page(field, lambda value: NOTHING if value is None else draw(value))
 
 
+R = TypeVar("R", bound=FromPage)
+
+
+def requests(old: State, new: State, kind: type[R]) -> list[R]:
+    """Return the new requests of this kind, which have not been answered."""
+    found = []
+    for client, page in new.clients.items():
+        before = old.clients.get(client)
+        if isinstance(page.asked, kind) and not (before and before.asked is page.asked):
+            found.append(page.asked)
+    return found
+
+
+def hue(branch: int) -> str:
+    """Return the hue for a branch as a CSS variable, which each theme defines."""
+    return f"var(--branch-{hue_of(branch)})"
+
+
 # -- places ----------------------------------------------------------------------------------------
 
 
