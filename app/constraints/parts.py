@@ -588,11 +588,11 @@ def removed(model: pg.Model, part: Part, name: str) -> pg.Model:
     return model.remove(item_of(model, part, name).name, kind=WORD[part])
 
 
-def duplicated(model: pg.Model, part: Part, name: str) -> tuple[pg.Model, str]:
-    """Duplicate a part below the original. Return the model and the name of the copy."""
+def duplicated(model: pg.Model, part: Part, name: str) -> pg.Model:
+    """Return the model with a copy of a part below the original."""
     item = item_of(model, part, name)
     new = free_name(name, [x.name for x in getattr(model, part)])
     copy = {**model.cells(item, part), "name": new}
     items = getattr(model, part)
     i = items.index(item) + 1
-    return model.replace(**{part: (*items[:i], copy, *items[i:])}), new
+    return model.replace(**{part: (*items[:i], copy, *items[i:])})

@@ -62,16 +62,16 @@ class DeletePart(ModelEdit):
         return parts.removed(state.model, self.part, self.name), f"delete {self.name}"
 
 
-class DuplicatePart(FromPage):
+class DuplicatePart(ModelEdit):
     part: Part
     name: Text
 
-    def applied(self, state: State) -> State:
-        try:
-            model, copy = parts.duplicated(state.model, self.part, self.name)
-        except Refusal as refusal:
-            return told(state, self.client, Notice("Not done", f"{refusal}.", bad=True))
-        after = attempted(state, self.client, lambda: model, f"duplicate {self.name}")
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        return parts.duplicated(state.model, self.part, self.name), f"duplicate {self.name}"
+
+    def then(self, before: State, after: State) -> State:
+        known = {x.name for x in getattr(before.model, self.part)}
+        copy = next(x.name for x in getattr(after.model, self.part) if x.name not in known)
         return with_client(after, self.client, opened=(self.part, copy))
 
 

@@ -115,14 +115,19 @@ class ModelEdit(FromPage):
     """
 
     def applied(self, state: Any) -> Any:
-        return edited(
+        after = edited(
             state, self.client, lambda: self.edit(state),
             getattr(self, "serial", None), lambda: self.offer(state), touched(self),
         )  # fmt: skip
+        return after if after.model is state.model else self.then(state, after)
 
     @abstractmethod
     def edit(self, state: Any) -> tuple[pg.Model, str]:
         """Return the new model and what was done. Raises Refusal, PgraphError."""
+
+    def then(self, before: Any, after: Any) -> Any:
+        """Return the state after the edit, with what its page is shown next."""
+        return after
 
     def offer(self, state: Any) -> str:
         """Return the label of a repair for what was refused, or "" if there is none."""

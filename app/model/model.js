@@ -68,7 +68,7 @@
       const text = event.clipboardData.getData("text/plain").trimEnd();
       if (!/[\t\n\r]/.test(text)) return;
       event.preventDefault();
-      cells.await(cell, (serial) => send("NewFromLines", { serial, text }));
+      cells.await(cell, (serial) => send("Paste", { serial, text, afresh: true }));
     });
     return [...asked, make("div", { className: "muted", textContent: "or paste rows of a spreadsheet here (Ctrl+V), or start from one of these" }), gallery(close, [])];
   }

@@ -12,7 +12,7 @@ import pgraph_core as pg
 
 from ..constraints import KINDS, parts
 from ..core.cells import Refusal, scenario
-from ..core.edit import attempted, edited
+from ..core.edit import attempted
 from ..core.events import Entries, FromPage, ModelEdit, OfScenario, Text
 from ..core.state import Notice, display_of, told
 from ..pose import solving
@@ -63,63 +63,50 @@ class EditOfScenario(OfScenario, ModelEdit):
     def changed(self, state: State, name: str) -> pg.Model:
         """Return the model with another scenario of this name. Raises Refusal, PgraphError."""
 
-    def applied(self, state: State) -> State:
-        after = super().applied(state)
-        if not hasattr(self, "serial") or after.model is state.model:
-            return after
-        for s, new in zip(state.model.scenarios, after.model.scenarios):
-            if s.name == state.request.scenario and s is not new:
+    def then(self, before: State, after: State) -> State:
+        for s, new in zip(before.model.scenarios, after.model.scenarios):
+            if hasattr(self, "serial") and s.name == before.request.scenario and s is not new:
                 return chosen(after, new.name)
         return after
 
 
-class NewScenario(FromPage):
+class NewScenario(ModelEdit):
     """Create a scenario from the current run settings."""
 
-    def applied(self, state: State) -> State:
-        return _added(state, self.client)
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        model, name = made(state.model, state.request)
+        return model, f"add {name}"
+
+    def then(self, before: State, after: State) -> State:
+        return chosen(after, after.model.scenarios[-1].name)
 
 
-def _added(state: State, client: int) -> State:
-    model, name = made(state.model, state.request)
-    return chosen(attempted(state, client, lambda: model, f"add {name}"), name)
-
-
-class KeepSettings(FromPage):
+class KeepSettings(ModelEdit):
     """Store the current run settings in the chosen scenario."""
 
-    def applied(self, state: State) -> State:
-        request = state.request
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        request, name = state.request, named(state)
         fields = {"t_end": request.t_end, "step": request.step, "method": request.method}
-
-        def make() -> tuple[pg.Model, str]:
-            name = named(state)
-            return put(state.model, name, **fields), f"settings of {name}"
-
-        return edited(state, self.client, make)
+        return put(state.model, name, **fields), f"settings of {name}"
 
 
-class CopyScenario(OfScenario):
+class CopyScenario(OfScenario, NewScenario):
     """Copy the scenario."""
 
-    def applied(self, state: State) -> State:
-        try:
-            model, name = copied(state.model, named(state, self))
-        except (Refusal, pg.PgraphError) as problem:
-            return told(state, self.client, Notice("Not done", str(problem), bad=True))
-        return chosen(attempted(state, self.client, lambda: model, f"duplicate {name}"), name)
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        model, name = copied(state.model, named(state, self))
+        return model, f"duplicate {name}"
 
 
-class DeleteScenario(OfScenario):
+class DeleteScenario(OfScenario, ModelEdit):
     """Delete the scenario."""
 
-    def applied(self, state: State) -> State:
-        def make() -> tuple[pg.Model, str]:
-            name = named(state, self)
-            return state.model.remove(name, kind="scenario"), f"delete {name}"
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        name = named(state, self)
+        return state.model.remove(name, kind="scenario"), f"delete {name}"
 
-        after = edited(state, self.client, make)
-        if after.request.scenario == state.request.scenario:
+    def then(self, before: State, after: State) -> State:
+        if after.request.scenario == before.request.scenario:
             return after
         left = after.model.scenarios
         return chosen(after, left[0].name) if left else replace(after, request=Request())
@@ -223,7 +210,9 @@ class AddSwitch(FromPage):
             if not state.model.constraints:
                 text = "No constraint to switch: add one in the tab Constraints."
                 return told(state, self.client, Notice("Not done", text, bad=True))
-            state = chosen(state, known[0].name) if known else _added(state, self.client)
+            state = (
+                chosen(state, known[0].name) if known else NewScenario(self.client).applied(state)
+            )
 
         def make() -> pg.Model:
             when = (self.body, self.when) if self.when else None

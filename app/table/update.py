@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from abc import abstractmethod
+from collections.abc import Iterable
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -11,7 +12,7 @@ import pgraph_core as pg
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.edit import MOST_BODIES, STAND_IN, attempted, replaced, selected, with_model
+from ..core.edit import MOST_BODIES, STAND_IN, replaced, selected, with_model
 from ..core.events import Bodies, FromPage, ModelEdit, Text
 from ..core.state import Notice, replied, told
 from . import State
@@ -20,63 +21,58 @@ from . import paste as pasting
 GROUND = "ground"
 
 
-class AddBody(FromPage):
+class Growth(ModelEdit):
+    """An edit that adds bodies, which are selected then."""
+
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        model, label = self.grown(state.model)
+        if len(model.bodies) > MOST_BODIES:
+            text = f"would be {len(model.bodies)} bodies; {MOST_BODIES} at most"
+            raise pg.ModelError(pg.Problem("the table", "", text))
+        return model, label
+
+    @abstractmethod
+    def grown(self, model: pg.Model) -> tuple[pg.Model, str]:
+        """Return the model with more bodies, and what was done. Raises PgraphError."""
+
+    def then(self, before: State, after: State) -> State:
+        new = tuple(b.name for b in after.model.bodies if b.name not in before.model.row)
+        return selected(after, self.client, new[0], new) if new else after
+
+
+class AddBody(Growth):
     """Add a body as child of `parent`, or on the ground if it is None."""
 
     parent: Text | None
 
-    def applied(self, state: State) -> State:
-        model = state.model
-
-        def make() -> pg.Model:
-            on_model = self.parent is not None and self.parent in model.row
-            parent = self.parent if on_model and self.parent else GROUND
-            return model.add(rod(model, free_number(model.row), parent))
-
-        return grown(state, self.client, make, "add a body")
+    def grown(self, model: pg.Model) -> tuple[pg.Model, str]:
+        parent = self.parent if self.parent in model.row else None
+        return model.add(rod(model, free_number(model.row), parent or GROUND)), "add a body"
 
 
-class Duplicate(FromPage):
+class Duplicate(Growth):
     """Copy the bodies together with the branches that they carry."""
 
     bodies: Bodies
     subtree: bool
 
-    def applied(self, state: State) -> State:
-        model, bodies, subtree = state.model, self.bodies, self.subtree
-
-        def make() -> pg.Model:
-            return model.duplicate(_tops(model, bodies) if subtree else bodies, subtree=subtree)
-
-        return grown(state, self.client, make, f"duplicate {_label(bodies)}")
+    def grown(self, model: pg.Model) -> tuple[pg.Model, str]:
+        bodies = _tops(model, self.bodies) if self.subtree else self.bodies
+        return model.duplicate(bodies, subtree=self.subtree), f"duplicate {_label(self.bodies)}"
 
 
-class MirrorBranch(FromPage):
+class MirrorBranch(Growth):
     """Mirror branches of bodies about the plane normal to an axis of each parent."""
 
     body: Text
     plane: Literal["x", "y", "z"]
     bodies: Bodies | None = None  # all selected bodies, None for `body` alone
 
-    def applied(self, state: State) -> State:
+    def grown(self, model: pg.Model) -> tuple[pg.Model, str]:
         chosen = self.bodies or (self.body,)
-
-        def make() -> pg.Model:
-            model = state.model
-            for name in chosen:
-                if not any(inboard in chosen for inboard in _inboard(model, name)):
-                    model = model.mirror(name, self.plane)
-            return model
-
-        return grown(state, self.client, make, f"mirror {_label(chosen)}")
-
-
-def _inboard(model: pg.Model, name: str) -> list[str]:
-    """Return the bodies on the path from a body to the ground."""
-    found = []
-    while (name := model.body(name).parent) in model.row:
-        found.append(name)
-    return found
+        for name in _tops(model, chosen):
+            model = model.mirror(name, self.plane)
+        return model, f"mirror {_label(chosen)}"
 
 
 class DeleteBodies(ModelEdit):
@@ -114,25 +110,25 @@ class SetParent(ModelEdit):
         return state.model.edit_all(changes), f"parent of {_label(self.bodies)}"
 
 
-class CountBodies(FromPage):
+class CountBodies(ModelEdit):
     """Set the number of bodies by appending a chain or by removing the last rows."""
 
     serial: int
     text: Text
 
-    def applied(self, state: State) -> State:
+    def edit(self, state: State) -> tuple[pg.Model, str]:
         try:
             n = cells.whole(self.text, 1, MOST_BODIES)
         except Refusal as refusal:
-            return replied(state, self.client, self.serial, f"The number of bodies {refusal}.")
-        state = attempted(state, self.client, lambda: sized(state.model, n), f"{n} bodies")
-        return replied(state, self.client, self.serial)
+            raise Refusal(f"The number of bodies {refusal}.") from None
+        return sized(state.model, n), f"{n} bodies"
 
 
 class Paste(FromPage):
     """Paste spreadsheet lines into `rows` starting at `column`. Further lines become new rows.
 
     Without `rows` all become new rows, children of `under` unless they name another parent.
+    `afresh` makes a new model of them.
     """
 
     serial: int
@@ -140,61 +136,29 @@ class Paste(FromPage):
     rows: Annotated[tuple[Text, ...], Field(max_length=10_000)] = ()
     column: Annotated[int, Field(ge=0, le=3)] = 0
     under: Text | None = None
+    afresh: bool = False
 
     def applied(self, state: State) -> State:
         """Paste all lines, or none of them and give the reason."""
         client, serial = self.client, self.serial
+        old = pg.Model(bodies=()) if self.afresh else state.model
         try:
             model, names, notice = pasting.rows_of(
-                state.model, self.text, self.rows, self.column, self.under, rod
+                old, self.text, self.rows, self.column, self.under, rod
             )
-            if len(model.bodies) > MOST_BODIES:
-                raise Refusal(f"it would be {len(model.bodies)} bodies; {MOST_BODIES} at most")
+            if len(model.bodies) > MOST_BODIES or (self.afresh and not names):
+                raise Refusal(f"it would be {len(model.bodies)} bodies; from 1 to {MOST_BODIES}")
         except (Refusal, pg.PgraphError) as problem:
             return replied(state, client, serial, f"Nothing was pasted: {problem}")
-        if names and not state.model.bodies and STAND_IN.fullmatch(model.name):
+        if names and not old.bodies and STAND_IN.fullmatch(model.name):
             model = model.replace(name=names[0])
-        state = replied(with_model(state, model, "paste"), client, serial)
-        if names:
-            state = selected(state, client, names[0], names)
-        return told(state, client, Notice("Pasted", notice)) if notice else state
-
-
-class NewFromLines(FromPage):
-    """Create a new model from spreadsheet lines alone, instead of from a number of bodies."""
-
-    serial: int
-    text: Annotated[str, Field(max_length=1_000_000)]
-
-    def applied(self, state: State) -> State:
-        """Create the model from all lines, or refuse and give the reason."""
-        client, serial = self.client, self.serial
-        try:
-            empty = pg.Model(bodies=())
-            model, names, notice = pasting.rows_of(empty, self.text, (), 0, None, rod)
-            if not 0 < len(names) <= MOST_BODIES:
-                raise Refusal(f"it would be {len(names)} bodies; from 1 to {MOST_BODIES}")
-        except (Refusal, pg.PgraphError) as problem:
-            return replied(state, client, serial, f"Nothing was pasted: {problem}")
-        model = model.replace(name=names[0])
-        state = replaced(state, model, f"new model of {len(names)} bodies")
+        if self.afresh:
+            state = replaced(state, model, f"new model of {len(names)} bodies")
+        else:
+            state = with_model(state, model, "paste")
+            state = selected(state, client, names[0], names) if names else state
         state = replied(state, client, serial)
         return told(state, client, Notice("Pasted", notice)) if notice else state
-
-
-def grown(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
-    """Attempt an edit and select its new bodies. Raises Refusal if there are too many bodies."""
-
-    def limited() -> pg.Model:
-        model = make()
-        if len(model.bodies) > MOST_BODIES:
-            text = f"would be {len(model.bodies)} bodies; {MOST_BODIES} at most"
-            raise pg.ModelError(pg.Problem("the table", "", text))
-        return model
-
-    after = attempted(state, client, limited, label)
-    new = tuple(b.name for b in after.model.bodies if b.name not in state.model.row)
-    return selected(after, client, new[0], new) if new else after
 
 
 def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
