@@ -61,10 +61,9 @@ class Edit(ModelEdit):
 
 
 class Undo(FromPage):
-    """Undo the last edit, no matter who made it."""
+    """Undo the last edit, no matter who made it. The run of the model before comes back with it."""
 
     def applied(self, state: State) -> State:
-        """Restore the model before the last edit, together with its run if it has one."""
         return _gone(state, "undo", "redo")
 
 
@@ -91,13 +90,12 @@ def _gone(state: State, back: str, onto: str) -> State:
 
 
 class NewModel(FromPage):
-    """Create a model with the number of bodies, the only question asked in Sec. 4.1."""
+    """Create a serial chain of that many bodies, the only question asked in Sec. 4.1."""
 
     serial: int
     bodies: Text
 
     def applied(self, state: State) -> State:
-        """Create a serial chain with the given number of bodies."""
         try:
             model = pg.Model.serial(cells.whole(self.bodies, 1, MOST_BODIES))
         except Refusal as refusal:
@@ -120,12 +118,11 @@ class OpenBuiltIn(FromPage):
 
 
 class OpenKept(FromPage):
-    """Open a model left by an earlier session."""
+    """Open a model left by an earlier session. An unreadable one remains on offer."""
 
     name: Text
 
     def applied(self, state: State) -> State:
-        """Open a kept model in place of the current one. An unreadable one remains on offer."""
         if self.name not in state.kept:
             return state
         name, client = self.name, self.client
@@ -138,24 +135,22 @@ class OpenKept(FromPage):
 
 
 class DiscardKept(FromPage):
-    """Delete a model left by an earlier session."""
+    """Delete a model left by an earlier session. Autosave deletes its file."""
 
     name: Text
 
     def applied(self, state: State) -> State:
-        """Remove an offered model. Autosave deletes its file."""
         left = {key: kept for key, kept in state.kept.items() if key != self.name}
         return replace(state, kept=left)
 
 
 class OpenText(FromPage):
-    """Open a file whose content was read by the page."""
+    """Open a file whose content was read by the page. Long ones are read in an errand."""
 
     name: Text
     content: Annotated[str, Field(max_length=8_000_000)]
 
     def applied(self, state: State) -> State:
-        """Open the model in a text. Long texts are read in an errand: other pages do not wait."""
         name, content = self.name, self.content
         foreign = Path(name).suffix.lower() in READERS
         if len(content) <= LONG and not foreign:
@@ -188,14 +183,13 @@ def _small_enough(model: pg.Model, report: pg.Report) -> Found:
 
 
 class OpenArchive(FromPage):
-    """Open a zip with a model and its meshes, read by the page."""
+    """Open a zip with a model and its meshes, read by the page, in an errand."""
 
     name: Text
     content: Annotated[str, Field(max_length=16_000_000)]  # base64
     member: Text = ""  # the path of one of several models
 
     def applied(self, state: State) -> State:
-        """Start an errand that stores the meshes and opens the model."""
         work = partial(_found_in_archive, self.member)
         leaves = lambda content: folder_of(content, mesh_folder())  # noqa: E731
         return sent_file(state, self.client, self.content, "open", work, leaves, self.name)
@@ -210,10 +204,9 @@ def _found_in_archive(member: str, content: bytes, _: Any) -> Found:
 
 
 class CancelReading(FromPage):
-    """Cancel the file that is being read for the page."""
+    """Cancel the file that is being read for the page, and stop the process that reads it."""
 
     def applied(self, state: State) -> State:
-        """Cancel the page's current file and stop the process that reads it."""
         errand = reading(state, self.client)
         if errand is None:
             return state
@@ -330,14 +323,13 @@ class Download(Request):
 
 
 class ErrandDone(Event):
-    """The result of an errand, or the reason for its failure."""
+    """The result of an errand, which makes one undo step, or the reason for its failure."""
 
     id: int
     found: Found = field(default_factory=Found)
     problem: str = ""
 
     def applied(self, state: State) -> State:
-        """Apply an errand's changes as one undo step, or notify its page if the model changed."""
         errand = next((e for e in state.errands if e.id == self.id), None)
         if errand is None:
             return state

@@ -39,7 +39,6 @@ class MoveJoint(FromPage):
     text: Text
 
     def applied(self, state: State) -> State:
-        """Move one coordinate of the pose, unless a loop prevents this."""
         client, serial, problem = self.client, self.serial, ""
         try:
             state.model.body(self.body)
@@ -100,7 +99,6 @@ class Gripped(FromPage):
     done: bool
 
     def applied(self, state: State) -> State:
-        """Draw the body at the gizmo. On release, set the model's link vector or centre of mass."""
         if self.body not in state.model.row:
             return state
         body, client = state.model.body(self.body), self.client
@@ -155,7 +153,10 @@ def snapped(old: Sequence[float], new: Sequence[float]) -> tuple[float, ...]:
 
 
 class DragBody(FromPage):
-    """The mouse drags a body's `point`, in its own axes, towards `target`, in world axes [m]."""
+    """The mouse drags a body's `point`, in its own axes, towards `target`, in world axes [m].
+
+    The pose closes all loops and respects the limits.
+    """
 
     body: Text
     point: Vector
@@ -163,7 +164,6 @@ class DragBody(FromPage):
     collapses = True
 
     def applied(self, state: State) -> State:
-        """Return the nearest pose that closes all loops and respects the limits."""
         if self.body not in state.model.row:
             return state
         try:

@@ -71,10 +71,9 @@ class EditBodies(Typed, ModelEdit):
 
 
 class Check(Typed):
-    """A check of text while it is being typed, which changes nothing."""
+    """A check of text while it is being typed, which changes nothing. Unfinished numbers pass."""
 
     def applied(self, state: State) -> State:
-        """Report the problem with partly typed cells and a repair. Unfinished numbers pass."""
         problem = offer = ""
         try:
             _edited(state, self)
@@ -89,7 +88,6 @@ class Mend(Typed, ModelEdit):
     """Replace refused entries by the nearest values that the bodies accept."""
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
-        """The offer taken."""
         new = {}
         for name, change in _changes(state, self).items():
             mending = mended(state.model.body(name), *_one(self, change))
@@ -168,14 +166,16 @@ def _one(event: Typed, change: dict[str, Any]) -> tuple[str, Any]:
 
 
 class FillFromShape(OfBodies):
-    """Derive mass, centre of mass and inertia from the shapes and a typed density."""
+    """Derive mass, centre of mass and inertia from the shapes and a typed density.
+
+    If a mesh must be read, that is an errand.
+    """
 
     serial: int
     bodies: Chosen
     density: Text
 
     def applied(self, state: State) -> State:
-        """Set the mass properties from the shapes, in a background task if a mesh must be read."""
         try:
             density = cells.number(self.density)
             if density <= 0:
@@ -199,15 +199,13 @@ def _filled(model: pg.Model, bodies: tuple[str, ...], density: float) -> Found:
 
 
 class UploadMesh(OfBodies):
-    """Use a mesh file that the page has read as the shape of these bodies."""
+    """Use a mesh file that the page has read as the shape of these bodies, in an errand."""
 
     bodies: Chosen
     name: Text
     content: Annotated[str, Field(max_length=15_000_000)]  # base64
 
     def applied(self, state: State) -> State:
-        """Start a background task that stores and reads the mesh file."""
-
         work = partial(shaped, self.bodies, self.name)
         leaves = partial(_place_of, self.name)
         return sent_file(state, self.client, self.content, "mesh file", work, leaves)

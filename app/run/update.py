@@ -177,14 +177,16 @@ class GoLiveHere(FromPage):
 
 
 class Advanced(News):
-    """The live run has advanced by one part, at `pace` relative to the requested speed."""
+    """The live run has advanced by one part, at `pace` relative to the requested speed.
+
+    A part that does not fit the run is dropped.
+    """
 
     collapses = True
     part: Any
     pace: float
 
     def heard(self, state: State, work: Live) -> State:
-        """Append a part to the live run unless that is over or the part does not fit it."""
         part = self.part
         if work.over or tuple(part.mechanism.names) != state.derived.names or not len(part.t):
             return state

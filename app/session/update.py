@@ -27,7 +27,7 @@ class Connected(OfServer):
 
 
 class Hello(FromPage):
-    """A page identifies itself and its display. It may be a reconnection."""
+    """A page identifies itself and its display. One that was cut off becomes what it was."""
 
     serial: int
     page: Annotated[str, Field(max_length=100)]  # its own name, the same as long as it is open
@@ -43,7 +43,6 @@ class Hello(FromPage):
     plots: Annotated[tuple[tuple[Text, Text], ...], Field(max_length=40)] | None = None
 
     def applied(self, state: State) -> State:
-        """Restore a page to its state before the connection was lost, as far as that is known."""
         client = self.client
         if client not in state.clients:
             return state
@@ -63,10 +62,9 @@ class Hello(FromPage):
 
 
 class Disconnected(OfServer):
-    """A page was closed, or its connection was lost."""
+    """A page was closed, or its connection was lost. It is remembered for a while."""
 
     def applied(self, state: State) -> State:
-        """Remove a page, keeping its state for a reconnection."""
         here = dict(state.clients)
         page = here.pop(self.client, None)
         if page is None or not page.page:
@@ -93,12 +91,14 @@ class Sees(FromPage):
 
 
 class Select(FromPage):
-    """A body was clicked, or None for the background or the Escape key."""
+    """A body was clicked, or None for the background or the Escape key.
+
+    A pending pick of a constraint takes it.
+    """
 
     body: Text | None
 
     def applied(self, state: State) -> State:
-        """Select a body, or use it as the picked body of a constraint."""
         if constraints.picking_of(state, self.client) is not None:
             return constraints.picked(state, self.client, self.body)
         page = state.clients.get(self.client)

@@ -139,7 +139,6 @@ class Paste(FromPage):
     afresh: bool = False
 
     def applied(self, state: State) -> State:
-        """Paste all lines, or none of them and give the reason."""
         client, serial = self.client, self.serial
         old = pg.Model(bodies=()) if self.afresh else state.model
         try:
