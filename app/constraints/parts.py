@@ -20,7 +20,6 @@ from pgraph_core.rotation import matrix
 from pgraph_core.signals import is_expression, written
 
 from ..core.cells import (
-    LONGEST_NAME,
     Display,
     Quantity,
     Refusal,
@@ -28,6 +27,7 @@ from ..core.cells import (
     number,
     quantity_in,
     replaced,
+    valid_name,
     whole,
 )
 from . import KINDS, WORD, Part, about, own_fields, takes_other, typed_as
@@ -578,9 +578,7 @@ def switched(model: pg.Model, part: Part, name: str, on: bool) -> pg.Model:
 
 def renamed(model: pg.Model, part: Part, name: str, new: str) -> pg.Model:
     """Rename a part in the model and its scenarios. Raises Refusal, PgraphError."""
-    if len(new) > LONGEST_NAME:
-        raise Refusal(f"a name has at most {LONGEST_NAME} characters; given {len(new)}")
-    return model.edit(item_of(model, part, name).name, kind=WORD[part], name=new)
+    return model.edit(item_of(model, part, name).name, kind=WORD[part], name=valid_name(new))
 
 
 def removed(model: pg.Model, part: Part, name: str) -> pg.Model:

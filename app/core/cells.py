@@ -161,25 +161,11 @@ def whole(text: str, low: int, high: int) -> int:
     return int(typed)
 
 
-def change(body: pg.Body, field: str, index: tuple[int, ...], text: str) -> dict[str, Any]:
-    """Return the keyword arguments for `model.edit` that put `text` into a cell of `body`."""
-    match field:
-        case "name":
-            if len(text) > LONGEST_NAME:
-                raise Refusal(f"a name has at most {LONGEST_NAME} characters; given {len(text)}")
-            return {"name": text.strip()}
-        case "parent" | "joint":
-            return {field: text}
-        case "dof":
-            return {"dof": whole(text, 0, 6)}
-        case "tip" if not text.strip():
-            return {"tip": None}
-        case "tip":
-            return {"tip": replaced(body.tip_point, index, number(text))}
-        case "inertia" if len(index) == 2:
-            upper = replaced(body.inertia, index, number(text))
-            return {"inertia": replaced(upper, (index[1], index[0]), number(text))}
-    return {field: replaced(getattr(body, field), index, number(text))}
+def valid_name(text: str) -> str:
+    """Return a typed name. Raises Refusal."""
+    if len(text) > LONGEST_NAME:
+        raise Refusal(f"a name has at most {LONGEST_NAME} characters; given {len(text)}")
+    return text.strip()
 
 
 def replaced(value: Any, index: tuple[int, ...], new: Any) -> Any:

@@ -23,15 +23,10 @@ from pgraph_core.model.checks import PARTS
 from ..core import cells, edit
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, attempted, showing
-from ..core.events import Event, FromPage, ModelEdit, Request, Text
+from ..core.events import Event, FromPage, Request, Text
 from ..core.state import Notice, replied, told, with_client
 from . import Errand, Found, Kept, Members, State
 from .archive import Several, folder_of, mesh_folder, own, read_text, unpacked
-
-EditField = Literal[
-    "name", "parent", "dof", "joint", "axes", "link", "rotation", "mass", "com", "inertia",
-    "tip", "q", "v", "stiffness", "damping", "rest", "friction", "armature",
-]  # fmt: skip
 
 LONG = 500_000  # characters of a model that are read at once
 MOST_HEIGHTS = 100_000  # limit on the heights of all heightfields, which are drawn
@@ -40,24 +35,6 @@ MOST_NAMED = 5  # models of earlier sessions that the greeting names
 
 
 S = TypeVar("S", bound=State)
-
-
-class Edit(ModelEdit):
-    """Text was typed into a cell. `index` selects an entry, and is () for a scalar."""
-
-    serial: int
-    body: Text
-    field: EditField
-    index: Annotated[tuple[Annotated[int, Field(ge=0, le=6)], ...], Field(max_length=2)]
-    text: Text
-
-    def edit(self, state: State) -> tuple[pg.Model, str]:
-        try:
-            body = state.model.body(self.body)
-            change = cells.change(body, self.field, self.index, self.text)
-        except Refusal as refusal:
-            raise Refusal(f"body '{self.body}', {self.field}: {refusal}") from None
-        return state.model.edit(self.body, **change), f"{self.field} of {self.body}"
 
 
 class Undo(FromPage):

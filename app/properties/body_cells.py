@@ -19,7 +19,16 @@ from pgraph_core.joints import KINDS, PER_MOTION
 from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
 from pgraph_core.rotation import matrix, multiply, unit
 
-from ..core.cells import Display, Quantity, Refusal, content, quantity_in, replaced
+from ..core.cells import (
+    Display,
+    Quantity,
+    Refusal,
+    content,
+    quantity_in,
+    replaced,
+    valid_name,
+    whole,
+)
 from .length import end_of
 
 Entry = tuple[tuple[int, ...], str]  # index of a cell in its field, and what was typed
@@ -132,8 +141,11 @@ def edit_of(
         return {"axes": (*body.axes[:at], direction(text, display), *body.axes[at + 1 :])}
     if field == "motions":
         return {"motions": _motions(body, entries)}
-    if field == "joint":
-        return {"joint": entries[0][1]}
+    if field in ("parent", "joint"):
+        return {field: entries[0][1]}
+    if field in ("name", "dof"):
+        text = entries[0][1]
+        return {field: valid_name(text) if field == "name" else whole(text, 0, 6)}
     if field == "tip" and any(not text.strip() for _, text in entries):
         return {"tip": None}
     value = held(model, body, field, display)

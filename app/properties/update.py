@@ -35,7 +35,8 @@ LABELS = {
     "com": "centre of mass", "link": "link vector", "motions": "motions",
 }  # fmt: skip
 BodyField = Literal[
-    "name", "joint", "motions", "axes", "link", "rotation", "rotation_euler", "rotation_axis",
+    "name", "parent", "joint", "dof",
+    "motions", "axes", "link", "rotation", "rotation_euler", "rotation_axis",
     "mass", "com", "inertia", "tip", "q", "v", "stiffness", "damping", "rest", "friction",
     "armature", "limits", "limit_restitution", "pitch", "shape_kind", "shape_size", "shape_radius",
     "shape_radii", "shape_length", "shape_end_radius", "shape_scale", "shape_position",
@@ -110,11 +111,7 @@ def _changes(state: State, event: Typed) -> dict[str, dict[str, Any]]:
     for name in event.bodies:
         body = state.model.body(name)
         try:
-            changes[name] = (
-                cells.change(body, "name", (), event.entries[0][1])
-                if event.field == "name"
-                else edit_of(state.model, body, event.field, event.entries, display)
-            )
+            changes[name] = edit_of(state.model, body, event.field, event.entries, display)
         except Refusal as refusal:
             field = LABELS.get(event.field, event.field.replace("_", " "))
             raise Refusal(f"body '{name}', {field}: {refusal}") from None

@@ -305,10 +305,10 @@ def _typed(
         return _joint(body, text)
     if match:
         at = "xyz".index(match[2])
-        value = repr(_number(moving, match[1], [at], text, unit))
-        return cells.change(body, match[1], (at,), value)
+        old = body.tip_point if match[1] == "tip" else getattr(body, match[1])
+        return {match[1]: cells.replaced(old, (at,), _number(moving, match[1], [at], text, unit))}
     if field in ("name", "parent"):
-        return cells.change(body, field, (), text)
+        return {field: cells.valid_name(text) if field == "name" else text}
     return {field: _value(moving, field, text, unit)}
 
 

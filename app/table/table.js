@@ -114,7 +114,7 @@ pgraph.table = (() => {
     return tr;
   }
 
-  const edit = (tr, field) => (serial, text) => pgraph.send("Edit", { serial, body: tr.dataset.name, field, index: [], text });
+  const edit = (tr, field) => (serial, text) => pgraph.send("EditBodies", { serial, bodies: [tr.dataset.name], field, entries: [[[], text]] });
 
   // The name's cell and the joint's picture; until then the row shows text.
   function furnish(tr) {

@@ -49,7 +49,9 @@ def session(folder: Path, given: str, seed: int, pipe: int) -> None:
     state, number = update(state, do.Connected(ME)), 1.0 + seed
     while True:
         number += 2.0**-20
-        events = [do.Edit(ME, 1, state.model.bodies[0].name, "mass", (), repr(number))]
+        events = [
+            do.EditBodies(ME, 1, (state.model.bodies[0].name,), "mass", (((), repr(number)),))
+        ]
         if chance.random() < 0.2 and state.kept:
             events = [OpenKept(ME, chance.choice(list(state.kept)))]
         elif chance.random() < 0.1:

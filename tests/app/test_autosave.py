@@ -24,7 +24,7 @@ def state():
 
 
 def edited(state, mass):
-    return after(state, do.Edit(ME, 1, "2", "mass", (), mass))
+    return after(state, do.EditBodies(ME, 1, ("2",), "mass", (((), mass),)))
 
 
 def saver(folder, sent=None):

@@ -11,7 +11,7 @@ import viser
 from pgraph_app.core import bridge
 from pgraph_app.core.views import Desk
 from pgraph_app.features import State, initial, update
-from pgraph_app.model.update import Edit
+from pgraph_app.properties.update import EditBodies
 from pgraph_app.scenario.view import VIEWS
 from pgraph_app.server import serve
 from pgraph_app.session.update import Connected, Sees, Select
@@ -108,7 +108,7 @@ def test_a_fault_in_one_view_takes_nothing_from_the_others(page, served):
         ON_PURPOSE,
     )
     try:
-        served.send(Edit(NOBODY, 1, "trunk", "name", (), "hips"))
+        served.send(EditBodies(NOBODY, 1, ("trunk",), "name", (((), "hips"),)))
         page.locator('tr[data-name="hips"]').wait_for()
         for client in served.store.state.clients:
             served.send(Select(client, "hips"))
@@ -233,8 +233,10 @@ def test_a_hidden_tab_costs_an_edit_nothing(leg):
     assert told(alone, both) == []
     seen = update(both, Sees(one, "scenario", True))
     assert told(both, seen) == [one]
-    edited = update(seen, Edit(other, 1, "trunk", "mass", (), "7.25"))
+    edited = update(seen, EditBodies(other, 1, ("trunk",), "mass", (((), "7.25"),)))
     assert told(seen, edited) == [one]
     gone = update(edited, Sees(one, "scenario", False))
-    assert told(edited, update(gone, Edit(other, 2, "trunk", "mass", (), "8.5"))) == []
+    assert (
+        told(edited, update(gone, EditBodies(other, 2, ("trunk",), "mass", (((), "8.5"),)))) == []
+    )
     assert update(both, Sees(3, "scenario", True)) is both  # a page that went

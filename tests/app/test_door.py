@@ -147,7 +147,7 @@ def test_a_connection_that_sends_what_no_browser_sends_is_cut(server, flood):
                 hostile.sendall(again * 100)
             pytest.fail("it is still read")
     mass = server.store.state.model.body("2").mass + 1
-    server.send(do.Edit(-1, 1, "2", "mass", (), str(mass)))
+    server.send(do.EditBodies(-1, 1, ("2",), "mass", (((), str(mass)),)))
     until(lambda: server.store.state.model.body("2").mass == mass, "an edit of another")
     assert status(server) == 200
 
@@ -211,7 +211,7 @@ def test_an_edit_is_answered_while_a_client_in_another_process_floods(server, ki
         assert begun.wait(LIMIT)
         for _ in range(5):
             mass = server.store.state.model.body("2").mass + 1
-            server.send(do.Edit(-1, 1, "2", "mass", (), str(mass)))
+            server.send(do.EditBodies(-1, 1, ("2",), "mass", (((), str(mass)),)))
             until(lambda mass=mass: server.store.state.model.body("2").mass == mass, "an edit")
             assert status(server) == 200
         assert hostile.is_alive()
@@ -337,7 +337,7 @@ def test_junk_harms_nobody_and_the_connection_goes_on(server):
         for junk in DROPPED.values():
             page.send(junk)
         assert page.ping().wait(LIMIT)
-    server.send(do.Edit(-1, 1, "2", "mass", (), "7"))
+    server.send(do.EditBodies(-1, 1, ("2",), "mass", (((), "7"),)))
     until(lambda: server.store.state.model.body("2").mass == 7.0, "an edit of another")
 
 

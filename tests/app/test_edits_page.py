@@ -3,7 +3,8 @@
 from itertools import pairwise
 from typing import Any
 
-from pgraph_app.model.update import Edit, Undo
+from pgraph_app.model.update import Undo
+from pgraph_app.properties.update import EditBodies
 from pgraph_app.server import Server
 from pgraph_app.table.update import Duplicate
 
@@ -36,7 +37,7 @@ LINKED = """() => {
 def edit(page: Any, served: Server, body: str, field: Any, text: str) -> set[str]:
     """Make an edit and return what it changes, once it is in the table and the digraph."""
     before = served.store.state.derived
-    served.send(Edit(NOBODY, 1, body, field, (), text))
+    served.send(EditBodies(NOBODY, 1, (body,), field, (((), text),)))
     until(lambda: served.store.state.derived is not before, "an edited model")
     bodies = served.store.state.model.bodies
     page.wait_for_function(

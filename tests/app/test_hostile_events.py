@@ -118,8 +118,8 @@ CAUGHT = {
     ],
     "a motion without its number": [do.Check(ME, 0, ("3",), "motions", (((), "x"),))],
     "a grip on a body of a model that reaches too far": [
-        do.Edit(ME, 1, "8", "link", (0,), "1e308"),
-        do.Edit(ME, 1, "9", "link", (0,), "1e308"),
+        do.EditBodies(ME, 1, ("8",), "link", (((0,), "1e308"),)),
+        do.EditBodies(ME, 1, ("9",), "link", (((0,), "1e308"),)),
         do.SetGizmo(ME, "com"),
         do.Gripped(ME, "8", "com", (1, 1, 0), True),
     ],

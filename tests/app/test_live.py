@@ -97,14 +97,14 @@ def test_play_computes_again_unless_the_last_run_is_of_these_settings(live):
         back = getattr(computed.request, field)
         back = after(other, do.SetRun(ME, 2, field, "" if back is None else str(back)))
         assert bool(run(back)["outdated"]) is (back.request != computed.request)
-    edited = after(computed, do.Edit(ME, 1, "2", "mass", (), "3"))
+    edited = after(computed, do.EditBodies(ME, 1, ("2",), "mass", (((), "3"),)))
     assert run(edited)["outdated"]
     assert not run(after(edited, do.Undo(ME)))["outdated"]
 
 
 def test_an_edit_goes_on_from_where_it_is(live):
     first = parts(live, 2)
-    state = after(fed(live, first), do.Edit(ME, 1, "2", "mass", (), "3"))
+    state = after(fed(live, first), do.EditBodies(ME, 1, ("2",), "mass", (((), "3"),)))
     assert len(state.live.parts) == 2
     motion = Motion()
     motion.advanced(live.model, live.live, STEP)
@@ -144,9 +144,9 @@ def test_stop_acts_before_the_parts_are_joined(live):
 
 def test_an_edit_right_after_stop_leaves_the_run_of_the_model_before_it(live):
     state = fed(live, parts(live, 3))
-    named = stopped(state, do.Edit(ME, 1, "2", "name", (), "tip"))
+    named = stopped(state, do.EditBodies(ME, 1, ("2",), "name", (((), "tip"),)))
     assert named.run.result.mechanism.names[1] == "tip"
-    for edit in (do.Edit(ME, 1, "2", "mass", (), "3"), do.AddBody(ME, "2")):
+    for edit in (do.EditBodies(ME, 1, ("2",), "mass", (((), "3"),)), do.AddBody(ME, "2")):
         edited = stopped(state, edit)
         assert edited.run is None
         assert edited.earlier.model is state.model
@@ -179,7 +179,7 @@ def test_the_thread_follows_edits_and_ends(live):
     runner.render(state, state)
     try:
         until(lambda: state.t_end >= 0.1 and count >= 3, "a tenth of a second of the run")
-        send(do.Edit(ME, 2, "1", "mass", (), "7"))
+        send(do.EditBodies(ME, 2, ("1",), "mass", (((), "7"),)))
         until(lambda: mass() == 7, "parts of the heavier body")
     finally:
         send(do.StopLive(ME))
@@ -235,7 +235,7 @@ def test_the_pose_shown_becomes_the_initial_state_in_one_step(finished):
     np.testing.assert_array_equal(v, finished.run.result.v[-1])
     assert len(state.undo) == len(finished.undo) + 1
     assert after(state, do.Undo(ME)).model is finished.model
-    kept = after(finished, do.KeepRun(ME), do.Edit(ME, 1, "1", "mass", (), "5"))
+    kept = after(finished, do.KeepRun(ME), do.EditBodies(ME, 1, ("1",), "mass", (((), "5"),)))
     assert [one.run for one in kept.runs] == [finished.run]  # over edits, until it is dropped
     assert after(kept, do.DropRun(ME, 1)).runs == ()
 

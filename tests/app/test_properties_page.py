@@ -10,7 +10,7 @@ import pgraph_core as pg
 from pgraph_app import constraints
 from pgraph_app.constraints.update import EditPart, OpenPart
 from pgraph_app.constraints.view import choices
-from pgraph_app.model.update import Edit, Redo, Undo
+from pgraph_app.model.update import Redo, Undo
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.properties.world import DeleteParameter, EditWorld
 from pgraph_app.run.update import SetScenario
@@ -271,7 +271,7 @@ def test_half_typed_cells_live_through_edits_of_others(bench, served):
     choose_body(bench, "2")
     field(bench, "com", 1).focus()
     bench.keyboard.type("0.12")
-    served.send(Edit(NOBODY, 1, "2", "joint", (), "spherical"))
+    served.send(EditBodies(NOBODY, 1, ("2",), "joint", (((), "spherical"),)))
     bench.wait_for_function("() => JSON.stringify(pgraph.latest.properties).includes('spherical')")
     bench.keyboard.type("5")
     bench.keyboard.press("Enter")

@@ -24,7 +24,7 @@ def state():
 
 
 def table(body, field, text, *index):
-    return do.Edit(ME, 7, body, field, index, text)
+    return do.EditBodies(ME, 7, (body,), field, ((index, text),))
 
 
 def form(field, text, *index):
@@ -52,7 +52,7 @@ CASES = [
     (table("3", "name", "ground"), "'3' name 'ground'"),
     (table("3", "parent", "5"), "'3' parent 5"),
     (table("3", "dof", "7"), "'3' dof 0 6 '7'"),
-    (table("3", "com", "1", 5), "'3' com"),
+    (table("3", "com", "1", 5), "'3' centre"),
     (table("nobody", "mass", "1"), "'nobody' 1, 7"),
     (form("inertia", "1", 2, 2), "'2' inertia triangle 0.996"),
     (form("q", "1 furlong", 0), "'2' q furlong'"),

@@ -22,17 +22,17 @@ def state():
 
 
 def named(body, name):
-    return do.Edit(OTHER, 1, body, "name", (), name)
+    return do.EditBodies(OTHER, 1, (body,), "name", (((), name),))
 
 
 def test_an_edit_by_a_name_of_before_is_of_the_same_body(state):
     two = after(state, named("2", "knee"), named("1", "2"))
-    two = after(two, do.Edit(ME, 1, "2", "mass", (), "5", seen=0))
+    two = after(two, do.EditBodies(ME, 1, ("2",), "mass", (((), "5"),), seen=0))
     assert two.model.body("knee").mass == 5.0
-    two = after(two, do.Edit(ME, 2, "2", "mass", (), "6", seen=2))
+    two = after(two, do.EditBodies(ME, 2, ("2",), "mass", (((), "6"),), seen=2))
     assert (two.model.body("2").mass, two.model.body("knee").mass) == (6.0, 5.0)
     undone = after(state, named("2", "knee"), do.Undo(OTHER))
-    undone = after(undone, do.Edit(ME, 1, "knee", "mass", (), "7", seen=1))
+    undone = after(undone, do.EditBodies(ME, 1, ("knee",), "mass", (((), "7"),), seen=1))
     assert undone.model.body("2").mass == 7.0
 
 
@@ -40,7 +40,7 @@ def test_names_in_lists_cells_and_questions_follow(state):
     state = after(state, named("2", "knee"))
     state = after(state, do.SelectBodies(ME, "2", ("2", "3"), seen=0))
     assert state.clients[ME].selected == ("knee", "3")
-    state = after(state, do.Edit(ME, 1, "3", "parent", (), "2", seen=0))
+    state = after(state, do.EditBodies(ME, 1, ("3",), "parent", (((), "2"),), seen=0))
     assert state.clients[ME].reply == Reply(1, "")
     state = after(state, do.EditBodies(ME, 2, ("2",), "mass", (((), "3"),), seen=0))
     assert state.model.body("knee").mass == 3.0
@@ -68,7 +68,7 @@ def test_another_model_or_another_body_in_a_row_is_no_rename(state):
     assert state.renamed == 1
     text = pg.Model.serial(3).edit("2", name="other").to_json()
     state = after(state, do.OpenText(OTHER, "x", text))
-    state = after(state, do.Edit(ME, 1, "2", "mass", (), "7", seen=0))
+    state = after(state, do.EditBodies(ME, 1, ("2",), "mass", (((), "7"),), seen=0))
     assert "'2'" in reply(state)
 
 
@@ -145,7 +145,7 @@ def test_rows_are_themselves_again_after_undo_and_redo(three):
     assert points(after(back, point(0, "5", 0))) == [5.0, 1.0, 1.0]
     again = after(back, do.Redo(OTHER))
     assert points(after(again, point(2, "5", 0))) == [1.0, 5.0]
-    between = after(gone, point(2, "7", 0), do.Edit(ME, 1, "1", "mass", (), "4"))
+    between = after(gone, point(2, "7", 0), do.EditBodies(ME, 1, ("1",), "mass", (((), "4"),)))
     assert points(after(between, point(1, "5", 0))) == [5.0, 7.0]
 
 

@@ -66,7 +66,7 @@ def test_error_against_run_time(precise):
     assert sent["use"] == f"{row.method} at {row.setting}"
     assert row.method in sent["advice"]
     assert run(used)["request"]["rtol"] == row.rtol
-    stale = after(precise, do.Edit(ME, 2, "1", "mass", (), "3"))
+    stale = after(precise, do.EditBodies(ME, 2, ("1",), "mass", (((), "3"),)))
     assert (sent["stale"], bool(reports(stale)["results"][0]["stale"])) == ("", True)
 
 

@@ -109,7 +109,7 @@ def test_a_slider_says_what_it_cannot_do(quadruped):
 
 def test_a_pose_goes_when_the_model_changes_and_comes_back_with_undo(quadruped):
     now = pose(quadruped, "left_femur", 0, 0.5)
-    edited = after(now, do.Edit(ME, 7, "pelvis", "mass", (), "9"))
+    edited = after(now, do.EditBodies(ME, 7, ("pelvis",), "mass", (((), "9"),)))
     assert edited.pose is None
     assert after(edited, do.Undo(ME)).pose is not None
     assert after(now, do.HomePose(ME)).pose is None

@@ -8,7 +8,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.digraph.update import StepThrough
 from pgraph_app.gait.update import Simulate
-from pgraph_app.model.update import Edit, Undo
+from pgraph_app.model.update import Undo
 from pgraph_app.playback.update import Pause, Scrub
 from pgraph_app.pose.update import HomePose, MoveJoint
 from pgraph_app.properties.update import EditBodies
@@ -96,14 +96,16 @@ def test_nodes_are_dragged_hovered_and_walked_along(page, served):
         page.keyboard.press(key)
     page.keyboard.press("Enter")
     until(lambda: "shank" in selections(served), "shank selected")
-    served.send(Edit(NOBODY, 0, "arm", "mass", (), "7"))  # somebody else's: drawn anew
+    served.send(
+        EditBodies(NOBODY, 0, ("arm",), "mass", (((), "7"),))
+    )  # somebody else's: drawn anew
     page.wait_for_function("pgraph.latest.digraph.masses.includes(7)")
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Enter")
     until(lambda: "thigh" in selections(served), "the focus kept over the redraw")
 
     page.set_viewport_size({"width": 700, "height": 600})  # a narrow window scrolls to it
-    served.send(Edit(NOBODY, 0, "arm", "name", (), "a long name of an arm"))
+    served.send(EditBodies(NOBODY, 0, ("arm",), "name", (((), "a long name of an arm"),)))
     for name in ("shank", "trunk"):
         page.evaluate("(body) => pgraph.send('Select', { body })", name)
         page.wait_for_function(INSIDE, arg=name)
@@ -215,11 +217,14 @@ def test_marks_gizmo_and_solids_are_drawn_and_cleared(page, served):
     # what is drawn anew under its name stands as it does now, though viser keeps the pose of a node
     turned = """([name, w]) => w === null ? !window.__viserMutable.nodeRefFromName[name]
       : Math.abs((window.__viserMutable.nodeRefFromName[name]?.quaternion.w ?? 9) - w) < 0.01"""
-    for w, event in ((0.54, Edit(NOBODY, 1, "thigh", "q", (0,), "2")), (1.0, Undo(NOBODY))):
+    for w, event in (
+        (0.54, EditBodies(NOBODY, 1, ("thigh",), "q", (((0,), "2"),))),
+        (1.0, Undo(NOBODY)),
+    ):
         served.send(event)
         for name in ("/selected/0", "/bodies/2"):
             page.wait_for_function(turned, arg=[name, w])
-    served.send(Edit(NOBODY, 1, "arm", "q", (0,), "2"))
+    served.send(EditBodies(NOBODY, 1, ("arm",), "q", (((0,), "2"),)))
     page.wait_for_function(turned, arg=["/bodies/4", 0.54])
     served.send(DeleteBodies(NOBODY, ("arm",), "attach"))
     page.wait_for_function(turned, arg=["/bodies/4", None])

@@ -36,7 +36,7 @@ def random_event(rng: random.Random, state: State) -> Event:
     index = {"com": (rng.randrange(3),), "link": (0,), "inertia": (0, 1), "q": (0,)}.get(field, ())
     return rng.choice(
         (
-            *[do.Edit(client, serial, body, field, index, text)] * 5,  # type: ignore[arg-type]
+            *[do.EditBodies(client, serial, (body,), field, ((index, text),))] * 5,  # type: ignore[arg-type]
             do.AddBody(client, body),
             do.DeleteBodies(client, some, rng.choice(("attach", "delete"))),
             do.Duplicate(client, (body,), rng.random() < 0.5),
@@ -99,7 +99,7 @@ def test_1_11_each_page_sees_where_the_others_are():
 
 
 def typed(client, body, field, text):
-    return do.Edit(client, 1, body, field, (), text)
+    return do.EditBodies(client, 1, (body,), field, (((), text),))
 
 
 def test_undo_takes_back_the_last_edit_whoever_made_it():

@@ -25,8 +25,8 @@ def test_two_pages_edit_at_once_and_agree(page, open_page, served):
                     (("mass", str(1 + k)), ("dof", str(k % 4)), ("name", "trunk"))
                 )
                 at.evaluate(
-                    "([k, body, field, text]) => pgraph.send('Edit', "
-                    "{ serial: 10000 + k, body, field, index: [], text })",
+                    "([k, body, field, text]) => pgraph.send('EditBodies', "
+                    "{ serial: 10000 + k, bodies: [body], field, entries: [[[], text]] })",
                     [k, body, field_, text],
                 )
         for at in (page, other):

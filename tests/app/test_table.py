@@ -41,7 +41,7 @@ def test_ctrl_clicks_join_and_leave_in_their_order(state):
 
 def test_a_selection_follows_renames_and_deletions(state):
     state = after(state, do.SelectBodies(ME, "5", ("3", "5")))
-    renamed = after(state, do.Edit(OTHER, 1, "5", "name", (), "knee"))
+    renamed = after(state, do.EditBodies(OTHER, 1, ("5",), "name", (((), "knee"),)))
     assert (renamed.clients[ME].selection, renamed.clients[ME].selected) == ("knee", ("3", "knee"))
     assert after(renamed, do.Undo(OTHER)).clients[ME].selection == "5"
     gone = after(state, do.DeleteBodies(OTHER, ("5",), "delete"))

@@ -36,7 +36,7 @@ def state():
 
 
 def typed(body, field, text, *index, serial=1):
-    return do.Edit(ME, serial, body, field, index, text)
+    return do.EditBodies(ME, serial, (body,), field, ((index, text),))
 
 
 def result(t_end=1.0, nb=7):
@@ -256,7 +256,7 @@ def test_poses_between_frames_take_the_short_way_round():
     assert between(np.array([0.0]), pose[:1], 3.0)[0].shape == (1, 3)  # a single frame
 
 
-EDIT = '{"event": "Edit", "serial": 3, "body": "a", "field": %s, "index": %s, "text": "1"}'
+EDIT = '{"event": "EditBodies", "serial": 3, "bodies": ["a"], "field": %s, "entries": [[%s, "1"]]}'
 
 
 @pytest.mark.parametrize(
@@ -282,8 +282,8 @@ def test_an_unknown_message_is_misread(state, text):
 
 
 def test_a_page_speaks_for_itself():
-    assert from_page(ME, EDIT % ('"inertia"', "[0, 1]") + "  ") == do.Edit(
-        ME, 3, "a", "inertia", (0, 1), "1"
+    assert from_page(ME, EDIT % ('"inertia"', "[0, 1]") + "  ") == do.EditBodies(
+        ME, 3, ("a",), "inertia", (((0, 1), "1"),)
     )
     assert from_page(ME, '{"event": "Undo", "client": 2}') == do.Undo(ME)
 
