@@ -186,8 +186,8 @@ def kinds(of: type[Event] = Event) -> Iterator[type[Any]]:
 def page_events() -> dict[str, TypeAdapter[Any]]:
     """Return the events that pages may send, by name."""
     ours = (Misread, OfServer)
-    known = [kind for kind in kinds(FromPage) if not issubclass(kind, ours)]
-    return {kind.__name__: TypeAdapter(kind) for kind in known}
+    known = [k for k in kinds(FromPage) if not issubclass(k, ours) and k is not Request]
+    return {k.__name__: TypeAdapter(k) for k in known}
 
 
 def from_page(client: int, text: str) -> FromPage:

@@ -13,7 +13,7 @@ from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.events import Event, FromPage, Text, TypedText
+from ..core.events import Event, FromPage, OfServer, Text, TypedText
 from ..core.jobs import News, started
 from . import FREE_RUN, KeptRun, Kernels, Live, Request, Run, Simulation, State, run_on
 from .footfalls import changes, since
@@ -169,7 +169,7 @@ def go_live(state: S, here: bool = False) -> S:
     return replace(state, live=live, jobs=live.id, playback=playback, run_problem="")
 
 
-class GoLiveHere(FromPage):
+class GoLiveHere(OfServer):
     """Start a live run at the state of the run that is shown."""
 
     def applied(self, state: State) -> State:
