@@ -107,10 +107,13 @@ def whole(least: int, most: int | None = None, about: str = "") -> Callable[[str
     allowed = f">= {least}" if most is None else f"from {least}{about} to {most}"
 
     def parsed(text: str) -> int:
-        digits = text.isascii() and text.isdigit()
-        if not digits or int(text) < least or (most is not None and int(text) > most):
+        try:
+            number = int(text) if text.isascii() and text.isdigit() else least - 1
+        except ValueError:  # thousands of digits
+            number = least - 1
+        if number < least or (most is not None and number > most):
             raise ArgumentTypeError(f"must be a whole number {allowed}; given {text!r}")
-        return int(text)
+        return number
 
     return parsed
 
