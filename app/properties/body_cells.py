@@ -87,11 +87,20 @@ def _of_coordinates(body: pg.Body, field: str) -> list[Quantity]:
 
 def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Content:
     """Return the content of the cells of a field."""
-    match field:
+    of_a_shape = field.startswith("shape_")
+    at, name = of_shape(field) if of_a_shape else (0, field)
+    if of_a_shape and at >= len(body.shapes):
+        return NO_SHAPE if name == "kind" else None
+    holder = body.shapes[at] if of_a_shape else body
+    match name:
         case "rotation_euler":
-            return euler_of(body.rotation)
+            return euler_of(holder.rotation)
         case "rotation_axis":
-            return axis_of(body.rotation)
+            return axis_of(holder.rotation)
+        case "colour":
+            return hexadecimal(body.shapes[at].colour)
+        case _ if of_a_shape:
+            return _kept_shape(model, body, at).get(name)
         case "inertia" if display.about == "origin":
             return shifted(body.inertia, body.mass, body.com, 1.0)
         case "tip" if body.tip is None:
@@ -99,19 +108,6 @@ def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Conten
         case "limits":
             bounds = model.cells(body)["limits"] or (None,) * len(body.sequence)
             return tuple((None, None) if pair is None else pair for pair in bounds)
-        case _ if field.startswith("shape_"):
-            at, name = of_shape(field)
-            if at >= len(body.shapes):
-                return NO_SHAPE if name == "kind" else None
-            shape = _kept_shape(model, body, at)
-            match name:
-                case "rotation_euler":
-                    return euler_of(body.shapes[at].rotation)
-                case "rotation_axis":
-                    return axis_of(body.shapes[at].rotation)
-                case "colour":
-                    return hexadecimal(body.shapes[at].colour)
-            return shape.get(name)
     value = model.cells(body)[field]
     if field in PER_MOTION and not isinstance(value, (tuple, list)):
         return (value,) * len(body.sequence)  # one formula for all
@@ -185,22 +181,17 @@ def kept(
     model: pg.Model, body: pg.Body, field: str, value: Content, display: Display
 ) -> dict[str, Any]:
     """Return the body fields that store the content of its cells."""
-    match field:
+    of_a_shape = field.startswith("shape_")
+    at, name = of_shape(field) if of_a_shape else (0, field)
+    match name:
         case "rotation_euler":
-            return {"rotation": from_euler(_numbers(value, "an angle"))}
+            name, value = "rotation", from_euler(_numbers(value, "an angle"))
         case "rotation_axis":
-            return {"rotation": from_axis(_numbers(value, "an axis"))}
+            name, value = "rotation", from_axis(_numbers(value, "an axis"))
         case "inertia" if display.about == "origin":
             _numbers([x for row in value for x in row], "the inertia about the origin")
-            return {"inertia": shifted(value, body.mass, body.com, -1.0)}
-        case _ if field.startswith("shape_"):
-            at, name = of_shape(field)
-            if name == "rotation_euler":
-                name, value = "rotation", from_euler(_numbers(value, "an angle"))
-            elif name == "rotation_axis":
-                name, value = "rotation", from_axis(_numbers(value, "an axis"))
-            return _with_shape(model, body, at, {name: value})
-    return {field: value}
+            value = shifted(value, body.mass, body.com, -1.0)
+    return _with_shape(model, body, at, {name: value}) if of_a_shape else {name: value}
 
 
 def _kept_shape(model: pg.Model, body: pg.Body, at: int) -> dict[str, Any]:

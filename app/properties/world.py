@@ -16,6 +16,7 @@ from ..core import cells
 from ..core.cells import (
     Display,
     Payload,
+    Quantity,
     Refusal,
     button,
     by_number,
@@ -64,10 +65,9 @@ def _general(state: State) -> Payload:
 
 def _ground(state: State, display: Display) -> Payload:
     model, ground = state.model, state.model.ground
-    level = (1.0, 0.0, 0.0) if model.up != "x" else (0.0, 1.0, 0.0)
     implied = {
         "static_friction": (ground.least_to_slide, ground.static_friction is None),
-        "uphill": (ground.uphill or level, ground.uphill is None),
+        "uphill": (ground.uphill or level(model), ground.uphill is None),
     }
     fields = []
     for name in sorted(GROUND, key=("slope", "uphill").__contains__):  # those of the plane last
@@ -150,42 +150,39 @@ class EditWorld(ModelEdit):
 
 
 def _world(model: pg.Model, display: Display, field: str, entries: Entries) -> pg.Model:
-    _, text = entries[0]
+    text = entries[0][1].strip()
     match field:
         case "name":
-            if not text.strip() or len(text) > cells.LONGEST_NAME:
-                raise Refusal(
-                    f"must have 1 to {cells.LONGEST_NAME} characters; given {len(text.strip())}"
-                )
-            return model.replace(name=text.strip())
+            if not text:
+                raise Refusal(f"must have 1 to {cells.LONGEST_NAME} characters; given 0")
+            return model.replace(name=cells.valid_name(text))
         case "up":
             return model.replace(up=text)
         case "gravity":
-            return model.replace(gravity=_numbers(model.gravity, entries))
-        case "uphill":
-            level = (1.0, 0.0, 0.0) if model.up != "x" else (0.0, 1.0, 0.0)
-            old = model.ground.uphill or level
-            return _grounded(model, uphill=_numbers(old, entries) if text.strip() else None)
-        case "slope":
-            return _grounded(model, slope=cells.quantity(text, "angle", display))
-        case "static_friction":
-            return _grounded(model, static_friction=cells.number(text) if text.strip() else None)
-        case "rolling_friction" | "spinning_friction":
-            return _grounded(model, **{field: cells.quantity(text, "length", display)})
+            return model.replace(gravity=_typed(model.gravity, entries, "number", display))
         case "steps":
             return _grounded(model, steps=_steps(model.ground, entries, display))
-    return _grounded(model, **{field: cells.number(text)})
+    if not text and GROUND[field].default is None:
+        return _grounded(model, **{field: None})
+    old = getattr(model.ground, field) or (level(model) if field == "uphill" else None)
+    of = quantity_in(about(GROUND[field], field).unit)
+    return _grounded(model, **{field: _typed(old, entries, of, display)})
+
+
+def level(model: pg.Model) -> tuple[float, ...]:
+    """Return the direction that is uphill unless another one is given."""
+    return (1.0, 0.0, 0.0) if model.up != "x" else (0.0, 1.0, 0.0)
 
 
 def _grounded(model: pg.Model, **fields: Any) -> pg.Model:
     return model.replace(ground={**model.ground.model_dump(), **fields})
 
 
-def _numbers(vector: Any, entries: Entries) -> Any:
-    """Return a vector with the numbers typed into its cells."""
+def _typed(value: Any, entries: Entries, of: Quantity, display: Display) -> Any:
+    """Return a number or a vector with what was typed into its cells."""
     for index, text in entries:
-        vector = cells.replaced(vector, index, cells.number(text))
-    return vector
+        value = cells.replaced(value, index, cells.quantity(text, of, display))
+    return value
 
 
 def _steps(ground: pg.Ground, entries: Entries, display: Display) -> list[dict[str, Any]]:
