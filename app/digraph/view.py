@@ -21,12 +21,7 @@ def digraph(state: State) -> Payload:
     d = state.derived
     bodies = [state.model.body(name) for name in d.names]
     return {
-        "kind": d.layout.kind,
-        "x": d.layout.x,
-        "y": d.layout.y,
-        "width": d.layout.width,
-        "height": d.layout.height,
-        "routes": d.layout.routes,
+        **vars(d.layout),
         "names": d.names,
         "parent": d.parent,
         "dof": [body.dof for body in bodies],

@@ -335,37 +335,15 @@ class ErrandDone(Event):
         return told(state, client, Notice(label.capitalize(), found.text))
 
 
-def sent(
-    state: S,
-    client: int,
-    label: str,
-    work: Callable[[pg.Model], Found],
-    compiled: bool = False,
-    file: str = "",
-    apart: bool = False,
-    leaves: Path | None = None,
-    then: Callable[[Any, Any], Any] | None = None,
-) -> S:
-    """Start an errand for the current model. If `compiled`, it waits for the kernels.
+def sent(state: S, client: int, label: str, work: Callable[[pg.Model], Found], **more: Any) -> S:
+    """Start an errand for the current model, with `more` of the fields of an `Errand`.
 
-    With `then`, (state, ErrandDone) -> state takes its result. An errand `apart` is refused while
-    another one reads a file for the same page.
+    An errand `apart` is refused while another one reads a file for the same page.
     """
-    if apart and (other := reading(state, client)) is not None:
+    if more.get("apart") and (other := reading(state, client)) is not None:
         text = f"{other.file or other.label} is still being read; cancel that first."
         return told(state, client, Notice(f"Not done: {label}", text, bad=True))
-    errand = Errand(
-        state.errand_count + 1,
-        client,
-        state.model,
-        label,
-        work,
-        compiled,
-        file,
-        apart,
-        leaves,
-        then,
-    )
+    errand = Errand(state.errand_count + 1, client, state.model, label, work, **more)
     return replace(state, errands=(*state.errands, errand), errand_count=errand.id)
 
 

@@ -40,13 +40,7 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
     rows = [
         {
             "id": f"{ids[c.body]} {c.index} {c.label}",
-            "body": c.body,
-            "index": c.index,
-            "label": c.label,
-            "value": c.value,
-            "low": c.low,
-            "high": c.high,
-            "turns": c.turns,
+            **vars(c),
             "shown": display.shown(c.value, kinds[c.unit]),
             "unit": display.unit(kinds[c.unit]).replace("deg", "°"),
             "color": hue(d.branches[d.number[c.body] - 1]),

@@ -27,13 +27,7 @@ def run(state: State) -> Payload:
     return {
         "scenarios": [*scenarios, [FREE_RUN, "free run"]],
         "methods": list(METHOD_NAMES.items()),
-        "request": {
-            "scenario": request.scenario,
-            "t_end": request.t_end,
-            "step": request.step,
-            "method": request.method,
-            "rtol": request.rtol,
-        },
+        "request": vars(request),
         "hints": hints(request),
         "kept": kept(state),
         "method": METHOD_NAMES[request.method].partition(" (")[0],
