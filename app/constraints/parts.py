@@ -14,7 +14,6 @@ from pgraph_core import joints
 from pgraph_core.fields import PAIR
 from pgraph_core.forces import BetweenPoints
 from pgraph_core.joints import SIZE
-from pgraph_core.model.constraint import AtPoints
 from pgraph_core.model.editing import free_name
 from pgraph_core.rotation import matrix
 from pgraph_core.signals import is_expression, written
@@ -31,8 +30,8 @@ from ..core.cells import (
     whole,
 )
 from . import KINDS, WORD, Part, about, own_fields, takes_other, typed_as
+from .gains import EVERY, GROUND, gains
 
-GROUND, EVERY = "ground", "*"
 ALL_ON_GROUND = "* on ground"  # picked: a contact of every body with the ground
 Item = Any  # pg.Constraint | pg.Contact | pg.Force | pg.Site | pg.Output
 Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
@@ -141,77 +140,6 @@ def _reading(model: pg.Model, kind: str, body: str) -> dict[str, Any]:
     group = "q" if joints.places(of.sequence)[0] is not None else "v"
     return {READS[kind]: "=" + written(group, of.name, 0 if of.dof > 1 else None),
             **QUICKLY.get(kind, {})}  # fmt: skip
-
-
-SAG = {"rotate": 0.05, "translate": 0.005}  # [rad], [m] under the weight that a servo holds
-QUICK = 10.0  # [rad/s] bandwidth of a servo without gravity
-
-
-def gains(model: pg.Model, name: str) -> dict[str, float]:
-    """Return kp and kd for a critically damped servo that holds the load on its joint.
-
-    The weight moves it by SAG at most, at its full lever; the damping is critical.
-    """
-    kind = next((m.kind for m in model.body(name).sequence), "")
-    top, (places, turns) = pg.Topology.of(model), pg.home_poses(model)
-    at, mass, lever, inertia = top.names.index(name), 0.0, 0.0, 0.0
-    for k in carried(model, top, at + 1):
-        one = model.body(top.names[k - 1])
-        centre = places[k - 1] + turns[k - 1] @ np.asarray(one.com)
-        reach = float(np.linalg.norm(centre - places[at]))
-        mass, lever = mass + one.mass, lever + one.mass * reach
-        inertia += one.mass * reach**2 + float(np.linalg.norm(one.inertia, 2))
-    load, moved = (lever, inertia) if kind == "rotate" else (mass, mass)
-    if kind not in SAG or moved == 0:
-        return {"kp": 10.0, "kd": 1.0}
-    kp = max(math.hypot(*model.gravity) * load / SAG[kind], moved * QUICK**2)
-    return {"kp": float(f"{kp:.2g}"), "kd": float(f"{2 * math.sqrt(kp * moved):.2g}")}
-
-
-def carried(model: pg.Model, top: pg.Topology, at: int) -> list[int]:
-    """Return the numbers of the bodies whose weight the joint of body `at` may have to carry alone.
-
-    They are what hangs together on its outer side without it, through joints and loops. If only
-    that side stands on the ground, as a leg does, they are on the inner side; if both do, on the
-    heavier one.
-    """
-    joints = [model.body(name).joint for name in top.names]
-    number = {GROUND: 0} | {name: k for k, name in enumerate(top.names, 1)}
-    ties = [(k, int(parent)) for k, parent in enumerate(top.parent, 1)
-            if k != at and joints[k - 1] != "free"]  # fmt: skip
-    ties += [(number[c.body], number[c.other])
-             for c in model.constraints if c.active and isinstance(c, AtPoints)]  # fmt: skip
-    floating: set[int] = set()
-    for k, parent in enumerate(top.parent, 1):
-        if parent in floating or (parent == 0 and joints[k - 1] == "free"):
-            floating.add(k)
-    for contact in model.contacts:
-        if contact.active and GROUND in contact.pair:
-            touching = {n for x in contact.pair for n in (number if x == EVERY else (x,))}
-            ties += [(number[n], 0) for n in touching if number[n] in floating]
-    inner, outer = int(top.parent[at - 1]), _together(ties, at)
-    if inner == 0:
-        return sorted(outer - {0})
-    other, held = _together(ties, inner), 0 in outer
-    if held and 0 in other:
-        sides = [outer, other]
-        weights = [sum(model.body(top.names[k - 1]).mass for k in s if k) for s in sides]
-        return sorted(sides[weights.index(max(weights))] - {0})
-    return sorted((other if held else outer) - {0})
-
-
-def _together(ties: list[tuple[int, int]], start: int) -> set[int]:
-    """Return the bodies connected to `start`. Paths may end at the ground, 0, not cross it."""
-    near: dict[int, list[int]] = {}
-    for a, b in ties:
-        near.setdefault(a, []).append(b)
-        near.setdefault(b, []).append(a)
-    found, left = {start}, [start]
-    while left:
-        fresh = set(near.get(left.pop(), ())) - found
-        found |= fresh
-        left += fresh - {0}
-    return found
 
 
 def _wide(body: pg.Body) -> tuple[Any, ...]:

@@ -14,7 +14,6 @@ from ..core.cells import (
     Display,
     Quantity,
     button,
-    by_number,
     cell,
     choice,
     components,
@@ -22,6 +21,7 @@ from ..core.cells import (
     group,
     shown,
 )
+from ..core.rows import by_number
 from ..core.views import Host, Payload, Place, topic
 from ..pose.solving import degrees
 from . import (

@@ -10,15 +10,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import accumulate
 from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.errors import counted
-from pgraph_core.joints import AXIAL, SIZE
 from pgraph_core.model.description import TOLD
 
-from .cells import LISTS, Key, Refusal, Rows, names_of
+from .cells import Refusal
+from .rows import followed
 from .state import Notice, Rename, S, Step, replied, told
 
 UNDO_DEPTH = 200
@@ -202,116 +201,3 @@ def _names(event: Any, fields: Mapping[str, Any]) -> Iterator[tuple[str, str, An
         yield "name", "parameters", fields["name"]
     elif about == "Plot":
         yield "of", "bodies", fields["of"]
-
-
-# -- rows that stay themselves ---------------------------------------------------------------------
-
-Places = Sequence[int | None]  # former place of each row of a list, None for a new row
-
-
-def followed(
-    rows: Rows, old: pg.Model, new: pg.Model, renames: Iterable[tuple[str, str, str]],
-    at: int | None = None, earlier: tuple[pg.Model, Rows] | None = None,
-) -> Rows:  # fmt: skip
-    """Return the row numbers after an edit from `old` to `new`.
-
-    `renames` are (part, old name, new name); `at` is the place of the row that was edited, which
-    decides between rows that are alike; what comes back is what it was in `earlier`.
-    """
-    known, given = dict(rows.known), dict(rows.given)
-
-    def put(key: Key, before: int, places: Places, again: Sequence[int | None] = ()) -> None:
-        had, found, new = rows.of(key, before), [], max(given.get(key, 0), before)
-        for k, place in enumerate(places):
-            number = had[place] if place is not None else again[k] if again else None
-            if number is None:
-                number, new = new, new + 1
-            found.append(number)
-        given[key] = new
-        if tuple(found) == tuple(range(len(found))):
-            known.pop(key, None)
-        else:
-            known[key] = tuple(found)
-
-    said = {(part, now): was for part, was, now in renames}
-    for part in LISTS:
-        if getattr(old, part) is getattr(new, part):
-            continue
-        a, b = names_of(old, part), names_of(new, part)
-        places: Places = range(len(a))
-        if a != b:
-            where = {name: k for k, name in enumerate(a)}
-            places = [where.get(said.get((part, name), name)) for name in b]
-            before = earlier[1].named(earlier[0], part) if earlier else {}
-            put((part,), len(a), places, [before.get(name) for name in b])
-        for k, place in enumerate(places if part in INNER else ()):
-            if place is None:
-                continue
-            one, other = getattr(old, part)[place], getattr(new, part)[k]
-            if one is not other:
-                number = rows.of((part,), len(a))[place]
-                for name, count, inner in INNER[part](one, other, at):
-                    put((part, number, name), count, inner)
-    a, b = old.ground.steps, new.ground.steps
-    if a != b:
-        put(("ground", "steps"), len(a), _kept(a, b, at))
-    return Rows(known, given)
-
-
-def _kept(old: Sequence[Any], new: Sequence[Any], at: int | None) -> Places:
-    """Match rows without names: keep those before and after the inserted or removed ones."""
-    few = min(len(old), len(new))
-    if len(old) == len(new):
-        return range(few)
-    first = next((k for k in range(few) if old[k] != new[k]), few)
-    last = next((k for k in range(few) if old[-1 - k] != new[-1 - k]), few)
-    if first + last >= few:  # rows alike next to each other: the edit knows which it was about
-        first = at if at is not None and few - last <= at <= first else first
-        last = few - first
-    return [
-        k if k < first else k + len(old) - len(new) if k >= len(new) - last else None
-        for k in range(len(new))
-    ]
-
-
-Inner = Iterator[tuple[str, int, Places]]  # name of a list, its length before, its places
-
-
-def _of_contact(old: pg.Contact, new: pg.Contact, at: int | None) -> Inner:
-    if old.points != new.points:
-        yield "points", len(old.points), _kept(old.points, new.points, at)
-
-
-def _of_body(old: pg.Body, new: pg.Body, at: int | None) -> Inner:
-    if len(old.shapes) != len(new.shapes):
-        yield "shapes", len(old.shapes), _kept(old.shapes, new.shapes, at)
-    a, b = (x.motions if x.joint == "compound" else () for x in (old, new))
-    if len(a) == len(b):
-        return
-    if not a or not b:  # a joint of another kind
-        yield from ((name, 0, ()) for name in ("motions", "axes", "q", "v"))
-        return
-    places = _kept(a, b, at)
-    yield "motions", len(a), places
-    for i, name in enumerate(("q", "v", "axes")):
-        before, now = ([(*SIZE[kind], kind in AXIAL)[i] for kind, _ in x] for x in (a, b))
-        start = list(accumulate(before, initial=0))
-        yield name, start[-1], [
-            start[place] + k if place is not None and before[place] == count else None
-            for place, count in zip(places, now) for k in range(count)
-        ]  # fmt: skip
-
-
-def _of_scenario(old: pg.Scenario, new: pg.Scenario, at: int | None) -> Inner:
-    if old.switches != new.switches:
-        yield "switches", len(old.switches), _kept(old.switches, new.switches, at)
-    a, b = ([f.name for f in x.forces] for x in (old, new))
-    if a != b:
-        same = len(a) == len(b)
-        where = {name: k for k, name in enumerate(a)}
-        gone = [k for k, name in enumerate(a) if name not in b]
-        rest = iter(gone if same else ())
-        yield "forces", len(a), [where[name] if name in where else next(rest, None) for name in b]
-
-
-INNER: Mapping[str, Any] = {"bodies": _of_body, "contacts": _of_contact, "scenarios": _of_scenario}

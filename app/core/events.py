@@ -25,8 +25,9 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 import pgraph_core as pg
 from pgraph_core.errors import PgraphError
 
-from .cells import Refusal, placed, touched
+from .cells import Refusal
 from .edit import as_now, edited
+from .rows import placed, touched
 from .state import Notice, S, State, replied, told, with_client
 
 Text = Annotated[str, Field(max_length=20_000)]

@@ -15,8 +15,9 @@ from typing import Any, ClassVar, Self, TypeVar
 import pgraph_core as pg
 from pgraph_core.errors import counted
 
-from .cells import Display, Rows
+from .cells import Display
 from .derived import Derived, derive
+from .rows import Rows
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ import pgraph_core as pg
 from pgraph_core.show import shapes
 
 from ..constraints import Part, parts
-from ..core.cells import Display, Refusal, place_of
+from ..core.cells import Display, Refusal
 from ..core.edit import attempted, selected
 from ..core.events import Finite, FromPage, Index, OfServer, Request, Text
+from ..core.rows import place_of
 from ..core.state import Notice, told, with_client
 from ..pose import poses
 from ..properties.body_cells import edit_of

@@ -15,7 +15,6 @@ from ..core.cells import (
     XYZ,
     Display,
     button,
-    by_number,
     cell,
     choice,
     components,
@@ -23,9 +22,9 @@ from ..core.cells import (
     group,
     merged,
     quantity_in,
-    shapes_by_number,
     shown,
 )
+from ..core.rows import by_number, shapes_by_number
 from ..core.views import Host, Payload, Place, hue, topic
 from . import Client, State
 from .body_cells import (

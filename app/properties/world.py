@@ -19,7 +19,6 @@ from ..core.cells import (
     Quantity,
     Refusal,
     button,
-    by_number,
     cell,
     choice,
     components,
@@ -29,6 +28,7 @@ from ..core.cells import (
     shown,
 )
 from ..core.events import Entries, ModelEdit, Text
+from ..core.rows import GONE, by_number
 from ..core.state import display_of
 from . import State
 
@@ -217,7 +217,7 @@ class EditParameter(ModelEdit):
     def edit(self, state: State) -> tuple[pg.Model, str]:
         name = self.name.strip()
         if self.row is not None and self.row not in _rows(state).values():
-            raise Refusal(cells.GONE)
+            raise Refusal(GONE)
         return parameter_set(state.model, name, self.text), f"parameter {name}"
 
 

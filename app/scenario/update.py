@@ -11,9 +11,10 @@ from pydantic import Field
 import pgraph_core as pg
 
 from ..constraints import KINDS, parts
-from ..core.cells import Refusal, scenario
+from ..core.cells import Refusal
 from ..core.edit import attempted
 from ..core.events import Entries, FromPage, ModelEdit, OfScenario, Text
+from ..core.rows import scenario
 from ..core.state import Notice, display_of, told
 from ..pose import solving
 from ..run import FREE_RUN, Request

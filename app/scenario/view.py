@@ -6,7 +6,8 @@ import pgraph_core as pg
 
 from ..constraints import KINDS, parts
 from ..constraints.view import between, form
-from ..core.cells import Display, button, by_number, cell, field, group, shown
+from ..core.cells import Display, button, cell, field, group, shown
+from ..core.rows import by_number
 from ..core.views import Host, Payload, Place, topic
 from ..run import FREE_RUN
 from . import (
