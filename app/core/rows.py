@@ -15,7 +15,7 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.joints import AXIAL, SIZE
-from pgraph_core.model.model import PARTS
+from pgraph_core.model.checks import PARTS
 
 from .cells import Payload, Refusal
 
