@@ -25,8 +25,9 @@ MOST = 100  # limit on sliders, beyond which only the selected body's path has t
 
 def moment(state: State) -> tuple[object, ...]:
     """Return what says that bodies have moved, every so often while a run plays."""
-    shown = state.playback
-    return state.run, int(shown.time / (EVERY * shown.speed)) if shown.moves else vars(shown)
+    shown, parts = state.playback, state.live and state.live.taken
+    at = int(shown.time / (EVERY * shown.speed)) if shown.moves else vars(shown)
+    return state.last_run, parts, at
 
 
 def joints(state: State, selection: str | None, display: Display | None = None) -> Payload:
