@@ -26,7 +26,7 @@ def feedback(design: Design, display: Display) -> Payload:
         "gains": {"states": found.states, "rows": rows},
         "poles": poles(found.poles),
         "stable": found.stable,
-        "hold": _held(design, display),
+        "hold": " ".join((_held(design, display), *found.notices)),
         "curves": response(design),
     }
 

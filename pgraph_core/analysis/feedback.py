@@ -19,7 +19,7 @@ from ..model import Model
 from ..packing import Array
 from ..signals import written
 from ..signals.grammar import LONGEST
-from ..tolerances import NOTABLE
+from ..tolerances import NOTABLE, ROUNDING
 from .linear import Linearisation, linearise
 
 
@@ -36,6 +36,7 @@ class Feedback(Suggests):
     B: Array  # (n, m)
     poles: Array  # (n,) eigenvalues of A - B K [1/s]
     model: Model  # the drives have the feedback as their expressions
+    notices: tuple[str, ...] = ()  # warnings, as of `Linearisation`
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -91,7 +92,8 @@ def lqr(
     Raises
     ------
     InputError
-        If the weights have the wrong shape, or if the inputs cannot hold or stabilise the state.
+        If the weights have the wrong shape or sign, or if the inputs cannot hold or stabilise the
+        state.
 
     Examples
     --------
@@ -105,6 +107,7 @@ def lqr(
 
     def gains(plant: _Plant) -> Array:
         weights = plant.weights(Q, "Q", plant.states), plant.weights(R, "R", plant.inputs)
+        _check_signs(*weights)
         try:
             P = solve_continuous_are(plant.A, plant.B, *weights)
         except (LinAlgError, ValueError) as error:
@@ -113,6 +116,20 @@ def lqr(
         return solve(weights[1], plant.B.T @ P)
 
     return _closed("lqr", model, inputs, states, q, gains)
+
+
+def _check_signs(Q: Array, R: Array) -> None:
+    """Raise InputError unless Q and R are symmetric, Q without negative eigenvalues and R with
+    positive ones: other goals have no least value.
+    """
+    for field, W, allowed in (("Q", Q, "at least 0"), ("R", R, "above 0")):
+        rounding = ROUNDING * np.abs(W).max(initial=0.0)
+        if np.abs(W - W.T).max(initial=0.0) > rounding:
+            raise InputError(Problem("lqr", field, f"must be symmetric; given {shown(W.tolist())}"))
+        least = float(np.linalg.eigvalsh(W).min(initial=np.inf))
+        if least < -rounding or (field == "R" and least <= rounding):
+            text = f"must have eigenvalues {allowed}; given one of {least:.6g}"
+            raise InputError(Problem("lqr", field, text))
 
 
 @explained
@@ -234,7 +251,7 @@ def _closed(
     model = _with_inputs(model, drives, texts)
     poles: Any = np.linalg.eigvals(found.A - B @ K)
     poles = poles[np.lexsort((-poles.imag, poles.real))]
-    return Feedback(K, names, plant.inputs, at, hold, found.A, B, poles, model)
+    return Feedback(K, names, plant.inputs, at, hold, found.A, B, poles, model, found.notices)
 
 
 def _with_inputs(model: Model, drives: Sequence[OnJoint], values: Sequence[Any]) -> Model:

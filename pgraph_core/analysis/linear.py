@@ -405,10 +405,15 @@ def linearise(
 def _notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[str, ...]:
     """Return warnings about ignored contacts and about a state that is not an equilibrium."""
     found: list[str] = []
+    joints = here.mech.joints
     if here.touching is not None and here.touching.shut:
         shut = choices(here.touching.shut, 6)
         text = f"{shut}: shut here and left out, since what is rigid has no slope; law 'soft' or "
         found.append(f"{text}'penalty' gives a contact one, a constraint of kind 'motion' a limit")
+    at_rest = {name: np.abs(here.v[j.v]).max(initial=0.0) < CREEP for name, j in joints.items()}
+    if rubs := [b.name for b in here.mech.model.bodies if any(b.friction) and at_rest[b.name]]:
+        text = f"{choices(rubs, 6)}: joint friction holds what rests and has no slope there; it is "
+        found.append(f"{text}taken for a damper, as below a speed of {CREEP:g} in a run")
     vdot = here.vdot
     forces = np.abs(here.M) @ np.abs(vdot)
     size = np.abs(here.mech.bias_force(here.q, here.v)) + np.abs(here.torque(here.q, here.v))

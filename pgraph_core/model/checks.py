@@ -15,7 +15,7 @@ from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
 from .control import Control
-from .expressions import Known, expression_problems, loop_problems
+from .expressions import Known, drives_read, expression_problems, loop_problems
 from .output import OF_JOINT, OF_LOAD, Output, Site
 from .scenario import Scenario, Switch, condition_problems, known_names
 from .world import Ground, World, below_kinetic
@@ -371,6 +371,10 @@ def varying_problems(
     found = [problem for some in parts for problem in expression_problems(some, own)]
     for s in scenarios:
         known = own.beside(s.forces)
+        twice = own.drives.keys() & {f.name for f in s.forces}
+        if read := twice & set[str]().union(*(drives_read(p) for some in parts for p in some)):
+            text = f"a force of the model is named '{min(read)}' too, and expressions read it; "
+            found.append(Problem(f"scenario '{s.name}'", "forces", f"{text}rename one"))
         found += expression_problems(s.forces, known, f"scenario '{s.name}', ")
         conditions = [x.when.holds for x in s.switches if x.when and x.when.holds]
         texts = (known.problem(text, None) for text in conditions)

@@ -210,3 +210,28 @@ def test_an_undamped_motion_that_no_input_moves_is_not_stable():
             assert not pg.lqr(model, {"q.cart": 1.0, "q.pole": 10.0}, 0.1).stable
         except pg.InputError:
             continue
+
+
+@pytest.mark.parametrize(
+    ("Q", "R", "facts"),
+    [
+        ([1, -10, 1, 1], 1.0, ("Q", "-10")),
+        (np.diag([1.0, 1, 1, 1]) + 3 * np.eye(4, k=1), 1.0, ("Q", "symmetric")),
+        (1.0, 0.0, ("R", "above 0")),
+        (1.0, -2.0, ("R", "-2")),
+    ],
+)
+def test_a_goal_without_a_least_value_is_refused(Q, R, facts):
+    with pytest.raises(pg.InputError) as refused:
+        pg.lqr(cart_pole()[0], Q, R)
+    assert all(fact in str(refused.value) for fact in facts)
+
+
+@pytest.mark.parametrize("v", [0.0, 0.5])
+def test_joint_friction_that_holds_is_told(v):
+    """It has no slope at rest, where a linear model takes it for a damper."""
+    model = cart_pole()[0].edit("cart", friction=1.0)
+    found = pg.Mechanism(model).linearise(v=[v, 0.0])
+    assert any("friction" in text and "cart" in text for text in found.notices) == (v == 0)
+    assert any("friction" in text for text in pg.lqr(model, 1.0).notices)
+    assert not pg.lqr(cart_pole()[0], 1.0).notices

@@ -489,3 +489,12 @@ def test_a_parameter_of_a_control_or_a_condition_is_used():
     told = [text for text in model.doubts if "parameter" in text]
     assert len(told) == 1
     assert "'idle'" in told[0]
+
+
+def test_a_drive_that_expressions_read_has_one_meaning_in_every_scenario():
+    other = pg.Motor(name="push", body="arm", torque=2.0)
+    scenario = pg.Scenario(name="s", forces=[other])
+    model = pendulum(torque=1.0).replace(scenarios=[scenario])  # nothing reads it
+    with pytest.raises(pg.ModelError) as refused:
+        model.replace(controls=[pg.State(name="work", rate="=f.push*v.arm")])
+    assert all(fact in str(refused.value) for fact in ("'s'", "'push'"))
