@@ -30,7 +30,7 @@ from ..engine.compiler.jit import ready
 from ..engine.records import CREEP
 from ..engine.signals import values
 from ..engine.tree import slopes as kernels
-from ..errors import InputError, Problem, choices, shown
+from ..errors import InputError, Problem, shown
 from ..forces import LOADS
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
@@ -40,6 +40,7 @@ from ..rotation import skew
 from ..signals import written
 from ..tolerances import DIFFERENCED, EPS, NOTABLE, ROUNDING
 from .assembly import assemble
+from .linear_doubts import notices
 from .mobility import complement, judged
 from .rows import Rows
 from .touching import Touching
@@ -398,35 +399,8 @@ def linearise(
     return Linearisation(
         A, B, tuple(names[i] for i in chosen_q), tuple(names[i] for i in chosen_v),
         values[order], shapes[:, order], by_place, q, v, conservative, drift,
-        _notices(here, names, states), states, here.s,
+        notices(here, names, states), states, here.s,
     )  # fmt: skip
-
-
-def _notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[str, ...]:
-    """Return warnings about ignored contacts and about a state that is not an equilibrium."""
-    found: list[str] = []
-    joints = here.mech.joints
-    if here.touching is not None and here.touching.shut:
-        shut = choices(here.touching.shut, 6)
-        text = f"{shut}: shut here and left out, since what is rigid has no slope; law 'soft' or "
-        found.append(f"{text}'penalty' gives a contact one, a constraint of kind 'motion' a limit")
-    at_rest = {name: np.abs(here.v[j.v]).max(initial=0.0) < CREEP for name, j in joints.items()}
-    if rubs := [b.name for b in here.mech.model.bodies if any(b.friction) and at_rest[b.name]]:
-        text = f"{choices(rubs, 6)}: joint friction holds what rests and has no slope there; it is "
-        found.append(f"{text}taken for a damper, as below a speed of {CREEP:g} in a run")
-    vdot = here.vdot
-    forces = np.abs(here.M) @ np.abs(vdot)
-    size = np.abs(here.mech.bias_force(here.q, here.v)) + np.abs(here.torque(here.q, here.v))
-    if not np.any(here.v) and forces.max(initial=0.0) > NOTABLE * size.max(initial=1e-300):
-        k = int(np.argmax(np.abs(vdot)))
-        text = f"no equilibrium: v' of '{names[k]}' is {vdot[k]:.3g}, and `drift` is x' there; "
-        found.append(f"{text}the eigenvalues are of motion near a state that does not stay")
-    rates, size = (np.abs(x) for x in (here.unrest[0], here.s)) if states else (NONE, NONE)
-    if not np.any(here.v) and (rates > NOTABLE * np.maximum(size, 1.0)).any():
-        k = int(np.argmax(rates))
-        text = f"no equilibrium: {states[k]} changes at {here.unrest[0][k]:.3g}/s, and `drift` is "
-        found.append(f"{text}x' there")
-    return tuple(found)
 
 
 def _answered(here: Balance, force: Any) -> Any:

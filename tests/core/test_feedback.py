@@ -235,3 +235,20 @@ def test_joint_friction_that_holds_is_told(v):
     assert any("friction" in text and "cart" in text for text in found.notices) == (v == 0)
     assert any("friction" in text for text in pg.lqr(model, 1.0).notices)
     assert not pg.lqr(cart_pole()[0], 1.0).notices
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(
+    ("law", "bent"),
+    [
+        ("if(v.pole > 0, -1, 1)", True), ("abs(q.pole)", True), ("max(0, v.pole)", True),
+        ("sqrt(abs(q.pole))", True), ("3*cos(20*q.pole) + exp(q.pole)", False),
+        ("-2*v.pole*abs(v.pole)", False), ("max(0, q.pole - 1)", False),
+        ("min(q.pole, 1)^3", False),
+    ],
+)  # fmt: skip
+def test_a_force_without_a_slope_is_told(law, bent, size):
+    """At a corner or a jump of an expression the sides have different slopes, or none."""
+    load = pg.Wrench(name="load", body="pole", torque=[0, 0, f"={size}*({law})"])
+    found = pg.Mechanism(cart_pole()[0].add(load)).linearise()
+    assert any(text.startswith("pole:") and "corner" in text for text in found.notices) == bent
