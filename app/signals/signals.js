@@ -61,7 +61,7 @@
     cell.setRangeText(text, from, to, "end");
     cell.dispatchEvent(new Event("input", { bubbles: true }));
   }
-  const complete = (i) => put(words[i][0], start, cell.selectionStart);
+  const complete = (i) => { if (drawn === cell.value) put(words[i][0], start, cell.selectionStart); }; // not of what was typed before
 
   pgraph.on("hint", (hint) => {
     if (!cell) return;

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..engine import motion
 from ..engine.records import CREEP
+from ..engine.signals import TIME
 from ..errors import choices
 from ..packing import Array
 from ..tolerances import NOTABLE, ROUNDING
@@ -33,12 +34,14 @@ def notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[s
         text = f"{choices(rubs, 6)}: joint friction holds what rests and has no slope there; it is "
         found.append(f"{text}taken for a damper, as below a speed of {CREEP:g} in a run")
     if len(here.loads.signals[1]) and (bent := _bent(here, names)):
-        found.append(
-            f"{bent}: a force has a corner or a jump here, and no slope is that of each side"
-        )
+        text = "a force has a corner or a jump here, where the slopes of its sides differ"
+        found.append(f"{bent}: {text}")
+    if (here.loads.signals[0][::2, 0] == TIME).any():
+        found.append("expressions of time have their values at t = 0")
     vdot = here.vdot
     forces = np.abs(here.M) @ np.abs(vdot)
-    size = np.abs(here.mech.bias_force(here.q, here.v)) + np.abs(here.torque(here.q, here.v))
+    whole, load = here.torque(here.q, here.v), here.load_torque(here.q, here.v)
+    size = np.abs(here.mech.bias_force(here.q, here.v)) + np.abs(whole - load) + np.abs(load)
     if not np.any(here.v) and forces.max(initial=0.0) > NOTABLE * size.max(initial=1e-300):
         k = int(np.argmax(np.abs(vdot)))
         text = f"no equilibrium: v' of '{names[k]}' is {vdot[k]:.3g}, and `drift` is x' there; "

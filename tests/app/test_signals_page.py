@@ -68,6 +68,7 @@ def test_names_are_completed_by_keyboard_and_pointer(page, served, torque):
     page.keyboard.press("Tab")
     until(lambda: torque.input_value() == "=-20*q.pole - 3*v.pole", "the second")
     page.keyboard.type(" + k")
+    lists(page, "kick")
     options(page).first.click()
     until(lambda: torque.input_value().endswith("kick"), "the parameter")
     page.keyboard.press("Enter")

@@ -252,3 +252,11 @@ def test_a_force_without_a_slope_is_told(law, bent, size):
     load = pg.Wrench(name="load", body="pole", torque=[0, 0, f"={size}*({law})"])
     found = pg.Mechanism(cart_pole()[0].add(load)).linearise()
     assert any(text.startswith("pole:") and "corner" in text for text in found.notices) == bent
+
+
+def test_loads_of_time_are_told_and_held_as_they_begin():
+    load = pg.Wrench(name="load", body="cart", force=["=7 + t", 0, 0])
+    found = pg.lqr(cart_pole()[0].add(load), 1.0)
+    assert np.isclose(found.hold[0], -7.0, rtol=1e-12)
+    (told,) = found.notices  # and no "not in equilibrium": both loads balance
+    assert "t = 0" in told
