@@ -91,6 +91,7 @@ class Recording(Running):
         self.held = set(plan.active.tolist())  # constraints that are active now
         self.since = dict[int, float]()  # when constraints were switched last [s]
         self._ahead = deque(plan.changes)
+        self._together: list[int] = []  # conditions met at the time of the next change, after it
         self._prepare(q, v)
         self._changes = [NO_CHANGES]  # changes of contact phases logged by the kernels
         self._unlogged = 0  # changes that there was no room for
@@ -291,8 +292,10 @@ class Recording(Running):
                 self._last_frame()
                 return
             if code == at.DONE:
-                if not self._ahead or not self._switch(self._ahead.popleft()):
+                if not self._ahead or not self._switch(change := self._ahead.popleft()):
                     return
+                together, self._together = self._together, []
+                self._switch_where_true(change.t, together)
                 continue
             if code == at.NEAR:
                 if not self._come_near():
@@ -422,7 +425,11 @@ class Recording(Running):
         assert watch is not None
         fired = watch.fired(self.steps.watched)
         if fired and fired[0] < watch.waiting:
-            self._switch_where_true(t, [i for i in fired if i < watch.waiting])
+            numbers = [i for i in fired if i < watch.waiting]
+            if self._ahead and self._ahead[0].t == t:
+                self._together = numbers
+            else:
+                self._switch_where_true(t, numbers)
         nq, nv = self.mech.nq, self.mech.nv
         name = watch.note(t, fired, self.q[:nq], self.v[:nv])
         if name:

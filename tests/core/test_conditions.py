@@ -178,3 +178,28 @@ def test_a_smooth_prescribed_motion_has_no_corner(text):
     model = pg.Model(bodies=[body], gravity=(0, 0, 0), constraints=[follow])
     run = pg.simulate(model, t_end=0.9, step=0.01, method="rk4")
     assert not any("'follow'" in text for text in run.notices)
+
+
+@pytest.mark.parametrize("call", [{}, {"step": 0.125, "method": "rk4"}])
+@pytest.mark.parametrize("text", ["=t > 0.5", "=t >= 0.5", "=not t < 0.5", "=x.clock >= 0.5"])
+@pytest.mark.parametrize("after", [None, 0.25])
+def test_at_one_instant_switches_by_time_act_before_conditions(call, text, after):
+    """The latch is closed at 0.5 s, and opened at once or for good 0.25 s later."""
+    body = pg.Body(name="rod", axes=[(0, 0, 1)], inertia=(1, 1, 1), v=[1.0])
+    latch = pg.Weld(name="latch", body="rod", active=False)
+    opens = {"holds": text}
+    if after:
+        opens = {"constraint": "latch", "active": True, "after": after}
+    switches = [
+        {"constraint": "latch", "active": True, "t": 0.5},
+        {"constraint": "latch", "active": False, "when": opens},
+    ]
+    model = pg.Model(
+        bodies=[body], gravity=(0, 0, 0), constraints=[latch],
+        controls=[pg.Sampled(name="clock", update="=t", sample=0.25)],
+        scenarios=[pg.Scenario(name="s", switches=switches)],
+    )  # fmt: skip
+    run = pg.simulate(model, scenario="s", t_end=1.0, **call)
+    assert [event.t for event in run.events] == pytest.approx([0.5, 0.5 + (after or 0.0)])
+    assert run.q[-1, 0] == pytest.approx(0.5)
+    assert not run.constraint_force["latch"][-1].any()
