@@ -112,6 +112,23 @@ def test_runs_steppers_and_batches_have_the_same_bits(method):
     assert np.array_equal(stepper.q, run.q[-1])
 
 
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
+def test_figures_and_sweeps_have_the_same_bits(method):
+    """The memory that a figure takes over, stepped by the kernels that the module has too."""
+    from pgraph_core.live.run import LiveRun, Setup
+
+    feed = pg.Motor(name="push", body="arm", torque="=-k*x.F0")
+    model = two_links(samples("hold"), forces=[feed], parameters={"k": 0.1}).edit("arm", q=[0.4])
+    call = {"step": 1e-2, "method": method, "t_end": 0.5}
+    run = pg.simulate(model, frames=51, **call)
+    live = LiveRun(pg.Mechanism(model), Setup(step=1e-2), method)
+    live.record.steps.advance(50)
+    assert np.array_equal(live.record.steps.v, np.append(run.v[-1], run.states[-1]))
+    last = {"last": lambda run: float(run.states[-1, 0])}
+    swept = pg.sweep(model, {"k": [0.0, 0.1, 0.2]}, last, **call)
+    assert np.asarray(swept["last"])[1] == run.states[-1, 0]
+
+
 @pytest.mark.parametrize("threshold", [15.0, 18.0])
 def test_a_latch_opens_at_a_force_and_a_position(threshold):
     """The pendulum's pull on its latch grows as it falls, and the latch opens at the first time at
