@@ -77,13 +77,16 @@ class SetError(InputError, AttributeError):
 
 
 class Suggests:
-    """A mixin that names our attribute for one that other programs have, or that is misspelt."""
+    """A mixin that returns our attribute for the same of another program, or names a near one."""
 
     if not typing.TYPE_CHECKING:
 
         def __getattr__(self, name):
-            """Raise NoAttribute, or the error of a property that failed."""
+            """Return our attribute, or raise NoAttribute or the error of a property that failed."""
             kind = type(self)
+            ours = words.SAME_ATTRIBUTES.get(name)
+            if ours and hasattr(self, ours):
+                return getattr(self, ours)
             if any(name in vars(each) for each in kind.__mro__):
                 return object.__getattribute__(self, name)
             try:

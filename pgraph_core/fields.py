@@ -346,13 +346,12 @@ else:
 
         def __call__(cls, *args, **data):
             if args:
-                first = "field=value"
-                if "name" in cls.model_fields and isinstance(args[0], str):
-                    first = f"name={shown(args[0])}"
-                elif "bodies" in cls.model_fields:
-                    first = "bodies=[...]"
-                text = f"takes fields by name only; write pg.{cls.__name__}({first}, ...)"
-                raise ModelError(Problem(f"pg.{cls.__name__}", "", text))
+                first = next((x for x in FIRST if x in cls.model_fields and x not in data), "")
+                if len(args) > 1 or not first:
+                    own = ", ".join(x for x in cls.model_fields if x != first)
+                    text = f"takes {first or 'no field'} first, then fields by name; fields: {own}"
+                    raise ModelError(Problem(f"pg.{cls.__name__}", "", text))
+                data = {first: args[0], **data}
             try:
                 return super().__call__(**data)
             except RecursionError:
@@ -382,6 +381,7 @@ else:
             return sorted({name for name in named if not name.isupper()} | cls.model_fields.keys())
 
     FOREIGN = ("pydantic", "builtins", "abc")
+    FIRST = ("bodies", "name", "kind")  # the field that may be given without its name
 
     class _Base(Portable, BaseModel, metaclass=_Sentences):
         pass
@@ -518,9 +518,9 @@ def refuse_no_direction(**axes: Vec3 | None) -> None:
 
 def _validated_once(value: Any, validate: Callable[[Any], Any]) -> Any:
     """Accept a validated part unchanged, but validate a copy with modified fields."""
-    if not isinstance(value, Frozen) or "checked" not in vars(value):
+    if type(value) is dict or not isinstance(value, Frozen) or "checked" not in vars(value):
         value = validate(value)
-        vars(value)["checked"] = True  # not a field: `__copy__` leaves it out
+        value.__dict__["checked"] = True  # not a field: `__copy__` leaves it out
     return value
 
 

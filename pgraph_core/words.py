@@ -1,11 +1,9 @@
 """Vocabulary of other programs: synonyms for our names, and names that get a hint.
 
-A name is accepted if its meaning and form are the same: `dt` is the step, and `axis` is the
-direction of a joint. If the form differs, the message gives a hint: `duration` is a length of time,
-but `t_end` is an instant. The tables are read only after something was refused, so that a call in
-our own words costs nothing.
-
-Each attribute has one name. For another one, AttributeError gives ours.
+A name of an argument, a field or an attribute is accepted if its meaning and form are the same:
+`dt` is the step, and `qpos` is q. If the form differs, the message gives a hint: `duration` is a
+length of time, but `t_end` is an instant. The tables are read only after something was refused, so
+that a call in our own words costs nothing.
 """
 
 from __future__ import annotations
@@ -36,16 +34,16 @@ mass: m
 inertia: I
 rest: rest_length free_length natural_length l0
 link: pos position
-point: pos position anchor
+point: pos position anchor point1
 other_point: point2 other_anchor
 axes: axis
-at: body site
+at: body site joint
 kind: type
 joint: joint_type
 stiffness: k spring_constant
 damping: c d
 friction: mu
-body: child body1 body_a bodyA
+body: child body1 body_a bodyA joint
 other: body2 body_b bodyB
 colour: color
 forces: springs motors servos actuators
@@ -83,26 +81,48 @@ shape: geometry geom
 forces: dampers
 ground: floor
 """
-# ours, as it is written: attributes and public names of other programs for the same
+# attributes: those of other programs for the same, in the same form
+_SAME_ATTRIBUTES = """
+pose: forward_kinematics fk
+t: time sim_time
+q: qpos
+v: qvel qdot dq qd
+vdot: qacc qddot ddq qdd
+mass_matrix: M crba
+bias_force: nle nonlinear_effects nonLinearEffects
+inverse_dynamics: rnea
+forward_dynamics: aba
+to_pandas: to_dataframe to_df
+objective: fun
+covariance: pcov
+"""
+# ours, as it is written: attributes and public names of other programs for something near it
 _ATTRIBUTES = """
-t: time times sim_time
-q: qpos y positions configuration
-v: qvel qd dq qdot velocities
-vdot: qacc qdd ddq accelerations
-inputs: ctrl
+bodies: joints links num_joints njoints nbody njnt
+position["NAME"]: body link
+q["NAME"]: joint joint_position joint_positions joint_angle joint_angles angle angles
+t: times
+q: y positions configuration
+v: velocities
+vdot: accelerations
+inputs: ctrl control
 counters: nfev njev n_steps stats
 user_events: t_events y_events event_times
 converged: success status
+message: report summary info
 values: x params parameters
-objective: fun cost
+objective: cost
 evaluations: nfev nit
 errors: perr stderr std
-covariance: pcov cov
+covariance: cov
 energy: total_energy mechanical_energy kinetic_energy potential_energy
 error_estimate: error error_bound
 constraint_force: multipliers lambdas reactions reaction_forces
-body_pose: position orientation xpos xquat
-to_pandas: to_dataframe as_dataframe dataframe df to_df to_frame
+position: xpos positions body_position
+body_pose: orientation xquat rotation
+joint_torque: tau torque torques
+controls: ctrl
+to_pandas: as_dataframe dataframe df to_frame
 to_film: to_gif to_mp4 to_video save_animation save_gif animation
 show: animate animation play view visualize render
 save: dump write export to_npz to_file
@@ -111,16 +131,15 @@ read_mjcf: from_xml_string MjModel load_mjcf
 read_urdf: load_urdf
 to_json: to_dict
 from_json: from_dict
-pose: forward_kinematics fk frame_pose body_pose site_pose placement position site_position
-poses: forward_kinematics fk body_poses
-velocity: frame_velocity site_velocity body_velocity
+pose: frame_pose body_pose site_pose placement position site_position
+poses: body_poses
+velocity: frame_velocity site_velocity body_velocity xvel
 jacobian: site_jacobian frame_jacobian body_jacobian geometric_jacobian jac point_jacobian
 jacobian_bias: jacobian_dot jacobian_derivative drift
-mass_matrix: M H crba inertia_matrix joint_space_inertia
-bias_force: bias nle nonlinear_effects nonLinearEffects qfrc_bias coriolis
-bias_force(q,0*v): gravity_compensation gravity_torque gravity_torques gravity_forces
-forward_dynamics: aba
-inverse_dynamics: rnea
+home: neutral
+mass_matrix: H inertia_matrix joint_space_inertia
+bias_force: bias qfrc_bias coriolis
+bias_force(q,0*v): gravity gravity_compensation gravity_torque gravity_torques gravity_forces
 forward_derivatives: forward_dynamics_derivatives aba_derivatives computeABADerivatives
 inverse_kinematics: ik
 linearise: linearization linearized
@@ -168,6 +187,7 @@ def _table(text: str) -> dict[str, list[str]]:
 
 
 SAME, NEAR, ATTRIBUTES = _table(_SAME), _table(_NEAR), _table(_ATTRIBUTES)
+SAME_ATTRIBUTES = {theirs: ours for theirs, (ours,) in _table(_SAME_ATTRIBUTES).items()}
 
 
 def ours(name: str, known: Iterable[str]) -> str:

@@ -13,7 +13,7 @@ Derivatives of forward dynamics come from slopes of inverse dynamics, exact to r
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
@@ -72,6 +72,10 @@ class Linearisation:
     notices: tuple[str, ...] = ()  # warnings
     states: tuple[str, ...] = ()  # names of s: x.speed[1]
     s: Array = field(default_factory=lambda: np.zeros(0))  # (nx,) states of controls
+
+    def __iter__(self) -> Iterator[Array]:
+        """Iterate over A and B: `A, B = mech.linearise()`."""
+        return iter((self.A, self.B))
 
     @property
     def frequencies(self) -> Array:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import model_validator
+from pydantic import BeforeValidator, model_validator
 
 from .. import joints
 from ..errors import PgraphError, shown
@@ -81,6 +81,14 @@ def _derived_in(value: Sequence[Derived]) -> tuple[Derived, ...]:
     return tuple(value)
 
 
+def _parent_in(value: str | None) -> str:
+    """Return "ground" if there is no parent."""
+    return GROUND if value is None else value
+
+
+Parent = Annotated[Text, BeforeValidator(_parent_in)]
+
+
 class Body(Described):
     """A rigid body with its joint, in SI units and the frames defined in docs/conventions.md."""
 
@@ -89,7 +97,9 @@ class Body(Described):
     )
 
     name: Text = field("text that is not empty", label="Name")
-    parent: Text = field("the name of a body, or 'ground'", default=GROUND, label="Parent")
+    parent: Parent = field(
+        "the name of a body, or 'ground'", converter=_parent_in, default=GROUND, label="Parent"
+    )
     joint: JointKind = field(
         "one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6",
         default="revolute",

@@ -10,7 +10,7 @@ from ..errors import ModelError, Problem, choices, counted, shown
 from ..fields import EVERY, GROUND, Described, OfSums, name_problem, part_problems
 from ..forces import Force, OnJoint, Tendon, ends_of
 from ..joints import quaternion_problems
-from ..sentences import no_such_field
+from ..sentences import PAIR, no_such_field
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
@@ -448,6 +448,27 @@ def model_problems(
         ),
         *friction_problems(parts["contacts"], ground),
     ]
+
+
+def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
+    """Return bodies, constraints and forces with "ground" for what other programs call it.
+
+    A body keeps its name "world". The result is empty if nothing changes.
+    """
+    bodies = {body.name for body in parts["bodies"]}
+
+    def renamed(part: Any, fields: Sequence[str]) -> Any:
+        named = {x: getattr(part, x) for x in fields if x in type(part).model_fields}
+        new = {x: GROUND for x, name in named.items() if name not in bodies and _is_ground(name)}
+        return part.model_copy(update=new) if new else part
+
+    ends = {"bodies": ("parent",), "constraints": PAIR, "forces": PAIR}
+    found = {key: [renamed(part, fields) for part in parts[key]] for key, fields in ends.items()}
+    return found if any(list(parts[key]) != each for key, each in found.items()) else {}
+
+
+def _is_ground(name: Any) -> bool:
+    return bool(words.chosen(name, (GROUND,)))
 
 
 PARTS: dict[str, type[Described]] = {

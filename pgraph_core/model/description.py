@@ -15,7 +15,7 @@ from ..forces import Force, ends_of
 from ..sentences import in_our_words
 from . import files
 from .body import Body
-from .checks import PARTS, model_problems, problems
+from .checks import PARTS, grounded, model_problems, problems
 from .constraint import AtPoints, Constraint, Rolling, Skate
 from .contact import Contact
 from .control import Control
@@ -69,7 +69,9 @@ class Description(World):
                     return
                 raise ModelError(problems(data, type(self).model_fields)) from None
             if found := model_problems(self._parts(), self.ground, self.parameters):
-                raise ModelError(found)
+                if not (ours := grounded(self._parts())):
+                    raise ModelError(found)
+                self.__init__(**{**data, **ours})
 
     def __repr__(self) -> str:
         counts = [len(getattr(self, key)) for key in PARTS]

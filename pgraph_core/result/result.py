@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from zipfile import ZipFile
 
 import numpy as np
@@ -34,8 +34,9 @@ from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly, keep_unchanged
 from ..tolerances import EPS
 from .bodies import acting, body_motion, body_poses
-from .columns import Column, columns_of, dataset, frame, matlab, meant, no_column
+from .columns import OF_BODIES, Column, columns_of, dataset, frame, matlab, meant, no_column
 from .dense import states_at
+from .labelled import Labelled, by_body, by_joint, labelled
 from .records import (
     NO_DERIVATIVES,
     NO_FORCES,
@@ -127,8 +128,10 @@ class Result(EqualByFields, Portable):
         own = vars(self)
         for name in ARRAYS:
             array = own[name]
-            own[name] = view = (array if type(array) is np.ndarray else np.asarray(array)).view()
+            own[name] = view = np.asarray(array).view()
             view.flags.writeable = False
+        for name, part in (("q", "q"), ("v", "v"), ("vdot", "v")):
+            own[name] = labelled(own[name], f"run.{name}", partial(self._places, part))
         if self.constraint_force is not NO_FORCES:
             keep_unchanged(self.constraint_force.values())
         if self.contacts is not NOTHING:
@@ -136,6 +139,18 @@ class Result(EqualByFields, Portable):
         instead = "a run does not change; dict(...) makes a copy"
         for name in ("counters", "timing", "header"):
             own[name] = ReadOnly(own[name], f"run.{name}", instead)
+
+    def _places(self, part: str) -> dict[str, Any]:
+        return by_joint(self.mechanism.joints, part)
+
+    def _of_bodies(self, attribute: str, array: Array) -> Labelled:
+        """Return an array (n, nb, ...) that names of bodies index too."""
+        return labelled(array, f"run.{attribute}", lambda: by_body(self.mechanism.names))
+
+    def _vector(self, kind: str) -> Labelled:
+        """Return a vector of all bodies, a quantity of `OF_BODIES`."""
+        _, attribute, first = OF_BODIES[kind]
+        return self._of_bodies(kind, getattr(self, attribute)[..., first : first + 3])
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields, with all notices."""
@@ -246,8 +261,7 @@ class Result(EqualByFields, Portable):
                 picked = [column.values for column in found.values()]
                 return picked[0] if len(found) == 1 else np.stack(picked, axis=1)
             raise InputError(Problem("run", "name", self._no_joint(name)))
-        place = joints[name].q
-        return self.q[:, place.start] if place.stop == place.start + 1 else self.q[:, place]
+        return cast(Labelled, self.q)[name]
 
     def _meant(self, name: str) -> dict[str, Column]:
         """Return the columns that match a name. Those of bodies match only if no others do."""
@@ -635,32 +649,63 @@ class Result(EqualByFields, Portable):
         return worst / scale if scale > 0 else worst
 
     @cached_property
-    def body_pose(self) -> Array:
-        """Poses of all body frames by number, (n, nb, 7): x y z [m], w x y z."""
-        if (known := vars(self).get("body_motion")) is not None:
-            return known.pose
-        return body_poses(self)
+    def body_pose(self) -> Labelled:
+        """Poses of all body frames, (n, nb, 7): x y z [m], w x y z. `run.body_pose["hand"]` is (n,
+        7).
+        """
+        known = vars(self).get("body_motion")
+        return self._of_bodies("body_pose", body_poses(self) if known is None else known.pose)
 
     @property
-    def body_velocity(self) -> Array:
+    def position(self) -> Labelled:
+        """Positions of all body frames [m], (n, nb, 3). `run.position["hand"]` is (n, 3)."""
+        return self._vector("position")
+
+    @property
+    def velocity(self) -> Labelled:
+        """Velocities of all body frames in world axes [m/s], (n, nb, 3) or by name of body."""
+        return self._vector("velocity")
+
+    @property
+    def angular_velocity(self) -> Labelled:
+        """Angular velocities in world axes [rad/s], (n, nb, 3) or by name of body."""
+        return self._vector("angular_velocity")
+
+    @property
+    def acceleration(self) -> Labelled:
+        """Accelerations of all body frames in world axes [m/s^2], (n, nb, 3) or by name of body."""
+        return self._vector("acceleration")
+
+    @property
+    def angular_acceleration(self) -> Labelled:
+        """Angular accelerations in world axes [rad/s^2], (n, nb, 3) or by name of body."""
+        return self._vector("angular_acceleration")
+
+    @property
+    def body_velocity(self) -> Labelled:
         """Velocities [angular, linear] of all body frames in world axes, (n, nb, 6)."""
-        return self.body_motion.velocity
+        return self._of_bodies("body_velocity", self.body_motion.velocity)
 
     @property
-    def body_acceleration(self) -> Array:
+    def body_acceleration(self) -> Labelled:
         """Accelerations [angular, linear] of all body frames in world axes, (n, nb, 6)."""
-        return self.body_motion.acceleration
+        return self._of_bodies("body_acceleration", self.body_motion.acceleration)
 
     @property
-    def joint_force(self) -> Array:
+    def joint_force(self) -> Labelled:
         """Wrenches [torque, force] of each joint on its body at its origin, (n, nb, 6)."""
-        return self.body_motion.force
+        return self._of_bodies("joint_force", self.body_motion.force)
+
+    @property
+    def joint_torque(self) -> Labelled:
+        """Torques of each joint on its body at its origin, in world axes [N m], (n, nb, 3)."""
+        return self._vector("joint_torque")
 
     @cached_property
     def body_motion(self) -> BodyMotion:
         """Poses, velocities, accelerations and joint forces, computed on first access."""
         found = body_motion(self)
-        return found._replace(pose=vars(self).get("body_pose", found.pose))
+        return found if "body_pose" not in vars(self) else found._replace(pose=self.body_pose)
 
     @cached_property
     def outputs(self) -> Mapping[str, Array]:

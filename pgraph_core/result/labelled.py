@@ -1,0 +1,65 @@
+"""Arrays whose columns have names: `run.q["knee"]`, `run.position["hand"]`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..errors import NameLookupError, Problem, choices, nearest_first
+from ..packing import Array
+
+
+class Labelled(np.ndarray[Any, np.dtype[Any]]):
+    """An array that a name of a joint or body indexes too.
+
+    Its parts and the results of arithmetic are plain arrays.
+    """
+
+    # below that of arrays, so that it becomes one when it is joined with others
+    __array_priority__ = -1.0  # pyright: ignore[reportAssignmentType, reportIncompatibleMethodOverride]
+    _word: str = "array"
+    _places: Callable[[], Mapping[str, Any]] = dict  # name -> index of its columns
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return the columns of a name, or what an array returns. Raises NameLookupError."""
+        if isinstance(key, str):
+            places = self._places()
+            if key not in places:
+                text = f"no entry is named {key!r}; choose one of "
+                text += choices(nearest_first(key, places))
+                raise NameLookupError(Problem(self._word, "", text))
+            key = places[key]
+        return self.view(np.ndarray)[key]
+
+    def __call__(self, name: str) -> Any:
+        """Return the columns of a name, like `array[name]`."""
+        return self[name]
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        return array[()] if return_scalar else array.view(np.ndarray)
+
+    def __repr__(self) -> str:
+        return repr(self.view(np.ndarray))
+
+
+def labelled(array: Array, word: str, places: Callable[[], Mapping[str, Any]]) -> Labelled:
+    """Return a view that `places()`, {name: index}, also index. `word` names it in errors."""
+    found = array.view(Labelled)
+    found._word, found._places = word, places  # pyright: ignore[reportPrivateUsage]
+    return found
+
+
+def by_joint(joints: Mapping[str, Any], part: str) -> dict[str, Any]:
+    """Return {joint: index} of "q" or "v" along the last axis: one number, or several."""
+    own = {name: getattr(joint, part) for name, joint in joints.items()}
+    return {
+        name: (..., place.start if place.stop == place.start + 1 else place)
+        for name, place in own.items()
+    }
+
+
+def by_body(names: tuple[str, ...]) -> dict[str, Any]:
+    """Return {body: index} along the second axis."""
+    return {name: (slice(None), k) for k, name in enumerate(names)}
