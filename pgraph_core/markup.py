@@ -50,7 +50,8 @@ class Element:
         while waiting:
             element = waiting.pop()
             yield element
-            waiting += reversed(element.children)
+            if element.children:
+                waiting += reversed(element.children)
 
     def get(self, name: str, default: str = "") -> str:
         """Return the text of an attribute."""
@@ -164,7 +165,7 @@ def parse_markup(content: bytes, name: str) -> Element:
     source, open_elements, roots = Source(name), list[Element](), list[Element]()
     content, encoding = _in_utf8(content, source)
     parser = expat.ParserCreate("utf-8" if encoding else None)
-    count = 0
+    count, long = 0, len(content) > LONGEST_ATTRIBUTE
 
     def refuse(text: str) -> FileError:
         return source.wrong(parser.CurrentLineNumber, "", text)
@@ -176,7 +177,7 @@ def parse_markup(content: bytes, name: str) -> Element:
             raise refuse(f"has more than {MOST_ELEMENTS} elements")
         if len(open_elements) >= DEEPEST_ELEMENT:
             raise refuse(f"nests more than {DEEPEST_ELEMENT} elements")
-        if attributes and max(map(len, attributes.values())) > LONGEST_ATTRIBUTE:
+        if long and max(map(len, attributes.values()), default=0) > LONGEST_ATTRIBUTE:
             raise refuse(f"has an attribute of more than {LONGEST_ATTRIBUTE} characters")
         element = Element(tag, attributes, parser.CurrentLineNumber)
         (open_elements[-1].children if open_elements else roots).append(element)

@@ -20,7 +20,7 @@ from ..fields import GROUND, name_problem
 from ..joints import parallel
 from ..markup import Element, read_markup
 from ..mesh_files import FORMATS
-from ..model import Contact, Force, Model
+from ..model import Body, Contact, Force, Model
 from ..model.files import ALLOW, kept_mesh
 from ..rotation import matrix, multiply, unit
 from .conversion import (
@@ -149,6 +149,7 @@ class _Files:
             text = f"holds <{root.tag}>, not the <mujoco> of an MJCF file{do}"
             raise FileError(Problem(f"{path.name}, line {root.line}", "", text))
         self.roots = [(path, root)]
+        self.elements = dict[Path, list[Element]]()  # of each file, in its order
         self._include(path, root)
         self.directories = [*dict.fromkeys(file.parent.absolute() for file, _ in self.roots)]
         for file, top in self.roots:
@@ -157,7 +158,7 @@ class _Files:
                     if given := compiler.get(name):
                         self._directory(file, compiler, name, given)
         for file, top in self.roots:
-            elements = [*top.inside()]
+            elements = self.elements[file]
             repeats = any(element.tag == "replicate" for element in elements)
             if repeats and (count := _copied(top, False)) > MOST_COPIED:
                 text = f"its <replicate> make {count:.6g} elements; {MOST_COPIED} at most"
@@ -177,7 +178,8 @@ class _Files:
 
     def _include(self, file: Path, top: Element) -> None:
         """Read the files included by a file, and the models that it attaches."""
-        for element in top.inside():
+        elements = self.elements[file] = [*top.inside()]
+        for element in elements:
             if element.tag not in ("include", "model") or "file" not in element.attributes:
                 continue
             path, why = self.folders.find(slashed(element.get("file")))
@@ -237,6 +239,7 @@ class _Reader:
         self.taken = {*self.names}
         self.pivot = np.zeros((m.nbody, 3))
         self.groups = [self._grouped(b) for b in range(m.nbody)]
+        self.pivots = self.pivot.tolist()
         self.place_of_joint: dict[int, tuple[str, int]] = {}
         self.freedoms: dict[str, int] = {}
         for group in (group for groups in self.groups for group in groups):
@@ -286,6 +289,7 @@ class _Reader:
         self._start(fields)
         parts.rest()
         try:
+            fields["bodies"] = [Body(**body) for body in bodies]  # which need no look for formulas
             model = Model(**fields)
         except ModelError as error:
             found = [
@@ -502,7 +506,7 @@ class _Reader:
         m = self.m
         geom, acts = m.geoms[g], m.touching[g]
         (x, y, z), kind, turn, rgba = geom.size, geom.kind, unit(geom.quat), geom.rgba
-        place = [p - own for p, own in zip(geom.pos, self.pivot[b].tolist())]
+        place = [p - own for p, own in zip(geom.pos, self.pivots[b])]
         role = "visual" if not acts else "collision" if geom.group > 2 else "both"
         shape: dict[str, Any] = {"role": role}
         if rgba is not None:
@@ -533,7 +537,7 @@ class _Reader:
                 self.left_out("geom", m.geom(g).name, text, acts=acts)
                 return None
         if g in m.belts:
-            about = np.array(place) - [p - o for p, o in zip(geom.pos, self.pivot[b].tolist())]
+            about = np.array(place) - [p - o for p, o in zip(geom.pos, self.pivots[b])]
             axes, old = matrix(turn), matrix(unit(geom.quat))
             spin = old @ m.geom_surfacevel[g, 3:]
             shape["surface_velocity"] = tuple(

@@ -53,9 +53,9 @@ class Compiled:
         own[of_material] = np.clip(self.mat_rgba[material[of_material]], 0.0, 1.0)
         for k, mean in self.textured.items():
             own[material == k, :3] *= mean
-        colours = map(tuple, own.tolist())
         bare = (plain & (material < 0)).tolist()
-        rgba = (None if none else one for none, one in zip(bare, colours, strict=True))
+        colours = zip(bare, own.tolist(), strict=True)
+        rgba = (None if none else tuple(one) for none, one in colours)
         tables = (self.geom_type, self.geom_group, self.geom_size, self.geom_pos, self.geom_quat)
         return [*map(Geom, *(table.tolist() for table in tables), rgba)]
 
