@@ -503,7 +503,8 @@ class _Reader:
         if solid is None:
             self.report.add("left out", where, f"a {role} without geometry", part=name)
             return None
-        if zero := self._zero(solid, what):
+        lengths = self._lengths(solid, what)
+        if zero := next((field for field, x in lengths.items() if np.min(x) == 0), ""):
             text = f"a {role} of {zero} 0, which is not a solid"
             self.report.add("left out", where, text, acts=acts, part=name)
             return None
@@ -512,13 +513,8 @@ class _Reader:
         if role == "visual" and (colour := self._colour(element)):
             shape["colour"], shape["opacity"] = colour[:3], colour[3]
         match solid.tag:
-            case "box":
-                shape |= {"kind": "box", "size": self._sizes(solid, what)}
-            case "sphere":
-                shape |= {"kind": "sphere", "radius": self._length(solid, "radius", what)}
-            case "cylinder" | "capsule":
-                lengths = {n: self._length(solid, n, what) for n in ("radius", "length")}
-                shape |= {"kind": solid.tag, **lengths}
+            case kind if lengths:
+                shape |= {"kind": kind, **lengths}
             case "mesh":
                 found = self._mesh(solid, what, name, acts, "colour" in shape)
                 return found | shape if found else None
@@ -530,13 +526,18 @@ class _Reader:
                 return None
         return shape
 
-    def _zero(self, solid: Element, what: str) -> str:
-        """Return the name of a dimension that is zero, such as in a placeholder, or ""."""
+    def _lengths(self, solid: Element, what: str) -> dict[str, Any]:
+        """Return the dimensions of a box, sphere, cylinder or capsule; 0 marks a placeholder."""
+        found: dict[str, Any] = {}
         for field in DIMENSIONS.get(solid.tag, ()):
-            given = self.source.numbers(solid, field, (1.0,) * (3 if field == "size" else 1), what)
-            if min(given) == 0:
-                return field
-        return ""
+            count = 3 if field == "size" else 1
+            given = self.source.numbers(solid, field, (-1.0,) * count, what)
+            if min(given) < 0:
+                wanted = "three numbers" if count == 3 else "a number"
+                text = f"must be {wanted} > 0 [m]; given {shown(solid.get(field))}"
+                raise self.source.wrong(solid, field, text, what)
+            found[field] = given if count == 3 else given[0]
+        return found
 
     def _plane(
         self, solid: Element, position: Any, rotation: Any, where: str, name: str, what: str
@@ -554,20 +555,6 @@ class _Reader:
             "kind": "box", "size": (100.0, 100.0, 1.0),
             "position": tuple(below.tolist()), "rotation": turn,
         }  # fmt: skip
-
-    def _sizes(self, solid: Element, what: str) -> tuple[float, ...]:
-        size = self.source.numbers(solid, "size", ZERO, what)
-        if min(size) <= 0:
-            text = f"must be three numbers > 0 [m]; given {shown(solid.get('size'))}"
-            raise self.source.wrong(solid, "size", text, what)
-        return size
-
-    def _length(self, solid: Element, field: str, what: str) -> float:
-        value = self.source.number(solid, field, 0.0, what)
-        if value <= 0:
-            text = f"must be a number > 0 [m]; given {shown(solid.get(field))}"
-            raise self.source.wrong(solid, field, text, what)
-        return value
 
     def _mesh(
         self, solid: Element, what: str, name: str, acts: bool, painted: bool
