@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -32,7 +32,7 @@ def flat(kind: Any, value: Any) -> Flat:
     """Return the numbers of `value` of a kind with duals."""
     found: list[Array] = []
     fixed: list[Any] = []
-    for own, array in _arrays(kind, value):
+    for own, array in _arrays(kind, value, []):
         fixed.append(array.shape)
         if not own.duals:
             fixed.append(array.tobytes())
@@ -119,13 +119,14 @@ def weighted(values: Sequence[Array], weights: Sequence[float]) -> Array:
     return total
 
 
-def _arrays(kind: Any, value: Any) -> Iterator[tuple[ArrayKind, Array]]:
-    """Iterate over all arrays of a tuple, with their kinds."""
-    if isinstance(kind, Group):
-        for own, part in zip(kind.members, value):
-            yield from _arrays(own, part)
-    elif isinstance(kind, ArrayKind):
-        yield kind, value
+def _arrays(kind: Any, value: Any, found: list[tuple[ArrayKind, Array]]) -> list[Any]:
+    """Add all arrays of a tuple, with their kinds, to a list."""
+    for own, part in zip(kind.members, value):
+        if isinstance(own, Group):
+            _arrays(own, part, found)
+        elif isinstance(own, ArrayKind):
+            found.append((own, part))
+    return found
 
 
 def _words(value: Any) -> Array:

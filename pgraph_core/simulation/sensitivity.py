@@ -65,8 +65,7 @@ class Carried:
 
         n = len(record.plan.times)
         if not self.slopes:
-            slopes_by = Slopes(self.given)
-            self.slopes = [slopes_by.of(one) for one in self.variables]
+            self.slopes = Slopes(self.given).by(self.variables)
         if record.steps.carried is not self:
             self._begun = self.given, self.variables, self.slopes
         slopes, stepped = self.slopes, record.plan.contacts is not None

@@ -6,7 +6,7 @@ by central differences of order 6 over steps of 1/256 of the number, to about 1e
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ from ..packing import Array
 from ..packing.forces import times_at_bounds
 from ..tolerances import step_of_differences
 from .options import Options
-from .paths import Path, distinct
+from .paths import Path, distinct, with_numbers
 from .plan import RunPlan, varied
 
 # weights of f(x + k h) for h f'(x), k = -3 ... 3, and on one side, k = 0 ... 6
@@ -59,6 +59,7 @@ class Variable:
     present: float
     made: Callable[[float], tuple[Mechanism, RunPlan]]  # the run for another value
     seed: tuple[int, int] | None = None  # 0 or 1, and the place in the initial q or v
+    place: Path | None = None  # of a number of the model
 
     def step(self) -> float:
         """Step of the differences."""
@@ -105,7 +106,7 @@ def _number(given: Given, path: Path) -> Variable:
         mech = Mechanism(path.set(model, x))
         return mech, given.at(mech, options)
 
-    return Variable(path.text, path.present, made)
+    return Variable(path.text, path.present, made, place=path)
 
 
 def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
@@ -175,6 +176,57 @@ class Slopes:
         self._end = -len(q) - len(v)  # of the words of a scene
         self._nv = len(v)
         self._here = cache(lambda: self._flat(given.mech, given.plan))  # the same for all numbers
+
+    def by(self, variables: Sequence[Variable]) -> list[Slope]:
+        """Return the derivatives by each number. Raises InputError and ModelError.
+
+        Numbers of the model that change different words are changed together: it takes one scene a
+        number, and one for all of them, to tell that the words are on lines.
+        """
+        found, groups = dict[int, Slope](), list[dict[int, Any]]()
+        ends = dict[int, Flat]()
+        for n, one in enumerate(variables):
+            if one.place is None:
+                continue
+            try:
+                ends[n] = self._flat(*one.made(one.present + one.step()))
+            except ModelError:
+                continue
+            if ends[n].fixed == self._here().fixed:
+                changed = ends[n].words != self._here().words
+                apart = (g for g in groups if not any((x & changed).any() for x in g.values()))
+                group = next(apart, None)
+                if group is None:
+                    groups.append(group := {})
+                group[n] = changed
+        for group in groups:
+            if len(group) > 1:
+                found |= self._together(variables, ends, group)
+        return [found[n] if n in found else self.of(one) for n, one in enumerate(variables)]
+
+    def _together(
+        self, variables: Sequence[Variable], ends: dict[int, Flat], group: dict[int, Any]
+    ) -> dict[int, Slope]:
+        """Return the derivatives of words that are on lines, {} if some are not."""
+        given, here, chosen = self._given, self._here(), [variables[n] for n in group]
+        places = [one.place for one in chosen if one.place is not None]
+        try:
+            values = [one.present - 2.0 * one.step() for one in chosen]
+            mech = Mechanism(with_numbers(given.mech.model, places, values))
+            back = self._flat(mech, given.at(mech, given.options))
+        except ModelError:
+            return {}
+        words = here.words.copy()
+        for n, changed in group.items():
+            words[changed] = ends[n].words[changed]
+        three = [here, here._replace(words=words), back]
+        if back.fixed != here.fixed or not are_on_lines(three):
+            return {}
+        slope = slope_of(three, (0.0, 1.0 / 3.0, -1.0 / 3.0))
+        return {
+            n: self._parts(np.where(changed, slope / variables[n].step(), 0.0))
+            for n, changed in group.items()
+        }
 
     def of(self, variable: Variable) -> Slope:
         """Return the derivatives by a number. Raises InputError and ModelError."""

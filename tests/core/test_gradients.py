@@ -56,6 +56,46 @@ def test_an_oscillator_has_its_closed_form():
         assert missed(run.sensitivity(path)[:, 0], exact) < 1e-9
 
 
+SEVERAL = {
+    "double_pendulum": (
+        "bodies.upper.mass", "bodies.lower.mass", "bodies.upper.com.2", "bodies.lower.com.2",
+        "bodies.lower.link.2", "v.lower", "gravity.2",
+    ),
+    "four_bar": (
+        "bodies.left crank.mass", "bodies.coupler.mass", "bodies.coupler.com.0",
+        "bodies.right crank.com.1", "gravity.1", "constraints.loop.point.0",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+@pytest.mark.parametrize("backwards", [False, True])
+def test_numbers_have_the_same_derivatives_together_and_alone(name, backwards):
+    """Masses and centres of one body change the same words, lengths are not linear in them."""
+    given = STEPS | {"scenario": "turn" if name == "four_bar" else None}
+    paths = SEVERAL[name][::-1] if backwards else SEVERAL[name]
+    run = pg.simulate(described(name), wrt=list(paths), **given)
+    for path in paths:
+        alone = pg.simulate(described(name), wrt=path, **given).sensitivity(path)
+        assert alone.any()
+        assert missed(run.sensitivity(path), alone) < 1e-11, path
+
+
+def test_a_number_at_the_end_of_its_range_leaves_the_others_as_they_are():
+    """No body has the larger moment of inertia that the step to one side would need."""
+    rod = pg.Body(
+        name="rod", joint="revolute", axes=[(0, 1, 0)], mass=1.0, com=(0, 0, -0.4), q=[1.0],
+        inertia=np.diag([0.03, 0.06, 0.03]), damping=0.01,
+    )  # fmt: skip
+    model = pg.Model(bodies=[rod])
+    paths = ["bodies.rod.inertia.1.1", "bodies.rod.mass", "bodies.rod.damping"]
+    run = pg.simulate(model, wrt=paths, **STEPS)
+    for path in paths:
+        alone = pg.simulate(model, wrt=path, **STEPS).sensitivity(path)
+        assert alone.any()
+        assert missed(run.sensitivity(path), alone) < 1e-9, path
+
+
 @pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4", "gauss6", "radau5"])
 @pytest.mark.parametrize(
     ("name", "path", "share"),
