@@ -2,8 +2,9 @@
 
 A force that jumps within a step makes an error that depends on how long before that the step began.
 A run of half the step makes the same error wherever the jump follows an end that both runs share,
-so it ends its steps a quarter of a step off. There still is a time within the step for which both
-errors are the same. No jump has three runs agree if the third has the same step, half of it off.
+so it ends its steps elsewhere. There still is a time within the step for which both errors are the
+same. No jump has three runs agree if the third has the same step, a third of it off: what a step
+finds acts from its start, its middle or its end on, and no two of these meet.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from ..dynamics.states import differences
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
-from .options import FINER, steps_between
+from .options import FINER
 from .plan import RunPlan
 from .recording import Recording
 
@@ -24,17 +25,20 @@ STRETCH = 4  # steps between times shared with the run of half the step: the las
 
 
 def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
-    """Return the plan at half the step size or a tighter tolerance, given the number of steps
-    taken.
+    """Return the plan with each fixed step in two or with a tighter tolerance, given the number of
+    steps taken.
 
-    If frames or corners of tables end steps, the finer ones end half way from one to the next.
-    Given steps that were `divided` followed a tolerance inside.
+    If frames or corners of tables end steps of its own choice, the finer ones end half way from one
+    to the next. Given steps that were `divided` followed a tolerance inside.
     """
     given = plan.tolerance
     way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
     plan = replace(plan, parts=2 * plan.parts, way=way)
     if given is None:
-        return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
+        return plan
+    finer = given._replace(most=int(FINER) * (steps + len(plan.times)))
+    if given.fixed and not divided:
+        return replace(plan, tolerance=finer)
     ends_run = plan.times[[0, -1]][: 2 * len(plan.corners)]
     frames = ends_run if len(plan.method.tableau.dense) else plan.times  # frames that end steps
     ends = np.union1d(plan.corners, frames)
@@ -42,12 +46,10 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     halves = ends[:-1][wide] + 0.5 * np.diff(ends)[wide]
     ahead, after = ends[:-1][~wide], ends[1:][~wide]  # one time, but for rounding
     same = np.append(ahead[np.isin(after, frames)], after[np.isin(ahead, frames)])
-    finer = given._replace(most=int(FINER) * (steps + len(plan.times)))
-    if given.fixed:
-        finer = finer._replace(widest=0.5 * given.widest, fixed=not divided)
-    if not finer.fixed:
-        rtol = min(max(given.rtol / FINER, 100.0 * EPS), given.rtol)
-        finer = finer._replace(rtol=rtol, atol=given.atol * rtol / given.rtol)
+    widest = given.widest * (0.5 if given.fixed else 1.0)
+    rtol = min(max(given.rtol / FINER, 100.0 * EPS), given.rtol)
+    atol = given.atol * rtol / given.rtol
+    finer = finer._replace(widest=widest, fixed=False, rtol=rtol, atol=atol)
     corners = np.union1d(np.setdiff1d(plan.corners, same), halves)
     return replace(plan, tolerance=finer, corners=corners)
 
@@ -71,27 +73,24 @@ def may_jump(record: Recording, plan: RunPlan) -> bool:
 
 
 def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
-    """Return the finer plan with steps a `parts`-th the size of those in `plan`, offset by half a
-    step.
+    """Return the finer plan with each step of `plan` in `parts`, offset by a third of a part.
 
     It records the times at which steps of both runs end: after STRETCH steps or a frame, or for
     equal steps, whose differences at a jump do not pass, after √n of n steps.
     """
-    frames, half = np.append(0.0, np.cumsum(plan.substeps)), 0.5 / parts  # [steps of the plan]
+    frames = np.append(0.0, np.cumsum(plan.substeps))  # [steps of the plan]
     shared = frames[_shared(plan, STRETCH if parts > 1 else int(np.sqrt(frames[-1])))]
-    near = (shared[:-1, None] + half * FIRST).ravel()
-    ends = np.unique(np.concatenate((shared, near, shared[1:] - half)))
-    substeps = np.maximum(np.rint(parts * np.diff(ends)), 1.0).astype(np.int64)
+    near = shared[:-1, None] + FIRST / (3.0 * parts)
+    ends = np.unique(np.concatenate((shared, *near.T, near[:, 0] + (np.diff(shared) - 1.0))))
+    substeps = np.maximum(np.rint(np.diff(ends)), 1.0).astype(np.int64)
     times = np.interp(ends, frames, plan.times)
     width = np.diff(times) / substeps
-    offset = replace(plan, times=times, substeps=substeps, width=width, parts=2, shown=None)
+    offset = replace(plan, times=times, substeps=substeps, width=width, parts=parts, shown=None)
     if finer.way is None:
         return offset
-    finer = replace(finer, times=times, way=offset, shown=None)
-    if finer.tolerance is not None:
-        return finer
-    substeps, width = steps_between(times, float(finer.width.max(initial=0.0)))
-    return replace(finer, substeps=substeps, width=width)
+    if finer.tolerance is None:
+        finer = replace(finer, substeps=substeps, width=width, parts=parts)
+    return replace(finer, times=times, way=offset, shown=None)
 
 
 def _shared(plan: RunPlan, stretch: int) -> Ints:

@@ -90,7 +90,7 @@ class Steps:
         control["parts"], control["lag"] = plan.parts, lags[lags > 0.0].min(initial=np.inf)
         if given is None:
             control["widths"], control["most"] = GIVEN, ANY_NUMBER
-            control["turning"] = plan.step
+            control["turning"] = plan.step / plan.parts
             control["rtol"] = SOLVED if plan.method.implicit else 0.0
             return
         control["widths"] = WIDEST if given.fixed else CHOSEN

@@ -158,6 +158,27 @@ def test_the_estimate_sees_what_is_shorter_than_a_step(options, width):
     assert abs(run.q[-1, 0] - exact) < 10 * run.error_estimate + 1e-12
 
 
+@pytest.mark.parametrize("parts", [100, 317, 1000])
+@pytest.mark.parametrize("text", [False, True], ids=["table", "expression"])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_step_of_the_finer_run_is_half_of_one(seed, text, parts):
+    """Then the estimate of a method of order one is half the error, beside corners too."""
+    rng, total = np.random.default_rng(seed), 10.0 ** np.random.default_rng(seed).uniform(-2, 2)
+    steps = rng.exponential(size=12) * 10.0 ** rng.uniform(-2, 0, 12)
+    t = total * np.append(0.0, np.cumsum(steps)) / steps.sum()
+    value = rng.normal(size=13) / total**2
+    torque = pg.Table(t=t.tolist(), value=value.tolist())
+    if text:
+        knots = ", ".join(f"{a!r}, {b!r}" for a, b in zip(t.tolist(), value.tolist()))
+        torque = f"=table(t, {knots})"
+    mech = slider(pg.Motor(name="f", body="b", torque=torque))
+    given = {"t_end": total, "frames": 101}
+    exact = pg.simulate(mech, rtol=1e-12, method="dop853", **given)
+    run = pg.simulate(mech, method="semi_implicit_euler", step=total / parts, **given)
+    error = abs(run.q - exact.q).max()
+    assert run.error_estimate == pytest.approx(0.5 * error, rel=0.02)
+
+
 @pytest.mark.parametrize("late", [0.0, 1e3])
 @pytest.mark.parametrize("width", [1e-6, 1e-11])
 @pytest.mark.parametrize("impulse", [1e-6, 1.0, 1e6])

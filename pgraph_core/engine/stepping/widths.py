@@ -276,10 +276,10 @@ def next_width(run):
 
 @sweep
 def part_width(run, bend):
-    """Return the size of `parts` equal parts of the piece that is cut from a fixed step [s].
+    """Return the size of `parts` equal parts of the step that a run of one part takes here [s].
 
-    So a finer run takes more steps there too. Infinite where nothing cuts the step. `bend` is the
-    time of the next corner or edge.
+    So each step of a finer run is a part of one of the run, beside corners too. `bend` is the time
+    of the next corner or edge.
     """
     data = opened_run(run)
     control, times = data.control[0], data.times
@@ -292,10 +292,7 @@ def part_width(run, bend):
         begin = max(times[0 if dense else control.frame - 1], control.edge)
         begin += width * math.floor((t - begin + nearby(t)) / width)
         stop = min(begin + width, times[control.last - 1 if dense else control.frame])
-    begin = max(begin, control.edge)
-    stop = min(stop, bend)
-    whole = stop - begin >= width - nearby(stop)
-    return math.inf if whole else (stop - begin) / control.parts
+    return (min(stop, bend) - max(begin, control.edge)) / control.parts
 
 
 @part
