@@ -13,10 +13,8 @@ from ..mechanism import Mechanism
 from ..model.constraint import Motion
 from ..packing import Array, Ints
 from ..packing.signals import count_of_edges, of_time
-from ..tolerances import EPS, NOTABLE
-
-AT_A_TIME = 256  # edges that one call of the kernel finds
-MOST_KINKS = 100_000  # of a motion, at which steps end
+from ..tolerances import NOTABLE
+from .monitors import MOST_EVENTS
 
 
 class Kink(NamedTuple):
@@ -57,23 +55,17 @@ def told(kinks: Sequence[Kink]) -> list[str]:
         if sharp:
             others = f" {len(sharp) - 1} more follow until t = {sharp[-1].t:.6g} s."
             found.append(f"{sharp[0]}{others if sharp[1:] else ''}")
-        if len(own) >= MOST_KINKS:
+        if len(own) == MOST_EVENTS:
             found.append(
-                f"constraint '{name}': its expression bends more than {MOST_KINKS} times; steps "
+                f"constraint '{name}': its expression bends more than {MOST_EVENTS} times; steps "
                 f"end at these bends until t = {own[-1].t:.6g} s only"
             )
     return found
 
 
 def _of_program(name: str, code: Array, begin: float, end: float) -> list[Kink]:
-    parts, last, count = list[Array](), begin, AT_A_TIME
-    while count == AT_A_TIME and len(parts) * count < MOST_KINKS:
-        out = np.empty(AT_A_TIME)
-        count = edges(code, last, end, out)
-        parts.append(out[:count])
-        last = out[count - 1] if count else end
-    t = np.concatenate(parts)
-    t = t[t - begin > EPS * max(abs(begin), abs(end))]  # the rest is of the start
+    t = np.empty(MOST_EVENTS)
+    t = t[: edges(code, begin, end, t)]
     ends = np.concatenate(([begin], t, [end]))
     scale = np.abs(_values(code, np.append(ends, 0.5 * (ends[1:] + ends[:-1])))).max(axis=0)
     if not np.isfinite(scale).all():

@@ -42,14 +42,26 @@ def edges_of(text, begin, end, most=1000, **parameters):
 )
 def test_edges_are_where_comparisons_change(text, places):
     found = edges_of(text, 0.0, 1.0 - 1e-9, k=0.8)
-    if len(places) > 1 and "sin(20" in text:
-        found = found[found > 1e-12]  # of sin(20 pi t) > 0, one is right after 0
     assert np.allclose(found, places, rtol=0, atol=1e-9)
     for t in found:  # the first time with the new result
-        assert edges_of(text, np.nextafter(t, 0), t, k=0.8).tolist() == [t]
+        before = t - 1e-12
+        assert edges_of(text, before, t, k=0.8).tolist() == [t]
+        assert not len(edges_of(text, before, np.nextafter(t, 0), k=0.8))
 
 
-@given(st.lists(st.floats(1e-3, 0.999), min_size=1, max_size=9), st.floats(1e-6, 1e6))
+@pytest.mark.parametrize("begin", [0.0, -3.0, 1.5, 1e6, 1e-200])
+@pytest.mark.parametrize("span", [1e-3, 1.0, 1e6])
+def test_an_edge_within_rounding_of_the_start_belongs_to_it(begin, span):
+    near = np.nextafter(begin, np.inf)
+    for text in ("=if(t > b, 1, 0)", "=max(0, sin(t - b))", "=abs(t - n)"):
+        found = edges_of(text, begin, begin + span, b=begin, n=near, most=3)
+        assert (found > begin + 0.5 * span * min(1.0, 3.0 / span)).all()
+
+
+@given(
+    st.lists(st.floats(1e-3, 0.999), min_size=1, max_size=9, unique_by=lambda x: round(x, 12)),
+    st.floats(1e-6, 1e6),
+)
 @settings(max_examples=40, deadline=None)
 def test_any_pulses_are_found(places, size):
     text = "=" + " + ".join(f"if(t > {x * size!r}, 1, 0)" for x in places)
