@@ -150,7 +150,7 @@ class Scene(Unportable):
 
     def activate(self, constraints: Ints) -> None:
         """Activate the blocks of these constraints, and no others."""
-        spans = self._spans = self.spans_of(constraints)
+        spans = self._spans = _spans_of(self.blocks, constraints)
         one_each = all(span[1:] == (i, i + 1) for i, span in enumerate(spans))
         self._one_each = [name for name, _, _ in spans] if one_each else []
         chosen = [block for _, *span in self._spans for block in range(*span)]
@@ -194,23 +194,30 @@ class Scene(Unportable):
         """The (name, first block, end of its blocks) of every active constraint."""
         return self._spans
 
-    def spans_of(self, constraints: Ints) -> list[tuple[str, int, int]]:
-        """Return the (name, first block, end of its blocks) of each of these constraints."""
-        first, names = self.blocks.first.tolist(), self.blocks.names
-        return [(names[i], first[i], first[i + 1]) for i in constraints.tolist()]
-
-    def forces(self, wrenches: Array, constraints: Ints | None = None) -> dict[str, Array]:
-        """Return {name: (..., 6)} [torque, force] on `body` at `point` from wrenches (blocks, ...,
-        6).
-
-        Return the forces of these constraints, by default of the active ones.
+    def forces(self, wrenches: Array) -> dict[str, Array]:
+        """Return {name: (..., 6)} [torque, force] on `body` at `point` of the active constraints,
+        from wrenches (blocks, ..., 6).
         """
-        if constraints is None and self._one_each:
+        if self._one_each:
             return dict(zip(self._one_each, wrenches))
-        return {
-            name: wrenches[a] if b == a + 1 else wrenches[a:b].sum(axis=0)
-            for name, a, b in (self._spans if constraints is None else self.spans_of(constraints))
-        }
+        return _summed(wrenches, self._spans)
+
+
+def forces_of(blocks: Blocks, constraints: Ints, wrenches: Array) -> dict[str, Array]:
+    """Return {name: (n, 6)} [torque, force] on `body` at `point` of these constraints, from
+    wrenches (n, blocks, 6).
+    """
+    return _summed(np.ascontiguousarray(wrenches.swapaxes(0, 1)), _spans_of(blocks, constraints))
+
+
+def _spans_of(blocks: Blocks, constraints: Ints) -> list[tuple[str, int, int]]:
+    """Return the (name, first block, end of its blocks) of each of these constraints."""
+    first = blocks.first.tolist()
+    return [(blocks.names[i], first[i], first[i + 1]) for i in constraints.tolist()]
+
+
+def _summed(wrenches: Array, spans: list[tuple[str, int, int]]) -> dict[str, Array]:
+    return {name: wrenches[a] if b == a + 1 else wrenches[a:b].sum(axis=0) for name, a, b in spans}
 
 
 def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:

@@ -157,9 +157,30 @@ class ContactRecord(EqualByFields):
 class Named(Mapping[str, Any]):
     """Arrays by name. An unknown name raises a KeyError that lists the valid names."""
 
-    def __init__(self, arrays: Mapping[str, Any], word: str, what: str):
-        """Set the attribute `word` and the kind of object `what`: "contact_force", "contact"."""
-        self._arrays, self._word, self._what = arrays, word, what
+    def __init__(
+        self, arrays: Mapping[str, Any] | Callable[[], Mapping[str, Any]], word: str, what: str
+    ):
+        """Set the attribute `word` and the kind of object `what`: "contact_force", "contact".
+
+        A function gives the arrays when one is first read.
+        """
+        self._given, self._word, self._what = arrays, word, what
+
+    @property
+    def _arrays(self) -> Mapping[str, Any]:
+        if callable(self._given):
+            self._given = self._given()
+            keep_unchanged(self._given.values())
+        return self._given
+
+    def keep_unchanged(self) -> None:
+        """Make the arrays read-only, or let them be so when they are made."""
+        if not callable(self._given):
+            keep_unchanged(self._given.values())
+
+    def __reduce__(self) -> Any:
+        """Pickle the arrays, without the function that makes them."""
+        return type(self), (dict(self._arrays), self._word, self._what)
 
     def __getitem__(self, name: Any) -> Any:
         """Return the array with this name. Raises NameLookupError, which lists the valid names."""

@@ -31,7 +31,7 @@ from ..markup import ordinary, reason_of
 from ..model.files import shown_path, write_atomic
 from ..packing import Array
 from ..packing.signals import states_of, values_of
-from ..portable import EqualByFields, Portable, ReadOnly, keep_unchanged
+from ..portable import EqualByFields, Portable, ReadOnly
 from ..tolerances import EPS
 from .bodies import acting, body_motion, body_poses
 from .columns import OF_BODIES, Column, columns_of, dataset, frame, matlab, meant, no_column
@@ -39,7 +39,6 @@ from .dense import states_at
 from .labelled import Labelled, by_body, by_joint, labelled
 from .records import (
     NO_DERIVATIVES,
-    NO_FORCES,
     NOTHING,
     ByTouch,
     ContactRecord,
@@ -103,7 +102,7 @@ class Result(EqualByFields, Portable):
     work: Array  # (n,) [J] by motors, servos, given torques, wrenches, prescribed motions and belts
     dissipation: Array  # (n,) [J] taken out by dampers and friction
     constraint_drift: Array  # (n, 2) largest |position| [m] and |velocity| [m/s] residual
-    constraint_force: Mapping[str, Array]  # {name: (n, 6)} [torque, force] on `body` at `point`
+    constraint_force: Named  # {name: (n, 6)} [torque, force] on `body` at `point`
     contacts: ContactRecord  # forces, gaps, slips of contacts and torques of joint limits
     counters: Mapping[str, int] = field(
         compare=False
@@ -132,8 +131,7 @@ class Result(EqualByFields, Portable):
             view.flags.writeable = False
         for name, part in (("q", "q"), ("v", "v"), ("vdot", "v")):
             own[name] = labelled(own[name], f"run.{name}", partial(self._places, part))
-        if self.constraint_force is not NO_FORCES:
-            keep_unchanged(self.constraint_force.values())
+        self.constraint_force.keep_unchanged()
         if self.contacts is not NOTHING:
             self.contacts.keep_unchanged()
         instead = "a run does not change; dict(...) makes a copy"

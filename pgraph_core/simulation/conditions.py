@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..dynamics.scene import Scene
+from ..dynamics.scene import Scene, forces_of
 from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
@@ -56,6 +56,11 @@ class ConditionOf(NamedTuple):
         """Return True if compiled steps know its value, a coordinate or a stored value."""
         of_constraint = self.when.constraint is not None and not self.when.after
         return self.when.coordinate is not None or of_constraint
+
+    @property
+    def called(self) -> bool:
+        """Return True if steps must call a Python function for its value."""
+        return not (self.compiled or self.of_contact)
 
     @property
     def limit(self) -> tuple[float, float]:
@@ -186,24 +191,25 @@ class Condition:
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
         """Return the distance beyond the bound, positive if the condition is true."""
-        when = self.given.when
-        if when.holds is not None:
+        _, _, when, place, _ = self.given
+        if when.coordinate is not None:
+            value = q.item(place)
+        elif when.holds is not None:
             self._measure(t, q, v)
-            return self.given.place(t, q, v)
-        if when.constraint is not None:
-            holds = (self.given.place in self.record.held) == when.active
+            return place(t, q, v)
+        elif when.constraint is not None:
+            holds = (place in self.record.held) == when.active
             if holds and when.after:
-                return t - self.record.since.get(self.given.place, self.record.start) - when.after
+                return t - self.record.since.get(place, self.record.start) - when.after
             return 1.0 if holds else -1.0
-        value = self._value(t, q, v)
+        else:
+            value = self._value(t, q, v)
         if when.above is not None:
             return value - when.above
         return (when.below or 0.0) - value
 
     def _value(self, t: float, q: Array, v: Array) -> float:
         when, place = self.given.when, self.given.place
-        if when.coordinate is not None:
-            return float(q[place])
         if when.gap is not None:
             return self._gap(t, q, v)
         what, numbers = place
@@ -230,8 +236,8 @@ class Condition:
         """Return the force of a constraint [N]."""
         frame = self._evaluated(self.record.scene.address, t, q, v)
         one = np.array([number], dtype=np.int64)
-        (wrench,) = self.record.scene.forces(frame.wrenches[0], one).values()
-        return wrench[3:]
+        (wrench,) = forces_of(self.record.scene.blocks, one, frame.wrenches).values()
+        return wrench[0, 3:]
 
     def _gap(self, t: float, q: Array, v: Array) -> float:
         """Return the smallest gap of a contact at any distance [m]."""

@@ -39,6 +39,7 @@ from .plan import MANY_STEPS, RunPlan, Way, keep
 
 if TYPE_CHECKING:
     from .clearance import Clearance
+    from .monitors import Watch
     from .sensitivity import Carried
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
@@ -338,6 +339,7 @@ class Workplace(NamedTuple):
     scene: Scene
     steps: Steps
     out: Frames
+    watch: Watch | None  # of conditions that compiled steps know
 
 
 def free(mech: Mechanism, what: Any) -> list[Any]:

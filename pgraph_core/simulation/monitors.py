@@ -14,7 +14,7 @@ from ..packing import Array, Ints
 from ..result.records import UserEvent
 
 if TYPE_CHECKING:
-    from .conditions import Condition, ConditionOf
+    from .conditions import Condition, ConditionOf, UnderWay
 
 
 _Address = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_uint64] * 3)
@@ -110,13 +110,14 @@ class Watch:
         self, conditions: Sequence[Condition], events: Sequence[Monitor], nq: int, nv: int
     ):
         """Set up the monitors without calling any. Conditions of switches come first."""
+        self.conditions = conditions
         self.monitors: tuple[Monitor, ...] = (*conditions, *events)
         self.waiting, self.size = len(conditions), (nq, nv)
         self.error: Exception | None = None
         self.log: list[UserEvent] = []
         self.called: list[int] = []
         self._function, self.address = None, 0
-        own = [i for i, c in enumerate(conditions) if not (c.given.compiled or c.given.of_contact)]
+        own = [i for i, c in enumerate(conditions) if c.given.called]
         self._call_too([*own, *range(self.waiting, len(self.monitors))])
 
     def _call_too(self, numbers: Sequence[int]) -> None:
@@ -125,6 +126,11 @@ class Watch:
         if self.called and self._function is None:
             self._function = _Address(self._call)
             self.address = address_of_function(self._function)
+
+    def follow(self, record: UnderWay) -> None:
+        """Let the conditions watch another run with the same plan."""
+        for condition in self.conditions:
+            condition.record = record
 
     def wake(self, conditions: Sequence[ConditionOf]) -> list[int]:
         """Activate the conditions on contacts and return their numbers."""
@@ -143,11 +149,12 @@ class Watch:
         Raises InputError if a monitor fails, or would end the run before it begins.
         """
         values = [monitor(t, q, v) for monitor in self.monitors]
-        for monitor, value in zip(self.monitors, values):
-            if value == 0.0 and monitor.terminal:
-                text = f"{monitor.name} is zero at the start already, so that the run would end "
-                text += "there; start next to it, or leave out terminal"
-                raise refusal("simulate", "events", text)
+        if 0.0 in values:
+            for monitor, value in zip(self.monitors, values):
+                if value == 0.0 and monitor.terminal:
+                    text = f"{monitor.name} is zero at the start already, so that the run would "
+                    text += "end there; start next to it, or leave out terminal"
+                    raise refusal("simulate", "events", text)
         return values
 
     def _call(self, t: float, q: int, v: int, values: int) -> None:

@@ -165,6 +165,11 @@ class RunPlan(Way):
     header: Mapping[str, Any] = field(default_factory=dict)  # header of the result
 
     @cached_property
+    def calls(self) -> bool:
+        """Return True if steps call Python functions for the values of conditions."""
+        return any(c.called for c in self.conditions)
+
+    @cached_property
     def touching(self) -> RunPlan:
         """Return the plan with contacts and limits active from the start of a run."""
         if self.way is None:
@@ -210,7 +215,7 @@ def _keyed(option: Any) -> Any:
     """Return a list of parts as their identities: hashing one takes longer than some steps."""
     if type(option) not in (list, tuple):
         return option
-    return tuple(id(x) if isinstance(x, Frozen) else x for x in option)
+    return tuple([id(x) if isinstance(x, Frozen) else x for x in option])
 
 
 def keep(kept: dict[Any, T], key: Any, value: T) -> T:

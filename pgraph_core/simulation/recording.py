@@ -17,7 +17,7 @@ from ..analysis.assembly import NOTABLE, assembled
 from ..analysis.singular import Instant, Stretch, nulls_of, redundancy, unequal
 from ..dynamics.arguments import finite, positions
 from ..dynamics.callback import UserTorque, acting
-from ..dynamics.scene import Scene
+from ..dynamics.scene import Scene, forces_of
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
@@ -82,8 +82,6 @@ class Recording(Running):
         self.mech, self.plan, self.tau = mech, plan, tau
         self.planned = plan  # the initial plan, with the recorded frames
         self.size = len(q), len(v)  # with the states of controls
-        if monitors or plan.conditions:
-            self.watch = self._watching(monitors)
         self.start = float(plan.times[0])  # [s]
         if tau is not None:
             self.user = acting(tau, mech.nq, mech.nv, max(len(q), len(v)))
@@ -91,6 +89,7 @@ class Recording(Running):
         self.held = set(plan.active.tolist())  # constraints that are active now
         self.since = dict[int, float]()  # when constraints were switched last [s]
         self._ahead = deque(plan.changes)
+        self._events = monitors
         self._together: list[int] = []  # conditions met at the time of the next change, after it
         self._prepare(q, v)
         self._changes = [NO_CHANGES]  # changes of contact phases logged by the kernels
@@ -106,11 +105,14 @@ class Recording(Running):
         left: Workplace | None = taken(self._free) if self._free else None
         self._reused = self._free is not None  # whether other frames may come into these arrays
         if left is not None:
-            self.scene, self.steps, self.out = left
+            self.scene, self.steps, self.out, self.watch = left
+            if self.watch is not None:
+                self.watch.follow(self)
             if len(plan.active):
                 self.scene.forget(plan.active)
             self.steps.begin_again(q, v)
         else:
+            self.watch = self._watching()
             again = before is not None and before.user is self.user and not before.scene.remembers
             self.scene = before.scene if before is not None and again else self._scene()
             self.out = self._empty_frames(len(plan.times))
@@ -134,7 +136,7 @@ class Recording(Running):
         """Return True if a run with this plan is short and its scene and loop can be reused."""
         plan = self.plan
         acts = plan.contacts or plan.contact_points or plan.changes or self.user is not None
-        watched = self.watch is not None and (self.watch.called or self.watch.log)
+        watched = self._events or plan.calls
         nq, nv = self.size
         size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
         return not acts and not watched and size <= MOST_KEPT
@@ -142,7 +144,7 @@ class Recording(Running):
     def leave(self) -> None:
         """Finish the run and release its workplace for the next run of this kind."""
         if self._free is not None and not self.ended.log:
-            self._free.append(Workplace(self.scene, self.steps, self.out))
+            self._free.append(Workplace(self.scene, self.steps, self.out, self.watch))
         elif self.steps.clearance is not None and not self.met:
             free(self.mech, (self.plan, WATCHING)).append(self.steps.clearance)
 
@@ -238,12 +240,14 @@ class Recording(Running):
         self.events = ContactEvents(self.mech, plan, self.scene, steps, self.ended, fine)
         self.events.noted = None if watch is None else self._user_event
 
-    def _watching(self, monitors: Sequence[Monitor]) -> Watch:
-        """Return the watch for switch conditions, followed by user events."""
+    def _watching(self) -> Watch | None:
+        """Return the watch for switch conditions, followed by user events, None if none is."""
+        if not (self._events or self.plan.conditions):
+            return None
         from .monitors import Watch
 
         waiting = [Condition(given, self) for given in self.plan.conditions]
-        return Watch(waiting, monitors, *self.size)
+        return Watch(waiting, self._events, *self.size)
 
     # -- the run ---------------------------------------------------------------------------------
 
@@ -373,6 +377,8 @@ class Recording(Running):
     def _begin_watching(self, watch: Watch) -> None:
         """Check events at the start, and switch constraints whose conditions are already true."""
         margins = watch.begin(self.start, self.q, self.v)
+        if max(margins[: watch.waiting], default=-1.0) < 0.0:
+            return
         start = self.start, self.q, self.v
         ahead = self._ahead_of_start() if 0.0 in margins[: watch.waiting] else start
         already = [
@@ -662,8 +668,8 @@ class Recording(Running):
             self.ended.notices += turns_unseen(self, (t, q, v, vdot))
         forces = NO_FORCES
         if len(self.plan.ever):
-            found = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
-            forces = Named(found, *OF_CONSTRAINTS)
+            read = partial(forces_of, self.scene.blocks, self.plan.ever, wrenches.copy())
+            forces = Named(read, *OF_CONSTRAINTS)
         if error is None:
             error = np.full((len(self.out.q), 1 + x.shape[1]), np.nan)
         counted, contacts = steps.counters, NOTHING
