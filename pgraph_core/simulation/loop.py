@@ -91,6 +91,7 @@ class Steps:
         control["parts"], control["lag"] = plan.parts, lags[lags > 0.0].min(initial=np.inf)
         if given is None:
             control["widths"], control["most"] = GIVEN, ANY_NUMBER
+            assert plan.step is not None, "a run without a tolerance has a step"
             control["turning"] = plan.step / plan.parts
             control["rtol"] = SOLVED if plan.method.implicit else 0.0
             return
@@ -326,7 +327,7 @@ class Steps:
         of = "1 step" if self.divided == 1 else f"{self.divided} steps"
         return [
             f"the equations of {of} of {self.tolerance.widest:.4g} s could not be solved at once, "
-            "as where forces change fast: narrower ones were taken there"
+            "as where forces change fast: smaller steps were taken there"
         ]
 
 
