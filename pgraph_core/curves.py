@@ -60,7 +60,7 @@ class VectorTable(Frozen):
     """A vector over time, interpolated linearly between knots and constant outside them."""
 
     t: Numbers = field("ascending times [s], at least one", converter=several)
-    value: Vec3s = field("one [x, y, z] a time", converter=vectors)
+    value: Vec3s = field("one [x, y, z] per time", converter=vectors)
 
     @model_validator(mode="after")
     def _knots(self) -> Self:

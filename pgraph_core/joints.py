@@ -166,7 +166,7 @@ def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> lis
         text = "bound a rotate or translate motion, not a ball or free one"
         return [("limits", f"{text}; given {shown(limits)}")]
     return [
-        ("limits", f"the least must be less than the greatest; given {shown(pair)}")
+        ("limits", f"the lower limit must be less than the upper one; given {shown(pair)}")
         for pair, _ in bounded
         if None not in pair and pair[0] >= pair[1]
     ]
@@ -243,7 +243,7 @@ def physics_problems(
     if name == "pitch":
         if [x != 0 for x in values] == screws:
             return []
-        text = "is the way along the axis in a turn [m], not 0, of a screw and of no other motion"
+        text = "is the advance of a screw per turn [m], which is not 0; no other motion has one"
         return [(name, f"{text}; given {list(values)}")]
     if name != "rest" and any(x < 0 for x in values):
         return [(name, f"must be >= 0; given {list(values)}")]

@@ -67,7 +67,7 @@ def parsed_mesh(file: str | Path) -> Any:
     if len(faces) == 0:
         raise FileError(Problem(where, "", "holds no faces"))
     if faces.min() < 0 or faces.max() >= len(vertices):
-        text = f"has faces of vertices that are not there; it has {len(vertices)} vertices"
+        text = f"has faces that name missing vertices; it has {len(vertices)} vertices"
         raise FileError(Problem(where, "", text))
     if not (np.abs(vertices) < LARGEST_COORDINATE).all():
         text = f"has coordinates that are not finite numbers below {LARGEST_COORDINATE:g}"
@@ -230,7 +230,7 @@ class _Collada:
             offset = int(self.source.number(vertex, "offset"))
             faces = self._faces(primitive, stride, offset)
             if len(faces) and (faces.min() < 0 or faces.max() >= len(points)):
-                text = f"has faces of vertices that are not there; it has {len(points)}"
+                text = f"has faces that name missing vertices; it has {len(points)}"
                 raise self.source.wrong(primitive, "", text)
             self.paints[self._paint(instance, primitive.get("material"))] += len(faces)
             self.parts.append((points @ turn[:3, :3].T + turn[:3, 3], faces))

@@ -252,7 +252,7 @@ def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
     pgraph, first = _first_occurrences(pgraph)
     dof = _whole("dof", dof)
     if len(dof) != len(first):
-        text = f"needs one whole number a body: {len(first)}; given {len(dof)}"
+        text = f"needs one whole number per body: {len(first)}; given {len(dof)}"
         raise InputError(Problem("dof", "", text))
     jdof = np.zeros(len(pgraph), dtype=np.int64)
     jdof[first] = dof[pgraph[first] - 1]

@@ -178,7 +178,7 @@ def _samples(parser: ArgumentParser) -> None:
     takes("--metric", action="append", required=True, metavar="NAME",
           help="as 'max knee' or energy_drift; may be repeated"),
     takes("-o", "--output", metavar="FILE", help="the table: .csv or .parquet"),
-    takes("--resume", action="store_true", help="go on where a sweep was interrupted"),
+    takes("--resume", action="store_true", help="continue an interrupted sweep"),
     _samples,
     takes("-n", type=count, metavar="N", help="number of samples"),
     takes("--seed", type=whole(0), default=0, help="of the samples; default: 0"),
@@ -262,10 +262,10 @@ TAKES = {  # the options that each kind of file accepts
     "export",
     "write an animation, with --live a figure that the reader can change; a picture or a film",
     *MODEL, SCENARIO, T_END,
-    takes("--live", action="store_true", help="the reader runs it, pulls on it and changes it"),
+    takes("--live", action="store_true", help="a figure that the reader can run, pull and change"),
     takes(
         "--open", action="append", default=[], metavar="PATH[=LOW:HIGH]",
-        help="what the reader may change, as bodies.lower.mass=0.2:5; may be repeated",
+        help="numbers that the reader may change, as bodies.lower.mass=0.2:5; may be repeated",
     ),
     takes("--what", choices=("view", "digraph", "plot"), default="view", help="in a picture"),
     takes("--columns", type=names, default=(), metavar="A,B",
@@ -273,9 +273,9 @@ TAKES = {  # the options that each kind of file accepts
     takes("--at", type=float, metavar="S", help="time of a picture [s]"),
     takes("--size", type=size, metavar="WxH", help="in pixels, as 1280x720"),
     takes("--view", choices=("start", "front", "side", "top", "isometric"), default="start"),
-    takes("--dark", action="store_true", help="a picture or film on a dark ground"),
-    takes("--fps", type=positive, default=30.0, help="frames a second of a film"),
-    takes("--speed", type=positive, default=1.0, help="of a film: 0.5 is slow motion"),
+    takes("--dark", action="store_true", help="dark background of a picture or film"),
+    takes("--fps", type=positive, default=30.0, help="frames per second of a film"),
+    takes("--speed", type=positive, default=1.0, help="speed of a film: 0.5 is slow motion"),
     takes(
         "-o", "--output", required=True, metavar="FILE",
         help="a page (.html), a picture (.png; plot, digraph: .svg) or a film (.mp4, .gif)",
@@ -344,5 +344,5 @@ def _page(args: Namespace) -> Answer:
     lines += [f"note: recorded only: {why}"] if why else []
     if args.live and model.bodies and not (args.open or why):
         field = f"bodies.{model.bodies[0].name}.mass"
-        lines += [f"note: readers play and pull; let them change numbers by --open {field}"]
+        lines += [f"note: readers can play and pull; let them change numbers with --open {field}"]
     return Answer(data | {"live": args.live and not why, "note": why}, "\n".join(lines))

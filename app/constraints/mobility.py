@@ -72,7 +72,9 @@ def lines_of(state: State, found: Any) -> list[Payload]:
     elif found.redundant and found.dof == 0:
         lines.append(_line("", locking(state.model), True))
     if found.redundant and found.dof + found.prescribed > 0:
-        text = "The motion is right all the same; of the forces along these the least are taken."
+        text = (
+            "The motion is not affected; the forces along these directions are those of least norm."
+        )
         lines.append(_line("", text, False))
     if found.extra:
         joints = ", ".join(f"'{name}'" for name in found.joints[:MOST_NAMED])
@@ -125,7 +127,7 @@ def instead(kind: str, rows: list[Any]) -> str:
     turned = Counter("turn" if r.direction.startswith("rotation") else "move" for r in rows)
     left = (ROWS[kind][0] - turned["move"], ROWS[kind][1] - turned["turn"])
     if left == (0, 0):
-        return "nothing is left of it: delete it, or switch it off"
+        return "it has no effect: delete it, or switch it off"
     better = HOLDING.get(left)
     return f"a '{better}' would do" if better else ""
 

@@ -115,7 +115,7 @@ pgraph.frame = (() => {
 
   // -- edges that are dragged -----------------------------------------------------------------------
   function edge(slot) {
-    const grip = make("div", { className: "resizer", title: "Drag to resize; double click: as at first", ondblclick: () => resize(slot, null) });
+    const grip = make("div", { className: "resizer", title: "Drag to resize, double-click to reset", ondblclick: () => resize(slot, null) });
     grip.onpointerdown = (event) => grip.setPointerCapture(event.pointerId);
     grip.onpointermove = (event) => { if (grip.hasPointerCapture(event.pointerId)) resize(slot, MOVES[slot][2](event)); };
     return grip;

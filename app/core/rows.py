@@ -51,8 +51,8 @@ def names_of(model: pg.Model, part: str) -> tuple[str, ...]:
     return tuple(found) if part == "parameters" else tuple(x.name for x in found)
 
 
-GONE = "The row was taken out meanwhile: what was typed for it is not taken."
-UNLIKE = "The selected bodies have different shapes by now: select one of them."
+GONE = "The row was deleted meanwhile, so the typed value was not used."
+UNLIKE = "The selected bodies now have different shapes: select one of them."
 # Field of a shape: its number, or one for each selected body if they differ; its name.
 SHAPE = re.compile(r"shape_(?:((?:\d+|more)(?:\.(?:\d+|more))*)_)?([a-z_]+)")
 
@@ -210,7 +210,7 @@ def scenario(rows: Rows, model: pg.Model, chosen: str, event: Any) -> str:
         return chosen
     known = {number: name for name, number in rows.named(model, "scenarios").items()}
     if event.scenario not in known:
-        raise Refusal("The scenario was taken out meanwhile.")
+        raise Refusal("The scenario was deleted meanwhile.")
     return known[event.scenario]
 
 

@@ -52,7 +52,7 @@ class ExportView:
         if handle is None:
             return
         if client in self._making:
-            text = "The file asked for before is still being made; ask again when it has come."
+            text = "The previous file is still being made; try again when it is ready."
             self._refuse(client, text)
             return
         self._making[client] = asked

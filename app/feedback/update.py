@@ -19,7 +19,7 @@ from ..pose.solving import shown_q
 from . import Asked, Design, State, computed, drives, unit_of
 from .setpoint import Response, answered
 
-AGAIN = "The model was changed meanwhile; these are its gains now. Look at them, and add them."
+AGAIN = "The model was changed meanwhile; these are its gains now. Check them, then add them."
 
 
 class OpenFeedback(FromPage):

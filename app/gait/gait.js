@@ -24,7 +24,7 @@
         make("div", { className: "problem sentence", role: "alert", hidden: true }),
         make("fieldset", {}, make("legend", { textContent: "Steer" }),
           field("Speed", "m/s", c.speed, "Forward; the speed follows as fast as the gait allows", speed),
-          field("Turning", "rad/s", c.turn, "To the left where positive", turn),
+          field("Turning", "rad/s", c.turn, "Positive to the left", turn),
           field("Strength", "× weight", c.strength, "Of a push, over the weight; it lasts 0.15 s and acts on the selected body, or on the trunk"),
           make("div", { className: "pushes" }, text("span", "muted", "Push"), ...["left", "right", "ahead", "back"].map((side) =>
             pgraph.pressButton("push", side, `Push ${side} for 0.15 s: the selected body, or the trunk`, () => send("Push", { side }))))),
@@ -63,7 +63,7 @@
     slide(c.speedSlider, 0, data.fastest, data.speed);
     slide(c.turnSlider, -data.turning, data.turning, data.turn);
     c.turnSlider.disabled = c.turn.disabled = !data.turns;
-    c.turn.closest(".field").title = data.turns ? "To the left where positive" : "Its hips do not spread: it cannot turn";
+    c.turn.closest(".field").title = data.turns ? "Positive to the left" : "Its hips do not spread: it cannot turn";
     $(".about").textContent = data.about;
     $(".walk-on").textContent = data.live ? "Stop" : "Walk";
     $(".walk-on").disabled = data.busy;

@@ -6,7 +6,7 @@
   const ROW = 8, GAP = 4, ROUND = 2;
 
   function build(host) {
-    const canvas = make("canvas", { className: "bars", title: "Coloured where the foot touches, amber where it slips; click to look there" });
+    const canvas = make("canvas", { className: "bars", title: "Coloured while the foot touches, amber while it slips. Click to go to that time." });
     const scrub = (event) => {
       const box = canvas.getBoundingClientRect(), [from, to] = range();
       send("Scrub", { time: from + (to - from) * Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1) });

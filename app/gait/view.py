@@ -41,7 +41,7 @@ def gait(state: State) -> Payload:
     if offer is None:
         return {"why": why_not(model), "walks": False, "feet": has_feet(model)}
     now = offer.gait
-    untried = f"'{now.name}' is untried on '{model.name}', which may fall."
+    untried = f"'{now.name}' was not tried on '{model.name}', which may fall."
     return {
         "why": "" if offer.tried else untried,
         "walks": True,

@@ -106,7 +106,7 @@ def refused(error: Exception) -> str:
     last = traceback.extract_tb(error.__traceback__)[-1]
     place = f"{Path(last.filename).name}, line {last.lineno}"
     return (
-        f"Pgraph failed at it, which is a fault of Pgraph ({type(error).__name__} in {place}); "
+        f"Pgraph failed to read it, which is a bug in Pgraph ({type(error).__name__} in {place}); "
         "please report it together with the file"
     )
 

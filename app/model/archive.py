@@ -98,7 +98,7 @@ def refuse_program(name: str | PurePosixPath) -> None:
     """Raise Refusal for a file whose macros form a program."""
     if PurePosixPath(name).suffix.lower() == SUFFIX:
         own = PurePosixPath(name).name
-        text = f"{own}: its macros are a program, and the page runs no program that a file brings; "
+        text = f"{own}: its macros are a program, and the page does not run programs from files; "
         raise Refusal(f"{text}start Pgraph with it: pgraph {own}")
 
 

@@ -268,7 +268,7 @@ def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
         except pg.PgraphError:
             continue  # stays on offer, and opening it gives the reason
         again, title = old, "Recovered"
-        text = f"{old.name} as it was at {_at(old)}, when Pgraph was stopped. "
+        text = f"{old.name} as it was at {_at(old)}, when Pgraph stopped. "
         text += f"Undo brings back {given}. "
         break
     offered: dict[str, Kept] = {}
@@ -341,7 +341,7 @@ def sent(state: S, client: int, label: str, work: Callable[[pg.Model], Found], *
     An errand `apart` is refused while another one reads a file for the same page.
     """
     if more.get("apart") and (other := reading(state, client)) is not None:
-        text = f"{other.file or other.label} is still being read; cancel that first."
+        text = f"{other.file or other.label} is still being read; cancel it first."
         return told(state, client, Notice(f"Not done: {label}", text, bad=True))
     errand = Errand(state.errand_count + 1, client, state.model, label, work, **more)
     return replace(state, errands=(*state.errands, errand), errand_count=errand.id)

@@ -36,7 +36,7 @@ LIVE_SPAN = 15.0  # [s] least plotted span of a live run
 CARRIED = ("constraint_force", "constraint_torque", "contact_force")
 NOTHING = "Nothing to plot yet: press Play."
 EMPTY = "No bodies yet: add one to the table."
-IDLE = "0 throughout this run: it is off, or carries nothing"
+IDLE = "0 throughout this run: it is off or carries no load"
 
 
 class PlotsView:

@@ -272,7 +272,7 @@ class _Form:
         shape = shapes[at] if at < len(shapes) else None
         kind = NO_SHAPE if shape is None else shape.kind
         kinds = [(k, k.capitalize()) for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]
-        upload = {"upload": True, "help": "what is drawn, and what touches in contacts"}
+        upload = {"upload": True, "help": "shapes that are drawn, and shapes that touch"}
         if not at:
             kinds.append(("file", "Mesh file …"))  # STL, OBJ, PLY, OFF or GLB, 10 MB at most
         found = [choice(prefix + "kind", "Kind", kind, kinds, **({} if at else upload))]

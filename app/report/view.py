@@ -83,7 +83,7 @@ def precision(study: Any) -> Payload:
         for row in sorted(done, key=lambda row: -(row.error or 0.0))
     ]
     known = study.reference
-    source = f"Reference: {known['source']}, good to {known['accuracy']:.0e}."
+    source = f"Reference: {known['source']}, accurate to {known['accuracy']:.0e}."
     return {
         "title": f"Error against run time, {study.t_end:.4g} s",
         "advice": study.answer,
@@ -107,7 +107,7 @@ def stability(found: Any) -> Payload:
         "title": f"Stability over {axis}, {found.t_end:g} s",
         "advice": found.advice,
         "use": "" if row is None else f"{row.method} at step {row.step:g} s",
-        "table": "What does not hold, and an example of each" if rows else "",
+        "table": "What fails, with an example of each" if rows else "",
         "head": ["method", "cells", "for example"],
         "rows": rows,
         "notes": compared_with(found.references),

@@ -108,7 +108,7 @@ def live(state: State) -> Payload | None:
     if not state.live.parts:
         return {"text": "starting ...", "running": True}
     if state.live.over:
-        return {"text": f"stopped at {state.t_end:.1f} s; its record is put together ..."}
+        return {"text": f"stopped at {state.t_end:.1f} s; its result is being assembled ..."}
     pace = "running" if state.live.running else "paused"
     slow = "" if state.live.pace > 0.95 else f", at {state.live.pace:.2g} of the playback speed"
     return {"text": f"{pace} at {state.t_end:.1f} s{slow}", "running": state.live.running}

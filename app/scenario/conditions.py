@@ -56,7 +56,7 @@ def names_of(model: pg.Model, what: str) -> list[str]:
         [c.name for c in model.contacts],
     )
     if what not in known:
-        raise Refusal(f"A switch waits for none of that kind: choose one of {', '.join(known)}.")
+        raise Refusal(f"A switch cannot wait for that kind: choose one of {', '.join(known)}.")
     return list(known[what])
 
 
@@ -191,7 +191,7 @@ def form(model: pg.Model, switch: pg.Switch, display: Display) -> list[Payload]:
     more = [_press("And …", "and", "Waits for another comparison too")]
     return [*found, _row("value", "is", [side, amount], unit=unit, buttons=[
         *(more if what == "coordinate" else []),
-        _press("Back …", "back", "One more switch, back on the other side of a second value"),
+        _press("Back …", "back", "Add a switch back beyond a second value"),
     ])]  # fmt: skip
 
 
@@ -268,7 +268,7 @@ def _edited(
         case "value" if waits == TIME:
             return _with(old, t=_number("time", text, "number", display))
     if old.when is None:
-        raise Refusal("The switch waits for a time and watches nothing: choose a condition first.")
+        raise Refusal("The switch waits for a time and has no condition: choose a condition first.")
     match what:
         case "watched":
             return _with(old, when={**_when(old), waits: text})
@@ -359,7 +359,7 @@ def _back(switch: pg.Switch) -> pg.Switch:
     """
     (what, watched), value, side = waits_of(switch), value_of(switch), side_of(switch)
     if value is None or side not in SIDES:
-        raise Refusal("The switch waits for no value that it could go back at.")
+        raise Refusal("The switch waits for no value at which it could switch back.")
     band = BACK * (abs(value) or 1.0)
     bound = {"below": value - band} if side == "above" else {"above": value + band}
     return _with(switch, active=not switch.active, when={what: watched, **bound})
@@ -434,7 +434,7 @@ def _of_body(model: pg.Model, switched: str, active: bool, body: str, what: str)
     needed = {"passes": (moves, "joint with coordinates"), "exceeds": (carries, "constraint")}
     names, word = needed.get(what, (contacts, "contact"))
     if not names:
-        raise Refusal(f"'{body}' has no {word}: it cannot be waited for.")
+        raise Refusal(f"'{body}' has no {word}: a switch cannot wait for it.")
     match what:
         case "touches":
             return {"gap": names[0], "below": 0.0}

@@ -12,7 +12,7 @@
         button("new-scenario", "+ New", "A scenario that runs as the run is set now", () => send("NewScenario")),
         button("copy-scenario", "Copy", "This scenario once more", () => send("CopyScenario", { scenario: now() })),
         button("delete-scenario", "Delete", "The model without this scenario", () => send("DeleteScenario", { scenario: now() }))),
-      make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: how it starts, what acts in it, and which constraints go on or off when." }),
+      make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: its initial state, the forces that act, and when constraints switch on or off." }),
       make("div", { className: "some" },
         make("div", { className: "settings-form" }), button("small run-settings", "Run settings", "Method, duration, step and tolerance, which the scenario may keep", () => document.querySelector("button.method").click()),
         make("section", { className: "going" }, make("h4", { textContent: "Switches" }), text("div", "empty"), text("div", "rows"),

@@ -74,7 +74,7 @@ pgraph.camera = (() => {
   });
 
   document.body.append(make("div", { className: "pgraph pgraph-views", role: "toolbar", "aria-label": "3D view" }, gizmo(),
-    make("button", { className: "view-fit", title: "Fit view: what is selected, or all (F)", "aria-label": "Fit view", onclick: () => look("fit") }, pgraph.icon("fit"))));
+    make("button", { className: "view-fit", title: "Fit the selection, or everything (F)", "aria-label": "Fit view", onclick: () => look("fit") }, pgraph.icon("fit"))));
 
   // The 3D view has the focus where nothing else has it.
   const isView = (el) => el === document.body || el?.closest?.(".pgraph-views") || el?.querySelector?.("canvas:not(.pgraph *)");

@@ -79,7 +79,7 @@ def matters(now: Search, progress: Progress) -> Found:
         moved = size * float(np.sqrt(np.nanmean(np.square(slope))))
         rows.append((one.path, present[one.path], present[one.path], moved))
     rows.sort(key=lambda row: -row[3])
-    text = "Root mean square change of the curve, for a number that is larger by its own size."
+    text = "Root mean square change of the curve when the number doubles."
     title = f"What moves {asked.signal}"
     return Found(asked, now.model, title, tuple(rows), (text,), drawn(asked, run))
 

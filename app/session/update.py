@@ -218,5 +218,5 @@ class NotKept(Event):
 
 def unkept(problem: str) -> Notice | None:
     """Return the notice for all pages while edits cannot be saved automatically, or None."""
-    text = f"{problem} Save the model yourself; it is tried again."
+    text = f"{problem} Save the model yourself; saving will be tried again."
     return Notice("Autosave does not work", text, bad=True) if problem else None

@@ -33,7 +33,7 @@ class Files:
             path = given.resolve()
             problem, offer = self._refused(path, saving.replace)
             if not Path(saving.path).name.isprintable() or saving.path.endswith(("/", "\\")):
-                problem = f"{saving.path!r} is not a readable name; use one such as arm.json."
+                problem = f"{saving.path!r} is not a usable file name; use one such as arm.json."
             if not problem:
                 saving.model.save(path)
                 self._written[path] = path.read_bytes()

@@ -54,7 +54,7 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
         return found.q
     push = search.best.M @ search.best.free @ search.slope(search.best, search.best.free)
     joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
-    left = f"{np.abs(push).max():.3g} (N m or N) are left, most in the joint of '{joint}'"
+    left = f"{np.abs(push).max():.3g} (N m or N) remain, most of it in the joint of '{joint}'"
     text = f"no equilibrium was found near q: {left}; add a spring, or start from another q"
     raise InputError(Problem("equilibrium", "q", text))
 

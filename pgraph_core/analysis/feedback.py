@@ -168,7 +168,7 @@ def place_poles(
     def gains(plant: _Plant) -> Array:
         wanted = np.atleast_1d(np.asarray(poles, dtype=complex))
         if wanted.shape != (len(plant.states),):
-            text = f"needs {len(plant.states)} poles, one a state; given {shown(poles)}"
+            text = f"needs {len(plant.states)} poles, one per state; given {shown(poles)}"
             raise InputError(Problem("place_poles", "poles", text))
         if text := plant.fault():
             raise InputError(Problem("place_poles", "poles", text))

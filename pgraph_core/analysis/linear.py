@@ -105,7 +105,7 @@ class Balance:
         packed = mech.packed
         for control, _, own in states_of(mech.model):
             if own.sample:
-                text = "acts at samples, which a linear or resting motion in continuous time has "
+                text = "acts at samples, which a model or equilibrium in continuous time has "
                 text += "not; give it no sample time, or remove it"
                 raise InputError(Problem(f"control {shown(control.name)}", "sample", text))
         self.drives = packed.drives(self.forces)

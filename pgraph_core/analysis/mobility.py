@@ -359,7 +359,7 @@ def _singular(m: Mobility) -> list[str]:
         f"  joints that can move: {_listed(m.joints)}",
     ]
     if not m.finite:
-        return [*lines, "  only infinitesimal motion: the parts can shake, not move"]
+        return [*lines, "  only infinitesimal motion: the parts can shake but not move"]
     lines += [
         f"  branch {n}{' (the velocity takes it)' if n == m.branch + 1 else ''}: {_motion(m, d)}"
         for n, d in enumerate(m.branches[:MOST_LISTED], start=1)

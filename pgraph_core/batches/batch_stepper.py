@@ -42,7 +42,7 @@ from .loops import LoopLanes, on_constraints
 CALL = "BatchStepper"
 MOST_COPIES = 10_000_000  # instances
 SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of its own
-    "step": "instances take steps of one width: give the batch a step=",
+    "step": "all instances take the same step: give the batch a step=",
     "t_end": "not supported: a batch takes the steps that `step` requests",
 }
 
@@ -493,7 +493,7 @@ class BatchStepper(Snapshots):
 def _compiled(tau: Any, varied: bool) -> Any:
     """Return the torques for all instances. Raises InputError if a function is not compiled."""
     if hasattr(tau, "acting") and varied:
-        text = "a controller knows one set of numbers; give the scenario that has its gait"
+        text = "a controller uses one set of values; give the scenario with its gait"
         raise _refused("tau", text)
     if callable(tau) and not hasattr(tau, "acting") and not made_by_numba(tau):
         text = "Python functions are not supported; compile it by "

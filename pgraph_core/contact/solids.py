@@ -457,7 +457,7 @@ def convex_hull(
     vertices = np.asarray(mesh.vertices)
     spread = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
     if len(vertices) < 4 or spread[2] <= 1e-9 * spread[0]:
-        text = "is flat: a shape that touches must span a volume; give a box, or a solid mesh"
+        text = "is flat: a shape with contact must have a volume; give a box, or a solid mesh"
         raise ModelError(Problem(f"mesh {file}", "", text))
     if closed and not mesh.is_watertight:
         do = "give a closed mesh, or hull 'convex' to let its convex hull touch"

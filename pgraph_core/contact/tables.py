@@ -154,7 +154,7 @@ class _Shapes:
             if other == GROUND:
                 slot = self._slot(name, c, body, other)
                 mine = self._shapes(self.model.body(body), c)
-                self._refuse_field(c, mine, "touches other shapes, not the ground")
+                self._refuse_field(c, mine, "can touch other shapes, not the ground")
                 self.on_ground += [(i, slot) for i in mine]
                 self.pairs += [(i, step, slot) for i in mine for step in self._steps()]
                 continue
@@ -211,7 +211,7 @@ class _Shapes:
             raise ModelError(Problem(f"contact '{c.name}'", "body", text))
         if c.law == "penalty" and any(shape.moves for shape in body.touching) and not own:
             text = f"a penalty contact sticks to the body, and the surface of '{body.name}' moves"
-            text += " past it; use 'soft' or 'complementarity'"
+            text += " along it; use 'soft' or 'complementarity'"
             raise ModelError(Problem(f"contact '{c.name}'", "law", text))
         found = []
         for k, shape in enumerate(shapes):

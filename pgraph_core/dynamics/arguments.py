@@ -52,7 +52,7 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
         if flags.c_contiguous and flags.writeable:
             return value
     if names_in(value) is not None:
-        text = "must be numbers in a list, in the order of the coordinates (mech.names), not by "
+        text = "must be a list of numbers in the order of the coordinates (mech.names), not by "
         raise InputError(Problem(name, "", f"{text}names; given {shown(value)}"))
     array = numbers_in(value, shape)
     if array is None:
@@ -93,7 +93,7 @@ def stretched(packed: Packed, q: Array) -> list[str]:
     for k, i, _ in packed.quaternions:
         length = math.hypot(*q[i : i + 4].tolist())
         if abs(length - 1.0) > 1e-3:
-            text = f"the quaternion at q[{i}] has length {length:.6g}, which does not count"
+            text = f"the quaternion at q[{i}] has length {length:.6g}, which has no effect"
             found.append(f"at the start '{packed.body_of(k)}': {text}")
     return found
 

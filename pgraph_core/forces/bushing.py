@@ -51,7 +51,7 @@ class Bushing(AtPoint, Between):
     on both. `damping` times the relative velocity and spin, in the same axes, resists.
     """
 
-    ABOUT: ClassVar[str] = "rubber: springs and dampers along and about three axes"
+    ABOUT: ClassVar[str] = "a bushing: springs and dampers along and about three axes"
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
     SINCE: ClassVar[int] = 5
     NEW: ClassVar[dict[str, Any]] = {"stiffness": (1e5,) * 3 + (100.0,) * 3}

@@ -35,7 +35,7 @@ class OnJoint(Force, OfSums):
     )  # fmt: skip
     gear: Number = field(
         "a number that is not zero",
-        default=1.0, dim=NONE, since=3, help="its torque acts times this on the joint",
+        default=1.0, dim=NONE, since=3, help="factor of its torque on the joint",
     )  # fmt: skip
     torque: Number | Table | Expression = field(
         "a number, a table over time, or an expression [N m, N]",
@@ -62,7 +62,7 @@ class OnJoint(Force, OfSums):
 
     lag: Number = field(
         "a time >= 0 [s], or None: no lag",
-        default=0.0, ge=0, dim=S, since=3, help="time constant with which the input acts",
+        default=0.0, ge=0, dim=S, since=3, help="time constant of the lag of the input",
     )  # fmt: skip
     integrates: Flag = field(
         "true or false: whether the integral of the input acts in its place",
@@ -227,7 +227,7 @@ class Servo(OnJoint):
     kp: Number = field(
         "a number >= 0 [N m/rad, N/m]",
         default=0.0, ge=0, label="kp", dim=J / Q**2,
-        help="torque per position off the target",
+        help="torque per position error",
     )  # fmt: skip
     kd: Number = field(
         "a number >= 0 [N m s/rad, N s/m]",
@@ -260,7 +260,7 @@ class SpeedServo(OnJoint):
     kd: Number = field(
         "a number >= 0 [N m s/rad, N s/m]",
         default=0.0, ge=0, label="kd", dim=J * S / Q**2,
-        help="torque per velocity off the speed",
+        help="torque per velocity error",
     )  # fmt: skip
     speed: Number | Table | Expression = field(
         "a number, a table over time, or an expression [rad/s, m/s]",

@@ -47,7 +47,7 @@ def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
 class Spring(BetweenPoints):
     """A spring and damper between two points, with their distance limited by `low` and `high`."""
 
-    ABOUT: ClassVar[str] = "pulls two points together, with damper and limits of its length"
+    ABOUT: ClassVar[str] = "a spring between two points, with damper and limits of its length"
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
     NEW: ClassVar[dict[str, Any]] = {"stiffness": 100.0}
 

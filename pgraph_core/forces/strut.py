@@ -48,11 +48,11 @@ class Strut(BetweenPoints):
     kind: Literal["strut"] = field(KIND, default="strut")
     spring: Lines | None = field(
         "a table {'x': lengths [m], 'value': pulls [N]}, or None",
-        default=None, dim=N, over=M, help="pull over length: m N; m N; ...",
+        default=None, dim=N, over=M, help="pull by length: m N; m N; ...",
     )  # fmt: skip
     damper: Lines | None = field(
         "a table {'x': rates of the length [m/s], 'value': pulls [N]}, or None",
-        default=None, dim=N, over=M / S, help="pull over rate of the length: m/s N; m/s N; ...",
+        default=None, dim=N, over=M / S, help="pull by rate of the length: m/s N; m/s N; ...",
     )  # fmt: skip
     bump_length: Number = field(
         "the length >= 0 below which the stop pushes [m]",

@@ -21,7 +21,7 @@ from .base import KIND, Between, Load, Places, row
 class Torsion(Between):
     """A torque -stiffness (angle - rest) - damping x rate on `body` about an `axis`."""
 
-    ABOUT: ClassVar[str] = "turns two bodies back to an angle, with damper"
+    ABOUT: ClassVar[str] = "a torsion spring between two bodies, with damper"
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
     NEW: ClassVar[dict[str, Any]] = {"stiffness": 1.0}
 

@@ -165,12 +165,12 @@ def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
                     tied[end] = base, f * factor / own_factor, f * gap / own_factor + x
             continue
         if abs(slope) > SOLVED * max(abs(factor), abs(own_factor)):
-            text = f"all joints of the ring are held, '{base[0]}' at q = {gap / slope:.6g}"
+            text = f"all joints of the loop are held, '{base[0]}' at q = {gap / slope:.6g}"
         elif abs(gap) > SOLVED * max(1.0, abs(at), abs(own_at)):
             text = "no position of the joints meets all of its gears"
         else:
             text = "the gear follows from the others"
-        text = f"'{own[0]}' and '{other[0]}' follow each other in a ring of gears: {text}"
+        text = f"'{own[0]}' and '{other[0]}' follow each other in a closed loop of gears: {text}"
         report.add("warning", where, text, part=gear.name)
 
 

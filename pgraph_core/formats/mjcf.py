@@ -347,7 +347,7 @@ class _Reader:
         runs = runs or [((0.0,) * 3, [])]
         name = self.names[b]
         if len(runs) > 1:
-            text = f"its joints, at {len(runs)} places or along one axis, are bodies without mass"
+            text = f"its joints, at {len(runs)} places or along one axis, become massless bodies"
             self.report.add(
                 "converted", self.where("body", m.body(b).name), f"{text} in between", part=name
             )
@@ -475,7 +475,7 @@ class _Reader:
             if k in m.set_in(table):
                 self.left_out("joint", m.joint(j).name, text)
         if m.jnt_actgravcomp[j] and m.jnt_actfrclimited[j] and np.any(m.body_gravcomp):
-            text = "a limit of its actuators that holds for the compensation of gravity, too"
+            text = "a limit of its actuators that also applies to gravity compensation"
             self.left_out("joint", m.joint(j).name, text)
 
     def _mass(self, b: int) -> dict[str, Any]:
@@ -596,9 +596,11 @@ class _Reader:
         try:
             file = kept_mesh(name, vertices, faces)
         except FileError as error:
-            self.left_out("mesh", name, f"its vertices stand in the file: {error}", acts=acts)
+            self.left_out(
+                "mesh", name, f"its vertices are written in the file itself: {error}", acts=acts
+            )
             return None
-        text = f"its vertices stand in the file; they are kept in {file}"
+        text = f"its vertices are written in the file itself; they are kept in {file}"
         self.report.add("converted", self.where("mesh", name), text)
         return self._of_file(file, acts), np.zeros(3), (1.0, 0.0, 0.0, 0.0)
 

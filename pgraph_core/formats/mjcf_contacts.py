@@ -190,7 +190,7 @@ class Contacts:
         wide += int((m.pair_margin > m.pair_gap).sum())
         if found and wide:
             text = (
-                f"{wide} geoms or pairs push before they touch, by their margin: here they do not"
+                f"{wide} geoms or pairs have a margin and push before they touch; here they do not"
             )
             self.report.add("approximated", self.reader.path.name, text)
         return {pair: max(laws) for pair, laws in found.items()}

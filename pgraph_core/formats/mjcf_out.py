@@ -459,7 +459,7 @@ class _Writer:
             size = float(np.abs(self.home[0]).max(initial=0.1))
             a, b = (size * x / np.linalg.norm(x) for x in (ends.axis, ends.other_axis))
             pairs.append((ends.point + a, ends.other_point + b))
-            self.report.add("converted", where, "is two connected points on the axis")
+            self.report.add("converted", where, "becomes two connected points on the axis")
         turn = quaternion_of(ends.turn) if c.kind == "weld" else NOTHING
         tag = "weld" if c.kind == "weld" else "connect"
         for k, (point, other_point) in enumerate(pairs):
@@ -529,7 +529,9 @@ class _Writer:
             density, viscosity = kinds.pop()
             return {"density": density, "viscosity": viscosity}
         for f in drags:
-            self.out(f"force '{f.name}'", "a drag that is not that of all bodies' inertia boxes")
+            self.out(
+                f"force '{f.name}'", "a drag that does not apply to the inertia boxes of all bodies"
+            )
         return {}
 
     def _world(self, body: str, point: Any) -> np.ndarray:

@@ -641,7 +641,7 @@ class Parts:
                 if np.any(given):
                     self.reader.left_out("key", name, text, acts=False)
             if np.any(np.abs(self.m.key_mpos[k] - self._mocap()).max(initial=0.0) > SOLVED):
-                text = "where it puts bodies that MuJoCo's user moves"
+                text = "positions of mocap bodies"
                 self.reader.left_out("key", name, text)
             found.append(Scenario(name=name, q=q, v=v))
         return found
@@ -715,7 +715,7 @@ class Parts:
             reader.report.add("converted", reader.path.name, text)
         for b in np.flatnonzero(m.body_mocapid >= 0):
             name = reader.names[b]
-            text = "a body that MuJoCo's user moves stays where it is"
+            text = "a mocap body does not move"
             where = reader.where("body", m.body(int(b)).name)
             reader.report.add("converted", where, text, part=name)
 

@@ -51,7 +51,9 @@ def _most(faces: Counter[Any]) -> tuple[Rgba | None, str]:
         return None, "; ".join(lost)
     (colour, _), *others = colours.most_common()
     if others:
-        lost.append(f"it has {len(colours)} colours; all of it has that of most of its faces")
+        lost.append(
+            f"it has {len(colours)} colours; the whole mesh is drawn in the most frequent one"
+        )
     return _clipped(colour), "; ".join(lost)
 
 

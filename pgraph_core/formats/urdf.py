@@ -252,7 +252,7 @@ class _Reader:
             if problem := name_problem(name):
                 self._wrong(element, "name", problem, tag)
             elif (other := first.setdefault(name, element)) is not element:
-                text = f"a {tag} of this name stands in line {other.line} already"
+                text = f"a {tag} of this name is on line {other.line} already"
                 self._wrong(element, "name", text, f"{tag} {shown(name)}")
         return found
 
@@ -294,7 +294,7 @@ class _Reader:
         roots = [name for name in self.links if name not in self.joint_of]
         if len(roots) > 1:
             named = choices(f"{name!r} (line {self.links[name].line})" for name in roots)
-            text = f"has {len(roots)} root links, {named}; join them by a joint"
+            text = f"has {len(roots)} root links, {named}; connect them by a joint"
             raise self.source.wrong(self.robot, "", text)
         children: dict[str, list[str]] = {}
         for joint in self.joints:
@@ -387,7 +387,7 @@ class _Reader:
             return fields
         axis = self._axis(element, what)
         if abs(math.hypot(*axis) - 1.0) > 1e-6:
-            text = f"the axis {shown(axis)} is taken at length one"
+            text = f"the axis {shown(axis)} is normalised"
             self.report.add("converted", self.source.at(element, what), text)
         if kind == "planar":
             normal = np.array(axis) / math.hypot(*axis)
@@ -727,7 +727,7 @@ class _Reader:
                 body, most = self._body_name(joint.child), effort if effort < math.inf else None
                 found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=most))
         if speeds:
-            text = f"{speeds} limits of velocity: nothing here bounds a velocity"
+            text = f"{speeds} velocity limits are ignored: Pgraph has no velocity limits"
             self.report.add("left out", self.source.name, text)
         return found
 

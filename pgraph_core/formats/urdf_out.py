@@ -294,7 +294,7 @@ class _Writer:
         for contact in model.contacts:
             out.add("left out", f"contact '{contact.name}'", "URDF has no contacts", acts=True)
         if model.gravity != (0.0, 0.0, -9.81):
-            text = f"gravity {model.gravity}; readers of URDF take (0, 0, -9.81)"
+            text = f"gravity {model.gravity}; programs that read URDF assume (0, 0, -9.81)"
             out.add("left out", "model", text, acts=True)
         if model.sites:
             out.add("left out", "model", f"{len(model.sites)} sites")

@@ -151,7 +151,7 @@ def _spine(mech: Mechanism, gait: Gait, front: str, hind: str) -> Ints:
     while name != hind:
         body = mech.model.body(name)
         if body.parent == "ground" or len(mech.joints[name].kinds) != 1:
-            text = f"'{hind}' carries the trunk up to '{front}', hinge by hinge; it does not here"
+            text = f"the bodies from '{hind}' to '{front}' must be joined by hinges"
             raise _refused(gait, f"walks where {text}")
         found.append((mech.joints[name].q.start, mech.joints[name].v.start))
         name = body.parent

@@ -301,7 +301,7 @@ def _facts(run: Result, engine: dict[str, Any]) -> str:
     if engine["how"]:
         text += f" Computed here by {engine['how']}."
     if engine["open"]:
-        text += " A slider changes its own number; only what the model derives from it follows,"
+        text += " A slider changes one number and what the model derives from it,"
         text += " so the inertia of a body may stay as it is while its mass changes."
     return escape(text)
 

@@ -130,7 +130,7 @@ class _NoRuleError(InputError):
     """Numbers in the run depend on a field in a way that the browser cannot compute."""
 
     def __init__(self, one: Opened, what: str):
-        text = f"cannot be left open: {what} follow it by a rule that the browser does not know"
+        text = f"cannot be left open: {what} depend on it by a rule that the browser does not know"
         super().__init__(Problem("export", one.path.text, text))
 
 

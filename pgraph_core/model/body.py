@@ -103,10 +103,10 @@ class Body(Described):
     joint: JointKind = field(
         "one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6",
         default="revolute",
-        help="how it moves on its parent",
+        help="joint to the parent",
     )
     axes: Vec3s = field(
-        "one direction [x, y, z] a motion, in the body's axes at q = 0",
+        "one direction [x, y, z] per motion, in the body's axes at q = 0",
         converter=vectors, default=(), role="joint", label="Axis",
         help="direction in the body's axes at q = 0; any length",
     )  # fmt: skip
@@ -117,12 +117,12 @@ class Body(Described):
     link: Vec3 = field(
         "three finite numbers [x, y, z] from the parent's origin [m]",
         converter=vector, default=(0.0, 0.0, 0.0), label="Link vector", dim=M, role="point",
-        help="from the parent's origin to this body's, parent axes, q = 0",
+        help="from the parent's origin to this body's origin, in parent axes at q = 0",
     )  # fmt: skip
     rotation: Quat = field(
         "a unit quaternion [w, x, y, z] in the parent's axes",
         converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), label="Orientation", role="frame",
-        help="of this body's axes in the parent's, q = 0",
+        help="orientation of this body's axes in the parent's axes at q = 0",
     )  # fmt: skip
     mass: Number = field("a finite number >= 0 [kg]", default=1.0, ge=0, dim=KG, help="at least 0")
     com: Vec3 = field(
@@ -142,12 +142,12 @@ class Body(Described):
         help="point of interest, in body axes; empty: the centre of mass",
     )  # fmt: skip
     q: PerMotion = field(
-        "one finite number a position coordinate [rad, m]",
+        "one finite number per position coordinate [rad, m]",
         converter=per_motion, default=(), dim=Q, role="joint", label="q",
         help="initial joint position",
     )  # fmt: skip
     v: PerMotion = field(
-        "one finite number a degree of freedom [rad/s, m/s]",
+        "one finite number per degree of freedom [rad/s, m/s]",
         converter=per_motion, default=(), dim=Q / S, role="joint", label="v",
         help="initial joint velocity",
     )  # fmt: skip
@@ -169,12 +169,12 @@ class Body(Described):
     friction: PerMotion = field(
         "numbers >= 0 [N m, N], one for all or one per motion",
         converter=per_motion, default=(), dim=J / Q,
-        help="Coulomb's, of each rotation or translation",
+        help="Coulomb friction of each rotation or translation",
     )  # fmt: skip
     armature: PerMotion = field(
         "numbers >= 0, one for all or one per motion",
         converter=per_motion, default=(), dim=J * S**2 / Q**2,
-        help="inertia of the drive, felt by the joint alone",
+        help="inertia of the drive, which acts on this joint only",
     )  # fmt: skip
     limits: tuple[tuple[Number | None, Number | None] | None, ...] = field(
         "[lower, upper] position [rad, m], null for an open end, one pair "

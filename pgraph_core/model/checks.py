@@ -419,7 +419,7 @@ def output_problems(
             more = f"; or of the sites {choices(sites)}" if sites else ""
             found.append(Problem(where, "at", text + more))
         elif o.kind in OF_LOAD and o.at == GROUND:
-            found.append(Problem(where, "at", "no joint passes a force on to the ground"))
+            found.append(Problem(where, "at", "no joint transmits a force to the ground"))
     return found
 
 
@@ -429,7 +429,7 @@ def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Probl
     for c in contacts:
         if c.friction is None and c.static_friction is not None:
             bad = below_kinetic("static_friction", c.static_friction, ground.friction)
-            text = "and the friction is the ground's; give friction as well"
+            text = "and the friction is that of the ground; give friction as well"
             found += [Problem(f"contact '{c.name}'", at, f"{why}, {text}") for at, why in bad]
     return found
 

@@ -36,7 +36,7 @@ def bodies_of(
     n = len(above)
     given = [str(i) for i in range(1, n + 1)] if names is None else list(names)
     if len(given) != n:
-        raise _refused("names", f"must be {n}, one a body; given {len(given)}")
+        raise _refused("names", f"must have length {n}, one entry per body; given {len(given)}")
     wrong = np.flatnonzero((above < 0) | (above > n))
     if wrong.size:
         row = int(wrong[0])
@@ -58,7 +58,7 @@ def _rows(name: str, value: Any, n: int) -> list[Any]:
     if array.ndim == LEVELS.get(name, 0):
         return [entries] * n
     if len(entries) != n:
-        text = f"must have {n} entries, one a body, or one for all; given {len(entries)}"
+        text = f"must have {n} entries, one per body, or one for all; given {len(entries)}"
         raise _refused(name, text)
     return entries
 

@@ -122,7 +122,7 @@ class Weld(AtPoints):
     """A constraint that fixes the position and orientation of `body` relative to `other`."""
 
     ROWS: ClassVar[int] = 6
-    ABOUT: ClassVar[str] = "holds point and orientation, as if glued: 6 rows"
+    ABOUT: ClassVar[str] = "holds point and orientation, as a rigid joint: 6 rows"
     kind: Literal["weld"] = field(KIND, default="weld")
 
     def _blocks(self, e: Any) -> list[Any]:
@@ -259,7 +259,7 @@ class Orientation(ToOther):
     """A constraint that keeps the initial orientation of `body` relative to `other`."""
 
     ROWS: ClassVar[int] = 3
-    ABOUT: ClassVar[str] = "the orientation stays, the place is free: 3 rows"
+    ABOUT: ClassVar[str] = "the orientation is fixed, the position is free: 3 rows"
     kind: Literal["orientation"] = field(KIND, default="orientation")
 
     def _blocks(self, e: Any) -> list[Any]:
@@ -321,7 +321,7 @@ class Motion(OfOne):
     """A prescribed motion: the joint of `body` follows a function of time with any force."""
 
     ROWS: ClassVar[int] = 1
-    ABOUT: ClassVar[str] = "a joint follows a function of time, whatever it takes"
+    ABOUT: ClassVar[str] = "a joint follows a function of time with the force that this needs"
 
     kind: Literal["motion"] = field(KIND, default="motion")
     q_of_t: Curve = field(

@@ -87,12 +87,12 @@ class Control(OfKinds):
 class State(Control):
     """A state with a given `rate`, integrated with the motion."""
 
-    ABOUT: ClassVar[str] = "a state with a rate of one's own"
+    ABOUT: ClassVar[str] = "a state whose rate you give"
 
     kind: Literal["state"] = field(KIND, default="state")
     rate: Number | Expression = field(
         "a number or an expression [1/s]", converter=varying,
-        help="its rate: =1 - q.arm, =-x.heat/30",
+        help="rate, such as =1 - q.arm, =-x.heat/30",
     )  # fmt: skip
     start: Number = field("a number", default=0.0, since=VERSION, help="its value at the start")
 
@@ -162,7 +162,7 @@ class PID(Control):
     )
     windup: Literal["clamp", "back", "none"] = field(
         "one of clamp, back, none", default="clamp", since=VERSION, label="Anti-windup",
-        help="what its integral does at a limit",
+        help="behaviour of the integral at a limit",
     )  # fmt: skip
     tracking: Number | None = field(
         "a time > 0 [s], for windup 'back'", default=None, gt=0, dim=S, since=VERSION,
@@ -260,7 +260,7 @@ class Sampled(Control):
     kind: Literal["sampled"] = field(KIND, default="sampled")
     update: Number | Expression = field(
         "a number or an expression", converter=varying,
-        help="its value from a sample on: =-8*q.arm, =x.count + 1",
+        help="value from each sample on, such as =-8*q.arm or =x.count + 1",
     )  # fmt: skip
     sample: Number = field("a time > 0 [s]", gt=0, dim=S, help="time between its samples")
     start: Number = field(

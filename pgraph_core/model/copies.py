@@ -147,7 +147,7 @@ class _Copy:
             change = self.reflected(part)
             if change is None:
                 self.lost.append(
-                    f"{part.word()} '{part.name}' was not copied: it has no mirror image here"
+                    f"{part.word()} '{part.name}' was not copied: it has no mirror image"
                 )
                 return None
             copy = copy.unchecked_copy(change)

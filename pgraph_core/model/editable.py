@@ -86,7 +86,12 @@ class Editable(Description):
         if not twins or model is self:
             return model
         text = f"body '{name}': its {', '.join(changes)} changed; a {twins[0]} of this name has "
-        return model._made((*model.notices, f'{text}that too: give kind="{twins[0]}" to mean it'))
+        return model._made(
+            (
+                *model.notices,
+                f'{text}that field as well; to change it give kind="{twins[0]}" to mean it',
+            )
+        )
 
     def _twins(self, name: str, fields: Iterable[str]) -> list[str]:
         """Return the kinds of other parts that share a body's name and have these fields."""
@@ -127,7 +132,9 @@ class Editable(Description):
         old = self.body(name)
         if "length" in changes:
             hung = " and ".join(f"'{b.name}'" for b in self.bodies if b.parent == name)
-            text = "no such field; the length of a link is `link` of what hangs on it"
+            text = (
+                "no such field; the length of a link is the field `link` of the body attached to it"
+            )
             text += f" ({hung})" if hung else ""
             text += ", and its own com, inertia, tip and shape"
             raise ModelError(Problem(f"body '{name}'", "length", text))

@@ -290,14 +290,16 @@ def fitted(
         "outputs": tuple(filter(read, parts["outputs"])),
         "scenarios": tuple(map(cut, parts["scenarios"])),
     }
-    notices = [f"constraint '{c}' went: it does not fit the joint" for c in sorted(gone)]
+    notices = [f"constraint '{c}' was removed: it does not fit the joint" for c in sorted(gone)]
     notices += [
-        f"force '{f.name}' went: it does not fit the joint" for f in parts["forces"] if not fits(f)
+        f"force '{f.name}' was removed: it does not fit the joint"
+        for f in parts["forces"]
+        if not fits(f)
     ]
     lost = [o.name for o in parts["outputs"] if not read(o)]
-    notices += [f"output '{name}' went: it does not fit the joint" for name in lost]
+    notices += [f"output '{name}' was removed: it does not fit the joint" for name in lost]
     notices += [
-        f"scenario '{s.name}': what does not fit the joint of '{name}' went"
+        f"scenario '{s.name}': parts that do not fit the joint of '{name}' were removed"
         for s, new in zip(parts["scenarios"], kept["scenarios"])
         if s != new
     ]
@@ -452,7 +454,9 @@ def cut_joint(
         raise ModelError(Problem(where, "joint", text))
     if "axis" not in given and joint == body.joint != "weld":
         if joint == "universal" and body.sequence != joints.DEFAULT["universal"]:
-            text = "its axes do not say where the second parent's stands; give axis and other_axis"
+            text = (
+                "its axes do not determine the axes of the second parent; give axis and other_axis"
+            )
             raise ModelError(Problem(where, "axes", text))
         if joint in ("revolute", "prismatic", "cylindrical"):
             given["axis"] = body.axes[0]

@@ -106,7 +106,7 @@ class Known:
             do = nearest(name, self.controls) if self.controls else "the model has none"
             raise Unreadable(node.column, f"no control is named {shown(name)}; {do}")
         if k > (count := len(control.own)):
-            text = f"control {shown(name)} has its value, 0, and states from 1 to {count}; given "
+            text = f"control {shown(name)} has entry 0 (its value) and states 1 to {count}; given "
             raise Unreadable(node.column, f"{text}{k}")
 
     def of(self, group: str) -> Mapping[str, Any]:
@@ -205,10 +205,10 @@ class Known:
         try:
             places = [float(constant(x, self.parameters)) for x in places_of(node)]
         except (ValueError, ArithmeticError):
-            text = "the places of a table are numbers or parameters"
+            text = "the places of a table must be numbers or parameters"
             raise Unreadable(node.column, text) from None
         if any(not a < b for a, b in itertools.pairwise(places)):
-            raise Unreadable(node.column, f"the places of a table ascend; given {places}")
+            raise Unreadable(node.column, f"the places of a table must ascend; given {places}")
 
 
 def kinds_of(body: Body) -> list[Dim]:

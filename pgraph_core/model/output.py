@@ -60,15 +60,15 @@ AXES = ("x", "y", "z")
 READINGS: dict[str, Reading] = {
     "joint_position": Reading(("",), "rad, m", "coordinate of a joint"),
     "joint_velocity": Reading(("",), "rad/s, m/s", "rate of a coordinate of a joint"),
-    "position": Reading(AXES, "m", "place of a frame, in the world"),
-    "rotation": Reading(("w", *AXES), "1", "quaternion of a frame, in the world"),
+    "position": Reading(AXES, "m", "position of a frame, in world axes"),
+    "rotation": Reading(("w", *AXES), "1", "quaternion of a frame, in world axes"),
     "velocity": Reading(AXES, "m/s", "velocity of a frame, in world axes"),
     "angular_velocity": Reading(AXES, "rad/s", "angular velocity, in world axes"),
     "velocimeter": Reading(AXES, "m/s", "velocity of a frame, in its own axes"),
     "gyro": Reading(AXES, "rad/s", "angular velocity, in its own axes"),
-    "accelerometer": Reading(AXES, "m/s^2", "acceleration less gravity, in its own axes"),
-    "force": Reading(AXES, "N", "force that the joint passes on, in its own axes"),
-    "torque": Reading(AXES, "N m", "torque that the joint passes on, in its own axes"),
+    "accelerometer": Reading(AXES, "m/s^2", "acceleration minus gravity, in its own axes"),
+    "force": Reading(AXES, "N", "force that the joint transmits, in its own axes"),
+    "torque": Reading(AXES, "N m", "torque that the joint transmits, in its own axes"),
 }
 
 

@@ -44,7 +44,7 @@ class Formula(Frozen):
 
     part: PartKind = Field(description="one of " + ", ".join(KINDS))
     name: Text = Field(description="the name of the part")
-    path: tuple[str | int, ...] = Field(min_length=1, description="a field, and what leads into it")
+    path: tuple[str | int, ...] = Field(min_length=1, description="a field and its path")
     text: Text = Field(description="'=' and an expression")
 
     @property

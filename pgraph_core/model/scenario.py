@@ -50,7 +50,7 @@ class Footfall(Frozen):
         description="a number above 0, at most 1: the fraction of the stride on the ground"
     )
     ahead: Number = Field(
-        default=0.0, description="a finite number: how far ahead of its place at home it lands [m]"
+        default=0.0, description="a finite number: how far ahead of its home position it lands [m]"
     )
 
 
@@ -68,11 +68,15 @@ class Gains(Frozen):
     swing: Pair = Field(default=(1600.0, 80.0), description="two numbers >= 0 [1/s^2, 1/s]")
     spine: Pair = Field(default=(400.0, 18.0), description="two numbers >= 0 [1/s^2, 1/s]")
     paw: Pair = Field(default=(400.0, 40.0), description="two numbers >= 0 [1/s^2, 1/s]")
-    place: Number = Field(default=0.03, description="a step's change by an error of speed [s]")
-    place_drift: Number = Field(default=0.15, description="the same to the side [s]")
-    place_roll: Number = Field(default=-0.08, description="the same by roll [m/rad]")
-    tight_torque: Positive = Field(default=15.0, description="a number > 0: its torque's weight")
-    tight_force: Positive = Field(default=5.0, description="a number > 0: its force's weight")
+    place: Number = Field(default=0.03, description="change of the step per error of speed [s]")
+    place_drift: Number = Field(
+        default=0.15, description="change of the step per error of sideways speed [s]"
+    )
+    place_roll: Number = Field(
+        default=-0.08, description="change of the step per angle of roll [m/rad]"
+    )
+    tight_torque: Positive = Field(default=15.0, description="a number > 0: weight of its torque")
+    tight_force: Positive = Field(default=5.0, description="a number > 0: weight of its force")
 
 
 class Gait(Described):
@@ -97,7 +101,8 @@ class Gait(Described):
         default=0.5, description="a height > 0 of the centre of mass over the ground [m]"
     )
     width: Number = Field(
-        default=0.0, description="a finite number: how far outside its hip a foot lands [m]"
+        default=0.0,
+        description="a finite number: distance outside the hip at which a foot lands [m]",
     )
     clearance: AtLeast0 = Field(default=0.06, description="a height >= 0 of a swinging foot [m]")
     landing: AtLeast0 = Field(
@@ -108,8 +113,14 @@ class Gait(Described):
         description="above 0, at most 0.5: the fraction of a stance in which its load builds up",
     )
     push: Positive = Field(default=1.0, description="a number > 0: a factor on the planned loads")
-    rise: Number = Field(default=0.0, description="a number: share of the rise that they cause")
-    nod: Number = Field(default=0.0, description="a number: share of the pitching that they cause")
+    rise: Number = Field(
+        default=0.0,
+        description="a number: fraction of the height change by these loads that the trunk follows",
+    )
+    nod: Number = Field(
+        default=0.0,
+        description="a number: fraction of the pitching by these loads that the trunk follows",
+    )
     sway: Numbers = Field(default=(), description="a wave of up to 8 numbers, to the side [m]")
     surge: Numbers = Field(default=(), description="a wave of up to 8 numbers, forward [m]")
     flexion: Numbers = Field(
@@ -388,7 +399,7 @@ def _never(
     if what == "constraint" and when.active is not None and not becomes(when.active):
         return of + f"nothing switches '{name}' {'on' if when.active else 'off'}"
     if what == "force" and when.below is not None and when.below <= 0:
-        return of + "a force is a size, which is not below 0; give a value above 0"
+        return of + "a force is a magnitude, which is never negative; give a value above 0"
     held = what == "force" and name in known["constraint"]
     if held and when.above is not None and when.above >= 0 and not becomes(True):
         return of + f"'{name}' is off throughout"

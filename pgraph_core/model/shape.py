@@ -97,7 +97,7 @@ class Shape(Frozen):
     )  # fmt: skip
     file: Text | None = field("the name of a mesh file", default=None)
     scale: Number | Vec3 = field(
-        "a factor > 0 on the mesh, or three, one an axis, that are not zero",
+        "a scale factor > 0 of the mesh, or three nonzero factors, one per axis",
         converter=_scale_in, default=1.0, dim=NONE,
     )  # fmt: skip
     hull: Literal["convex", "parts"] | None = field(
@@ -385,7 +385,7 @@ def leak(mesh: Any) -> str:
     open_edges = int((counts != 2).sum())
     if open_edges:
         return f"is not closed: {open_edges} of its edges do not have two faces"
-    return "has faces that are wound both ways"
+    return "has faces with inconsistent winding"
 
 
 def solids_of(shapes: Sequence[Shape]) -> Sequence[Shape]:

@@ -250,7 +250,7 @@ def frame_update_trace(
     q, q_next = _position(model, "q", q), _position(model, "q_next", q_next)
     for body in model.bodies:
         if any(m.kind == "screw" for m in body.sequence):
-            text = f"body '{body.name}' has a screw, which the paper's update does not know"
+            text = f"body '{body.name}' has a screw, which the update of the paper does not cover"
             raise refusal("frame_update_trace", "model", text)
     start, step = frame_vectors(model, q), increments(model, q, q_next)
     bodies = bodies_of(model, start.topology)

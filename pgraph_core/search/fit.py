@@ -212,7 +212,7 @@ class _Task:
                 raise self.numbers.refused(what, several or no_column(found, name))
             unit, given = found[known[0]].unit, self._units[i].get(name, "")
             if given and given != unit:
-                raise self.numbers.refused(what, f"is in {given}: convert it to {unit}")
+                raise self.numbers.refused(what, f"is given in {given}: convert it to {unit}")
             self._named[i, name] = known[0]
         return self._named[i, name]
 
@@ -356,7 +356,7 @@ class _Task:
         size = np.where(size > 0.0, size, np.nan)
         notes = [text or "converged", *numbers.at_bounds(x)]
         if numbers.failed:
-            notes.append(f"a run on the way failed: {numbers.failed}")
+            notes.append(f"a run of the search failed: {numbers.failed}")
         return Fit(
             model=numbers.at(x), values=dict(zip(names, x.tolist())),
             errors=dict(zip(names, errors.tolist())), covariance=covariance,
@@ -385,7 +385,7 @@ def _direction(names: Sequence[str], direction: Array) -> str:
     if len(large) == 1:
         return f"the data do not determine {names[large[0]]}"
     parts = [f"{direction[i] / direction[large[0]]:+.2g} {names[i]}" for i in large]
-    return f"the data do not determine {' '.join(parts).lstrip('+')}, each over its range"
+    return f"the data do not determine {' '.join(parts).lstrip('+')}, each within its range"
 
 
 def _cases(data: Any) -> dict[str, tuple[Any, Mapping[str, Any]]]:

@@ -454,7 +454,7 @@ class _Search:
         x, own = self._x(best.u), best.values[goals.count :]
         notes = [text]
         if numbers.failed and numbers.failed not in text:
-            notes.append(f"a run on the way failed: {numbers.failed}")
+            notes.append(f"a run of the search failed: {numbers.failed}")
         active = numbers.at_bounds(x)
         for name, value, pair, size in zip(goals.names, own, goals.limits, goals.sizes):
             near = pair[np.abs(pair - value) <= 100.0 * NOTABLE * size]

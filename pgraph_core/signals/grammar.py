@@ -117,7 +117,7 @@ class _Reader:
     def made(self, op: str, args: tuple[Node, ...], at: _Token) -> Node:
         depth = 1 + max(x.depth for x in args)
         if depth > DEEPEST:
-            self.refuse(f"has more than {DEEPEST} operations inside each other", at)
+            self.refuse(f"has more than {DEEPEST} nested operations", at)
         return Node(op, args, column=at.start + 1, depth=depth)
 
     def expression(self, least: int, level: int) -> Node:
@@ -229,7 +229,7 @@ def _tokens(text: str) -> Iterator[_Token]:
             continue
         found = TOKEN.match(text, at)
         if found is None:
-            raise Unreadable(at + 1, f"{shown(text[at])} has no meaning here")
+            raise Unreadable(at + 1, f"unexpected {shown(text[at])}")
         kind = found.lastgroup or ""
         yield _Token(kind, found[0], at)
         at = found.end()

@@ -446,12 +446,12 @@ class ContactEvents:
                 if before[s] == SWING and pushed:
                     self._log(t, s, SWING, f"{hit} and bounced at {away:.6g} {unit}")
                 else:
-                    self.causes[s] = "thrown off by an impact elsewhere"
+                    self.causes[s] = "released by an impact elsewhere"
                 continue
             if before[s] == SWING:
                 self.causes[s] = hit
                 if s in rest:
-                    self.causes[s] = f"came to rest; its last bounces, from t = {t:.9g} s, left out"
+                    self.causes[s] = f"came to rest; its last bounces from t = {t:.9g} s, left out"
                     self._ends[s] = rest[s]
                 self._close(s, ACCEPTANCE)
             else:
@@ -485,10 +485,10 @@ class ContactEvents:
         self._observe(t)
         self._accelerations(t)
         if self.scene.points["normal_acceleration"][s] >= 0:
-            text = "Painlevé's case: sliding and leaving both fit; it leaves"
+            text = "Painlevé's case: sliding and leaving are both possible; it leaves"
             self.causes[s] = text
         else:
-            text = "Painlevé's case: no force of sliding fits; an impulse ended its slip"
+            text = "Painlevé's case: no sliding force is possible; an impulse ended its slip"
             self.scene.points["phase"][s] = before
             self.scene.arrange()
             self._impact(t, [], jammed=s)

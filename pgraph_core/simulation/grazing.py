@@ -46,7 +46,7 @@ def undecided(record: Recording, other: Recording) -> tuple[str, ...]:
         )
         if near.value <= error:
             found.append(
-                f"at t = {near.t:.6g} s {near.name} is missed by {near.value:.2g}, and the error "
+                f"at t = {near.t:.6g} s {near.name} misses it by {near.value:.2g}, and the error "
                 f"there is about {error:.2g}: whether it happens is not decided; a smaller step "
                 "or rtol may tell"
             )

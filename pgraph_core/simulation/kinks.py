@@ -57,7 +57,7 @@ def told(kinks: Sequence[Kink]) -> list[str]:
             found.append(f"{sharp[0]}{others if sharp[1:] else ''}")
         if len(own) == MOST_EVENTS:
             found.append(
-                f"constraint '{name}': its expression bends more than {MOST_EVENTS} times; steps "
+                f"constraint '{name}': its slope jumps more than {MOST_EVENTS} times; steps "
                 f"end at these bends until t = {own[-1].t:.6g} s only"
             )
     return found

@@ -188,7 +188,7 @@ class Watch:
             raise refusal(
                 "simulate",
                 "events",
-                f"{MOST_EVENTS} of them by t = {t:.6g} s: a function may be noisy",
+                f"{MOST_EVENTS} of them by t = {t:.6g} s: the function may be noisy",
             )
         return ends
 

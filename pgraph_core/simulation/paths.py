@@ -42,7 +42,7 @@ def counting(
     for path in paths:
         if instead := path.replaced_by(model, scenario, given):
             text = f"its values have no effect: {instead}"
-            text += "" if "give scenario" in instead else " stands in its place; leave one out"
+            text += "" if "give scenario" in instead else " replaces it; leave one out"
             raise InputError(Problem(call, path.text, text))
 
 
@@ -177,7 +177,7 @@ class Path:
                 raise self._refused(f"{what} has no field {word!r}; {nearest(str(word), fields)}")
             return getattr(value, str(word))
         if not isinstance(word, int):
-            text = f"after the field comes the number of an entry; given {word!r}"
+            text = f"after the field, give the number of an entry; given {word!r}"
             raise self._refused(text)
         if not _listed(value) or not 0 <= word < len(value):
             do = f"; the value there is {shown(value)}"

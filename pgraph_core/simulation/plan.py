@@ -254,7 +254,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     span = o.span(given)
     tau = controller_of(mech, given) if tau is None else tau
     if is_controller(tau) and mech.model.controls:
-        text = "walks by a controller of its own, beside which the model's controls do not act; "
+        text = "walks by its own controller, with which the model's controls do not act; "
         raise InputError(Problem("simulate", "gait", f"{text}remove the gait or the controls"))
     start = initial_state(mech, given, q, v, tau, span[0])
     declared = contact_tables(mech.packed, touching_contacts(mech, given))
@@ -285,7 +285,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
         "forces": [(*span, f.model_dump(mode="json", exclude_none=True)) for f in extra],
         "inputs": {name: x.model_dump() if isinstance(x, Table) else x for name, x in o.inputs},
     }
-    edits = (f"an edit of the model: {text}" for text in mech.model.told)
+    edits = (f"after the edit of the model: {text}" for text in mech.model.told)
     notices = (*_lost(mech.model.lost), *edits, *mech.model.doubts)
     plan = replace(plan, header=header, notices=notices, idle=_idle(mech, given))
     return plan, rated or (rate.known and rate.found is not None)
@@ -522,7 +522,7 @@ def _event_driven(
 ) -> tuple[Tables | None, tuple[ContactPoint, ...]]:
     """Return (soft contacts, rigid contact points and limits) for an event-driven run."""
     if contacts.remembers:
-        text = "a penalty contact remembers where it sticks, and a step to an event is taken again"
+        text = "a penalty contact remembers where it sticks, and a step with an event is repeated"
         text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
     rigid = {t.contact.name for t in contacts.touches if t.contact.law != "soft"}
@@ -645,7 +645,9 @@ def _lost(lost: tuple[str, ...]) -> tuple[str, ...]:
     """Return a notice about active parts of a file that are missing from the model."""
     if not lost:
         return ()
-    text = "parts of the file that act are not in the model, so this is another motion than the "
+    text = (
+        "parts of the file that act are not in the model, so this motion differs from that of the "
+    )
     return (f"{text}file's: {choices(lost, 3)}; model.lost has all {len(lost)}",)
 
 
@@ -663,7 +665,7 @@ def _stiff(plan: RunPlan, rate: Rate) -> list[str]:
     x, widest, well = rate() * step, limit / rate(), RESOLVED / rate()
     if rate.swings():
         return [
-            f"{FAST} steps of {step:.3g} s do not show the fastest oscillation, of {rate():.3g} "
+            f"{FAST} steps of {step:.3g} s do not resolve the fastest oscillation, of {rate():.3g} "
             f"rad/s: {plan.method.name} needs less than {widest:.3g} s, and {well:.2g} s "
             "or less shows it well; give that step, or rtol= for steps of the method's own "
             "choice. Where that oscillation does not matter, try radau5, which passes over it"

@@ -56,7 +56,7 @@ MOST_KEPT = 32_768  # numbers in the frames of a run, for which a mechanism keep
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 FEW_FRAMES = 10  # fewer are no curve
 NO_CHANGES = table(PHASE_CHANGE, 0)
-WATCHING = "what watches things that may touch"
+WATCHING = "the method that detects contacts"
 NO_MONITORS = np.zeros((6, 0))  # ROWS of contact.points, which most runs do not import
 Progress = Callable[[float], Any] | None
 

@@ -29,9 +29,9 @@ from .variables import CENTRAL, SHARE, Given, Slope, Slopes, Variable, refuse, v
 
 NO_TIMES = np.zeros(0)
 ENDS = {
-    1: "something is about to slip or to stick",
-    2: "things hit at the same time that would hit one after the other for other numbers",
-    3: "something hits as a step begins, whose time has no derivatives yet",
+    1: "a contact is about to slip or to stick",
+    2: "impacts coincide that would occur one after the other for other values",
+    3: "an impact occurs at the start of a step, where its time has no derivatives yet",
 }
 
 

@@ -176,6 +176,6 @@ def closed(mech: Mechanism, scene: Scene, change: Change, q: Array, v: Array) ->
     m = impulse_rows(scene.held, change.t, q, v)
     left = float(np.max(np.abs(scene.space.vectors[RHS, :m]), initial=0.0))
     if left > SOLVED * max(fastest, float(np.max(np.abs(v), initial=0.0))):
-        text = f"requires velocities at t = {change.t:g} s that the others forbid: they miss by "
+        text = f"requires velocities at t = {change.t:g} s that others forbid: they miss by "
         raise InputError(Problem(where, "", f"{text}{left:.3g}; switch one of them off"))
     return moved

@@ -256,7 +256,9 @@ class Slopes:
             except ModelError as error:
                 refused[ModelError] = error
             except Differs:
-                text = "changes what acts as it leaves its value, so that no derivative exists"
+                text = (
+                    "changes which parts act when it leaves its value, so that no derivative exists"
+                )
                 refused[Differs] = InputError(Problem("simulate", variable.path, text))
         raise refused.get(Differs) or refused[ModelError]
 

@@ -55,7 +55,7 @@ class Walk(Portable):
         mech = mechanism_of(mech, "Walk")
         given = mech.model.scenario(scenario)
         if gait is None and given.gait is None:
-            text = f"scenario '{scenario}' has no gait; give one"
+            text = f"scenario '{scenario}' has no gait; give it one"
             raise InputError(Problem("Walk", "gait", text))
         self.mech, self.scenario = mech, scenario
         self.controller = Controller(mech, gait or given.gait)  # type: ignore[arg-type]

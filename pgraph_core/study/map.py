@@ -315,7 +315,7 @@ class StabilityMap(Saved):
             return self._said(taken)
         so_far = f"Cancelled after {len(self.cells)} of {whole} runs"
         return (
-            f"{so_far}, which say too little."
+            f"{so_far}, which is too few to say more."
             if taken is None
             else f"{so_far}. {self._said(taken)}"
         )

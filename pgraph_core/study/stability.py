@@ -208,7 +208,7 @@ def in_scenario(model: Model, name: str | None) -> tuple[Model, float]:
         return model, 1.0
     s = model.scenario(name)
     if s.switches:
-        text = f"{name} switches constraints on and off, which a map cannot follow; "
+        text = f"{name} switches constraints on and off, which a map does not support; "
         raise refusal(CALL, "scenario", f"{text}choose another, or none")
     bodies = tuple(
         changed(b, q=s.q.get(b.name, b.q), v=s.v.get(b.name, b.v))

@@ -265,7 +265,7 @@ class Work:
                 f"that rounding of 1e-16 becomes 1 after about {-np.log(EPS) / known.growth:.2g} s"
             )
         if task.t_end < whole_time:
-            why = "a reference for the whole of it would take too long"
+            why = "a reference for the whole run would take too long"
             if known.growth > 0.0:
                 why = f"where two references still agree to {SOLVED:g}"
             chaotic = "chaotic: " if known.growth > 0.0 else ""
@@ -351,18 +351,18 @@ class Work:
     def _why(self, name: str, seen: float | None, rate: float) -> str:
         method = METHODS[name]
         if self.task.impulses and method.eventful:
-            return "impacts and changes of contact lie inside its steps"
+            return "impacts and changes of contact occur within its steps"
         if self.task.touching:
-            return "forces of contacts bend inside its steps"
+            return "contact forces change slope within its steps"
         if any(any(b.friction) for b in self.task.mech.model.bodies):
-            return "joint friction bends inside its steps"
+            return "joint friction changes slope within its steps"
         if seen is None:
-            return "too few steps lie between those that are too wide and the limit of rounding"
+            return "too few steps lie between those that are too large and the limit of rounding"
         if method.implicit and rate * self.ladder.steps[-1] > 1.0:
             return "its steps do not resolve the fastest motion, which is stiff"
         if seen > method.order:
             return "terms of higher order still lead at these steps"
-        return "terms of other orders, constraints or rounding still count at these steps"
+        return "terms of other orders, constraints or rounding still matter at these steps"
 
     def _order_runs(self, name: str, known: Reference) -> list[tuple[float, float]]:
         """Return (steps, error) for decreasing steps, down to the reference limit or until time

@@ -308,7 +308,7 @@ def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, re
         )
         raise InputError(Problem("sweep", "workers", text))
     if resume and out is None:
-        text = "needs the file to go on from: give out='table.csv' too"
+        text = "needs a file to continue from: give out='table.csv' too"
         raise InputError(Problem("sweep", "resume", text))
 
 
@@ -370,12 +370,14 @@ class Kept:
             if self._part.exists():
                 self.rows = self._read(fingerprint)
             elif resume and self.path.exists():
-                text = f"is there, but no {self._part.name} to go on from: it is a finished table, "
+                text = (
+                    f"exists without {self._part.name} to continue from: it is a finished table, "
+                )
                 text += "or none; without resume it is written over, or give another file"
                 raise InputError(Problem(str(self.path), "", text))
             if self.rows and not resume:
                 text = f"has {len(self.rows)} points of this sweep, which was interrupted: "
-                text += "resume=True (--resume) goes on from there; remove it to begin again"
+                text += "resume=True (--resume) continues from there; remove it to start again"
                 raise InputError(Problem(str(self._part), "", text))
             lines = [{"sweep": fingerprint}, *map(asdict, self.rows)]
             write_atomic(self._part, "".join(json.dumps(line) + "\n" for line in lines))
@@ -402,7 +404,7 @@ class Kept:
                 file.write("".join(json.dumps(asdict(row)) + "\n" for row in rows).encode())
         except OSError as error:
             text = f"cannot be written: {error.strerror or error}; {len(self.rows)} points are in "
-            text += "it: make room, and go on with resume=True (--resume)"
+            text += "it: free some space, and continue with resume=True (--resume)"
             raise FileError(Problem(str(self._part), "", text)) from None
         self.rows += rows
 

@@ -201,7 +201,7 @@ def _by_processes(
             ended = (one.done() and one.exception() is None for one in futures)
             if done := sum(len(part) for part, well in zip(chunks, ended) if well):
                 text = (
-                    f"a process was ended from outside after {done} of {len(points)} points, as "
+                    f"a process was stopped by the system after {done} of {len(points)} points, as "
                     "systems do that run out of memory; give fewer workers, and out= with "
                     "resume=True to keep what is done"
                 )
@@ -238,7 +238,7 @@ def _connected(scheduler: Any) -> Any:
     thread.join(2 * ANSWER)  # its own limit does not hold for a greeting that never comes
     if found and isinstance(found[0], Client):
         return found[0]
-    why = found[0] if found else f"it said nothing for {2 * ANSWER} s"
+    why = found[0] if found else f"it did not answer for {2 * ANSWER} s"
     text = f"{shown(scheduler)} does not answer: {why}; start one with `dask scheduler`"
     raise InputError(Problem("sweep", "scheduler", text))
 
@@ -263,8 +263,10 @@ def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list
         for future in as_completed(futures):
             yield future.result()
     except (CancelledError, OSError, TimeoutError) as lost:
-        text = f"its workers or itself are gone: {lost or type(lost).__name__}; with out= the "
-        text += "points so far are kept, and resume=True goes on from them"
+        text = (
+            f"the scheduler or its workers are gone: {lost or type(lost).__name__}; with out= the "
+        )
+        text += "points that were computed are kept, and resume=True continues from them"
         raise InputError(Problem("sweep", "scheduler", text)) from None
     finally:
         if client is not scheduler:
