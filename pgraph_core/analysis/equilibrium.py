@@ -30,7 +30,7 @@ from ..tolerances import (
     SUFFICIENT_DECREASE,
 )
 from .assembly import assemble
-from .linear import Balance, state_of
+from .balance import Balance, state_of
 from .rows import apart
 from .targets import bounds, single
 

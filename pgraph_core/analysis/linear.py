@@ -13,40 +13,34 @@ Derivatives of forward dynamics come from slopes of inverse dynamics, exact to r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
 
 from ..dynamics import Dynamics
-from ..dynamics.arguments import finite, numbers, position
-from ..dynamics.scene import NO_CONSTRAINTS, Scene
-from ..engine import arrays, motion
-from ..engine.compiler.address import address_of_array, buffer, unnamed
-from ..engine.compiler.jit import ready
-from ..engine.records import CREEP
-from ..engine.signals import values
-from ..engine.tree import slopes as kernels
-from ..errors import InputError, Problem, shown
-from ..forces import LOADS
-from ..model import Contact, Force
-from ..packing import Array, Drives, Ints, Loads
-from ..packing.forces import NO_LOADS
+from ..dynamics.arguments import numbers
+from ..packing import Array, Ints
 from ..packing.signals import states_of
 from ..rotation import skew
 from ..signals import written
-from ..tolerances import DIFFERENCED, EPS, NOTABLE, ROUNDING
-from .assembly import assemble
+from ..tolerances import DIFFERENCED
+from .balance import (
+    Balance,
+    differences,
+    drive_slopes,
+    slopes_in_v,
+    slopes_of,
+    state_of,
+    torque_slopes,
+    touching,
+)
 from .linear_doubts import notices
-from .mobility import complement, judged
-from .rows import Rows
 from .touching import Touching
 
 NONE = np.zeros(0)
-SETTLING = 20  # rounds of Newton's method for states of controls
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,264 +85,6 @@ class Linearisation:
         n = len(self.moves)
         C = np.hstack((self.moves, np.zeros((n, len(self.A) - len(self.coordinates)))))
         return self.A, self.B, C, np.zeros((n, self.B.shape[1]))
-
-
-class Balance:
-    """The equations of motion for a scene at one state, and their derivatives."""
-
-    touching: Touching | None = None  # contacts, where they act
-
-    def __init__(self, mech: Dynamics, q: Array, v: Array, scenario: str | None = None):
-        """Set up a separate scene at rest, so that forces acting in runs also act here at t = 0."""
-        self.mech, self.q, self.v = mech, q, v
-        self.forces, self.active = acting(mech, scenario)
-        packed = mech.packed
-        for control, _, own in states_of(mech.model):
-            if own.sample:
-                text = "acts at samples, which a model or equilibrium in continuous time has "
-                text += "not; give it no sample time, or remove it"
-                raise InputError(Problem(f"control {shown(control.name)}", "sample", text))
-        self.drives = packed.drives(self.forces)
-        self.loads = packed.loads(self.forces, states=True)
-        self.s = packed.with_states(0.0, q, v)[1][mech.nv :]
-        self.scene = Scene(packed, self.drives, self.loads, NO_CONSTRAINTS)
-        self.held = Scene(packed, self.drives, self.loads, self.active)
-        self.drives = self.scene.drives
-
-    def at(self, q: Array, v: Array) -> Self:
-        """Return the same scene at another state."""
-        other = object.__new__(type(self))
-        for name in ("mech", "forces", "active", "drives", "loads", "scene", "held", "s"):
-            setattr(other, name, getattr(self, name))
-        other.q, other.v = q, v
-        return other
-
-    def with_states(self, s: Array) -> Self:
-        """Return the same scene with other states of controls."""
-        other = self.at(self.q, self.v)
-        other.s, other.touching = s, self.touching
-        return other
-
-    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return q and v as kernels take them, which end with the states of controls."""
-        return whole(q, v, self.s)
-
-    # -- at the state ----------------------------------------------------------------------------
-
-    @cached_property
-    def rows(self) -> Rows:
-        return Rows.of(self.mech, self.active, self.q, self.v)
-
-    @cached_property
-    def M(self) -> Array:
-        return self.mech.mass_matrix(self.q)
-
-    @cached_property
-    def free(self) -> Array:
-        """The motions permitted by all rows as an (nv, n) array, orthonormal in the mass metric."""
-        return self.rows.step(complement(judged(self.rows)[0], self.mech.nv))
-
-    @cached_property
-    def free_places(self) -> Array:
-        """The same as `free`, restricted to rows that constrain positions."""
-        groups = [group for group in self.rows.groups if group.holonomic]
-        if len(groups) == len(self.rows.groups):
-            return self.free
-        return self.rows.step(complement(judged(self.rows, groups)[0], self.mech.nv))
-
-    def torque(self, q: Array, v: Array) -> Array:
-        """Return the torque τ (nv,) from all drives and loads at t = 0."""
-        tau = np.zeros(self.mech.nv + len(self.s))
-        motion.drive_torque(self.scene.address, *self.whole(q, v), tau)
-        tau = tau[: self.mech.nv] + self.load_torque(q, v)
-        return tau if self.touching is None else tau + self.touching.torque(q, v)
-
-    def load_torque(self, q: Array, v: Array) -> Array:
-        """Return the torque τ (nv,) from springs between bodies and wrenches at t = 0."""
-        tau = np.zeros(self.mech.nv + len(self.s))
-        if self.loads.number:
-            motion.load_torque(self.scene.address, *self.whole(q, v), tau)
-        return tau[: self.mech.nv]
-
-    def expressed_torque(self, q: Array, v: Array) -> Array:
-        """Return the torque τ (nv,) at t = 0 from drives whose expressions use another state."""
-        tau, none = np.zeros(self.mech.nv), NO_LOADS
-        motion.signal(self.scene.address, 0.0, *self.whole(q, v))
-        here = Scene(self.mech.packed, self.drives, none, NO_CONSTRAINTS)
-        motion.drive_torque(here.address, self.q, self.v, tau)
-        return tau
-
-    @cached_property
-    def pull(self) -> Array:
-        """The residual C - τ (nv,) in the equations of motion without v' and λ."""
-        return self.mech.bias_force(self.q, self.v) - self.torque(self.q, self.v)
-
-    def gamma(self, q: Array, v: Array) -> Array:
-        """The bias γ (m,) in J v' + γ = 0 of the active rows, from the kernel that enforces it."""
-        mech, scene, state = self.mech, self.held, self.whole(q, v)
-        tau, vdot, flow = np.zeros(len(state[1])), np.zeros(len(state[1])), np.zeros(3)
-        motion.acceleration(self.scene.address, 0.0, *state, tau, vdot, flow)
-        without = vdot[: mech.nv].copy()
-        motion.acceleration(scene.address, 0.0, *state, tau, vdot, flow)
-        J = Rows(mech, self.rows.scene, self.rows.held, q, v).J
-        return -scene.space.vectors[arrays.RHS, : len(J)] - J @ without
-
-    @cached_property
-    def vdot(self) -> Array:
-        """The acceleration v' (nv,) with the constraints enforced."""
-        still: Any = np.zeros(self.mech.nv)
-        if len(self.rows.J):
-            gamma = self.gamma(self.q, self.v)
-            still = -np.linalg.lstsq(self.rows.J, gamma, rcond=1e-10)[0]
-        return still - self.free @ (self.free.T @ (self.pull + self.M @ still))
-
-    @cached_property
-    def multipliers(self) -> Array:
-        """The minimum-norm multipliers λ (m,)."""
-        J: Any = self.rows.J
-        return np.linalg.lstsq(J.T, self.M @ self.vdot + self.pull, rcond=1e-10)[0]
-
-    def rates(self, q: Array, v: Array, s: Array) -> Array:
-        """Return the rates (nx,) of states s of controls at t = 0."""
-        code, _, states = self.loads.signals
-        found = code.copy()
-        values(found, 0.0, *whole(q, v, s))
-        return found[2 * states[:, 0] + 1, 0]
-
-    @cached_property
-    def unrest(self) -> tuple[Array, Array]:
-        """The rates of states of controls (nx,), and the forces left along the free motions."""
-        return self.rates(self.q, self.v, self.s), self.free.T @ self.pull
-
-    def settled(self) -> Self:
-        """Return the same scene with states of controls that stay, and that hold it, if any do.
-
-        Newton's method: rates vanish first, and forces by what states are free in then.
-        """
-        here = self
-        for _ in range(SETTLING if len(self.s) else 0):
-            rates, left = here.unrest
-            slope = here.rate_slopes_in_states
-            step: Any = -np.linalg.lstsq(slope, rates, rcond=NOTABLE)[0]
-            _, sizes, right = np.linalg.svd(slope)
-            rest = right[int(np.sum(sizes > NOTABLE * sizes.max(initial=0.0))) :].T
-            push = -here.free.T @ here.state_slopes
-            free: Any = np.linalg.lstsq(push @ rest, -left - push @ step, rcond=NOTABLE)[0]
-            step += rest @ free
-            here = here.with_states(here.s + step)
-            if np.abs(step).max() <= ROUNDING * np.abs(here.s).max():
-                break
-        return here
-
-    # -- slopes ----------------------------------------------------------------------------------
-
-    @cached_property
-    def state_slopes(self) -> Array:
-        """The derivative ∂/∂s (nv, nx) of τ."""
-        return differences_in_v(self.s, lambda x: self.with_states(x).torque(self.q, self.v))
-
-    @cached_property
-    def rate_slopes(self) -> tuple[Array, Array, Array]:
-        """The derivatives of the rates of states s of controls in q, v (nx, nv) and s (nx, nx)."""
-        q, v, s = self.q, self.v, self.s
-        by_q = differences(self.mech, q, lambda x: self.rates(x, v, s))
-        by_v = differences_in_v(v, lambda x: self.rates(q, x, s))
-        return by_q, by_v, self.rate_slopes_in_states
-
-    @cached_property
-    def rate_slopes_in_states(self) -> Array:
-        """The derivatives (nx, nx) of the rates of states of controls in these states."""
-        return differences_in_v(self.s, lambda x: self.rates(self.q, self.v, x))
-
-    @cached_property
-    def force_slopes(self) -> tuple[Array, Array]:
-        """Return ∂/∂q and ∂/∂v (nv, nv) of M v' + C - τ at fixed v'."""
-        mech, q, v = self.mech, self.q, self.v
-        by_q, by_v = torque_slopes(mech, q, v, self.vdot)
-        motion.signal(self.scene.address, 0.0, *self.whole(q, v))
-        spring, damper = drive_slopes(self.drives, q, v)
-        by_q, by_v = by_q - spring, by_v - damper
-        if self.loads.number:
-            by_q = by_q - differences(mech, q, lambda x: self.load_torque(x, v))
-            by_v = by_v - slopes_in_v(self.loads, v, lambda x: self.load_torque(q, x))
-        if len(self.loads.signals[1]):
-            by_q = by_q - differences(mech, q, lambda x: self.expressed_torque(x, v))
-            by_v = by_v - differences_in_v(v, lambda x: self.expressed_torque(q, x))
-        if (pushed := self.touching) is not None and pushed.depth:
-            by_q = by_q - differences(mech, q, lambda x: pushed.torque(x, v), pushed.steps)
-            by_v = by_v - pushed.slopes_in_v(q, v)
-        return by_q, by_v
-
-    @cached_property
-    def stiffness(self) -> Array:
-        """The derivative ∂/∂q (nv, nv) of M v' + C - τ - Jᵀλ at fixed v' and λ."""
-        by_q, _ = self.force_slopes
-        if not len(self.rows.J):
-            return by_q
-        return by_q - self._row_slopes(lambda J, _: J.T @ self.multipliers)
-
-    def _row_slopes(self, of: Callable[[Array, Array], Array]) -> Array:
-        """Differentiate a function of (J, q) with respect to q."""
-        rows = self.rows
-
-        def value(q: Array) -> Array:
-            return of(Rows(self.mech, rows.scene, rows.held, q, rows.v).J, q)
-
-        return differences(self.mech, self.q, value)
-
-    @cached_property
-    def row_slopes(self) -> tuple[Array, Array, Array]:
-        """Return ∂/∂q, ∂/∂v of J v' + γ at fixed v', and ∂/∂q of J v, each (m, nv)."""
-        rows, v, vdot = self.rows, self.v, self.vdot
-        moving = bool(np.any(v))
-        if not moving:
-            none = np.zeros((len(rows.J), self.mech.nv))
-            return self._row_slopes(lambda J, _: J @ vdot), none, none
-        by_q = self._row_slopes(lambda J, q: J @ vdot + self.gamma(q, v))
-        axes = np.eye(self.mech.nv)
-        swing = [self.gamma(self.q, v + e) - self.gamma(self.q, v - e) for e in axes]
-        return by_q, np.array(swing).T / 2, self._row_slopes(lambda J, _: J @ v)
-
-
-def whole(q: Array, v: Array, s: Array) -> tuple[Array, Array]:
-    """Return q and v with states s (nx,) of controls behind them, as in `Packed.run`."""
-    return (np.append(q, np.zeros_like(s)), np.append(v, s)) if len(s) else (q, v)
-
-
-def acting(mech: Dynamics, scenario: str | None) -> tuple[tuple[Force, ...], Ints]:
-    """Return (forces, active constraint indices) for a run of the scenario."""
-    model, forces, active = mech.model, mech.model.forces, mech.packed.active
-    if scenario is None:
-        return forces, active
-    chosen = model.scenario(scenario)
-    if chosen.constraints is not None:
-        names = [c.name for c in model.constraints]
-        active = np.array(sorted(names.index(n) for n in chosen.constraints), dtype=np.int64)
-    return (*forces, *chosen.forces), active
-
-
-def touching(mech: Dynamics, scenario: str | None) -> tuple[Contact, ...]:
-    """Return the contacts that are active in a run of the scenario."""
-    chosen = mech.model.scenario(scenario).contacts if scenario is not None else None
-    contacts = mech.model.contacts
-    return tuple(c for c in contacts if (c.active if chosen is None else c.name in chosen))
-
-
-def state_of(
-    mech: Dynamics, q: Array | None, v: Array | None, scenario: str | None
-) -> tuple[Array, Array]:
-    """Return the assembled (q, v) for a call. Defaults to the scenario's initial q at rest."""
-    start = mech.home()[0]
-    if scenario is not None:
-        for name, values in mech.model.scenario(scenario).q.items():
-            start[mech.joints[name].q] = values
-    at = start if q is None else position(mech.packed, q)
-    speed = np.zeros(mech.nv) if v is None else finite("v", v, mech.nv)
-    names = [mech.model.constraints[i].name for i in acting(mech, scenario)[1]]
-    if not names:
-        return at, speed
-    at, speed, _ = assemble(mech, at, speed, names)
-    return at, speed
 
 
 def linearise(
@@ -475,9 +211,6 @@ def _names(mech: Dynamics) -> list[str]:
     return names
 
 
-# -- vibrations about rest -------------------------------------------------------------------------
-
-
 def frequencies(mech: Dynamics, q: Array) -> Array:
     """Return the small-motion frequencies about q (nv,) [rad/s], ascending, with 0 if unstable."""
     rest = np.zeros(mech.nv)
@@ -520,9 +253,6 @@ def _symmetric(a: Array) -> Array:
     return 0.5 * (a + a.T)
 
 
-# -- derivatives of forward dynamics ---------------------------------------------------------------
-
-
 def forward_derivatives(
     mech: Dynamics, q: Array, v: Array, tau: Array | None
 ) -> tuple[Array, Array, Array]:
@@ -542,27 +272,6 @@ def forward_derivatives(
     return found[by_q], found[by_v], found[by_tau]
 
 
-def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
-    """Return the derivative kernel and its workspace, cached with the mechanism once made."""
-    if not mech._slopes:
-        packed, n, whole = mech.packed, mech.nv, slice(None)
-        sprung = len(packed.passive.table) or packed.passive_loads.number
-        space = kernels.Slopes(
-            *packed.tree, mech._work,
-            passive=np.empty((n if sprung else 0, 2 * n)),
-            bodies=np.empty((len(packed.rows), kernels.BODY)),
-            freedoms=np.empty((n, kernels.FREEDOM)),
-            outer=np.empty((2, n), np.int64),
-            factor=np.empty((n + 1, n)),
-        )  # fmt: skip
-        kept = buffer()
-        kernels.save_slopes(kept, unnamed(space))
-        columns = [(whole, slice(k * n, (k + 1) * n)) for k in range(3)]
-        kernel, address = ready(kernels.forward_derivatives), address_of_array(kept)
-        mech._slopes = kernel, address, (n, 3 * n), *columns, space, kept
-    return mech._slopes
-
-
 def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
     """Return M ∂v'/∂q and M ∂v'/∂v. At rest, they are minus the stiffness and damping."""
     by_q, by_v = torque_slopes(mech, q, v, mech._tree_acceleration(q, v, tau))
@@ -577,93 +286,3 @@ def passive_slopes(mech: Dynamics, q: Array, v: Array) -> tuple[Array, Array]:
         by_v = by_v + slopes_in_v(mech.packed.passive_loads, v, lambda x: mech._load_torque(q, x))
         by_q = by_q + differences(mech, q, lambda x: mech._load_torque(x, v))
     return by_q, by_v
-
-
-def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
-    """Return the (nv, nv) load torque derivatives in v, exact except for drags that change
-    direction.
-
-    Dampers are linear in v and drags quadratic: central differences have no error of order. Steps
-    of the largest speed times the cube root of EPS err least if a drag changes its side.
-    """
-    if len(loads.signals[1]):
-        return differences_in_v(v, of)
-    linear = all(kind.linear(table) for kind, (table, _) in zip(LOADS, loads))
-    h = 1.0 if linear else EPS ** (1 / 3) * max(1.0, float(np.abs(v).max(initial=0.0)))
-    return np.array([of(v + h * e) - of(v - h * e) for e in np.eye(len(v))]).T / (2 * h)
-
-
-def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
-    """Return ∂τ/∂q and ∂τ/∂v (nv, nv) for τ(q, v, v') in eq. (24), without passive forces."""
-    n = mech.nv
-    slopes = np.empty((n, 2 * n))
-    if n:
-        address = slopes_of(mech)[1]
-        with mech._lock:
-            ready(kernels.torque_slopes)(address, q, v, vdot, slopes)
-    return slopes[:, :n], slopes[:, n:]
-
-
-def drive_slopes(drives: Drives, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return (nv, nv) derivatives of springs, servos and motors in q, and dampers and friction in
-    v.
-
-    At t = 0; a drive at its limit has none.
-    """
-    spring, damper = np.zeros((len(v), len(v))), np.zeros((len(v), len(v)))
-    for one in drives.table:
-        terms = drives.terms[one["first_term"] : one["first_term"] + one["terms"]]
-        if not len(terms):
-            terms = np.array([(one["velocity"], one["coordinate"], 1.0)])
-        at_v, at_q = terms[:, 0].astype(int), terms[:, 1].astype(int)
-        rate, springs = float(terms[:, 2] @ v[at_v]), one["coordinate"] >= 0
-        friction = one["friction"] * CREEP**2 / (rate**2 + CREEP**2) ** 1.5
-        if np.isfinite(one["low"]) or np.isfinite(one["high"]):
-            target, torque = (_first(drives, one[key]) for key in ("first_target", "first_torque"))
-            apart = target - float(terms[:, 2] @ q[at_q]) if springs else 0.0
-            asked = torque + one["stiffness"] * apart - one["damping"] * rate
-            if not one["low"] < asked < one["high"]:
-                continue
-        both = np.ix_(at_v, at_v), np.outer(terms[:, 2], terms[:, 2])
-        np.add.at(damper, both[0], -(one["damping"] + friction) * both[1])
-        np.add.at(spring, both[0], -(one["stiffness"] if springs else 0.0) * both[1])
-    return spring, damper
-
-
-def _first(drives: Drives, knot: int) -> float:
-    return float(drives.knots[knot, 3])
-
-
-STEPS = (1e-2, 1e-3, 1e-4)  # rad, m: a short spring bends within less than a long one
-FOURTH, SIXTH = np.array([8.0, -1.0, 0.0]) / 12, np.array([45.0, -9.0, 1.0]) / 60
-
-
-def differences(
-    mech: Dynamics, q: Array, of: Callable[[Array], Array], steps: tuple[float, ...] = STEPS
-) -> Array:
-    """Return the (k, nv) derivatives of a (k,) function in q, to about 1e-11 of the largest."""
-    along = [lambda h, e=e: of(_moved(mech, q, e, h)) for e in np.eye(mech.nv)]
-    return np.array([_slope(one, steps) for one in along]).T
-
-
-def differences_in_v(v: Array, of: Callable[[Array], Array]) -> Array:
-    """Return the (k, nv) derivatives of a (k,) function in v, to about 1e-11 of the largest."""
-    if not len(v):
-        return np.zeros((len(of(v)), 0))
-    return np.array([_slope(lambda h, e=e: of(v + h * e), STEPS) for e in np.eye(len(v))]).T
-
-
-def _slope(of: Callable[[float], Array], steps: tuple[float, ...]) -> Array:
-    """Differentiate a function at 0, using the step at which orders four and six agree best."""
-    found: list[tuple[float, Array]] = []
-    for h in steps:
-        odd = [of(n * h) - of(-n * h) for n in (1, 2, 3)]
-        fourth, sixth = FOURTH @ odd / h, SIXTH @ odd / h
-        found.append((float(np.max(np.abs(sixth - fourth), initial=0.0)), sixth))
-    return min(found, key=lambda pair: pair[0])[1]
-
-
-def _moved(mech: Dynamics, q: Array, e: Array, distance: float) -> Array:
-    moved = q.copy()
-    motion.move(mech.packed.rows, moved, e, distance)
-    return moved

@@ -12,13 +12,12 @@ from ..engine.records import CREEP
 from ..engine.signals import TIME
 from ..errors import choices
 from ..packing import Array
-from ..tolerances import NOTABLE, ROUNDING
+from ..tolerances import EPS, NOTABLE, ROUNDING
 
 if TYPE_CHECKING:
-    from .linear import Balance
+    from .balance import Balance
 
 NONE = np.zeros(0)
-NEAR = 1e-4  # rad, m, rad/s, m/s: the least step of differences
 
 
 def notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[str, ...]:
@@ -78,7 +77,8 @@ def _bent(here: Balance, names: list[str]) -> str:
 
 def _is_bent(of: Callable[[float], Array]) -> bool:
     """Return True if a function has a corner or a jump at 0."""
-    values = [(of(h), of(-h)) for h in (10.0 * NEAR, NEAR)]
+    step = EPS**0.25  # where rounding and curvature weigh alike in a second difference
+    values = [(of(h), of(-h)) for h in (10.0 * step, step)]
     here = of(0.0)
     far, near = (np.abs(a + b - 2.0 * here).max(initial=0.0) for a, b in values)
     size = max(np.abs(x).max(initial=0.0) for pair in (*values, (here,)) for x in pair)

@@ -21,7 +21,7 @@ from ..joints import SIZE
 from ..packing import Array
 from ..rotation import matrix
 from ..tolerances import LONGEST_STEP, NOTABLE, ROUNDING, SOLVED
-from .linear import acting, state_of
+from .balance import acting, state_of
 from .rows import Rows
 
 WHERE = "inverse_kinematics"

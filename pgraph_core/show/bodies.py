@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import viser
 
 MOMENTS = 40  # of a run that pictures must show
-SMALLEST = 0.05  # [m] size of a drawn mechanism
 SEPARATE = 50  # bodies up to which each is a node of its own
 Clicked = Callable[[int, int], None]  # client, number of the body
 Dragged = Callable[[int, int, "viser.SceneNodeDragEvent"], None]  # the same, and the drag
@@ -99,13 +98,13 @@ class Track:
         self.start = poses[0, 0, :3] if poses.shape[1] else np.zeros(3)
         first = extent(looks, poses[0, :, :3], shapes.to_matrix(poses[0, :, 3:]))
         gone = (poses[:, :1, :3] - self.start) * self.across
-        still = max(float(np.linalg.norm(np.ptp(first, axis=0))), SMALLEST)
+        still = shapes.diagonal(first)
         self.travels = bool(np.linalg.norm(gone, axis=-1).max(initial=0.0) > still)
         some = poses[np.unique(np.linspace(0, len(poses) - 1, MOMENTS).astype(int))]
         every = [extent(looks, p[:, :3] - self.gone(p), shapes.to_matrix(p[:, 3:])) for p in some]
         corners = np.concatenate(every)
         self.corners = corners if np.isfinite(corners).all() else first  # (m, 3) [m]
-        self.size = max(float(np.linalg.norm(np.ptp(self.corners, axis=0))), SMALLEST)  # [m]
+        self.size = shapes.diagonal(self.corners)  # [m]
 
     def gone(self, pose: np.ndarray) -> np.ndarray:
         """Return how far a picture of bodies at `pose` (nb, 7) has followed them, (3,) [m]."""

@@ -295,7 +295,12 @@ def reach(
         return np.zeros(3), 1.0
     halves = np.clip(np.nan_to_num(points), -LARGEST, LARGEST) / 2
     low, high = np.min(halves, axis=0), np.max(halves, axis=0)
-    return low + high, max(math.hypot(*(high - low)), 0.05)
+    return low + high, diagonal(halves)
+
+
+def diagonal(points: np.ndarray) -> float:
+    """Return the diagonal of the box around points (n, 3) [m], at least that of a small body."""
+    return max(float(np.linalg.norm(np.ptp(points, axis=0))), 0.05)
 
 
 def branches(parent: Sequence[int]) -> tuple[int, ...]:
