@@ -57,7 +57,7 @@ def moving(n: int) -> Any:
     """The page's state with a run in which all bodies move."""
     from pgraph_app.core.jobs import Done
     from pgraph_app.features import initial, update
-    from pgraph_app.run.update import Simulate
+    from pgraph_app.gait.update import Simulate
     from pgraph_app.scene.update import Show, Viewport
     from pgraph_app.session.update import Connected
 

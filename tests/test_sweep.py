@@ -361,5 +361,5 @@ def test_a_worker_that_is_killed_is_named_with_what_was_done(pendulum, monkeypat
     """A chunk of work is made a point, so that even this sweep goes to processes."""
     monkeypatch.setattr(tasks, "CHUNK", 1e-6)
     given = {"set": {"bodies.my.bob.mass": [*np.linspace(1, 2, 40), 99.0]}}
-    with pytest.raises(pg.InputError, match=r"workers.*ended from outside after \d+ of \d+"):
+    with pytest.raises(pg.InputError, match=r"workers.*stopped by the system after \d+ of \d+"):
         pg.sweep(pendulum, **given, metric=killed_when_heavy, **SHORT, workers=2)

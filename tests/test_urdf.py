@@ -137,7 +137,7 @@ def test_mimics_in_a_ring_are_named(tmp_path, mimics, told):
         for k, name in enumerate("abc")
     ]  # fmt: skip
     model, report = read(tmp_path, *map(link, ("base", "la", "lb", "lc")), *joints)
-    said = [e for e in report.of("warning") if "ring" in e.text]
+    said = [e for e in report.of("warning") if "loop" in e.text]
     rows = np.array([
         [(g.body == f"l{n}") - g.ratio * (g.other == f"l{n}") for n in "abc"]
         for g in model.constraints if isinstance(g, pg.Gear)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.constraints import KINDS, parts
+from pgraph_app.constraints import KINDS, gains, parts
 from pgraph_app.constraints.mobility import mobility_report, report, wanted
 from pgraph_app.constraints.parts import added, knots, table_of
 from pgraph_app.constraints.view import constraints, form
@@ -372,11 +372,11 @@ def test_a_servo_of_a_standing_leg_holds_the_trunk():
     held = pg.Constraint(name="foot", kind="point", body="leg")
     touches = pg.Contact(name="foot", body="leg", points=((0, 0, -1),))
     model = pg.Model(bodies=(trunk, leg))
-    alone = parts.gains(model, "leg")["kp"]
+    alone = gains.gains(model, "leg")["kp"]
     for standing in (model.add(held), model.add(touches)):
-        kp = 9.81 * 30.0 * 0.3 / parts.SAG["rotate"]
-        assert parts.gains(standing, "leg")["kp"] == pytest.approx(kp, rel=0.05)
-    assert alone == pytest.approx(9.81 * 2.0 * 0.5 / parts.SAG["rotate"], rel=0.05)
+        kp = 9.81 * 30.0 * 0.3 / gains.SAG["rotate"]
+        assert gains.gains(standing, "leg")["kp"] == pytest.approx(kp, rel=0.05)
+    assert alone == pytest.approx(9.81 * 2.0 * 0.5 / gains.SAG["rotate"], rel=0.05)
 
 
 def test_a_drive_has_the_unit_and_the_motion_of_its_joint_and_few_fields_first():

@@ -40,7 +40,7 @@ def test_a_sample_time_below_the_step_is_refused():
         (pg.PID(name="c", signal="=q.arn"), ("'c'", "'arn'", "arm")),
         (pg.PID(name="c", signal="=q.arm", setpoint="=v.arm"), ("setpoint", "rad/s")),
         (pg.PID(name="c", signal="=x.f"), ("'f'",)),
-        (pg.State(name="c", rate="=x.c[2]"), ("states from 1 to 1", "2")),
+        (pg.State(name="c", rate="=x.c[2]"), ("states 1 to 1", "2")),
         (pg.State(name="c", rate="=q.arm + v.arm"), ("rad and rad/s",)),
     ],
 )
