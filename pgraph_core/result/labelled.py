@@ -19,17 +19,18 @@ class Labelled(np.ndarray[Any, np.dtype[Any]]):
 
     # below that of arrays, so that it becomes one when it is joined with others
     __array_priority__ = -1.0  # pyright: ignore[reportAssignmentType, reportIncompatibleMethodOverride]
-    _word: str = "array"
-    _places: Callable[[], Mapping[str, Any]] = dict  # name -> index of its columns
+    # what an error calls it, and the function with its argument that returns {name: index}
+    _names: tuple[str, Callable[[Any], Mapping[str, Any]], Any] = ("array", dict, ())
 
     def __getitem__(self, key: Any) -> Any:
         """Return the columns of a name, or what an array returns. Raises NameLookupError."""
         if isinstance(key, str):
-            places = self._places()
+            word, of, given = self._names
+            places = of(given)
             if key not in places:
                 text = f"no entry is named {key!r}; choose one of "
                 text += choices(nearest_first(key, places))
-                raise NameLookupError(Problem(self._word, "", text))
+                raise NameLookupError(Problem(f"run.{word}", "", text))
             key = places[key]
         return self.view(np.ndarray)[key]
 
@@ -44,20 +45,27 @@ class Labelled(np.ndarray[Any, np.dtype[Any]]):
         return repr(self.view(np.ndarray))
 
 
-def labelled(array: Array, word: str, places: Callable[[], Mapping[str, Any]]) -> Labelled:
-    """Return a view that `places()`, {name: index}, also index. `word` names it in errors."""
+def labelled(
+    array: Array, word: str, of: Callable[[Any], Mapping[str, Any]], given: Any
+) -> Labelled:
+    """Return a view of `run.word` that the names in `of(given)`, {name: index}, also index."""
     found = array.view(Labelled)
-    found._word, found._places = word, places  # pyright: ignore[reportPrivateUsage]
+    found._names = word, of, given  # pyright: ignore[reportPrivateUsage]
     return found
 
 
-def by_joint(joints: Mapping[str, Any], part: str) -> dict[str, Any]:
-    """Return {joint: index} of "q" or "v" along the last axis: one number, or several."""
-    own = {name: getattr(joint, part) for name, joint in joints.items()}
-    return {
-        name: (..., place.start if place.stop == place.start + 1 else place)
-        for name, place in own.items()
-    }
+def by_position(joints: Mapping[str, Any]) -> dict[str, Any]:
+    """Return {joint: index} of coordinates along the last axis: one number, or several."""
+    return {name: _one_or_more(joint.q) for name, joint in joints.items()}
+
+
+def by_velocity(joints: Mapping[str, Any]) -> dict[str, Any]:
+    """Return {joint: index} of velocities along the last axis: one number, or several."""
+    return {name: _one_or_more(joint.v) for name, joint in joints.items()}
+
+
+def _one_or_more(place: slice) -> Any:
+    return ..., place.start if place.stop == place.start + 1 else place
 
 
 def by_body(names: tuple[str, ...]) -> dict[str, Any]:

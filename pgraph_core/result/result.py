@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 from zipfile import ZipFile
@@ -36,7 +36,7 @@ from ..tolerances import EPS
 from .bodies import acting, body_motion, body_poses
 from .columns import OF_BODIES, Column, columns_of, dataset, frame, matlab, meant, no_column
 from .dense import states_at
-from .labelled import Labelled, by_body, by_joint, labelled
+from .labelled import Labelled, by_body, by_position, by_velocity, labelled
 from .records import (
     NO_DERIVATIVES,
     NOTHING,
@@ -78,6 +78,8 @@ SLOPES = ({1: 1, -1: -1}, {0: -3, 1: 4, 2: -1}, {0: 3, -1: -4, -2: 1})
 BESIDE = np.cbrt(EPS)  # rad, m, or of a number: where rounding and curvature are about equal
 MORE = "_more"  # attribute with the notices found so far, and the function that finds the others
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculated
+
+BY_JOINT = {"q": by_position, "v": by_velocity, "vdot": by_velocity}  # arrays with names of joints
 
 
 @guarded(other="a run does not change; dataclasses.replace(run, q=...) makes another one")
@@ -124,13 +126,13 @@ class Result(EqualByFields, Portable):
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, because a run does not change."""
-        own = vars(self)
+        own, joints = vars(self), self.mechanism.joints
         for name in ARRAYS:
-            array = own[name]
-            own[name] = view = np.asarray(array).view()
+            array = np.asarray(own[name])
+            places = BY_JOINT.get(name)
+            view = labelled(array, name, places, joints) if places else array.view()
+            own[name] = view
             view.flags.writeable = False
-        for name, part in (("q", "q"), ("v", "v"), ("vdot", "v")):
-            own[name] = labelled(own[name], f"run.{name}", partial(self._places, part))
         self.constraint_force.keep_unchanged()
         if self.contacts is not NOTHING:
             self.contacts.keep_unchanged()
@@ -138,12 +140,9 @@ class Result(EqualByFields, Portable):
         for name in ("counters", "timing", "header"):
             own[name] = ReadOnly(own[name], f"run.{name}", instead)
 
-    def _places(self, part: str) -> dict[str, Any]:
-        return by_joint(self.mechanism.joints, part)
-
     def _of_bodies(self, attribute: str, array: Array) -> Labelled:
         """Return an array (n, nb, ...) that names of bodies index too."""
-        return labelled(array, f"run.{attribute}", lambda: by_body(self.mechanism.names))
+        return labelled(array, attribute, by_body, self.mechanism.names)
 
     def _vector(self, kind: str) -> Labelled:
         """Return a vector of all bodies, a quantity of `OF_BODIES`."""
