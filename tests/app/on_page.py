@@ -20,6 +20,20 @@ def under_pointer(line: Any, what: Any) -> Any:
     return what
 
 
+def press_under_pointer(line: Any, what: Any) -> None:
+    """Press what a line shows under the pointer, again if the line moves away before the press."""
+    from playwright.sync_api import TimeoutError
+
+    def pressed() -> bool:
+        try:
+            under_pointer(line, what).click(timeout=2000)
+        except TimeoutError:
+            return False
+        return True
+
+    until(pressed, "a press of what the pointer reveals")
+
+
 def row_cell(page: Any, name: str, label: str) -> Any:
     """Return a cell of a row, which has it while the pointer is there."""
     return under_pointer(row(page, name), row(page, name).get_by_label(label, exact=True))

@@ -24,10 +24,10 @@ from .on_page import (
     field,
     nothing_refused,
     part_field,
+    press_under_pointer,
     refused,
     selections,
     typed,
-    under_pointer,
 )
 
 
@@ -319,7 +319,7 @@ def test_a_loop_is_closed_and_a_contact_edited_by_clicks(bench, served):
     contact = bench.locator(f'.tie[data-name="{model(served).contacts[0].name}"]')
     contact.locator('input[type="checkbox"]').first.click()
     until(lambda: not model(served).contacts[0].active, "switched off")
-    under_pointer(contact.locator(".line"), contact.locator(".delete-tie")).click()
+    press_under_pointer(contact.locator(".line"), contact.locator(".delete-tie"))
     until(lambda: not model(served).contacts, "deleted")
 
     choose_body(bench, "1")  # a part is for what is selected by then

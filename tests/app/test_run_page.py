@@ -21,11 +21,11 @@ from .on_page import (
     notice,
     place,
     pose_of_all,
+    press_under_pointer,
     refused,
     row,
     simulate,
     typed,
-    under_pointer,
 )
 
 
@@ -314,7 +314,7 @@ def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compil
     tie = pg.Constraint(name="tie", kind="point", body="2", point=(0.0, 0.0, 0.0))
     opened(page, served, pg.Model.serial(2).add(tie).replace(name="tied"))
     page.get_by_role("tab", name="Connections").click()
-    under_pointer(page.locator(".tie .line"), page.locator(".tie button.when")).click()
+    press_under_pointer(page.locator(".tie .line"), page.locator(".tie button.when"))
     switch = page.locator(".switch")
     switch.wait_for()
     until(lambda: store.state.model.scenarios, "a scenario")

@@ -159,10 +159,12 @@ def test_rows_are_selected_moved_dragged_and_deleted(chain: Any, served: Server)
     until(lambda: names(served) == ["1", "2", "3", "4", "5"], "in their order")
 
     row(page, "5").wait_for()
+    settled(page, served)  # a row that is drawn anew is not dragged on
     handle = row(page, "5").locator("td.number")
     handle.drag_to(row(page, "2"), target_position={"x": 60, "y": 2})
     until(lambda: names(served) == ["1", "5", "2", "3", "4"], "5 before 2")
     page.wait_for_function("pgraph.latest.table.rows[1].name === '5'")
+    settled(page, served)
     handle.drag_to(row(page, "1"), target_position={"x": 60, "y": 13})
     until(lambda: served.store.state.model.body("5").parent == "1", "5 on 1")
 
