@@ -37,7 +37,7 @@ def stepped(response: Response, display: Display) -> Payload:
     size = f"{shown(response.size, of, display):.4g} {display.unit(of) or response.unit}".strip()
     settled = "Not settled at the end"
     if response.settled is not None:
-        settled = f"Within {SETTLED:.0%} of the step from its end after {response.settled:.3g} s"
+        settled = f"Within {SETTLED:.0%} of the final value after {response.settled:.3g} s"
     texts = (
         f"Overshoot {response.overshoot:.1%}", f"Error at the end {response.left:.2%}",
         settled,

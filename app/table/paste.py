@@ -62,7 +62,7 @@ def rows_of(
         model.body(name)
     new = lines[len(rows) :]
     if new and rows and "name" not in columns:
-        raise Refusal(f"line {len(rows) + 1} has no row; paste into the column Body to make rows")
+        raise Refusal(f"line {len(rows) + 1} has no row; paste into the Body column to add rows")
     before = model
     places = _places(model, len(new))
     described = not {"joint", "", *COLUMNS}.issuperset(columns)

@@ -162,7 +162,7 @@ class Balance:
     def settled(self) -> Self:
         """Return the same scene with states of controls that stay, and that hold it, if any do.
 
-        Newton's method: rates vanish first, and forces by what states are free in then.
+        Newton's method first makes the rates vanish, then the forces by the states that stay free.
         """
         here = self
         for _ in range(SETTLING if len(self.s) else 0):

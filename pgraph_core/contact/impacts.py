@@ -21,7 +21,7 @@ DIRECTIONS = 48  # slip directions between which a root is bracketed
 
 
 class ContactRow(NamedTuple):
-    """A contact in the rows of an impact."""
+    """A contact point of an impact: its rows and its laws."""
 
     first: int  # its normal row
     size: int  # 3, or 1 for a limit

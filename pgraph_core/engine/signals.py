@@ -120,7 +120,7 @@ def differentiate(code, first, count):
 
 @kernel(void(F2, F1, F2), later=True)
 def rates(code, times, out):
-    """Write the value and the rate of a program of time alone at each time into `out` (n, 2)."""
+    """Write the value and rate of a program of time only into `out`, at each time (n, 2)."""
     count = code.shape[0] // 2
     for i in range(times.shape[0]):
         evaluate(code, 0, count, times[i], times, times)

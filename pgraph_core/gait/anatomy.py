@@ -112,7 +112,7 @@ def _leg(mech: Mechanism, gait: Gait, fall: Footfall, position: Array) -> _Leg:
     axes = [tuple(m.axis for m in body.sequence if m.kind == "rotate") for body in chain[:3]]
     fine = len(chain) == 4 and axes[:2] == [(Z,), (Z,)] and axes[2] in ((Z,), (X, Z))
     if not fine:
-        text = "three hinges about z, the hip's after one about x or alone"
+        text = "three hinges about z, of which the hip's may follow a hinge about x"
         raise _refused(gait, f"a leg has {text}; that of '{fall.foot}' has not")
     _, shank, thigh, girdle = chain
     found = table(LEG, 1)

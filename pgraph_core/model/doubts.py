@@ -140,7 +140,7 @@ def _starts(bodies: Sequence[Body]) -> Iterator[str]:
         for k, by in beyond(body.q, body.sequence, body.limits):
             yield (
                 f"body '{body.name}': it starts {by:.3g} beyond its limits "
-                f"{shown(body.limits[k])}, which hold it there until it moves back"
+                f"{shown(body.limits[k])}, which keep it there until it moves back"
             )
 
 

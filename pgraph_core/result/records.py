@@ -174,7 +174,7 @@ class Named(Mapping[str, Any]):
         return self._given
 
     def keep_unchanged(self) -> None:
-        """Make the arrays read-only, or let them be so when they are made."""
+        """Make the arrays read-only, those computed later when they are first read."""
         if not callable(self._given):
             keep_unchanged(self._given.values())
 

@@ -90,7 +90,7 @@ def optimise(
     progress: Callable[[Trial, Result | None], Any] | None = None,
     **options: Any,
 ) -> Optimum:
-    """Minimise an objective of a run over numbers of a model.
+    """Minimise an objective of a run over parameters of a model.
 
     SciPy's solvers are used with exact derivatives of each run. If a trial model is invalid or its
     run fails, the step of the solver is shortened. Ctrl-C ends the search and returns the best
@@ -331,7 +331,7 @@ class _Search:
         return found
 
     def _difference(self, point: _Point, k: int) -> Array:
-        """A central difference, or one on the side where there are runs."""
+        """A central difference, or a one-sided one if only runs on that side exist."""
         low, high = self.numbers.bounds[k] / self.numbers.size[k]
         found, share = [], self.differences or 0.0
         for h in (-share, share):

@@ -165,7 +165,7 @@ class Carried:
         return [*self._ended, f"at t = {t:.6g} s derivatives end: {ENDS[int(why)]}"]
 
     def notices(self) -> list[str]:
-        """Sentences on where derivatives end, and on numbers without influence."""
+        """Notices about the end of derivatives and about parameters without influence."""
         idle = [one.path for one, d in zip(self.variables, self._each()) if not d.any()]
         ended = self.ended
         found = ended + [f"{path} has no influence on the motion" for path in idle]

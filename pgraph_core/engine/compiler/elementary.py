@@ -1,6 +1,6 @@
 """Elementary functions from sums, products and quotients, bit-identical on every processor.
 
-The C library rounds them as its version and the processor have it. Here each is plain
+How the C library rounds them depends on its version and on the processor. Here each is plain
 floating-point source, within one unit in the last place; atan2, and powers that are very large or
 small, within two. tests/core/test_elementary.py measures them against mpmath.
 Coefficients are those of Cephes

@@ -258,7 +258,7 @@ def first_of(x):
 
 @part
 def reaches(whole, k):
-    """Return True if a wrench reaches row k in any lane."""
+    """Return True if a wrench acts on row k in any instance."""
     found = False
     for n in range(6):
         found = found or any_of(whole[k, n])

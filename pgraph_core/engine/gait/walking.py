@@ -136,7 +136,7 @@ def wanted(s, waves, phase, t, felt, angles, rates, com, u):
 
 @part
 def base_acceleration(work, feet, s, heading, com, vdot):
-    """Return the root's acceleration by the foot forces in world axes, also in `vdot`."""
+    """Return the root's acceleration due to foot forces in world axes, also written to `vdot`."""
     none = 0.0 * s.mass
     force = (none, none, none)
     moment = (none, none, none)

@@ -73,7 +73,7 @@ def take_values(run, numbers, row, source):
 
 @sweep
 def go_back(run, numbers):
-    """Go back to the start of the last step of numbers."""
+    """Return to the start of the last step, for numbers without derivatives."""
     control, given = opened_run(run).control[0], opened_run(numbers).control[0]
     take_values(run, numbers, at.Y, at.Y_OLD)
     control.time = given.old_time
