@@ -139,7 +139,6 @@ def start(args: Namespace) -> None:
     if args.log is not None:
         _log_to(args.log)
     needed("viser")
-    from ..gait.update import Simulate
     from ..server import serve  # here: no other command needs viser
     from ..session.autosave import state_folder
 
@@ -151,8 +150,6 @@ def start(args: Namespace) -> None:
         model, host=args.host, port=args.port, open_browser=not args.no_browser,
         given=given, keep=state_folder(), token=args.token,
     )  # fmt: skip
-    if model.scenarios and not server.store.state.undo:
-        server.send(Simulate(0))  # ready to play when the page is seen
     gc.collect()
     gc.freeze()  # later garbage collections skip the objects that exist by now
     server.wait(lambda: bool(stopped))
