@@ -5,7 +5,7 @@ import pgraph_core as pg
 Z = (0, 0, 1)
 
 
-def pendulum(controls=(), torque=0.0, **fields):
+def pendulum(controls=(), torque: float | str = 0.0, **fields):
     arm = pg.Body(name="arm", axes=[Z], mass=2.0, com=(0.5, 0, 0), inertia=(0.1, 0.1, 0.2))
     drive = [pg.Motor(name="drive", body="arm", torque=torque)]
     return pg.Model(

@@ -335,7 +335,10 @@ class BatchStepper(Snapshots):
         given = self._tau if tau is None else _table("tau", tau, self.size, self.mech.nv)
         self._many.given[:, : self.mech.nv] = given
 
-    def reset(self, q: Any = None, v: Any = None, which: Any = None, numbers: Any = None) -> None:
+    def reset(
+        self, q: Any = None, v: Any = None, which: Any = None, numbers: Any = None,
+        states: Any = None,
+    ) -> None:  # fmt: skip
         """Reset instances to t = 0.
 
         Targets of servos are reset to those of the model. The default stiffness of soft and penalty
@@ -352,6 +355,9 @@ class BatchStepper(Snapshots):
             Numbers of instances, or a mask (size,). The default is all.
         numbers : array_like (k,), optional
             Indices into the lists of `set`, whose entries the instances use from now on.
+        states : array_like (k, nx) or (nx,), optional
+            States of the controls, after a sample at t = 0. By default they start as the model
+            says.
 
         Raises
         ------
@@ -365,6 +371,8 @@ class BatchStepper(Snapshots):
             raise _refused("numbers", "requires set={path: values}", "reset")
         qs = None if q is None else self._configurations(q, len(chosen))
         vs = None if v is None else _table("v", v, len(chosen), self.mech.nv)
+        nx = self.states.shape[1]
+        own = None if states is None else _table("states", states, len(chosen), nx)
         before = many.states[chosen], many.codes[chosen], many.kind[chosen]
         many.kind[chosen], many.codes[chosen] = kinds, at.RUNNING
         many.states[chosen] = many.starts[kinds]
@@ -373,15 +381,15 @@ class BatchStepper(Snapshots):
         if vs is not None:
             many.v[chosen, : self.mech.nv] = vs
         record = self._first.recording
-        begun = len(record.plan.active) or self.states.size or record.steps.control["approach"]
-        if (qs is None and vs is None) or not begun:
-            return
+        begun = len(record.plan.active) or nx or record.steps.control["approach"]
         try:
-            for i in chosen.tolist():
+            for i in chosen.tolist() if begun and not (qs is None and vs is None) else ():
                 self._start(i)
         except InputError:
             many.states[chosen], many.codes[chosen], many.kind[chosen] = before
             raise
+        if own is not None:
+            many.v[chosen, self.mech.nv :] = own
 
     def _start(self, i: int) -> None:
         """Project instance i onto its constraints and detect nearby contacts. Raises InputError."""

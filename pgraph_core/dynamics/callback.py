@@ -113,7 +113,7 @@ def acting(tau: Any, nq: int, nv: int, room: int) -> UserTorque | None:
     A controller provides its own compiled function, with a workspace for each run.
     """
     if hasattr(tau, "acting"):
-        return tau.acting()
+        return tau.acting(room)
     return UserTorque(tau, nq, nv, room) if callable(tau) else None
 
 

@@ -72,9 +72,11 @@ class Controller(Portable):
         """Return the joint torques τ (nv,) [N m] at a state, as used in a run."""
         return self.acting().torque(t, q, v)
 
-    def acting(self) -> GaitTorque:
-        """Return the compiled function for one run, with its own workspace and settings."""
-        return GaitTorque(self)
+    def acting(self, room: int = 0) -> GaitTorque:
+        """Return the compiled function for one run of states of at most `room` numbers, with its
+        own workspace and settings.
+        """
+        return GaitTorque(self, room)
 
     def changed(self, t: float, /, **fields: object) -> Controller:
         """Return a controller of the changed gait, which continues from the clock of this one at
@@ -150,13 +152,13 @@ class GaitTorque(UserTorque):
 
     interpreted = False
 
-    def __init__(self, controller: Controller):
+    def __init__(self, controller: Controller, room: int):
         """Compile the controller on the first call in the process."""
         mech = controller.mech
         nq, nv = mech.nq, mech.nv
         self.error = None
         self.address = address_of(walking.walking)
-        width = max(nq, nv)
+        width = max(nq, nv, room)
         self.exchange = np.zeros((3 + -(-TUPLE // width), width))
         self.answer = np.zeros(1, dtype=np.int64)
         self.settings, self.fallen = controller.settings.copy(), np.full(1, -1.0)
@@ -185,10 +187,13 @@ class GaitTorque(UserTorque):
         return [kept.rows, kept.const, kept.legs, kept.waves, kept.limit, kept.spine]
 
     def join(self, packed: Packed, work: Array) -> None:
-        """Use frames, velocities and inertias from a run of the same bodies."""
+        """Use frames, velocities and inertias from a run of the same bodies.
+
+        The states of controls have rows behind those of the bodies.
+        """
         mine = self.kept.rows, self.kept.const
-        if all(np.array_equal(a, b) for a, b in zip(mine, packed.tree)):
-            self.kept = self.kept._replace(theirs=work)
+        if all(np.array_equal(a, b[: len(a)]) for a, b in zip(mine, packed.tree)):
+            self.kept = self.kept._replace(theirs=work[: len(self.kept.rows)])
             _store(self.exchange, self.kept)
 
     def torque(self, t: float, q: Array, v: Array) -> Array:

@@ -345,6 +345,18 @@ def states_of(model: Model) -> list[tuple[Control, int, Own]]:
     return [(c, k, own) for c in model.controls for k, own in enumerate(c.own)]
 
 
+def begun_from(loads: Loads, states: Array) -> Loads:
+    """Return the loads with these first values (nx,) of the states of controls, where they are not
+    nan.
+    """
+    code, targets, own = loads.signals
+    known, own = np.flatnonzero(~np.isnan(states)), own.copy()
+    own[known, kernels.START] = len(code) // 2 + np.arange(len(known))
+    rows = np.zeros((2 * len(known), kernels.COLUMNS))
+    rows[::2, 0], rows[::2, 4] = kernels.NUMBER, states[known]
+    return loads._replace(signals=(np.vstack((code, rows)), targets, own))
+
+
 def known_forces(model: Model) -> tuple[Force, ...]:
     """Return all forces that expressions of a model may name, those of scenarios too."""
     return (*(f for s in model.scenarios for f in s.forces), *model.forces)

@@ -20,9 +20,9 @@ from ..result import Result
 from .estimate import error_estimate
 from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of
-from .plan import plan_of
+from .plan import begun_with, plan_of
 from .recording import Recording
-from .start import by_names, torques_by_names, with_state
+from .start import by_names, given_states, torques_by_names, with_state
 
 if TYPE_CHECKING:
     from ..packing import Array
@@ -40,6 +40,7 @@ def simulate(
     q: Any = None,
     v: Any = None,
     *,
+    states: Any = None,
     t_start: float = 0.0,
     t_end: float | None = None,
     method: str | None = None,
@@ -71,6 +72,11 @@ def simulate(
         name of body, as a dictionary or a row of pandas. Coordinates that are not named keep the
         values of the scenario or of the model. Lists raise an error if the table of bodies is in
         another order.
+    states : array or dict, optional
+        Initial states (nx,) of the controls in the order of `run.states`, or values by name of
+        control. Controls that are not named start as the model says. A sample at `t_start` of a
+        control with given states is taken to be over. `simulate(mech, run.q[-1], run.v[-1],
+        states=run.states[-1], t_start=run.t[-1], ...)` continues a run.
     t_start, t_end : float
         Time at the start and at the end [s].
     method : str, optional
@@ -152,7 +158,7 @@ def simulate(
         tau = torques_by_names(mech, tau)
     if q is not None or v is not None:
         q, v = by_names(mech, scenario, q, v, tau)
-    plan = plan_of(mech, options, tau, q, v)
+    plan = begun_with(plan_of(mech, options, tau, q, v), given_states(mech, states))
     state = with_state(mech, plan.start, q, v, float(plan.times[0]))
     tau = plan.tau if tau is None else tau
     monitors = () if events is NO_EVENTS else monitors_of(events, (mech.nq, mech.nv))

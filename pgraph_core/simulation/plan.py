@@ -31,7 +31,7 @@ from ..model import Contact, Force, Scenario, Table
 from ..model.scenario import STEP
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import bends_of_loads, exerts
-from ..packing.signals import contacts_read, varying
+from ..packing.signals import begun_from, contacts_read, varying
 from ..tolerances import EPS, SOLVED
 from .conditions import ConditionOf, conditions_of
 from .kinks import Kink, kinks_of
@@ -158,6 +158,7 @@ class RunPlan(Way):
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
     length: float = 1.0  # length of the mechanism, a scale of errors [m]
     start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v if the call gives none
+    states: Array | None = None  # (nx,) given states of controls, nan for those that are not
     tau: Any = None  # the controller of the scenario's gait
     way: Way | None = None  # continuation once bodies come close, None for no change
     declared: Tables | None = None  # contacts and limits that are ignored until then
@@ -186,6 +187,13 @@ class RunPlan(Way):
             return other
         substeps, width = steps_between(self.times, float(other.width.max(initial=0.0)))
         return replace(other, substeps=substeps, width=width)
+
+
+def begun_with(plan: RunPlan, states: Array | None) -> RunPlan:
+    """Return the plan of a run that begins with these states of controls (nx,), if any."""
+    if states is None or not len(states):
+        return plan
+    return replace(plan, loads=begun_from(plan.loads, states), states=states)
 
 
 def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunPlan:
@@ -253,9 +261,6 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     _check_sizes(mech)
     span = o.span(given)
     tau = controller_of(mech, given) if tau is None else tau
-    if is_controller(tau) and mech.model.controls:
-        text = "walks by its own controller, with which the model's controls do not act; "
-        raise InputError(Problem("simulate", "gait", f"{text}remove the gait or the controls"))
     start = initial_state(mech, given, q, v, tau, span[0])
     declared = contact_tables(mech.packed, touching_contacts(mech, given))
     contacts, rated = declared, declared is not None and _left_open(declared)

@@ -347,6 +347,9 @@ class Recording(Running):
         if first and self.size != (mech.nq, mech.nv):
             near = 4.0 * EPS * abs(self.start)
             self.scene.begin_controls(self.start, near, self.q, self.v)
+            if plan.states is not None:  # a sample at the start has been taken
+                known = ~np.isnan(plan.states)
+                self.v[mech.nv :][known] = plan.states[known]
         self.began = self.q.copy(), self.v.copy()
         code = self._first_evaluation() if first or self.scene.remembers else 0
         if code and self.user is not None:

@@ -12,6 +12,7 @@ from ..errors import InputError, Problem, choices, nearest_first
 from ..mechanism import Mechanism
 from ..model import Scenario
 from ..packing import Array
+from ..packing.signals import states_of
 
 if TYPE_CHECKING:
     from ..gait.controller import Controller
@@ -68,6 +69,28 @@ def by_names(
             _fill(mech, state, entries, "qv"[k])
             found[k] = state
     return found[0], found[1]
+
+
+def given_states(mech: Mechanism, states: Any) -> Array | None:
+    """Return the given states of controls (nx,), nan for those that are not, or None without any.
+
+    Raises InputError for unknown controls and other counts of values.
+    """
+    if states is None:
+        return None
+    own = [control.name for control, _, _ in states_of(mech.model)]
+    entries = names_in(states)
+    if entries is None:
+        return finite("states", states, len(own))
+    found = np.full(len(own), np.nan)
+    for name, values in entries.items():
+        places = [i for i, known in enumerate(own) if known == name]
+        if not places:
+            do = f"choose from {choices(nearest_first(str(name), own))}" if own else "it has none"
+            raise InputError(Problem("states", "", f"no control of the model is {name!r}; {do}"))
+        values = [values] if np.isscalar(values) else values
+        found[places] = finite(f"states['{name}']", values, len(places))
+    return found
 
 
 def torques_by_names(mech: Mechanism, tau: Any) -> Any:

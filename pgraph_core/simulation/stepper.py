@@ -36,9 +36,9 @@ from ..tolerances import SOLVED
 from .inputs import Inputs
 from .loop import Outcome
 from .options import Options, begun, driven, inputs_of, positive
-from .plan import plan_of, touching_contacts, with_contacts
+from .plan import begun_with, plan_of, touching_contacts, with_contacts
 from .recording import Recording
-from .start import by_names, torques_by_names, with_state
+from .start import by_names, given_states, torques_by_names, with_state
 from .switches import Change
 
 if TYPE_CHECKING:
@@ -81,6 +81,8 @@ class Stepper(Snapshots):
         Give () for a scenario that switches constraints later on, and call `switch` instead.
     q, v : array or dict, optional
         Initial state, by default the one of the scenario or of the model.
+    states : array or dict, optional
+        Initial states of the controls, as in `simulate`.
     t_start : float
         Time at the start [s].
 
@@ -117,6 +119,7 @@ class Stepper(Snapshots):
         switches: Sequence[Any] | None = None,
         q: Any = None,
         v: Any = None,
+        states: Any = None,
         t_start: float = 0.0,
     ):
         """Start at (q, v), by default the initial state of the scenario or of the model."""
@@ -154,7 +157,7 @@ class Stepper(Snapshots):
         )
         self._tau = torques_by_names(mech, tau)
         self._started = float(t_start)
-        self.reset(q, v)
+        self.reset(q, v, states)
 
     # -- the state -------------------------------------------------------------------------------
 
@@ -300,7 +303,7 @@ class Stepper(Snapshots):
 
     # -- steps -----------------------------------------------------------------------------------
 
-    def reset(self, q: Any = None, v: Any = None) -> None:
+    def reset(self, q: Any = None, v: Any = None, states: Any = None) -> None:
         """Restart at t_start.
 
         Inputs and targets return to their values at the start.
@@ -309,6 +312,8 @@ class Stepper(Snapshots):
         ----------
         q, v : array_like or dict, optional
             Coordinates and velocities, as for `simulate`. The default is the initial state.
+        states : array_like or dict, optional
+            States of the controls, as for `simulate`. By default they start as the model says.
 
         Raises
         ------
@@ -316,7 +321,7 @@ class Stepper(Snapshots):
             If the state does not fit, or the constraints cannot be met from it.
         """
         q, v = by_names(self.mech, self._options.scenario, q, v, self._tau)
-        self._begin(self._started, q, v)
+        self._begin(self._started, q, v, given_states(self.mech, states))
 
     def step(
         self,
@@ -584,7 +589,7 @@ class Stepper(Snapshots):
 
     # -- inside ----------------------------------------------------------------------------------
 
-    def _begin(self, t: float, q: Any, v: Any) -> None:
+    def _begin(self, t: float, q: Any, v: Any, states: Array | None) -> None:
         mech, tau, name = self.mech, self._tau, self._options.scenario
         given = mech.model.scenario(name) if name is not None else None
         options = self._options._replace(t_start=t, t_end=t + self._width)
@@ -603,7 +608,7 @@ class Stepper(Snapshots):
         drives = plan.drives._replace(knots=plan.drives.knots.copy())
         whole = np.arange(len(mech.model.constraints))
         loads = mech.packed.loads(forces, states=True)
-        plan = replace(plan, drives=drives, loads=loads, ever=whole)
+        plan = begun_with(replace(plan, drives=drives, loads=loads, ever=whole), states)
         tau = plan.tau if tau is None else tau
         self._record = Recording(mech, plan, *state, tau)
         self._steps, scene = self._record.steps, self._record.scene

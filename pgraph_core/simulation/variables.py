@@ -286,6 +286,8 @@ def refuse(given: Given) -> None:
         why = "a function of torques has no derivatives: give motors or servos in its place"
     if (plan.loads.signals[2][:, SAMPLE] >= 0).any():
         why = "controls that act at samples have no derivatives yet; give them no sample time"
+    if plan.states is not None:
+        why = "given states of controls have no derivatives yet; give the controls a start"
     if why:
         raise InputError(Problem("simulate", "wrt", why))
     if not plan.method.implicit:

@@ -35,9 +35,9 @@ class Walk(Portable):
         walk.push((0, 0, 80), seconds=0.2)               # [N] on the trunk, in world axes
         walk.follow(underfoot(walk.mech.model, friction=0.3))    # other ground, law or masses
 
-    Each piece continues at the end of the last one. Times are absolute, so the same changes at the
-    same times give identical results. The controller has no memory: (t, q, v, gait) is the whole
-    state. A fall is reported in the warnings of the piece, and `fell` stays true.
+    Each piece continues at the end of the last one, with the states of the model's controls. Times
+    are absolute, so the same changes at the same times give identical results. A gait has no
+    memory. A fall is reported in the warnings of the piece, and `fell` stays true.
     """
 
     def __init__(
@@ -62,6 +62,7 @@ class Walk(Portable):
         start = self.controller.start()
         self.t = 0.0
         self.q, self.v = start[0] if q is None else q, start[1] if v is None else v
+        self.states: Array | None = None  # of the model's controls, None before the first piece
         self.fell = False
         self._options: dict[str, Any] = {"step": step, "method": method}
         self._pushes: list[tuple[float, Force]] = []  # when each is over
@@ -93,6 +94,7 @@ class Walk(Portable):
         run = self._run(dt, frames) if stepper is None else stepper.record_over(dt, frames)
         if len(run.t):
             self.t, self.q, self.v = float(run.t[-1]), run.q[-1], run.v[-1]
+            self.states = run.states[-1]
         self.fell = self.fell or any("fell" in text for text in run.notices)
         return run
 
@@ -120,6 +122,7 @@ class Walk(Portable):
             forces=self._forces,
             q=self.q,
             v=self.v,
+            states=self.states,
             t_start=self.t,
         )
         stepper.because(plan.header["why"])
@@ -135,6 +138,7 @@ class Walk(Portable):
             self.mech,
             self.q,
             self.v,
+            states=self.states,
             t_start=self.t,
             t_end=self.t + dt,
             scenario=self.scenario,
