@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import venv
 import zipfile
 from email import message_from_string
@@ -144,6 +145,18 @@ def test_every_llvmlite_that_is_allowed_reads_the_archive_of_kernels():
     (least,) = bound.specifier
     assert least.operator == ">="
     assert Version(least.version).release[:2] == Version(made_by).release[:2]
+
+
+@pytest.mark.quick
+def test_every_file_that_is_no_module_is_named_as_data_of_its_package():
+    """A wheel without the font of the page could not start the page."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    for package, patterns in settings["tool"]["setuptools"]["package-data"].items():
+        folder = ROOT / OURS[package]
+        data = {file for pattern in patterns for file in folder.glob(pattern)}
+        files = {file for file in folder.rglob("*") if file.is_file()}
+        missing = {x for x in files - data if x.suffix != ".py" and "__pycache__" not in x.parts}
+        assert missing == set()
 
 
 @pytest.mark.nightly
