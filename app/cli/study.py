@@ -55,7 +55,7 @@ def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
     takes("--tolerances", type=numbers, metavar="R,R", help="default: 1e-2 .. 1e-12"),
     takes("--fixed", action="store_true", help="also run adaptive methods at steps"),
     takes("--target", type=positive, metavar="E", help="error to recommend for"),
-    takes("--rounds", type=count, default=5, help="rounds of timing; default: 5"),
+    takes("--rounds", type=count, default=3, help="rounds of timing; default: 3"),
     takes(
         "--clock", choices=("wall", "processor"), default="processor",
         help="wall includes time of other programs; default: processor",

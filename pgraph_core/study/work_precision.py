@@ -69,7 +69,7 @@ def work_precision(
     tolerances: Any = None,
     fixed: bool = False,
     reference: Any = None,
-    rounds: int = 5,
+    rounds: int = 3,
     clock: str = "processor",
     quantity: str = "position",
     scenario: str | None = None,
