@@ -70,7 +70,6 @@ REPORT = ("report", "double_pendulum", "--t-end", "0.2", "--methods", "rk4,dop85
 TOLD = [  # the words, and what people read
     (("info", "fig1_tree"), ["[1 2 3 4 2 5 2 6 7]", "[1 1 1 1 0 1 0 1 1]", "revolute"]),
     (MAP, ["rk4 UNSTABLE"]),
-    ((*STIFF, "--all", "--values", "1", "--methods", "rk4", "--steps", "1e-2"), ["friction"]),
     ((*REPORT, "--target", "1e-5"), ["rk4     step 0.01 s"]),
     (("run", "pendulum", "--t-end", "0.5", "--rtol", "1e-10"), ["1e-10"]),
     (("run", "pendulum", "--t-end", "0.5", "--step", "0.01"), ["scenario swing", "50 steps"]),
@@ -189,7 +188,7 @@ USAGE = [  # exit code 2: the words, and facts of the answer
 ]  # fmt: skip
 REFUSED = [  # exit code 1
     ((*SWEEP, "--set", "bodies.rod.mass=1:2"), ["first:last:points"]),
-    ((*STIFF, "-o", "map.txt"), [".html", ".svg", ".json"]),
+    ((*STIFF, "-o", "map.pdf"), [".html", ".svg", ".json"]),
     ((*STIFF, "--methods", "rk5"), ["'rk5'"]),
     (("run", "quadruped", "--scenario", "trot"), ["scenario 'trot'", "stance, stand"]),
     (("run", "quadruped", "--method", "magic"), ["method", "'magic'", "rk4"]),

@@ -10,7 +10,6 @@ from typing import Any
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.errors import FileError, InputError, Problem, choices
-from pgraph_core.model.files import write_atomic
 
 from .terminal import (
     FILES,
@@ -53,13 +52,8 @@ def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
     METHODS,
     takes("--steps", type=numbers, metavar="S,S", help="default: h0 halved 8 times"),
     takes("--tolerances", type=numbers, metavar="R,R", help="default: 1e-2 .. 1e-12"),
-    takes("--fixed", action="store_true", help="also run adaptive methods at steps"),
     takes("--target", type=positive, metavar="E", help="error to recommend for"),
     takes("--rounds", type=count, default=3, help="rounds of timing; default: 3"),
-    takes(
-        "--clock", choices=("wall", "processor"), default="processor",
-        help="wall includes time of other programs; default: processor",
-    ),
     takes(
         "--quantity", choices=("position", "velocity", "force"), default="position",
         help="whose error is measured; force: that of constraints; default: position",
@@ -113,9 +107,7 @@ def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Ba
     try:
         return pg.work_precision(
             mech,
-            fixed=args.fixed,
             rounds=args.rounds,
-            clock=args.clock,
             quantity=args.quantity,
             peers=tuple(installed_peers()) if args.peers else (),
             progress=lambda fraction: bar("measuring", fraction),
@@ -153,65 +145,24 @@ def _axis(parser: ArgumentParser) -> None:
     "which methods stay accurate as a model is made stiff or extreme",
     *MODEL,
     _axis,
-    takes("--all", action="store_true", help="every axis that fits the model"),
     takes("--values", type=numbers, metavar="X,X", help="default: those of the axis"),
     METHODS,
     takes("--steps", type=numbers, metavar="S,S", help="default: 0.1 to 1e-4 [s]"),
     T_END,
     takes("--target", type=positive, metavar="E", help="largest error that is OK"),
     takes("--scenario", help="default: none"),
-    takes("-o", "--output", metavar="FILE", help="write a page (.html), .svg or .json"),
+    takes("-o", "--output", metavar="FILE", help="write a page (.html), .json, .svg or .txt"),
 )
 def stability(args: Namespace) -> Answer:
-    _writable(args.output, (".html", ".json") if args.all else (".html", ".svg", ".json"))
-    model = open_model(args)
-    asked = {n: getattr(args, n) for n in ("methods", "steps", "t_end", "target", "scenario")}
-    options = {name: value for name, value in asked.items() if value is not None}
-    if args.values is not None:
-        options["values"] = args.values
-    maps, lacking = _maps(model, args, options)
+    """Make a map of one axis. Raises PgraphError."""
+    _writable(args.output, pg.StabilityMap.SUFFIXES)
+    asked = ("axis", "values", "methods", "steps", "t_end", "target", "scenario")
+    options = {name: x for name in asked if (x := getattr(args, name)) is not None}
+    bar = progress_bar()
+    try:
+        found = pg.stability_map(open_model(args), progress=lambda x: bar("map", x), **options)
+    finally:
+        bar("", 1.0)
     if args.output:
-        _written(maps, args.output)
-    data = maps[0].to_dict() if not args.all else {"maps": [found.to_dict() for found in maps]}
-    data |= {"output": args.output} if args.output else {}
-    parts = [str(found) for found in maps] + ["\n".join(lacking)] * bool(lacking)
-    return Answer(data, "\n\n\n".join(parts))
-
-
-def _maps(
-    model: pg.Model, args: Namespace, options: dict[str, Any]
-) -> tuple[list[pg.StabilityMap], list[str]]:
-    """Return one map per axis, and a message for each axis that does not apply to the model."""
-    from pgraph_core.study.axes import AXES
-
-    bar, found, lacking = progress_bar(), [], []
-    for axis in AXES if args.all else (args.axis,):
-        if args.all and axis == "step":
-            continue  # the other maps have the steps as columns
-        try:
-            found.append(
-                pg.stability_map(
-                    model,
-                    axis=axis,
-                    progress=lambda x, axis=axis: bar((axis or "map")[:9], x),
-                    **options,
-                )
-            )
-        except InputError as refused:
-            if not args.all or not all(p.field == "axis" for p in refused.problems):
-                raise
-            lacking.append(str(refused))
-        finally:
-            bar("", 1.0)
-    return found, lacking
-
-
-def _written(maps: list[pg.StabilityMap], output: str) -> None:
-    from pgraph_core.study.map import maps_page
-
-    if len(maps) == 1 and not output.endswith(".html"):
-        maps[0].save(output)
-    elif output.endswith(".html"):
-        write_atomic(output, maps_page(maps))
-    else:
-        write_atomic(output, f"[{', '.join(found.to_json() for found in maps)}]\n")
+        found.save(args.output)
+    return Answer(found.to_dict() | ({"output": args.output} if args.output else {}), str(found))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -18,9 +17,8 @@ from ..portable import jsonable
 from ..result import Result, Status
 from ..tolerances import NAMED
 from .measures import TRUST, joint_errors
-from .page import Look, Section, Square, escape, heat_map, page, table
+from .page import Look, Saved, Section, Square, escape, heat_map, page, table
 from .reference import KnownMotion
-from .saved import Saved
 
 NAN = float("nan")
 WRONG = 1  # rad, or of the length, or of the energies: from there on the motion is another one
@@ -378,7 +376,8 @@ class StabilityMap(Saved):
             found.append(f"{method} {status}{more}, as at {where}: {cells[0].text}")
         return found
 
-    def _drawn(self, narrow: bool) -> str:
+    def figure(self, *, narrow: bool = False) -> str:
+        """Return the figure as standalone SVG text, as wide as a column if `narrow`."""
         there = {c.status for c in self.cells}
         looks = {  # without a letter where all is well
             v: look._replace(letter="" if v is Verdict.OK else look.letter)
@@ -425,14 +424,8 @@ class StabilityMap(Saved):
 
     def html(self) -> str:
         """Return the map as one HTML page."""
-        return maps_page([self])
+        return page(f"Stability of {self.model}", self.sections())
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, with None for numbers that are not finite."""
         return jsonable(asdict(self))
-
-
-def maps_page(maps: Sequence[StabilityMap]) -> str:
-    """Combine several maps of one model on one page."""
-    name = maps[0].model if maps else ""
-    return page(f"Stability of {name}", [part for each in maps for part in each.sections()])

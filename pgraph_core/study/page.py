@@ -8,12 +8,17 @@ SVG figures take their colours from the variables of `style`, as `var(--ink, cur
 
 from __future__ import annotations
 
+import json
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from html import escape as escape
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
+from ..errors import FileError, Problem, choices, explained
+from ..model.files import write_atomic
+from ..portable import Portable
 from .measures import TRUST
 
 FOLDER = Path(__file__).parent
@@ -369,3 +374,49 @@ def _box(x: float, y: float, wide: int, high: int, look: Look) -> str:
     box = f'<rect x="{x:.1f}" y="{y:.1f}" width="{wide}" height="{high}" rx="3"'
     letter = _text(x + wide / 2, y + high / 2 + 4, look.letter, size=11, ink=look.ink)
     return f'{box} fill="{look.colour}"/>{letter}'
+
+
+# -- results of studies as files -------------------------------------------------------------------
+
+
+@explained
+class Saved(Portable, ABC):
+    """A result of a study. `print` shows it as text."""
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # files
+
+    @abstractmethod
+    def figure(self, *, narrow: bool = False) -> str:
+        """Return the figure as standalone SVG text, as wide as a column if `narrow`."""
+
+    @abstractmethod
+    def html(self) -> str:
+        """Return the result as a standalone HTML page."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON, with None for numbers that are not finite."""
+
+    def to_json(self) -> str:
+        """Return the values of `to_dict` as a JSON object."""
+        return json.dumps(self.to_dict(), allow_nan=False)
+
+    def save(self, path: str | Path, /) -> None:
+        """Save the result to a file.
+
+        Parameters
+        ----------
+        path : path
+            A page (.html), the data (.json), the figure (.svg) or the text (.txt).
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written or has another suffix.
+        """
+        kinds = dict(zip(self.SUFFIXES, (self.html, self.to_json, self.figure, self.__str__)))
+        suffix = Path(path).suffix.lower()
+        if suffix not in kinds:
+            text = f"must end in {choices(kinds)}; given {suffix!r}"
+            raise FileError(Problem(str(path), "", text))
+        write_atomic(path, kinds[suffix]())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -13,17 +13,26 @@ from ..errors import InputError, counted, explained, refusal
 from ..portable import jsonable
 from ..tolerances import NOTABLE
 from .measures import Errors, Spread
-from .page import Curve, Point, Section, aligned, duration, error_diagram, escape, page, table
-from .saved import Saved
+from .page import (
+    Curve,
+    Point,
+    Saved,
+    Section,
+    aligned,
+    duration,
+    error_diagram,
+    escape,
+    page,
+    table,
+)
 from .task import Outcome, Participant, Setting
 
 LEVELS = tuple(10.0**-k for k in range(3, 10))  # errors at which engines are compared
 HEADER = (
     "method", "setting", "error", "digits", "at the end", "largest", "energy", "constraints",
-    "steps", "evaluations", "time", "quartiles", "in steps", "us/step", "x real", "ratio", "",
+    "steps", "evaluations", "time", "quartiles", "ratio", "",
 )  # fmt: skip
 WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
-SHOWN = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16)  # on a terminal
 
 LEFT_OUT = "left out: it would take more than"  # beginning of the reason of a skipped run
 
@@ -48,10 +57,7 @@ class Row:
     gap_violation: float | None = None  # deepest penetration [m]
     counters: Mapping[str, int] | None = None
     seconds: Spread | None = None  # [s] quartiles of the whole call, or of a peer's steps
-    stepping: Spread | None = None  # [s] quartiles of the stepping loop
     ratio: Spread | None = None  # to the baseline of the same round
-    us_per_step: float | None = None
-    real_time_factor: float | None = None  # simulated over computed time
 
     @classmethod
     def of(
@@ -90,18 +96,6 @@ class Row:
         """The number of evaluations of the dynamics, or 0 if unknown."""
         return (self.counters or {}).get("evaluations", 0)
 
-    def timed(self, seconds: Spread, stepping: Spread, ratio: Spread, duration: float) -> Row:
-        """Return a copy with timings from all rounds."""
-        steps = (self.counters or {}).get("steps", 0)
-        return replace(
-            self,
-            seconds=seconds,
-            stepping=stepping,
-            ratio=ratio,
-            us_per_step=1e6 * stepping[1] / steps if steps else None,
-            real_time_factor=duration / seconds[1],
-        )
-
     @property
     def cells(self) -> tuple[str, ...]:
         """The text of each table cell, in the order of HEADER."""
@@ -118,9 +112,6 @@ class Row:
             *(str(counters.get(name, "")) for name in ("steps", "evaluations")),
             duration(seconds[1]) if seconds else "",
             f"{duration(seconds[0])} .. {duration(seconds[2])}" if seconds else "",
-            duration(self.stepping[1]) if self.stepping else "",
-            _format(".3g", self.us_per_step),
-            _format(".3g", self.real_time_factor),
             _format(".3g", self.ratio[1] if self.ratio else None),
             self.reason or ("reference limit" if self.limited else ""),
         )
@@ -140,8 +131,6 @@ class Row:
             f"error {self.error:.2e}, digits {self._digits}",
             f"time {duration(middle)} ({duration(low)} .. {duration(high)})",
         ]
-        if self.stepping and not self.peer:
-            lines[-1] += f", of which {duration(self.stepping[1])} in steps"
         if self.counters and "steps" in self.counters:
             lines.append(f"{self.counters['steps']} steps")
         if self.energy_drift is not None:
@@ -164,7 +153,6 @@ class Study(Saved):
     baseline: int | None  # index of the row that ratios are relative to
     target: float | None
     rounds: int
-    clock: str  # clock of the times: "wall" or "processor"
     timing: Mapping[str, float]  # seconds of the study's parts
     machine: Mapping[str, Any]
     notes: tuple[str, ...]  # missing peers, a shortened motion, ...
@@ -174,9 +162,8 @@ class Study(Saved):
     growth: float = 0.0  # rate at which errors grow in chaotic motion [1/s], Lyapunov's exponent
 
     def __str__(self) -> str:
-        cells = [[row[i] for i in SHOWN] for row in (HEADER, *(row.cells for row in self.rows))]
-        peers = self.peer_table()
-        parts = [*self._head(), "", *aligned(cells, [i in WORDS for i in SHOWN])]
+        cells, peers = [HEADER, *(row.cells for row in self.rows)], self.peer_table()
+        parts = [*self._head(), "", *aligned(cells, [i in WORDS for i in range(len(HEADER))])]
         if peers:
             parts += ["", *aligned(peers, [i < 2 for i in range(len(peers[0]))])]
         return "\n".join((*parts, "", *self._foot()))
@@ -272,8 +259,7 @@ class Study(Saved):
             f"reference        {known['source']}, accurate to {known['accuracy']:.1e}; errors "
             f"below {known['limit']:.1e} are not resolved",
             f"machine          {self.machine['cpu']}, one thread, "
-            f"{'minima' if self.clock == 'processor' else 'medians'} of {self.rounds} rounds, "
-            f"{self.clock} time of whole calls",
+            f"minima of {self.rounds} rounds, processor time of whole calls",
         )
 
     @property
@@ -351,7 +337,8 @@ class Study(Saved):
             cells.append([f"{level:.0e}", ours["ours"], duration(ours["seconds"]), *theirs])
         return cells
 
-    def _drawn(self, narrow: bool) -> str:
+    def figure(self, *, narrow: bool = False) -> str:
+        """Return the figure as standalone SVG text, as wide as a column if `narrow`."""
         curves = []
         for name in self.methods:
             rows = self.of(name)
@@ -361,8 +348,8 @@ class Study(Saved):
             points = [row.point for row in rows]
             curves.append(Curve(label, points, dashed=bool(rows and rows[0].peer)))
         label = f"error {self._of_what}against run time of {self.name}"
-        clock = "run time of a whole call" + (" (processor)" if self.clock == "processor" else "")
-        titles = clock, f"error of the {self.quantity}, rms, without unit"
+        error = f"error of the {self.quantity}, rms, without unit"
+        titles = "run time of a whole call (processor)", error
         limit = self.reference["limit"]
         return error_diagram(label, curves, titles, narrow=narrow, limit=limit, target=self.target)
 

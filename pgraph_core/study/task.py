@@ -57,10 +57,9 @@ class Ladder(NamedTuple):
 
     steps: tuple[float, ...]  # [s]
     tolerances: tuple[float, ...]
-    fixed: bool  # steps for adaptive methods too
 
     @classmethod
-    def of(cls, task: Any, steps: Any, tolerances: Any, fixed: bool, rate: float) -> Ladder:
+    def of(cls, task: Any, steps: Any, tolerances: Any, rate: float) -> Ladder:
         """Use the given settings, or the default ones for a `Task`: h0 2^-k and 10^-k.
 
         h0 is a whole fraction of a frame, short enough for the fastest `rate` [1/s] of the motion.
@@ -73,11 +72,15 @@ class Ladder(NamedTuple):
         usual = TOLERANCES
         if tolerances is not None:
             usual = _rungs("tolerances", tolerances, LEAST_RTOL, 0.1)
-        return cls(rungs, usual, fixed)
+        return cls(rungs, usual)
 
     def settings(self, method: Method) -> tuple[Setting, ...]:
         """Return the settings at which to run `method`."""
-        if method.adaptive and not self.fixed:
+        return self.of_kind("rtol" if method.adaptive else "step")
+
+    def of_kind(self, kind: str) -> tuple[Setting, ...]:
+        """Return the settings of a kind, "step" or "rtol"."""
+        if kind == "rtol":
             return tuple(Setting(rtol=rtol) for rtol in self.tolerances)
         return tuple(Setting(step=step) for step in self.steps)
 
@@ -245,7 +248,7 @@ class Outcome(NamedTuple):
     """The result of one run by Pgraph or a peer in a study."""
 
     motion: Motion  # Pgraph's coordinates up to the end of the run
-    seconds: tuple[float, float]  # stepping loop: wall clock, processor
+    seconds: float  # processor time of the whole call, of a peer that of its steps
     ok: bool = True
     reason: str = ""  # why not
     counters: Mapping[str, int] = {}
@@ -254,18 +257,17 @@ class Outcome(NamedTuple):
     drift: tuple[float, float] = (np.nan, np.nan)  # constraint drift of positions, velocities
     penetration: float = np.nan  # largest penetration of all contacts [m]
     cancelled: bool = False
-    whole: tuple[float, float] = (0.0, 0.0)  # [s] whole call, or a peer's steps
     notices: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, run: Result, whole: tuple[float, float] = (0.0, 0.0)) -> Outcome:
+    def of(cls, run: Result, seconds: float) -> Outcome:
         """Extract the outcome from a run."""
         ok = run.status.ok
         drift = run.constraint_drift.max(axis=0, initial=0.0) if len(run.t) else np.full(2, np.nan)
         depths = [float(-gap.min(initial=0.0)) for gap in run.contact_gap.values()]
         return cls(
             Motion.of(run),
-            (run.timing["step"], run.timing["step_processor"]),
+            seconds,
             ok,
             "" if ok else run.message,
             run.counters,
@@ -274,14 +276,13 @@ class Outcome(NamedTuple):
             (float(drift[0]), float(drift[1])),
             max(depths, default=np.nan),
             run.status is Status.CANCELLED,
-            whole,
             run.notices,
         )
 
     @classmethod
     def failed(cls, reason: str, seconds: float = 0.0, *, cancelled: bool = False) -> Outcome:
         """Return the outcome for a run without states."""
-        return cls(Motion(np.zeros((0, 0))), (seconds, 0.0), False, reason, cancelled=cancelled)
+        return cls(Motion(np.zeros((0, 0))), seconds, False, reason, cancelled=cancelled)
 
 
 class Participant(NamedTuple):
@@ -297,10 +298,9 @@ def own_participant(task: Task, name: str, settings: tuple[Setting, ...]) -> Par
     """Create the participant for one of Pgraph's methods."""
 
     def run(setting: Setting, progress: Progress, estimate: bool) -> Outcome:
-        began = time.perf_counter(), time.thread_time()
+        began = time.thread_time()
         found = task.run(name, setting, progress, estimate=estimate)
-        whole = time.perf_counter() - began[0], time.thread_time() - began[1]
-        return Outcome.of(found, whole)
+        return Outcome.of(found, time.thread_time() - began)
 
     return Participant(name, settings, run)
 
@@ -353,16 +353,9 @@ def engine_participants(
             notes.append(f"{peer.label} is left out: {_first_line(error)}")
         else:
             for method, once in run.methods.items():
-                settings = _settings(run.by, ladder)
-                label = f"{peer.label} {method}"
+                label, settings = f"{peer.label} {method}", ladder.of_kind(run.by)
                 participants.append(Participant(label, settings, _runner(once), peer.label))
     return participants, notes
-
-
-def _settings(by: str, ladder: Ladder) -> tuple[Setting, ...]:
-    if by == "rtol":
-        return tuple(Setting(rtol=rtol) for rtol in ladder.tolerances)
-    return tuple(Setting(step=step) for step in ladder.steps)
 
 
 def _runner(once: Once) -> Callable[[Setting, Progress, bool], Outcome]:
@@ -376,7 +369,7 @@ def _runner(once: Once) -> Callable[[Setting, Progress, bool], Outcome]:
             return Outcome.failed(_first_line(error))
         if done is None:
             return Outcome.failed("", cancelled=True)
-        return Outcome(Motion(done.q), done.seconds, counters=done.counters, whole=done.seconds)
+        return Outcome(Motion(done.q), done.seconds[1], counters=done.counters)
 
     return run
 

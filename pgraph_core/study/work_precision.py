@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,6 @@ from .measures import (
     observed_order,
     ratios,
     rms,
-    spread,
     step_counts,
 )
 from .reference import Reference
@@ -50,9 +50,8 @@ from .task import (
     start,
 )
 
-USUAL_FRAMES = 101  # default number of times at which motions are compared
-CLOCKS = ("wall", "processor")
 EXTRA = 4  # additional rounds if times contradict the work
+USUAL_FRAMES = 101  # default number of times at which motions are compared
 DIVIDED = "narrower ones were taken"  # part of the notice of a run with divided steps
 SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # progress at the end of each part
 
@@ -67,10 +66,8 @@ def work_precision(
     methods: Sequence[str] | str | None = None,
     steps: Any = None,
     tolerances: Any = None,
-    fixed: bool = False,
     reference: Any = None,
     rounds: int = 3,
-    clock: str = "processor",
     quantity: str = "position",
     scenario: str | None = None,
     tau: Any = None,
@@ -100,15 +97,11 @@ def work_precision(
         Steps of the methods of fixed steps [s], by default h0 2^-k for k = 0 .. 8.
     tolerances : sequence of float, optional
         Tolerances of adaptive methods, by default 1e-2 .. 1e-12.
-    fixed : bool
-        Whether adaptive methods are also run at fixed `steps`.
     reference : Result, tuple, Case or Reference, optional
         Motion to compare with, a tuple of times and configurations. By default it is the finest run
         possible, with an estimate of its error.
     rounds : int
-        Number of repetitions of each measurement.
-    clock : {"processor", "wall"}
-        Clock for whole calls on a built mechanism. "wall" includes time taken by other programs.
+        Number of repetitions of each measurement, of which the least processor time counts.
     quantity : {"position", "velocity", "force"}
         Quantity to compare; "force" refers to constraint forces.
     scenario, tau, stabilise :
@@ -144,8 +137,6 @@ def work_precision(
     if target is not None:
         positive("target", target, unit=", an error such as 1e-6", call=call)
     positive("longest", longest, call=call)
-    if clock not in CLOCKS:
-        raise refusal(call, "clock", f"must be one of {choices(CLOCKS)}; given {clock!r}")
     if quantity not in QUANTITIES:
         raise refusal(call, "quantity", f"must be one of {choices(QUANTITIES)}; given {quantity!r}")
     q0, v0 = start(mech, scenario, q, v)
@@ -159,9 +150,9 @@ def work_precision(
         known = references.given(task, reference)
         task = replace(task, t=known.t)
     rate = task.rate()
-    ladder = Ladder.of(task, steps, tolerances, fixed, rate)
+    ladder = Ladder.of(task, steps, tolerances, rate)
     names = methods_of(call, methods, impulses=task.impulses, suited=True)
-    work = Work(task, ladder, names, engines_of(peers), progress, longest, rounds, clock)
+    work = Work(task, ladder, names, engines_of(peers), progress, longest, rounds)
     return work.study(known, rate, target, asked=methods is not None)
 
 
@@ -177,17 +168,14 @@ class Work:
         progress: Callable[[float], Any] | None,
         longest: float,
         rounds: int,
-        clock: str,
     ):
         self.task, self.ladder, self.names, self.peers = task, ladder, names, peers
         self.progress, self.longest, self.rounds = progress, longest, rounds
-        self.clock = CLOCKS.index(clock)
         self.fraction = 0.0
         self.timing: dict[str, float] = {}
         self.notes: list[str] = []
         self.orders: dict[str, tuple[float | None, float]] = {}
         self.rows: list[Row] = []
-        self.steps_took: dict[tuple[str, Setting], list[float]] = {}  # seconds
 
     def study(
         self, known: Reference | None, rate: float, target: float | None, *, asked: bool
@@ -294,9 +282,9 @@ class Work:
             took: list[float] = []
             for setting in one.settings:
                 done = self._run(one, setting, _expected(one.settings, took))
-                took.append(done.seconds[0])
+                took.append(done.seconds)
                 self.rows.append(self._row(one, setting, done, known))
-                runs.append((self._again(one, setting), done.seconds[0]))
+                runs.append((self._again(one, setting), done.seconds))
                 self.report(SHARE["reference"] + part * len(self.rows) / total)
         self.timing["first runs"] = time.perf_counter() - began
         return runs
@@ -308,16 +296,11 @@ class Work:
             return Outcome.failed(too_long, expected)
         done = one.run(setting, self.watch(), True)
         if done.cancelled:
-            return done._replace(seconds=(np.inf, 0.0), reason=too_long)
+            return done._replace(seconds=np.inf, reason=too_long)
         return done
 
     def _again(self, one: Participant, setting: Setting) -> Callable[[], float]:
-        def run() -> float:
-            done = one.run(setting, self.watch(np.inf), False)
-            self.steps_took.setdefault((one.name, setting), []).append(done.seconds[self.clock])
-            return done.whole[self.clock]
-
-        return run
+        return lambda: one.run(setting, self.watch(np.inf), False).seconds
 
     def _row(self, one: Participant, setting: Setting, done: Outcome, known: Reference) -> Row:
         if not done.ok or len(done.motion.q) != len(known.t):
@@ -399,7 +382,6 @@ class Work:
         if not chosen:
             return None
         first = SHARE["first"]
-        of = least if CLOCKS[self.clock] == "processor" else spread
         seconds = measured(
             [runs[i][0] for i in chosen],
             [runs[i][1] for i in chosen],
@@ -408,27 +390,20 @@ class Work:
         )
         rows = [self.rows[i] for i in chosen]
         for _ in range(EXTRA):
-            doubted = contradicted(rows, [of(each)[1] for each in seconds])
-            if not doubted:
-                break
+            doubted = contradicted(rows, [min(each) for each in seconds])
             again = measured([runs[chosen[i]][0] for i in doubted], [0.0] * len(doubted), 1)
             for i, more in zip(doubted, again):
                 seconds[i] += more
-        else:
-            if contradicted(rows, [of(each)[1] for each in seconds]):
-                self.notes.append(
-                    "the machine is busy: some runs that do more work took less time than others; "
-                    "their times are rough"
-                )
+        if contradicted(rows, [min(each) for each in seconds]):
+            self.notes.append(
+                "the machine is busy: some runs that do more work took less time than others; "
+                "their times are rough"
+            )
         self.timing["rounds"] = time.perf_counter() - began
-        typical = [of(each)[1] for each in seconds]
-        base = _baseline(rows, typical, NOTABLE if target is None else target)
+        base = _baseline(rows, [min(x) for x in seconds], NOTABLE if target is None else target)
         for i, each in zip(chosen, seconds):
-            count = min(len(each), len(seconds[base]))
-            relative = ratios(each[:count], seconds[base][:count])
-            row = self.rows[i]
-            steps = of(self.steps_took[row.method, row.setting])
-            self.rows[i] = row.timed(of(each), steps, relative, self.task.t_end)
+            relative = ratios(each[: self.rounds], seconds[base][: self.rounds])
+            self.rows[i] = replace(self.rows[i], seconds=least(each), ratio=relative)
         return chosen[base]
 
     def _study(
@@ -449,7 +424,6 @@ class Work:
             baseline,
             target,
             self.rounds,
-            CLOCKS[self.clock],
             self.timing,
             machine(),
             tuple(self.notes),
@@ -463,15 +437,10 @@ class Work:
 def contradicted(rows: list[Row], seconds: list[float]) -> list[int]:
     """Return the indices of rows in pairs in which the run with more work was notably faster."""
     found: set[int] = set()
-    curves: dict[str, list[int]] = {}
-    for i, row in enumerate(rows):
-        if row.work:
-            curves.setdefault(row.method, []).append(i)
-    for curve in curves.values():
-        for i in curve:
-            for j in curve:
-                if rows[i].work < rows[j].work and seconds[j] < ALIKE * seconds[i]:
-                    found |= {i, j}
+    for (i, one), (j, other) in permutations(enumerate(rows), 2):
+        more = 0 < one.work < other.work and one.method == other.method
+        if more and seconds[j] < ALIKE * seconds[i]:
+            found |= {i, j}
     return sorted(found)
 
 
