@@ -13,6 +13,7 @@ import numpy as np
 
 from .errors import FileError, ModelError, PgraphError, Problem, choices, needed
 from .markup import Element, Source, content_of, parse_markup, reason_of
+from .rotation import rodrigues
 
 FORMATS = ("glb", "obj", "off", "ply", "stl", "dae")
 LARGEST = 200_000_000  # [bytes] limit on the size of a mesh file
@@ -188,7 +189,9 @@ class _Collada:
             case "scale":
                 found[:3, :3] = np.diag(x)
             case _:
-                found[:3, :3] = _turn(x[:3], np.radians(x[3]))
+                size = float(np.linalg.norm(x[:3]))
+                if size > 0.0:
+                    found[:3, :3] = rodrigues(x[:3] / size, np.radians(x[3]))
         return found
 
     def _numbers(self, element: Element, kind: Any = float) -> Array:
@@ -291,13 +294,3 @@ def _strip(x: Array) -> Array:
     faces = np.stack((x[:-2], x[1:-1], x[2:]), axis=1)
     faces[1::2] = faces[1::2, ::-1]
     return faces
-
-
-def _turn(axis: Array, angle: float) -> Array:
-    """Return a (3, 3) rotation matrix about an axis of any non-zero length."""
-    size = float(np.linalg.norm(axis))
-    if size == 0.0:
-        return np.eye(3)
-    x, y, z = axis / size
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross

@@ -38,6 +38,7 @@ LUMA = (0.299, 0.587, 0.114)  # weights of red, green and blue (ITU-R BT.601)
 LARGEST = float(np.finfo(float).max ** 0.5) / 10  # [m] squares of it can be added
 STAND_IN: Color = (214, 51, 132)  # magenta, which no branch has
 SLENDER, THINNEST = 0.13, 0.004  # radius of a link relative to its length, least radius [m]
+SHORTEST = 10 * THINNEST  # [m] a shorter link is drawn as a box, as large as which a model is shown
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,10 @@ def _links(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
     """Return slender links from a body's origin to its children, tip or com."""
     ends = [np.asarray(link) for link in links] or [np.asarray(body.tip_point)]
     longest = max(float(np.linalg.norm(end)) for end in ends)
-    if longest < 10 * THINNEST:
+    if longest < SHORTEST:
         ends = [2 * np.asarray(body.com)]
         longest = float(np.linalg.norm(ends[0]))
-    if longest < 10 * THINNEST:
+    if longest < SHORTEST:
         edge = 0.4 * max(body.mass, 0.1) ** (1 / 3) * 0.2
         return (Piece("box", (edge, edge, edge), (0.0, 0.0, 0.0), np.eye(3)),)
     radius = max(SLENDER * longest, THINNEST)
@@ -299,8 +300,8 @@ def reach(
 
 
 def diagonal(points: np.ndarray) -> float:
-    """Return the diagonal of the box around points (n, 3) [m], at least that of a small body."""
-    return max(float(np.linalg.norm(np.ptp(points, axis=0))), 0.05)
+    """Return the diagonal of the box around points (n, 3) [m], at least SHORTEST."""
+    return max(float(np.linalg.norm(np.ptp(points, axis=0))), SHORTEST)
 
 
 def branches(parent: Sequence[int]) -> tuple[int, ...]:
