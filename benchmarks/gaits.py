@@ -13,7 +13,7 @@ import pgraph_core as pg
 from pgraph_core.engine.compiler.address import caller
 from pgraph_core.engine.compiler.kinds import f8, i8, u8
 from pgraph_core.engine.compiler.lowering.kinds import OPTIONS
-from pgraph_core.gait.presets import FEET
+from pgraph_core.gait.footing import FEET
 from pgraph_peers import mujoco as in_mujoco
 
 from .machine import has

@@ -8,7 +8,7 @@ import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.paper.motion import bodies_of
+from pgraph_core.paper import bodies_of
 from pgraph_core.rotation import unit
 from pgraph_peers.rows import Scene as Scene
 from pgraph_peers.rows import rows_of

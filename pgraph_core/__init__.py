@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from .gait.controller import Controller as Controller
     from .gait.footing import Footprint as Footprint
     from .gait.footing import footprints as footprints
+    from .gait.footing import gaits as gaits
     from .gait.footing import underfoot as underfoot
-    from .gait.presets import gaits as gaits
     from .mechanism import Mechanism as Mechanism
     from .model import PID as PID
     from .model import Actuator as Actuator
@@ -130,8 +130,7 @@ _MODULES = {
     "formats.urdf": "read_urdf",
     "formats.urdf_out": "write_urdf",
     "gait.controller": "Controller",
-    "gait.footing": "Footprint footprints underfoot",
-    "gait.presets": "gaits",
+    "gait.footing": "Footprint footprints gaits underfoot",
     "mechanism": "Mechanism",
     "model": (
         "Actuator Body Constraint Contact Control Coupling Cylindrical Distance Drag Filter "

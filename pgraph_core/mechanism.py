@@ -281,7 +281,7 @@ class Mechanism(Dynamics):
         InputError
             If targets are missed. The message names them and the smallest distances reached.
         """
-        from .analysis.targets import inverse_kinematics
+        from .analysis.inverse import inverse_kinematics
 
         return inverse_kinematics(self, targets, q, scenario, starts)
 

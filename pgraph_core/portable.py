@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, ClassVar, NoReturn, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import InputError, Problem, Suggests, shown
 
@@ -285,3 +286,20 @@ class EqualByFields:
         return all(same(getattr(self, name), getattr(other, name)) for name in names)
 
     __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+
+MOST_DIMENSIONS = 8  # lists within lists: no argument has so many dimensions
+
+
+def array_of(given: Any) -> NDArray[Any]:
+    """Return a value as an array, without copying an existing array. Raises TypeError, ValueError.
+
+    NumPy would follow lists that hold themselves through 64 levels, which takes 2^64 steps where
+    one holds itself twice.
+    """
+    inner, depth = given, 0
+    while isinstance(inner, (list, tuple)) and inner:
+        inner, depth = inner[0], depth + 1
+        if depth > MOST_DIMENSIONS:
+            raise ValueError("the lists are nested too deeply")
+    return np.asarray(given)

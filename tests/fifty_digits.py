@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 
 from pgraph_core import joints
-from pgraph_core.paper.motion import bodies_of
+from pgraph_core.paper import bodies_of
 from pgraph_core.topology import Topology
 
 mp = mpmath.mp.clone()

@@ -6,7 +6,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core import joints
-from pgraph_core.paper.motion import bodies_of
+from pgraph_core.paper import bodies_of
 from pgraph_core.rotation import unit
 
 

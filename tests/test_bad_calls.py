@@ -328,7 +328,6 @@ LATE = [
     (lambda: study(steps=(0.1, -1)), "work_precision, steps", "1e-08 and 1", "(0.1, -1)"),
     (lambda: study(tolerances=1e-17), "work_precision, tolerances", "8.88178e-16 and 0.1", "1e-17"),
     (lambda: study(tolerances=[10.0**-k for k in range(70)]), "tolerances", "70", "64"),
-    (lambda: study(clock="sun"), "work_precision, clock", "wall, processor", "'sun'"),
     (lambda: study(frames=2.5), "work_precision, frames", ">= 3", "2.5"),
     (lambda: study(reference=3.0), "Result", "Case", "Reference", "(len(t), 1)", "float"),
 ]

@@ -12,7 +12,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core import show
-from pgraph_core.show import animation, bodies, notebook, shapes, stage
+from pgraph_core.show import bodies, notebook, shapes, stage
 from pgraph_core.show.stage import GRID, Viewpoint, in_picture
 
 pytestmark = pytest.mark.quick
@@ -119,13 +119,13 @@ def test_the_camera_of_an_animation_sees_the_whole_motion(server, leaves: bool):
         name="a", axes=(0, 1, 0), q=(1.5,), link=(0, 0, 2), com=(0, 0, -0.5), tip=(0, 0, -1)
     )
     run = pg.simulate(pg.Model(bodies=(thrown if leaves else swings,)), t_end=1.3)
-    animation.draw(server, run, lambda _: None)
+    notebook.draw(server, run, lambda _: None)
     camera = server.initial_camera
     at = Viewpoint(np.array(camera.position), np.array(camera.look_at))
     up = np.array((0.0, 0.0, 1.0))
     found = bodies.looks(run.mechanism.model.bodies, ((1,), ()), [(1, 2, 3)])
     track = bodies.Track(found, run.body_pose, up)
-    assert in_picture(track.corners, up, at, animation.ASPECT).all()
+    assert in_picture(track.corners, up, at, notebook.ASPECT).all()
     assert track.travels == leaves
     assert (np.ptp(track.corners[:, 0]) > 1.5) != leaves
 
@@ -142,7 +142,7 @@ def test_an_animation_is_one_page_with_bodies_where_the_run_has_them(run: pg.Res
         seen.append(np.array([nodes[f"/bodies/{k}"].position for k in (1, 2)]))
         waited.append(seconds)
 
-    animation.draw(server, run, wait)
+    notebook.draw(server, run, wait)
     np.testing.assert_allclose(seen[0], run.body_pose[0, :, :3], atol=1e-12)
     np.testing.assert_allclose(seen[-1], run.body_pose[-1, :, :3], atol=1e-12)
     assert sum(waited[:-1]) == pytest.approx(run.t[-1] - run.t[0])

@@ -14,7 +14,7 @@ import numpy as np
 import viser
 
 from pgraph_core import InputError, show
-from pgraph_core.show.animation import Extra
+from pgraph_core.show.notebook import Extra
 
 from ..core.bridge import Bridge
 from ..core.views import Host, Place

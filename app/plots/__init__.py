@@ -11,8 +11,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core import joints
 from pgraph_core.model.output import OF_JOINT
-from pgraph_core.show.animation import between
-from pgraph_core.show.notebook import pictures
+from pgraph_core.show.notebook import between, pictures
 from pgraph_core.show.shapes import to_matrix
 
 from .. import run

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.show.animation import between
+from pgraph_core.show.notebook import between
 
 from .. import run
 from ..core import state

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.analysis.targets import nearest
+from pgraph_core.analysis.inverse import nearest
 from pgraph_core.fields import fields_of
 from pgraph_core.joints import AXIAL, SIZE, Motion
 from pgraph_core.model.poses import elementary
-from pgraph_core.paper import frames
-from pgraph_core.paper.motion import bodies_of, q_slices
+from pgraph_core.paper import bodies_of, frames, q_slices
 from pgraph_core.show.shapes import to_wxyz
 
 from ..run import Run

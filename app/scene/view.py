@@ -11,7 +11,6 @@ import numpy as np
 import viser
 
 from pgraph_core.show import shapes, stage
-from pgraph_core.show.animation import between
 from pgraph_core.show.bodies import (
     FLAT,
     PULLING,
@@ -22,6 +21,7 @@ from pgraph_core.show.bodies import (
     SeparateBodies,
     at_rest,
 )
+from pgraph_core.show.notebook import between
 
 from ..core.bridge import Bridge
 from ..core.events import Event

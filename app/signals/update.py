@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 import pgraph_core as pg
-from pgraph_core.paper.motion import bodies_of, q_slices, v_slices
+from pgraph_core.paper import bodies_of, q_slices, v_slices
 
 from ..constraints import Part
 from ..core.events import FromPage, Text

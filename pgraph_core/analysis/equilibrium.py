@@ -31,8 +31,8 @@ from ..tolerances import (
 )
 from .assembly import assemble
 from .balance import Balance, state_of
+from .inverse import bounds, single
 from .rows import apart
-from .targets import bounds, single
 
 BALANCE_ROUNDS = 300
 HALVINGS = 40

@@ -18,16 +18,14 @@ from ..engine.compiler.jit import made_by_numba
 from ..engine.compiler.loading import cache_folder
 from ..errors import InputError, PgraphError, Problem, explained, guarded, one_of, shown
 from ..forces import OnJoint
-from ..given import array_of
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..packing import Array, Ints, System
-from ..portable import Snapshots, put_back
+from ..portable import Snapshots, array_of, put_back
 from ..result.records import Named
 from ..simulation.failures import STATUS
 from ..simulation.paths import Path, counting, distinct, with_numbers
 from ..simulation.stepper import AUTO, Stepper, refuse_as_torques
-from .feet import FeetLanes, on_feet
 from .instances import (
     Instances,
     TreeLanes,
@@ -37,7 +35,7 @@ from .instances import (
     state_arrays,
     words_of,
 )
-from .loops import LoopLanes, on_constraints
+from .lanes import FeetLanes, LoopLanes, on_constraints, on_feet
 
 CALL = "BatchStepper"
 MOST_COPIES = 10_000_000  # instances

@@ -46,7 +46,7 @@ from ..portable import Unportable
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
-    from .callback import UserTorque
+    from .arguments import UserTorque
 
 NO_CONSTRAINTS = np.zeros(0, dtype=np.int64)
 NO_GAINS = np.zeros(2)

@@ -33,7 +33,7 @@ from .vec import (
 )
 
 # the table's bodies, float64 (nb + 1, 18), in its order: row 0 holds gravity, the others what
-# `packing/table.py` writes
+# `packing/packed.py` writes
 TABLE_GRAVITY = 0
 LINK, ROTATION, MASS, COM, INERTIA, MOTIONS = 0, 3, 7, 8, 11, 17
 TABLE_BODY = 18

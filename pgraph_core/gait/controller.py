@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..dynamics.callback import UserTorque
+from ..dynamics.arguments import UserTorque
 from ..engine import layout as at
 from ..engine.compiler.address import _KEPT, WORDS, address_of, unnamed
 from ..engine.compiler.jit import JIT, ready

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,9 +12,9 @@ import numpy as np
 from ..dynamics.arguments import wrong_type
 from ..dynamics.states import turned
 from ..engine.gait.tables import Terrain
-from ..errors import explained
+from ..errors import explained, refusal, shown
 from ..fields import fields_of
-from ..model import Contact, Ground, Model, Step
+from ..model import Contact, Gait, Ground, Model, Step
 from ..packing import Array
 from ..result import Result
 from ..result.records import SWING
@@ -156,3 +158,31 @@ def underfoot(
     ground |= {} if slope is None else {"slope": slope}
     ground |= {} if steps is None else {"steps": tuple(steps)}
     return model.replace(contacts=contacts, ground=Ground(**ground))
+
+
+# -- gaits -----------------------------------------------------------------------------------------
+
+
+FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
+
+
+@explained
+def gaits(feet: Sequence[str] = FEET) -> dict[str, Gait]:
+    """Return the built-in gaits by name.
+
+    Parameters
+    ----------
+    feet : sequence of str, optional
+        Names of the contacts of the left front, right front, left hind and right hind foot.
+
+    Raises
+    ------
+    InputError
+        If there are not four names.
+    """
+    if isinstance(feet, str) or len(feet) != 4:
+        raise refusal("gaits", "feet", f"must be the names of four contacts; given {shown(feet)}")
+    known = json.loads(Path(__file__).with_name("gaits.json").read_text(encoding="utf-8"))
+    for gait in known.values():
+        gait["feet"] = [{"foot": foot, **fall} for foot, fall in zip(feet, gait["feet"])]
+    return {name: Gait(name=name, **gait) for name, gait in known.items()}

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import ModelError, Problem, is_deep, shown
 from ..fields import GROUND
-from ..given import array_of
+from ..portable import array_of
 from .body import Body
 
 LEVELS = {

@@ -20,7 +20,7 @@ from ..model import Body, Model
 from ..model.poses import displacement, elementary, turn
 from ..rotation import Array, matrix, multiply, rodrigues, unit
 from ..topology import Ints, Topology
-from .motion import axes_of_motion, bodies_of, q_slices, v_slices
+from . import axes_of_motion, bodies_of, q_slices, v_slices
 
 CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # factors that conjugate a quaternion
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..engine import layout as at
 from ..errors import InputError, Problem, shown
-from ..given import array_of
 from ..packing import Array, Ints, plain, quaternions
+from ..portable import array_of
 from ..tolerances import NAMED, NOTABLE, SOLVED
 
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames if motion is smooth

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, Problem, explained
+from .exports import ARRAYS
 from .records import KINDS, OF_CONSTRAINTS, ContactRecord, Named
 from .result import Result
-from .stored import ARRAYS
 
 ADDED = ("work", "dissipation", "error_at", "state_error_at")  # start from zero in each run
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,27 @@ from ..model import Model
 from ..model.contact import PAIRED
 from ..packing import Array
 from ..portable import EqualByFields, keep_unchanged
+
+
+class Status(Enum):
+    """The final status of a run: reached its end, stopped or failed."""
+
+    DONE = "the run reached its end"
+    STOPPED = "an event stopped the run"
+    NOT_FINITE = "the motion stopped being finite"
+    SINGULAR = "singular mass matrix: no inertia about the axis of a joint"
+    CANNOT_CLOSE = "the constraints cannot all be met"
+    STEP_TOO_SMALL = "the step that the tolerance requires fell below the resolution of time"
+    TOO_MANY_STEPS = "the run reached its largest number of steps"
+    NOT_SOLVED = "the equations of an implicit step could not be solved"
+    CHATTER = "contacts switch without end"
+    CANCELLED = "the run was cancelled"
+
+    @property
+    def ok(self) -> bool:
+        """Return True if the run reached its end or a terminal user event."""
+        return self in (Status.DONE, Status.STOPPED)
+
 
 # -- contacts and limits ---------------------------------------------------------------------------
 

@@ -2,41 +2,41 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from enum import Enum
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
-from zipfile import ZipFile
 
 import numpy as np
 
-from .. import hooks
 from ..dynamics.states import BodyMotion, Sensors, no_motion, size_of_motion, sizes_of_states
 from ..errors import (
-    FileError,
     InputError,
     ModelError,
-    PgraphError,
     Problem,
     choices,
     explained,
     guarded,
 )
-from ..markup import ordinary, reason_of
-from ..model.files import shown_path, write_atomic
 from ..packing import Array
 from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly
 from ..tolerances import EPS
 from .bodies import acting, body_motion, body_poses
-from .columns import OF_BODIES, Column, columns_of, dataset, frame, matlab, meant, no_column
+from .columns import (
+    OF_BODIES,
+    Column,
+    Labelled,
+    by_body,
+    by_position,
+    by_velocity,
+    columns_of,
+    labelled,
+    meant,
+)
 from .dense import states_at
-from .labelled import Labelled, by_body, by_position, by_velocity, labelled
+from .exports import ARRAYS, Exports
 from .records import (
     NO_DERIVATIVES,
     NOTHING,
@@ -45,47 +45,48 @@ from .records import (
     Derivatives,
     Event,
     Named,
+    Status,
     UserEvent,
 )
-from .stored import ARRAYS, fields_of, file_of
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
-
-
-class Status(Enum):
-    """The final status of a run: reached its end, stopped or failed."""
-
-    DONE = "the run reached its end"
-    STOPPED = "an event stopped the run"
-    NOT_FINITE = "the motion stopped being finite"
-    SINGULAR = "singular mass matrix: no inertia about the axis of a joint"
-    CANNOT_CLOSE = "the constraints cannot all be met"
-    STEP_TOO_SMALL = "the step that the tolerance requires fell below the resolution of time"
-    TOO_MANY_STEPS = "the run reached its largest number of steps"
-    NOT_SOLVED = "the equations of an implicit step could not be solved"
-    CHATTER = "contacts switch without end"
-    CANCELLED = "the run was cancelled"
-
-    @property
-    def ok(self) -> bool:
-        """Return True if the run reached its end or a terminal user event."""
-        return self in (Status.DONE, Status.STOPPED)
 
 
 # weights of f(x + k h) for 2 h f'(x): central, and on one side if the other is invalid
 SLOPES = ({1: 1, -1: -1}, {0: -3, 1: 4, 2: -1}, {0: 3, -1: -4, -2: 1})
 BESIDE = np.cbrt(EPS)  # rad, m, or of a number: where rounding and curvature are about equal
 MORE = "_more"  # attribute with the notices found so far, and the function that finds the others
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculated
 
 BY_JOINT = {"q": by_position, "v": by_velocity, "vdot": by_velocity}  # arrays with names of joints
+
+
+def _vector(kind: str, what: str) -> Any:
+    """Return a property with a vector of all bodies, a quantity of `OF_BODIES`."""
+    unit, attribute, first = OF_BODIES[kind]
+
+    def read(run: Any) -> Labelled:
+        return run._of_bodies(kind, getattr(run, attribute)[..., first : first + 3])
+
+    return property(
+        read, doc=f"The {what} in world axes [{unit}], (n, nb, 3), or (n, 3) by name of body."
+    )
+
+
+def _moving(field: str, what: str) -> Any:
+    """Return a property with an array (n, nb, 6) of `body_motion`."""
+    name = "joint_force" if field == "force" else f"body_{field}"
+
+    def read(run: Any) -> Labelled:
+        return run._of_bodies(name, getattr(run.body_motion, field))
+
+    return property(read, doc=f"{what} in world axes, (n, nb, 6), or (n, 6) by name of body.")
 
 
 @guarded(other="a run does not change; dataclasses.replace(run, q=...) makes another one")
 @explained
 @dataclass(frozen=True, eq=False)
-class Result(EqualByFields, Portable):
+class Result(Exports, EqualByFields, Portable):
     """The result of a run, with arrays that have one row per recorded frame.
 
     If a run fails, the frames up to the failure are kept. Two runs are equal if their models and
@@ -143,11 +144,6 @@ class Result(EqualByFields, Portable):
     def _of_bodies(self, attribute: str, array: Array) -> Labelled:
         """Return an array (n, nb, ...) that names of bodies index too."""
         return labelled(array, attribute, by_body, self.mechanism.names)
-
-    def _vector(self, kind: str) -> Labelled:
-        """Return a vector of all bodies, a quantity of `OF_BODIES`."""
-        _, attribute, first = OF_BODIES[kind]
-        return self._of_bodies(kind, getattr(self, attribute)[..., first : first + 3])
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields, with all notices."""
@@ -385,184 +381,6 @@ class Result(EqualByFields, Portable):
         assert refused is not None
         raise refused
 
-    def to_pandas(self, *, bodies: bool = False) -> Any:
-        """Return a pandas DataFrame of `columns` with one row per frame, indexed by time t [s].
-
-        Columns of words, such as the phases of contacts, are omitted. `table["trunk"]` returns all
-        columns of the joint. An unknown name raises a KeyError that lists the columns.
-        `table.attrs["units"]` contains the units. `bodies` as for `columns`. Needs pandas.
-        """
-        return frame(columns_of(self, bodies))
-
-    def to_xarray(self, *, bodies: bool = False) -> Any:
-        """Return an xarray Dataset of `columns` over time t [s], with units.
-
-        Columns of words are omitted. `bodies` as for `columns`. Needs xarray.
-        """
-        return dataset(columns_of(self, bodies))
-
-    def plot(self, *names: str) -> Any:
-        """Plot columns over time with Matplotlib, by default all coordinates.
-
-        Parameters
-        ----------
-        names : str
-            Names of columns, or the beginnings of several: "knee", "v", "energy", "contact_force".
-
-        Returns
-        -------
-        Figure
-            A Matplotlib figure.
-
-        Raises
-        ------
-        InputError
-            If no column has such a name.
-
-        Examples
-        --------
-            run.plot("knee", "energy").savefig("knee.png")
-        """
-        picked = dict[str, Column]()
-        for name in names or ("q",):
-            found = self._meant(name)
-            found.pop("t", None)
-            if not found and names:
-                raise InputError(Problem("plot", "", no_column(columns_of(self, True), name)))
-            picked |= found
-        return _show().figure(self.t, picked, self.mechanism.model.name)
-
-    def to_html(self, path: str | Path, /, *, live: bool = False, open: Sequence[str] = ()) -> None:
-        """Write the run as a 3D animation in one self-contained HTML file.
-
-        Parameters
-        ----------
-        path : str or path
-            The file to write.
-        live : bool
-            Whether readers can run the mechanism and pull on it (docs/gallery.md).
-        open : iterable of str
-            Fields that readers can change in a live figure, PATH or PATH=low:high, such as
-            "bodies.lower.mass=0.2:5".
-
-        Raises
-        ------
-        InputError
-            If a field cannot be left open.
-        FileError
-            If the file has another suffix or cannot be written.
-        """
-        if Path(path).suffix.lower() not in (".html", ".htm"):
-            text = "is not a web page; give a name that ends in .html"
-            raise FileError(Problem(str(path), "", text))
-        if live or open:
-            write_atomic(path, hooks.page(self, open).encode())
-            return
-        write_atomic(path, _show().animation_html(self).encode())
-
-    def to_image(
-        self, path: str | Path, /, *, t: float | None = None, size: tuple[int, int] = (1280, 720),
-        view: str = "start", dark: bool = False,
-    ) -> None:  # fmt: skip
-        """Draw the mechanism in 3D at one instant of the run. No display is needed.
-
-        Parameters
-        ----------
-        path : str or path
-            The file to write, with the suffix .png.
-        t : float, optional
-            Time [s], by default the start.
-        size : (int, int)
-            Width and height in pixels.
-        view : {"start", "front", "side", "top", "isometric"}
-            Direction of the view.
-        dark : bool
-            Whether the background is dark.
-
-        Raises
-        ------
-        InputError, FileError
-            If arguments do not fit, or the file cannot be written.
-        """
-        from ..show import pictures  # with its kernels
-
-        write_atomic(path, pictures.moment(self, path, t, size=size, view=view, dark=dark))
-
-    def to_plot(self, path: str | Path, /, *names: str, size: tuple[int, int] = (900, 600)) -> None:
-        """Write the plot of `plot` to an image file.
-
-        Parameters
-        ----------
-        path : path
-            The file, .png or .svg.
-        *names : str
-            Quantities, as for `plot`.
-        size : (int, int), optional
-            Width and height [pixels].
-
-        Raises
-        ------
-        InputError
-            If a quantity does not exist.
-        FileError
-            If the file cannot be written.
-        MissingPackage
-            If Matplotlib is not installed.
-        """
-        from ..show import pictures
-
-        write_atomic(path, pictures.plot(self, path, names, size=size))
-
-    def to_film(
-        self, path: str | Path, /, *, size: tuple[int, int] = (960, 540), fps: float = 30,
-        speed: float = 1.0, view: str = "start", dark: bool = False,
-        progress: Callable[[float], Any] | None = None,
-    ) -> None:  # fmt: skip
-        """Write a video of the run.
-
-        Parameters
-        ----------
-        path : str or path
-            The file to write, .mp4 (H.264) or .gif.
-        speed : float
-            Playback speed: 0.5 plays at half speed.
-        fps : float
-            Pictures per second.
-        size : (int, int)
-            Width and height in pixels.
-        view : {"start", "front", "side", "top", "isometric"}
-            Direction of the view.
-        dark : bool
-            Whether the background is dark.
-        progress : callable, optional
-            Function of the completed fraction, called after each frame. Nothing is written if it
-            returns False.
-
-        Raises
-        ------
-        InputError, FileError
-            If arguments do not fit, or the file cannot be written.
-        MissingPackage
-            If a package has to be installed first.
-        """
-        options = {"size": size, "fps": fps, "speed": speed, "view": view, "dark": dark}
-        from ..show import pictures
-
-        made = pictures.film(self, path, **options, progress=progress)
-        if made is not None:
-            write_atomic(path, made)
-
-    def show(self) -> Any:
-        """Show the animation. Returns an object to display in a notebook, or opens a browser."""
-        return _show().opened(_show().animation_html(self))
-
-    def _repr_html_(self) -> str:
-        """Return the summary with a live figure if the browser can compute it, or an animation."""
-        facts = _show().run_html(self)
-        if not len(self.t) or not self.mechanism.names:
-            return facts
-        return facts + _show().Embedded(hooks.page(self), FIGURE)._repr_html_()
-
     @property
     def contact_force(self) -> Mapping[str, Array]:
         """Contact wrenches {contact pair: (n, 6)}, [torque, force] on the body at its origin, world
@@ -653,50 +471,15 @@ class Result(EqualByFields, Portable):
         known = vars(self).get("body_motion")
         return self._of_bodies("body_pose", body_poses(self) if known is None else known.pose)
 
-    @property
-    def position(self) -> Labelled:
-        """Positions of all body frames [m], (n, nb, 3). `run.position["hand"]` is (n, 3)."""
-        return self._vector("position")
-
-    @property
-    def velocity(self) -> Labelled:
-        """Velocities of all body frames in world axes [m/s], (n, nb, 3) or by name of body."""
-        return self._vector("velocity")
-
-    @property
-    def angular_velocity(self) -> Labelled:
-        """Angular velocities in world axes [rad/s], (n, nb, 3) or by name of body."""
-        return self._vector("angular_velocity")
-
-    @property
-    def acceleration(self) -> Labelled:
-        """Accelerations of all body frames in world axes [m/s^2], (n, nb, 3) or by name of body."""
-        return self._vector("acceleration")
-
-    @property
-    def angular_acceleration(self) -> Labelled:
-        """Angular accelerations in world axes [rad/s^2], (n, nb, 3) or by name of body."""
-        return self._vector("angular_acceleration")
-
-    @property
-    def body_velocity(self) -> Labelled:
-        """Velocities [angular, linear] of all body frames in world axes, (n, nb, 6)."""
-        return self._of_bodies("body_velocity", self.body_motion.velocity)
-
-    @property
-    def body_acceleration(self) -> Labelled:
-        """Accelerations [angular, linear] of all body frames in world axes, (n, nb, 6)."""
-        return self._of_bodies("body_acceleration", self.body_motion.acceleration)
-
-    @property
-    def joint_force(self) -> Labelled:
-        """Wrenches [torque, force] of each joint on its body at its origin, (n, nb, 6)."""
-        return self._of_bodies("joint_force", self.body_motion.force)
-
-    @property
-    def joint_torque(self) -> Labelled:
-        """Torques of each joint on its body at its origin, in world axes [N m], (n, nb, 3)."""
-        return self._vector("joint_torque")
+    position = _vector("position", "positions of all body frames")
+    velocity = _vector("velocity", "velocities of all body frames")
+    angular_velocity = _vector("angular_velocity", "angular velocities of all bodies")
+    acceleration = _vector("acceleration", "accelerations of all body frames")
+    angular_acceleration = _vector("angular_acceleration", "angular accelerations of all bodies")
+    joint_torque = _vector("joint_torque", "torques of each joint on its body at its origin")
+    body_velocity = _moving("velocity", "Velocities [angular, linear] of all body frames")
+    body_acceleration = _moving("acceleration", "Accelerations [angular, linear] of body frames")
+    joint_force = _moving("force", "Wrenches [torque, force] of joints on their bodies' origins")
 
     @cached_property
     def body_motion(self) -> BodyMotion:
@@ -724,122 +507,6 @@ class Result(EqualByFields, Portable):
         none = np.zeros(self.states.shape)
         return np.hstack((self.q, none)), np.hstack((self.v, self.states))
 
-    # -- files -------------------------------------------------------------------------------
-
-    def save(self, path: str | Path, /) -> None:
-        """Save the run with its model, or its columns as a table.
-
-        Parameters
-        ----------
-        path : path
-            A `.npz` file contains the run with its model, and meshes from other folders are copied
-            to `meshes` next to it. A `.csv` file is a table. A `.mat` file (MATLAB, Octave) has one
-            variable per column, with `_` in place of characters other than letters and digits, and
-            the lists `names` and `units`.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written or has another suffix.
-        """
-        suffix = Path(path).suffix.lower()
-        if suffix == ".csv":
-            self.to_csv(path)
-            return
-        if suffix == ".mat":
-            write_atomic(path, matlab(columns_of(self)))
-            return
-        if suffix != ".npz":
-            text = "must end in .npz (the whole run), .csv or .mat (tables); to_html animates"
-            raise FileError(Problem(str(path), "", text))
-        write_atomic(path, file_of(self, Path(path).parent))
-
-    @classmethod
-    def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Result:
-        """Load a run that `save` wrote.
-
-        Parameters
-        ----------
-        path : path
-            An `.npz` file.
-        roots : iterable of paths, optional
-            Additional folders for meshes, apart from the folder of the file.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be read.
-        ModelError
-            If its model is not valid.
-        """
-        try:
-            file = ordinary(path)
-        except (OSError, ValueError) as error:
-            reason = reason_of(error)
-            text = f"cannot be read: {reason[:1].lower()}{reason[1:]}; {WRITTEN}"
-            raise FileError(Problem(shown_path(path), "", text)) from None
-        try:
-            with file:
-                if file.read(2) != b"PK":  # the first bytes of a zip file, hence of an .npz file
-                    text = f"is not a saved run (.npz); {WRITTEN}"
-                    raise FileError(Problem(str(path), "", text))
-                given = fields_of(ZipFile(file), path, roots)
-                status = Status(Status.__members__.get(given["status"]))
-                return cls(**{**given, "status": status})
-        except PgraphError:
-            raise
-        except KeyError as missing:
-            text = f"holds no whole run: {missing} is missing; {WRITTEN}"
-        except (TypeError, ValueError, AttributeError):
-            text = f"holds no whole run; {WRITTEN}"
-        except Exception:  # zip, zlib, numpy and its parser raise any error on damaged files
-            text = (
-                "is damaged and cannot be read as a run; save the run again, or copy the file again"
-            )
-        raise FileError(Problem(str(path), "", text))
-
-    def to_csv(self, path: str | Path | None = None, /, *, bodies: bool = False) -> str:
-        """Return `columns` as CSV text with units in the header line, "knee [rad]".
-
-        A name that a spreadsheet would interpret as a formula begins with a quote. The text is
-        also written to a `path`, if one is given. `bodies` as for `columns`. Raises FileError.
-        """
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        columns = columns_of(self, bodies)
-        heads = (f"{name} [{c.unit}]" if c.unit else name for name, c in columns.items())
-        writer.writerow(f"'{head}" if head[:1] in FORMULA else head for head in heads)
-        writer.writerows(zip(*(c.values.tolist() for c in columns.values())))
-        if path is not None:
-            write_atomic(path, text.getvalue())
-        return text.getvalue()
-
-    def columns(self, *, bodies: bool = False) -> dict[str, Any]:
-        """Return the columns of the run as a table {name: (n,)}.
-
-        A coordinate has the name of its body, "knee". Every other column begins with the name of
-        its quantity: "v.knee", "energy", "contact_force.paw.z". `to_csv` adds the units.
-
-        Parameters
-        ----------
-        bodies : bool, optional
-            Whether to add the motion of all body frames in world axes and the wrenches of their
-            joints: "position.hand.x", "angular_acceleration.hand.z", "joint_force.hand.x". These
-            are found by `run["position.hand"]` and `run.plot("velocity.hand")` in any case.
-        """
-        return {name: column.values for name, column in columns_of(self, bodies).items()}
-
-
-WRITTEN = "give a file written by Result.save"
-
-
-def _show() -> Any:
-    from .. import show
-
-    return show
-
-
-FIGURE = 560  # [pixels] height of the figure of a run in a notebook
 
 # a run whose notices are not complete has no value of its own: they are found when they are read
 _NOTICES = cached_property(Result._all_notices)  # pyright: ignore[reportPrivateUsage]

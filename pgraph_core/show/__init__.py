@@ -12,11 +12,11 @@ the kernels of pictures are imported when first needed; `MissingPackage` names w
 """
 
 from ..errors import MissingPackage as MissingPackage
-from .animation import Embedded as Embedded
-from .animation import animation_html as animation_html
-from .animation import opened as opened
 from .digraph import digraph_svg as digraph_svg
+from .notebook import Embedded as Embedded
+from .notebook import animation_html as animation_html
 from .notebook import figure as figure
 from .notebook import mechanism_html as mechanism_html
 from .notebook import model_html as model_html
+from .notebook import opened as opened
 from .notebook import run_html as run_html

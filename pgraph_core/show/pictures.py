@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, InputError, Problem, needed
-from .animation import between
 from .digraph import digraph_svg
 from .drawing import Drawing, checked_size
-from .notebook import digraph_of
+from .notebook import between, digraph_of
 
 DPI = 100  # resolution of plots, whose size is in pixels
 LONGEST_FILM = 20_000  # limit on the frames of a film

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..contact.solids import balls_on_ground
 from ..contact.tables import ContactPair, Tables
-from ..dynamics.callback import UserTorque
+from ..dynamics.arguments import UserTorque
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion

@@ -13,12 +13,12 @@ from ..dynamics.arguments import whole_number
 from ..errors import InputError, Problem, choices, one_of, shown
 from ..fields import listed
 from ..forces import OnJoint
-from ..given import array_of
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
 from ..model.checks import force_problems, late_limits
 from ..packing import Array, Ints
+from ..portable import array_of
 from ..tolerances import EPS, SOLVED
 
 LEAST_RTOL = 4 * EPS  # the error of a step is rounding below it

@@ -24,7 +24,6 @@ from ..engine import layout as at
 from ..engine.tree.heights import lowest
 from ..errors import InputError, Problem, choices
 from ..fields import EVERY, GROUND, Frozen
-from ..given import array_of
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
@@ -32,6 +31,7 @@ from ..model.scenario import STEP
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import bends_of_loads, exerts
 from ..packing.signals import begun_from, contacts_read, varying
+from ..portable import array_of
 from ..tolerances import EPS, SOLVED
 from .conditions import ConditionOf, conditions_of
 from .kinks import Kink, kinks_of

@@ -15,8 +15,7 @@ import numpy as np
 
 from ..analysis.assembly import NOTABLE, assembled
 from ..analysis.singular import Instant, Stretch, nulls_of, redundancy, unequal
-from ..dynamics.arguments import finite, positions
-from ..dynamics.callback import UserTorque, acting
+from ..dynamics.arguments import UserTorque, acting, finite, positions
 from ..dynamics.scene import Scene, forces_of
 from ..engine import layout as at
 from ..engine import motion

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dynamics.callback import UserTorque
+from ..dynamics.arguments import UserTorque
 from ..dynamics.scene import Scene
 from ..engine.arrays import Frames
 from ..mechanism import Mechanism

@@ -30,8 +30,7 @@ from ..portable import Portable, installed
 from ..simulation import simulate
 from ..simulation.paths import Path, counting, distinct, with_numbers
 from .metrics import measured, metrics_of, said_of
-from .tasks import Row, Task, rows_of
-from .together import Together, together
+from .tasks import Row, Task, Together, rows_of, together
 
 Array = np.ndarray
 FORMATS = (".csv", ".parquet")

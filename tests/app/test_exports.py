@@ -17,7 +17,7 @@ from pgraph_app.features import State
 from pgraph_app.run import Request, Run
 from pgraph_app.scene import marks
 from pgraph_core.live import module
-from pgraph_core.show import animation
+from pgraph_core.show import notebook
 
 from .store import ME, after, begun, built_in, do, ran
 
@@ -106,7 +106,7 @@ def drawn(run, *shown):
 
     try:
         overlays = view.overlays(server, run, frozenset(("shapes", *shown)))
-        animation.draw(server, run.result, taken, overlays)
+        notebook.draw(server, run.result, taken, overlays)
     finally:
         server.stop()
     return pictures

@@ -22,7 +22,7 @@ from pgraph_app.report import Report
 from pgraph_app.run import FREE_RUN, Playback, Request, Run
 from pgraph_app.run.trust import summary
 from pgraph_app.run.view import hints, kept
-from pgraph_core.show.animation import between
+from pgraph_core.show.notebook import between
 
 from .store import ME, OTHER, after, begun, do, notice, reply, seven, until
 

@@ -10,8 +10,7 @@ import pytest
 from numba import njit
 
 import pgraph_core as pg
-from pgraph_core.batches.feet import FeetLanes
-from pgraph_core.batches.loops import LoopLanes
+from pgraph_core.batches.lanes import FeetLanes, LoopLanes
 from pgraph_core.engine.compiler.lane import LANE_WIDTH
 from pgraph_core.simulation.paths import Path
 

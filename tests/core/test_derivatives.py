@@ -5,7 +5,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core import joints
-from pgraph_core.paper.motion import bodies_of
+from pgraph_core.paper import bodies_of
 from tests import fifty_digits
 from tests.fifty_digits import exact, mp
 

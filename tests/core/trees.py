@@ -3,7 +3,7 @@
 import numpy as np
 
 from pgraph_core import joints
-from pgraph_core.paper.motion import bodies_of
+from pgraph_core.paper import bodies_of
 from pgraph_core.rotation import multiply
 from pgraph_core.topology import Topology
 

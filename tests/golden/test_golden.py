@@ -8,8 +8,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core import joints
-from pgraph_core.paper import Operators
-from pgraph_core.paper.motion import bodies_of
+from pgraph_core.paper import Operators, bodies_of
 
 from ..core.trees import KINDS, scaled_error
 

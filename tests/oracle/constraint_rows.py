@@ -16,8 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from pgraph_core import joints
 from pgraph_core.model import Constraint, Polynomial, Sine, Table
-from pgraph_core.paper import Operators
-from pgraph_core.paper.motion import v_slices
+from pgraph_core.paper import Operators, v_slices
 from pgraph_core.rotation import Array, unit_vector
 
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from pgraph_core.joints import home
 from pgraph_core.model import Force, VectorTable
-from pgraph_core.paper import Operators
-from pgraph_core.paper.motion import frames, home_poses
+from pgraph_core.paper import Operators, frames, home_poses
 from pgraph_core.rotation import Array, unit_vector
 
 

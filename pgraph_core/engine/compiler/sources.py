@@ -19,17 +19,7 @@ HERE = Path(__file__).parent
 FORCES, LIMITS = ENGINE.parent / "forces", ENGINE.parent / "tolerances.py"
 # how machine code is kept, found and called: no kernel is compiled from it
 KEEPING = {
-    HERE / f"{name}.py"
-    for name in (
-        "archive",
-        "building",
-        "calls",
-        "loading",
-        "optimising",
-        "sources",
-        "tools",
-        "wasm",
-    )
+    HERE / f"{name}.py" for name in ("archive", "building", "calls", "loading", "sources", "tools")
 }
 LOWERING = frozenset(HERE.glob("lowering/*.py"))  # instructions to numba for every kernel
 

@@ -14,16 +14,16 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..analysis import linear
-from ..dynamics.arguments import wrong_type
-from ..errors import FileError, Problem, Suggests, choices, explained
-from ..mechanism import Mechanism
-from ..model import Model
-from ..model.files import read
-from ..packing import Array
-from ..result import Result
-from ..rotation import matrix
-from ..simulation import simulate
+from .analysis import linear
+from .dynamics.arguments import wrong_type
+from .errors import FileError, Problem, Suggests, choices, explained
+from .mechanism import Mechanism
+from .model import Model
+from .model.files import read
+from .packing import Array
+from .result import Result
+from .rotation import matrix
+from .simulation import simulate
 
 Given: TypeAlias = "Mapping[str, Any]"
 

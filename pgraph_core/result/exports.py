@@ -1,0 +1,458 @@
+"""What a run gives to others: tables, pictures, films, pages and its file (`.npz`).
+
+A file of some megabytes can unpack to gigabytes. The times are read while they ascend, and every
+other array has at most as many numbers a frame as the model can have.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+from zipfile import ZipFile
+
+import numpy as np
+from numpy.lib import format as npy
+
+from .. import hooks
+from ..errors import FileError, InputError, PgraphError, Problem, explained
+from ..markup import ordinary, reason_of
+from ..model import Model
+from ..model.files import LARGEST, gathered, shown_path, write_atomic
+from ..packing import Array
+from .columns import Column, columns_of, dataset, frame, matlab, no_column
+from .records import (
+    OF_CONSTRAINTS,
+    ContactRecord,
+    Derivatives,
+    Named,
+    Status,
+    event_arrays,
+    events_of_arrays,
+)
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculated
+WRITTEN = "give a file written by Result.save"
+
+
+def _show() -> Any:
+    from .. import show
+
+    return show
+
+
+FIGURE = 560  # [pixels] height of the figure of a run in a notebook
+
+
+@explained
+class Exports:
+    """The methods of a `Result` that write it for people and other programs."""
+
+    mechanism: Mechanism
+    t: Array
+    _meant: Callable[[str], dict[str, Column]]
+
+    def to_pandas(self, *, bodies: bool = False) -> Any:
+        """Return a pandas DataFrame of `columns` with one row per frame, indexed by time t [s].
+
+        Columns of words, such as the phases of contacts, are omitted. `table["trunk"]` returns all
+        columns of the joint. An unknown name raises a KeyError that lists the columns.
+        `table.attrs["units"]` contains the units. `bodies` as for `columns`. Needs pandas.
+        """
+        return frame(columns_of(self, bodies))
+
+    def to_xarray(self, *, bodies: bool = False) -> Any:
+        """Return an xarray Dataset of `columns` over time t [s], with units.
+
+        Columns of words are omitted. `bodies` as for `columns`. Needs xarray.
+        """
+        return dataset(columns_of(self, bodies))
+
+    def plot(self, *names: str) -> Any:
+        """Plot columns over time with Matplotlib, by default all coordinates.
+
+        Parameters
+        ----------
+        names : str
+            Names of columns, or the beginnings of several: "knee", "v", "energy", "contact_force".
+
+        Returns
+        -------
+        Figure
+            A Matplotlib figure.
+
+        Raises
+        ------
+        InputError
+            If no column has such a name.
+
+        Examples
+        --------
+            run.plot("knee", "energy").savefig("knee.png")
+        """
+        picked = dict[str, Column]()
+        for name in names or ("q",):
+            found = self._meant(name)
+            found.pop("t", None)
+            if not found and names:
+                raise InputError(Problem("plot", "", no_column(columns_of(self, True), name)))
+            picked |= found
+        return _show().figure(self.t, picked, self.mechanism.model.name)
+
+    def to_html(self, path: str | Path, /, *, live: bool = False, open: Sequence[str] = ()) -> None:
+        """Write the run as a 3D animation in one self-contained HTML file.
+
+        Parameters
+        ----------
+        path : str or path
+            The file to write.
+        live : bool
+            Whether readers can run the mechanism and pull on it (docs/gallery.md).
+        open : iterable of str
+            Fields that readers can change in a live figure, PATH or PATH=low:high, such as
+            "bodies.lower.mass=0.2:5".
+
+        Raises
+        ------
+        InputError
+            If a field cannot be left open.
+        FileError
+            If the file has another suffix or cannot be written.
+        """
+        if Path(path).suffix.lower() not in (".html", ".htm"):
+            text = "is not a web page; give a name that ends in .html"
+            raise FileError(Problem(str(path), "", text))
+        if live or open:
+            write_atomic(path, hooks.page(self, open).encode())
+            return
+        write_atomic(path, _show().animation_html(self).encode())
+
+    def to_image(
+        self, path: str | Path, /, *, t: float | None = None, size: tuple[int, int] = (1280, 720),
+        view: str = "start", dark: bool = False,
+    ) -> None:  # fmt: skip
+        """Draw the mechanism in 3D at one instant of the run. No display is needed.
+
+        Parameters
+        ----------
+        path : str or path
+            The file to write, with the suffix .png.
+        t : float, optional
+            Time [s], by default the start.
+        size : (int, int)
+            Width and height in pixels.
+        view : {"start", "front", "side", "top", "isometric"}
+            Direction of the view.
+        dark : bool
+            Whether the background is dark.
+
+        Raises
+        ------
+        InputError, FileError
+            If arguments do not fit, or the file cannot be written.
+        """
+        from ..show import pictures  # with its kernels
+
+        write_atomic(path, pictures.moment(self, path, t, size=size, view=view, dark=dark))
+
+    def to_plot(self, path: str | Path, /, *names: str, size: tuple[int, int] = (900, 600)) -> None:
+        """Write the plot of `plot` to an image file.
+
+        Parameters
+        ----------
+        path : path
+            The file, .png or .svg.
+        *names : str
+            Quantities, as for `plot`.
+        size : (int, int), optional
+            Width and height [pixels].
+
+        Raises
+        ------
+        InputError
+            If a quantity does not exist.
+        FileError
+            If the file cannot be written.
+        MissingPackage
+            If Matplotlib is not installed.
+        """
+        from ..show import pictures
+
+        write_atomic(path, pictures.plot(self, path, names, size=size))
+
+    def to_film(
+        self, path: str | Path, /, *, size: tuple[int, int] = (960, 540), fps: float = 30,
+        speed: float = 1.0, view: str = "start", dark: bool = False,
+        progress: Callable[[float], Any] | None = None,
+    ) -> None:  # fmt: skip
+        """Write a video of the run.
+
+        Parameters
+        ----------
+        path : str or path
+            The file to write, .mp4 (H.264) or .gif.
+        speed : float
+            Playback speed: 0.5 plays at half speed.
+        fps : float
+            Pictures per second.
+        size : (int, int)
+            Width and height in pixels.
+        view : {"start", "front", "side", "top", "isometric"}
+            Direction of the view.
+        dark : bool
+            Whether the background is dark.
+        progress : callable, optional
+            Function of the completed fraction, called after each frame. Nothing is written if it
+            returns False.
+
+        Raises
+        ------
+        InputError, FileError
+            If arguments do not fit, or the file cannot be written.
+        MissingPackage
+            If a package has to be installed first.
+        """
+        options = {"size": size, "fps": fps, "speed": speed, "view": view, "dark": dark}
+        from ..show import pictures
+
+        made = pictures.film(self, path, **options, progress=progress)
+        if made is not None:
+            write_atomic(path, made)
+
+    def show(self) -> Any:
+        """Show the animation. Returns an object to display in a notebook, or opens a browser."""
+        return _show().opened(_show().animation_html(self))
+
+    def _repr_html_(self) -> str:
+        """Return the summary with a live figure if the browser can compute it, or an animation."""
+        facts = _show().run_html(self)
+        if not len(self.t) or not self.mechanism.names:
+            return facts
+        return facts + _show().Embedded(hooks.page(self), FIGURE)._repr_html_()
+
+    def save(self, path: str | Path, /) -> None:
+        """Save the run with its model, or its columns as a table.
+
+        Parameters
+        ----------
+        path : path
+            A `.npz` file contains the run with its model, and meshes from other folders are copied
+            to `meshes` next to it. A `.csv` file is a table. A `.mat` file (MATLAB, Octave) has one
+            variable per column, with `_` in place of characters other than letters and digits, and
+            the lists `names` and `units`.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written or has another suffix.
+        """
+        suffix = Path(path).suffix.lower()
+        if suffix == ".csv":
+            self.to_csv(path)
+            return
+        if suffix == ".mat":
+            write_atomic(path, matlab(columns_of(self)))
+            return
+        if suffix != ".npz":
+            text = "must end in .npz (the whole run), .csv or .mat (tables); to_html animates"
+            raise FileError(Problem(str(path), "", text))
+        write_atomic(path, file_of(self, Path(path).parent))
+
+    @classmethod
+    def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Self:
+        """Load a run that `save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            An `.npz` file.
+        roots : iterable of paths, optional
+            Additional folders for meshes, apart from the folder of the file.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read.
+        ModelError
+            If its model is not valid.
+        """
+        try:
+            file = ordinary(path)
+        except (OSError, ValueError) as error:
+            reason = reason_of(error)
+            text = f"cannot be read: {reason[:1].lower()}{reason[1:]}; {WRITTEN}"
+            raise FileError(Problem(shown_path(path), "", text)) from None
+        try:
+            with file:
+                if file.read(2) != b"PK":  # the first bytes of a zip file, hence of an .npz file
+                    text = f"is not a saved run (.npz); {WRITTEN}"
+                    raise FileError(Problem(str(path), "", text))
+                given = fields_of(ZipFile(file), path, roots)
+                status = Status(Status.__members__.get(given["status"]))
+                return cls(**{**given, "status": status})
+        except PgraphError:
+            raise
+        except KeyError as missing:
+            text = f"holds no whole run: {missing} is missing; {WRITTEN}"
+        except (TypeError, ValueError, AttributeError):
+            text = f"holds no whole run; {WRITTEN}"
+        except Exception:  # zip, zlib, numpy and its parser raise any error on damaged files
+            text = (
+                "is damaged and cannot be read as a run; save the run again, or copy the file again"
+            )
+        raise FileError(Problem(str(path), "", text))
+
+    def to_csv(self, path: str | Path | None = None, /, *, bodies: bool = False) -> str:
+        """Return `columns` as CSV text with units in the header line, "knee [rad]".
+
+        A name that a spreadsheet would interpret as a formula begins with a quote. The text is
+        also written to a `path`, if one is given. `bodies` as for `columns`. Raises FileError.
+        """
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        columns = columns_of(self, bodies)
+        heads = (f"{name} [{c.unit}]" if c.unit else name for name, c in columns.items())
+        writer.writerow(f"'{head}" if head[:1] in FORMULA else head for head in heads)
+        writer.writerows(zip(*(c.values.tolist() for c in columns.values())))
+        if path is not None:
+            write_atomic(path, text.getvalue())
+        return text.getvalue()
+
+    def columns(self, *, bodies: bool = False) -> dict[str, Any]:
+        """Return the columns of the run as a table {name: (n,)}.
+
+        A coordinate has the name of its body, "knee". Every other column begins with the name of
+        its quantity: "v.knee", "energy", "contact_force.paw.z". `to_csv` adds the units.
+
+        Parameters
+        ----------
+        bodies : bool, optional
+            Whether to add the motion of all body frames in world axes and the wrenches of their
+            joints: "position.hand.x", "angular_acceleration.hand.z", "joint_force.hand.x". These
+            are found by `run["position.hand"]` and `run.plot("velocity.hand")` in any case.
+        """
+        return {name: column.values for name, column in columns_of(self, bodies).items()}
+
+
+# -- the file of a run ----------------------------------------------------------------------------
+
+CHUNK = 1 << 16  # [bytes] block size for reading times
+PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
+ARRAYS = (
+    "t", "q", "v", "vdot", "kinetic_energy", "potential_energy", "work", "dissipation",
+    "constraint_drift", "error_at", "states", "state_error_at",
+)  # fmt: skip
+SCALARS = ("message", "counters", "timing", "header", "notices")
+FORCE, DERIVATIVE = "force:", "derivative:"  # before the names of constraints and paths
+
+
+def file_of(run: Any, folder: Path) -> bytes:
+    """Return the file of a run. Meshes from elsewhere are copied to the folder if it exists."""
+    model = run.mechanism.model
+    if folder.is_dir():
+        model = model.unchecked_copy({"bodies": gathered(model.bodies, folder)})
+    arrays = {name: getattr(run, name) for name in ARRAYS}
+    arrays |= {FORCE + name: value for name, value in run.constraint_force.items()}
+    arrays |= {DERIVATIVE + path: value for path, value in run.derivatives.items()}
+    arrays |= run.contacts.arrays() | event_arrays(run.user_events)
+    header = {
+        "status": run.status.name,
+        **{name: getattr(run, name) for name in SCALARS},
+        "model": json.loads(model.to_json()),
+    }
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, header=np.array(json.dumps(header)), **arrays)
+    return buffer.getvalue()
+
+
+def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> dict[str, Any]:
+    """Return the fields of a run, with the name of its status.
+
+    Raises KeyError, TypeError, ValueError or FileError.
+    """
+    from ..mechanism import Mechanism
+
+    header = header_of(file)
+    description, folder = json.dumps(header.pop("model")), Path(path).parent
+    model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
+    arrays = arrays_of(file, len(model.bodies) + len(model.controls))
+    n = len(arrays["t"])
+    arrays.setdefault("states", np.zeros((n, 0)))  # older files have none
+    arrays.setdefault("state_error_at", np.full((n, arrays["states"].shape[1]), np.nan))
+    found = {name: header[name] for name in SCALARS} | {name: arrays[name] for name in ARRAYS}
+    forces, derivatives = (
+        {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
+        for prefix in (FORCE, DERIVATIVE)
+    )
+    mech = Mechanism(model)
+    fits = found["q"].shape[1:] == (mech.nq,) and found["v"].shape[1:] == (mech.nv,)
+    if not fits or len({len(found[name]) for name in ARRAYS}) != 1:
+        raise ValueError("arrays of different lengths")
+    shape = len(found["t"]), mech.nq + mech.nv + 2 + 2 * found["states"].shape[1]
+    if any(x.shape != shape for x in derivatives.values()):
+        raise ValueError("derivatives of another shape")
+    return {
+        **found,
+        "mechanism": mech,
+        "status": header["status"],
+        "notices": tuple(found["notices"]),
+        "constraint_force": Named(forces, *OF_CONSTRAINTS),
+        "contacts": ContactRecord.of_arrays(arrays),
+        "user_events": events_of_arrays(arrays),
+        "derivatives": Derivatives(derivatives),
+    }
+
+
+def header_of(file: ZipFile) -> dict[str, Any]:
+    """Return the header, which includes the model. Raises KeyError or ValueError."""
+    return dict(json.loads(str(_array(file, "header", 4 * LARGEST))))
+
+
+def arrays_of(file: ZipFile, bodies: int) -> dict[str, Array]:
+    """Return the arrays by name. Raises KeyError or ValueError."""
+    found = {"t": _times(file)}
+    most = len(found["t"]) * PER_BODY * (bodies + 1)
+    names = {entry.removesuffix(".npy") for entry in file.namelist()} - {"header", "t"}
+    for name in names:  # events are not of frames
+        found[name] = _array(file, name, LARGEST if "event" in name else most)
+    return found
+
+
+def _array(file: ZipFile, name: str, most: int) -> Array:
+    if f"{name}.npy" not in file.namelist():
+        raise KeyError(name)
+    with file.open(f"{name}.npy") as entry:
+        shape, kind = _head(entry)
+        if math.prod(shape) * kind.itemsize > most:
+            raise ValueError(f"{name} has more numbers than its model can have")
+    with file.open(f"{name}.npy") as entry:
+        return npy.read_array(entry, allow_pickle=False)
+
+
+def _times(file: ZipFile) -> Array:
+    """Return the times, reading only as far as they ascend."""
+    parts = [np.full(1, -np.inf)]
+    with file.open("t.npy") as entry:
+        (count,), kind = _head(entry)
+        while content := entry.read(CHUNK):
+            parts.append(np.frombuffer(content, kind))
+            if not (np.diff(parts[-1], prepend=parts[-2][-1]) > 0).all():
+                raise ValueError("t does not ascend")
+    found = np.concatenate(parts[1:]) if count else np.zeros(0)
+    if found.shape != (count,):
+        raise ValueError("t is cut short")
+    return found
+
+
+def _head(entry: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = npy.read_magic(entry)
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, _, kind = read(entry)
+    return shape, kind
