@@ -53,7 +53,7 @@ def parsed_mesh(file: str | Path) -> Any:
         raise FileError(Problem(where, "", "the file does not exist")) from error
     except (OSError, ValueError) as error:
         raise FileError(_unreadable(file, reason_of(error))) from error
-    if not _looks_like(suffix, content):
+    if not looks_like(suffix, content):
         text = f"cannot be read as {suffix}: its content is not a {suffix.upper()} mesh"
         raise FileError(Problem(where, "", text))
     try:
@@ -76,7 +76,7 @@ def parsed_mesh(file: str | Path) -> Any:
     return mesh
 
 
-def _looks_like(suffix: str, content: bytes) -> bool:
+def looks_like(suffix: str, content: bytes) -> bool:
     """Return True if a file starts like its format, to avoid parsing other files as meshes."""
     match suffix:
         case "dae":
@@ -117,7 +117,7 @@ MOST_REFERENCES = 100  # nodes that name nodes
 def triangles(content: bytes, name: str) -> tuple[Array, Array, Counter[Any]]:
     """Return vertices (n, 3) [m], faces (m, 3) and face counts by colour for the scene.
 
-    A colour is four numbers, "texture", or None if there is none. Raises FileError.
+    A colour is four numbers, "texture", "undefined", or None if there is none. Raises FileError.
     """
     return _Collada(parse_markup(content, name), Source(name)).triangles()
 
@@ -202,7 +202,10 @@ class _Collada:
         return found
 
     def _paint(self, instance: Element, symbol: str) -> Any:
-        """Return the colour of the material that a geometry instance binds to a symbol."""
+        """Return the colour of the material that a geometry instance binds to a symbol.
+
+        It is "undefined" if the binding, or what it leads to, is not in the file.
+        """
         for bound in instance.inside():
             if bound.tag != "instance_material" or bound.get("symbol") != symbol:
                 continue
@@ -211,13 +214,15 @@ class _Collada:
             target = self._target(effect) if effect is not None else None
             inside = target.inside() if target is not None else ()
             diffuse = next((e for e in inside if e.tag == "diffuse"), None)
+            if target is None:
+                break
             if diffuse is None:
-                continue
+                return None
             if (colour := diffuse.first("color")) is None:
                 return "texture" if diffuse.first("texture") is not None else None
             numbers = self._numbers(colour)
             return (*numbers[:3].tolist(), 1.0) if len(numbers) > 2 else None
-        return None
+        return "undefined" if symbol else None
 
     def _geometry(self, geometry: Element | None, turn: Array, instance: Element) -> None:
         mesh = geometry.first("mesh") if geometry is not None else None

@@ -49,10 +49,13 @@ MTL = "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\nd 0.5\n"
         (MTL, ("b",), GREEN, 0.5, ""),
         (MTL.replace("d 0.5", "Tr 0.25"), ("b",), GREEN, 0.75, ""),
         (MTL, ("a", "b"), GREEN, 0.5, "colours"),
-        (MTL, ("none",), None, 1.0, ""),
+        (MTL, ("none",), None, 1.0, "not defined"),
+        (MTL, ("a", "none"), RED, 1.0, "not defined"),
+        ("", ("a",), None, 1.0, "not defined"),
+        ("newmtl a\nNs 5\n", ("a",), None, 1.0, ""),
         (MTL + "map_Kd a.png\n", ("b",), None, 1.0, "texture"),
-        ("newmtl a\nKd one two\n", ("a",), None, 1.0, ""),
-        ("newmtl a\nKd 2 -1 nan\n", ("a",), (1.0, 0.0, 1.0), 1.0, ""),
+        ("newmtl a\nKd one two\n", ("a",), None, 1.0, "not defined"),
+        ("newmtl a\nKd 2 -1 nan\n", ("a",), (1.0, 0.0, 1.0), 1.0, "2, -1, nan"),
     ],
 )
 def test_an_obj_file_has_the_colours_of_its_materials(tmp_path, mtl, parts, colour, opacity, lost):
@@ -101,6 +104,7 @@ def test_a_collada_file_has_the_diffuse_colour(tmp_path, kind, paint, symbol, co
     shape, report = read(tmp_path, robot("part.dae"))
     assert shape.colour == colour
     assert ("texture" in str(report)) == ("texture" in paint)
+    assert ("not defined" in str(report)) == (symbol == "other")
 
 
 @pytest.mark.parametrize("suffix", ["ply", "glb", "stl"])
@@ -132,8 +136,57 @@ def test_damaged_materials_are_no_colours(tmp_path, damage):
     head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(content) - 20 - length,
                        len(text), 0x4E4F534A)  # fmt: skip
     (tmp_path / "part.glb").write_bytes(head + text + content[20 + length :])
-    shape, _ = read(tmp_path, robot("part.glb"))
-    assert shape.colour is None
+    shape, report = read(tmp_path, robot("part.glb"))
+    assert shape.colour is None or damage == {"materials": [{}]}
+    assert ("part.glb" in str(report)) == (damage != {"materials": [{}]})
+
+
+PAINTED = '<material name="blue"><color rgba="0 0 1 1"/></material>'
+
+
+@pytest.mark.parametrize(
+    ("material", "more", "fact", "colour"),
+    [
+        ('<material name="blue"/>', "", "'blue'", None),
+        ('<material name="blue"/>', PAINTED, "", (0.0, 0.0, 1.0)),
+        ('<material name="Blue"/>', PAINTED, "'Blue'", None),
+        ('<material name=""/>', "", "", None),
+        ('<material name="t"><texture filename="a.png"/></material>', "", "texture", None),
+        ('<material name="t"/>', '<material name="t"><texture filename="a"/></material>',
+         "texture", None),
+        ('<material name="m"><color rgba="2 0 0 1"/></material>', "", "2, 0, 0, 1", RED),
+        ('<material name="m"><color rgba="1 -0.5 0 1"/></material>', "", "-0.5", RED),
+        ('<material name="m"><color rgba="255 0 0 255"/></material>', "", "255", RED),
+        ('<material name="m"/>', '<material name="m"><color rgba="1 0 0 7"/></material>', "7", RED),
+        ('<material name="m"><color rgba="1 0 0"/></material>', "", "rgba", None),
+    ],
+)  # fmt: skip
+def test_a_colour_that_a_urdf_file_loses_is_reported_once(tmp_path, material, more, fact, colour):
+    text = robot("", material=material).replace('<mesh filename="" />', '<sphere radius="1"/>')
+    shape, report = read(
+        tmp_path, text.replace('<link name="base"/>', more + '<link name="base"/>')
+    )
+    assert shape.colour == colour
+    told = [str(e) for kind in ("left out", "approximated") for e in report.of(kind)]
+    assert [fact in text for text in told] == [True] * bool(fact)
+    assert report.loaded
+
+
+@pytest.mark.parametrize("rgba", ["1 0 0 1", "2 0 0 1", "0 -1 0 1", "0 0 0 1.5", "255 255 255 1"])
+@pytest.mark.parametrize("by", ["geom", "material"])
+def test_colours_of_mjcf_beyond_0_to_1_are_counted(tmp_path, rgba, by):
+    pytest.importorskip("mujoco")
+    paint = f'rgba="{rgba}"' if by == "geom" else 'material="m"'
+    path = tmp_path / "bot.xml"
+    path.write_text(
+        f'<mujoco><asset><material name="m" rgba="{rgba}"/></asset><worldbody><body><joint/>'
+        f'<geom size="1" {paint}/><geom size="1" {paint}/></body></worldbody></mujoco>'
+    )
+    model, report = pg.read_mjcf(path)
+    beyond = any(not 0 <= float(x) <= 1 for x in rgba.split())
+    assert [e.text[0] for e in report.of("approximated") if "colours" in e.text] == ["2"] * beyond
+    numbers = [min(max(float(x), 0.0), 1.0) for x in rgba.split()]
+    assert [*model.bodies[0].shapes[0].colour, model.bodies[0].shapes[0].opacity] == numbers
 
 
 @pytest.mark.parametrize("role", ["visual", "collision"])

@@ -1,5 +1,7 @@
 """MJCF files are read as MuJoCo reads them, and omissions are reported."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -154,7 +156,9 @@ def test_actuators_are_counted_as_actuators_not_as_inputs(tmp_path, odd, first):
     assert not report.loaded
 
 
-@pytest.mark.parametrize("friction", ["1.5 1.5 .1 .01 .01", "0 0 0 0 0", ".3 .3 0 0 0"])
+@pytest.mark.parametrize(
+    "friction", ["1.5 1.5 .1 .01 .01", "0 0 0 0 0", ".3 .3 0 0 0", ".3 .1 0 0 0", "9 9 1 1 1"]
+)
 def test_an_override_of_friction_holds_for_all(tmp_path, friction):
     bodies = f'<geom type="plane" size="9 9 .1" friction=".05"/><body><freejoint/>{BOX}</body>'
     option = f'o_friction="{friction}"><flag override="enable"/></option><option '
@@ -244,14 +248,27 @@ def test_a_plane_of_a_body_that_stands_still_carries(tmp_path, pos, turn):
         assert min(np.nanmin(each) for each in gap.values()) > -1e-6
 
 
-def test_parts_of_two_kinds_may_have_one_name(tmp_path):
-    body = f'<body name="x"><joint name="x" axis="0 1 0" damping=".1"/>{ARM}</body>'
-    rest = """<tendon><fixed name="x" stiffness="3"><joint joint="x" coef="1"/></fixed></tendon>
-      <actuator><motor name="x" joint="x"/></actuator>
-      <equality><joint name="x" joint1="x" active="false"/></equality>"""
-    model, report = read(tmp_path, world(body, rest=rest))
+NAMESAKES = {
+    "tendon": '<tendon><fixed name="{}" stiffness="3"><joint joint="h" coef="1"/></fixed></tendon>',
+    "actuator": '<actuator><motor name="{}" joint="h"/></actuator>',
+    "equality": '<equality><joint name="{}" joint1="h" active="false"/></equality>',
+    "sensor": '<sensor><jointpos name="{}" joint="h"/></sensor>',
+    "pair": '<contact><pair name="{}" geom1="g" geom2="floor"/></contact>',
+    "key": '<keyframe><key name="{}" qpos=".1"/></keyframe>',
+}
+
+
+@pytest.mark.parametrize("name", ["x", "h", "g", "knee/1", "body"])
+@pytest.mark.parametrize(("one", "two"), [*itertools.combinations(NAMESAKES, 2)])
+def test_parts_of_two_kinds_may_have_one_name(tmp_path, one, two, name):
+    arm = ARM.replace("<geom", '<geom name="g"')
+    body = f'<body name="x"><joint name="h" axis="0 1 0" damping=".1"/>{arm}</body>'
+    floor = '<geom name="floor" type="plane" size="1 1 .1"/>'
+    rest = "".join(NAMESAKES[kind].format(name) for kind in (one, two))
+    model, report = read(tmp_path, world(floor + body, rest=rest))
     assert report.loaded
-    assert len({force.name for force in model.forces}) == 2
+    parts = len(model.forces) + len(model.constraints) + len(model.outputs) + len(model.scenarios)
+    assert parts == 2 - ("pair" in (one, two))
 
 
 @pytest.mark.parametrize("suffix", ["xml", "mjcf", "urdf"])
@@ -377,13 +394,18 @@ def test_what_has_a_texture_is_drawn_in_its_mean_colour(tmp_path, texture, mean,
     assert "texture" in str([*report.of("approximated")])
 
 
-def test_a_weld_at_another_orientation_is_not_loaded(tmp_path):
+@pytest.mark.parametrize(
+    "turn", ["1 0 0 1", "0 1 0 0", "1 1 0 0", "1 .001 0 0", "1 2 3 4", "1 0 0 0", "2 0 0 0"]
+)
+@pytest.mark.parametrize("active", ["true", "false"])
+def test_a_weld_at_another_orientation_is_not_loaded(tmp_path, turn, active):
     bodies = f'<body name="a"><joint axis="0 1 0"/>{ARM}</body>'
     bodies += f'<body name="b" pos=".5 0 0"><freejoint/>{BOX}</body>'
-    tied = '<equality><weld name="w" body1="a" body2="b" relpose=".5 0 0 1 0 0 1"/></equality>'
-    _, report = read(tmp_path, world(bodies, rest=tied))
-    assert not report.loaded
-    assert "weld 'w'" in left_out(report)
+    tied = f'<weld name="w" body1="a" body2="b" relpose=".5 0 0 {turn}" active="{active}"/>'
+    _, report = read(tmp_path, world(bodies, rest=f"<equality>{tied}</equality>"))
+    same = turn.endswith("0 0 0") or active == "false"
+    assert report.loaded == same
+    assert ("weld 'w'" in left_out(report)) != same
 
 
 @pytest.mark.parametrize("count", [1, 40, 400])

@@ -6,6 +6,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.formats import read_model
+from tests.refusals import assert_names
 
 INERTIAL = """<inertial><origin xyz="0.1 0 0"/><mass value="1"/>
   <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>"""
@@ -193,32 +194,57 @@ def test_macros_that_are_left_are_named_with_what_to_do(read, inside):
     assert read(plain)[1].loaded  # the name space alone is what xacro leaves behind
 
 
-FORMATS = ["w.sdf", "w.world", "s.usda", "s.usdc", "p.step", "p.stp", "m.mjb"]
+STL = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+UNREAD = {  # fact of the answer -> files: (name, content)
+    "SDF": [("w.sdf", b"x"), ("w.world", b"x"), ("w.xml", b"<sdf version='1.9'/>"),
+            ("w.json", b"<?xml version='1.0'?><!-- <robot/> --><sdf/>")],
+    "USD": [("s.usda", b"x"), ("s.usdc", b"PXR-USDC\0\xff"), ("s.json", b"#usda 1.0")],
+    "CAD": [("p.step", b"x"), ("p.stp", b"ISO-10303-21;"), ("P.SLDPRT", b"\0\xff"),
+            ("p.json", b"ISO-10303-21;\nHEADER;")],
+    "MuJoCo": [("m.mjb", b"\0\xff")],
+    "Webots": [("arm.proto", b"#VRML_SIM R2023b utf8"), ("w.wbt", b"x"),
+               ("arm.txt", b"#VRML_SIM R2023b utf8")],
+    "OpenSim": [("leg.osim", b"x"), ("leg.xml", b"<OpenSimDocument Version='4'/>")],
+    "pg.Shape(": [("a.stl", STL), ("A.STL", bytes(80) + b"\1\0\0\0" + bytes(50)), ("a.obj", b"x"),
+                  ("a.json", STL), ("a.dae", b"<COLLADA/>"), ("a.xml", b"<COLLADA/>"),
+                  ("a.glb", b"glTF\2"), ("a.json", b"v 0 0 0\nf 1 1 1\n")],
+    "convert": [("a.fbx", b"Kaydara FBX Binary"), ("a.json", b"; FBX 7.3.0"), ("a.gltf", b"{}"),
+                ("a.blend", b"BLENDER")],
+    "pg.Result.load": [("r.npz", b"PK\3\4")],
+    "unpack": [("bot.zip", b"PK\3\4"), ("bot.json", b"PK\3\4")],
+    ".urdf": [("notes.txt", b"x"), ("a.png", b"\x89PNG"), ("t.csv", b"t,q"), ("a.what", b"\0\xff"),
+              ("a.json", b"")],
+}  # fmt: skip
+GIVEN = [(fact, name, content) for fact, files in UNREAD.items() for name, content in files]
 
 
-@pytest.mark.parametrize("name", FORMATS)
-@pytest.mark.parametrize("load", [read_model, pg.Model.load])
-def test_a_format_that_is_not_read_is_named_with_what_to_do(tmp_path, name, load):
-    (tmp_path / name).write_text("anything")
-    with pytest.raises(pg.FileError, match=name) as refused:
+@pytest.mark.parametrize("load", [read_model, pg.load, pg.Model.load])
+@pytest.mark.parametrize(("fact", "name", "content"), GIVEN)
+def test_a_file_that_holds_no_model_is_named_with_what_to_do(tmp_path, load, fact, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(pg.FileError) as refused:
         load(tmp_path / name)
-    assert "JSON" not in str(refused.value)
+    assert_names(str(refused.value), name)
+    if load != pg.Model.load or not name.endswith(".xml"):  # of another format by its name
+        assert_names(str(refused.value), fact)
 
 
 MJCF = '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>'
 
 
 @pytest.mark.parametrize("before", ["", '<?xml version="1.0"?>\n', "<!-- <mujoco/> -->\n\n"])
-@pytest.mark.parametrize("suffix", ["urdf", "xml", "mjcf"])
+@pytest.mark.parametrize("suffix", ["urdf", "xml", "mjcf", "json", "robot", "txt"])
 def test_the_first_element_decides_between_urdf_and_mjcf(read, before, suffix):
     assert read(before + robot(), f"model.{suffix}")[0].body("a").mass == 1.0
     pytest.importorskip("mujoco")
     assert len(read(before.replace("mujoco", "robot") + MJCF, f"other.{suffix}")[0].bodies) == 1
 
 
-def test_friction_in_an_element_of_an_exporter_is_something_that_acts(read):
-    inside = LIMIT + '<joint_properties friction="0.2" damping="0.6"/>'
-    _, report = read(robot(joints=joint(inside=inside)))
+@pytest.mark.parametrize(
+    "given", ['friction="0.2" damping="0.6"', 'friction="0.2"', 'damping="6"', 'stiction="1"', ""]
+)
+def test_friction_in_an_element_of_an_exporter_is_something_that_acts(read, given):
+    _, report = read(robot(joints=joint(inside=f"{LIMIT}<joint_properties {given}/>")))
     assert not report.loaded
     assert "joint_properties" in str(report)
 
@@ -236,3 +262,22 @@ def test_a_follower_starts_where_its_leader_puts_it(read, ratio, offset):
     assert model.body("a").q == (0.3,)
     assert model.body("b").q == pytest.approx((expected,), abs=1e-15)
     assert model.body("c").q == pytest.approx((2 * expected,), abs=1e-15)
+
+
+@pytest.mark.parametrize("scheme", ["package://bot", "model://bot", "..", "../../bot", "{}"])
+@pytest.mark.parametrize("role", ["visual", "collision"])
+def test_a_mesh_of_a_package_without_a_manifest_is_found_or_said_to_lie_outside(
+    tmp_path, scheme, role
+):
+    for name in ("urdf", "meshes"):
+        (tmp_path / "bot" / name).mkdir(parents=True)
+    (tmp_path / "bot/meshes/part.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    file = f"{scheme.format(tmp_path / 'bot')}/meshes/part.obj"
+    text = robot(solid(role, f'<mesh filename="{file}"/>'))
+    path = tmp_path / "bot/urdf/bot.urdf"
+    path.write_text(text)
+    (entry,) = (e for e in pg.read_urdf(path)[1].of("left out") if "mesh" in e.text)
+    assert_names(entry.text, "outside", "roots=", "--root")
+    model, report = pg.read_urdf(path, roots=[tmp_path / "bot"])
+    assert report.loaded
+    assert model.body("a").shapes[0].file == str(tmp_path / "bot/meshes/part.obj")

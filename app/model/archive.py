@@ -14,10 +14,11 @@ from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
 from pgraph_core.errors import choices
-from pgraph_core.formats import READERS, ROOTS, first_element, read_model, write_model
+from pgraph_core.file_kinds import KINDS, MODELS, first_element, kind_of
+from pgraph_core.formats import READERS, ROOTS, read_model, write_model
 from pgraph_core.formats.xacro import SUFFIX
 from pgraph_core.mesh_files import FORMATS
-from pgraph_core.model.files import FOLDER, refuse_format
+from pgraph_core.model.files import FOLDER
 from pgraph_core.model.files import mesh_folder as mesh_folder
 
 from ..core.cells import Refusal
@@ -120,10 +121,13 @@ def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg
     models = [name for name in held if _is_model(name)] or _of_others(held)
     if not models:
         for name in sorted(others):
-            refuse_format(str(name))
             refuse_program(name)
-        known = ", ".join((".json", *READERS))
-        raise Refusal(f"it holds 0 model files ({known}), not one")
+        kinds = {str(name): kind_of(name, b"") for name in (*held, *others)}
+        known = [(KINDS.index(kind), name) for name, kind in kinds.items() if kind]
+        if known:  # a model of another program goes before a mesh
+            rank, name = min(known)
+            raise Refusal(f"{name} {KINDS[rank].text}")
+        raise Refusal(f"it holds no model; models end in {MODELS}")
     chosen = [name for name in models if str(name) == member] if member else models
     if len(chosen) != 1:
         raise Several([*map(str, models)])

@@ -15,7 +15,8 @@ from pydantic import Field
 
 import pgraph_core as pg
 from pgraph_core.errors import choices, counted
-from pgraph_core.formats import READERS
+from pgraph_core.file_kinds import HEAD, first_element
+from pgraph_core.formats import READERS, ROOTS
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
 from pgraph_core.model.checks import PARTS
@@ -129,7 +130,7 @@ class OpenText(FromPage):
 
     def applied(self, state: State) -> State:
         name, content = self.name, self.content
-        foreign = Path(name).suffix.lower() in READERS
+        foreign = _is_foreign(name, content)
         if len(content) <= LONG and not foreign:
             return opened(state, self.client, name, content)
 
@@ -139,9 +140,17 @@ class OpenText(FromPage):
 
 def _found_in_text(name: str, content: str, _: Any) -> Found:
     """Parse the model in a text. Raises PgraphError, Refusal."""
-    if Path(name).suffix.lower() in READERS:
+    if _is_foreign(name, content):
         return _small_enough(*read_text(name, content))
     return Found(opened=_read(name, content))
+
+
+def _is_foreign(name: str, content: str) -> bool:
+    """Return True for the text of a model in another format."""
+    return (
+        Path(name).suffix.lower() in READERS
+        or first_element(content[:HEAD].encode(errors="replace")) in ROOTS
+    )
 
 
 def _small_enough(model: pg.Model, report: pg.Report) -> Found:
@@ -207,7 +216,7 @@ def opened(state: State, client: int, name: str, content: str) -> State:
 
 def _read(name: str, content: str) -> pg.Model:
     """Parse the model in a text. Raises PgraphError, Refusal."""
-    files.refuse_format(name)
+    files.refuse_kind(name, content[:HEAD].encode(errors="replace"))
     data = files.parse(content, name)
     if problem := too_many(data):
         raise Refusal(problem)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, Problem, explained
+from ..file_kinds import HEAD, first_element
 from ..markup import ordinary
 from ..model import Model
-from ..model.files import FOREIGN
+from ..model.files import FOREIGN, refuse_kind
 from .conversion import Report, nearest_inertia, why_unphysical
 from .mjcf import read_mjcf
 from .mjcf_out import write_mjcf
@@ -73,10 +73,8 @@ def read_model(
         return read_urdf(path, roots, arguments=arguments)
     if arguments:
         raise no_arguments(Path(path))
-    if suffix == ".npz":
-        raise FileError(Problem(Path(path).name, "", "holds a run; give it to pg.Result.load"))
-    if reader := READERS.get(suffix):
-        return _by_root(path, reader)(path, roots)
+    if reader := reader_of(path):
+        return reader(path, roots)
     model, report = Model.load(path, roots=roots), Report(Path(path).name)
     for body in model.bodies:
         inertia = np.array(body.inertia)
@@ -98,21 +96,19 @@ def write_model(model: Model, path: str | Path) -> Report:
     return Report(Path(path).name)
 
 
-ROOTS = {b"robot": read_urdf, b"mujoco": read_mjcf}  # first element -> reader
-FIRST = re.compile(rb"<([A-Za-z_][\w:.-]*)")
-HEAD = 65536  # bytes of a file in which its first element stands
+ROOTS = {"robot": read_urdf, "mujoco": read_mjcf}  # first element -> reader
 
 
-def first_element(head: bytes) -> bytes:
-    """Return the name of the first element at the start of an XML file, or b""."""
-    found = FIRST.search(re.sub(rb"<!--.*?-->", b"", head[:HEAD], flags=re.DOTALL))
-    return found[1] if found else b""
+def reader_of(path: str | Path) -> Any:
+    """Return the reader for a file of another format, by its first element and then its suffix.
 
-
-def _by_root(path: str | Path, otherwise: Any) -> Any:
-    """Return the reader for the first element of an XML file, or `otherwise` if there is none."""
+    Raises FileError for a file that holds no model that is read.
+    """
+    by_suffix = READERS.get(Path(path).suffix.lower())
     try:
         with ordinary(path) as file:
-            return ROOTS.get(first_element(file.read(HEAD)), otherwise)
+            head = file.read(HEAD)
     except (OSError, ValueError):
-        return otherwise  # whose reader reports why the file cannot be read
+        return by_suffix  # which reports why the file cannot be read
+    refuse_kind(path, head)
+    return ROOTS.get(first_element(head), by_suffix)

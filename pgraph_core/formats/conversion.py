@@ -17,7 +17,7 @@ from ..fields import GROUND
 from ..model import Gear, Model
 from ..model.body import inertia_problems
 from ..model.description import LOST
-from ..model.doubts import MILLI, wide
+from ..model.doubts import MILLI, limits_in_degrees, wide
 from ..model.files import ALLOW
 from ..tolerances import SOLVED
 
@@ -237,7 +237,6 @@ NO_LIMIT = 1e9  # m, rad, N, rad/s: stands for no limit if a format asks for a n
 
 TALL = 100.0  # m between two bodies
 HEAVY = 1e5  # kg of one body
-TURNS = 4 * np.pi  # rad: limits beyond are rather degrees
 
 
 def suspect_units(report: Report, model: Model, reach: float) -> None:
@@ -249,15 +248,8 @@ def suspect_units(report: Report, model: Model, reach: float) -> None:
     if heaviest is not None and heaviest.mass > HEAVY:
         text = f"body '{heaviest.name}' has {heaviest.mass:.4g} kg: is its mass in grams?"
         report.add("warning", report.file, text, part=heaviest.name)
-    for name, text in wide(model.bodies):
+    for name, text in (*wide(model.bodies), *limits_in_degrees(model.bodies)):
         report.add("warning", report.file, f"body '{name}': {text}", part=name)
-    for body in model.bodies:
-        beyond = [x for pair in body.limits if pair for x in pair if x and abs(x) > TURNS]
-        turning = [m for m in body.motions if m[0] == "rotate"]
-        if turning and beyond and max(map(abs, beyond)) < 1e4:
-            turns = f"{beyond[0] / (2 * np.pi):.3g} turns: is it in degrees?"
-            text = f"the limit {beyond[0]:.5g} rad of '{body.name}' is {turns}"
-            report.add("warning", report.file, text, part=body.name)
 
 
 class MeshSize(NamedTuple):

@@ -13,6 +13,7 @@ import numpy as np
 from ..markup import content_of
 from ..mesh_files import LARGEST, parsed_mesh
 
+UNDEFINED = "undefined"  # paint of faces with a material that is not there
 MOST_MATERIALS = 1_000_000  # bytes of a file of materials
 Rgba = tuple[float, float, float, float]
 
@@ -43,23 +44,33 @@ def seen_in(file: Path) -> Seen:
     return Seen(size, *_most(faces))
 
 
+LOST = {
+    "texture": "its textures are not drawn",
+    UNDEFINED: "it names materials that are not defined, whose faces have no colour",
+}
+
+
 def _most(faces: Counter[Any]) -> tuple[Rgba | None, str]:
-    """Return the most common face colour and what is lost. "texture" stands for an image."""
+    """Return the most common face colour and what is lost, which `LOST` says of texts."""
     colours = Counter({paint: n for paint, n in faces.items() if isinstance(paint, tuple)})
-    lost = ["its textures are not drawn"] if faces["texture"] else []
+    lost = [text for paint, text in LOST.items() if faces[paint]]
     if not colours:
         return None, "; ".join(lost)
-    (colour, _), *others = colours.most_common()
+    (most, _), *others = colours.most_common()
     if others:
         lost.append(
             f"it has {len(colours)} colours; the whole mesh is drawn in the most frequent one"
         )
-    return _clipped(colour), "; ".join(lost)
+    colour, text = within_0_and_1(most)
+    return colour, "; ".join([*lost, text] if text else lost)
 
 
-def _clipped(colour: Any) -> Rgba:
+def within_0_and_1(colour: Any) -> tuple[Rgba, str]:
+    """Return red, green, blue and opacity limited to 0 to 1, and a sentence if one was not."""
     r, g, b, a = (min(max(float(x), 0.0), 1.0) if np.isfinite(x) else 1.0 for x in colour)
-    return r, g, b, a
+    given = ", ".join(f"{x:.6g}" for x in colour)
+    changed = (r, g, b, a) != tuple(colour)
+    return (r, g, b, a), f"its colour {given} is limited to numbers from 0 to 1" * changed
 
 
 # -- OBJ -------------------------------------------------------------------------------------------
@@ -77,7 +88,7 @@ def _of_obj(file: Path) -> Counter[Any]:
         elif line[1] == b"usemtl":
             material = name
         else:
-            faces[materials.get(material)] += 1
+            faces[materials.get(material, UNDEFINED) if material else None] += 1
     return faces
 
 
@@ -96,6 +107,7 @@ def _materials(folder: Path, name: str) -> dict[str, Any]:
             match word:
                 case "newmtl":
                     at = rest.strip()
+                    found[at] = None
                 case "Kd":
                     r, g, b = map(float, rest.split()[:3])
                     found[at] = (r, g, b, 1.0)
@@ -105,7 +117,7 @@ def _materials(folder: Path, name: str) -> dict[str, Any]:
                 case "map_Kd":
                     found[at] = "texture"
         except ValueError:  # not a number, so no colour
-            continue
+            found[at] = UNDEFINED
     return found
 
 
@@ -129,7 +141,7 @@ def _of_glb(content: bytes) -> Counter[Any]:
                 textured = "baseColorTexture" in rough
                 faces["texture" if textured else _encoded(paint)] += int(corners["count"])
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, RecursionError):
-        return Counter()  # a mesh that is read may still have damaged materials
+        return Counter({UNDEFINED: 1})  # a mesh that is read may have damaged materials
     return faces
 
 

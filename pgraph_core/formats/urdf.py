@@ -40,7 +40,7 @@ from .conversion import (
     suspect_units,
     unphysical,
 )
-from .paint import Seen, seen_in
+from .paint import Rgba, Seen, seen_in, within_0_and_1
 from .xacro import SUFFIX, expanded, no_arguments
 
 Value = TypeVar("Value")
@@ -161,13 +161,11 @@ class _Reader:
         if not (self.links or self.faults):
             raise self.source.wrong(robot, "", "has no link; a robot needs at least one")
         self.joints = self._joints()
-        self.colours: dict[str, tuple[float, ...]] = {}
-        self.wrong_colours: set[Element] = set()
-        visuals = (v for link in self.links.values() for v in link.all("visual"))
-        for owner in (robot, *visuals):  # a name is known to all links, wherever it is defined
-            for material in owner.all("material"):
-                if material.get("name") not in self.colours and (rgba := self._rgba(material)):
-                    self.colours[material.get("name")] = rgba
+        self.looks = self._looks()
+        self.colours: dict[str, Rgba | None] = {}  # of all links: the first of each name counts
+        for material, rgba in self.looks.items():
+            name = material.get("name")
+            self.colours[name] = self.colours.get(name) or rgba
 
     def result(self) -> tuple[Model, Report]:
         """Return the model and the report."""
@@ -607,24 +605,41 @@ class _Reader:
             self.report.add("left out", where, text, acts=acts, part=name)
             return None
 
-    def _rgba(self, material: Element) -> tuple[float, ...] | None:
-        """Return the colour of a material. An invalid one is ignored: it moves nothing."""
-        colour = material.first("color")
-        if colour is None or colour in self.wrong_colours:
+    def _looks(self) -> dict[Element, Rgba | None]:
+        """Return the colour of each material, wherever it is defined."""
+        visuals = (v for link in self.links.values() for v in link.all("visual"))
+        owners = (self.robot, *visuals)
+        materials = (m for owner in owners for m in owner.all("material") if m.children)
+        return {material: self._rgba(material) for material in materials}
+
+    def _rgba(self, material: Element) -> Rgba | None:
+        """Return the colour of a material, or None after reporting the loss: it moves nothing."""
+        colour, where = material.first("color"), self.source.at(material, "material")
+        if material.first("texture") is not None:
+            self.report.add("left out", where, f"the texture of {shown(material.get('name'))}")
+        if colour is None:
             return None
         try:
             rgba = self.source.numbers(colour, "rgba", (1.0, 1.0, 1.0, 1.0), "material")
         except FileError as error:
-            self.wrong_colours.add(colour)
-            self.report.add("left out", self.source.at(colour, "material"), _fault(error))
+            self.report.add("left out", where, _fault(error))
             return None
-        return tuple(min(max(x, 0.0), 1.0) for x in rgba)
+        found, text = within_0_and_1(rgba)
+        if text:
+            self.report.add("approximated", where, text)
+        return found
 
-    def _colour(self, visual: Element) -> tuple[float, ...] | None:
+    def _colour(self, visual: Element) -> Rgba | None:
+        """Return the colour of a visual. A name that no material has is reported once."""
         material = visual.first("material")
         if material is None:
             return None
-        return self._rgba(material) or self.colours.get(material.get("name"))
+        name = material.get("name")
+        if name and name not in self.colours and not material.children:
+            self.colours[name] = None
+            text = f"the colour {shown(name)}, which no material of the file defines"
+            self.report.add("left out", self.source.at(material, "material"), text)
+        return self.looks.get(material) or self.colours.get(name)
 
     # -- what acts between links -----------------------------------------------------------------
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import FileError, ModelError, Problem, shown
 from ..fields import GROUND, Frozen, OfKinds, facts
+from ..file_kinds import MINE, MODELS, first_element, kind_of
 from ..forces import Force
 from ..joints import PER_MOTION
 from ..markup import content_of, reason_of
@@ -36,23 +37,6 @@ SCHEMA_VERSION = VERSION
 EXPRESSIONS = 6
 SCHEMA = "pgraph-model"
 
-NOT_JSON = {
-    ".yaml", ".yml", ".toml", ".csv", ".npz", ".html", ".txt", ".gif", ".png", ".svg", ".mp4",
-    ".stl", ".obj", ".dae", ".ply", ".md", ".py", ".zip", ".pkl",
-}  # fmt: skip
-CONVERT = {  # suffix of a format that is not read -> what it is, and what to do
-    ".sdf": "is SDF, which is not read; give a URDF or MJCF file of the model",
-    ".world": "is SDF, which is not read; give a URDF or MJCF file of the model",
-    ".usd": "is USD, which is not read; export URDF or MJCF from the program that made it",
-    ".usda": "is USD, which is not read; export URDF or MJCF from the program that made it",
-    ".usdc": "is USD, which is not read; export URDF or MJCF from the program that made it",
-    ".usdz": "is USD, which is not read; export URDF or MJCF from the program that made it",
-    ".step": "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
-    ".stp": "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
-    ".iges": "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
-    ".igs": "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
-    ".mjb": "is a compiled model of MuJoCo; give the MJCF file that it was made from",
-}
 FOREIGN = {
     ".urdf": "urdf",
     ".xacro": "urdf",
@@ -60,6 +44,7 @@ FOREIGN = {
     ".mjcf": "mjcf",
 }  # suffixes of other formats
 
+NOT_OURS = "is not a Pgraph file; read it with pg.load, which converts it"
 LARGEST = 64_000_000  # bytes of a file
 MOST_VALUES = 5_000_000
 MOST_BRACKETS = 100  # levels of brackets
@@ -208,7 +193,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
     except json.JSONDecodeError as error:
         where = f"{source}, line {error.lineno}"
         found = f"not JSON: {error.msg} at column {error.colno}"
-        raise FileError(Problem(where, "", f"{found}; give a model file of Pgraph")) from None
+        raise FileError(Problem(where, "", f"{found}; models end in {MODELS}")) from None
     except RecursionError:
         raise FileError(Problem(source, "", "no model: its brackets nest too deeply")) from None
     except _Twin as twin:
@@ -233,11 +218,14 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
 def read(path: str | Path) -> str:
     """Return the text of a file. Raises FileError."""
-    refuse_format(path)
     try:
-        return content_of(path, LARGEST).decode()
+        content = content_of(path, LARGEST)
+        refuse_kind(path, content)
+        if first_element(content) in MINE:
+            raise FileError(Problem(shown_path(path), "", NOT_OURS))
+        return content.decode()
     except UnicodeDecodeError as error:
-        text = f"not text in UTF-8 (byte {error.start}); give a model file of Pgraph"
+        text = f"not text in UTF-8 (byte {error.start}); models end in {MODELS}"
         raise FileError(Problem(str(path), "", text)) from None
     except (OSError, ValueError) as error:
         text = f"cannot be read: {reason_of(error)}; give the path of a model file"
@@ -246,10 +234,10 @@ def read(path: str | Path) -> str:
         raise FileError(Problem(shown_path(path), "", text)) from None
 
 
-def refuse_format(path: str | Path) -> None:
-    """Raise FileError with advice for a file in an unsupported format."""
-    if why := CONVERT.get(Path(path).suffix.lower()):
-        raise FileError(Problem(shown_path(path), "", why))
+def refuse_kind(path: str | Path, content: bytes) -> None:
+    """Raise FileError with advice for a file that holds no model."""
+    if kind := kind_of(path, content):
+        raise FileError(Problem(shown_path(path), "", kind.text))
 
 
 def write_atomic(path: str | Path, content: str | bytes) -> None:

@@ -139,8 +139,7 @@ class Model(Editable):
             If the model is not valid.
         """
         if Path(path).suffix.lower() in files.FOREIGN:
-            text = "is not a Pgraph file; read it with pg.load, which converts it"
-            raise FileError(Problem(files.shown_path(path), "", text))
+            raise FileError(Problem(files.shown_path(path), "", files.NOT_OURS))
         folder = Path(path).parent
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 
@@ -164,7 +163,7 @@ class Model(Editable):
         if suffix in files.FOREIGN:
             text = f"is not a Pgraph file; use pg.write_{files.FOREIGN[suffix]}"
             raise FileError(Problem(str(path), "", text))
-        if suffix in files.NOT_JSON:
+        if files.kind_of(path, b""):
             text = f"is JSON, not {suffix}; use a name that ends in .json"
             raise FileError(Problem(str(path), "", text))
         folder, model = Path(path).parent, self

@@ -89,7 +89,18 @@ def test_an_xml_file_that_is_no_model_is_not_offered(tmp_path, junk):
 
 
 @pytest.mark.parametrize(
-    "name", ["w.sdf", "w.world", "s.usda", "p.step", "m.mjb", "bot.urdf.xacro"]
+    "name",
+    [
+        "w.sdf",
+        "w.world",
+        "s.usda",
+        "p.step",
+        "m.mjb",
+        "bot.urdf.xacro",
+        "a.proto",
+        "a.osim",
+        "a.bvh",
+    ],
 )
 def test_a_format_that_is_not_read_is_named_on_the_page_too(tmp_path, name):
     state = begun(pg.Model.serial(1))

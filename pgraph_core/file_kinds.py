@@ -1,0 +1,94 @@
+"""Kinds of files that hold no model that is read, told by their content and then by their suffix.
+
+Readers ask here before they read, so that a mesh or a file of another program is named with a
+remedy, whatever its name.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import PurePath
+from typing import NamedTuple
+
+from .mesh_files import FORMATS, looks_like
+
+HEAD = 65536  # bytes of a file in which its first element stands
+FIRST = re.compile(rb"<([A-Za-z_][\w:.-]*)")
+MODELS = ".json, .urdf, .xacro, .xml (MJCF) or .mjcf"
+MINE = ("robot", "mujoco")  # first elements of the models in XML that are read
+BLANK = b"\xef\xbb\xbf \t\r\n"  # a byte-order mark and white space
+ZIP = b"PK\3\4"
+OTHERS = "which is not read; give a URDF or MJCF file of the model"
+SHAPE = "which has no joints; make it the shape of a body: pg.Shape(kind='mesh', file=...)"
+
+
+class FileKind(NamedTuple):
+    """A kind of file, with a remedy for a user who gives it as a model."""
+
+    suffixes: str
+    text: str
+    roots: str = ""  # first elements of such a file in XML
+    sign: bytes = b"(?!)"  # regular expression for the start of its content
+
+
+ARCHIVE = FileKind("zip", "is an archive; unpack it, or open it by the page: pgraph FILE.zip")
+KINDS = (
+    FileKind("sdf world", f"is SDF, {OTHERS}", "sdf gazebo"),
+    FileKind("usd usda usdc usdz", f"is USD, {OTHERS}", sign=rb"#usda|PXR-USDC"),
+    FileKind("proto wbt", f"is a model of Webots, {OTHERS}", sign=rb"#VRML_SIM"),
+    FileKind("osim", f"is a model of OpenSim, {OTHERS}", "OpenSimDocument"),
+    FileKind("skel", f"is a model of DART, {OTHERS}", "skel"),
+    FileKind("ttt ttm", f"is a model of CoppeliaSim, {OTHERS}"),
+    FileKind("slx mdl", f"is a model of Simulink, {OTHERS}", sign=rb"Model \{"),
+    FileKind("mo", f"is a model in Modelica, {OTHERS}"),
+    FileKind("adm cmd", f"is a model of Adams, {OTHERS}"),
+    FileKind("bvh", f"is motion capture, {OTHERS}", sign=rb"HIERARCHY\s"),
+    FileKind("mjb", "is a compiled model of MuJoCo; give the MJCF file that it was made from"),
+    FileKind(
+        "step stp iges igs brep fcstd sldprt sldasm catpart catproduct ipt iam x_t",
+        "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
+        sign=rb"ISO-10303-21",
+    ),
+    *(
+        FileKind(x, f"is a mesh in {x.upper()}, {SHAPE}", "COLLADA" * (x == "dae"))
+        for x in FORMATS
+    ),
+    FileKind(
+        "fbx gltf 3ds blend wrl x3d ifc",
+        f"is a mesh or scene of a format that is not read; convert it to {', '.join(FORMATS)}, and "
+        "make it the shape of a body",
+        "X3D", rb"Kaydara FBX|; FBX|#VRML V|BLENDER",
+    ),
+    FileKind("npz", "holds a run; give it to pg.Result.load"),
+    ARCHIVE,
+    FileKind(
+        "png jpg jpeg gif svg mp4 pdf html htm csv tsv mat h5 yaml yml toml txt md py m pkl gz",
+        f"holds no model that is read; models end in {MODELS}", "svg html",
+    ),
+)  # fmt: skip
+
+
+def first_element(head: bytes) -> str:
+    """Return the name of the first element at the start of an XML file, or ""."""
+    head = head[:HEAD].lstrip(BLANK)
+    if not head.startswith(b"<"):
+        return ""
+    found = FIRST.search(re.sub(rb"<!--.*?-->", b"", head, flags=re.DOTALL))
+    return found[1].decode() if found else ""
+
+
+def kind_of(path: str | PurePath, content: bytes) -> FileKind | None:
+    """Return the kind of a file, or None if it may be a model. The content counts first."""
+    suffix = PurePath(path).suffix.lower().lstrip(".")
+    by_suffix = next((kind for kind in KINDS if suffix in kind.suffixes.split()), None)
+    begun = content[:HEAD].lstrip(BLANK)
+    if not begun or begun.startswith((b"{", b"[")):
+        return by_suffix
+    root = first_element(begun)
+    if root in MINE:
+        return None
+    for kind in KINDS:
+        mesh = kind.suffixes in FORMATS and not root and looks_like(kind.suffixes, content)
+        if mesh or root in kind.roots.split() or re.match(kind.sign, begun):
+            return kind
+    return by_suffix or (ARCHIVE if begun.startswith(ZIP) else None)
