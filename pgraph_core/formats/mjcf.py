@@ -137,12 +137,19 @@ def _readable(path: Path) -> Element:
     return root
 
 
+def _notable(tag: str, attributes: Iterable[str]) -> tuple[str, ...]:
+    """Return the attributes of an element that are newer than MuJoCo 4.0 or whose value counts."""
+    looked_at = (x for x in attributes if x in ("nrow", "quat") or x.startswith("file"))
+    return (*dict.fromkeys((*newer(tag, attributes), *looked_at)),)
+
+
 class _Files:
     """The file and its includes, checked before MuJoCo opens anything."""
 
     def __init__(self, path: Path, folders: Folders):
         self.folders, self.lines = folders, dict[tuple[str, str], str]()
         self.newer: list[tuple[str, str]] = []  # (place, attribute) beyond MuJoCo 4.0
+        self.alike = dict[tuple[str, ...], tuple[str, ...]]()  # (tag, attributes) -> `_notable`
         root = _readable(path)
         if root.tag != "mujoco":
             do = "; give it to read_urdf" if root.tag == "robot" else ""
@@ -163,8 +170,9 @@ class _Files:
             if repeats and (count := _copied(top, False)) > MOST_COPIED:
                 text = f"its <replicate> make {count:.6g} elements; {MOST_COPIED} at most"
                 raise FileError(Problem(file.name, "", text))
+            name = file.name
             for element in elements:
-                self._look(file.name, element)
+                self._look(name, element)
 
     def spec(self, mujoco: Any) -> Any:
         """Return MuJoCo's spec for the file, read as text if MuJoCo does not know the suffix."""
@@ -206,15 +214,19 @@ class _Files:
 
     def _look(self, file: str, element: Element) -> None:
         """Record the location of an element, and reject files outside the permitted folders."""
-        attributes = element.attributes
+        tag, attributes = element.tag, element.attributes
         if name := attributes.get("name"):
-            self.lines.setdefault((element.tag, name), f"{file}, line {element.line}")
-        for key in newer(element.tag, attributes):
-            self.newer.append((f"{file}, line {element.line}, {element.tag}", key))
-        for key in attributes:
-            looked_at = key in ("nrow", "quat") or key.startswith("file")
-            if looked_at and (why := self._wrong(element, key, attributes[key])):
-                raise FileError(Problem(f"{file}, line {element.line}, {element.tag}", key, why))
+            self.lines.setdefault((tag, name), f"{file}, line {element.line}")
+        kind = (tag, *attributes)
+        notable = self.alike.get(kind)
+        if notable is None:
+            notable = self.alike[kind] = _notable(tag, attributes)
+        for key in notable:
+            where = f"{file}, line {element.line}, {tag}"
+            if key in newer(tag, (key,)):
+                self.newer.append((where, key))
+            if why := self._wrong(element, key, attributes[key]):
+                raise FileError(Problem(where, key, why))
 
     def _wrong(self, element: Element, key: str, given: str) -> str:
         """Return the reason to reject an attribute that MuJoCo would accept, or ""."""
@@ -239,7 +251,7 @@ class _Reader:
         self.taken = {*self.names}
         self.pivot = np.zeros((m.nbody, 3))
         self.groups = [self._grouped(b) for b in range(m.nbody)]
-        self.pivots = self.pivot.tolist()
+        self.places = (m.geom_pos - self.pivot[m.geom_bodyid]).tolist()  # of geoms in our bodies
         self.place_of_joint: dict[int, tuple[str, int]] = {}
         self.freedoms: dict[str, int] = {}
         for group in (group for groups in self.groups for group in groups):
@@ -288,6 +300,9 @@ class _Reader:
         }
         self._start(fields)
         parts.rest()
+        if beyond := int(((m.colours < 0.0) | (m.colours > 1.0)).any(axis=1).sum()):
+            text = f"{beyond} geoms have colours beyond 0 to 1, which are limited to that"
+            self.report.add("approximated", self.path.name, text)
         try:
             fields["bodies"] = [Body(**body) for body in bodies]  # which need no look for formulas
             model = Model(**fields)
@@ -499,14 +514,14 @@ class _Reader:
         """Convert the geoms of a body to shapes."""
         m = self.m
         for g in range(m.body_geomadr[b], m.body_geomadr[b] + m.body_geomnum[b]):
-            if g not in self.planes and (found := self.solid(g, b)):
+            if g not in self.planes and (found := self.solid(g)):
                 yield found
 
-    def solid(self, g: int, b: int) -> dict[str, Any] | None:
+    def solid(self, g: int) -> dict[str, Any] | None:
         m = self.m
         geom, acts = m.geoms[g], m.touching[g]
         (x, y, z), kind, turn, rgba = geom.size, geom.kind, unit(geom.quat), geom.rgba
-        place = [p - own for p, own in zip(geom.pos, self.pivots[b])]
+        place = self.places[g]
         role = "visual" if not acts else "collision" if geom.group > 2 else "both"
         shape: dict[str, Any] = {"role": role}
         if rgba is not None:
@@ -537,14 +552,16 @@ class _Reader:
                 self.left_out("geom", m.geom(g).name, text, acts=acts)
                 return None
         if g in m.belts:
-            about = np.array(place) - [p - o for p, o in zip(geom.pos, self.pivots[b])]
+            about = np.array(place) - self.places[g]
             axes, old = matrix(turn), matrix(unit(geom.quat))
             spin = old @ m.geom_surfacevel[g, 3:]
             shape["surface_velocity"] = tuple(
                 axes.T @ (old @ m.geom_surfacevel[g, :3] + np.cross(spin, about))
             )
             shape["surface_spin"] = tuple(axes.T @ spin)
-        shape["position"], shape["rotation"] = tuple(place), turn
+        shape["position"] = tuple(place)
+        if turn != NO_TURN:
+            shape["rotation"] = turn
         return shape
 
     def _field(self, k: int) -> dict[str, Any]:
@@ -605,4 +622,5 @@ class _Reader:
         return self._of_file(file, acts), np.zeros(3), (1.0, 0.0, 0.0, 0.0)
 
 
+NO_TURN = (1.0, 0.0, 0.0, 0.0)
 NO_MASS = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3}

@@ -22,7 +22,6 @@ class Geom(NamedTuple):
     kind: int
     group: int
     size: list[float]
-    pos: list[float]
     quat: list[float]
     rgba: tuple[float, ...] | None  # colour of the geom or its material, from 0 to 1
 
@@ -45,18 +44,23 @@ class Compiled:
         return data
 
     @cached_property
+    def colours(self) -> Array:
+        """The colour of each geom or of its material as in the file, NaN without one."""
+        plain = (self.geom_rgba == np.array(GREY, np.float32)).all(axis=1)
+        own, material = np.where(plain[:, None], np.nan, self.geom_rgba), self.geom_matid
+        of_material = plain & (material >= 0)
+        own[of_material] = self.mat_rgba[material[of_material]]
+        return own
+
+    @cached_property
     def geoms(self) -> list[Geom]:
         """The geoms, indexed by number."""
-        plain = (self.geom_rgba == np.array(GREY, np.float32)).all(axis=1)
-        own, material = np.clip(self.geom_rgba, 0.0, 1.0), self.geom_matid
-        of_material = plain & (material >= 0)
-        own[of_material] = np.clip(self.mat_rgba[material[of_material]], 0.0, 1.0)
+        own = np.clip(self.colours, 0.0, 1.0)
         for k, mean in self.textured.items():
-            own[material == k, :3] *= mean
-        bare = (plain & (material < 0)).tolist()
-        colours = zip(bare, own.tolist(), strict=True)
+            own[self.geom_matid == k, :3] *= mean
+        colours = zip(np.isnan(own[:, 0]).tolist(), own.tolist(), strict=True)
         rgba = (None if none else tuple(one) for none, one in colours)
-        tables = (self.geom_type, self.geom_group, self.geom_size, self.geom_pos, self.geom_quat)
+        tables = (self.geom_type, self.geom_group, self.geom_size, self.geom_quat)
         return [*map(Geom, *(table.tolist() for table in tables), rgba)]
 
     @cached_property
@@ -125,6 +129,6 @@ class Reading(Protocol):
         """Report that an element has no equivalent."""
         ...
 
-    def solid(self, g: int, b: int) -> dict[str, Any] | None:
-        """Convert a geom to a shape on body b."""
+    def solid(self, g: int) -> dict[str, Any] | None:
+        """Convert a geom to a shape of its body."""
         ...

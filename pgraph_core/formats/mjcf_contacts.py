@@ -79,7 +79,7 @@ class Contacts:
     def _solids_of_the_world(self) -> Iterator[dict[str, Any]]:
         planes = {*self.floors, *self.walls}
         for g in range(self.m.body_geomadr[0], self.m.body_geomadr[0] + self.m.body_geomnum[0]):
-            if g not in planes and (shape := self.reader.solid(g, 0)):
+            if g not in planes and (shape := self.reader.solid(g)):
                 yield shape
 
     def _wall(self, g: int) -> Iterator[dict[str, Any]]:

@@ -148,7 +148,7 @@ class Shape(Frozen):
     @classmethod
     def _of_its_kind(cls, data: Any) -> Any:
         """Reject dimensions that belong to other kinds before checking their values."""
-        kind = data.get("kind") if isinstance(data, Mapping) else None
+        kind = data.get("kind") if type(data) is dict or isinstance(data, Mapping) else None
         if (
             isinstance(kind, str)
             and kind in DIMENSIONS
@@ -164,17 +164,18 @@ class Shape(Frozen):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        own = vars(self)
+        own = vars(self)  # of thousands of shapes: the fields are read without descriptors
         problems = [
             ("shape", f"{_one(self.kind)} needs {name}")
             for name in DIMENSIONS[own["kind"]]
             if own[name] is None
         ]
-        if self.size is not None and min(self.size) <= 0:
-            text = f"a {self.kind}'s edges must be > 0 [m]; given {shown(self.size)}"
+        size, radii, scale, colour = own["size"], own["radii"], own["scale"], own["colour"]
+        if size is not None and min(size) <= 0:
+            text = f"a {self.kind}'s edges must be > 0 [m]; given {shown(size)}"
             problems.append(("shape", text))
-        if self.radii is not None and min(self.radii) <= 0:
-            text = f"the radii of an ellipsoid must be > 0 [m]; given {shown(self.radii)}"
+        if radii is not None and min(radii) <= 0:
+            text = f"the radii of an ellipsoid must be > 0 [m]; given {shown(radii)}"
             problems.append(("shape", text))
         if self.heights is not None:
             lengths = {len(row) for row in self.heights}
@@ -183,17 +184,16 @@ class Shape(Frozen):
                 text = "heights must be at least two rows of at least two numbers, equally long"
                 given = f"{len(self.heights)} rows of {found}"
                 problems.append(("shape", f"{text}, without holes; given {given}"))
-        scale = self.scale
         if not (all(scale) if isinstance(scale, tuple) else scale > 0):
-            text = f"scale must be > 0, or three factors that are not 0; given {shown(self.scale)}"
+            text = f"scale must be > 0, or three factors that are not 0; given {shown(scale)}"
             problems.append(("shape", text))
         if self.end_radius is not None:
             problems += self._tapered()
-        if not 0.5 < math.hypot(*self.rotation) < 2:
+        if not 0.5 < math.hypot(*own["rotation"]) < 2:
             given = shown(self.rotation)
             problems.append(("shape", f"rotation must be a unit quaternion; given {given}"))
-        if self.colour is not None and not 0 <= min(self.colour) <= max(self.colour) <= 1:
-            given = shown(self.colour)
+        if colour is not None and not 0 <= min(colour) <= max(colour) <= 1:
+            given = shown(colour)
             problems.append(("shape", f"colour must be from 0 to 1; given {given}"))
         refuse(problems)
         return self
