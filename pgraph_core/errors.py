@@ -160,11 +160,17 @@ def nearest_first(name: str, known: Iterable[str]) -> list[str]:
     return [*close, *(x for x in names if x not in close)]
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return 'did you mean mass? choose from ...' for a mistyped name."""
+def nearest(name: str, known: Iterable[str], about: Callable[[str], str] = lambda _: "") -> str:
+    """Return 'did you mean mass? choose from ...' for a mistyped name.
+
+    `about` returns what a name takes, for the name that is suggested.
+    """
     names = list(known)
     close = words.hint(name, names)
-    return f"{f'did you mean {close}? ' if close else ''}choose from {choices(names, limit=40)}"
+    meaning = about(close) if close else ""
+    suggested = f"did you mean {close}? " if close else ""
+    suggested += f"{close} takes {meaning}; " if meaning else ""
+    return f"{suggested}choose from {choices(names, limit=40)}"
 
 
 def no_method(name: Any, known: Iterable[str]) -> str:
@@ -343,10 +349,10 @@ def _problems_of_call(
         known = _names(function)
         wrong = [name for name in named if name not in known]
         if wrong and known:
-            text = f"is not an argument; {nearest(wrong[0], parameters)}"
+            text = f"is not an argument; {nearest(wrong[0], parameters)}{example_of(function)}"
             return [Problem(where, wrong[0], text)]
         takes = ", ".join(str(p).split(":")[0] for p in parameters.values())
-        return [Problem(where, "", f"{error}; it takes ({takes})")]
+        return [Problem(where, "", f"{error}; it takes ({takes}){example_of(function)}")]
     return _misfits(where, function, parameters, given)
 
 
@@ -364,9 +370,16 @@ def _misfits(
             continue  # a name that only type checkers import
         for x in _each(value, form):
             if not _fits(x, kind):
-                hint = to_read(x) if "Model" in str(wanted) else ""
+                hint = to_read(x) if "Model" in str(wanted) else example_of(function)
                 found.append(Problem(where, name, f"must be {wanted}; given {shown(x)}{hint}"))
     return found
+
+
+def example_of(function: Any) -> str:
+    """Return '; for example: ...' with the first call in the examples of a docstring, or ""."""
+    _, _, examples = (inspect.getdoc(function) or "").partition("Examples\n--------\n")
+    lines = (line.removeprefix(">>>").strip() for line in examples.splitlines())
+    return next((f"; for example: {x}" for x in lines if f"{function.__name__}(" in x), "")
 
 
 def _each(value: Any, form: Any) -> Iterable[Any]:

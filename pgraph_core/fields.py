@@ -623,12 +623,18 @@ class OfKinds(Acting):
 
     @classmethod
     def class_for(cls, data: Any) -> type[OfKinds]:
-        """Return the class for a part or its fields, or the first class for an unknown kind."""
+        """Return the class for a part or its fields, or the first class for an unknown kind.
+
+        Without a kind it is the only class that has all of the fields.
+        """
         if isinstance(data, cls):
             return type(data)
-        kind = data.get("kind") if isinstance(data, Mapping) else None
-        first = next(iter(cls.KINDS.values()))
-        return cls.KINDS.get(kind, first) if isinstance(kind, str) else first
+        given = data if isinstance(data, Mapping) else {}
+        kind, first = given.get("kind"), next(iter(cls.KINDS.values()))
+        if kind is not None:
+            return cls.KINDS.get(kind, first) if isinstance(kind, str) else first
+        able = [each for each in cls.KINDS.values() if given.keys() <= each.model_fields.keys()]
+        return able[0] if len(able) == 1 else first
 
     def __new__(cls, /, *args: Any, **data: Any) -> Any:
         return object.__new__(cls if cls.own_kind() else cls.class_for(data))

@@ -280,6 +280,11 @@ class Mechanism(Dynamics):
         ------
         InputError
             If targets are missed. The message names them and the smallest distances reached.
+
+        Examples
+        --------
+        >>> mech = pg.Mechanism(pg.Model.serial(2))
+        >>> q = mech.inverse_kinematics({"2": (0.1, 0.0, -0.1)})
         """
         from .analysis.inverse import inverse_kinematics
 

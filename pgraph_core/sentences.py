@@ -108,7 +108,8 @@ def no_such_field(name: str, known: Mapping[str, FieldInfo]) -> str:
         inner = name if name in parts else words.ours(name, parts)
         if inner in parts and not words.hint(name, known, alike=False):
             return f"no such field; it belongs to the {own}: {own}={{..., {inner!r}: ...}}"
-    return f"no such field; {nearest(name, known)}"
+    about = lambda own: known[own].description or ""  # noqa: E731
+    return f"no such field; {nearest(name, known, about)}"
 
 
 def _expected(item: Any, field: FieldInfo) -> str:

@@ -117,6 +117,49 @@ def test_no_word_is_both_taken_and_a_name_of_ours_in_the_same_place():
             assert words.ours(name, kind.model_fields) == ""
 
 
+@pytest.mark.parametrize(
+    ("call", "example"),
+    [
+        (lambda m: m.inverse_kinematics("rod", position=(0, 0, 1)), "mech.inverse_kinematics({"),
+        (lambda m: m.inverse_kinematics(position=(0, 0, 1)), "mech.inverse_kinematics({"),
+        (lambda m: m.inverse_kinematics("rod"), "mech.inverse_kinematics({"),
+        (lambda m: m.inverse_kinematics("rod", (0, 0, 1)), "mech.inverse_kinematics({"),
+        (lambda m: pg.Motion("m", body="rod", function="t"), "'=0.5*sin(2*t)'"),
+        (lambda m: pg.Motion("m", body="rod", velocity=2.0), "'=0.5*sin(2*t)'"),
+        (lambda m: pg.Motion("m", body="rod", q_of_t=lambda t: t), "'=0.5*sin(2*t)'"),
+        (lambda m: pg.Motion("m", body="rod"), "'=0.5*sin(2*t)'"),
+    ],
+)
+def test_a_refusal_shows_what_to_write_by_an_example(call, example):
+    assert_names(str(refusal(lambda: call(pg.Mechanism(MODEL)))), example)
+
+
+@pytest.mark.parametrize(
+    ("fields", "kind"),
+    [
+        ({"force": (0, 0, 1)}, pg.Wrench), ({"force": (0, 0, 1), "frame": "body"}, pg.Wrench),
+        ({"torque": (0, 0, 1), "force": (0, 0, 1)}, pg.Wrench), ({"size": (1, 1, 1)}, pg.Drag),
+        ({"kp": 1.0, "kd": 1.0, "target": 1.0}, pg.Servo),
+    ],
+)  # fmt: skip
+def test_a_force_without_a_kind_is_the_only_one_that_has_its_fields(fields, kind):
+    fields = {"name": "f", "body": "rod", **fields}
+    assert pg.Force(**fields) == kind(**fields)
+    assert MODEL.add(pg.Force(**fields)).forces == MODEL.replace(forces=[fields]).forces
+
+
+@pytest.mark.parametrize("mass", [0.02, 2.0, 10.0, 11.0, 50.0, 1000.0, 1e6])
+@pytest.mark.parametrize("com", [0.0, 0.5, 50.0, -500.0])
+@pytest.mark.parametrize("joint", ["revolute", "spherical", "free"])
+def test_a_default_inertia_that_no_solid_has_is_doubted(mass, com, joint):
+    """A ball of osmium with 10.7 kg has 0.01 kg m^2, the least of all bodies of its mass."""
+    body = pg.Body("a", joint=joint, mass=mass, com=(0, 0, com))
+    doubts = pg.Model([body]).doubts
+    assert any("solid" in text for text in doubts) == (mass > 10.7)
+    assert any("default inertia" in text for text in doubts) >= (mass > 10.7 or com == 0.0)
+    assert pg.Model([body.model_copy(update={"inertia": (0.01,) * 3})]).doubts == ()
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_an_inertia_in_square_millimetres_is_doubted_at_any_size(scale: float):
     """The radius of gyration is a length of the model: only their ratio counts."""

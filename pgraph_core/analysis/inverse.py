@@ -241,9 +241,10 @@ def inverse_kinematics(
     mech: Dynamics, targets: Mapping[str, Any], q: Array | None, scenario: str | None, starts: int
 ) -> Array:
     """Return q (nq,) near q. See `Mechanism.inverse_kinematics`."""
+    items = targets.items()  # before q: a call by position gives a body and its place
     starts = whole_number(KINEMATICS, "starts", starts, 1, MOST_STARTS)
     q, _ = state_of(mech, q, None, scenario)
-    wanted = [_target(mech, q, name, value) for name, value in targets.items()]
+    wanted = [_target(mech, q, name, value) for name, value in items]
     if not wanted:
         raise InputError(Problem(KINEMATICS, "targets", "give at least one body and its target"))
     rows = Rows.of(mech, acting(mech, scenario)[1], q)

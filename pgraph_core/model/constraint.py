@@ -325,7 +325,8 @@ class Motion(OfOne):
 
     kind: Literal["motion"] = field(KIND, default="motion")
     q_of_t: Curve = field(
-        "a table over time, {'kind': 'sine' or 'polynomial', ...}, or an expression of t [rad, m]",
+        "an expression of t such as '=0.5*sin(2*t)', a table over time {'t': [...], 'value': "
+        "[...]}, or {'kind': 'sine' or 'polynomial', ...} [rad, m]",
         converter=_followed, dim=Q, label="Follows", help="how the position depends on time",
     )  # fmt: skip
     interpolation: Literal["spline", "monotone"] = field(

@@ -38,13 +38,17 @@ def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[s
     for body in bodies:
         turns = any(m.kind != "translate" for m in body.sequence)
         arm = body.mass * sum(x * x for x in body.com)
-        counts = DEFAULT_INERTIA[0][0] > NAMED * arm  # next to the mass at its distance
+        moment = DEFAULT_INERTIA[0][0]
+        counts = moment > NAMED * arm  # next to the mass at its distance
+        radius = math.cbrt(3 * body.mass / (4 * math.pi * DENSEST))
+        dense = 2 / 5 * body.mass * radius**2 > moment  # of a ball, the least of all bodies
         left = body.inertia == DEFAULT_INERTIA and "inertia" not in body.model_fields_set
-        if turns and counts and body.mass != DEFAULT_MASS and left:
+        if turns and (counts or dense) and body.mass != DEFAULT_MASS and left:
             shape = "" if body.shape else "a shape and "
+            why = ", too little for a solid of any material: masses are in kg, lengths in m" * dense
             yield (
                 f"body '{body.name}': with {body.mass:g} kg it has the default inertia, 0.01 kg m² "
-                f"about each axis; give its inertia, or {shape}derived=('inertia',)"
+                f"about each axis{why}; give its inertia, or {shape}derived=('inertia',)"
             )
     for body, text in unlinked(bodies, by_name):
         yield f"body '{body}': its {text}"
@@ -95,18 +99,24 @@ def _units(model: Any) -> Iterator[str]:
     if pull > MILLI * math.hypot(*DOWN[model.up]):
         text = "as in mm/s²; lengths are in m, and gravity in m/s²: 9.81"
         yield f"model: gravity is {pull:g} m/s², {text}"
+    for name, text in limits_in_degrees(model.bodies):
+        yield f"body '{name}': {text}"
+        return
     for body in model.bodies:
-        spans = zip(body.sequence, body.limits)
-        turned = [
-            x for m, pair in spans if m.kind == "rotate" and pair for x in pair if x is not None
-        ]
-        if any(abs(x) >= MOST_ANGLE for x in turned):
-            text = f"{shown(body.limits[0])} would be several turns; angles are in rad"
-            yield f"body '{body.name}': limits of {text}"
-            return
         if body.dof == 1 and body.sequence[0].kind == "rotate" and in_degrees(body.q[0]):
             yield f"body '{body.name}': {several_turns(body.q[0])}"
             return
+
+
+def limits_in_degrees(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
+    """Yield (body, warning) for limits of several turns, which look like degrees."""
+    for body in bodies:
+        for motion, pair in zip(body.sequence, body.limits):
+            ends = [x for x in pair or () if x is not None]
+            if motion.kind == "rotate" and MOST_ANGLE <= max(map(abs, ends), default=0.0) < 1e4:
+                text = f"limits of {shown(pair)} would be several turns; angles are in rad, not in"
+                yield body.name, f"{text} degrees"
+                break
 
 
 def wide(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
@@ -263,6 +273,7 @@ def _idle_parameters(model: Any) -> Iterator[str]:
 MILLI = math.sqrt(1000.0)  # a length so much larger than another is nearer to it in mm
 MOST_ANGLE = 8 * math.pi  # four turns: limit of a joint that is plausible in degrees, not in rad
 Z = (0.0, 0.0, 1.0)
+DENSEST = 22_590.0  # kg/m³, osmium: no solid is denser (CRC Handbook of Chemistry and Physics)
 DEFAULT_MASS = Body.model_fields["mass"].default
 DEFAULT_INERTIA = Body.model_fields["inertia"].default
 MANY = 300  # contacts that are compared with each other
