@@ -213,47 +213,16 @@ Expression = Annotated[str, Strict(), AfterValidator(_readable)]  # '=...' of ti
 Entry = Finite | Expression
 Entries3 = Annotated[tuple[Entry, Entry, Entry], BeforeValidator(_ordered)]
 
-# Converters of `field`: what may be given, and the type that holds it.
+# Converters of `field`, which only type checkers read: what may be given, and the type held.
 
-
-def vector(value: npt.ArrayLike) -> Vec3:
-    """Three numbers."""
-    return listed(value)
-
-
-def maybe_vector(value: npt.ArrayLike | None) -> Vec3 | None:
-    """Accept three numbers or None."""
-    return listed(value)
-
-
-def vectors(value: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Vec3s:
-    """(n, 3) numbers."""
-    return listed(value)
-
-
-def quaternion(value: npt.ArrayLike) -> Quat:
-    """Accept a quaternion [w, x, y, z]."""
-    return listed(value)
-
-
-def inertia_matrix(value: npt.ArrayLike) -> Mat3:
-    """Accept a (3, 3) matrix, or its diagonal (3,)."""
-    return _inertia(value)
-
-
-def per_motion(value: npt.ArrayLike) -> PerMotion:
-    """Accept one number per motion, or a single number for all."""
-    return _per_motion(value)
-
-
-def several(value: npt.ArrayLike) -> Numbers:
-    """(n,) numbers."""
-    return listed(value)
-
-
-def names_or_none(value: Sequence[str] | None) -> tuple[str, ...] | None:
-    """Accept names in a tuple or list, or None."""
-    return listed(value)
+vector: Callable[[npt.ArrayLike], Vec3] = listed
+maybe_vector: Callable[[npt.ArrayLike | None], Vec3 | None] = listed
+vectors: Callable[[npt.ArrayLike | Sequence[npt.ArrayLike]], Vec3s] = listed
+quaternion: Callable[[npt.ArrayLike], Quat] = listed
+inertia_matrix: Callable[[npt.ArrayLike], Mat3] = _inertia
+per_motion: Callable[[npt.ArrayLike], PerMotion] = _per_motion
+several: Callable[[npt.ArrayLike], Numbers] = listed
+names_or_none: Callable[[Sequence[str] | None], tuple[str, ...] | None] = listed
 
 
 def parts_of(kind: type[Held]) -> Callable[[Iterable[Held | Mapping[str, Any]]], tuple[Held, ...]]:
@@ -295,9 +264,7 @@ ByName = Annotated[dict[str, PerMotion], AfterValidator(fixed)]
 EMPTY = Fixed()
 
 
-def by_name(value: Mapping[str, npt.ArrayLike]) -> ByName:
-    """Accept a mapping from body names to numbers."""
-    return value  # type: ignore[return-value]
+by_name: Callable[[Mapping[str, npt.ArrayLike]], ByName] = listed
 
 
 def name_problem(name: str) -> str:

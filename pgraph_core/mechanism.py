@@ -283,8 +283,8 @@ class Mechanism(Dynamics):
 
         Examples
         --------
-        >>> mech = pg.Mechanism(pg.Model.serial(2))
-        >>> q = mech.inverse_kinematics({"2": (0.1, 0.0, -0.1)})
+        >>> mech = pg.Mechanism(pg.Model.serial(3))
+        >>> q = mech.inverse_kinematics({"3": (0.2, 0.0, -0.2)})
         """
         from .analysis.inverse import inverse_kinematics
 

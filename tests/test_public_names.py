@@ -2,6 +2,7 @@
 
 import ast
 import copy
+import inspect
 import pickle
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.engine import layout as at
+from pgraph_core.errors import example_of
 
 MODEL = pg.Model.serial(2)
 SCENARIO = pg.Scenario(name="s", q={"knee": 0.5})
@@ -35,6 +37,17 @@ def test_every_public_name_is_there_and_documented():
         value = getattr(pg, name)
         assert value.__doc__, name
         assert value.__module__.split(".")[0] == "pgraph_core", name
+
+
+def test_calls_with_a_mapping_or_a_function_have_an_example():
+    """Refusals of their arguments end with it, because a type does not say what to write."""
+    methods = (pg.Mechanism.inverse_kinematics, pg.Model.edit_all, pg.Result.gradient)
+    functions = [x for name in pg.__all__ if inspect.isfunction(x := getattr(pg, name))]
+    for function in (*functions, *methods):
+        parameters = inspect.signature(function).parameters.values()
+        kinds = [str(p.annotation) for p in parameters if p.default is p.empty]
+        if any("Mapping" in kind or "Callable" in kind for kind in kinds):
+            assert f"{function.__name__}(" in example_of(function), function
 
 
 def test_type_checkers_see_the_same_names_in_the_same_modules():

@@ -12,7 +12,6 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core import joints
 from pgraph_core.errors import FileError, ModelError, Problem
-from pgraph_core.model.files import FOREIGN
 
 from .terminal import (
     FILES,
@@ -153,14 +152,10 @@ def _listed(numbers: Any) -> str:
 @command("check", "list every problem of a model; exit code 1 if there is one", *MODEL)
 def check(args: Namespace) -> Answer:
     """Check a model. Raises PgraphError with all problems in the model and its meshes."""
-    path = model_path(args.model)
+    model, report = read_file(args)
+    notes = [str(e) for kind in ("warning", "left out") for e in report.of(kind)]
     data: dict[str, Any] = {"problems": []}
-    if path.suffix.lower() in (*FOREIGN, ".zip"):
-        model, report = read_file(args)
-        notes = [str(e) for kind in ("warning", "left out") for e in report.of(kind)]
-        data |= {} if report.loaded else {"loaded": False}
-    else:
-        model, notes = open_model(args), list[str]()
+    data |= {} if report.loaded else {"loaded": False}
     if problems := mesh_problems(model):
         raise ModelError(problems)
     notes += model.doubts

@@ -163,6 +163,10 @@ def place_poles(
     InputError
         If the number of poles is wrong, SciPy rejects the poles, or the inputs cannot hold the
         state.
+
+    Examples
+    --------
+        held = pg.place_poles(model, [-2.0, -3.0]).model
     """
 
     def gains(plant: _Plant) -> Array:

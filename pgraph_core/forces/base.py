@@ -11,24 +11,27 @@ import numpy.typing as npt
 from ..curves import Table, VectorTable
 from ..engine.records import INTEGER, record
 from ..errors import shown
-from ..fields import GROUND, Entries3, Expression, Number, OfKinds, Text, WithOther, field, refuse
+from ..fields import (
+    GROUND,
+    Entries3,
+    Expression,
+    Number,
+    OfKinds,
+    Text,
+    WithOther,
+    field,
+    listed,
+    refuse,
+)
 
 KIND = "the name of a kind of force"
 Array = npt.NDArray[np.float64]
 
 
-def over_time(
-    value: float | Table | str | Mapping[str, npt.ArrayLike],
-) -> Number | Table | Expression:
-    """Accept a number, a table over time, or an expression in time and the motion."""
-    return value  # type: ignore[return-value]
-
-
-def vector_over_time(
-    value: npt.ArrayLike | VectorTable | Sequence[float | str] | Mapping[str, Any],
-) -> Entries3 | VectorTable:
-    """Accept three numbers or expressions, or a table of vectors over time."""
-    return value  # type: ignore[return-value]
+Varying = Number | Table | Expression
+Vectors = npt.ArrayLike | VectorTable | Sequence[float | str] | Mapping[str, Any]
+over_time: Callable[[float | Table | str | Mapping[str, npt.ArrayLike]], Varying] = listed
+vector_over_time: Callable[[Vectors], Entries3 | VectorTable] = listed
 
 
 class Force(OfKinds):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -38,9 +39,7 @@ Mat6 = Annotated[tuple[Row6, Row6, Row6, Row6, Row6, Row6], BeforeValidator(_squ
 NOTHING: Mat6 = ((0.0,) * 6,) * 6  # type: ignore[assignment]
 
 
-def square(value: npt.ArrayLike) -> Mat6:
-    """Accept a (6, 6) matrix, or its diagonal (6,)."""
-    return _square(value)
+square: Callable[[npt.ArrayLike], Mat6] = _square
 
 
 class Bushing(AtPoint, Between):

@@ -409,9 +409,8 @@ class Parts:
             fields["coefficients"] = self._rows(sums)
         else:
             fields["body"], fields["coordinate"] = self.reader.place_of_joint[target]
-        low, high = -np.inf, np.inf
-        if m.actuator_ctrllimited[control]:
-            low, high = (float(x) for x in m.actuator_ctrlrange[control])
+        low, high = self._range("ctrl", control)
+        if low > -np.inf:
             fields |= {"input_low": low, "input_high": high}
         u = min(max(0.0, low), high)
         if m.actuator_dyntype[a] in FILTERS:
@@ -434,11 +433,18 @@ class Parts:
         target, kind = int(self.m.actuator_trnid[a, 0]), int(self.m.actuator_trntype[a])
         return self._along_joints(target) if kind == ON_TENDON else Sums({target: 1.0})
 
+    def _range(self, word: str, row: int) -> tuple[float, float]:
+        """Return the bounds on an actuator's "ctrl", "act" or "force", infinite without limits."""
+        if not getattr(self.m, f"actuator_{word}limited")[row]:
+            return -np.inf, np.inf
+        low, high = getattr(self.m, f"actuator_{word}range")[row].tolist()
+        return low, high
+
     def _states(self, a: int) -> dict[str, float]:
         """Return the bounds on the integrated input and its initial value."""
-        if not self.m.actuator_actlimited[a]:
+        low, high = self._range("act", a)
+        if low == -np.inf:
             return {}
-        low, high = (float(x) for x in self.m.actuator_actrange[a])
         start = min(max(0.0, low), high)
         return {"state_low": low, "state_high": high, **({"start": start} if start else {})}
 
@@ -454,10 +460,7 @@ class Parts:
             return "an actuator on a ball or free joint"
         if m.actuator_gear[output, 0] == 0:
             return "an actuator with gear 0"
-        low, high = -np.inf, np.inf
-        if m.actuator_ctrllimited[control]:
-            low, high = m.actuator_ctrlrange[control]
-        least, most = m.actuator_actrange[a] if m.actuator_actlimited[a] else (-np.inf, np.inf)
+        (low, high), (least, most) = self._range("ctrl", control), self._range("act", a)
         filtered = m.actuator_dyntype[a] in FILTERS
         if m.actuator_dyntype[a] not in (0, INTEGRATOR, *FILTERS):
             return "an actuator with a state of its own other than a filter or integral (muscle)"
@@ -476,9 +479,7 @@ class Parts:
         """Return the minimum and maximum torque, before the gear."""
         m, (output, _) = self.m, self._channel(a)
         gear = float(m.actuator_gear[output, 0])
-        low, high = -np.inf, np.inf
-        if m.actuator_forcelimited[a]:
-            low, high = (float(x) for x in m.actuator_forcerange[a])
+        low, high = self._range("force", a)
         shared = 0
         t = int(m.actuator_trnid[a, 0])
         if m.actuator_trntype[a] == ON_TENDON and m.tendon_actfrclimited[t]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -61,24 +61,14 @@ OneShape = Annotated[Shape, Once]
 Limit = Sequence[float | None] | None
 
 
-def _motions_in(value: Sequence[tuple[str, npt.ArrayLike]]) -> tuple[tuple[MotionKind, Vec3], ...]:
-    """(kind, direction) pairs."""
-    return listed(value)
-
-
-def _limits_in(
-    value: Limit | Sequence[Limit],
-) -> tuple[tuple[Number | None, Number | None] | None, ...]:
-    """Convert limits given as one [minimum, maximum] pair for all motions or as one per motion."""
-    return listed(value)
-
-
+Motions = tuple[tuple[MotionKind, Vec3], ...]
+Limits = tuple[tuple[Number | None, Number | None] | None, ...]
+_motions_in: Callable[[Sequence[tuple[str, npt.ArrayLike]]], Motions] = listed
+_limits_in: Callable[[Limit | Sequence[Limit]], Limits] = listed
 Derived = Literal["mass", "com", "inertia", "tip"]
 
 
-def _derived_in(value: Sequence[Derived]) -> tuple[Derived, ...]:
-    """Names of fields."""
-    return tuple(value)
+_derived_in: Callable[[Sequence[Derived]], tuple[Derived, ...]] = listed
 
 
 def _parent_in(value: str | None) -> str:

@@ -25,6 +25,7 @@ from ..fields import (
     Whole,
     WithOther,
     field,
+    listed,
     maybe_vector,
     refuse,
     refuse_no_direction,
@@ -40,9 +41,7 @@ KIND = (
 )
 
 
-def _followed(value: Curve | str | Mapping[str, Any]) -> Curve:
-    """Convert a function of time, given as a curve, an expression or fields."""
-    return value  # type: ignore[return-value]
+_followed: Callable[[Curve | str | Mapping[str, Any]], Curve] = listed
 
 
 class Constraint(OfKinds):

@@ -7,12 +7,13 @@ jumps to a new value at its samples; both are expressions. The kinds differ in t
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
 from ..errors import shown
-from ..fields import Expression, Number, OfKinds, Text, field, refuse
+from ..fields import Expression, Number, OfKinds, Text, field, listed, refuse
 from ..signals import Node, filled, parsed
 from ..units import S
 
@@ -21,9 +22,7 @@ KIND = "the name of a kind of control"
 STATE = "state"  # the group of signals that names the states of a control, within its own trees
 
 
-def varying(value: float | str) -> Number | Expression:
-    """Accept a number or an expression in time and the motion."""
-    return value  # type: ignore[return-value]
+varying: Callable[[float | str], Number | Expression] = listed
 
 
 class Own(NamedTuple):

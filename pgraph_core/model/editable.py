@@ -314,6 +314,10 @@ class Editable(Description):
         ------
         ModelError
             If a change does not fit. The message has all reasons.
+
+        Examples
+        --------
+            model = model.edit_all({"arm": {"mass": 2.0}, "hand": {"mass": 0.5}})
         """
         for name in changes:
             self.body(name)

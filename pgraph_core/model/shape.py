@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -47,22 +47,12 @@ def _colour(value: Any) -> Any:
 Colour = Annotated[Row3, BeforeValidator(_colour)]
 
 
-def _colour_in(value: npt.ArrayLike | None) -> Colour | None:
-    """Convert a colour, given as [red, green, blue] from 0 to 1 or as '#rrggbb'."""
-    return _colour(value)
-
-
-def _scale_in(value: npt.ArrayLike) -> Number | Vec3:
-    """Convert a scale, given as one number or three."""
-    return listed(value)
-
-
+_colour_in: Callable[[npt.ArrayLike | None], Colour | None] = _colour
+_scale_in: Callable[[npt.ArrayLike], Number | Vec3] = listed
 Heights = Annotated[tuple[tuple[Finite, ...], ...], BeforeValidator(listed)]
 
 
-def _heights_in(value: npt.ArrayLike | None) -> Heights | None:
-    """Convert heights, given as an (n, m) array or None."""
-    return listed(value)
+_heights_in: Callable[[npt.ArrayLike | None], Heights | None] = listed
 
 
 class Shape(Frozen):

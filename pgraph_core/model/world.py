@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy.typing as npt
@@ -114,14 +114,8 @@ def below_kinetic(
     return [(name, text)]
 
 
-def _gravity_in(value: npt.ArrayLike | None) -> Vec3:
-    """Return gravity as three numbers, or None for downwards along `up`."""
-    return listed(value)
-
-
-def _parameters_in(value: Mapping[str, float]) -> dict[str, Number]:
-    """Numbers by name."""
-    return value  # type: ignore[return-value]
+_gravity_in: Callable[[npt.ArrayLike | None], Vec3] = listed
+_parameters_in: Callable[[Mapping[str, float]], dict[str, Number]] = listed
 
 
 class World(Described):

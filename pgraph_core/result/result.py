@@ -358,6 +358,11 @@ class Result(Exports, EqualByFields, Portable):
         ------
         InputError
             If the run has no derivatives, or was read from a file.
+
+        Examples
+        --------
+            run = pg.simulate(model, t_end=1.0, wrt=["bodies.arm.mass"])
+            run.gradient(lambda run: run.q[-1, 0])
         """
         if self.derivatives.source is None:
             text = "the run has no derivatives; give simulate(..., wrt=[paths])"

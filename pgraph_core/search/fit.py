@@ -141,6 +141,10 @@ def fit(
     ------
     InputError
         If arguments do not fit, or a number of `free` has no influence on the data.
+
+    Examples
+    --------
+        best = pg.fit(model, "swing.csv", {"bodies.arm.mass": (0.1, 2.0)})
     """
     base = described("fit", model)
     given = options if scenario is None else {"scenario": scenario, **options}

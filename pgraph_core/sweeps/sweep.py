@@ -234,6 +234,10 @@ def sweep(
         If arguments do not fit.
     FileError
         If `out` cannot be written or continued.
+
+    Examples
+    --------
+        table = pg.sweep(model, {"bodies.arm.mass": [1.0, 2.0]}, "max arm", t_end=1.0)
     """
     base = model.model if isinstance(model, Mechanism) else model
     if not isinstance(base, Model):
