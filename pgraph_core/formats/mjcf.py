@@ -35,7 +35,8 @@ from .conversion import (
 )
 from .mjcf_compiled import Compiled, Group
 from .mjcf_contacts import Contacts
-from .mjcf_parts import Parts, within_margin
+from .mjcf_forces import within_margin
+from .mjcf_parts import Parts
 from .mjcf_schema import newer
 
 Array = np.ndarray

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..dynamics import Dynamics
 from ..errors import FileError, ModelError, Problem, choices, explained, shown
-from ..fields import EVERY, GROUND
+from ..fields import GROUND
 from ..forces import OnJoint, ends_of
 from ..joints import SIZE
 from ..model import (
     Body,
-    Contact,
     Coupling,
     Drag,
     Gear,
@@ -35,14 +34,12 @@ from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, unused, why_unphysical
 from .mjcf import INITIAL
 from .mjcf_compiled import GREY, MINVAL
+from .mjcf_contacts_out import MESHES, WORLD, ContactsOut, condim, geom_name
 from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
-MESHES = (".stl", ".obj")
-SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
 NOTHING = (1.0, 0.0, 0.0, 0.0)
-WORLD = "world"
 
 
 @explained
@@ -88,9 +85,10 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
     return writer.report
 
 
-class _Writer:
+class _Writer(ContactsOut):
     def __init__(self, model: Model, path: Path):
-        self.model, self.report, self.folder = model, Report(path.name), path.parent
+        super().__init__(model, path.name)
+        self.folder = path.parent
         self.home = Dynamics(model).packed.home_poses
         self.number = {name: k for k, name in enumerate(Dynamics(model).names)}
         self.sites: dict[str, list[Tag]] = {}
@@ -101,18 +99,10 @@ class _Writer:
         }  # fmt: skip
         self.assets: dict[str, Tag] = {}
         self.equalities, self.tendons = list[Tag](), list[Tag]()
-        self.floor = {c.body: c for c in model.contacts if c.active and c.other == GROUND}
-        self.touch = [c for c in model.contacts if c.active and c.other != GROUND]
         self.lifting, self.lifted = set[str](), dict[str, float]()
         for name, body, part in self._lifted():
             self.lifting.add(name)
             self.lifted[body] = self.lifted.get(body, 0.0) + part
-        self.of_ground = self._ground_law()
-        self.pairs = [*self._odd_pairs([b for b in model.bodies if b.touching])]
-        paired = {b.name for ends in self.pairs for b in ends[:2] if b is not None}
-        self.named_geoms = {
-            (b.name, k) for b in model.bodies if b.name in paired for k in _touching(b)
-        }
 
     def text(self, bodies: Sequence[Body]) -> str:
         """The file."""
@@ -140,7 +130,7 @@ class _Writer:
             turn = quaternion_of(frame_of(np.array(m.ground_normal)))
             plane = Tag("geom", name="ground", type="plane", size=(0.0, 0.0, 1.0), quat=turn)
             law = self.of_ground or (0.0, 0.0, 0.0)
-            world.add(plane.set(friction=law, condim=_condim(law)))
+            world.add(plane.set(friction=law, condim=condim(law)))
             if m.ground.steps:
                 self.out("ground", "its steps", acts=True)
         world.add(*self.sites.get(GROUND, ()))
@@ -168,9 +158,6 @@ class _Writer:
             name += "'"
         self.taken.add((kind, name))
         return name
-
-    def out(self, where: str, text: str, *, acts: bool = True) -> None:
-        self.report.add("left out", where, f"{text}, which is not written to MJCF", acts=acts)
 
     # -- bodies ----------------------------------------------------------------------------------
 
@@ -269,7 +256,7 @@ class _Writer:
         for k, shape in enumerate(body.shapes):
             geom = Tag("geom", pos=shape.position, quat=unit(shape.rotation))
             if (body.name, k) in self.named_geoms:
-                geom.set(name=_geom(body, k))
+                geom.set(name=geom_name(body, k))
             r, h = shape.radius or 0.0, (shape.length or 0.0) / 2
             match shape.kind:
                 case "box":
@@ -296,7 +283,7 @@ class _Writer:
             elif shape.role == "collision":
                 geom.set(group="3")
             if shape.role != "visual":
-                geom.set(friction=law, condim=_condim(law))
+                geom.set(friction=law, condim=condim(law))
             if shape.colour is not None or shape.opacity < 1.0:
                 geom.set(rgba=(*(shape.colour or GREY[:3]), shape.opacity))
             if shape.moves:
@@ -318,98 +305,6 @@ class _Writer:
             inertia="shell"
         )  # inertia is that of bodies, and flat meshes have none
         return name
-
-    def _law(self, name: str) -> tuple[float, float, float]:
-        """Return the friction of a body's geoms. MuJoCo takes the larger of two that touch."""
-        mine = [self._friction(c) for c in self.touch if {name, EVERY} & {*c.touches}]
-        if self.of_ground is None:
-            mine += [self._friction(c) for n, c in self.floor.items() if n in (name, EVERY)]
-        return min(mine, default=(0.0, 0.0, 0.0))
-
-    def _ground_law(self) -> tuple[float, float, float] | None:
-        """Return the ground plane's friction if its contacts share one value, the largest."""
-        laws = {self._friction(c) for c in self.floor.values()}
-        others = [self._friction(c) for c in self.touch]
-        if len(laws) != 1:
-            return None
-        law = next(iter(laws))
-        return law if all(x <= y for other in others for x, y in zip(other, law)) else None
-
-    def _still(self, name: str) -> bool:
-        """Return True if a body cannot move."""
-        while name != GROUND:
-            body = self.model.body(name)
-            if body.joint != "weld":
-                return False
-            name = body.parent
-        return True
-
-    def _friction(self, c: Contact) -> tuple[float, float, float]:
-        mu = self.model.ground.friction if c.friction is None else c.friction
-        return mu, c.spinning_friction or 0.0, c.rolling_friction or 0.0
-
-    def _excluded(self, bodies: Sequence[Body]) -> Iterator[Tag]:
-        """Yield exclusions for pairs of bodies that would touch in MuJoCo but do not touch here."""
-        solid = [b.name for b in bodies if b.touching]
-        for c in (*self.floor.values(), *self.touch):
-            if c.points:
-                self.out(f"contact '{c.name}'", "its points")
-            if c.law != "complementarity":
-                text = f"law {c.law} is MuJoCo's own soft contact"
-                self.report.add("approximated", f"contact '{c.name}'", text)
-        for k, name in enumerate(solid):
-            if self.floor and not ({name, EVERY} & self.floor.keys()) and name != WORLD:
-                yield Tag("exclude", body1=WORLD, body2=name)
-            for other in solid[:k]:
-                if not self._apart(name, other) and self._between(name, other) is None:
-                    yield Tag("exclude", body1=other, body2=name)
-
-    def _odd_pairs(self, solid: Sequence[Body]) -> Iterator[OddPair]:
-        """Yield pairs of neighbours, and pairs whose friction is not the larger of the two."""
-        for k, body in enumerate(solid):
-            mine, floor = self._law(body.name), self.floor.get(body.name) or self.floor.get(EVERY)
-            if floor is not None and not self._still(body.name):
-                law = tuple(map(max, mine, self.of_ground or FRICTIONLESS))
-                if law != (wanted := self._friction(floor)):
-                    yield OddPair(body, None, wanted)
-            for other in solid[:k]:
-                c, apart = self._between(body.name, other.name), self._apart(body.name, other.name)
-                if c is None:
-                    continue
-                law = tuple(map(max, mine, self._law(other.name)))
-                if apart or law != self._friction(c):
-                    yield OddPair(other, body, self._friction(c))
-
-    def _apart(self, one: str, two: str) -> bool:
-        """Return True if two bodies are neighbours in MuJoCo, which touch as explicit pairs."""
-        still = self._still(one), self._still(two)
-        parent = self.model.body(one).parent, self.model.body(two).parent
-        tied = (parent[0] == two and not still[1]) or (parent[1] == one and not still[0])
-        return tied or all(still)
-
-    def _between(self, one: str, two: str) -> Contact | None:
-        """Return the contact between two bodies, preferring one that names both."""
-        parent = self.model.body(one).parent, self.model.body(two).parent
-        tied = parent[0] == two or parent[1] == one  # these touch only if both are named
-
-        def meet(c: Contact) -> bool:
-            here = (c.body in (one, EVERY) and c.other in (two, EVERY)) or (
-                c.body in (two, EVERY) and c.other in (one, EVERY)
-            )
-            return here and not (tied and EVERY in (c.body, c.other))
-
-        found = filter(meet, self.touch)
-        return min(found, key=lambda c: (c.body, c.other).count(EVERY), default=None)
-
-    def _paired(self) -> Iterator[Tag]:
-        """Yield geom pairs that have their own friction."""
-        for body, other, law in self.pairs:
-            others = ["ground"] if other is None else [_geom(other, k) for k in _touching(other)]
-            sliding, spin, roll = law
-            for one in (_geom(body, k) for k in _touching(body)):
-                for two in others:
-                    five = (sliding, sliding, spin, roll, roll)
-                    yield Tag("pair", geom1=one, geom2=two, friction=five, condim=_condim(law))
 
     # -- loops -----------------------------------------------------------------------------------
 
@@ -687,31 +582,6 @@ class _Writer:
             i, j = i + 4, j + (6 if kind == "free" else 3)
 
 
-Law = tuple[float, float, float]  # friction of a pair: sliding, spinning, rolling
-FRICTIONLESS: Law = (0.0, 0.0, 0.0)
-
-
-class OddPair(NamedTuple):
-    """A pair of bodies, or a body and the ground, with the friction between them."""
-
-    body: Body
-    other: Body | None
-    friction: Law
-
-
-def _touching(body: Body) -> Iterator[int]:
-    """Yield the indices of the body's collision shapes that are exported."""
-    for k, shape in enumerate(body.shapes):
-        mesh = shape.kind == "mesh" and Path(shape.file or "").suffix.lower() in MESHES
-        if shape.role != "visual" and (mesh or shape.kind in SOLIDS):
-            yield k
-
-
-def _geom(body: Body, k: int) -> str:
-    """Return the geom name for a shape."""
-    return f"{body.name} shape {k + 1}"
-
-
 class _Ungeared:
     """The sum on which a force acts, without its gear."""
 
@@ -744,8 +614,3 @@ def _away(q: Sequence[float], body: Body) -> Iterator[bool]:
         size = SIZE[kind][0]
         yield any(q[i : i + size]) if size == 1 else abs(q[i + size - 4]) != 1.0
         i += size
-
-
-def _condim(law: tuple[float, float, float]) -> str:
-    sliding, spinning, rolling = law
-    return "6" if rolling else "4" if spinning else "3" if sliding else "1"

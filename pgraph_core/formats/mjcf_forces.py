@@ -1,0 +1,437 @@
+"""Forces in an MJCF file: actuators, tendons, fluid drag and gravity compensation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..errors import choices, needed, shown
+from ..fields import GROUND
+from ..model import Actuator, Drag, Force, Motor, Servo, SpeedServo, Spring, Tendon, Wrench
+from ..rotation import unit
+from .conversion import NO_LIMIT, unused
+from .mjcf_compiled import MINVAL, Reading
+
+Array = np.ndarray
+TENDON = 3  # mjtEq
+ALONG_JOINT, SITE = 1, 3  # mjtWrap
+ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: (joint, joint in parent), tendon
+INTEGRATOR, FILTERS = 1, (2, 3)  # mjtDyn: integrator, (filter, filterexact)
+GROUPS = 31  # number of actuator groups that MuJoCo can switch off, 0 to 30
+
+
+class Sums(dict[int, float]):
+    """The coefficients in a sum of coordinates, by joint."""
+
+
+class Forces:
+    """The forces of a model."""
+
+    def __init__(self, reader: Reading):
+        self.reader, self.m, self.report = reader, reader.m, reader.report
+        self.obey_flags()
+
+    def obey_flags(self) -> None:
+        """Remove everything that the global flags in the file disable."""
+        m = self.m
+        flags = {
+            "LIMIT": ("jnt_limited", "tendon_limited"),
+            "FRICTIONLOSS": ("dof_frictionloss", "tendon_frictionloss"),
+            "SPRING": ("jnt_stiffness", "tendon_stiffness"),
+            "DAMPER": ("dof_damping", "tendon_damping"),
+            "EQUALITY": ("eq_active0",),
+            "CONTACT": ("geom_contype", "geom_conaffinity", "pair_dim"),
+        }
+        bits = needed("mujoco", "mjcf").mjtDisableBit
+        everything = bool(m.opt.disableflags & bits.mjDSBL_CONSTRAINT)
+        for name, arrays in flags.items():
+            of_constraints = name in ("LIMIT", "FRICTIONLOSS", "EQUALITY", "CONTACT")
+            bit = int(getattr(bits, f"mjDSBL_{name}", 0))
+            if m.opt.disableflags & bit or (everything and of_constraints):
+                for array in arrays:
+                    getattr(m, array)[:] = 0
+                text = f"the file switches off: {name.lower()}"
+                self.report.add("converted", self.reader.path.name, text)
+        if m.opt.enableflags & int(needed("mujoco", "mjcf").mjtEnableBit.mjENBL_OVERRIDE):
+            sliding, _, spinning, rolling, _ = m.opt.o_friction
+            m.geom_friction[:] = (sliding, spinning, rolling)
+            m.pair_friction[:] = m.opt.o_friction
+            text = "the file overrides the friction of all geoms by o_friction"
+            self.report.add("converted", self.reader.path.name, text)
+        self.filters = not m.opt.disableflags & int(bits.mjDSBL_FILTERPARENT)
+        self.driven = not m.opt.disableflags & int(bits.mjDSBL_ACTUATION)
+        self.actuators = len(m.actuator_trnid)
+        if self.actuators and not self.driven:
+            text = (
+                f"the file switches off: actuation, so its {self.actuators} actuators are left out"
+            )
+            self.report.add("left out", self.reader.path.name, text)
+
+    def _along_joints(self, t: int) -> Sums | None:
+        """Return the coefficients of a fixed tendon, or None for a spatial tendon."""
+        m, first = self.m, int(self.m.tendon_adr[t])
+        parts = range(first, first + int(m.tendon_num[t]))
+        if any(m.wrap_type[w] != ALONG_JOINT for w in parts):
+            return None
+        found = Sums()
+        for w in parts:
+            j = int(m.wrap_objid[w])
+            found[j] = found.get(j, 0.0) + float(m.wrap_prm[w])
+        return found
+
+    def _rows(self, sums: Sums) -> dict[str, list[float]]:
+        """Convert coefficients by joint to rows by body."""
+        found: dict[str, list[float]] = {}
+        for j, x in sums.items():
+            body, k = self.reader.place_of_joint[j]
+            found.setdefault(body, [0.0] * self.reader.freedoms[body])[k] += x
+        return found
+
+    def _length(self, sums: Sums) -> float:
+        """Return the length of a tendon in the file's initial pose, where q is zero here."""
+        return sum(x * float(self.m.qpos0[self.m.jnt_qposadr[j]]) for j, x in sums.items())
+
+    # -- actuators -------------------------------------------------------------------------------
+
+    def forces(self) -> Iterator[Force]:
+        """Yield actuators as motors and servos, and gravity compensation as wrenches.
+
+        Names in MuJoCo are unique per kind of element. The later of two elements with one name is
+        renamed.
+        """
+        taken: set[str] = set()
+        for one in self._forces():
+            name = unused(one.name, taken)
+            taken.add(name)
+            if name != one.name:
+                text = f"is named {shown(name)} here: another force has its name"
+                self.report.add("converted", self.reader.path.name, f"{shown(one.name)} {text}")
+            yield one if name == one.name else one.model_copy(update={"name": name})
+
+    def _forces(self) -> Iterator[Force]:
+        for a in range(self.actuators if self.driven else 0):
+            name = self.m.actuator(a).name or f"actuator {a + 1}"
+            if self._switched_off(a, name):
+                continue
+            if (one := self._actuator(a, name)) is not None:
+                yield one
+        yield from self._tendons()
+        yield from self._drags()
+        yield from self._lifts()
+
+    def _channel(self, a: int) -> tuple[int, int]:
+        """Return the rows for the output and input of an actuator in MuJoCo's tables."""
+        m = self.m
+        if not hasattr(m, "actuator_outadr"):  # before MuJoCo 4 each actuator has one of both
+            return a, a
+        return int(m.actuator_outadr[a]), int(m.actuator_ctrladr[a])
+
+    def _several(self, a: int) -> str:
+        """Return a message if an actuator does not have exactly one input and one output."""
+        m = self.m
+        inputs, outputs = (
+            int(table[a]) if (table := getattr(m, f"actuator_{word}num", None)) is not None else 1
+            for word in ("ctrl", "out")
+        )
+        if inputs == outputs == 1:
+            return ""
+        return f"an actuator with {inputs} inputs and {outputs} outputs, not one of each"
+
+    def _lifts(self) -> Iterator[Wrench]:
+        """Yield gravity compensation as wrenches at the centres of mass of its bodies."""
+        m, lifted = self.m, list[str]()
+        for b in np.flatnonzero(m.body_gravcomp):
+            name = self.reader.names[b]
+            lift = -self.reader.gravity * m.body_mass[b] * m.body_gravcomp[b]
+            if not np.any(lift):
+                continue
+            if not self.actuators or not self.driven:
+                idle = [bool(m.jnt_actgravcomp[j]) for j in self._joints_above(int(b))]
+                if any(idle):
+                    text = "actuatorgravcomp, which has no effect without an actuator"
+                    if not all(idle):
+                        text = "gravcomp of joints of which some have actuatorgravcomp, with no "
+                        text += "actuator that acts"
+                    where = m.body(int(b)).name
+                    self.reader.left_out("body", where, text, acts=not all(idle))
+                    continue
+            lifted.append(name)
+            point = m.body_ipos[b] - self.reader.pivot[b]
+            yield Wrench(
+                name=f"gravcomp of {name}", body=name, force=tuple(lift.tolist()),
+                point=tuple(point.tolist()),
+            )  # fmt: skip
+        if lifted:
+            text = (
+                f"gravcomp of {choices(map(shown, lifted))}: wrenches, which act in runs, in "
+                "`linearise` and in `equilibrium`; not in `constrained_dynamics`, nor in "
+                "`forward_dynamics` and `inverse_dynamics`, which take them as `external`"
+            )
+            self.report.add("converted", self.reader.path.name, text)
+
+    def _joints_above(self, b: int) -> Iterator[int]:
+        """Yield the joints that move a body."""
+        m = self.m
+        while b:
+            yield from range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
+            b = int(m.body_parentid[b])
+
+    def _switched_off(self, a: int, name: str) -> bool:
+        """Report an actuator whose group is disabled in the file. Return False for others."""
+        m, group = self.m, int(self.m.actuator_group[a])
+        if not (0 <= group < GROUPS and int(m.opt.disableactuator) >> group & 1):
+            return False
+        text = f"an actuator of group {group}, which the file switches off (actuatorgroupdisable)"
+        self.reader.left_out("actuator", name, text, acts=False)
+        return True
+
+    def _tendons(self) -> Iterator[Force]:
+        """Yield the active tendons, both those along joints and straight ones between two sites."""
+        m = self.m
+        for t in range(m.ntendon):
+            name = m.tendon(t).name or f"tendon {t + 1}"
+            pulls = bool(m.tendon_stiffness[t]) or bool(m.tendon_damping[t])
+            acts = pulls or m.tendon_frictionloss[t] or m.tendon_limited[t] or m.tendon_armature[t]
+            if not acts:
+                if t not in self._used_tendons():
+                    text = "a tendon without spring, damper, friction, limits or actuator"
+                    self.reader.left_out("tendon", name, text, acts=False)
+                continue
+            if (
+                m.tendon_armature[t]
+                or m.tendon_springyield[t]
+                or any(
+                    np.any(getattr(m, f"tendon_{x}poly", np.zeros(t + 1))[t])
+                    for x in ("stiffness", "damping")
+                )
+            ):
+                self.reader.left_out(
+                    "tendon", name, "a tendon with armature, or not linear or elastic"
+                )
+                continue
+            shortest, longest = (float(x) for x in m.tendon_lengthspring[t])
+            if m.tendon_stiffness[t] and shortest != longest:
+                self.reader.left_out("tendon", name, "a tendon with a slack range of its spring")
+                continue
+            sums = self._along_joints(t)
+            made = self._straight(t, name) if sums is None else self._tendon(t, name, sums)
+            if made is not None:
+                yield made
+
+    def _used_tendons(self) -> set[int]:
+        """Return the tendons used by actuators and equalities."""
+        m = self.m
+        pulled = m.actuator_trnid[m.actuator_trntype == ON_TENDON, 0]
+        held = m.eq_type == TENDON
+        return {*pulled.tolist(), *m.eq_obj1id[held].tolist(), *m.eq_obj2id[held].tolist()}
+
+    def _tendon(self, t: int, name: str, sums: Sums) -> Tendon:
+        m, start = self.m, self._length(sums)
+        limits = {key: end - start for key, end in self._ends(t, name).items()}
+        return Tendon(
+            name=name, coefficients=self._rows(sums), stiffness=float(m.tendon_stiffness[t]),
+            damping=float(m.tendon_damping[t]), friction=float(m.tendon_frictionloss[t]),
+            rest=float(m.tendon_lengthspring[t, 0]) - start, **limits,
+        )  # fmt: skip
+
+    def _ends(self, t: int, name: str) -> dict[str, Any]:
+        """Return the minimum and maximum length of a tendon, or {} if it has no limits."""
+        if not self.m.tendon_limited[t]:
+            return {}
+        low, high = (float(x) for x in self.m.tendon_range[t])
+        margin = float(self.m.tendon_margin[t])
+        low, high = within_margin(self.reader, "tendon", name, low, high, margin)
+        found = {"low": low, "high": high}
+        return {key: end for key, end in found.items() if abs(end) < NO_LIMIT}
+
+    def _straight(self, t: int, name: str) -> Spring | None:
+        """Return a spring for a straight tendon between two sites."""
+        m, first = self.m, int(self.m.tendon_adr[t])
+        straight = m.tendon_num[t] == 2 and all(m.wrap_type[first : first + 2] == SITE)
+        if not straight or m.tendon_frictionloss[t]:
+            text = "a tendon with friction" if straight else "a tendon around corners"
+            self.reader.left_out("tendon", name, f"{text}, from site to site")
+            return None
+        ends: list[tuple[str, tuple[float, ...]]] = []
+        for site in m.wrap_objid[first : first + 2]:
+            b = int(m.site_bodyid[site])
+            place = m.site_pos[site] - self.reader.pivot[b]
+            ends.append((self.reader.names[b], tuple(place.tolist())))
+        if ends[0][0] == GROUND:
+            ends.reverse()
+        (body, point), (other, other_point) = ends
+        if body == other:
+            return None
+        return Spring(
+            name=name, body=body, other=other, point=point, other_point=other_point,
+            stiffness=float(m.tendon_stiffness[t]), damping=float(m.tendon_damping[t]),
+            rest=float(m.tendon_lengthspring[t, 0]),
+            **{key: end for key, end in self._ends(t, name).items() if key == "high" or end > 0},
+        )  # fmt: skip
+
+    def _actuator(self, a: int, name: str) -> Force | None:
+        """Return the force of an actuator, gear x (gain u + b0 + b1 length + b2 rate)."""
+        m, kind = self.m, int(self.m.actuator_trntype[a])
+        target = int(m.actuator_trnid[a, 0])
+        sums = self._moved(a)
+        why = self._strange(a) if sums else "an actuator on a tendon that is not along joints"
+        if sums is None or why:
+            self.reader.left_out("actuator", name, why)
+            return None
+        output, control = self._channel(a)
+        gear, gain = float(m.actuator_gear[output, 0]), float(m.actuator_gainprm[a, 0])
+        affine = m.actuator_biastype[a] == 1
+        b0, b1, b2 = (float(x) if affine else 0.0 for x in m.actuator_biasprm[a, :3])
+        fields: dict[str, Any] = {"name": name, "gear": gear, **self._limits(a, sums, name)}
+        if kind == ON_TENDON:
+            fields["coefficients"] = self._rows(sums)
+        else:
+            fields["body"], fields["coordinate"] = self.reader.place_of_joint[target]
+        low, high = self._range("ctrl", control)
+        if low > -np.inf:
+            fields |= {"input_low": low, "input_high": high}
+        u = min(max(0.0, low), high)
+        if m.actuator_dyntype[a] in FILTERS:
+            fields["lag"] = float(m.actuator_dynprm[a, 0])
+            fields |= {"start": 0.0} if u else {}
+        if m.actuator_dyntype[a] == INTEGRATOR:
+            fields |= {"integrates": True, **self._states(a)}
+        torque = b0 + b1 * gear * self._length(sums)  # q here is 0 in the file's initial pose
+        kp, kd = 0.0 - b1, 0.0 - b2
+        if gain == 1 and torque == kp == kd == 0:
+            return Motor(torque=u, **fields)
+        if kp > 0 and kd >= 0 and gain == kp:
+            return Servo(kp=kp, kd=kd, target=u, torque=torque, **fields)
+        if kp == 0 and kd > 0 and gain == kd:
+            return SpeedServo(kd=kd, speed=u, torque=torque, **fields)
+        return Actuator(gain=gain, input=u, torque=torque, kp=kp, kd=kd, **fields)
+
+    def _moved(self, a: int) -> Sums | None:
+        """Return the joints of an actuator, or None if its length is no sum of coordinates."""
+        target, kind = int(self.m.actuator_trnid[a, 0]), int(self.m.actuator_trntype[a])
+        return self._along_joints(target) if kind == ON_TENDON else Sums({target: 1.0})
+
+    def _range(self, word: str, row: int) -> tuple[float, float]:
+        """Return the bounds on an actuator's "ctrl", "act" or "force", infinite without limits."""
+        if not getattr(self.m, f"actuator_{word}limited")[row]:
+            return -np.inf, np.inf
+        low, high = getattr(self.m, f"actuator_{word}range")[row].tolist()
+        return low, high
+
+    def _states(self, a: int) -> dict[str, float]:
+        """Return the bounds on the integrated input and its initial value."""
+        low, high = self._range("act", a)
+        if low == -np.inf:
+            return {}
+        start = min(max(0.0, low), high)
+        return {"state_low": low, "state_high": high, **({"start": start} if start else {})}
+
+    def _strange(self, a: int) -> str:
+        """Return the reason why an actuator cannot be represented, or ""."""
+        m = self.m
+        if several := self._several(a):
+            return several
+        output, control = self._channel(a)
+        if m.actuator_trntype[a] not in (*ON_JOINT, ON_TENDON):
+            return "an actuator that does not act on a joint or tendon (on a site or body)"
+        if m.actuator_trntype[a] != ON_TENDON and m.jnt_type[m.actuator_trnid[a, 0]] < 2:
+            return "an actuator on a ball or free joint"
+        if m.actuator_gear[output, 0] == 0:
+            return "an actuator with gear 0"
+        (low, high), (least, most) = self._range("ctrl", control), self._range("act", a)
+        filtered = m.actuator_dyntype[a] in FILTERS
+        if m.actuator_dyntype[a] not in (0, INTEGRATOR, *FILTERS):
+            return "an actuator with a state of its own other than a filter or integral (muscle)"
+        if filtered and (least > low or most < high):
+            return "an actuator with a filter that has bounds of its own"
+        if a in m.set_in("actuator_delay"):
+            return "an actuator with a delay"
+        if m.actuator_gaintype[a] != 0 or m.actuator_biastype[a] not in (0, 1):
+            return "an actuator whose gain depends on the state"
+        for key in ("actuator_armature", "actuator_damping", "actuator_dampingpoly"):
+            if a in m.set_in(key):
+                return "an actuator with armature or damping of its own"
+        return ""
+
+    def _limits(self, a: int, sums: Sums, name: str) -> dict[str, float]:
+        """Return the minimum and maximum torque, before the gear."""
+        m, (output, _) = self.m, self._channel(a)
+        gear = float(m.actuator_gear[output, 0])
+        low, high = self._range("force", a)
+        shared = 0
+        t = int(m.actuator_trnid[a, 0])
+        if m.actuator_trntype[a] == ON_TENDON and m.tendon_actfrclimited[t]:
+            ends = m.tendon_actfrcrange[
+                t
+            ]  # limits on the forces of its actuators before their gears
+            low, high = max(low, float(ends[0])), min(high, float(ends[1]))
+            same = (m.actuator_trntype == ON_TENDON) & (m.actuator_trnid[:, 0] == t)
+            shared = max(shared, int(same.sum()))
+        for j, x in sums.items():
+            if not m.jnt_actfrclimited[j]:
+                continue
+            of_joint = [s for b in range(self.actuators) if j in (s := self._moved(b) or Sums())]
+            if len(sums) == 1:
+                ends = sorted(float(end) / (gear * x) for end in m.jnt_actfrcrange[j])
+                low, high = max(low, ends[0]), min(high, ends[1])
+                shared = max(shared, len(of_joint))
+            elif len(of_joint) > 1 or not self._within(j, gear * x, (low, high)):
+                text = f"the limit of what actuators give in joint {shown(m.joint(j).name)}"
+                text += ", one of several along the actuator's tendon"
+                self.reader.left_out("actuator", name, text)
+        if shared > 1:
+            text = "the limit of the sum of several actuators holds for each of them here"
+            self.report.add("approximated", self.reader.where("actuator", name), text, part=name)
+        if np.isinf(low) and np.isinf(high):
+            return {}
+        if low >= high or high <= 0 or np.isinf(high):
+            text = f"a limit of its force, {low:g} to {high:g}, that leaves no force forwards"
+            self.reader.left_out("actuator", name, text)
+            return {}
+        return {"torque_limit": high} if low == -high else {"torque_limit": high, "torque_low": low}
+
+    def _within(self, j: int, factor: float, ends: tuple[float, float]) -> bool:
+        """Return True if forces in these bounds, times a factor, stay within a joint's limit."""
+        low, high = self.m.jnt_actfrcrange[j]
+        return all(low <= factor * end <= high for end in ends)
+
+    def _drags(self) -> Iterator[Drag]:
+        """Yield the fluid drag on the bodies, modelled with MuJoCo's inertia boxes."""
+        m = self.m
+        if not (m.opt.density or m.opt.viscosity):
+            return
+        if np.any(m.opt.wind) or np.any(m.geom_fluid[:, 0]):
+            text = "the fluid around the bodies, with wind or as ellipsoids"
+            self.reader.left_out("option", "", text)
+            return
+        for b in range(1, m.nbody):
+            if m.body_mass[b] < MINVAL or not m.body_dofnum[m.body_weldid[b]]:
+                continue
+            moments = m.body_inertia[b]
+            squares = np.maximum(moments.sum() - 2 * moments, MINVAL) / m.body_mass[b] * 6
+            yield Drag(
+                name=f"fluid around {self.reader.names[b]}", body=self.reader.names[b],
+                size=tuple(np.sqrt(squares).tolist()), rotation=unit(m.body_iquat[b].tolist()),
+                point=tuple((m.body_ipos[b] - self.reader.pivot[b]).tolist()),
+                density=float(m.opt.density), viscosity=float(m.opt.viscosity),
+            )  # fmt: skip
+
+
+def within_margin(
+    reader: Reading, tag: str, name: str, low: float, high: float, margin: float
+) -> tuple[float, float]:
+    """Return the limits at which MuJoCo stops a joint or tendon, `margin` inside its range.
+
+    The reference of MuJoCo's limits is the distance less the margin, so this is where they rest.
+    """
+    if not margin or low >= high:
+        return low, high
+    if low + margin < high - margin:
+        text = f"its limits stand {margin:.6g} inside of its range, by its margin"
+        reader.report.add("converted", reader.where(tag, name), text)
+        return low + margin, high - margin
+    text = f"a margin of {margin:.6g} that leaves nothing of its range; the range is kept without"
+    reader.left_out(tag, name, text)
+    return low, high
