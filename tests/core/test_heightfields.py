@@ -93,6 +93,17 @@ def test_distances_to_a_heightfield_are_those_to_its_prisms(kind):
         assert gap == pytest.approx(least, abs=1e-12)
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("height", [1.0, 1e2, 1e4, 1e6])
+@pytest.mark.parametrize("radius", [0.0, 1e-6, 1e-2, 10.0])
+def test_the_gap_to_a_heightfield_is_found_at_any_distance(size, height, radius):
+    hill = solids.heightfield((size, size, size), np.zeros((9, 9)))
+    ball = solids.sphere(radius * size)
+    far = height * size + radius * size
+    gap = Scene([ball, hill], [pose((0.1 * size, 0.0, far)), pose()]).gap()
+    assert gap == pytest.approx(height * size, rel=1e-9)
+
+
 @pytest.mark.parametrize("order", [("b", "field"), ("field", "b")])
 def test_a_heightfield_carries_the_weight_in_either_order(order):
     bodies = [body(SOLIDS[0], (0.3, 0.2, 0.1)), field(np.zeros((9, 9)))]

@@ -24,7 +24,6 @@ POINT = 1 << 51  # features of point k of a list of points start at k times this
 CROWD = 48  # points on a heightfield, above which they are thinned on the way
 SAME_NORMAL = 1.0 - COINCIDENT  # cosine
 NEW, DROPPED, KEPT = 0, 1, 2
-FAR = 100.0  # distance of infinite gaps, relative to the size of a heightfield
 
 
 @part
@@ -281,8 +280,10 @@ def pair_gap(geometry, poses, i, j, room, probe):
     if geometry.shapes[i].kind == HEIGHTFIELD:
         i, j = j, i
     if geometry.shapes[j].kind == HEIGHTFIELD:
-        near = geometry.shapes[i].reach
-        while gap == math.inf and near < FAR * geometry.shapes[j].reach:
+        apart = sub(xyz(poses[i].position), xyz(poses[j].position))
+        far = math.sqrt(dot(apart, apart)) + geometry.shapes[i].reach + geometry.shapes[j].reach
+        near = max(geometry.shapes[i].reach, COINCIDENT * far)
+        while gap == math.inf and near < 2.0 * far:  # no gap is larger than `far`
             n = field_contacts(geometry, poses, i, j, near, room, probe, 0)
             for c in range(min(n, probe.shape[0])):
                 gap = min(gap, probe[c].gap)
