@@ -190,8 +190,8 @@ def tones(of: stage.Tones, up: str) -> Tones:
     strengths = of.around, of.around, of.key, of.rim
     colors = of.above, of.below, stage.WARM, stage.COOL
     lights = [x / np.pi * np.array(linear(color)) for x, color in zip(strengths, colors)]
-    colors = (of.canvas, of.canvas, of.floor, of.line)
-    return Tones._make((*map(linear, colors), *map(_three, (*lights, rim))))
+    colors = (of.canvas, of.floor, of.line)
+    return Tones._make((*map(linear, colors), *map(_three, (*lights, rim)), of.shadow))
 
 
 def _coded(light: np.ndarray) -> np.ndarray:

@@ -20,9 +20,7 @@ Vector = tuple[float, float, float]
 NOTHING = -1  # the number of the face if there is none
 LINE = 0.008  # half the width of the lines of the ground over a cell
 GLOSS, GLEAM = 40.0, 0.18  # exponent and strength of the sun's reflection (Blinn's model)
-SKY = 1.6  # slope of the sky's colour over a ray's height, from horizon to zenith
 TAPS = 4  # places each way whose mean softens the edge of a shadow
-SHADOW = 0.42  # share of the ground's light that is missing in a shadow
 
 
 TRIPLE, I4 = group(*[f8] * 3), i4[:, ::1]
@@ -61,8 +59,7 @@ class Ground(NamedTuple):
 class Tones(NamedTuple):
     """Colours of sky, ground and lights in linear light."""
 
-    zenith: Vector
-    horizon: Vector
+    sky: Vector
     floor: Vector
     line: Vector
     above: Vector
@@ -70,6 +67,7 @@ class Tones(NamedTuple):
     sun: Vector
     fill: Vector
     from_fill: Vector  # direction to it
+    shadow: float  # share of the ground's light that is missing in a shadow
 
 
 @kernel(void(F2, I4, F1, F2, I4), nogil=True, later=True)
@@ -119,7 +117,7 @@ def _level(row, column):
     void(
         f4[:, :, ::1], F2, I4, F2, I4, F2, F2, F2, F2,
         named(Camera, *[TRIPLE] * 4), named(Sun, *[TRIPLE] * 5, f8),
-        named(Ground, *[TRIPLE] * 4, f8), named(Tones, *[TRIPLE] * 9),
+        named(Ground, *[TRIPLE] * 4, f8), named(Tones, *[TRIPLE] * 8, f8),
     ),
     nogil=True, later=True,
 )  # fmt: skip
@@ -153,8 +151,7 @@ def light(picture, depth, seen, points, faces, places, normals, colors, shadows,
                     add_scaled(camera.eye, far, ray), far, ray, camera, shadows, sun, ground, tones
                 )
             else:
-                share = min(max(-SKY * sinks / math.sqrt(dot(ray, ray)), 0.0), 1.0)
-                color = _mixed(tones.horizon, tones.zenith, share)
+                color = tones.sky
             picture[row, column, 0], picture[row, column, 1], picture[row, column, 2] = color
 
 
@@ -210,10 +207,10 @@ def _floor(place, far, ray, camera, shadows, sun, ground, tones):
     pixel = far * math.sqrt(dot(camera.right, camera.right) * dot(ground.u, ground.u)) / slant
     half = max(LINE, pixel)
     line = max(1.0 - abs(u - round(u)) / half, 1.0 - abs(v - round(v)) / half, 0.0) * LINE / half
-    bright = 1.0 - SHADOW * (1.0 - _sunny(shadows, sun, place, 1.6))
+    bright = 1.0 - tones.shadow * (1.0 - _sunny(shadows, sun, place, 1.6))
     haze = 1.0 - math.exp(-((far * length / ground.fade) ** 2))
     floor = _mixed(tones.floor, tones.line, min(2.0 * line, 1.0))
-    return _mixed(scale(bright, floor), tones.horizon, haze)
+    return _mixed(scale(bright, floor), tones.sky, haze)
 
 
 @part

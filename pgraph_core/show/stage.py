@@ -34,18 +34,18 @@ class Tones(NamedTuple):
     below: Color
     around: float
     key: float  # strength of the light from the upper left in front, which casts the shadow
+    sky: float  # strength of the light from above, which shades what is close to the ground
     rim: float  # strength of the light from behind
     shadow: float  # on the floor
 
 
 LIGHT = Tones((238, 241, 245), (250, 251, 252), (195, 202, 213), (255, 255, 255), (150, 157, 170),
-              1.75, 1.5, 0.7, 0.34)  # fmt: skip
+              1.75, 1.5, 0.4, 0.7, 0.34)  # fmt: skip
 DARK = Tones((14, 17, 22), (29, 35, 44), (62, 71, 85), (206, 218, 240), (72, 82, 100),
-             1.3, 1.6, 1.1, 0.55)  # fmt: skip
+             1.3, 1.6, 0.4, 1.1, 0.55)  # fmt: skip
 WARM, COOL = (255, 246, 234), (214, 226, 255)  # colours of the key and the rim
 # Towards the lights, with z up and the camera at the start as in TOWARDS.
 KEY, RIM, SKY = (1.6, -1.5, 3.4), (-2.0, 2.4, 1.2), (0.0, 0.0, 1.0)
-OVERHEAD = 0.4  # strength of the light from above, which shades what is close to the ground
 
 
 def turned(direction: Sequence[float], up: str) -> tuple[float, float, float]:
@@ -68,7 +68,7 @@ def light(scene: viser.SceneApi, dark: bool, up: str, shadows: bool = True) -> N
     tones = DARK if dark else LIGHT
     lights = (
         ("key", KEY, WARM, tones.key),
-        ("sky", SKY, WARM, OVERHEAD),
+        ("sky", SKY, WARM, tones.sky),
         ("rim", RIM, COOL, tones.rim),
     )
     for name, towards, color, intensity in lights:
