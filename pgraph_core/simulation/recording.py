@@ -6,7 +6,6 @@ import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,7 @@ import numpy as np
 
 from ..analysis.assembly import NOTABLE, assembled
 from ..analysis.singular import Instant, Stretch, nulls_of, redundancy, unequal
-from ..dynamics.arguments import UserTorque, acting, finite, positions
+from ..dynamics.arguments import UserTorque, acting, finite
 from ..dynamics.scene import Scene, forces_of
 from ..engine import layout as at
 from ..engine import motion
@@ -42,7 +41,7 @@ from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
 from .options import MOST_STEPS
 from .plan import RunPlan
-from .remarks import remarks, turns_unseen
+from .remarks import creeping, remarks, touching, turns_unseen
 from .running import Running
 from .switches import Change, closed, hold_here, switched_by
 
@@ -652,32 +651,24 @@ class Recording(Running):
         recorded times, and `told` contains warnings about them.
         """
         self._end_stretch()
-        rows, steps = self._rows(), self.steps
-        t, out = steps.times[rows], self.out
-        if len(t) < len(self.out.q):
-            out = Frames(*[a[rows] if len(a) else a for a in out])
-        q, v, vdot, wrenches, energy, drift, pushes, touches, missed = out
-        if self._reused:
-            q, v, vdot, energy, drift, pushes, touches, missed, t = [
-                a.copy() if a.size else a
-                for a in (q, v, vdot, energy, drift, pushes, touches, missed, t)
-            ]
+        rows, counted = self._rows(), self.steps.counters
+        t, (q, v, vdot, wrenches, energy, drift, *touched) = self._kept(rows)
         nq, nv = self.mech.nq, self.mech.nv
         x = v[:, nv:]
         if self.size != (nq, nv):
             q, v, vdot = q[:, :nq], v[:, :nv], vdot[:, :nv]
-        if len(t) >= FEW_FRAMES and steps.counters["steps"] > 2 * len(t):
+        if len(t) >= FEW_FRAMES and counted["steps"] > 2 * len(t):
             self.ended.notices += turns_unseen(self, (t, q, v, vdot))
         forces = NO_FORCES
         if len(self.plan.ever):
-            read = partial(forces_of, self.scene.blocks, self.plan.ever, wrenches.copy())
+            read = partial(forces_of, self.scene.blocks, self.plan.ever, wrenches)
             forces = Named(read, *OF_CONSTRAINTS)
         if error is None:
             error = np.full((len(self.out.q), 1 + x.shape[1]), np.nan)
-        counted, contacts = steps.counters, NOTHING
         counters: dict[str, int] = dict(zip(counted.dtype.names or (), counted.item()))
+        contacts = NOTHING
         if self.plan.way is not None or self.plan.contacts or self.ended.log:
-            contacts = self._contacts((t, pushes, touches, missed), q)
+            contacts = self._contacts((t, *touched), q)
         if self.scene.touching is not None:
             from .contact_log import contact_counters
 
@@ -686,13 +677,6 @@ class Recording(Running):
             contacts = self.events.record(contacts, (q, v, vdot), rows)
             counters |= self.events.tally
             timing["events"] = self.events.seconds
-        header = {**self.plan.header, "model_hash": self.mech.packed.model.hash}
-        if self.met:
-            header["began"] = self.met
-        if self.user is not None and self.tau is not self.plan.tau:
-            header["given_torques"] = True  # files do not store them
-        elif self.tau is not None and self.user is None and np.any(self.tau):
-            header["given_torques"] = True
         result = Result(
             mechanism=self.mech,
             status=self.ended.status,
@@ -713,7 +697,7 @@ class Recording(Running):
             timing=timing,
             error_at=error[rows, 0],
             state_error_at=error[rows, 1:],
-            header=header,
+            header=self._header(),
             notices=(*self.notices(), *told),
             user_events=tuple(self.watch.log) if self.watch else (),
             derivatives=NO_DERIVATIVES if self.carried is None else self.carried.of_frames(rows),
@@ -721,6 +705,24 @@ class Recording(Running):
         if self._stretches:
             result.add_when_read(partial(_singular, self.mech, tuple(self._stretches)))
         return result
+
+    def _kept(self, rows: slice | Ints) -> tuple[Array, Frames]:
+        """Return the times and frames of the result, apart from arrays that later runs reuse."""
+        t, out = self.steps.times[rows], self.out
+        if len(t) < len(out.q):
+            out = Frames(*[a[rows] if len(a) else a for a in out])
+        if self._reused:
+            t, out = t.copy(), Frames(*[a.copy() if a.size else a for a in out])
+        return t, out
+
+    def _header(self) -> dict[str, Any]:
+        header = {**self.plan.header, "model_hash": self.mech.packed.model.hash}
+        if self.met:
+            header["began"] = self.met
+        own = self.user is not None and self.tau is not self.plan.tau
+        if own or (self.tau is not None and self.user is None and np.any(self.tau)):
+            header["given_torques"] = True  # files do not store them
+        return header
 
     def _contacts(self, frames: tuple[Array, Array, Array, Array], q: Array) -> ContactRecord:
         log = tuple(self.ended.log)
@@ -744,54 +746,9 @@ class Recording(Running):
     def notices(self) -> tuple[str, ...]:
         """Notices about the run up to now."""
         user = self.user.notices() if self.user is not None else []
-        contacts: list[str] = []
-        if self.scene.touching is not None and self.plan.contacts is not None:
-            from .contact_log import contact_notices
-
-            out, n = self.out, self._oriented()
-            q, v = self._motion(n)
-            frames = self.steps.times[:n], q, out.pairs["gap"][:n]
-            given = self.plan.contacts, self.active, frames
-            if n:
-                contacts = contact_notices(self.mech, self.scene, self._unlogged, *given)
-            if n and self.plan.contacts.touches:
-                from .shared_loads import shared_loads, spun_faces
-
-                times = self.steps.times[:n], q, v
-                last = float(times[0][-1]), q[-1], v[-1]
-                given = self.plan.contacts, self.active, last, out.pairs[n - 1]
-                contacts += shared_loads(self.mech, *given)
-                contacts += spun_faces(self.mech, self.plan.contacts, times, out.pairs[:n])
-        idle, last = self.plan.idle, self.done - 1
-        if idle is not None and last >= 0 and idle.below(self.scene, self.out.q[last]):
-            from .contact_log import sunk_through
-
-            contacts += sunk_through(
-                self.mech, idle, self.began[0][: self.mech.nq], self._motion(last + 1)[0][-1]
-            )
-        steps = self.steps.notices()
-        if self.scene.rubs:
-            from .creep import crept
-
-            n = self.done
-            steps += crept(self.mech, self.scene.drives, self.steps.times[:n], self.out.v[:n])
         carried = self.carried.notices() if self.carried is not None else []
-        return (*self.told, *steps, *contacts, *user, *carried)
-
-    def _motion(self, n: int) -> tuple[Array, Array]:
-        """Return q (n, nq) and v (n, nv) of the first frames, without the states of controls."""
-        q, v = self.out.q[:n, : self.mech.nq], self.out.v[:n, : self.mech.nv]
-        return np.ascontiguousarray(q), np.ascontiguousarray(v)
-
-    def _oriented(self) -> int:
-        """Return the number of frames with valid orientations, which a diverged state may lack."""
-        if self.ended.ok and self.done > 1:  # a stepper has one that nobody may have recorded
-            return self.done
-        for n in range(self.done, 0, -1):
-            with suppress(InputError):
-                positions(self.mech.packed, self.out.q[n - 1 : n])
-                return n
-        return 0
+        found = (*self.steps.notices(), *creeping(self), *touching(self, self._unlogged))
+        return (*self.told, *found, *user, *carried)
 
     def _rows(self) -> slice | Ints:
         """Return the indices of the requested frames, and of a failed run's last frame."""

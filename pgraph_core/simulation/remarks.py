@@ -1,12 +1,14 @@
-"""Notices about a finished run whose numbers may mislead its reader."""
+"""Notices about a run whose numbers may mislead its reader."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 
-from ..errors import choices
+from ..dynamics.arguments import positions
+from ..errors import InputError, choices
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
 from ..packing import Array
 from ..tolerances import NAMED, VISIBLE
@@ -89,3 +91,53 @@ def turns_unseen(record: Running, frames: tuple[Array, Array, Array, Array]) -> 
     text = f"{TOO_WIDE} for the motion of {choices(names, 3)}, which reverses between two of "
     text += f"them: curves, ranges and peaks may miss it; give frames={steps + 1}, one per step"
     yield text
+
+
+def creeping(record: Running) -> Iterator[str]:
+    """Yield notices about joints that friction should hold and that creep."""
+    if record.scene.rubs:
+        from .creep import crept
+
+        n = record.done
+        yield from crept(record.mech, record.scene.drives, record.steps.times[:n], record.out.v[:n])
+
+
+def touching(record: Running, unlogged: int) -> Iterator[str]:
+    """Yield notices about contacts, given the number of phase changes that are not in the log."""
+    mech, tables, last = record.mech, record.plan.contacts, record.done - 1
+    n = 0 if record.scene.touching is None or tables is None else _oriented(record)
+    if n and tables is not None:
+        from .contact_log import contact_notices
+
+        (q, v), t, pairs = _motion(record, n), record.steps.times[:n], record.out.pairs[:n]
+        frames = t, q, pairs["gap"]
+        yield from contact_notices(mech, record.scene, unlogged, tables, record.active, frames)
+        if tables.touches:
+            from .shared_loads import shared_loads, spun_faces
+
+            state = float(t[-1]), q[-1], v[-1]
+            yield from shared_loads(mech, tables, record.active, state, pairs[-1])
+            yield from spun_faces(mech, tables, (t, q, v), pairs)
+    idle = record.plan.idle
+    if idle is not None and last >= 0 and idle.below(record.scene, record.out.q[last]):
+        from .contact_log import sunk_through
+
+        q, _ = _motion(record, last + 1)
+        yield from sunk_through(mech, idle, record.began[0][: mech.nq], q[-1])
+
+
+def _motion(record: Running, n: int) -> tuple[Array, Array]:
+    """Return q (n, nq) and v (n, nv) of the first frames, without the states of controls."""
+    q, v = record.out.q[:n, : record.mech.nq], record.out.v[:n, : record.mech.nv]
+    return np.ascontiguousarray(q), np.ascontiguousarray(v)
+
+
+def _oriented(record: Running) -> int:
+    """Return the number of frames with valid orientations, which a diverged state may lack."""
+    if record.ended.ok and record.done > 1:  # a stepper has one that nobody may have recorded
+        return record.done
+    for n in range(record.done, 0, -1):
+        with suppress(InputError):
+            positions(record.mech.packed, record.out.q[n - 1 : n])
+            return n
+    return 0

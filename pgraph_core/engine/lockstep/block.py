@@ -220,20 +220,10 @@ def take_drives(data, drives, b, w):
 
 
 @sweep
-def put_out(run, ways, b, w, taken, swept):
-    """Copy lane w back into the run after the steps taken since `take_in`."""
+def move_on(run, taken, evaluations):
+    """Move the time of a run on by the steps that a lane has taken."""
     this = opened_run(run)
-    data, control, counters = opened(this.scene), this.control[0], this.counters[0]
-    contacts = contacts_at(data.links.contacts)
-    nq, nv = size_of_state(run)
-    y, x, lane = this.stages[at.Y], b.vectors, b.lane[0]
-    for i in range(nq):
-        y[i] = x[Q, i, w]
-    for j in range(nv):
-        y[nq + j] = x[V, j, w]
-        contacts.limit_tau[j] = 0.0
-    y[nq + nv] = x[LEDGER, 0, w]
-    y[nq + nv + 1] = x[LEDGER, 1, w]
+    control, counters = this.control[0], this.counters[0]
     width = control.widest
     control.old_time = control.origin + (control.taken + taken - 1) * width + control.done
     control.taken += taken
@@ -245,8 +235,25 @@ def put_out(run, ways, b, w, taken, swept):
     control.fresh = 0
     control.clip = math.inf
     counters.steps += taken
-    counters.evaluations += taken
-    counters.solver_iterations += swept
+    counters.evaluations += evaluations
+
+
+@sweep
+def put_out(run, ways, b, w, taken, swept):
+    """Copy lane w back into the run after the steps taken since `take_in`."""
+    this = opened_run(run)
+    contacts = contacts_at(opened(this.scene).links.contacts)
+    nq, nv = size_of_state(run)
+    y, x, lane = this.stages[at.Y], b.vectors, b.lane[0]
+    for i in range(nq):
+        y[i] = x[Q, i, w]
+    for j in range(nv):
+        y[nq + j] = x[V, j, w]
+        contacts.limit_tau[j] = 0.0
+    y[nq + nv] = x[LEDGER, 0, w]
+    y[nq + nv + 1] = x[LEDGER, 1, w]
+    move_on(run, taken, taken)
+    this.counters[0].solver_iterations += swept
     tally = contacts.tally[0]
     tally.frozen = FROZEN
     tally.share = 1.0

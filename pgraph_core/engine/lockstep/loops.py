@@ -64,7 +64,7 @@ from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance, normalise_all
 from . import block as of
 from .block import TAKEN as STEPS
-from .block import take_drives
+from .block import move_on, take_drives
 from .step import BY_ITSELF, IN_LANES, LEAST_INSTANCES, OUT, act, exchange, is_running, load_run
 
 
@@ -450,24 +450,14 @@ def take_in(run, drives, h, w):
 def put_out(run, h, w, taken, evaluations):
     """Copy lane w back into the run after the steps taken since `take_in`."""
     this = opened_run(run)
-    data, control, counters = opened(this.scene), this.control[0], this.counters[0]
+    counters = this.counters[0]
     y = this.stages[at.Y]
     for i in range(y.shape[0]):
         y[i] = h.stages[at.Y, i, w]
-    control.old_time = control.origin + (control.taken + taken - 1) * control.widest
-    control.taken += taken
-    control.left -= taken
-    control.time = control.origin + control.taken * control.widest
-    control.old_width = control.widest
-    control.filled = 0
-    control.rejected = 0
-    control.fresh = 0
-    control.clip = math.inf
-    counters.steps += taken
-    counters.evaluations += taken * evaluations
+    move_on(run, taken, taken * evaluations)
     counters.solver_iterations += int(h.counts[ALL_SOLVED, 0, w])
     counters.projections += int(h.counts[ALL_ROUNDS, 0, w])
-    data.space.vectors[FACTORED, 2] = 0.0
+    opened(this.scene).space.vectors[FACTORED, 2] = 0.0
 
 
 @part

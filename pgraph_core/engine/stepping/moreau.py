@@ -154,7 +154,7 @@ def part_of_step(run, done, h, w, mode):
     without width is an impact of all that touches. The state before is in TRIAL.
     """
     this = opened_run(run)
-    scene, flow, stages = this.scene, this.flow, this.stages
+    scene, stages = this.scene, this.stages
     t = this.control[0].time + done
     nq, nv = size_of_state(run)
     copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
@@ -162,49 +162,21 @@ def part_of_step(run, done, h, w, mode):
     v = stages[at.CANDIDATE, nq : nq + nv]
     ledger = stages[at.CANDIDATE, nq + nv :]
     before = stages[at.TRIAL, nq : nq + nv]
-    tau = stages[at.TORQUE, :nv]
     vdot = stages[at.SLOPE, nq : nq + nv]
     damping = stages[at.ERROR, :nv]
     data = opened(scene)
-    rows, const, drives, blocks = data.rows, data.const, data.drives, data.blocks
-    work, space, given = data.work, data.space, data.given
-    contacts = contacts_at(data.links.contacts)
-    active, tally = blocks.active, contacts.tally[0]
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    active = blocks.active
     bilateral = active[0]
-    active[0] = 0  # constraints come in with the impulses
     states = data.loads.signals[2].shape[0]
-    if states > 0:
-        move_states(scene, t, 0.5 * w, q, v, before, v, tau)
-    advance(rows, q, v, 0.5 * w)
-    stiffen(scene, t + 0.5 * w, w, q, v)
-    tally.share = w / h
-    call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, v, tau, vdot, flow))
-    this.counters[0].evaluations += 1
-    if w > 0.0:
-        vectors = space.vectors
-        for j in range(nv):
-            vectors[ZERO, j] = 0.0
-        gyre = vectors[GYRE : GYRE + GYRE_ROWS]
-        keep_gyrating(rows, const, work, q, before, w, vectors[ZERO], gyre, vdot)
-        keep_spinning(rows, const, work, before, w, vectors[STEP], vdot)
-    relax(rows, const, space.vectors, given)
-    for j in range(nv):
-        damping[j] = space.vectors[DAMPING, j]
-    positions(rows, work)
-    active[0] = bilateral
+    accelerate(run, t, h, w)
     first = bilateral + 1
     if add_unilateral(scene, h, w, h - done, mode, q, v, vdot):
-        if contacts.laws.shape[0] > 0:  # take back the forces that were added up
-            tally.share = -w / h
-            call_contact_forces(data.links.forces, (scene, v, tau, flow))
+        take_back(run, h, w)
         active[0] = bilateral
-        for i in range(nq):
-            q[i] = stages[at.TRIAL, i]
-        for j in range(nv - states, nv):
-            v[j] = before[j]
         return True
-    ledger[at.WORK_DONE] += w * flow[0]
-    ledger[at.DISSIPATED] += w * flow[1]
+    ledger[at.WORK_DONE] += w * this.flow[0]
+    ledger[at.DISSIPATED] += w * this.flow[1]
     if active[0] > 0:
         own = (t, h, w, first)
         this.counters[0].solver_iterations += solve_part(scene, own, q, v, vdot, ledger)
@@ -218,7 +190,7 @@ def part_of_step(run, done, h, w, mode):
         spread(rows, const, work, space.vectors[STEP])
     for j in range(nv - states):
         v[j] += w * vdot[j] + space.vectors[STEP, j]
-    book_drives(rows, drives, tau, before, damping, w, v, ledger)
+    book_drives(rows, data.drives, stages[at.TORQUE, :nv], before, damping, w, v, ledger)
     if bilateral > 0:  # impulses times the mean speed over the part
         work_done = driven_power(blocks, space, before) + driven_power(blocks, space, v)
         ledger[at.WORK_DONE] += 0.5 * work_done
@@ -234,6 +206,62 @@ def part_of_step(run, done, h, w, mode):
         push_out(scene, first, h, q)
     active[0] = bilateral
     return False
+
+
+@sweep
+def accelerate(run, t, h, w):
+    """Move CANDIDATE to the middle of a part of width w from time t on, and write v' there without
+    impulses into SLOPE, torques into TORQUE and damping into ERROR.
+    """
+    this = opened_run(run)
+    scene, stages = this.scene, this.stages
+    nq, nv = size_of_state(run)
+    q = stages[at.CANDIDATE, :nq]
+    v = stages[at.CANDIDATE, nq : nq + nv]
+    before = stages[at.TRIAL, nq : nq + nv]
+    tau = stages[at.TORQUE, :nv]
+    vdot = stages[at.SLOPE, nq : nq + nv]
+    data = opened(scene)
+    rows, const, work = data.rows, data.const, data.work
+    vectors, active = data.space.vectors, data.blocks.active
+    bilateral = active[0]
+    active[0] = 0  # constraints come in with the impulses
+    if data.loads.signals[2].shape[0] > 0:
+        move_states(scene, t, 0.5 * w, q, v, before, v, tau)
+    advance(rows, q, v, 0.5 * w)
+    stiffen(scene, t + 0.5 * w, w, q, v)
+    contacts_at(data.links.contacts).tally[0].share = w / h
+    call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, v, tau, vdot, this.flow))
+    this.counters[0].evaluations += 1
+    if w > 0.0:
+        for j in range(nv):
+            vectors[ZERO, j] = 0.0
+        gyre = vectors[GYRE : GYRE + GYRE_ROWS]
+        keep_gyrating(rows, const, work, q, before, w, vectors[ZERO], gyre, vdot)
+        keep_spinning(rows, const, work, before, w, vectors[STEP], vdot)
+    relax(rows, const, vectors, data.given)
+    for j in range(nv):
+        stages[at.ERROR, j] = vectors[DAMPING, j]
+    positions(rows, work)
+    active[0] = bilateral
+
+
+@sweep
+def take_back(run, h, w):
+    """Return CANDIDATE to the state before a part, and take its forces out of the contacts."""
+    this = opened_run(run)
+    stages, data = this.stages, opened(this.scene)
+    nq, nv = size_of_state(run)
+    contacts = contacts_at(data.links.contacts)
+    v, states = stages[at.CANDIDATE, nq : nq + nv], data.loads.signals[2].shape[0]
+    if contacts.laws.shape[0] > 0:
+        contacts.tally[0].share = -w / h
+        tau = stages[at.TORQUE, :nv]
+        call_contact_forces(data.links.forces, (this.scene, v, tau, this.flow))
+    for i in range(nq):
+        stages[at.CANDIDATE, i] = stages[at.TRIAL, i]
+    for j in range(nv - states, nv):
+        v[j] = stages[at.TRIAL, nq + j]
 
 
 @sweep
