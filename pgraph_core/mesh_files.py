@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -17,7 +18,7 @@ from .rotation import rodrigues
 
 FORMATS = ("glb", "obj", "off", "ply", "stl", "dae")
 LARGEST = 200_000_000  # [bytes] limit on the size of a mesh file
-LARGEST_COORDINATE = 1e12  # a coordinate beyond this has no volume in float64
+LARGEST_COORDINATE = sys.float_info.max ** (1 / 6)  # m: inertia is of the fifth power
 Scale: TypeAlias = "float | tuple[float, float, float]"
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # [m]
 

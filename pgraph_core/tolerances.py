@@ -55,8 +55,8 @@ PROXIMAL = 1e-10
 
 # Compliance that makes contact impulses with one effect unique, relative to what the rows of an
 # island meet on average. Of impulses that have no effect it leaves EPS / SHARED, of the others
-# its square after two corrections. From 1e-7 to 1e-5.
-SHARED = 1e-6
+# its square after two corrections: both are alike at the cube root of EPS. From 1e-7 to 2e-5.
+SHARED = EPS ** (1 / 3)
 
 # Factor by which a pivot falls below its largest if a position may be singular: the rows there
 # are a tenth as independent as elsewhere. From 50 to 200.
@@ -77,8 +77,9 @@ COINCIDENT = 1e-9
 LONGEST_STEP = 0.5
 
 # Distance to a position beside a singular one, in rad or relative to the mechanism's size: small
-# against a turn, and its square is large against the square root of EPS. From 5e-4 to 0.1.
-NEARBY = 0.05
+# against a turn, and its square is large against the square root of EPS, both by the same factor.
+# From 5e-4 to 0.1.
+NEARBY = EPS ** (1 / 8)
 
 # Part of the decrease promised by the slope that a step must bring (Armijo's rule; Nocedal and
 # Wright, Numerical Optimization, 2nd ed., section 3.1). From 1e-6 to 1e-2.

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..engine import layout as at
+from ..engine.gait.legs import STRAIGHT
 from ..engine.gait.tables import LEG
 from ..engine.records import table
 from ..errors import InputError, Problem, choices
@@ -42,7 +43,7 @@ class Anatomy(NamedTuple):
         """The maximum reach of the legs [m], of shape (4,)."""
         a = self.legs["long"]
         b = self.legs["shank"]
-        bend = 0.99 * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+        bend = STRAIGHT * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
         return np.sqrt((a**2).sum(axis=1) + (b**2).sum(axis=1) + 2 * bend)
 
 

@@ -39,7 +39,6 @@ from .footing import terrain_of
 SAMPLES = 400  # points per stride at which its waves are planned
 LOW, UPRIGHT = 0.6, 0.5  # a fall: relative height, cosine of the tilt
 LIMP = 15.0  # [1/s] rate at which joints slow down after a fall
-REACH = 0.98  # largest reach of a step, relative to the stretched leg
 
 
 @explained
@@ -258,9 +257,8 @@ def _check_reach(a: Anatomy, gait: Gait) -> None:
     if gait.drift and stiff:
         text = f"{gait.drift:g} m/s to the side needs hips that spread; that of '{stiff[0]}' turns"
         raise InputError(Problem(where, "drift", f"{text} about z alone"))
-    for fall, hip, sole, longest in zip(a.feet, a.hips, a.soles, a.longest):
+    for fall, hip, sole, most in zip(a.feet, a.hips, a.soles, a.longest):
         high = hip[1] - sole[1] - (a.centre[1] - sole[1] - gait.height)
-        most = REACH * longest
         if high >= most:
             text = f"{gait.height:g} m puts a hip at {high:.3g} m; the leg of '{fall.foot}' reaches"
             raise InputError(Problem(where, "height", f"{text} {most:.3g} m"))

@@ -40,7 +40,7 @@ from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
 PICTURES = 600  # recorded pictures
-USUAL_DURATION = 10.0  # [s] default duration of motion
+USUAL_DURATION = PICTURES / 60  # [s] default duration of motion: 60 pictures a second
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
 DIGITS = 6  # digits of the numbers of the drawing
 

@@ -26,9 +26,8 @@ from ..vec import dot, sub, xyz
 from .search import find_contacts, find_gaps
 from .shapes import place
 
-AHEAD = 32.0  # steps' motion: how far a search looks
-FARTHER = 4.0  # growth of the search distance after a search without result
-FARTHEST = 1e6  # steps' motion
+AHEAD = 32.0  # steps' motion: how far a search looks at least
+FARTHER = 4.0  # how far the next search looks, relative to the clearance
 PATH = 1.25  # length of a path over what its ends say
 CLOSE = 0.02  # distance that counts as near, relative to a step's motion
 LOOKS = 24  # along one step
@@ -173,11 +172,10 @@ def may_touch(run, guard, moved):
     data = opened_run(run)
     state = guard.state[0]
     widest = widest_reach(guard.reach)
-    ahead = max(AHEAD * moved, min(max(state.ahead, widest), FARTHEST * moved))
-    ahead = max(ahead, CLOSED * widest)
+    ahead = max(AHEAD * moved, state.ahead, CLOSED * widest)
     free = clearance(guard, ahead)
     if free > moved or moved == 0.0:
-        state.ahead = FARTHER * ahead
+        state.ahead = FARTHER * free
         find_reach(run, guard, free)
         state.free = free
         return not free > 0.0
@@ -279,6 +277,7 @@ def look_again(run):
         pose(run, guard, at.Y)
         if widest_reach(guard.reach) == 0.0:  # the first step
             find_reach(run, guard, 0.0)
+            state.ahead = widest_reach(guard.reach)
         rows = opened(data.scene).rows
         moved, _ = path_lengths(rows, stages, control.nq, control.old_width, guard.reach)
         near = may_touch(run, guard, moved)

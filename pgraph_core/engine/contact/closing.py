@@ -18,7 +18,6 @@ from .shapes import DEPTH
 COORDINATES = 4 * EPS  # rounding of a gap, relative to the coordinates it is the difference of
 HARD = 4.0  # multiple of the speed that weight adds in a step, below which impacts are not located
 PART = 0.2  # of a shape's half thickness: how far a step may lead or bend unseen
-SURE = 1.02  # a bound of a closing speed over its value now
 
 
 @part
@@ -103,7 +102,7 @@ def closing_bound(scene, i, j, normal, left):
     size = math.sqrt(dot(u, u))
     bend = min(1.0, turn * left) * size + 2.0 * contacts.tally[0].pull * left
     slanted = NOTABLE * size  # along a normal that is as far off
-    return SURE * max(-dot(u, normal), 0.0) + arm + bend + slanted
+    return max(-dot(u, normal), 0.0) + arm + bend + slanted
 
 
 @part

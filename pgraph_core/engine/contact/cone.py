@@ -16,7 +16,6 @@ from ..compiler.masks import any_of, both, chosen, either, larger, more, most, w
 THIN = 64 * EPS  # relative: a mobility across the normal that is rounding of some ten terms
 LEAST = math.sqrt(TINY)  # less friction is none
 NEWTON = 30  # limit on steps, of which more than five are rare
-BELOW = 1e-6  # lower bracket of s relative to its upper bound
 
 
 @sweep
@@ -75,7 +74,7 @@ def contact(own, u, old, mu, here):
         new = s + beyond * square / slope
         open_ = without(open_, both(holds, most(new, 0.0)))  # there is no root
         inside = both(most(low, new), most(new, high))
-        new = chosen(inside, new, math.sqrt(larger(low, BELOW * high) * high))
+        new = chosen(inside, new, math.sqrt(larger(low, ROUNDING * high) * high))
         done = both(most(abs(new - s), SOLVED * (s + a + c)), most(abs(beyond), NOTABLE * size))
         s = chosen(open_, new, s)
         found = either(found, both(open_, done))

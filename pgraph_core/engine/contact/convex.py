@@ -24,7 +24,6 @@ from .segments import segment_segment
 from .shapes import put
 
 CERTAIN = 4 * ROUNDING  # of a distance relative to the sizes: four projections
-KEPT = 1e-10  # loss of distance by a kept plane, relative to the sizes
 FACE_A, FACE_B, EDGES, CORNER, CAPSULE_EDGE = 1, 2, 3, 4, 5  # kinds of touch
 
 
@@ -586,7 +585,7 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
     low_b, _ = measure(room, b, way)
     _, high_a = measure(room, a, way)
     corner = True
-    if low_b - high_a < best - KEPT * size:
+    if low_b - high_a < best - COINCIDENT * size:
         closer, way, on_b, feature = by_any(
             geometry, room, a, b, low_b, high_a, (best, way, on_b, feature)
         )
@@ -645,7 +644,7 @@ def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     if written < 0 and edges >= tied:
         written = by_edges(geometry, room, a, crossed, b, radii, origin, margin, out, n)
     if written < 0:
-        almost = best - KEPT * size
+        almost = best - COINCIDENT * size
         written = by_faces(
             geometry, room, row, a, b, found, almost, tied, radii, origin, size, margin, out, n
         )

@@ -12,7 +12,7 @@ by more than its own n. Like in `convex`, places are relative to A's origin.
 import math
 from typing import Any, NamedTuple
 
-from ...tolerances import COINCIDENT, EPS, NOTABLE, ROUNDING, TINY
+from ...tolerances import COINCIDENT, EPS, LONGEST_STEP, NOTABLE, ROUNDING, TINY
 from ..compiler.jit import part, sweep
 from ..records import CYLINDER, ELLIPSOID
 from ..vec import add, add_scaled, cross, dot, matrix, mul, mul_t, scale, set_xyz, sub, xyz
@@ -36,7 +36,6 @@ HORIZON = 96  # rows for the edges around what a new corner sees
 HULL_ROOM = CORNERS + FACES + HORIZON
 ROUNDS = 8
 NEWTON = 12
-TURN = 0.3  # rad: the largest step of Newton's method
 NEAR_EDGE = 0.5  # cosine: an edge this near to a right angle with n is tried
 CONVERGED = EPS / 2  # rad: the last turn of Newton's method, half the spacing of cosines
 CURVELESS = 64 * EPS  # determinant that counts as rounding, relative to the squared curvature
@@ -335,7 +334,7 @@ def along_edge(room, a, b, n, e):
         stiff = bend(a, n, u, u) + bend(b, n, u, u) + dot(n, w)
         if not stiff > 0.0:
             break
-        turn = min(max(dot(u, w) / stiff, -TURN), TURN)
+        turn = min(max(dot(u, w) / stiff, -LONGEST_STEP), LONGEST_STEP)
         n = unit(add_scaled(n, turn, u))
         if abs(turn) < CONVERGED:
             break
@@ -358,7 +357,7 @@ def freely(room, a, b, n):
         x, y = dot(t, w), dot(u, w)
         p, q = (yy * x - xy * y) / det, (xx * y - xy * x) / det
         turn = math.sqrt(p * p + q * q)
-        shorter = TURN / turn if turn > TURN else 1.0
+        shorter = LONGEST_STEP / turn if turn > LONGEST_STEP else 1.0
         n = unit(add_scaled(add_scaled(n, shorter * p, t), shorter * q, u))
         if turn < CONVERGED:
             break

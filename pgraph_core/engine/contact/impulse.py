@@ -10,7 +10,7 @@ few sweeps. If impulses are redundant or sweeps stall, Newton's method takes ove
 
 import math
 
-from ...tolerances import NOTABLE
+from ...tolerances import EPS, NOTABLE
 from .. import layout as at
 from ..arrays import (
     BEFORE,
@@ -57,7 +57,7 @@ from .newton import (
 )
 from .sweeps import gauss_seidel, own_block
 
-CROWD = 1e-8  # looser tolerance for large heaps, whose forces are not unique
+CROWD = math.sqrt(EPS)  # tolerance of large heaps: half of the digits, as forces are not unique
 SWEEPS = 200  # limit on sweeps when Newton's method is not tried
 FEW_SWEEPS = 40  # before Newton's method
 FEW = 30  # contacts: a larger island of single ones is a heap, and swept

@@ -24,7 +24,6 @@ from ..vec import dot, sub, xyz
 from .closing import (
     COORDINATES,
     PART,
-    SURE,
     closed_gap,
     closing_bound,
     curving_bound,
@@ -44,8 +43,8 @@ from .shapes import place
 CLOSED = 1e-10  # gap of a reached limit relative to its range
 CROWD = 64  # pairs that may touch: with more, slow impacts are taken where the step finds them
 ROUNDS = 200  # limit on iterations of the search for one instant
-LEAD = 0.5  # largest motion of a touching pair between two distance queries, in half thicknesses
 SUNK = 0.25  # depth that counts as landed at any speed, in half thicknesses of the thinner shape
+INSIDE = 2 * SUNK  # depth beyond which a landing is sought earlier: queries are no farther apart
 # distance of a time from the end that counts as the end, relative to the sub-step
 ARRIVED = 4 * ROUNDING
 APART, TOUCHING = 0, 1  # kinds of meetings of two shapes, in `vertex`
@@ -297,7 +296,7 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
 @part
 def time_to_close(way, closing, curving):
     """Return the time in which a gap shrinks by `way`, from its closing speed and its bound."""
-    speed = SURE * max(closing, 0.0)
+    speed = max(closing, 0.0)
     root = speed + math.sqrt(speed * speed + 2.0 * curving * way)
     return 2.0 * way / root if root > 0.0 else math.inf
 
@@ -321,7 +320,7 @@ def next_ground(scene, meeting, h, left):
     size, pull = smaller_size(contacts, i, -1), contacts.tally[0].pull
     if gap > closed:
         curving = curving_bound(scene, i, -1)
-        fastest = SURE * max(closing, 0.0) + curving * left
+        fastest = max(closing, 0.0) + curving * left
         if contacts.geometry.shapes[i].kind != CYLINDER and not hits(fastest, h, size, pull):
             meeting.shape_b = CARRIED
             return math.inf, False, False
@@ -401,9 +400,9 @@ def next_landing(scene, meeting, h, tau, left):
             inside = inside or gap < -closed
         elif gap < -SUNK * thin and hits(closing, h, size, pull):
             landed = True
-            inside = inside or gap < -2.0 * SUNK * thin
+            inside = inside or gap < -INSIDE * thin
     if rate > 0.0 and thin > 0.0:  # not yet a point of the contact
-        ahead = min(ahead, (max(least, 0.0) + LEAD * thin) / rate)
+        ahead = min(ahead, (max(least, 0.0) + INSIDE * thin) / rate)
     return ahead, landed, inside
 
 
@@ -517,7 +516,7 @@ def may_land(scene, i, j, pair, left):
     for k in range(min(count, found.shape[0])):
         moved = left * closing_bound(scene, i, j, xyz(found[k].normal), left)
         open_ = found[k].gap > closed_gap(contacts, i, j, xyz(found[k].point_a))
-        may = may or moved > LEAD * thinner(contacts, i, j) or (open_ and found[k].gap <= moved)
+        may = may or moved > INSIDE * thinner(contacts, i, j) or (open_ and found[k].gap <= moved)
     return may
 
 

@@ -20,7 +20,7 @@ taken out by the same factor, as with redundant constraints ([Carpentier et al. 
 
 import math
 
-from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED
+from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED, SUFFICIENT_DECREASE
 from .. import layout as at
 from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, OTHER, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
@@ -36,7 +36,6 @@ TENFOLD = 10.0  # factor of its growth after a failed step, and of its decrease 
 BOLDEST = CAREFUL / TENFOLD  # the least that steps that help make of it
 SHORTEST = 0.1  # part of a step: a shorter one leads nowhere
 MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
-FITS = 1e-2  # decrease of the residual that a step should reach, relative
 MOST_STEPS = 60
 STUCK = 6  # steps that do not halve what is missed: enough where it is not notable
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
@@ -490,7 +489,7 @@ def converge(scene, n, size):
             go(scene, n, part_of_it)
             norm, now, noise, changed = look(scene, n, 0.0)
             same = same and changed == 0
-            fits = norm <= (1.0 - FITS * part_of_it) * bound
+            fits = norm <= (1.0 - SUFFICIENT_DECREASE * part_of_it) * bound
             fits = fits or now <= max(TOLERANCE * size, noise)
             if fits or part_of_it <= SHORTEST:
                 break

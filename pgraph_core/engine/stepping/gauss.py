@@ -47,7 +47,6 @@ from .state import NOT_SOLVED, STEP, copied, size_of_state
 Z, RATE, KEPT = 0, 3, 6  # (ξ, v), (ξ', p') and p of up to three stages
 PIVOTS, START, SCRATCH, VDOT, WANTED = 9, 10, 11, 12, 13
 STAGE_ROUNDS = 60
-LOST = 1e3  # corrections over the motion: they grow
 STILL = 64  # largest correction of a motionless position in units of rounding
 TERMS = 12  # terms of the series of dexp, exact for rotations of up to 3 rad
 
@@ -332,7 +331,7 @@ def gauss(run, h):
     solved = False
     power = 0.0
     loss = 0.0
-    for n in range(STAGE_ROUNDS):
+    for _ in range(STAGE_ROUNDS):
         power = 0.0
         loss = 0.0
         for i in range(count):
@@ -346,8 +345,7 @@ def gauss(run, h):
         missed = math.sqrt(abs(change) / size) if size > 0.0 else 0.0
         rounded = missed < ROUNDING or abs(change) < still
         solved = missed < 2.0 * EPS or (missed >= last and rounded)
-        # at first, from rest, the motion within the step is not known yet
-        if solved or (n > 0 and missed > LOST and abs(change) >= still):
+        if solved:
             break
         last = missed
     if not solved:
