@@ -1,7 +1,6 @@
 """Derivatives of a run, beside differences of runs as SciPy takes them.
 
-Both are compared with derivatives at a tolerance of 1e-12. MJX and Brax, which differentiate by
-`jax.grad`, are not compared with: they are not installed beside the other peers.
+Both are compared with derivatives at a tolerance of 1e-12.
 """
 
 from __future__ import annotations

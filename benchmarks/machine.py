@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Iterable
-from importlib.util import find_spec
+from importlib.metadata import distributions
 from pathlib import Path
 
 from pgraph_core.engine.compiler.lane import LANE_WIDTH
 from pgraph_core.study import measures
 
 ROOT = Path(__file__).parent.parent
-IMPORTED = {"pin": "pinocchio", "drake": "pydrake", "scikit-sundae": "sksundae"}  # else alike
 PACKAGES = ("pgraph-dynamics", "numpy", "numba")
 
 
@@ -22,12 +21,12 @@ def machine(peers: Iterable[str] = ()) -> dict[str, str | int]:
 
 
 def has(package: str) -> bool:
-    """Whether a package can be imported."""
-    return find_spec(IMPORTED.get(package, package)) is not None
+    """Return whether a package is installed."""
+    return any(distributions(name=package))
 
 
 def absent(packages: Iterable[str]) -> list[str]:
-    """Those that cannot be imported."""
+    """Return those that are not installed."""
     return [package for package in packages if not has(package)]
 
 
