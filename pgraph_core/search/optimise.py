@@ -92,18 +92,16 @@ def optimise(
 ) -> Optimum:
     """Minimise an objective of a run over parameters of a model.
 
-    SciPy's solvers are used with exact derivatives of each run. If a trial model is invalid or its
-    run fails, the step of the solver is shortened. Ctrl-C ends the search and returns the best
-    result so far.
+    SciPy's solvers use exact derivatives of each run. If a run of the search fails, the step of the
+    solver is shortened. Ctrl-C ends the search and returns the best result so far.
 
     Parameters
     ----------
     model : Model or Mechanism
         The model to change. The search starts at its numbers.
     objective : str or callable
-        A metric as in `sweep`, such as "peak v.knee" or "final energy", with a leading minus to
-        maximise it. Or a function of the run that returns a number, or an array whose sum of
-        squares is minimised by the Gauss-Newton method.
+        A metric as in `sweep`, such as "peak v.knee", with a leading minus to maximise it. Or a
+        function of the run that returns a number, or an array, whose sum of squares is minimised.
     free : dict
         Bounds (low, high) by path, as in `fit`; None for no bound. The path of a list or a table
         over time selects all its numbers: {"forces.push.torque": (-5, 5)} finds an input over time.
@@ -115,21 +113,14 @@ def optimise(
     solver : {"SLSQP", "trust-constr", "L-BFGS-B", "least_squares"}, optional
         By default "least_squares" for an array without limits, otherwise "SLSQP".
     starts : int or sequence of dict
-        Number of starting points: first the numbers of the model, then random ones within the
-        bounds. Or a sequence of starting points, each as values by path.
+        Number of starts, of which all but the first are random, by `seed`. Or values by path each.
     history : path or Optimum, optional
-        An earlier search whose best result is the starting point. If a file name is given, every
-        evaluation is appended to the file as one JSON object per line, and an interrupted search
-        continues from it.
+        An earlier search whose best result is the starting point. Every evaluation is appended to
+        the file, from which an interrupted search continues.
     differences : float, optional
-        Step of finite differences as a fraction of each number's range, for runs without exact
-        derivatives.
-    tol : float
-        Relative change of the objective at convergence.
-    most : int
-        Largest number of iterations of each start.
-    seed : int
-        Seed of the random starts.
+        Step of finite differences in each number's range, for runs without exact derivatives.
+    tol, most : float, int
+        Relative change of the objective at convergence, and most iterations of each start.
     progress : callable, optional
         Function of each trial and its run. The search stops if it returns False.
     **options
@@ -147,15 +138,21 @@ def optimise(
 
     Examples
     --------
-    >>> model = pg.Model.serial(2)
     >>> free = {"bodies.2.mass": (0.5, 2.0)}
-    >>> found = pg.optimise(model, "peak v.1", free, t_end=0.5, method="rk4", step=0.01)
-    >>> found.converged
+    >>> pg.optimise(pg.Model.serial(2), "peak v.1", free, t_end=0.5, method="rk4").converged
     True
     """
-    base = described("optimise", model)
     given = options if scenario is None else {"scenario": scenario, **options}
+    base = described("optimise", model)
     numbers = Numbers("optimise", base, free, [Case("", given)], bounded=False)
+    _check(numbers, solver, differences, tol, most)
+    goals = Goals(numbers, objective, subject_to or {})
+    search = _Search(numbers, goals, differences, progress, history)
+    return search.over(_starts(numbers, starts, seed, search.earlier), solver, tol, most)
+
+
+def _check(numbers: Numbers, solver: Any, differences: Any, tol: float, most: int) -> None:
+    """Raise InputError for settings of a search out of their range."""
     if solver is not None:
         option("optimise", "solver", solver, SOLVERS)
     for name, value, good in (
@@ -165,10 +162,6 @@ def optimise(
     ):
         if not good:
             raise numbers.refused(name, f"is out of its range; given {shown(value)}")
-    goals = Goals(numbers, objective, subject_to or {})
-    search = _Search(numbers, goals, differences, progress, history)
-    begun = _starts(numbers, starts, seed, search.earlier)
-    return search.over(begun, solver, tol, most)
 
 
 class _Stopped(Exception):
