@@ -16,6 +16,7 @@ from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
 from ..result.columns import columns_of, coordinates, meant, no_column
+from ..tolerances import ROUNDING
 from .data import measured
 from .free import FAR, Case, Numbers, described, option
 
@@ -349,8 +350,8 @@ class _Task:
         jacobian = self._jacobian(x, noise, priors)
         widening = _widening(np.concatenate([a / b for a, b in zip(left, noise)]), loss)
         _, values, directions = np.linalg.svd(jacobian * numbers.size, full_matrices=False)
-        # a direction whose standard deviation is more than the bounds allow is not determined
-        open_ = values < 1.0
+        # a direction with a standard deviation beyond the bounds, or only rounding as its slope
+        open_ = values < max(1.0, ROUNDING * values[0])
         told = tuple(_direction(names, direction) for direction in directions[open_])
         kept = directions[~open_] / values[~open_, None]
         covariance = widening * (kept.T @ kept) * np.outer(numbers.size, numbers.size)

@@ -32,7 +32,7 @@ def distinct(paths: Sequence[Path], call: str) -> None:
     """Raise InputError if two paths are of the same number."""
     for i, path in enumerate(paths):
         if any(path.leads_to(other) for other in paths[:i]):
-            raise InputError(Problem(call, path.text, "is given twice, spelt in two ways"))
+            raise InputError(Problem(call, path.text, "is given twice"))
 
 
 def counting(
