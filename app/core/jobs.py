@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, TypeVar
@@ -32,7 +32,7 @@ class Work:
 
 
 @dataclass(frozen=True)
-class Job(Work):
+class Job(Work, ABC):
     """Work in progress for a model."""
 
     NAME: ClassVar[str]  # the name that users see
@@ -45,9 +45,9 @@ class Job(Work):
         """Return the fields of the job that news of the work change, by default its fraction."""
         return {"fraction": float(news[0])}
 
+    @abstractmethod
     def ended(self, state: Any, result: Any) -> Any:
         """Return the state, which no longer holds the job, with its result."""
-        raise NotImplementedError
 
 
 J = TypeVar("J", bound=Job)
