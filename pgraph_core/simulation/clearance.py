@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,8 @@ from ..engine.records import CLEARANCE, CONTACT, LIMIT, POSE, SWING, rows_of, ta
 from ..fields import EVERY, GROUND
 from ..mechanism import Mechanism
 from ..packing import Array
-from ..portable import Unportable, keep_unchanged
-from ..result.records import FREE, PHASES, ContactRecord, Event
+from ..portable import Unportable
+from ..result.records import FREE, PHASES, ContactRecord, Event, Named
 
 LEAST_ROOM = 8  # contact points for which a search has room
 
@@ -82,48 +81,21 @@ def _limits(tables: Tables) -> Any:
     return rows_of(LIMIT, rows)
 
 
-class Gaps(Mapping[str, Array]):
-    """Gaps of contact pairs by name, computed on first access."""
+def gaps_later(mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Array]) -> Named:
+    """Return gaps of contact pairs at the states q (n, nq), computed on first access.
 
-    def __init__(self, mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Array]):
-        """Prepare gaps at the states q (n, nq), with `known` gaps for members of one contact."""
-        self._given = mech, tables, q, known
+    `known` are gaps for members of one contact.
+    """
 
-    @cached_property
-    def _found(self) -> dict[str, Array]:
-        mech, tables, q, known = self._given
+    def found() -> dict[str, Array]:
         scene = Scene(mech.packed, mech.packed.passive, mech.packed.loads(()), NO_CONSTRAINTS)
-        found = Clearance(mech, tables).gaps(scene, q, len(tables.touches))
-        gaps = {touch.name: gap for touch, gap in zip(tables.touches, found.T)}
-        gaps |= {
+        gaps = Clearance(mech, tables).gaps(scene, q, len(tables.touches))
+        own = {touch.name: gap for touch, gap in zip(tables.touches, gaps.T)}
+        return own | {
             t.name: known[t.name] for t in tables.touches if t.body == EVERY and t.name in known
         }
-        keep_unchanged(gaps.values())
-        return gaps
 
-    def __getitem__(self, name: str) -> Array:
-        """Return the gap of one pair, (n,)."""
-        return self._found[name]
-
-    def __iter__(self) -> Iterator[str]:
-        """Over the names."""
-        return (touch.name for touch in self._given[1].touches)
-
-    def __len__(self) -> int:
-        """Return the number of pairs."""
-        return len(self._given[1].touches)
-
-    def __repr__(self) -> str:
-        """Return the repr of the contents as a dictionary."""
-        return repr(self._found)
-
-    def __reduce__(self) -> Any:
-        """A plain dictionary."""
-        return dict, (self._found,)
-
-    def __deepcopy__(self, memo: Any) -> dict[str, Array]:
-        """A plain dictionary."""
-        return {name: gap.copy() for name, gap in self._found.items()}
+    return Named(found, "contact_gap", "contact")
 
 
 def untouched(mech: Mechanism, tables: Tables, q: Array, log: Sequence[Event]) -> ContactRecord:
@@ -132,7 +104,7 @@ def untouched(mech: Mechanism, tables: Tables, q: Array, log: Sequence[Event]) -
     swings, is_free = np.full(n, PHASES[SWING]), np.full(n, FREE)
     return ContactRecord(
         force={name: np.zeros((n, 6)) for name in names},
-        gap=Gaps(mech, tables, q, {}),
+        gap=gaps_later(mech, tables, q, {}),
         slip={name: np.zeros(n) for name in names},
         limit={name: np.zeros(n) for name in tables.limits},
         wrench=np.zeros((n, mech.nb, 6)),

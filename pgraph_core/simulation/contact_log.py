@@ -26,7 +26,7 @@ from ..model import Spring
 from ..packing import Array, Ints
 from ..result.records import NOTHING, PHASES, ContactRecord, Event
 from ..tolerances import NOTABLE, VISIBLE
-from .clearance import Gaps
+from .clearance import gaps_later
 from .plan import Idle, RunPlan
 from .switches import Change
 
@@ -85,7 +85,7 @@ def contacts_of(
     graze = (GRAZING + 0.5) * float(np.max(plan.width, initial=0.0)) if impulses else 0.0
     found = stepped_record(plan.contacts, up, *frames, changes, graze)
     events = sorted((*found.events, *log), key=lambda event: event.t)
-    gaps = Gaps(mech, plan.contacts, q, found.gap)
+    gaps = gaps_later(mech, plan.contacts, q, found.gap)
     return replace(found, gap=gaps, events=tuple(events))
 
 
