@@ -1,6 +1,22 @@
+// An element of a drawing.
+pgraph.svg = (tag, attributes = {}, ...children) => {
+  const el = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [key, value] of Object.entries(attributes)) el.setAttribute(key, value);
+  el.append(...children);
+  return el;
+};
+// Lines over one axis, each {t, y, style, dots}, in a picture that is as wide as its place; `zero`: the axis is in it.
+pgraph.chart = (label, lines, zero = false) => {
+  const W = 1000, H = 1000, all = lines.flatMap(({ y }) => y).concat(zero ? [0] : []), times = lines.flatMap(({ t }) => [t[0], t.at(-1)]);
+  const [low, high, first, last] = [Math.min(...all), Math.max(...all), Math.min(...times), Math.max(...times)];
+  const at = (t, y) => `${(W * (t - first) / (last - first || 1)).toFixed(1)},${(0.97 * H - 0.94 * H * (y - low) / (high - low || 1)).toFixed(1)}`;
+  const line = ({ t, y, style = "", dots = false }) => pgraph.svg("path", { class: dots ? "dots" : "line", style, d: t.map((x, i) => `${dots || !i ? "M" : "L"}${at(x, y[i])}${dots ? "h0" : ""}`).join("") });
+  return pgraph.svg("svg", { class: "line-chart", viewBox: `0 0 ${W} ${H}`, preserveAspectRatio: "none", role: "img", "aria-label": label },
+    ...(zero ? [pgraph.svg("path", { class: "zero", d: `M${at(first, 0)}L${at(last, 0)}` })] : []), ...lines.map(line));
+};
+
 // One family of icons: 16 px, lines of 1.5 px with round ends; `play`, `pause` and `stop` are filled.
 (() => {
-  const NS = "http://www.w3.org/2000/svg";
   const FILLED = {
     play: "M4.5 2.6v10.8a.7.7 0 0 0 1.07.6l8.5-5.4a.7.7 0 0 0 0-1.2L5.57 2a.7.7 0 0 0-1.07.6z",
     pause: "M4 3h2.6v10H4zM9.4 3H12v10H9.4z", stop: "M4 4h8v8H4z",
@@ -27,11 +43,7 @@
     pick: "M8 1.5v3M8 11.5v3M1.5 8h3M11.5 8h3M8 6a2 2 0 1 0 0 4a2 2 0 1 0 0-4", left: "M2.5 3h11v10h-11zM6.5 3v10", side: "M2.5 3h11v10h-11zM9.5 3v10",
   };
   pgraph.icon = (name, size = 16) => {
-    const picture = document.createElementNS(NS, "svg"), path = document.createElementNS(NS, "path");
-    const filled = name in FILLED, drawn = { viewBox: "0 0 16 16", width: size, height: size, class: filled ? "icon filled" : "icon", "aria-hidden": "true" };
-    for (const [key, value] of Object.entries(drawn)) picture.setAttribute(key, value);
-    path.setAttribute("d", filled ? FILLED[name] : LINES[name]);
-    picture.append(path);
-    return picture;
+    const filled = name in FILLED;
+    return pgraph.svg("svg", { viewBox: "0 0 16 16", width: size, height: size, class: filled ? "icon filled" : "icon", "aria-hidden": "true" }, pgraph.svg("path", { d: filled ? FILLED[name] : LINES[name] }));
   };
 })();

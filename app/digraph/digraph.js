@@ -1,16 +1,9 @@
 // The digraph as a drawn tree, and the Pgraph and jdof vectors below it; every entry selects its body.
 pgraph.digraph = (() => {
-  const { make } = pgraph;
-  const NS = "http://www.w3.org/2000/svg";
+  const { make, svg } = pgraph;
   const RADIUS = 11, CORNER = 6, GAP = 6; // [px], the last one around a name
   const pen = document.createElement("canvas").getContext("2d");
   const SPLIT = 1600; // [px] of the window from which the tree is drawn at first
-  const svg = (tag, attributes = {}, ...children) => {
-    const el = document.createElementNS(NS, tag);
-    for (const [key, value] of Object.entries(attributes)) el.setAttribute(key, value);
-    el.append(...children);
-    return el;
-  };
   const select = (name) => pgraph.send("Select", { body: name });
 
   // With Ctrl a body joins those that are selected, or leaves them.
@@ -166,13 +159,12 @@ pgraph.digraph = (() => {
       const d = grounded ? hatch(x, y + RADIUS + 4) : rounded(data.routes[i]);
       return part(["loop", i, name, kind, grounded, d], () => {
         const lines = grounded ? [svg("path", { class: "mark", d })] : [svg("path", { class: "reach", d }), svg("path", { class: "line", d })];
-        return svg("g", { class: "loop", "data-loop": name }, titled(`${name} (${kind})`), ...lines);
+        return svg("g", { class: "loop", "data-loop": name }, svg("title", {}, `${name} (${kind})`), ...lines);
       });
     });
   }
   const hatch = (x, y) => `M${x - 8} ${y} h16 M${x - 5} ${y + 3} h10 M${x - 2} ${y + 6} h4`;
-  function titled(text) { const t = svg("title"); t.textContent = text; return t; }
-  function written(className, x, y, text) { const t = svg("text", { class: className, x, y }); t.textContent = text; return t; }
+  const written = (className, x, y, text) => svg("text", { class: className, x, y }, String(text));
 
   // A line through points, its corners rounded.
   function rounded(points) {
@@ -296,5 +288,5 @@ pgraph.digraph = (() => {
 
   pgraph.view("digraph", { build, digraph: draw, selection: mark,
     selected: (host) => mark(host, pgraph.latest.selection), constraints: (host) => mark(host, pgraph.latest.selection), steps: (host, data) => pgraph.steps.draw(host.pgraphSteps, data) });
-  return { svg, toggle, legend };
+  return { toggle, legend };
 })();

@@ -9,7 +9,7 @@ pgraph.feedback = (() => {
     box.addEventListener("close", () => { box = null; send("CloseFeedback"); });
     send("OpenFeedback");
   }
-  const ask = { edit: (field, entries, serial) => send("EditFeedback", { serial, field, entries }), press: () => {} };
+  const ask = { edit: (field, entries, serial) => send("EditFeedback", { serial, field, entries }) };
   const digits = (x) => Number(x.toPrecision(5));
 
   pgraph.on("feedback", (data) => {
@@ -30,11 +30,8 @@ pgraph.feedback = (() => {
   // Responses over time, each as a part of the largest that is allowed.
   function chart(curves, title) {
     if (!curves.length) return [];
-    const all = curves.flatMap(([, , y]) => y), [low, high] = [Math.min(...all, 0), Math.max(...all, 0)], end = curves[0][1].at(-1), { svg } = pgraph.digraph;
-    const at = (t, y) => `${((1000 * t) / end).toFixed(1)},${(950 - (900 * (y - low)) / (high - low || 1)).toFixed(1)}`;
-    const zero = svg("path", { class: "zero", d: `M${at(0, 0)} L${at(end, 0)}` });
-    const lines = curves.map(([, t, y], i) => svg("polyline", { points: t.map((one, k) => at(one, y[k])).join(" "), style: `stroke: var(--s${i % 8})` }));
-    return [text("h4", "", title ?? `Response to a step, ${digits(end)} s`), svg("svg", { viewBox: "0 0 1000 1000", preserveAspectRatio: "none", role: "img", "aria-label": "response to a step" }, zero, ...lines),
+    const lines = curves.map(([, t, y], i) => ({ t, y, style: `stroke: var(--s${i % 8})` }));
+    return [text("h4", "", title ?? `Response to a step, ${digits(curves[0][1].at(-1))} s`), pgraph.chart("response to a step", lines, true),
       make("div", { className: "legend muted" }, ...curves.map(([name], i) => { const one = text("span", "", name); one.style.setProperty("--hue", `var(--s${i % 8})`); return one; }))];
   }
 

@@ -69,7 +69,7 @@ pgraph.picking = (() => {
     document.body.classList.toggle("pgraph-aiming", Boolean(aim));
     if (another) banner();
     if (!aim) { layer?.remove(); layer = null; return; }
-    if (!layer) { layer = pgraph.digraph.svg("svg", { class: "pgraph-marks", "aria-hidden": "true" }); document.body.append(layer); cancelAnimationFrame(frame); follow(); }
+    if (!layer) { layer = pgraph.svg("svg", { class: "pgraph-marks", "aria-hidden": "true" }); document.body.append(layer); cancelAnimationFrame(frame); follow(); }
   }
   function banner() {
     document.querySelector(".pgraph-aim")?.remove();
@@ -82,7 +82,7 @@ pgraph.picking = (() => {
   // Marks keep to their points while the camera moves.
   function follow() {
     if (!layer || !aim) return;
-    const { svg } = pgraph.digraph, places = aim.marks.map(({ at }) => projected(at));
+    const { svg } = pgraph, places = aim.marks.map(({ at }) => projected(at));
     const made = places.flatMap((place, i) => {
       if (!place) return [];
       const [x, y] = place.map((v) => v.toFixed(1)), dot = svg("circle", { cx: x, cy: y, r: 5 });
@@ -95,8 +95,7 @@ pgraph.picking = (() => {
     const last = places.at(-1);
     if (aim.under && last) {
       const box = canvas().getBoundingClientRect(), left = last[0] < box.left + box.width / 2;
-      const text = svg("text", { x: last[0] + (left ? 9 : -9), y: last[1] - 9, "text-anchor": left ? "start" : "end" });
-      text.textContent = aim.under;
+      const text = svg("text", { x: last[0] + (left ? 9 : -9), y: last[1] - 9, "text-anchor": left ? "start" : "end" }, aim.under);
       made.push(text);
     }
     layer.replaceChildren(...made);

@@ -1,19 +1,12 @@
 // The camera: the axes that turn it, keys, and how it goes along with what travels.
 pgraph.camera = (() => {
-  const { make, send, viser } = pgraph;
-  const NS = "http://www.w3.org/2000/svg";
+  const { make, send, svg, viser } = pgraph;
   const KEYS = { f: "fit", 1: "front", 2: "side", 3: "top", 0: "isometric", c: "centre" };
   const look = (which) => send("View", { which });
   const measure = () => pgraph.picking.start("measure");
 
   // -- the axes: a click looks along one, a drag turns ----------------------------------------------
   const HALF = 32, REACH = 22, PER_PIXEL = 0.012; // [px], [px], [rad]
-  const svg = (tag, attributes, ...children) => {
-    const el = document.createElementNS(NS, tag);
-    for (const [key, value] of Object.entries(attributes)) el.setAttribute(key, value);
-    el.append(...children);
-    return el;
-  };
   const AXES = ["x", "y", "z"].flatMap((axis, k) => [1, -1].map((sign) => ({ axis, which: sign > 0 ? axis : `-${axis}`, way: [0, 1, 2].map((i) => (i === k ? sign : 0)), sign })));
   function gizmo() {
     const box = svg("svg", { class: "axes", viewBox: "0 0 64 64", width: 64, height: 64, role: "group", "aria-label": "directions of the view" },

@@ -44,13 +44,8 @@ pgraph.gutter = (() => {
     box.innerHTML = `<svg class="gutter" width="${full}" height="${ROW}" aria-hidden="true">${edges.map((mark) => line(mark, "edge")).join("")}${loops.map((mark) => line(mark, "loop")).join("")}`
       + `<g class="node ${kind}" style="--body:${color}">${kind === "separation" ? `<circle class="outer" cx="${x}" cy="${middle}" r="${RADIUS + 2.3}"/>` : ""}<circle cx="${x}" cy="${middle}" r="${RADIUS}"/>`
       + `<text x="${x}" y="${middle + 3}">${number}</text></g></svg>`;
-    for (const path of box.querySelectorAll(".loop")) path.append(titled(names[path.dataset.of]));
+    for (const path of box.querySelectorAll(".loop")) path.append(pgraph.svg("title", {}, names[path.dataset.of]));
     light(box);
-  }
-  function titled(text) {
-    const title = document.createElementNS("http://www.w3.org/2000/svg", "title");
-    title.textContent = text;
-    return title;
   }
 
   // The way from the selected body to the ground.

@@ -98,7 +98,7 @@ def test_a_newcomer_balances_a_wheeled_pendulum(page: Any, served: Server, compi
     one.click(page.get_by_role("button", name="feedback …"))
     dialog = page.get_by_role("dialog", name="State feedback")
     dialog.locator(".gains").wait_for()
-    assert dialog.locator("svg polyline").count() == 3
+    assert dialog.locator("svg path.line").count() == 3
     one.click(dialog.locator("button.add-feedback"))
     dialog.wait_for(state="detached")
     state = served.store.state
