@@ -12,7 +12,7 @@
   }
 
   function draw(host, data) {
-    const $ = (selector) => host.querySelector(selector), { level, said, why, lines, fraction, report } = data.trust;
+    const $ = (selector) => host.querySelector(selector), { level, said, why, lines, fraction, report, better } = data.trust;
     host.dataset.level = level;
     $(".seal").hidden = !level;
     $(".seal").replaceChildren(...(level ? [icon(SIGNS[level], 12)] : []));
@@ -25,7 +25,13 @@
     bar.hidden = fraction === undefined;
     if (fraction === null || fraction === undefined) bar.removeAttribute("value");
     else bar.value = fraction;
-    $(".lines").replaceChildren(...lines.flatMap(([what, value, good, about]) => [make("dt", { textContent: what, title: about }), make("dd", { textContent: value, className: good ? "" : "bad", title: about })]));
+    $(".lines").replaceChildren(...lines.flatMap(([what, value, good, about]) => [make("dt", { textContent: what, title: about }), make("dd", { textContent: value, className: good ? "" : "bad", title: about })]), ...(better ? remedy(better) : []));
+  }
+
+  // What to do about it: one press sets it and runs again.
+  function remedy([label, field, text]) {
+    const act = () => { pgraph.send("SetRun", { serial: pgraph.nextSerial(), field, text }); pgraph.simulate(); };
+    return [make("dt", { textContent: "To improve" }), make("dd", {}, make("button", { className: "link", textContent: label, title: "Run again with it", onclick: act }))];
   }
 
   function outcome(host, data) {

@@ -15,7 +15,7 @@ from . import Run, State
 
 POOR = 1e-2  # relative error or drift above which a run is rough
 WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
-ENERGY = "Energy drift"
+ERROR, ENERGY, LOOPS = "Error estimate", "Energy drift", "Constraint drift"
 FEWEST_METRES, FEWEST_DEGREES = 1e-6, 1e-3  # nobody feels less: it is shown as "within" these
 Line = tuple[str, str, bool]  # label, value, True if it is good
 
@@ -51,7 +51,8 @@ def trust(
         )
     level, said, why = verdict(run)
     lines = [] if level == "failed" else _lines(run)  # the reason stands in their place
-    return _told(level, said, why, lines, report=True)
+    better = remedy(run) if level == "rough" else None
+    return _told(level, said, why, lines, report=True, better=better)
 
 
 def _told(
@@ -77,14 +78,25 @@ def verdict(run: Run) -> tuple[str, str, str]:
     if doubts:
         return "unknown", "Accuracy unknown", doubts[0]
     amount = felt(run)
-    good = f"Good {amount if amount.startswith('within') else f'to {amount}'}"
     bad = {what: value for what, value, fine in summary(run) if not fine}
     if not bad:
-        return "good", good, ""
-    said = good if bad.keys() == {ENERGY} else f"Rough: {amount}"
-    if ENERGY in bad:
-        said += f"; energy drifts {percent(result.energy_drift)}"
-    return "rough", said, "; ".join(f"{what.lower()} {value}" for what, value in bad.items())
+        return "good", f"Good {amount if amount.startswith('within') else f'to {amount}'}", ""
+    words = {ERROR: f"off by {amount}", ENERGY: f"energy drifts {percent(result.energy_drift)}"}
+    if LOOPS in bad:
+        words[LOOPS] = f"loops open by {length(float(result.constraint_drift[:, 0].max()))}"
+    said = "; ".join(words.get(what, value) for what, value in bad.items())
+    why = "; ".join(f"{what.lower()} {value}" for what, value in bad.items())
+    return "rough", said[0].upper() + said[1:], why
+
+
+def remedy(run: Run) -> tuple[str, str, str] | None:
+    """Return what makes a run better, the field of the settings, and its text; None if nothing."""
+    step, rtol = (run.result.header.get(name) for name in ("step", "rtol"))
+    if isinstance(step, float):
+        return f"step of {500 * step:.3g} ms", "step", f"{step / 2:.6g}"
+    if isinstance(rtol, float):
+        return f"tolerance of {rtol / 10:.1g}", "rtol", f"{rtol / 10:.3g}"
+    return None
 
 
 def _until(result: Any) -> str:
@@ -127,16 +139,20 @@ def length(metres: float) -> str:
 
 
 def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
-    """Return (label, short value, ok, full text) for the three lines below the verdict."""
+    """Return (label, short value, ok, full text) for the lines below the verdict.
+
+    They give what the verdict does not say.
+    """
     result, lines = run.result, {what: (value, good) for what, value, good in summary(run)}
     error = float(result.error_estimate)
-    short = "none" if math.isnan(error) else f"{error:.2g} rad or m"
-    found = [("Estimated error", _until(result) if math.isinf(error) else short, "Error estimate")]
-    if lines.get("Constraint drift", ("", True))[1]:
-        found.append((ENERGY, percent(result.energy_drift), ENERGY))
+    if not math.isfinite(error):
+        short = "none" if math.isnan(error) else f"known {_until(result)}"
+    elif all(good for _, good in lines.values()):  # the verdict says how much it is
+        short = f"{percent(float(result.relative_error[-1:].sum()))} of the motion"
     else:
-        short = lines["Constraint drift"][0].partition(",")[0]
-        found.append(("Constraint drift", short, "Constraint drift"))
+        short = felt(run)
+    found = [("Joint error", short, ERROR), (ENERGY, percent(result.energy_drift), ENERGY)]
+    found = [one for one in found if lines.get(one[2], ("", True))[1] or not math.isfinite(error)]
     method, step = str(result.header.get("method")), result.header.get("step")
     size = f", {1e3 * step:.3g} ms" if isinstance(step, float) else ""
     name = METHOD_NAMES.get(method, method).partition(" (")[0]
@@ -167,8 +183,8 @@ def summary(run: Run) -> list[Line]:
         ("Status", run.ended or result.message or result.status.value, result.status.ok),
         ("Method", str(result.header.get("why", "")), True),
         (
-            "Error estimate",
-            f"{result.accuracy}{why(estimate)}" if estimated else "",
+            ERROR,
+            f"{_accuracy(run)}{why(estimate)}" if estimated else "",
             estimate < POOR,
         ),
         (ENERGY, f"{drift(result)}{why(off)}", off < POOR),
@@ -176,10 +192,17 @@ def summary(run: Run) -> list[Line]:
     if run.model.constraints and len(result.constraint_drift):
         position, velocity = result.constraint_drift.max(axis=0)
         value = f"{position:.2g} m, {velocity:.2g} m/s"
-        lines.append(("Constraint drift", value, bool(position < POOR)))
+        lines.append((LOOPS, value, bool(position < POOR)))
     lines.append(("Cost", cost(result), True))
     lines += [("Note", text, True) for text in result.notices]
     return [line for line in lines if line[1] and not line[1].startswith("nan")]
+
+
+def _accuracy(run: Run) -> str:
+    """Return the error estimate in lengths and angles, and as a part of the motion."""
+    if math.isinf(float(run.result.error_estimate)):
+        return f"known {_until(run.result)} only"
+    return ", ".join(filter(None, (felt(run), run.result.accuracy.partition(", ")[2])))
 
 
 def why(error: float) -> str:
