@@ -16,6 +16,17 @@ OF_BODY: list[tuple[str | int, ...]] = [("mass",), ("damping",), ("stiffness",),
 def numbers_of(model: pg.Model) -> dict[str, float]:
     """Return numbers by path: parameters, bodies' and forces' fields, and initial coordinates."""
     found = dict[str, float]()
+    for path, words in _paths(model).items():
+        try:
+            value = Path(model, words).present
+        except pg.PgraphError:
+            continue
+        if value == value and (value or path.startswith("q.")):  # zero values have no effect
+            found[path] = value
+    return found
+
+
+def _paths(model: pg.Model) -> dict[str, str | tuple[str | int, ...]]:
     paths: dict[str, str | tuple[str | int, ...]] = {name: name for name in model.parameters}
     for body in model.bodies:
         paths[f"q.{body.name}"] = ("bodies", body.name, "q")
@@ -26,14 +37,14 @@ def numbers_of(model: pg.Model) -> dict[str, float]:
         for field, facts in type(force).model_fields.items():
             if "float" in str(facts.annotation):
                 paths[f"forces.{force.name}.{field}"] = ("forces", force.name, field)
-    for path, words in paths.items():
-        try:
-            value = Path(model, words).present
-        except pg.PgraphError:
-            continue
-        if value == value and (value or path.startswith("q.")):  # zero values have no effect
-            found[path] = value
-    return found
+    return paths
+
+
+@lru_cache(maxsize=4)
+def units_of(model: pg.Model) -> dict[str, str]:
+    """Return the SI units of `numbers_of`."""
+    paths = _paths(model)
+    return {path: Path(model, paths[path]).unit(model) for path in numbers_of(model)}
 
 
 @lru_cache(maxsize=4)

@@ -3,11 +3,13 @@
   const { make, button, cells, send } = pgraph;
   const KINDS = [["fit", "Fit to data"], ["optimise", "Optimise"], ["matters", "What matters"]];
   const LARGEST = 20e6; // [bytes]
+  const FEW = 4; // numbers at first: what the drawer has room for
   const asked = () => pgraph.latest.search;
   const signals = () => [["", "not used"], ...asked().signals.map((name) => [name, name])];
   const ways = () => asked().ways.map((name) => [name, name]);
   const short = (path) => path.replace(/^(bodies|forces)\./, "");
-  const few = (x) => (x === null || x === "" ? "" : String(Number(Number(x).toPrecision(5))));
+  const few = (x) => (x === null || x === "" ? "" : String(cells.digits(Number(x))));
+  const unitOf = (path) => asked().numbers.find(({ name }) => name === path)?.unit ?? "";
 
   function build(host) {
     const kinds = make("div", { className: "bar kinds", role: "group" }, ...KINDS.map(([kind, text]) => Object.assign(button(`kind-${kind}`, text, "", () => send("AskSearch", { kind })), { pgraphKind: kind })));
@@ -26,7 +28,7 @@
         make("div", { className: "of-limits" }, make("div", { className: "limits" }),
           button("add-limit", "Add a limit", "Bounds that the run keeps", () => { host.pgraphAdds = true; draw(host, asked()); })),
         make("div", { className: "bar" }, make("span", { className: "muted", textContent: "Free numbers" }), filter),
-        make("div", { className: "numbers" })),
+        make("div", { className: "numbers" }), make("button", { className: "link all-numbers", onclick: () => { host.pgraphAll = true; draw(host, asked()); } })),
       make("div", {}, make("div", { className: "search-curves" }), make("div", { className: "search-result" }))));
     host.addEventListener("dragover", (event) => event.preventDefault());
     host.addEventListener("drop", (event) => {
@@ -56,7 +58,7 @@
     const tick = make("input", { type: "checkbox", "aria-label": `${name} is free`, onchange: () => send("FreeNumber", { path: name, on: tick.checked }) });
     const bound = (end) => cells.input((serial, text) => send("BoundNumber", { serial, path: name, end, text }), { label: `${end} bound of ${name}`, numeric: true });
     const parts = { tick, low: bound("low"), high: bound("high"), value: make("span", { className: "value" }) };
-    return Object.assign(make("div", { className: "number" }, make("label", {}, tick, make("span", { className: "name", title: name, textContent: short(name) })), parts.value, parts.low, parts.high), { parts });
+    return Object.assign(make("div", { className: "number" }, make("label", {}, tick, make("span", { className: "name", title: name, textContent: short(name) }), make("span", { className: "unit", textContent: unitOf(name) })), parts.value, parts.low, parts.high), { parts });
   }
   function fillNumber(el, one) {
     const { tick, low, high, value } = el.parts;
@@ -101,7 +103,10 @@
       cells.set(el.parts.high, high ?? "");
     });
     const word = filter.value.trim().toLowerCase();
-    pgraph.keyed($(".numbers"), data.numbers.filter((one) => one.free || one.name.toLowerCase().includes(word)), number, fillNumber);
+    const numbers = data.numbers.filter((one) => one.free || one.name.toLowerCase().includes(word)), some = word || host.pgraphAll ? numbers : numbers.filter((one, i) => one.free || i < FEW);
+    pgraph.keyed($(".numbers"), some, number, fillNumber);
+    $(".all-numbers").hidden = some.length === numbers.length;
+    $(".all-numbers").textContent = `Show all ${numbers.length}`;
     $(".start-search").disabled = data.job !== null;
     $(".cancel-search").hidden = $(".busy").hidden = data.job === null;
     $(".said").textContent = data.job ? `${data.job.trials} runs${data.job.said ? `, ${data.job.said}` : ""}` : "";
@@ -116,14 +121,8 @@
 
   // The data as dots, and the curve of the run that was tried last.
   function curve({ name, t, y, data }) {
-    const WIDTH = 320, HEIGHT = 120, all = [...y, ...data.y];
-    const low = Math.min(...all), range = Math.max(...all) - low || 1, first = Math.min(t[0], ...data.t), span = Math.max(t.at(-1), ...data.t) - first || 1;
-    const at = (x, value) => `${(WIDTH * (x - first) / span).toFixed(1)},${(HEIGHT - 4 - (HEIGHT - 8) * (value - low) / range).toFixed(1)}`;
-    const svg = (tag, facts) => { const el = document.createElementNS("http://www.w3.org/2000/svg", tag); for (const [key, value] of Object.entries(facts)) el.setAttribute(key, value); return el; };
-    const picture = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${name}: the run${data.t.length ? " and the data" : ""}` });
-    const dots = data.t.map((x, i) => `M${at(x, data.y[i])}h0`).join("");
-    picture.append(svg("path", { d: dots, class: "dots" }), svg("polyline", { points: t.map((x, i) => at(x, y[i])).join(" "), class: "line" }));
-    return make("figure", {}, make("figcaption", { textContent: name }), picture);
+    const measured = data.t.length ? [{ ...data, dots: true }] : [];
+    return make("figure", {}, make("figcaption", { textContent: name }), pgraph.chart(`${name}: the run${measured.length ? " and the data" : ""}`, [...measured, { t, y }]));
   }
 
   function result({ kind, title, stale, rows, notes }) {
@@ -131,7 +130,8 @@
     const bars = kind === "matters";
     const bar = (share) => make("td", { className: "share" }, make("span", { style: `width:${Math.max(1, 100 * share)}%` }));
     const body = rows.map(({ name, before, found, more, share }) => {
-      const row = bars ? line("td", [short(name), few(more)]) : line("td", [short(name), few(before), few(found), ...(kind === "fit" ? [more === null ? "not determined" : `± ${Number(more.toPrecision(2))}`] : [])]);
+      const called = [short(name), unitOf(name)].filter(Boolean).join(" ");
+      const row = bars ? line("td", [called, few(more)]) : line("td", [called, few(before), few(found), ...(kind === "fit" ? [more === null ? "not determined" : `± ${Number(more.toPrecision(2))}`] : [])]);
       if (bars) row.append(bar(share));
       return row;
     });

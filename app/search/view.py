@@ -8,7 +8,7 @@ from pgraph_core.sweeps.metrics import WAYS
 
 from ..core.views import Host, Payload, Place, topic
 from . import Curves, Found, State
-from .known import numbers_of, signals_of
+from .known import numbers_of, signals_of, units_of
 
 PARTS = ("derived", "searching", "search", "search_problem", "found")
 DRAWN = 300  # points of a drawn curve
@@ -18,7 +18,7 @@ def searches(state: State) -> Payload:
     """Return the content of the tab."""
     asked, now = state.searching, state.search
     found = state.found if state.found and state.found.asked.kind == asked.kind else None
-    present = numbers_of(state.model)
+    present, units = numbers_of(state.model), units_of(state.model)
     curves = now.curves if now is not None else found.curves if found is not None else {}
     free = {one.path: one for one in asked.free}
     return {
@@ -31,7 +31,7 @@ def searches(state: State) -> Payload:
         "signal": asked.signal,
         "limits": [list(limit) for limit in asked.limits],
         "numbers": [
-            {"name": path, "value": value, "free": path in free,
+            {"name": path, "value": value, "unit": units[path], "free": path in free,
              "low": free[path].low if path in free else "",
              "high": free[path].high if path in free else ""}
             for path, value in present.items()

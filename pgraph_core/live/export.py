@@ -127,7 +127,7 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
         place, entry = field.path, {method: what._asdict() for method, what in of.items()}
         found["open"].append(
             {"path": place.text, "value": place.present, "low": field.low, "high": field.high,
-             "values": field.values, "label": field.label, "unit": field.unit(mech.model),
+             "values": field.values, "label": field.label, "unit": field.path.unit(mech.model),
              "of": entry}
         )  # fmt: skip
     found["methods"], found["wasm"] = methods, packed(module.wasm())

@@ -15,11 +15,10 @@ import numpy as np
 
 from ..engine.packing import pack
 from ..errors import InputError, PgraphError, Problem, choices
-from ..fields import about
 from ..mechanism import Mechanism
 from ..model import Model
 from ..packing import length_in
-from ..simulation.paths import KINDS, Path, with_numbers
+from ..simulation.paths import Path, with_numbers
 from .run import BASE, LiveRun
 
 VALUES_TRIED = 3  # values within the range, besides its ends
@@ -52,14 +51,6 @@ class Opened(NamedTuple):
         axis = {"0": "x", "1": "y", "2": "z"}
         words = [axis.get(w, w.replace("_", " ")) for w in inside.split()]
         return " ".join(words) + (f" of {self.path.name}" if self.path.name else "")
-
-    def unit(self, model: Model) -> str:
-        """Return the unit of the value, or "" if the field has none."""
-        if self.path.group in ("", "gravity", "ground", "scenarios"):
-            return "m/s²" if self.path.group == "gravity" else ""
-        kind, name = type(model.part(self.path.name, KINDS[self.path.group])), self.path.inside[0]
-        unit = about(kind.model_fields[str(name)], str(name)).unit
-        return {"length": "m", "angle": "rad"}.get(unit, unit)
 
 
 def opened(model: Model, given: str) -> Opened:

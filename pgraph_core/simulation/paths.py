@@ -12,8 +12,10 @@ from pydantic import BaseModel
 from ..curves import Table
 from ..dynamics.arguments import names_in
 from ..errors import InputError, ModelError, Problem, nearest, shown
+from ..fields import about
 from ..forces import OnJoint
-from ..model import Model
+from ..joints import KINDS as JOINTS
+from ..model import Body, Model
 
 KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "bodies": "body",
@@ -162,6 +164,24 @@ class Path:
         if not self.group:
             return model.parameters
         return model if self.group in WORLD else model.part(self.name, KINDS[self.group])
+
+    def unit(self, model: Model) -> str:
+        """Return the SI unit of the number, or "" if it has none or is of several motions."""
+        if self.group == "gravity":
+            return "m/s²"
+        if self.group in ("", "ground", "scenarios"):
+            return ""
+        part, field = self.owner(model), str(self.inside[0])
+        unit = about(type(part).model_fields[field], field).unit
+        turning, either, sliding = unit.partition(", ")
+        if not either:
+            return {"length": "m", "angle": "rad"}.get(unit, unit)
+        motions = (part if isinstance(part, Body) else model.body(part.body)).sequence
+        rates = [rate for motion in motions for rate in JOINTS[motion.kind].v]
+        if isinstance(part, OnJoint) and not part.coefficients:
+            rates = rates[part.coordinate : part.coordinate + 1]
+        slides = {rate == "m" for rate in rates}
+        return (sliding if slides.pop() else turning) if len(slides) == 1 else ""
 
     def _entry(self, value: Any, word: str | int) -> Any:
         """A field of a part, or an entry of a list."""

@@ -70,6 +70,24 @@ def test_a_fit_finds_the_damping_and_is_undone():
     assert after(used, do.Undo(ME)).model == state.model
 
 
+def test_numbers_have_the_units_of_their_joints_and_fields():
+    slider = pg.Body(name="slider", joint="prismatic", axes=[(1, 0, 0)], damping=2.0, q=[0.1])
+    free = pg.Body(name="free", joint="free", com=(0.1, 0, 0))
+    servos = [pg.Servo(name=f"of {n}", body=n, kp=1.0, kd=1.0) for n in ("rod", "slider")]
+    model = pendulum()
+    for part in (slider, free, *servos):
+        model = model.add(part)
+    model = model.replace(parameters={"half": 0.5})
+    units = {row["name"]: row["unit"] for row in searches(begun(model))["numbers"]}
+    wanted = {
+        "half": "", "q.rod": "rad", "q.slider": "m", "bodies.rod.mass": "kg",
+        "bodies.rod.com.2": "m", "bodies.rod.damping": "N m s/rad",
+        "bodies.slider.damping": "N s/m", "forces.of rod.kp": "N m/rad",
+        "forces.of slider.kp": "N/m", "bodies.free.com.0": "m",
+    }  # fmt: skip
+    assert wanted.items() <= units.items()
+
+
 def test_the_least_of_a_goal_keeps_its_limits():
     state = begun(pendulum())
     for event in (
