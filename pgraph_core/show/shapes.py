@@ -20,14 +20,15 @@ from ..mesh_files import load_mesh
 from ..rotation import frame_of
 
 Color = tuple[int, int, int]
-# of the trunk and of one branch after the other; the style of the light theme has the same
+# of the trunk and of one branch after the other; the style of the light theme has the same. None is
+# blue: that is the colour of what is selected
 HUES: tuple[Color, ...] = (
-    (91, 107, 134), (47, 91, 231), (194, 86, 12), (11, 125, 99), (147, 51, 168), (122, 104, 0),
-    (190, 38, 92),
+    (91, 107, 134), (194, 86, 12), (11, 114, 133), (147, 51, 168), (47, 122, 31), (190, 38, 92),
+    (122, 104, 0),
 )  # fmt: skip
 PAINTS: tuple[Color, ...] = (
-    (205, 208, 214), (95, 127, 224), (217, 131, 74), (63, 156, 134), (168, 104, 187),
-    (176, 158, 60), (214, 104, 140),
+    (205, 208, 214), (217, 131, 74), (78, 156, 176), (168, 104, 187), (104, 164, 92),
+    (214, 104, 140), (176, 158, 60),
 )  # fmt: skip
 COAT, RUBBER, TINT = (
     (218, 220, 224),

@@ -79,6 +79,19 @@ def test_the_hues_of_branches_stand_out_from_the_paper_and_are_those_of_the_3d_v
         assert np.argmin(away) == k - 1
 
 
+@pytest.mark.parametrize("dark", [False, True])
+def test_no_branch_has_the_hue_that_says_what_is_selected(dark):
+    """A limb of the first branch was blue, and its outline was, too, when it was selected."""
+    css = (Path(app.__file__).parent / "core" / "page.css").read_text()
+    names = ("accent", *(f"branch-{k}" for k in range(1, len(shapes.HUES))))
+    colors = [rgb(re.findall(rf"--{name}: #(\w+)", css)[dark]) for name in names]
+    accent, *hues = (colorsys.rgb_to_hls(*(color / 255))[0] for color in colors)
+    away = [abs((hue - accent + 0.5) % 1 - 0.5) for hue in hues]
+    assert min(away) > 30 / 360
+    apart = [abs((a - b + 0.5) % 1 - 0.5) for k, a in enumerate(hues) for b in hues[:k]]
+    assert min(apart) > 20 / 360
+
+
 def test_a_body_without_a_shape_reaches_to_its_children():
     pieces = shapes.pieces(pg.Body(name="a"), ((1.0, 0.0, 0.0), (0.0, 2.0, 0.0)))
     bounds = shapes.mesh(pieces).bounds
