@@ -17,32 +17,10 @@
 
   // One line each: what it is good for; a click asks for its bodies.
   function choose(host) {
-    const box = host.querySelector(".chooser"), data = pgraph.latest.constraints;
-    box.hidden = !box.hidden;
-    if (box.hidden) return;
-    const sought = make("input", { className: "cell sought", type: "search", placeholder: "Type to filter, Enter adds the first", "aria-label": "kind to add" });
-    const groups = data.kinds.map(({ title, kinds }) => make("section", {}, make("h4", { textContent: title }),
-      ...kinds.map(({ part, kind, name, about }) => make("button", { "data-kind": `${part} ${kind}`, onclick: () => {
-        box.hidden = true;
-        send("AddPart", { part, kind, body: target() }); // by now
-      } }, make("strong", { textContent: name }), make("span", { textContent: about })))));
-    sought.oninput = () => {
-      const words = sought.value.toLowerCase().split(/\s+/);
-      for (const group of groups) {
-        const found = [...group.querySelectorAll("button")].filter((one) => {
-          one.hidden = !words.every((word) => one.textContent.toLowerCase().includes(word));
-          return !one.hidden;
-        });
-        group.hidden = !found.length;
-      }
-    };
-    box.replaceChildren(make("div", { className: "for muted" }), sought, ...groups);
-    heading(box);
-    sought.focus();
-    box.onkeydown = (event) => {
-      if (event.key === "Escape") { box.hidden = true; event.stopPropagation(); }
-      if (event.key === "Enter" && event.target === sought) box.querySelector("section:not([hidden]) button:not([hidden])")?.click();
-    };
+    const kinds = pgraph.latest.constraints.kinds.map(({ title, kinds }) => [title, kinds.map(({ part, kind, name, about }) =>
+      [name, about, () => send("AddPart", { part, kind, body: target() }), `${part} ${kind}`])]); // the body by then
+    pgraph.choose(host.querySelector(".chooser"), kinds);
+    heading(host.querySelector(".chooser"));
   }
   const headed = (host) => heading(host.querySelector(".chooser"));
   const target = () => pgraph.latest.constraints.listed ?? pgraph.latest.selection ?? null;
@@ -85,9 +63,12 @@
   const open = (part, name) => send("OpenPart", { part, name });
 
   function section(box, list) {
-    if (!box.querySelector("h4")) box.append(make("h4", { textContent: list.title }));
+    if (!box.querySelector("h4")) box.append(make("h4", {}, list.title, pgraph.text("span", "note")));
     box.hidden = !list.items.length;
-    pgraph.keyed(box, list.items, () => tie(list.part), (el, item) => fill(el, list.part, item));
+    // what all lines would say stands above them
+    const kinds = new Set(list.items.map(({ kind }) => kind)), one = list.part !== "sites" && kinds.size === 1;
+    box.querySelector(".note").textContent = [one ? [...kinds][0] : "", list.of && `as ${list.of} has them`].filter(Boolean).join(", ");
+    pgraph.keyed(box, list.items, () => tie(list.part), (el, item) => fill(el, item, one, list.of));
   }
 
   function tie(part) {
@@ -108,14 +89,14 @@
     return el;
   }
 
-  function fill(el, part, item) {
+  function fill(el, item, one, scenario) {
     el.classList.toggle("open", item.form !== null);
-    el.classList.toggle("off", item.active === false && !item.scenario);
+    el.classList.toggle("off", item.active === false);
     const box = el.querySelector('input[type="checkbox"]');
-    if (box) { Object.assign(box, { checked: item.active, indeterminate: Boolean(item.scenario), title: item.scenario || "acts" }); box.setAttribute("aria-label", `${item.name} acts`); }
+    if (box) { Object.assign(box, { checked: item.active, title: scenario ? `Acts at the start of ${scenario}` : "Acts" }); box.setAttribute("aria-label", `${item.name} acts`); }
     el.querySelector("strong").textContent = item.name;
-    el.querySelector(".between").textContent = item.between;
-    el.querySelector(".kind").textContent = item.scenario || item.kind;
+    el.querySelector(".between").textContent = item.between.split(", ").filter((body) => body !== item.name).join(", ");
+    el.querySelector(".kind").textContent = one ? "" : item.kind;
     el.querySelector(".title").title = `${item.name}: ${item.between}`;
     el.querySelector(".title").setAttribute("aria-expanded", String(item.form !== null));
   }
@@ -141,11 +122,10 @@
     forms.draw(host.lastChild, form, {
       edit,
       owner: { part, name },
-      press: (b) => {
-        if (b.event === "Pick") send("Pick", { part, name, slot: b.fields.slot });
-        else if (b.event === "AskResponse") pgraph.feedback.step(name);
-        else if (b.event === "Feedback") pgraph.feedback.open();
-        else edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial());
+      press: (event, { slot }) => {
+        if (event === "Pick") send("Pick", { part, name, slot });
+        else if (event === "AskResponse") pgraph.feedback.step(name);
+        else pgraph.feedback.open();
       },
     }, `${part} ${id}`);
   }

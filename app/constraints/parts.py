@@ -499,9 +499,27 @@ def _put(model: pg.Model, part: Part, name: str, data: Mapping[str, Any]) -> pg.
     return model.replace(**{part: items})
 
 
-def switched(model: pg.Model, part: Part, name: str, on: bool) -> pg.Model:
-    """Return the model with a constraint or contact activated or deactivated."""
-    return model.edit(item_of(model, part, name).name, kind=WORD[part], active=on)
+def acting(model: pg.Model, part: Part, scenario: str) -> tuple[frozenset[str], bool]:
+    """Return the constraints or contacts that act at the start, and whether a scenario says so."""
+    chosen = next((s for s in model.scenarios if s.name == scenario), None)
+    listed = getattr(chosen, part, None)
+    if listed is None:
+        return frozenset(x.name for x in getattr(model, part) if x.active), False
+    return frozenset(listed), True
+
+
+def switched(model: pg.Model, part: Part, name: str, on: bool, scenario: str) -> pg.Model:
+    """Return the model with a constraint or contact on or off at the start.
+
+    It is switched in the scenario if that lists what acts, otherwise in the model.
+    """
+    item_of(model, part, name)
+    now, of_scenario = acting(model, part, scenario)
+    if not of_scenario:
+        return model.edit(name, kind=WORD[part], active=on)
+    now = now | {name} if on else now - {name}
+    kept = tuple(x.name for x in getattr(model, part) if x.name in now)
+    return model.edit(scenario, kind="scenario", **{part: kept})
 
 
 def renamed(model: pg.Model, part: Part, name: str, new: str) -> pg.Model:

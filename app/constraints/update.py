@@ -43,15 +43,16 @@ class EditPart(ModelEdit):
 
 
 class SwitchPart(ModelEdit):
-    """Activate or deactivate a part."""
+    """Activate or deactivate a part, in the scenario if that lists what acts."""
 
     part: Literal["constraints", "contacts"]
     name: Text
     on: bool
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
-        word = "activate" if self.on else "deactivate"
-        return parts.switched(state.model, self.part, self.name, self.on), f"{word} {self.name}"
+        word, of = "activate" if self.on else "deactivate", state.request.scenario
+        model = parts.switched(state.model, self.part, self.name, self.on, of)
+        return model, f"{word} {self.name}"
 
 
 class DeletePart(ModelEdit):

@@ -98,20 +98,12 @@ def choices() -> list[Payload]:
     ]  # fmt: skip
 
 
-def _switched(state: State, part: Part, item: Any) -> str:
-    """Return a note if a part's active state in the chosen scenario differs from the model."""
-    name = state.request.scenario
-    scenario = next((s for s in state.model.scenarios if s.name == name), None)
-    listed = getattr(scenario, part, None) if part in ("constraints", "contacts") else None
-    if listed is None or (item.name in listed) == item.active:
-        return ""
-    return f"{'on' if item.name in listed else 'off'} in {name}"
-
-
 def _list(state: State, page: Client, part: Part) -> Payload:
     """Return one line per part (name, kind, bodies), and all fields for the opened one."""
     items = [x for x in getattr(state.model, part) if _touches(x, page.listed, state.model)]
-    number = state.rows.named(state.model, part)
+    number, name = state.rows.named(state.model, part), state.request.scenario
+    switches = part in ("constraints", "contacts")
+    on, there = parts.acting(state.model, part, name) if switches else (None, False)
     lines = [
         {
             "id": number[x.name],
@@ -119,13 +111,14 @@ def _list(state: State, page: Client, part: Part) -> Payload:
             "kind": parts.kind_of(part, x),
             "between": between(x),
             "bodies": [n for n in _bodies(x) if n in state.derived.number],
-            "active": getattr(x, "active", None),
-            "scenario": _switched(state, part, x),
+            "active": None if on is None else x.name in on,
             "form": form(state, page.display, part, x) if page.opened == (part, x.name) else None,
         }
         for x in items
     ]
-    return {"part": part, "title": part.capitalize(), "items": lines}
+    return {
+        "part": part, "title": part.capitalize(), "items": lines, "of": name if there else "",
+    }  # fmt: skip
 
 
 def _bodies(item: Any) -> tuple[str, ...]:

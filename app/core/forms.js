@@ -4,7 +4,7 @@ pgraph.forms = (() => {
   const { make, cells } = pgraph;
   const isDirty = (cell) => cell.value !== cell.dataset.shown;
 
-  // `ask` = {edit(field, entries, serial), check(...), mend(...), press(button, field), density, upload, parameter}.
+  // `ask` = {edit(field, entries, serial), check(...), mend(...), press(event, fields), density, upload, parameter}.
   // A row keeps its cells, with what is typed in them, wherever others move it, until `key` is another.
   // If that was `awaited`, what is typed in the cell in focus was meant for it, and stays there.
   function draw(box, groups, ask, key, awaited = false) {
@@ -26,13 +26,10 @@ pgraph.forms = (() => {
     if (another && focused?.matches("input.cell") && focused === document.activeElement && !isDirty(focused)) focused.select();
   }
 
-  // The unit of one number is in its cell. That of several is beside their label, or above them where it is too wide.
-  const MOST = 84, ruler = document.createElement("canvas").getContext("2d");
+  // The unit of a row is beside its label, or below it where both are too wide.
+  const MOST = 78, ruler = document.createElement("canvas").getContext("2d");
   const width = (text, size) => { ruler.font = `${size}px ${getComputedStyle(document.body).getPropertyValue("--font")}`; return ruler.measureText(text).width; };
-  const inCell = ({ kind, columns, unit }) => kind === "number" && columns === 1 && Boolean(unit);
-  const besides = ({ label, unit }) => width(label, 12) + (unit ? width(unit, 11) + 4 : 0);
-  const above = (field) => Boolean(field.unit) && !inCell(field) && besides(field) > MOST;
-  const needed = (field) => (inCell(field) || above(field) ? width(field.label, 12) : besides(field));
+  const needed = ({ label, unit }) => width(label, 12) + (unit ? width(unit, 11) + 4 : 0);
   const widest = (groups) => Math.ceil(Math.min(MOST, Math.max(76, ...groups.flatMap((one) => one.fields.map(needed)))));
 
   function group(data, folded) {
@@ -67,9 +64,7 @@ pgraph.forms = (() => {
     buttons(box, el, field);
     if (field.kind === "density") fillDensity(el, String(field.cells[0].value));
     else {
-      grid.className = `grid columns-${field.columns}${inCell(field) ? " suffixed" : above(field) ? " headed" : ""}`;
-      grid.dataset.unit = field.unit;
-      grid.style.setProperty("--unit", `${inCell(field) ? Math.ceil(width(field.unit, 11)) : 0}px`);
+      grid.className = `grid columns-${field.columns}`;
       field.cells.forEach((cell, i) => {
         inputs[i].closest(".grid > *").style.gridColumn = `span ${cell.span ?? 6 / field.columns}`;
         fillCell(inputs[i], field, cell);
@@ -104,14 +99,19 @@ pgraph.forms = (() => {
     }
     el.pgraphButtons = texts;
     for (const old of line.querySelectorAll(":scope > button.own")) old.remove();
-    line.querySelector(":scope > .grid").after(...field.buttons.map((b, i) => pgraph.button("own", b.text, b.title, () => box.pgraphAsk.press(el.pgraphField.buttons[i], el.pgraphField))));
+    line.querySelector(":scope > .grid").after(...field.buttons.map((b, i) => pgraph.button("own", b.text, b.title, () => press(box.pgraphAsk, el.pgraphField.buttons[i]))));
+  }
+  // A button without an event of its own edits a cell of the form.
+  function press(ask, { event, fields }) {
+    if (event) ask.press(event, fields);
+    else ask.edit(fields.field, [[fields.index, fields.text]], pgraph.nextSerial());
   }
   function label(box, el, field) {
     const what = el.querySelector(".what");
     el.querySelector(".field").dataset.field = field.field;
     what.title = field.help || field.label;
     what.firstChild.textContent = field.label;
-    what.querySelector(".unit").textContent = inCell(field) || above(field) ? "" : field.unit;
+    what.querySelector(".unit").textContent = field.unit;
     if (!field.pick) what.querySelector(".pick")?.remove();
     else if (!what.querySelector(".pick")) what.append(picker(box, el));
     what.querySelector(".pick")?.setAttribute("aria-label", `pick ${field.label} in 3D`);
@@ -122,12 +122,8 @@ pgraph.forms = (() => {
   function curve(el, drawn) {
     el.querySelector(":scope > .curve")?.remove();
     if (!drawn) return;
-    const { t, value, range } = drawn, scaled = (x) => { const low = Math.min(...x), size = Math.max(...x) - low || 1; return x.map((one) => (one - low) / size); };
-    const x = scaled(t), y = scaled(value), picture = make("div", { className: "curve", role: "img", ariaLabel: `curve, ${range}` });
-    picture.innerHTML = '<svg viewBox="0 -0.02 1 1.04" preserveAspectRatio="none"><path/></svg><span class="muted"></span>';
-    picture.querySelector("path").setAttribute("d", `M${x.map((at, i) => `${at},${1 - y[i]}`).join("L")}`);
-    picture.lastChild.textContent = range;
-    el.append(picture);
+    const { t, value, range } = drawn;
+    el.append(make("div", { className: "curve" }, pgraph.chart(`curve, ${range}`, [{ t, y: value }]), make("span", { className: "muted", textContent: range })));
   }
 
   // The row's numbers are taken from the next click in the 3D view.
@@ -270,8 +266,6 @@ pgraph.forms = (() => {
   function fillCell(input, field, cell) {
     const { name, at, index } = cell;
     input.setAttribute("aria-label", [field.label, cell.called || name || (at ?? index).map((k) => k + 1).join(" ")].filter(Boolean).join(" "));
-    if ((cell.span ?? 6 / field.columns) < 3) input.dataset.digits = 4;
-    else delete input.dataset.digits;
     const kind = cell.kind ?? field.kind, options = paired(cell.options ?? field.options);
     input.pgraphOptions = cell.varied ? [["", "varied"], ...options] : options;
     if (kind === "choice" || kind === "names") cells.choose(input, cell.value);

@@ -18,6 +18,7 @@ from ..core.views import Host, Payload, Place, audience, hue, topic
 from ..run.footfalls import Change, prints
 from . import (
     LAWS,
+    Offer,
     State,
     friction,
     has_feet,
@@ -29,7 +30,7 @@ from . import (
     why_not,
 )
 
-PARTS = ("derived", "walking", "run_problem", "job")
+PARTS = ("derived", "walking", "run_problem", "job", "request")
 TOUCHING = ("apart", "hits", "slips", "touches")  # PHASES, of contacts that are no feet
 FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]
 
@@ -41,17 +42,17 @@ def gait(state: State) -> Payload:
     if offer is None:
         return {"why": why_not(model), "walks": False, "feet": has_feet(model)}
     now = offer.gait
+    said = next((s.description for s in model.scenarios if s.name == state.request.scenario), "")
     untried = f"'{now.name}' was not tried on '{model.name}', which may fall."
     return {
         "why": "" if offer.tried else untried,
         "walks": True,
         "feet": True,
         "gaits": [
-            [name, name if one.tried else f"{name} (untried on this model)"]
-            for name, one in found.items()
+            [name, _called(name, one, state.request.scenario)] for name, one in found.items()
         ],
         "gait": now.name,
-        "about": now.description,
+        "about": "" if now.description == said else now.description,
         "speed": now.speed,
         "strength": state.walking.strength,
         "fastest": max(FASTEST, math.ceil(3 * found[now.name].gait.speed) / 2),
@@ -67,6 +68,12 @@ def gait(state: State) -> Payload:
         "busy": state.job is not None,
         "problem": "" if state.run is not None else state.run_problem,  # else the run shows it
     }
+
+
+def _called(name: str, offer: Offer, scenario: str) -> str:
+    if not offer.tried:
+        return f"{name} (untried on this model)"
+    return "of the scenario" if offer.scenario == scenario else name
 
 
 MOST = 64  # discs, the last ones

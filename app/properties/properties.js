@@ -51,9 +51,6 @@
       edit: (field, entries, serial) => about("EditBodies", { serial, field, entries }),
       check: (field, entries, serial) => about("Check", { serial, field, entries }),
       mend: (field, entries, serial) => about("Mend", { serial, field, entries }),
-      press: (button) => about("EditBodies", {
-        serial: pgraph.nextSerial(), field: button.fields.field, entries: [[button.fields.index, button.fields.text]],
-      }),
       density: (serial, text) => about("FillFromShape", { serial, density: text }),
       upload: (file) => pgraph.files.mesh(file, shown),
       parameter: (event, fields) => send(event, fields),
@@ -61,7 +58,6 @@
   };
   const ofModel = {
     edit: (field, entries, serial) => send("EditWorld", { serial, field, entries }),
-    press: (button) => send("EditWorld", { serial: pgraph.nextSerial(), field: button.fields.field, entries: [[button.fields.index, button.fields.text]] }),
     parameter: (event, fields) => send(event, fields),
   };
 

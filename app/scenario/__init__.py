@@ -10,6 +10,7 @@ from pgraph_core.joints import KINDS
 from pgraph_core.model.editing import free_name
 
 from ..constraints import Client as Client
+from ..constraints import Part, parts
 from ..constraints import State as State
 from ..core import cells
 from ..core.cells import Display, Quantity, Refusal
@@ -100,23 +101,20 @@ def _with_body(model: pg.Model, s: pg.Scenario, name: str) -> pg.Model:
     return put(model, s.name, q=q, v=v)
 
 
-def acting(model: pg.Model, s: pg.Scenario, field: str) -> list[tuple[str, bool]]:
+def acting(model: pg.Model, s: pg.Scenario, field: Part) -> list[tuple[str, bool]]:
     """Return the constraints or contacts, each with its activity at the start."""
-    listed = getattr(s, field)
-    return [
-        (part.name, part.active if listed is None else part.name in listed)
-        for part in getattr(model, field)
-    ]
+    on, _ = parts.acting(model, field, s.name)
+    return [(part.name, part.name in on) for part in getattr(model, field)]
 
 
 def _acting(
-    model: pg.Model, s: pg.Scenario, field: str, index: Sequence[int], on: bool
+    model: pg.Model, s: pg.Scenario, field: Part, index: Sequence[int], on: bool
 ) -> tuple[str, ...] | None:
     """Return the active parts with one switched on or off, or None for the model's default."""
-    parts = [name for name, _ in acting(model, s, field)]
-    if not index or index[0] >= len(parts):
+    names = [name for name, _ in acting(model, s, field)]
+    if not index or index[0] >= len(names):
         raise Refusal("no longer has this row")
-    now = {**dict(acting(model, s, field)), parts[index[0]]: on}
+    now = {**dict(acting(model, s, field)), names[index[0]]: on}
     if now == {part.name: part.active for part in getattr(model, field)}:
         return None
     return tuple(key for key, on in now.items() if on)

@@ -1,81 +1,82 @@
-// The scenario that is chosen for the run: how it starts, what acts in it, what goes on and off when.
+// The scenarios, and of the one that is chosen for the run: how it starts, what acts in it, what goes on
+// and off when. All of it is added by one button.
 (() => {
   const { make, button, text, cells, forms, send } = pgraph;
   let adding = null; // the scenario that was asked for one more force
-  const now = () => pgraph.latest.scenario?.id ?? null; // the one that is shown
+  const shown = () => pgraph.latest.scenario, now = () => shown()?.id ?? null; // the one that is shown
 
   function build(host) {
-    const scenario = cells.choice(() => pgraph.latest.scenario.scenarios, (serial, value) => send("SetScenario", { serial, scenario: value }), { label: "scenario to edit" });
-    host.pgraphScenario = { scenario };
     host.replaceChildren(make("div", { className: "scenario" },
-      make("div", { className: "bar" }, scenario,
-        button("new-scenario", "+ New", "A scenario that runs as the run is set now", () => send("NewScenario")),
-        button("copy-scenario", "Copy", "This scenario once more", () => send("CopyScenario", { scenario: now() })),
-        button("delete-scenario", "Delete", "The model without this scenario", () => send("DeleteScenario", { scenario: now() }))),
+      make("div", { className: "bar" }, button("add-scenario", "+ Add", "A scenario, or to this one a start, a switch, a force or a motor", () => add(host))),
+      make("div", { className: "chooser", hidden: true }),
+      make("div", { className: "listed" }),
       make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: its initial state, the forces that act, and when constraints switch on or off." }),
       make("div", { className: "some" },
-        make("div", { className: "settings-form" }), button("small run-settings", "Run settings", "Method, duration, step and tolerance, which the scenario may keep", () => document.querySelector("button.method").click()),
-        make("section", { className: "going" }, make("h4", { textContent: "Switches" }), text("div", "empty"), text("div", "rows"),
-          button("small add-switch", "+ Switch", "Switches a constraint on or off: at a time, or when something crosses a value", () => send("AddSwitch", { constraint: null }))),
-        make("div", { className: "start-form" }),
-        make("div", { className: "poses" },
-          button("small take-pose", "Take the pose shown", "The pose and the speeds that are shown become the initial state of this scenario", () => send("TakePose", { scenario: now(), shown: true })),
-          button("small no-pose", "As the model", "The scenario starts as the model says", () => send("TakePose", { scenario: now(), shown: false }))),
-        make("div", { className: "active-form" }),
-        make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors" }), text("div", "empty"), text("div", "rows"), drive()))));
+        make("div", { className: "settings-form" }), make("div", { className: "start-form" }),
+        section("going", "Switches"), section("drives", "Forces and motors"), make("div", { className: "active-form" }))));
     pgraph.inSight(host, "scenario");
   }
+  const section = (className, title) => make("section", { className }, make("h4", { textContent: title }), text("div", "rows"));
 
-  // Which force, on which body: added to the scenario alone.
-  function drive() {
-    const kind = make("select", { className: "cell", "aria-label": "kind of force" }), body = make("select", { className: "cell", "aria-label": "body of the force" });
-    const options = (box, known) => { const now = box.value; box.replaceChildren(...known.map(([value, textContent, title]) => make("option", { value, textContent, title: title ?? "" }))); box.value = known.some(([value]) => value === now) ? now : known[0]?.[0] ?? ""; };
-    const fill = () => {
-      options(kind, (pgraph.latest.scenario.kinds ?? []).map(([name, about]) => [name, name, about]));
-      options(body, (pgraph.latest.table?.rows ?? []).map((row) => [row.name, row.name]));
-    };
-    for (const box of [kind, body]) { box.addEventListener("mousedown", fill); box.addEventListener("focus", fill); }
-    const box = make("div", { className: "field add-drive" }, make("span", { className: "muted", textContent: "+" }), kind, make("span", { className: "muted", textContent: "on" }), body,
-      button("small", "Add", "Acts in this scenario only", () => { adding = now(); send("AddDrive", { scenario: now(), kind: kind.value, body: body.value }); }));
-    box.pgraphFill = fill;
-    return box;
+  // On the selected body, or on the first.
+  function add(host) {
+    const { none, kinds, switchable, held } = shown(), scenario = now(), own = pgraph.latest.selection ?? null, body = own ?? pgraph.latest.table.rows[0]?.name;
+    const into = none ? [] : [
+      ["Start", [["Pose shown", "It becomes the initial state, with its speeds", () => send("TakePose", { scenario, shown: true }), "start pose"],
+        ["One body", own === null ? "Select the body that starts otherwise first" : held.includes(own) ? `${own} has its own start` : `${own} starts otherwise than in the model`,
+          own !== null && !held.includes(own) && (() => send("EditScenario", { serial: pgraph.nextSerial(), scenario, field: "bodies", entries: [[[], own]] })), "start body"]]],
+      ["During the run", [["Switch", switchable.length ? "A constraint goes on or off: at a time, or when something crosses a value" : "There is no constraint to switch", switchable.length && (() => send("AddSwitch", { constraint: null })), "switch"]]],
+      ["Forces and motors", body === undefined ? [] : kinds.map(([kind, about]) => [kind, about, () => { adding = scenario; send("AddDrive", { scenario, kind, body }); }, `force ${kind}`])]];
+    const whole = ["Scenario", [["New", "It runs as the run is set now", () => send("NewScenario"), "scenario new"], ...(none ? [] : [["Copy", "This scenario once more", () => send("CopyScenario", { scenario }), "scenario copy"]])]];
+    const box = host.querySelector(".chooser");
+    pgraph.choose(box, [whole, ...into]);
+    if (!box.hidden) box.querySelector(".for").textContent = none ? "" : `In '${shown().name}'${body === undefined ? "" : `, on '${body}'`}`;
+  }
+
+  // A scenario: its name, which of the chosen one is a cell, and how long it is.
+  function one() {
+    const el = make("div", { className: "field row" }), name = cells.input((serial, value) => send("EditScenario", { serial, scenario: el.pgraphItem.number, field: "name", entries: [[[], value]] }), { label: "name of the scenario" });
+    el.append(make("button", { className: "title", onclick: () => send("SetScenario", { serial: pgraph.nextSerial(), scenario: el.pgraphItem.value }) }, make("strong"), make("span", { className: "muted" })), name,
+      button("delete-scenario", "×", "Delete the scenario", () => send("DeleteScenario", { scenario: el.pgraphItem.number })));
+    return el;
+  }
+  function fillOne(el, item, chosen) {
+    const [title, name, out] = el.children, open = item.value === chosen, named = open && item.number !== null;
+    el.pgraphItem = item;
+    el.classList.toggle("chosen", open);
+    title.setAttribute("aria-pressed", open);
+    title.firstChild.textContent = named ? "" : item.name;
+    title.lastChild.textContent = item.length;
+    name.hidden = out.hidden = !named;
+    if (named) cells.set(name, item.name);
   }
 
   function draw(host, data) {
-    const $ = (selector) => host.querySelector(selector);
-    cells.choose(host.pgraphScenario.scenario, data.name);
+    const $ = (selector) => host.querySelector(selector), scenario = data.id;
+    pgraph.keyed($(".listed"), data.scenarios, one, (el, item) => fillOne(el, item, data.name));
     $(".none").hidden = !data.none;
     $(".some").hidden = data.none;
-    $(".copy-scenario").disabled = $(".delete-scenario").disabled = data.none;
-    const scenario = data.id;
     const ask = {
       edit: (field, entries, serial) => send("EditScenario", { serial, scenario, field, entries }),
-      press: (b) => send("EditScenario", { serial: pgraph.nextSerial(), scenario, field: b.fields.field, entries: [[b.fields.index, b.fields.text]] }),
+      press: (event, fields) => send(event, { scenario, ...fields }),
     };
     forms.draw($(".settings-form"), data.form, ask, String(scenario));
-    forms.draw($(".start-form"), data.start.slice(0, 1), ask, String(scenario));
-    forms.draw($(".active-form"), data.start.slice(1), ask, String(scenario));
-    $(".add-drive").pgraphFill();
-    switches($(".going"), data);
-    drives($(".drives"), data);
-  }
-
-  // -- switches: a form each -----------------------------------------------------------------------------
-  function switches(box, data) {
-    const empty = box.querySelector(".empty"), add = box.querySelector(".add-switch");
-    empty.textContent = data.switchable.length ? "nothing is switched during the run" : "there is no constraint to switch";
-    empty.hidden = data.switches.length > 0;
-    add.disabled = !data.switchable.length;
-    pgraph.keyed(box.querySelector(".rows"), ofScenario(data, data.switches), line, fill);
+    forms.draw($(".start-form"), data.start, ask, String(scenario));
+    forms.draw($(".active-form"), data.active, ask, String(scenario));
+    $(".going").hidden = !data.switches.length;
+    pgraph.keyed($(".going .rows"), ofScenario(data, data.switches), line, fill);
+    $(".drives").hidden = !data.drives.length;
+    pgraph.keyed($(".drives .rows"), ofScenario(data, data.drives), drive, fillDrive);
   }
 
   // Rows of another scenario are others, whatever their numbers.
   const ofScenario = (data, items) => items.map((item) => ({ ...item, number: item.id, scenario: data.id, id: `${data.id} ${item.id}` }));
 
+  // -- switches: a form each -----------------------------------------------------------------------------
   function line() {
     const el = make("div", { className: "switch" }), where = () => ({ number: el.pgraphItem.number, scenario: el.pgraphItem.scenario });
     const edit = (field, entries, serial) => send("EditSwitch", { serial, ...where(), field, entries });
-    el.pgraphSwitch = { edit, owner: { part: "switches", name: "" }, press: (b) => (b.event ? send(b.event, where()) : edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial())) };
+    el.pgraphSwitch = { edit, owner: { part: "switches", name: "" }, press: (event) => send(event, where()) };
     return el;
   }
   function fill(el, item) {
@@ -84,24 +85,20 @@
   }
 
   // -- forces -------------------------------------------------------------------------------------
-  function drives(box, data) {
-    const empty = box.querySelector(".empty");
-    empty.textContent = "none besides those of the model";
-    empty.hidden = data.drives.length > 0;
-    pgraph.keyed(box.querySelector(".rows"), ofScenario(data, data.drives), (item) => {
-      const el = make("div", { className: "tie" });
-      const open = (on) => { el.classList.toggle("open", on); el.querySelector(".form").hidden = !on; el.querySelector(".title").setAttribute("aria-expanded", String(on)); if (on) pgraph.beforePicture("drive", () => el.scrollIntoView({ block: "nearest" })); };
-      el.append(make("div", { className: "line" }, make("button", { className: "title", onclick: () => open(!el.classList.contains("open")) }, make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
-        button("small delete-tie", "×", "Delete", () => send("DeleteDrive", { name: el.dataset.name, scenario: data.id }))), make("div", { className: "form" }));
-      open(adding === data.id); // it is there to be set; the forces of another scenario stay closed
-      adding = null;
-      return el;
-    }, (el, item) => {
-      for (const [part, value] of [["strong", item.name], [".between", item.between], [".kind", item.kind]]) el.querySelector(part).textContent = value;
-      el.querySelector(".title").title = [item.name, item.between].filter(Boolean).join(", ");
-      const edit = (field, entries, serial) => send("EditDrive", { serial, scenario: item.scenario, name: el.dataset.name, field, entries });
-      forms.draw(el.querySelector(".form"), item.form, { edit, owner: { part: "forces", name: item.name }, press: (b) => edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial()) }, "drive");
-    });
+  function drive(item) {
+    const el = make("div", { className: "tie" });
+    const open = (on) => { el.classList.toggle("open", on); el.querySelector(".form").hidden = !on; el.querySelector(".title").setAttribute("aria-expanded", String(on)); if (on) pgraph.beforePicture("drive", () => el.scrollIntoView({ block: "nearest" })); };
+    el.append(make("div", { className: "line" }, make("button", { className: "title", onclick: () => open(!el.classList.contains("open")) }, make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
+      button("delete-tie", "×", "Delete", () => send("DeleteDrive", { name: el.dataset.name, scenario: item.scenario }))), make("div", { className: "form" }));
+    open(adding === item.scenario); // it is there to be set; the forces of another scenario stay closed
+    adding = null;
+    return el;
+  }
+  function fillDrive(el, item) {
+    for (const [part, value] of [["strong", item.name], [".between", item.between], [".kind", item.kind]]) el.querySelector(part).textContent = value;
+    el.querySelector(".title").title = [item.name, item.between].filter(Boolean).join(", ");
+    const edit = (field, entries, serial) => send("EditDrive", { serial, scenario: item.scenario, name: el.dataset.name, field, entries });
+    forms.draw(el.querySelector(".form"), item.form, { edit, owner: { part: "forces", name: item.name } }, "drive");
   }
 
   // -- what happened in the run; a click looks there ------------------------------------------------

@@ -25,31 +25,40 @@ NEEDS = (
     "derived", "request",
     lambda state: None if state.live else state.plotted, lambda state: state.live is None,
 )  # fmt: skip
-PARTS = ("form", "start", "drives", "kinds", "switches", "switchable")  # parts of the tab
+PARTS = ("form", "start", "held", "active", "drives", "switches")  # of a scenario
 
 
 def scenario(state: State, display: Display) -> Payload:
     """Return the content of the tab, which is short for a free run."""
     model, name = state.model, state.request.scenario
-    listed = [[s.name, s.name] for s in model.scenarios]
-    found: Payload = {"scenarios": [*listed, [FREE_RUN, "free run"]], "name": name}
+    number = state.rows.named(model, "scenarios")
+    listed = [
+        {"id": number[s.name], "number": number[s.name], "name": s.name, "value": s.name,
+         "length": f"{s.t_end:g} s"}
+        for s in model.scenarios
+    ]  # fmt: skip
+    free = {"id": "free", "number": None, "name": "free run", "value": FREE_RUN, "length": ""}
+    found: Payload = {
+        "scenarios": [*listed, free],
+        "name": name,
+        "kinds": list(KINDS["forces"].items()),
+        "switchable": [c.name for c in model.constraints],
+    }
     s = next((s for s in model.scenarios if s.name == name), None)
     if s is None:
         return found | {"none": True, "id": None} | {part: [] for part in PARTS}
     return found | {
         "none": False,
-        "id": state.rows.named(model, "scenarios")[name],
+        "id": number[name],
         "form": [_settings(s)],
-        "start": by_number(
-            [_initial(model, s, display), *_acting(model, s)], state.rows, model, "scenario"
-        ),
+        "start": by_number(_initial(model, s, display), state.rows, model, "scenario"),
+        "held": [b.name for b in model.bodies if b.name in s.q or b.name in s.v],
+        "active": by_number(_acting(model, s), state.rows, model, "scenario"),
         "drives": _drives(state, s, display),
-        "kinds": list(KINDS["forces"].items()),
         "switches": [
             {"id": number, "name": "", "form": [group("", conditions.form(model, x, display))]}
             for number, x in zip(inner(state, s, "switches"), s.switches)
         ],
-        "switchable": [c.name for c in model.constraints],
     }
 
 
@@ -60,13 +69,10 @@ def inner(state: State, s: pg.Scenario, what: str) -> tuple[int, ...]:
 
 
 def _settings(s: pg.Scenario) -> Payload:
-    return group("", [
-        field("name", "Name", [cell((), s.name)], kind="text"),
-        field("description", "About", [cell((), s.description)], kind="text"),
-    ])  # fmt: skip
+    return group("", [field("description", "About", [cell((), s.description)], kind="text")])
 
 
-def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> Payload:
+def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> list[Payload]:
     """Return the bodies whose initial values differ from the model's, with fields for q and v."""
     found = []
     for row, body in enumerate(model.bodies):
@@ -81,10 +87,11 @@ def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> Payload:
             found.append(
                 field(name, label, row_cells, unit=unit, buttons=[out] if name == "q" else [])
             )
-    note = "" if found else "every body starts as in the model"
-    more = field("bodies", "+ body", [cell((), "")], kind="names", options=[], note=note,
-                 help="a body that starts otherwise in this scenario")  # fmt: skip
-    return group("Initial state", [*found, more])
+    if not found:
+        return []
+    back = button("all as in the model", "TakePose", "Every body starts as the model says",
+                  shown=False)  # fmt: skip
+    return [group("Initial state", [*found, field("as_model", "", [], buttons=[back])])]
 
 
 def _acting(model: pg.Model, s: pg.Scenario) -> list[Payload]:

@@ -157,6 +157,25 @@ def test_constraints_that_cannot_be_met_and_late_reports():
     assert shown(off)["mobility"]["text"].startswith("3 ")  # the tree's own
 
 
+@pytest.mark.parametrize("listed", [("point",), ()])
+@pytest.mark.parametrize("active", [True, False])
+def test_a_box_shows_and_switches_what_acts_in_the_chosen_scenario(listed, active):
+    """Its dash said that the scenario has it otherwise, and a click changed the model alone."""
+    tie = pg.Point(name="point", body="2", active=active)
+    own = pg.Scenario(name="own", constraints=listed)
+    model = pg.Model.serial(2).add(tie).replace(scenarios=(own, pg.Scenario(name="as model")))
+    state = begun(model)
+    for name, acts in (("own", bool(listed)), ("as model", active), ("", active)):
+        now = after(state, do.SetScenario(ME, 1, name))
+        (line,) = shown(now)["lists"][0]["items"]
+        assert line["active"] == acts
+        assert shown(now)["lists"][0]["of"] == (name if name == "own" else "")
+        now = after(now, do.SwitchPart(ME, "constraints", "point", not acts))
+        assert shown(now)["lists"][0]["items"][0]["active"] == (not acts)
+        assert now.model.constraints[0].active == (active if name == "own" else not active)
+        assert (now.model.scenarios[0].constraints == listed) == (name != "own")
+
+
 def test_d16_d17_active_switch_and_joint_limits(state):
     now = add(state, "constraints", "point")
     off = after(now, do.SwitchPart(ME, "constraints", "point", False))

@@ -83,6 +83,22 @@ def test_a_scenario_is_made_named_set_copied_and_taken_away(slider):
     assert "constraint" in notice(bare)  # there is nothing to switch
 
 
+def test_all_scenarios_are_listed_with_the_one_that_is_edited(slider):
+    state = after(slider, do.NewScenario(ME), given("name", "throw"), do.NewScenario(ME))
+    shown = scenario(state, Display())
+    number = state.rows.named(state.model, "scenarios")
+    assert {s["name"]: s["number"] for s in shown["scenarios"][:-1]} == number
+    assert [*number] == ["throw", state.request.scenario]
+    assert shown["name"] == state.request.scenario
+    assert (shown["start"], shown["held"]) == ([], [])
+    started = scenario(after(state, given("bodies", "b")), Display())
+    assert started["held"] == ["b"]
+    free = scenario(after(state, do.SetScenario(ME, 5, "")), Display())
+    assert free["none"]
+    assert free["scenarios"][-1]["value"] == free["name"] == ""
+    assert [s["length"] for s in free["scenarios"]] == ["2 s", "2 s", ""]
+
+
 def test_the_pose_that_is_shown_starts_a_scenario(slider):
     state = store.ran(slider, run_of(slider))
     state = replace(after(state, do.Scrub(ME, 1.0), do.NewScenario(ME)), posed=None)
