@@ -9,16 +9,16 @@ pgraph.cells = (() => {
   const tooLong = ({ value }) => (value.length > MOST ? `has ${value.length} characters; a cell takes ${MOST} at most` : "");
 
   const dirty = (cell) => cell.value !== cell.dataset.shown;
-  // As many digits as the cell has room for; all of them in the title, and while it is typed in.
-  // A power of ten is never cut off: 3.9e-21.
-  const digits = (x, cell) => {
-    if (typeof x !== "number") return x;
-    const few = Number(cell.dataset.digits ?? 7), rounded = (count) => String(Number(x.toPrecision(count)));
-    const room = Number(cell.dataset.room ?? few + 2); // [characters]
-    // in a narrow cell the zeros before them, and a sign, take their room
-    const text = few < 7 && x !== 0 && Math.abs(x) < 1 ? rounded(Math.max(2, Math.min(few, room - 2 + (x > 0) + Math.floor(Math.log10(Math.abs(x)))))) : rounded(few);
-    const small = x !== 0 && Math.abs(x) < 1e-3 && text.length > (few < 7 ? 6 : 7);
-    return text.includes("e") ? String(Number(x.toPrecision(3))) : small ? x.toExponential(Math.min(2, room - 4 - (x < 0))).replace(/\.?0+e/, "e") : text;
+  // Four digits of a number, or those that six characters hold, which fit the narrowest cell; all of them in
+  // the title, and while it is typed in. No digit before the point is rounded: from a million on, and below
+  // a thousandth, a power of ten is given.
+  const MOST_DIGITS = 4, ROOM = 6; // [characters]
+  const digits = (x) => {
+    const size = Math.abs(x);
+    if (typeof x !== "number" || !Number.isFinite(x) || x === 0) return x;
+    const before = Math.floor(Math.log10(size)) + 1; // digits before the point, or less by the zeros after it
+    const text = String(Number(x.toPrecision(Math.max(before, Math.min(MOST_DIGITS, ROOM - (x < 0) - (before > 0 ? 1 : 2 - before)), 2))));
+    return text.includes("e") || size >= 1e6 || (size < 1e-3 && text.length > ROOM) ? x.toExponential(2).replace(/\.?0+e/, "e").replace("e+", "e") : text;
   };
 
   // The current value of the model; typed text that is not yet taken stays.
@@ -27,12 +27,12 @@ pgraph.cells = (() => {
     cell.dataset.full = String(value);
     if (!cell.classList.contains("refused")) cell.title = title || cell.dataset.full;
     if (!untouched || cell.classList.contains("refused")) return;
-    show(cell, document.activeElement === cell ? cell.dataset.full : digits(value, cell));
+    show(cell, document.activeElement === cell ? cell.dataset.full : digits(value));
   }
   function show(cell, text) { cell.value = cell.dataset.shown = text; }
   function settled(cell) {
     const full = cell.dataset.full ?? "";
-    return cell.dataset.numeric && full !== "" && !Number.isNaN(Number(full)) ? digits(Number(full), cell) : full;
+    return cell.dataset.numeric && full !== "" && !Number.isNaN(Number(full)) ? digits(Number(full)) : full;
   }
 
   function revert(cell) {
@@ -229,7 +229,7 @@ pgraph.cells = (() => {
     });
   }
 
-  return { tooLong, set, reply, again, clear, forget, doubtful, revert, await: ask, input, choice, choose, commit, leave, quietly, keepingFocus, resting: () => !quiet };
+  return { digits, tooLong, set, reply, again, clear, forget, doubtful, revert, await: ask, input, choice, choose, commit, leave, quietly, keepingFocus, resting: () => !quiet };
 })();
 pgraph.on("reply", pgraph.cells.reply);
 pgraph.on("opened", pgraph.cells.forget);

@@ -25,7 +25,7 @@
     if (!pgraph.inView(host)) return;
     const $ = (selector) => host.querySelector(selector);
     $(".home").hidden = $(".use").hidden = !data.posed;
-    $(".at").textContent = typeof data.time === "number" ? `at ${data.time.toFixed(3)} s` : "";
+    $(".at").textContent = data.shows;
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     $(".hint").hidden = !data.hint;
@@ -42,7 +42,6 @@
     const pose = (serial, text) => send("MoveJoint", { serial, body: of().body, index: of().index, text });
     const slider = make("input", { type: "range", step: "any" });
     const cell = cells.input(pose, { label: "", numeric: true });
-    Object.assign(cell.dataset, { digits: 3, room: 8 }); // -0.00123
     cell.addEventListener("keydown", (event) => {
       const by = { Tab: event.shiftKey ? -1 : 1, Enter: 1, ArrowDown: 1, ArrowUp: -1 }[event.key];
       const all = [...document.querySelectorAll(".pgraph .joint .cell")], next = all[all.indexOf(cell) + by];
@@ -55,7 +54,7 @@
     slider.addEventListener("pointerup", () => { delete slider.dataset.held; });
     const name = make("button", { className: "of", onclick: () => send("Select", { body: of().body }) }, make("span", { className: "chip" }), make("span"));
     const plot = make("button", { className: "bare plot", title: "Plot it over time", "aria-label": "plot", onclick: () => { send("Plot", { kind: "q", of: of().body, on: true }); pgraph.front("Plots"); } }, pgraph.icon("plots", 14));
-    line.append(name, make("span", { className: "muted" }), make("span", { className: "move" }, slider, dial(slider)), cell, make("span", { className: "unit" }), plot);
+    line.append(name, make("span", { className: "muted" }, make("span"), make("span", { className: "unit" })), make("span", { className: "move" }, slider, dial(slider)), cell, plot);
     return line;
   }
 
@@ -85,7 +84,7 @@
     line.pgraphRow = row;
     line.className = `joint${again ? " again" : ""}${row.body === selected ? " selected" : ""}`;
     name.title = name.lastChild.textContent = row.body;
-    line.querySelector(".muted").textContent = row.label;
+    line.querySelector(".muted").firstChild.textContent = `${row.label} `;
     line.querySelector(".unit").textContent = row.unit;
     line.querySelector(".plot").setAttribute("aria-label", `plot ${label}`);
     line.querySelector(".move").classList.toggle("turns", row.turns);

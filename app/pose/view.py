@@ -53,9 +53,17 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
         "selected": selection,
         "problem": state.pose_problem,
         "posed": state.pose is not None,
-        "time": shown_time(state),
+        "shows": shows(state),
         "hint": hint(state, rows),
     }
+
+
+def shows(state: State) -> str:
+    """Return whose pose the sliders show: that of the model or of the run, or one made by hand."""
+    time = shown_time(state)
+    if time is not None:
+        return f"run at {time:.3f} s"
+    return "by hand" if state.pose is not None else "model, at first"
 
 
 def hint(state: State, rows: list[Payload]) -> str:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.playback.update import Loop, Pause, Play
+from pgraph_app.gait.update import Play
+from pgraph_app.playback.update import Loop, Pause
 from pgraph_app.plots.update import Plot
 from pgraph_app.report.update import SetReport
 from pgraph_app.server import Server
@@ -183,8 +184,8 @@ def test_the_pose_is_that_of_the_time_in_its_heading_also_while_a_run_plays(rods
 
     def read():
         heading, values = rods.evaluate(POSE)
-        if heading:
-            time = float(heading.removeprefix("at ").removesuffix(" s"))
+        if heading.startswith("run at "):  # not the pose of the model
+            time = float(heading.removeprefix("run at ").removesuffix(" s"))
             frame = int(np.abs(result.t - time).argmin())
             assert result.t[frame] == pytest.approx(time, abs=6e-4)
             assert values == pytest.approx(result.q[frame].tolist(), abs=1e-9)
@@ -200,7 +201,7 @@ def test_the_pose_is_that_of_the_time_in_its_heading_also_while_a_run_plays(rods
     served.send(Loop(client_of(served), False))
     until(lambda: not served.store.state.playback.moves, "a pause")
     now = served.store.state.playback.time
-    stopped = f"at {result.t[np.abs(result.t - now).argmin()]:.3f} s"
+    stopped = f"run at {result.t[np.abs(result.t - now).argmin()]:.3f} s"
     until(lambda: read() == stopped, "the pose where it stopped")
 
 
