@@ -7,7 +7,7 @@ pgraph.table = (() => {
     ["Graph", "numbers of the Pgraph, a lane for each branch; drag a number to move its row, onto another row to attach it there, with Shift to close a loop with it"],
     ["Body", "its name"],
     ["Parent", "the body it is attached to, or ground"],
-    ["DoF", "degrees of freedom of its joint, beside the kind of the joint; a mark where constraints or contacts touch the body"],
+    ["DoF", "degrees of freedom of its joint, beside the kind of the joint; a mark where a constraint holds the body, too"],
   ];
   const LAZY = 60; // rows from which cells are made when they come near the view
   let rows = [], byName = new Map(), trs = new Map(), anchor = null, near = null;
@@ -116,29 +116,29 @@ pgraph.table = (() => {
 
   const edit = (tr, field) => (serial, text) => pgraph.send("EditBodies", { serial, bodies: [tr.dataset.name], field, entries: [[[], text]] });
 
-  // The name's cell and the joint's picture; until then the row shows text.
+  // The digraph and the joint's picture; until then the row shows text.
   function furnish(tr) {
     near.unobserve(tr);
     if (tr.dataset.furnished) return;
     tr.dataset.furnished = "1";
-    tr.children[1].replaceChildren(cells.input(edit(tr, "name"), { label: "name", className: "name" }));
     tr.children[3].replaceChildren(make("span", { className: "kind" }), make("span", { className: "dof" }), make("span", { className: "tied" }));
     const row = byName.get(tr.dataset.name);
     tr.dataset.drawn = "";
     if (row) fill(tr, row);
   }
-  // The other cells, where the pointer or the focus is, or the selection.
+  // Its cells, where the pointer or the focus is, or the selection.
   function arm(tr) {
     furnish(tr);
     if (tr.dataset.armed) return;
     tr.dataset.armed = "1";
+    tr.children[1].replaceChildren(cells.input(edit(tr, "name"), { label: "name", className: "name" }));
     tr.children[2].replaceChildren(cells.choice(() => parents(tr.dataset.name), edit(tr, "parent"), { label: "parent" }));
     const mark = make("button", { className: "tied", onclick: () => pgraph.show("Connections", tr.dataset.name) });
     tr.querySelector(".tied").replaceWith(cells.choice(() => dofs(tr.dataset.name), edit(tr, "dof"), { label: "DoF" }), mark);
     refill(tr);
   }
   function rest(tr) {
-    if (!tr.dataset.armed || tr.matches(".selected, :hover") || tr.contains(document.activeElement) || tr.querySelector(".refused, .waiting")) return;
+    if (!tr.dataset.armed || tr.matches(".selected, :hover") || tr.contains(document.activeElement) || [...tr.querySelectorAll(".cell")].some((cell) => cell.value !== cell.dataset.shown || cell.matches(".refused, .waiting"))) return;
     delete tr.dataset.armed;
     tr.querySelector(".held .cell").remove();
     tr.querySelector(".tied").replaceWith(make("span", { className: "tied" }));
@@ -164,14 +164,14 @@ pgraph.table = (() => {
   function fillCells(tr, row) {
     const constraint = row.constraints.join(", ") || "holonomic";
     const [name, parent, dof] = tr.querySelectorAll(".cell"), mark = tr.querySelector(".tied");
-    cells.set(name, row.name);
     tr.children[3].title = `${row.joint}, ${row.dof} DoF`;
     tr.querySelector(".kind").replaceChildren(pgraph.gutter.joint(row.joint));
     tr.querySelector(".dof").textContent = row.dof;
     mark.setAttribute("aria-label", constraint);
     mark.title = row.constraints.length ? `${row.held}: ${constraint}; click to see them` : `its ${row.joint} joint alone; click to add a constraint`;
-    mark.classList.toggle("on", row.constraints.length > 0);
-    if (!tr.dataset.armed) { tr.children[2].textContent = row.parent; return; }
+    mark.classList.toggle("on", row.tied);
+    if (!tr.dataset.armed) { [row.name, row.parent].forEach((value, i) => { tr.children[i + 1].textContent = value; }); return; }
+    cells.set(name, row.name);
     cells.choose(parent, row.parent);
     cells.choose(dof, String(row.dof));
     if (dof.selectedOptions[0]) dof.selectedOptions[0].textContent = `${row.dof} ${row.joint}`;

@@ -39,6 +39,7 @@ def table(state: State) -> Payload:
             "joint": body.joint,
             "constraints": d.constraints[body.name],
             "held": held(d.constraints[body.name], kinds),
+            "tied": not constraints.isdisjoint(d.constraints[body.name]),
             "color": hue(d.branches[k - 1]),
             "kind": kind,
             "lane": lanes.lane[k - 1],

@@ -149,6 +149,7 @@ def keys(page: Page) -> None:
 
 def refused(page: Page) -> None:
     """Two cells that are not taken, and why."""
+    page.locator('table.bodies tr[data-name="lumbar"]').hover()
     name = page.locator('table.bodies tr[data-name="lumbar"] input.name')
     name.fill("thorax")
     name.press("Enter")

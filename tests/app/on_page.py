@@ -39,6 +39,10 @@ def row_cell(page: Any, name: str, label: str) -> Any:
     return under_pointer(row(page, name), row(page, name).get_by_label(label, exact=True))
 
 
+def name_cell(page: Any, name: str) -> Any:
+    return row_cell(page, name, "name")
+
+
 def node(page: Any, name: str) -> Any:
     return page.locator(f'svg.digraph g.node[data-name="{name}"]')
 

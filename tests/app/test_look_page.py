@@ -14,7 +14,7 @@ from pgraph_app.server import Server
 
 from .chromium import LEAST, LOOKS, SMALL
 from .conftest import LIMIT, SIZE, opened, until
-from .on_page import ask, choose_body, frames, row, simulate, typed
+from .on_page import ask, choose_body, frames, name_cell, simulate, typed
 
 TABS = (
     "Bodies", "Connections", "Scenarios", "Plots", "Accuracy", "Search", "Matrices", "Events",
@@ -86,7 +86,7 @@ def assert_all_tabs_in_order(page: Any) -> None:
         page.keyboard.press("Escape")
     shows(page, "!pgraph.overlaid()")
     page.evaluate("pgraph.toast('a notice'); pgraph.toast('another', true)")
-    cell = row(page, "lumbar").locator("input.name")
+    cell = name_cell(page, "lumbar")
     typed(cell, "thorax")
     page.locator("table.bodies tr.sentence").wait_for()
     assert_in_order(page, "a refused cell, and notices")

@@ -22,6 +22,7 @@ from .on_page import (
     drop,
     field,
     middle_of,
+    name_cell,
     names,
     node,
     notice,
@@ -64,7 +65,7 @@ def test_one_selection_is_shown_by_table_digraph_pgraph_properties_and_3d(page, 
     at_rest(page)
     page.mouse.click(*on_screen(page, middle_of(served, "shank")))
     selected_everywhere(page, "shank")
-    cell = row(page, "thigh").locator("input.name")
+    cell = name_cell(page, "thigh")
     typed(cell, "femur", "Tab")
     selected_everywhere(page, "femur")
     assert row_cell(page, "shank", "parent").input_value() == "femur"
@@ -83,7 +84,7 @@ def test_a_second_page_has_its_own_selection_and_sees_the_edits(page, open_page,
     half_typed = field(other, "mass")
     half_typed.fill("12.")
     typed(field(page, "mass"), "9")
-    typed(row(page, "trunk").locator("input.name"), "hips")
+    typed(name_cell(page, "trunk"), "hips")
     row(other, "hips").wait_for()
     assert half_typed.input_value() == "12."
     other.keyboard.press("Escape")
@@ -234,7 +235,7 @@ def test_keys_palette_and_menus_lead_everywhere(page, served):
         ("thigh", 'tr.selected[data-name="thigh"]'),
         ("New model", 'dialog[data-asked="newQuestion"]'),
     ):
-        row(page, "trunk").locator("input.name").click()  # from a field, too
+        name_cell(page, "trunk").click()  # from a field, too
         page.keyboard.press("Control+k")
         box = page.get_by_label("search bodies and commands")
         box.fill(words)

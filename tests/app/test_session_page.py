@@ -6,7 +6,7 @@ from pgraph_app.model.update import Undo
 from pgraph_app.table.view import table
 
 from .conftest import NOBODY, until
-from .on_page import cut_off, field, row, rows_selected, typed
+from .on_page import cut_off, field, name_cell, row, rows_selected, typed
 
 
 def test_two_pages_edit_at_once_and_agree(page, open_page, served):
@@ -14,7 +14,7 @@ def test_two_pages_edit_at_once_and_agree(page, open_page, served):
     start = served.store.state.model
     other = open_page()
     try:
-        half = row(other, "trunk").locator("input.name")
+        half = name_cell(other, "trunk")
         half.fill("half-typed")
         row(page, "trunk").locator(".others i").wait_for()  # where the other is
         rng = random.Random(3)
@@ -56,7 +56,7 @@ def test_a_page_that_comes_back_has_all_that_a_person_had_on_it(page, served):
     row(page, "shank").locator("td.number").click()
     row(page, "thigh").locator("td.number").click(modifiers=["Shift"])
     rows_selected(page, "thigh", "shank")
-    half = row(page, "trunk").locator("input.name")
+    half = name_cell(page, "trunk")
     half.evaluate("(cell) => { cell.value = 'half-typed'; }")
     cut_off(page, served)
     selected = lambda: [c.selected for c in served.store.state.clients.values()]  # noqa: E731

@@ -17,6 +17,7 @@ from .on_page import (
     copied,
     field,
     focused,
+    name_cell,
     names,
     nothing_refused,
     notice,
@@ -37,7 +38,7 @@ def chain(page: Any, served: Server) -> Any:
 
 def test_keys_move_and_type_as_in_a_spreadsheet(chain: Any, served: Server):
     page = chain
-    row(page, "2").locator("input.name").focus()
+    name_cell(page, "2").focus()
     for key, place in (
         ("ArrowDown", ["3", "name"]), ("ArrowRight", ["3", "parent"]), ("ArrowUp", ["2", "parent"]),
         ("Tab", ["2", "DoF"]), ("End", ["2", "holonomic"]), ("Home", ["2", "name"]),
@@ -56,7 +57,7 @@ def test_keys_move_and_type_as_in_a_spreadsheet(chain: Any, served: Server):
     page.keyboard.press("F2")
     page.keyboard.type("th")
     page.keyboard.press("Escape")
-    assert row(page, "4").locator("input.name").input_value() == "4"
+    assert name_cell(page, "4").input_value() == "4"
     assert served.store.state.model.body("4").name == "4"
 
     # drop-downs offer what is possible
@@ -76,7 +77,7 @@ def test_keys_move_and_type_as_in_a_spreadsheet(chain: Any, served: Server):
 
 def test_what_is_typed_before_the_server_answers_goes_where_it_belongs(chain: Any, served: Server):
     page = chain
-    row(page, "1").locator("input.name").focus()
+    name_cell(page, "1").focus()
     page.keyboard.press("F2")
     with held(served):
         page.keyboard.press("Control+a")
@@ -89,7 +90,7 @@ def test_what_is_typed_before_the_server_answers_goes_where_it_belongs(chain: An
         page.keyboard.press("ArrowRight")
         chosen(row_cell(page, "3", "DoF"), "3")  # by its name until then
         page.keyboard.press("Escape")
-        row(page, "5").locator("input.name").focus()
+        name_cell(page, "5").focus()
         page.keyboard.type("toe")
         page.keyboard.press("Enter")
         page.keyboard.type("foot")  # the last row: typed anew
@@ -99,13 +100,15 @@ def test_what_is_typed_before_the_server_answers_goes_where_it_belongs(chain: An
     assert [model.body(name).parent for name in names(served)[1:]] == names(served)[:-1]
     until(lambda: served.store.state.model.body("rocker").joint == "spherical", "its joint")
     nothing_refused(page)
-    shown = page.locator("tr .name").evaluate_all("(all) => all.map((e) => e.value)")
+    shown = page.locator("tr td:nth-child(2)").evaluate_all(
+        "(all) => all.map((one) => one.querySelector('input')?.value ?? one.textContent)"
+    )
     assert shown == names(served)
 
 
 def test_a_refusal_stands_beside_its_cell_and_keeps_the_text(chain: Any, served: Server):
     page, before = chain, served.store.state.model
-    row(page, "1").locator("input.name").focus()
+    name_cell(page, "1").focus()
     page.keyboard.type("2")
     page.keyboard.press("Enter")
     assert focused(page) == ["1", "name"]  # the page itself knows that name
@@ -118,9 +121,9 @@ def test_a_refusal_stands_beside_its_cell_and_keeps_the_text(chain: Any, served:
     assert focused(page) == ["2", "name"]
     page.keyboard.press("Enter")
     until(lambda: names(served)[:2] == ["1", "two"], "the second name")
-    assert row(page, "1").locator("input.name").input_value() == "2" + "x" * 101
-    row(page, "1").locator("input.name").press("Escape")
-    cell = row(page, "3").locator("input.name")
+    assert name_cell(page, "1").input_value() == "2" + "x" * 101
+    name_cell(page, "1").press("Escape")
+    cell = name_cell(page, "3")
     for text, part in (("x" * 10_000, "100"), ("\u202e", "control"), (" ", "empty"), ("4", "'4'")):
         typed(cell, text)
         refused(page, part)
@@ -200,7 +203,7 @@ def test_the_clipboard_carries_rows_and_names_what_it_refuses(chain: Any, served
     model = served.store.state.model
     assert model.body("7").inertia == model.body("3").inertia
     assert [model.body(name).parent for name in ("6", "7")] == ["1", "6"]
-    row(page, "6").locator("input.name").click()
+    name_cell(page, "6").click()
     paste(page, "hip\tground\t3\nknee\t\t0 weld\n")
     until(lambda: names(served)[5:] == ["hip", "knee"], "both filled")
     assert served.store.state.model.body("hip").joint == "spherical"

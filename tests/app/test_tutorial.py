@@ -7,7 +7,7 @@ from pgraph_app.playback.update import Pause
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
-from .on_page import ask, pose_of_all, row
+from .on_page import ask, name_cell, pose_of_all, row
 
 ROW_OF_FOCUS = "(name) => document.activeElement.closest('tr')?.dataset.name === name"
 
@@ -22,7 +22,7 @@ def create(page: Any) -> None:
 
 def rename(page: Any) -> None:
     """Names, one below the other."""
-    row(page, "1").locator("input.name").click()
+    name_cell(page, "1").click()
     page.keyboard.press("F2")
     page.keyboard.press("Control+a")
     for name, below in (("crank", "2"), ("coupler", "3"), ("rocker", "rocker")):
