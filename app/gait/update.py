@@ -11,8 +11,9 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import with_model
 from ..core.events import FromPage, Text, TypedText
+from ..playback.update import at
 from ..run import Request
-from ..run.update import asked, go_live, idle
+from ..run.update import asked, at_its_end, go_live, idle
 from . import LAWS, Offer, State, Walking, checked, chosen, grounded, law, offered, offers
 
 STRONGEST = 20.0  # push over the weight
@@ -42,6 +43,20 @@ class GoLive(FromPage):
         if offer is None or offer.scenario != scenario.name:
             state = replace(state, walking=chosen(state.walking, scenario.gait.name))
         return begun(state) or go_live(state)
+
+
+class Play(FromPage):
+    """Play the run, or compute it: a page may not have heard yet that there is none."""
+
+    def applied(self, state: State) -> State:
+        if state.going is not None:
+            return at_its_end(state, replace(state.going, running=True))
+        if state.run is None and state.model.bodies:
+            return Simulate(self.client).applied(state)
+        if state.t_end <= state.t_start:
+            return state
+        again = state.playback.time >= state.t_end
+        return at(state, state.t_start if again else state.playback.time, True)
 
 
 class Simulate(FromPage):

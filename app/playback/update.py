@@ -3,30 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import Field
 
 from ..core.events import Finite, FromPage
-from ..run.update import at_its_end
 from . import SPEEDS, State
 
-
-class Play(FromPage):
-    def applied(self, state: State) -> State:
-        if state.going is not None:
-            return at_its_end(state, replace(state.going, running=True))
-        if state.t_end <= state.t_start:
-            return state
-        again = state.playback.time >= state.t_end
-        return _at(state, state.t_start if again else state.playback.time, True)
+S = TypeVar("S", bound=State)
 
 
 class Pause(FromPage):
     def applied(self, state: State) -> State:
         if state.going is not None:
             return replace(state, live=replace(state.going, running=False))
-        return _at(state, state.playback.time, False) if state.playback.moves else state
+        return at(state, state.playback.time, False) if state.playback.moves else state
 
 
 class Scrub(FromPage):
@@ -40,7 +31,7 @@ class Scrub(FromPage):
             return state
         state = _held(state)
         time = min(max(self.time, state.t_start), state.t_end)
-        return _at(state, time, state.playback.playing)
+        return at(state, time, state.playback.playing)
 
 
 class StepFrames(FromPage):
@@ -59,7 +50,7 @@ class StepFrames(FromPage):
         if times:
             now = min(range(len(times)), key=lambda k: abs(times[k] - time))
             time = times[min(max(now + self.frames, 0), len(times) - 1)]
-        return _at(_held(state), time, False)
+        return at(_held(state), time, False)
 
 
 class Speed(FromPage):
@@ -84,7 +75,8 @@ class Loop(FromPage):
         return replace(state, playback=again)
 
 
-def _at(state: State, time: float, playing: bool) -> State:
+def at(state: S, time: float, playing: bool) -> S:
+    """Return the state that shows the run at a time."""
     playback = replace(state.playback, time=time, playing=playing, preview=False)
     return replace(state, playback=playback)
 
