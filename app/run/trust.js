@@ -31,7 +31,7 @@
   // What to do about it: one press sets it and runs again.
   function remedy([label, field, text]) {
     const act = () => { pgraph.send("SetRun", { serial: pgraph.nextSerial(), field, text }); pgraph.simulate(); };
-    return [make("dt", { textContent: "To improve" }), make("dd", {}, make("button", { className: "link", textContent: label, title: "Run again with it", onclick: act }))];
+    return [make("dt", { textContent: "To improve" }), make("dd", {}, make("button", { className: "link", textContent: label, title: `Run again with ${text}`, onclick: act }))];
   }
 
   function outcome(host, data) {

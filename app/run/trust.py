@@ -90,12 +90,12 @@ def verdict(run: Run) -> tuple[str, str, str]:
 
 
 def remedy(run: Run) -> tuple[str, str, str] | None:
-    """Return what makes a run better, the field of the settings, and its text; None if nothing."""
+    """Return what makes a run better, the field of the settings, and its text, or None."""
     step, rtol = (run.result.header.get(name) for name in ("step", "rtol"))
     if isinstance(step, float):
-        return f"step of {500 * step:.3g} ms", "step", f"{step / 2:.6g}"
+        return "halve the step", "step", f"{step / 2:.6g}"
     if isinstance(rtol, float):
-        return f"tolerance of {rtol / 10:.1g}", "rtol", f"{rtol / 10:.3g}"
+        return "tighten the tolerance", "rtol", f"{rtol / 10:.3g}"
     return None
 
 

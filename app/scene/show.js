@@ -15,7 +15,7 @@
       tool("move", "Move the joint of the selected body", () => send("SetGizmo", { what: pgraph.latest.show.gizmo === "link" ? "" : "link" })),
       tool("ruler", "Measure: distance and angle between two points (M)", () => pgraph.camera.measure()), make("span", { className: "rule" }));
     if (pgraph.choices.get().dragged) return;
-    const hint = make("div", { className: "pgraph pgraph-hint" }, make("b", { textContent: "Drag" }), " to pose it", make("b", { textContent: "Ctrl drag" }), " to push it");
+    const hint = make("div", { className: "pgraph pgraph-hint" }, make("b", { textContent: "Drag" }), " to pose", make("b", { textContent: "Ctrl drag" }), " to push");
     pgraph.frame.slot("view").append(hint);
     pgraph.on("joints", ({ posed }) => { if (posed) { hint.remove(); pgraph.choices.set({ dragged: true }); } }); // known from now on
   }
