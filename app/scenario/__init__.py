@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.joints import KINDS
 from pgraph_core.model.editing import free_name
 
 from ..constraints import Client as Client
 from ..constraints import Part, parts
 from ..constraints import State as State
 from ..core import cells
-from ..core.cells import Display, Quantity, Refusal
+from ..core.cells import Display, Refusal
+from ..properties.body_cells import quantity_of
 from ..run import Request
 
 ON, OFF = "on", "off"
@@ -46,16 +46,6 @@ def put(model: pg.Model, name: str, /, **fields: Any) -> pg.Model:
 # -- the run and the initial state -----------------------------------------------------------------
 
 
-def quantities(body: pg.Body, field: str) -> list[Quantity]:
-    """Return the quantity of each number of a joint's q. Rates are in SI units."""
-    shown: dict[str, Quantity] = {"rad": "angle", "m": "length"}
-    kinds = [KINDS[motion.kind] for motion in body.sequence]
-    if field == "v":
-        return ["number" for kind in kinds for _ in kind.v]
-    single = [(unit, len(kind.q) == 1) for kind in kinds for unit in kind.q]
-    return [shown[unit] if alone else "number" for unit, alone in single]
-
-
 def changed(
     model: pg.Model, name: str, field: str, index: Sequence[int], text: str, display: Display
 ) -> pg.Model:
@@ -83,8 +73,8 @@ def _states(
     row, k = index
     body, given = model.bodies[row], getattr(s, field)
     old = given.get(body.name, getattr(body, field))
-    of = quantities(body, field)[k] if k < len(old) else "number"
-    return {**given, body.name: cells.replaced(old, (k,), cells.quantity(text, of, display))}
+    new = cells.quantity(text, quantity_of(body, field, (k,)), display, rate=field == "v")
+    return {**given, body.name: cells.replaced(old, (k,), new)}
 
 
 def _with_body(model: pg.Model, s: pg.Scenario, name: str) -> pg.Model:

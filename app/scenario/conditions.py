@@ -28,8 +28,9 @@ from ..core.cells import (
     shown,
 )
 from ..core.events import Entries
+from ..properties.body_cells import quantity_of
 from ..signals import all_signals, known_of
-from . import OFF, ON, acting, put, quantities
+from . import OFF, ON, acting, put
 
 HOLDS = "holds"
 WAITS = {  # labels of triggers of switches
@@ -71,7 +72,7 @@ def unit_of(model: pg.Model, switch: pg.Switch) -> str:
     if what != "coordinate":
         return OF_VALUE.get(what, "")
     body, k = coordinates({body.name: body for body in model.bodies}).get(name, ("", 0))
-    of = quantities(model.body(body), "q")[k] if body else "number"
+    of = quantity_of(model.body(body), "q", (k,)) if body else "number"
     return of if of != "number" else ""
 
 

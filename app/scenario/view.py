@@ -9,6 +9,7 @@ from ..constraints.view import between, form
 from ..core.cells import Display, button, cell, field, group, shown
 from ..core.rows import by_number
 from ..core.views import Host, Payload, Place, topic
+from ..properties.body_cells import quantity_of
 from ..run import FREE_RUN
 from . import (
     OFF,
@@ -17,9 +18,9 @@ from . import (
     acting,
     as_forces,
     conditions,
-    quantities,
 )
 
+PER = {"q": "", "v": "/s"}
 MOST_EVENTS = 200  # limit on shown events of the log
 NEEDS = (
     "derived", "request",
@@ -81,9 +82,9 @@ def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> list[Payload]
         out = button("×", "", "starts as in the model", field="bodies", index=[], text=body.name)
         for name, label in (("q", body.name), ("v", "velocity")):
             values = getattr(s, name).get(body.name, getattr(body, name))
-            of = quantities(body, name)
-            unit = display.unit(of[0]) if name == "q" and len(set(of)) == 1 else ""
+            of = [quantity_of(body, name, (k,)) for k in range(len(values))]
             row_cells = [cell((row, k), shown(x, of[k], display)) for k, x in enumerate(values)]
+            unit = ", ".join(dict.fromkeys(u + PER[name] for q in of if (u := display.unit(q))))
             found.append(
                 field(name, label, row_cells, unit=unit, buttons=[out] if name == "q" else [])
             )
