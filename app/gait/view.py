@@ -15,7 +15,7 @@ from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
 from ..core.views import Host, Payload, Place, audience, hue, topic
-from ..run.footfalls import Change, prints
+from ..run.footfalls import Change, prints, since
 from . import (
     LAWS,
     Offer,
@@ -134,7 +134,6 @@ class PhasesView:
         self._bridge = bridge
         self._sent = 0.0  # when a picture of the live run was sent
         self._told: object = None  # data that all pages have
-        self._window = Window()
 
     def render(self, old: State, new: State) -> None:
         live = new.live
@@ -148,36 +147,17 @@ class PhasesView:
             return
         if due:
             self._told, self._sent, self._kept = key, time.monotonic(), falls
-        payload = phases(falls, new, self._window if running else None)
+        payload = phases(falls, new, running)
         for client in clients:
             self._bridge.send(client, "phases", payload)
 
 
-class Window:
-    """Incremental tracking of the changes in the last seconds of a growing run."""
-
-    def __init__(self) -> None:
-        self._first: Change | None = None
-        self._left = 0  # number of changes before the window
-        self._last: dict[str, Change] = {}  # the last of each foot that are
-
-    def of(self, falls: tuple[Change, ...], start: float) -> list[Change]:
-        """Return the changes after `start`, and the last one before it for each foot."""
-        if not falls or falls[0] is not self._first:  # another run, or its beginning was dropped
-            self._first, self._left, self._last = falls[0] if falls else None, 0, {}
-        while self._left < len(falls) and falls[self._left].t <= start:
-            change = falls[self._left]
-            self._last[change.foot] = change
-            self._left += 1
-        return [*self._last.values(), *falls[self._left :]]
-
-
-def phases(falls: tuple[Change, ...], state: State, window: Window | None = None) -> Payload:
-    """Return feet and their changes as [foot, time, phase], either all or those in a window."""
+def phases(falls: tuple[Change, ...], state: State, running: bool = False) -> Payload:
+    """Return feet and their changes as [foot, time, phase]: all, or the last of what is running."""
     start = max(state.t_start, state.t_end - WINDOW)
-    shown = falls if window is None else window.of(falls, start)
+    shown = since(falls, start) if running else falls
     feet = list(dict.fromkeys(change.foot for change in shown))
-    if window is None:  # feet that never touch come last
+    if not running:  # feet that never touch come last
         touched = {change.foot for change in shown if PHASES[change.phase] != SWING}
         feet.sort(key=lambda foot: foot not in touched)
     number = {foot: k for k, foot in enumerate(feet)}
