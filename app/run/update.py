@@ -215,7 +215,7 @@ def grown(live: Live, part: Any) -> tuple[tuple[Any, ...], tuple[int, ...]]:
     return tuple(parts), tuple(joined)
 
 
-def at_its_end(state: State, live: Live) -> State:
+def at_its_end(state: S, live: Live) -> S:
     """Show the live run at its latest time."""
     time = float(live.parts[-1].t[-1]) if live.parts else 0.0
     return replace(state, live=live, playback=replace(state.playback, time=time))
