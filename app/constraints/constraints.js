@@ -67,7 +67,7 @@
     box.hidden = !list.items.length;
     // what all lines would say stands above them
     const kinds = new Set(list.items.map(({ kind }) => kind)), one = list.part !== "sites" && kinds.size === 1;
-    box.querySelector(".note").textContent = [one ? [...kinds][0] : "", list.of && `as ${list.of} has them`].filter(Boolean).join(", ");
+    box.querySelector(".note").textContent = [one ? [...kinds][0] : "", list.of && `in ${list.of}`].filter(Boolean).join(", ");
     pgraph.keyed(box, list.items, () => tie(list.part), (el, item) => fill(el, item, one, list.of));
   }
 

@@ -63,7 +63,7 @@ def shows(state: State) -> str:
     time = shown_time(state)
     if time is not None:
         return f"run at {time:.3f} s"
-    return "by hand" if state.pose is not None else "model, at first"
+    return "posed by hand" if state.pose is not None else "initial pose"
 
 
 def hint(state: State, rows: list[Payload]) -> str:

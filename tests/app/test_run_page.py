@@ -326,9 +326,11 @@ def test_all_that_a_scenario_has_is_added_by_one_button(page, served):
     until(lambda: now()[0].name == "mine", "its name")
     page.locator('[data-view=scenario] .chosen[data-name="mine"]').wait_for()
     for kind, done in (
-        ("start body", lambda s: [*s.q] == ["2"]), ("force motor", lambda s: s.forces[0].body == "2"),
-        ("switch", lambda s: len(s.switches) == 1), ("start pose", lambda s: [*s.q] == ["1", "2"]),
-    ):  # fmt: skip
+        ("start body", lambda s: [*s.q] == ["2"]),
+        ("force motor", lambda s: s.forces[0].body == "2"),
+        ("switch", lambda s: len(s.switches) == 1),
+        ("start pose", lambda s: [*s.q] == ["1", "2"]),
+    ):
         add(kind)
         until(lambda done=done: done(now()[0]), kind)
     page.get_by_role("button", name="all as in the model").click()
