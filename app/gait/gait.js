@@ -33,7 +33,7 @@
           field("Slope", "°", c.slope, "How steeply it rises ahead; set before a walk"),
           field("Steps", "m", c.steps, "Height of platforms to walk over, from 1 m ahead on; 0: none. Set before a walk"),
           field("Contact", "", law, "The law of the feet: rigid, or one that gives"))),
-        make("fieldset", { className: "log" }, make("legend", { textContent: "Foot events" }), make("ol", { className: "falls" }))));
+        make("details", { className: "log" }, make("summary", { textContent: "Foot events" }), make("ol", { className: "falls" }))));
   }
 
   // A slider types into its cell, so that a refusal appears next to it.

@@ -40,7 +40,7 @@
     const data = host.operator, canvas = host.querySelector("canvas");
     if (!data || data.problem) return;
     const [n, m] = sides(data), style = getComputedStyle(host), edge = host.edge = 17;
-    const high = pane(host).clientHeight - (canvas.getBoundingClientRect().top - host.getBoundingClientRect().top) - host.querySelector(".facts").offsetHeight - 14;
+    const high = pane(host).clientHeight - (canvas.getBoundingClientRect().top - host.getBoundingClientRect().top) - host.querySelector(".facts").offsetHeight - 18;
     const wide = Math.max(host.clientWidth - 24, 100) - edge; // all of it in the pane, where that is large enough
     host.size = Math.max(2, Math.min(wide / Math.max(m, 1), Math.max(high - edge, 150) / Math.max(n, 1), 26));
     const ratio = window.devicePixelRatio || 1, w = host.size * m + edge, h = host.size * n + edge;
