@@ -131,7 +131,7 @@ def selected(state: S, client: int, body: str | None, bodies: tuple[str, ...]) -
 
 def renamed(old: pg.Model, new: pg.Model) -> Iterator[tuple[str, str, str]]:
     """Yield (kind, old name, new name) for each row that has been renamed."""
-    for kind in ("bodies", *NAMED):
+    for kind in ("bodies", *NAMED, "scenarios"):
         for a, b in _pairs(getattr(old, kind), getattr(new, kind)):
             if all(getattr(a, f, None) == getattr(b, f, None) for f in ("mass", "inertia", "kind")):
                 yield kind, a.name, b.name

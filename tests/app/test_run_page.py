@@ -309,43 +309,6 @@ def test_a_report_is_measured_shown_and_enlarged(rods, served):
     until(lambda: page.locator(".figure-large").count() == 0, "the page again")
 
 
-def test_all_that_a_scenario_has_is_added_by_one_button(page, served):
-    tie = pg.Constraint(name="tie", kind="point", body="2", point=(0.0, 0.0, 0.0))
-    opened(page, served, pg.Model.serial(2).add(tie).replace(name="rods"))
-    now = lambda: served.store.state.model.scenarios  # noqa: E731
-    choose_body(page, "2")
-    page.get_by_role("tab", name="Scenarios").click()
-
-    def add(kind: str) -> None:
-        page.locator("button.add-scenario").click()
-        page.locator(f'[data-view=scenario] .chooser [data-kind="{kind}"]').click()
-
-    add("scenario new")
-    until(now, "a scenario")
-    typed(page.locator("[data-view=scenario] .listed .cell:visible"), "mine")
-    until(lambda: now()[0].name == "mine", "its name")
-    page.locator('[data-view=scenario] .chosen[data-name="mine"]').wait_for()
-    for kind, done in (
-        ("start body", lambda s: [*s.q] == ["2"]),
-        ("force motor", lambda s: s.forces[0].body == "2"),
-        ("switch", lambda s: len(s.switches) == 1),
-        ("start pose", lambda s: [*s.q] == ["1", "2"]),
-    ):
-        add(kind)
-        until(lambda done=done: done(now()[0]), kind)
-    page.get_by_role("button", name="all as in the model").click()
-    until(lambda: not now()[0].q, "the state of the model")
-    add("scenario copy")
-    until(lambda: len(now()) == 2, "a copy")
-    page.locator("[data-view=scenario] .listed .chosen button.delete-scenario").click()
-    until(lambda: len(now()) == 1, "the first one alone")
-    page.locator("[data-view=scenario] .listed .row", has_text="free run").locator(
-        "button"
-    ).first.click()
-    until(lambda: served.store.state.request.scenario == "", "a free run")
-    page.locator("[data-view=scenario] .some").wait_for(state="hidden")
-
-
 def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compiled):
     """A tie of the second rod opens at a force. The log has the event, and a click goes there."""
     store = served.store

@@ -99,6 +99,16 @@ def test_all_scenarios_are_listed_with_the_one_that_is_edited(slider):
     assert [s["length"] for s in free["scenarios"]] == ["2 s", "2 s", ""]
 
 
+def test_a_renamed_scenario_keeps_its_row(slider):
+    """Its number changed with its name, so that what was sent for it meanwhile was refused."""
+    state = after(slider, do.NewScenario(ME), do.NewScenario(ME))
+    number = scenario(state, Display())["id"]
+    state = after(state, do.EditScenario(ME, 1, "name", (((), "throw"),), scenario=number))
+    assert scenario(state, Display())["id"] == number
+    late = after(state, do.EditScenario(ME, 2, "bodies", (((), "b"),), scenario=number))
+    assert [*late.model.scenario("throw").q] == ["b"]
+
+
 def test_the_pose_that_is_shown_starts_a_scenario(slider):
     state = store.ran(slider, run_of(slider))
     state = replace(after(state, do.Scrub(ME, 1.0), do.NewScenario(ME)), posed=None)
