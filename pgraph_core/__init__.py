@@ -4,6 +4,7 @@ A name's module is imported when the name is first used: describing, checking an
 starts no compiler, and a pendulum loads no contact, gait or study module.
 """
 
+from collections.abc import Iterator
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -168,11 +169,20 @@ def __getattr__(name: str) -> Any:
     elif name == "gym":
         value = import_module(".gym", __name__)
     else:
-        from .words import NoAttribute
+        from .words import SAME_ATTRIBUTES, NoAttribute
 
-        raise NoAttribute("module 'pgraph_core'", name, lambda: _HOME)
+        if (ours := SAME_ATTRIBUTES.get(name)) not in _HOME:
+            raise NoAttribute("module 'pgraph_core'", name, lambda: [*_HOME, *_methods(name)])
+        value = __getattr__(ours)
     globals()[name] = value
     return value
+
+
+def _methods(name: str) -> Iterator[str]:
+    """Yield "Class.name" for each class whose objects have this name, such as a method."""
+    for owner in ("Mechanism", "Model", "Result", "Stepper"):
+        if hasattr(__getattr__(owner), name):
+            yield f"{owner}.{name}"
 
 
 def _page(run: Any, fields: Any = ()) -> str:

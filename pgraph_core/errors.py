@@ -8,6 +8,7 @@ import functools
 import inspect
 import math
 import os
+import re
 import struct
 import types
 import typing
@@ -349,7 +350,9 @@ def _problems_of_call(
         known = _names(function)
         wrong = [name for name in named if name not in known]
         if wrong and known:
-            text = f"is not an argument; {nearest(wrong[0], parameters)}{example_of(function)}"
+            about = functools.partial(meaning_of, function)
+            text = f"is not an argument; {nearest(wrong[0], parameters, about)}"
+            text += example_of(function)
             return [Problem(where, wrong[0], text)]
         takes = ", ".join(str(p).split(":")[0] for p in parameters.values())
         return [Problem(where, "", f"{error}; it takes ({takes}){example_of(function)}")]
@@ -373,6 +376,13 @@ def _misfits(
                 hint = to_read(x) if "Model" in str(wanted) else example_of(function)
                 found.append(Problem(where, name, f"must be {wanted}; given {shown(x)}{hint}"))
     return found
+
+
+def meaning_of(function: Any, name: str) -> str:
+    """Return the first sentence about a parameter in a docstring, or ""."""
+    text = inspect.getdoc(function) or ""
+    found = re.search(rf"^(?:\w+, )*{name}(?:, \w+)* :.*\n((?: +.*\n?)+)", text, re.MULTILINE)
+    return re.split(r"(?<=[a-z\])])\.\s", " ".join(found[1].split()))[0] if found else ""
 
 
 def example_of(function: Any) -> str:

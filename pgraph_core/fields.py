@@ -592,7 +592,7 @@ class OfKinds(Acting):
     def class_for(cls, data: Any) -> type[OfKinds]:
         """Return the class for a part or its fields, or the first class for an unknown kind.
 
-        Without a kind it is the only class that has all of the fields.
+        Without a kind it is the only class that has most of the fields.
         """
         if isinstance(data, cls):
             return type(data)
@@ -600,8 +600,9 @@ class OfKinds(Acting):
         kind, first = given.get("kind"), next(iter(cls.KINDS.values()))
         if kind is not None:
             return cls.KINDS.get(kind, first) if isinstance(kind, str) else first
-        able = [each for each in cls.KINDS.values() if given.keys() <= each.model_fields.keys()]
-        return able[0] if len(able) == 1 else first
+        held = [len(given.keys() & each.model_fields.keys()) for each in cls.KINDS.values()]
+        most = max(held)
+        return first if held.count(most) > 1 else [*cls.KINDS.values()][held.index(most)]
 
     def __new__(cls, /, *args: Any, **data: Any) -> Any:
         return object.__new__(cls if cls.own_kind() else cls.class_for(data))

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+ALIKE = 0.7  # least similarity of a suggested name: 'render' is no 'energy' (0.67)
 # pairs of other programs that are two of our numbers
 PAIRS = {
     "t_span": ("t_start", "t_end"), "tspan": ("t_start", "t_end"),
@@ -88,16 +89,17 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
     names = list(known)
     near = [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
     if alike:
-        near += difflib.get_close_matches(name, names, n=1)
+        near += difflib.get_close_matches(name, names, n=1, cutoff=ALIKE)
     return next(iter(near), "")
 
 
 def attributes(name: str, known: Iterable[str]) -> list[str]:
     """Return what is written here for an attribute `name`: other programs' words, then spelling."""
     names = {*known}
-    found = [each for each in ATTRIBUTES.get(name, ()) if re.split(r"\W", each)[0] in names]
+    found = [each for each in names if each.endswith(f".{name}")]
+    found += [each for each in ATTRIBUTES.get(name, ()) if re.split(r"\W", each)[0] in names]
     found = found or [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
-    return found[:2] or difflib.get_close_matches(name, sorted(names), n=3)
+    return found[:2] or difflib.get_close_matches(name, sorted(names), n=3, cutoff=ALIKE)
 
 
 class NoAttribute(AttributeError):

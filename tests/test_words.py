@@ -124,6 +124,9 @@ def test_no_word_is_both_taken_and_a_name_of_ours_in_the_same_place():
         (lambda m: m.inverse_kinematics(position=(0, 0, 1)), "mech.inverse_kinematics({"),
         (lambda m: m.inverse_kinematics("rod"), "mech.inverse_kinematics({"),
         (lambda m: m.inverse_kinematics("rod", (0, 0, 1)), "mech.inverse_kinematics({"),
+        (lambda m: pg.simulate(m, t_end=1, u=lambda t, x: x), "f(t, q, v)"),
+        (lambda m: pg.fit(m, {}, parameter={}), "pg.fit("),
+        (lambda m: pg.Force("f", body="rod", force=(0, 0, 1), stop=1.0), "torque, force, frame"),
         (lambda m: pg.Motion("m", body="rod", function="t"), "'=0.5*sin(2*t)'"),
         (lambda m: pg.Motion("m", body="rod", velocity=2.0), "'=0.5*sin(2*t)'"),
         (lambda m: pg.Motion("m", body="rod", q_of_t=lambda t: t), "'=0.5*sin(2*t)'"),
@@ -132,6 +135,14 @@ def test_no_word_is_both_taken_and_a_name_of_ours_in_the_same_place():
 )
 def test_a_refusal_shows_what_to_write_by_an_example(call, example):
     assert_names(str(refusal(lambda: call(pg.Mechanism(MODEL)))), example)
+
+
+def test_a_word_that_is_like_none_of_ours_gets_no_hint():
+    assert pg.optimize is pg.optimise
+    with pytest.raises(AttributeError) as refused:
+        pg.Stepper(MODEL).render()
+    assert "did you mean" not in str(refused.value)
+    assert "did you mean" not in str(refusal(lambda: pg.Servo("s", body="rod", ki=1.0)))
 
 
 @pytest.mark.parametrize(
@@ -180,6 +191,9 @@ DRIVEN = MODEL.add(pg.Motor(name="m", body="rod"))
     ("of", "theirs", "ours"),
     [
         (pg, "solve_ivp", "simulate"), (pg, "Sphere", "Shape(kind=...)"), (pg, "Modle", "Model"),
+        (pg, "linearize", "Mechanism.linearize"), (pg, "jacobian", "Mechanism.jacobian"),
+        (pg, "edit", "Model.edit"), (pg, "to_csv", "Result.to_csv"),
+        (pg, "RevoluteJoint", "Revolute"),
         (pg, "MjData", "Stepper"), (pg, "load_urdf", "read_urdf"), (pg, "loads", "load"),
         (pg.Model, "from_dict", "from_json"), (pg.Model, "from_xml_path", "load"),
         (MODEL, "to_dict", "to_json"), (MODEL, "body_names", "bodies"), (MODEL, "massses", ""),
