@@ -332,20 +332,24 @@ INLINE = [
     TETRAHEDRON + ' scale="1 2 -.5"',
     TETRAHEDRON + ' refpos=".1 .2 .3" refquat="1 1 0 0"',
     'builtin="sphere" params="2" scale=".1 .1 .1"',
+    'file="m.msh"',  # MuJoCo's own format: how many vertices, normals, places, faces, then these
+    'file="m.msh" scale=".5 2 -1"',
 ]
+CORNERS = np.array([0, 0, 0, 0.2, 0, 0, 0, 0.2, 0, 0, 0, 0.2], "<f4").tobytes()
+SIDES = np.array([0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3], "<i4").tobytes()
+MSH = np.array([4, 0, 0, 4], "<i4").tobytes() + CORNERS + SIDES
 
 
 @pytest.mark.parametrize("mesh", INLINE)
 @pytest.mark.parametrize("turn", ["1 0 0 0", ".5 .5 -.5 .1"])
-def test_a_mesh_whose_vertices_stand_in_the_file_is_where_mujoco_has_it(
-    tmp_path, monkeypatch, mesh, turn
-):
+def test_a_mesh_that_is_kept_is_where_mujoco_has_it(tmp_path, monkeypatch, mesh, turn):
+    (tmp_path / "m.msh").write_bytes(MSH)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     geom = f'<geom type="mesh" mesh="m" mass="1" pos=".1 0 .2" quat="{turn}"/>'
     body = f'<body name="a" pos="1 2 3"><joint pos="0 .5 0" axis="0 1 0"/>{geom}</body>'
     text = world(body, rest=f'<asset><mesh name="m" {mesh}/></asset>')
     model, report = read(tmp_path, text)
-    m = mujoco.MjModel.from_xml_string(text)
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
     data = mujoco.MjData(m)
     mujoco.mj_kinematics(m, data)
     there = m.mesh_vert @ data.geom_xmat[0].reshape(3, 3).T + data.geom_xpos[0]

@@ -581,14 +581,13 @@ class _Reader:
         name = m.mesh(k).name
         at = int(m.mesh_pathadr[k])
         if at < 0:
-            return self._inline(k, name, acts)
+            return self._kept(k, name, "the file itself", acts)
         file = Path(os.fsdecode(m.paths[at : m.paths.index(b"\0", at)])).resolve()
         if not self.files.folders.holds(file):
             self.left_out("mesh", name, "it is outside the model's folder", acts=acts)
             return None
         if file.suffix.lower().lstrip(".") not in FORMATS:
-            self.left_out("mesh", name, f"of a format that is not read: {file.name}", acts=acts)
-            return None
+            return self._kept(k, name, file.name, acts)
         sizes = tuple(float(x) for x in m.mesh_scale[k])
         scale = sizes[0] if len(set(sizes)) == 1 and sizes[0] > 0 else sizes
         body = self.names[int(m.geom_bodyid[g])]
@@ -603,24 +602,22 @@ class _Reader:
         hull = {"hull": "convex"} if acts else {}
         return {"kind": "mesh", "file": str(file), **hull}
 
-    def _inline(
-        self, k: int, name: str, acts: bool
+    def _kept(
+        self, k: int, name: str, source: str, acts: bool
     ) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
-        """Save a mesh with inline vertices, as compiled by MuJoCo, to an OBJ file."""
+        """Save a mesh as compiled by MuJoCo to an OBJ file, where its `source` cannot be named."""
         m = self.m
         first, face = int(m.mesh_vertadr[k]), int(m.mesh_faceadr[k])
         vertices = m.mesh_vert[first : first + int(m.mesh_vertnum[k])]
         faces = m.mesh_face[face : face + int(m.mesh_facenum[k])]
+        text = f"its vertices are written in {source}"
         try:
             file = kept_mesh(name, vertices, faces)
         except FileError as error:
-            self.left_out(
-                "mesh", name, f"its vertices are written in the file itself: {error}", acts=acts
-            )
+            self.left_out("mesh", name, f"{text}: {error}", acts=acts)
             return None
-        text = f"its vertices are written in the file itself; they are kept in {file}"
-        self.report.add("converted", self.where("mesh", name), text)
-        return self._of_file(file, acts), np.zeros(3), (1.0, 0.0, 0.0, 0.0)
+        self.report.add("converted", self.where("mesh", name), f"{text}; they are kept in {file}")
+        return self._of_file(file, acts), np.zeros(3), NO_TURN
 
 
 NO_TURN = (1.0, 0.0, 0.0, 0.0)

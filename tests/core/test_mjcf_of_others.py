@@ -16,7 +16,7 @@ from tests.models_of_others import files, folder, largest_error
 mujoco = pytest.importorskip("mujoco")
 PACKAGES = ("gymnasium", "dm-control", "gymnasium-robotics", "robosuite")
 SAME = 1e-9  # relative
-NOT_SMOOTH = ("ellipsoid", "format that is not read", "plane", "heightfield")  # contacts only
+NOT_SMOOTH = ("ellipsoid", "plane", "heightfield")  # contacts only
 
 
 def loaded_by_mujoco(path: Path):
