@@ -37,12 +37,7 @@ KINDS = (
     FileKind("usd usda usdc usdz", f"is USD, {OTHERS}", sign=rb"#usda|PXR-USDC"),
     FileKind("proto wbt", f"is a model of Webots, {OTHERS}", sign=rb"#VRML_SIM"),
     FileKind("osim", f"is a model of OpenSim, {OTHERS}", "OpenSimDocument"),
-    FileKind("skel", f"is a model of DART, {OTHERS}", "skel"),
-    FileKind("ttt ttm", f"is a model of CoppeliaSim, {OTHERS}"),
-    FileKind("slx mdl", f"is a model of Simulink, {OTHERS}", sign=rb"Model \{"),
-    FileKind("mo", f"is a model in Modelica, {OTHERS}"),
-    FileKind("adm cmd", f"is a model of Adams, {OTHERS}"),
-    FileKind("bvh", f"is motion capture, {OTHERS}", sign=rb"HIERARCHY\s"),
+    FileKind("skel ttt ttm slx mdl mo adm cmd bvh", f"is a model of another program, {OTHERS}"),
     FileKind("mjb", "is a compiled model of MuJoCo; give the MJCF file that it was made from"),
     FileKind(
         "step stp iges igs brep fcstd sldprt sldasm catpart catproduct ipt iam x_t",
@@ -57,7 +52,7 @@ KINDS = (
         "fbx gltf 3ds blend wrl x3d ifc",
         f"is a mesh or scene of a format that is not read; convert it to {', '.join(FORMATS)}, and "
         "make it the shape of a body",
-        "X3D", rb"Kaydara FBX|; FBX|#VRML V|BLENDER",
+        "X3D", rb'Kaydara FBX|; FBX|#VRML V|BLENDER|\{\s*"(asset|accessors|buffers|scenes?)"',
     ),
     FileKind("npz", "holds a run; give it to pg.Result.load"),
     ARCHIVE,
@@ -82,13 +77,15 @@ def kind_of(path: str | PurePath, content: bytes) -> FileKind | None:
     suffix = PurePath(path).suffix.lower().lstrip(".")
     by_suffix = next((kind for kind in KINDS if suffix in kind.suffixes.split()), None)
     begun = content[:HEAD].lstrip(BLANK)
-    if not begun or begun.startswith((b"{", b"[")):
-        return by_suffix
     root = first_element(begun)
-    if root in MINE:
-        return None
+    if not begun or root in MINE:
+        return None if root else by_suffix
+    json = begun.startswith(b"{")
     for kind in KINDS:
-        mesh = kind.suffixes in FORMATS and not root and looks_like(kind.suffixes, content)
+        alike = kind.suffixes in FORMATS and not (root or json)
+        mesh = alike and looks_like(kind.suffixes, content)
         if mesh or root in kind.roots.split() or re.match(kind.sign, begun):
             return kind
+    if json:  # which may be a model of ours, whatever its name
+        return None
     return by_suffix or (ARCHIVE if begun.startswith(ZIP) else None)

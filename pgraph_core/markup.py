@@ -14,7 +14,7 @@ import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 from xml.parsers import expat
 
 from .errors import FileError, Problem, shown
@@ -59,10 +59,13 @@ class Element:
 
 
 class Source:
-    """A file being read, with its name for messages."""
+    """A file being read, with its name for messages.
 
-    def __init__(self, name: str):
-        self.name = name
+    With a list of `faults`, a number that is refused goes there, and its default is returned.
+    """
+
+    def __init__(self, name: str, faults: list[Any] | None = None):
+        self.name, self.faults = name, faults
 
     def at(self, element: Element | int, what: str = "") -> str:
         """Return the location in words, such as 'robot.urdf, line 12, joint 'knee''."""
@@ -100,7 +103,11 @@ class Source:
             why = ""
             if "," in given:
                 why = ", which has a comma: decimals have a point, and spaces separate numbers"
-            raise self.wrong(element, name, f"must be {count}; given {shown(given)}{why}", what)
+            fault = self.wrong(element, name, f"must be {count}; given {shown(given)}{why}", what)
+            if self.faults is None:
+                raise fault
+            self.faults.append(fault)
+            return default
         return found
 
     def number(

@@ -208,8 +208,8 @@ UNREAD = {  # fact of the answer -> files: (name, content)
     "pg.Shape(": [("a.stl", STL), ("A.STL", bytes(80) + b"\1\0\0\0" + bytes(50)), ("a.obj", b"x"),
                   ("a.json", STL), ("a.dae", b"<COLLADA/>"), ("a.xml", b"<COLLADA/>"),
                   ("a.glb", b"glTF\2"), ("a.json", b"v 0 0 0\nf 1 1 1\n")],
-    "convert": [("a.fbx", b"Kaydara FBX Binary"), ("a.json", b"; FBX 7.3.0"), ("a.gltf", b"{}"),
-                ("a.blend", b"BLENDER")],
+    "convert": [("a.fbx", b"Kaydara FBX Binary"), ("a.json", b"; FBX 7.3.0"),
+                ("a.gltf", b'{ "asset": {} }'), ("a.blend", b"BLENDER")],
     "pg.Result.load": [("r.npz", b"PK\3\4")],
     "unpack": [("bot.zip", b"PK\3\4"), ("bot.json", b"PK\3\4")],
     ".urdf": [("notes.txt", b"x"), ("a.png", b"\x89PNG"), ("t.csv", b"t,q"), ("a.what", b"\0\xff"),
@@ -230,6 +230,13 @@ def test_a_file_that_holds_no_model_is_named_with_what_to_do(tmp_path, load, fac
 
 
 MJCF = '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>'
+
+
+@pytest.mark.parametrize("name", ["m.json", "m.txt", "m.md", "m.yaml", "m.stl", "m.gltf", "m"])
+def test_a_model_in_json_is_read_whatever_its_name(tmp_path, name):
+    model = pg.Model.serial(2)
+    (tmp_path / name).write_text(f"\n {model.to_json()}")
+    assert pg.load(tmp_path / name) == pg.Model.load(tmp_path / name) == model
 
 
 @pytest.mark.parametrize("before", ["", '<?xml version="1.0"?>\n', "<!-- <mujoco/> -->\n\n"])

@@ -176,6 +176,7 @@ def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
 
 # -- inertias --------------------------------------------------------------------------------------
 
+SLACK = 1e-12  # relative: rounding in the moments of a flat or thin body
 MOST_INERTIA = float(np.finfo(float).max ** 0.5) / 10  # [kg m^2] squares of it can be added
 
 
@@ -189,27 +190,19 @@ def nearest_inertia(inertia: np.ndarray) -> tuple[tuple[float, ...], ...]:
     """Return the rigid-body inertia nearest to a symmetric matrix, in the Frobenius norm.
 
     A body has the second moments S = tr(I)/2 - I, which must be positive semidefinite; the
-    nearest such in the eigenvectors of I is a projection of its three eigenvalues [Wensing, Kim
-    and Slotine 2018 for the condition].
+    nearest such in the eigenvectors of I is that of a least-squares problem of its eigenvalues
+    [Wensing, Kim and Slotine 2018 for the condition].
     """
+    from scipy.optimize import nnls
+
     moments, axes = np.linalg.eigh((inertia + inertia.T) / 2)
-    best = _nearest_moments(moments)
+    about = 1.0 - np.eye(3)  # moments of inertia are sums of two second moments
+    size = float(np.abs(moments).max()) or 1.0  # squares of the largest moments overflow
+    best = size * (about @ nnls(about, moments / size)[0])
+    best += SLACK * float(best.max())
     fixed = axes @ np.diag(best) @ axes.T
     fixed = (fixed + fixed.T) / 2
     return tuple(tuple(float(x) for x in row) for row in fixed)
-
-
-def _nearest_moments(moments: np.ndarray) -> np.ndarray:
-    """Project moments onto the set satisfying the triangle inequalities (Dykstra's algorithm)."""
-    faces = np.array([[-1, 1, 1], [1, -1, 1], [1, 1, -1]]) / np.sqrt(3)
-    x, kept = moments.copy(), np.zeros((3, 3))
-    for _ in range(200):
-        for k, face in enumerate(faces):
-            before = x + kept[k]
-            x = before - min(face @ before, 0.0) * face
-            kept[k] = before - x
-    slack = 1e-12 * float(np.abs(x).max(initial=0.0))
-    return x + slack
 
 
 def unphysical(report: Report, where: str, name: str, inertia: np.ndarray) -> dict[str, Any]:

@@ -337,7 +337,7 @@ class _Reader(Shapes):
         fields["axes"] = [axis]
         dynamics = element.first("dynamics")
         for name in ("damping", "friction"):
-            value = self._number(dynamics, name, 0.0, what)
+            value = self.given.number(dynamics, name, 0.0, what)
             if value < 0:
                 text = f"must be >= 0; given {shown(value)}"
                 self._wrong(dynamics or element, name, text, what)
@@ -345,7 +345,7 @@ class _Reader(Shapes):
         return fields | self._limits(joint, kind, what)
 
     def _axis(self, element: Element, what: str) -> tuple[float, ...]:
-        axis = self._numbers(element.first("axis"), "xyz", X, what)
+        axis = self.given.numbers(element.first("axis"), "xyz", X, what)
         if 1e-9 < math.hypot(*axis) < 1e9:
             return axis
         text = f"must not be zero; given {shown(axis)}"
@@ -362,7 +362,7 @@ class _Reader(Shapes):
             self.report.add("warning", where, text, part=joint.child)
             return {}
         low, high = (
-            self._number(limit, name, 0.0, what, infinite=True) for name in ("lower", "upper")
+            self.given.number(limit, name, 0.0, what, infinite=True) for name in ("lower", "upper")
         )
         if low == -math.inf and high == math.inf:
             return {}
@@ -395,13 +395,13 @@ class _Reader(Shapes):
                 self.report.add("warning", self.source.at(element, what), text, part=name)
             return none
         com, turn = self._pose(inertial, what)
-        mass = self._number(inertial.first("mass"), "value", 0.0, what)
+        mass = self.given.number(inertial.first("mass"), "value", 0.0, what)
         if mass < 0:
             text = f"must be >= 0 [kg]; given {shown(mass)}"
             self._wrong(inertial.first("mass") or inertial, "mass", text, what)
         given = inertial.first("inertia")
         names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        xx, xy, xz, yy, yz, zz = (self._number(given, n, 0.0, what) for n in names)
+        xx, xy, xz, yy, yz, zz = (self.given.number(given, n, 0.0, what) for n in names)
         R = matrix(turn)
         inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
         inertia = (inertia + inertia.T) / 2
@@ -425,8 +425,8 @@ class _Reader(Shapes):
                 text = f"<mimic> names {shown(mimic.get('joint'))}, which is no other joint"
                 self.report.add("left out", where, text, acts=True, part=joint.child)
                 continue
-            ratio = self._number(mimic, "multiplier", 1.0, what)
-            offset = self._number(mimic, "offset", 0.0, what)
+            ratio = self.given.number(mimic, "multiplier", 1.0, what)
+            offset = self.given.number(mimic, "offset", 0.0, what)
             single = ("revolute", "continuous", "prismatic")
             kinds = [each.element.get("type") for each in (joint, leader)]
             if kinds[0] not in single or (kinds[1] not in single and ratio):
@@ -479,10 +479,10 @@ class _Reader(Shapes):
                 if end is None or link not in self.links:
                     self._wrong(element, side, "must name a link", what)
                     continue
-                xyz = self._numbers(end, "xyz", ZERO, what)
-                rpy = quaternion_of_rpy(self._numbers(end, "rpy", ZERO, what))
+                xyz = self.given.numbers(end, "xyz", ZERO, what)
+                rpy = quaternion_of_rpy(self.given.numbers(end, "rpy", ZERO, what))
                 ends.append((self._body_name(link), xyz, rpy))
-            axis = self._numbers(element.first("axis"), "xyz", X, what)
+            axis = self.given.numbers(element.first("axis"), "xyz", X, what)
             if len(ends) < 2:
                 continue
             (body, point, turn), (other, other_point, other_turn) = ends
@@ -504,8 +504,8 @@ class _Reader(Shapes):
             if limit is None or kind not in ("revolute", "continuous", "prismatic"):
                 continue
             what = f"joint {shown(joint.name)}"
-            effort = self._number(limit, "effort", 0.0, what, infinite=True)
-            speeds += 0 < self._number(limit, "velocity", 0.0, what, infinite=True) < math.inf
+            effort = self.given.number(limit, "effort", 0.0, what, infinite=True)
+            speeds += 0 < self.given.number(limit, "velocity", 0.0, what, infinite=True) < math.inf
             if effort > 0 and joint.element.first("mimic") is None:
                 body, most = self._body_name(joint.child), effort if effort < math.inf else None
                 found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=most))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -34,6 +33,7 @@ class Shapes:
     def __init__(self, name: str, folders: Folders):
         self.source, self.folders, self.report = Source(name), folders, Report(name)
         self.faults: list[PgraphError] = []
+        self.given = Source(name, self.faults)  # for numbers that are needed
         self.looked_at: dict[Path, Seen] = {}
         self.sizes: dict[MeshSize, None] = {}
         self.hulls = 0  # collision meshes, which touch by their convex hulls
@@ -51,31 +51,14 @@ class Shapes:
     def _wrong(self, element: Element, field: str, text: str, what: str) -> None:
         self.faults.append(self.source.wrong(element, field, text, what))
 
-    def _numbers(
-        self,
-        element: Element | None,
-        name: str,
-        default: tuple[float, ...],
-        what: str,
-        *,
-        infinite: bool = False,
-    ) -> tuple[float, ...]:
-        read = partial(self.source.numbers, infinite=infinite)
-        return self._noted(default, read, element, name, default, what)
-
-    def _number(
-        self, element: Element | None, name: str, default: float, what: str, **how: bool
-    ) -> float:
-        return self._numbers(element, name, (default,), what, **how)[0]
-
     def _pose(self, element: Element, what: str) -> tuple[tuple[float, ...], Quaternion]:
         """Return the position and quaternion from <origin>."""
         origin = element.first("origin")
-        xyz = self._numbers(origin, "xyz", ZERO, what)
+        xyz = self.given.numbers(origin, "xyz", ZERO, what)
         if origin is not None and "quat_xyzw" in origin.attributes:  # URDF 1.2
-            x, y, z, w = self._numbers(origin, "quat_xyzw", (0.0, 0.0, 0.0, 1.0), what)
+            x, y, z, w = self.given.numbers(origin, "quat_xyzw", (0.0, 0.0, 0.0, 1.0), what)
             return xyz, upright((w, x, y, z))
-        rpy = self._numbers(origin, "rpy", ZERO, what)
+        rpy = self.given.numbers(origin, "rpy", ZERO, what)
         if origin is not None and max(map(abs, rpy)) > 4 * math.pi:
             text = f"rpy {shown(rpy)} is many turns: is it in degrees? URDF has radians"
             self.report.add("warning", self.source.at(origin, what), text)
