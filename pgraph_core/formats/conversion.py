@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 from urllib.parse import unquote
@@ -107,15 +107,11 @@ class Report(Suggests):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as a dictionary, for JSON."""
-        entries = [
-            {"kind": e.kind, "where": e.where, "text": e.text, "acts": e.acts, "part": e.part}
-            for e in self.entries
-        ]
         return {
             "file": self.file,
             "loaded": self.loaded,
             "refused": self.refused,
-            "entries": entries,
+            "entries": [asdict(entry) for entry in self.entries],
             "repairs": {name: [list(row) for row in x] for name, x in self.repairs.items()},
         }
 
