@@ -225,9 +225,7 @@ class _Writer:
                 scale = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
                 parts = [(Tag("mesh", filename=shape.file, scale=scale), 0.0)]
             case kind:
-                where, acts = f"body '{name}'", tag == "collision"
-                text = f"a {kind}, which URDF does not have"
-                self.report.add("left out", where, text, acts=acts, part=name)
+                self._out(f"body '{name}'", f"a {kind}", name, acts=tag == "collision")
         tags: list[Tag] = []
         for solid, z in parts:
             place = np.array(shape.position) + rotate(shape.rotation, (0.0, 0.0, z))
@@ -249,10 +247,9 @@ class _Writer:
         if c.kind not in TYPE_OF_LOOP or not c.active or other == GROUND:
             text = f"a {c.kind} constraint" + ("" if c.active else " that is not active")
             to_ground = " to the ground" if c.kind in TYPE_OF_LOOP and other == GROUND else ""
-            text = f"{text}{to_ground}, which URDF does not have"
-            self.report.add("left out", where, text, acts=c.active, part=c.name)
+            self._out(where, f"{text}{to_ground}", c.name, acts=c.active)
             return None
-        ends = placed(self.model, c)
+        ends = Placed(self.model, c)
         turn, other_turn = np.eye(3), np.eye(3)
         if ends.axis is not None and ends.other_axis is not None:
             turn, other_turn = (
@@ -269,39 +266,36 @@ class _Writer:
 
     def _left_out(self) -> None:
         """Report active parts of the model that cannot be written to the file."""
-        model, out = self.model, self.report
+        model = self.model
         for body in model.bodies:
+            where = f"body '{body.name}'"
             for field in ("stiffness", "armature"):
                 if any(getattr(body, field)):
-                    where = f"body '{body.name}'"
-                    text = f"the joint's {field}, which URDF does not have"
-                    out.add("left out", where, text, acts=True, part=body.name)
+                    self._out(where, f"the joint's {field}", body.name)
             for shape in body.shapes:
                 for field in ("surface_velocity", "surface_spin"):
                     if any(getattr(shape, field)):
-                        where, acts = f"body '{body.name}'", shape.role != "visual"
-                        text = f"a shape's {field}, which URDF does not have"
-                        out.add("left out", where, text, acts=acts, part=body.name)
+                        acts = shape.role != "visual"
+                        self._out(where, f"a shape's {field}", body.name, acts=acts)
         for force in model.forces:
             if self.motors.get(force.body) is not force:
                 article = "an" if isinstance(force, Actuator) else "a"
-                text = f"{article} {force.kind}, which URDF does not have"
-                out.add("left out", f"force '{force.name}'", text, acts=True, part=force.name)
+                self._out(f"force '{force.name}'", f"{article} {force.kind}", force.name)
         for control in model.controls:
-            where = f"control '{control.name}'"
-            text = f"a {control.kind}, which URDF does not have"
-            out.add("left out", where, text, acts=True, part=control.name)
+            self._out(f"control '{control.name}'", f"a {control.kind}", control.name)
         for contact in model.contacts:
-            out.add("left out", f"contact '{contact.name}'", "URDF has no contacts", acts=True)
+            self._out(f"contact '{contact.name}'", "a contact", contact.name)
         if model.gravity != (0.0, 0.0, -9.81):
             text = f"gravity {model.gravity}; programs that read URDF assume (0, 0, -9.81)"
-            out.add("left out", "model", text, acts=True)
-        if model.sites:
-            out.add("left out", "model", f"{len(model.sites)} sites")
-        if model.outputs:
-            out.add("left out", "model", f"{len(model.outputs)} outputs")
-        if model.scenarios:
-            out.add("left out", "model", f"{len(model.scenarios)} scenarios")
+            self.report.add("left out", "model", text, acts=True)
+        for parts in ("sites", "outputs", "scenarios"):
+            if count := len(getattr(model, parts)):
+                self.report.add("left out", "model", f"{count} {parts}")
+
+    def _out(self, where: str, what: str, part: str, *, acts: bool = True) -> None:
+        """Report a part that cannot be written."""
+        text = f"{what}, which URDF does not have"
+        self.report.add("left out", where, text, acts=acts, part=part)
 
 
 # -- what a constraint means in numbers ------------------------------------------------------------
@@ -332,11 +326,6 @@ class Placed:
                 axis = (0.0, 0.0, 1.0)
             self.axis = np.array(axis) if axis is not None else R.T @ S @ np.array(other)
             self.other_axis = np.array(other) if other is not None else self.turn @ self.axis
-
-
-def placed(model: Model, c: Constraint) -> Placed:
-    """Return the points and axes of a constraint between bodies."""
-    return Placed(model, c)
 
 
 # -- numbers ---------------------------------------------------------------------------------------
