@@ -271,7 +271,9 @@ def test_a_follower_starts_where_its_leader_puts_it(read, ratio, offset):
     assert model.body("c").q == pytest.approx((2 * expected,), abs=1e-15)
 
 
-@pytest.mark.parametrize("scheme", ["package://bot", "model://bot", "..", "../../bot", "{}"])
+@pytest.mark.parametrize(
+    "scheme", ["package://bot", "package:///bot", "model://bot", "..", "../../bot", "{}"]
+)
 @pytest.mark.parametrize("role", ["visual", "collision"])
 def test_a_mesh_of_a_package_without_a_manifest_is_found_or_said_to_lie_outside(
     tmp_path, scheme, role

@@ -317,7 +317,7 @@ class Folders:
             return None, "its name is empty or contains a NUL"
         for scheme in ("package://", "model://"):
             if name.startswith(scheme):
-                return self._packaged(unquote(name[len(scheme) :]))
+                return self._packaged(unquote(name[len(scheme) :]).lstrip("/"))
         if name.startswith("file://"):
             name = unquote(name[len("file://") :])
         elif "://" in name:
