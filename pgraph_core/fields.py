@@ -590,22 +590,20 @@ class OfKinds(Acting):
 
     @classmethod
     def class_for(cls, data: Any) -> type[OfKinds]:
-        """Return the class for a part or its fields, or the first class for an unknown kind.
-
-        Without a kind it is the only class that has most of the fields.
-        """
+        """Return the class for a part or its fields, or the first class for an unknown kind."""
         if isinstance(data, cls):
             return type(data)
-        given = data if isinstance(data, Mapping) else {}
-        kind, first = given.get("kind"), next(iter(cls.KINDS.values()))
-        if kind is not None:
-            return cls.KINDS.get(kind, first) if isinstance(kind, str) else first
-        held = [len(given.keys() & each.model_fields.keys()) for each in cls.KINDS.values()]
-        most = max(held)
-        return first if held.count(most) > 1 else [*cls.KINDS.values()][held.index(most)]
+        kind = data.get("kind") if isinstance(data, Mapping) else None
+        first = next(iter(cls.KINDS.values()))
+        return cls.KINDS.get(kind, first) if isinstance(kind, str) else first
 
     def __new__(cls, /, *args: Any, **data: Any) -> Any:
-        return object.__new__(cls if cls.own_kind() else cls.class_for(data))
+        """Return a part of the given kind, or else of the only one that has most of the fields."""
+        if cls.own_kind() or "kind" in data:
+            return object.__new__(cls if cls.own_kind() else cls.class_for(data))
+        held = {each: len(data.keys() & each.model_fields.keys()) for each in cls.KINDS.values()}
+        most = [each for each, count in held.items() if count == max(held.values())]
+        return object.__new__(most[0] if len(most) == 1 else cls.class_for(data))
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
