@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-ALIKE = 0.7  # least similarity of a suggested name: 'render' is no 'energy' (0.67)
 # pairs of other programs that are two of our numbers
 PAIRS = {
     "t_span": ("t_start", "t_end"), "tspan": ("t_start", "t_end"),
@@ -89,7 +88,7 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
     names = list(known)
     near = [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
     if alike:
-        near += difflib.get_close_matches(name, names, n=1, cutoff=ALIKE)
+        near += difflib.get_close_matches(name, names, n=1, cutoff=0.7)
     return next(iter(near), "")
 
 
@@ -99,7 +98,7 @@ def attributes(name: str, known: Iterable[str]) -> list[str]:
     found = [each for each in names if each.endswith(f".{name}")]
     found += [each for each in ATTRIBUTES.get(name, ()) if re.split(r"\W", each)[0] in names]
     found = found or [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
-    return found[:2] or difflib.get_close_matches(name, sorted(names), n=3, cutoff=ALIKE)
+    return found[:2] or difflib.get_close_matches(name, sorted(names), n=3, cutoff=0.7)
 
 
 class NoAttribute(AttributeError):

@@ -19,7 +19,7 @@ from ..model.body import inertia_problems
 from ..model.description import LOST
 from ..model.doubts import DENSEST, MILLI, limits_in_degrees, wide
 from ..model.files import ALLOW
-from ..tolerances import SOLVED
+from ..tolerances import ROUNDING, SOLVED
 
 Kind = Literal["read", "converted", "approximated", "left out", "warning"]
 KINDS: tuple[Kind, ...] = ("warning", "left out", "approximated", "converted", "read")
@@ -172,7 +172,6 @@ def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
 
 # -- inertias --------------------------------------------------------------------------------------
 
-SLACK = 1e-12  # relative: rounding in the moments of a flat or thin body
 MOST_INERTIA = float(np.finfo(float).max ** 0.5) / 10  # [kg m^2] squares of it can be added
 
 
@@ -195,7 +194,7 @@ def nearest_inertia(inertia: np.ndarray) -> tuple[tuple[float, ...], ...]:
     about = 1.0 - np.eye(3)  # moments of inertia are sums of two second moments
     size = float(np.abs(moments).max()) or 1.0  # squares of the largest moments overflow
     best = size * (about @ nnls(about, moments / size)[0])
-    best += SLACK * float(best.max())
+    best += ROUNDING * float(best.max())  # for moments of flat and thin bodies
     fixed = axes @ np.diag(best) @ axes.T
     fixed = (fixed + fixed.T) / 2
     return tuple(tuple(float(x) for x in row) for row in fixed)
