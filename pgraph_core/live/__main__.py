@@ -14,7 +14,7 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
-from ..engine.compiler.building import object_of
+from ..engine.compiler.optimising import object_of
 from .module import ABOUT, NAMES, WASM, dispatchers, source_hash
 
 STACK = 1 << 20  # [bytes]

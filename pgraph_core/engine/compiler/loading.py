@@ -309,7 +309,7 @@ def _compiled(kernel: Kernel, variant: int, symbol: str, key: str) -> bytes:
             f"numba is not installed, and {why}; install Pgraph again, or type: pip install numba"
         )
         raise ModuleNotFoundError(text, name="numba")
-    from .building import module_of
+    from .optimising import module_of
 
     _say(f"{why}; kernels are compiled, which takes a while")
     found = object_of(module_of(kernel, variant, symbol, machine()))
