@@ -10,7 +10,6 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.analysis.inverse import nearest
-from pgraph_core.fields import fields_of
 from pgraph_core.joints import AXIAL, SIZE, Motion
 from pgraph_core.model.poses import elementary
 from pgraph_core.paper import bodies_of, frames, q_slices
@@ -227,20 +226,6 @@ def _first(model: pg.Model, body: pg.Body) -> int:
 
 def _cannot(body: pg.Body, why: str) -> pg.PgraphError:
     return pg.InputError(pg.Problem(f"body '{body.name}'", "q", f"cannot be moved further: {why}"))
-
-
-def with_initial(model: pg.Model, q: np.ndarray, v: np.ndarray | None = None) -> pg.Model:
-    """Return the model with q (nq,), and v (nv,) if given, as initial state. Raises PgraphError."""
-    top = pg.Topology.of(model)
-    bodies = bodies_of(model, top)
-    ends = np.cumsum([len(body.v) for body in bodies])
-    found = {}
-    for body, place, end in zip(bodies, q_slices(bodies), ends):
-        speeds = body.v if v is None else tuple(v[end - len(body.v) : end].tolist())
-        state = {"q": tuple(q[place].tolist()), "v": speeds}
-        same = (body.q, body.v) == (state["q"], state["v"])
-        found[body.name] = body if same else pg.Body(**{**fields_of(body), **state})
-    return model.replace(bodies=tuple(found[body.name] for body in model.bodies))
 
 
 FREQUENCY = 1.5  # [Hz] at which what is pulled would swing to the mouse

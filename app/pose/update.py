@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 import pgraph_core as pg
+from pgraph_core.dynamics.states import with_initial
 from pgraph_core.rotation import matrix, unit
 
 from ..core import cells
@@ -75,7 +76,7 @@ class UsePose(ModelEdit):
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
         q, v = solving.shown_q(state), solving.shown_v(state)
-        return solving.with_initial(state.model, q, v), "initial pose"
+        return with_initial(state.model, q, v), "initial pose"
 
 
 class SetGizmo(FromPage):

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 import pgraph_core as pg
+from pgraph_core.dynamics.states import with_initial
 
 from ..constraints import KINDS, parts
 from ..core.cells import Refusal
@@ -141,7 +142,7 @@ class TakePose(EditOfScenario):
         if not self.shown:
             return put(state.model, name, q={}, v={})
         q, v = solving.shown_q(state), solving.shown_v(state)
-        posed = solving.with_initial(state.model, q, v)
+        posed = with_initial(state.model, q, v)
         moves = [body for body in posed.bodies if body.q]
         return put(
             state.model, name, q={b.name: b.q for b in moves}, v={b.name: b.v for b in moves}

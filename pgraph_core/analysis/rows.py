@@ -310,15 +310,15 @@ def apart(mech: Dynamics, start: Array, q: Array) -> Array:
     return step
 
 
-def axis_name(direction: Array, rows: Rows, other: int) -> str:
+def axis_name(direction: Array, rows: Rows | None = None, other: int = 0) -> str:
     """Return "x", "x of 'rod'" for an axis fixed in body number `other`, or a world direction."""
     frames = [(np.eye(3), "")]
-    if other:
+    if rows is not None and other:
         frames.append((rows.poses[1][other - 1], f" of '{rows.mech.names[other - 1]}'"))
     for frame, of in frames:
         along = np.abs(frame.T @ direction)
         if along.max() > 1 - NOTABLE:
             return "xyz"[int(along.argmax())] + of
-    first = direction[np.abs(direction) > NOTABLE][0]  # the largest may be two, equal to rounding
-    x, y, z = direction if first > 0 else -direction
+    first = direction[np.abs(direction) > NOTABLE]  # the largest may be two, equal to rounding
+    x, y, z = -direction if len(first) and first[0] < 0 else direction
     return f"({x + 0.0:.3g}, {y + 0.0:.3g}, {z + 0.0:.3g})"

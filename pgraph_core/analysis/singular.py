@@ -22,7 +22,7 @@ from ..engine.arrays import FACTORED
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
 from ..tolerances import FAINT, NAMED, NEARBY, NOTABLE
-from .rows import Rows
+from .rows import Rows, axis_name
 
 ROWS_LISTED = 4
 TOO_LOW = "its error estimate may be too low"  # part of warnings about the estimate
@@ -99,12 +99,7 @@ def _direction(kind: int, d: Array) -> str:
     if kind in (at.T_COORD, at.T_VELOCITY):
         return "coordinate"
     what = "rotation about" if kind == at.T_ALIGN else "translation along"
-    size = float(np.linalg.norm(d))
-    along = np.abs(d) / (size or 1.0)
-    if along.max() > 1 - NOTABLE:
-        return f"{what} {'xyz'[int(along.argmax())]}"
-    x, y, z = d / size if size and d[np.abs(d).argmax()] > 0 else -d / (size or 1.0)
-    return f"{what} ({x + 0.0:.3g}, {y + 0.0:.3g}, {z + 0.0:.3g})"
+    return f"{what} {axis_name(d / (float(np.linalg.norm(d)) or 1.0))}"
 
 
 # -- singular positions -----------------------------------------------------------------------

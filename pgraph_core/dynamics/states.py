@@ -12,13 +12,15 @@ from ..engine import layout as at
 from ..engine.records import table
 from ..engine.tree import bodies as kernels
 from ..engine.tree import sensors
-from ..fields import GROUND
+from ..fields import GROUND, fields_of
 from ..model import Body, Model
 from ..model.output import OF_JOINT, OF_LOAD, READINGS, Output
 from ..packing import Array, Ints, System, quaternions
 from ..packing.packed import Packed
+from ..paper import bodies_of, q_slices
 from ..portable import same
 from ..rotation import unit
+from ..topology import Topology
 
 
 class Carried(NamedTuple):
@@ -41,6 +43,20 @@ def carried(new: Packed, old: Packed, q: Array, v: Array) -> Carried:
         new_q[joint.q] = q[before.q]
         new_v[joint.v] = v[before.v]
     return Carried(new_q, new_v, tuple(reset))
+
+
+def with_initial(model: Model, q: Array, v: Array | None = None) -> Model:
+    """Return the model with q (nq,), and v (nv,) if given, as initial state. Raises PgraphError."""
+    top = Topology.of(model)
+    bodies = bodies_of(model, top)
+    ends = np.cumsum([len(body.v) for body in bodies])
+    found = {}
+    for body, place, end in zip(bodies, q_slices(bodies), ends):
+        speeds = body.v if v is None else tuple(v[end - len(body.v) : end].tolist())
+        state = {"q": tuple(q[place].tolist()), "v": speeds}
+        same = (body.q, body.v) == (state["q"], state["v"])
+        found[body.name] = body if same else Body(**{**fields_of(body), **state})
+    return model.replace(bodies=tuple(found[body.name] for body in model.bodies))
 
 
 def angles(p: Array, q: Array) -> Array:

@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from ..dynamics.states import BodyMotion, Sensors, no_motion, size_of_motion, sizes_of_states
-from ..errors import (
-    InputError,
-    ModelError,
-    Problem,
-    choices,
-    explained,
-    guarded,
-)
+from ..errors import InputError, ModelError, Problem, choices, explained, guarded
 from ..packing import Array
 from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly
@@ -81,6 +74,12 @@ def _moving(field: str, what: str) -> Any:
         return run._of_bodies(name, getattr(run.body_motion, field))
 
     return property(read, doc=f"{what} in world axes, (n, nb, 6), or (n, 6) by name of body.")
+
+
+def _touching(kind: str, joined: Any, what: str) -> Any:
+    """Return a property with an array of each contact pair, which `joined` joins for two bodies."""
+    doc = f"{what}, {{contact pair: (n,)}}. Two names of bodies are accepted as well."
+    return property(lambda run: run._by_touch(kind, joined), doc=doc)
 
 
 @guarded(other="a run does not change; dataclasses.replace(run, q=...) makes another one")
@@ -413,16 +412,9 @@ class Result(Exports, EqualByFields, Portable):
         arrays = getattr(self.contacts, kind)
         return ByTouch(arrays, f"contact_{kind}", self.mechanism.model, joined, *swapped)
 
-    @property
-    def contact_gap(self) -> Mapping[str, Array]:
-        """Minimum gap [m] as {contact pair: (n,)}. Also accepts two names like `contact_force`."""
-        return self._by_touch("gap", np.minimum.reduce)
-
-    @property
-    def contact_slip(self) -> Mapping[str, Array]:
-        """Maximum slip speed [m/s] as {contact pair: (n,)}. Two names of bodies are also
-        accepted."""
-        return self._by_touch("slip", np.maximum.reduce)
+    contact_gap = _touching("gap", np.minimum.reduce, "Minimum gap [m] of contact pairs")
+    contact_slip = _touching("slip", np.maximum.reduce, "Maximum slip speed [m/s]")
+    contact_normal = _touching("normal", sum, "Normal force [N] of pairs with the ground")
 
     @property
     def contact_residual(self) -> Array:
@@ -434,11 +426,6 @@ class Result(Exports, EqualByFields, Portable):
         """
         found = self.contacts.residual
         return found if len(found) else np.zeros((len(self.t), 3))
-
-    @property
-    def contact_normal(self) -> Mapping[str, Array]:
-        """Normal force [N] for pairs with the ground, as {contact pair: (n,)}."""
-        return self._by_touch("normal", sum)
 
     @property
     def events(self) -> tuple[Event, ...]:

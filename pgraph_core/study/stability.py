@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics.arguments import finite, position
+from ..dynamics.states import with_initial
 from ..errors import PgraphError, choices, explained, refusal
-from ..joints import nq, nv
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..packing import Array
@@ -239,15 +239,7 @@ def started(model: Model, q: Any, v: Any) -> Model:
     start = mech.home()
     at = position(mech.packed, q) if q is not None else start[0]
     speed = finite("v", v, mech.nv) if v is not None else start[1]
-    states: dict[str, tuple[list[float], list[float]]] = {}
-    first, second = 0, 0
-    for name in mech.names:
-        motions = model.body(name).sequence
-        n, m = nq(motions), nv(motions)
-        states[name] = at[first : first + n].tolist(), speed[second : second + m].tolist()
-        first, second = first + n, second + m
-    bodies = tuple(changed(b, q=states[b.name][0], v=states[b.name][1]) for b in model.bodies)
-    return model.replace(bodies=bodies)
+    return with_initial(model, at, speed)
 
 
 # -- cells, in parallel on all cores ---------------------------------------------------------------

@@ -121,47 +121,6 @@ class Sweep(Portable):
             raise FileError(Problem(str(path), "", text)) from None
         write_atomic(path, buffer.getvalue())
 
-    def plot(self, metric: str | None = None) -> Any:
-        """Plot the sweep with Matplotlib.
-
-        One path gives a curve, two give a map, and more give one panel per path.
-
-        Parameters
-        ----------
-        metric : str, optional
-            Name of the plotted metric. The default is the first.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        from ..errors import needed
-
-        name = metric or next(iter(self.values))
-        if name not in self.values:
-            text = f"{name!r} was not measured; choose from {', '.join(self.values)}"
-            raise InputError(Problem("sweep", "metric", text))
-        pyplot, value = needed("matplotlib.pyplot", "plot"), self.values[name]
-        if len(self.paths) == 2:
-            figure, axes = pyplot.subplots()
-            drawn = (
-                axes.tripcolor(*self.points.T, value)
-                if len(self) > 3
-                else axes.scatter(*self.points.T, c=value)
-            )
-            axes.set(xlabel=self.paths[0], ylabel=self.paths[1])
-            figure.colorbar(drawn, label=name)
-            return figure
-        figure, panels = pyplot.subplots(1, len(self.paths), squeeze=False, sharey=True)
-        for i, axes in enumerate(panels[0]):
-            order = np.argsort(self.points[:, i])
-            axes.plot(
-                self.points[order, i], value[order], "-o" if len(self.paths) == 1 else "o", ms=3
-            )
-            axes.set(xlabel=self.paths[i])
-        panels[0, 0].set(ylabel=name)
-        return figure
-
 
 @explained
 def sweep(
