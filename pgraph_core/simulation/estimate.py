@@ -21,8 +21,15 @@ from ..errors import InputError
 from ..packing import Array
 from ..packing.signals import states_of
 from ..tolerances import EPS, SOLVED, VISIBLE
-from .finer import apart, finer_plan, may_jump, no_wider, offset_plan
-from .grazing import limits_on_coordinates, undecided
+from .finer import (
+    apart,
+    finer_plan,
+    limits_on_coordinates,
+    may_jump,
+    no_wider,
+    offset_plan,
+    undecided,
+)
 from .plan import RunPlan
 from .rates import fastest_rate, fastest_swings
 from .recording import Recording

@@ -36,13 +36,12 @@ from ..result.records import (
 )
 from ..tolerances import EPS
 from .conditions import Condition, limits_of
-from .failures import failure, trouble
+from .failures import Running, failure, trouble
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
 from .options import MOST_STEPS
 from .plan import RunPlan
 from .remarks import creeping, remarks, touching, turns_unseen
-from .running import Running
 from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from ..errors import InputError, choices
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
 from ..packing import Array
 from ..tolerances import NAMED, VISIBLE
-from .running import Running
+from .failures import Running
 
 
 def remarks(record: Running) -> Iterator[str]:
