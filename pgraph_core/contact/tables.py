@@ -490,9 +490,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
         for m, (k, pair, bounce) in enumerate(zip(motions, body.limits, body.limit_restitution)):
             if pair is None:
                 continue
-            for sign, bound, side in ((1.0, pair[0], "low"), (-1.0, pair[1], "high")):
-                if bound is None:
-                    continue
+            for sign, bound, side in _sides(*pair):
                 _, _, qi, vi = mech.system.rows[k].tolist()
                 block = np.zeros(at.BLOCK_F)
                 block[at.VALUE], block[at.REBOUND] = sign * bound, bounce
@@ -506,9 +504,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
         if not isinstance(tendon, Tendon):
             continue
         own, low, high = terms_of(tendon, mech.topology, mech.system), tendon.low, tendon.high
-        for sign, bound, side in ((1.0, low, "low"), (-1.0, high, "high")):
-            if bound is None:
-                continue
+        for sign, bound, side in _sides(low, high):
             block = np.zeros(at.BLOCK_F)
             block[at.VALUE] = sign * bound
             moves = max(abs(x) for *_, x in own)  # a joint's turn by a radian
@@ -527,9 +523,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
         bodies = [mech.topology.number(name) for name in spring.pair]
         ends = [int(mech.system.bodies_i[number, at.ROW]) for number in bodies]
         places = points_of(spring, mech.model.body(spring.body))
-        for sign, bound, side in ((1.0, spring.low, "low"), (-1.0, spring.high, "high")):
-            if bound is None:
-                continue
+        for sign, bound, side in _sides(spring.low, spring.high):
             block = np.zeros(at.BLOCK_F)
             block[at.VALUE], block[at.SIZE] = sign * bound, bound
             for column, number, place in zip((at.PA, at.PB), bodies, places):
@@ -538,6 +532,13 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
             values.append(block)
             names.append(f"spring {spring.name} {side} limit")
     return tuple(names), block_arrays(rows, values, terms, factors)
+
+
+def _sides(low: float | None, high: float | None) -> Iterator[tuple[float, float, str]]:
+    """Yield (sign, bound, side) of each bound that is given."""
+    for sign, bound, side in ((1.0, low, "low"), (-1.0, high, "high")):
+        if bound is not None:
+            yield sign, bound, side
 
 
 def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
