@@ -114,50 +114,10 @@ if TYPE_CHECKING:
     from .verification import load_cases as load_cases
     from .verification import verify as verify
 
-# module -> its public names; the imports above say the same to type checkers
-_MODULES = {
-    "batches.batch_stepper": "BatchStepper",
-    "analysis.assembly": "Assembly",
-    "analysis.feedback": "Feedback lqr place_poles",
-    "analysis.mobility": "Mobility",
-    "errors": "FileError InputError ModelError PgraphError Problem",
-    "search.fit": "Fit fit",
-    "search.optimise": "Optimum optimise",
-    "formats": "load",
-    "forces": "Bushing Lines Strut",
-    "formats.mjcf": "read_mjcf",
-    "formats.mjcf_out": "write_mjcf",
-    "formats.conversion": "Report",
-    "formats.urdf": "read_urdf",
-    "formats.urdf_out": "write_urdf",
-    "gait.controller": "Controller",
-    "gait.footing": "Footprint footprints gaits underfoot",
-    "mechanism": "Mechanism",
-    "model": (
-        "Actuator Body Constraint Contact Control Coupling Cylindrical Distance Drag Filter "
-        "Footfall Force "
-        "Gains Gait Gear Ground Line Model Motion Motor Orientation Output Plane Point Polynomial "
-        "PID Prismatic Revolute Rolling Sampled Scenario Servo Shape Sine Site Skate SpeedServo "
-        "Spring State Step "
-        "Switch Table Tendon Torsion Universal VectorTable Velocity Weld Wrench"
-    ),
-    "paper": "home_poses",
-    "paper.frame_update": "frame_update_trace",
-    "result": "Result Status",
-    "result.joining": "joined",
-    "simulation": "simulate",
-    "simulation.stepper": "Stepper",
-    "simulation.walk": "Walk",
-    "study.map": "StabilityMap",
-    "study.reference": "Reference",
-    "study.stability": "stability_map",
-    "study.report": "Study",
-    "study.work_precision": "work_precision",
-    "sweeps.sweep": "Sweep sweep",
-    "topology": "Topology jdof_of parent_of pgraph_of",
-    "verification": "Case Verdict load_cases verify",
-}
-_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
+with open(__file__, encoding="utf-8") as _source:
+    _IMPORTS = [line.split() for line in _source if line.startswith("    from .")]
+# {public name: its module}, from the imports above, which are for type checkers
+_HOME = {words[3]: words[1][1:] for words in _IMPORTS if words[4:5] == ["as"]}
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
