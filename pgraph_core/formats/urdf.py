@@ -516,7 +516,7 @@ class _Reader(Shapes):
 
     def _left_out(self) -> None:
         """Report each unsupported element type once, with the location of its first occurrence."""
-        seen: Counter[str] = Counter()
+        seen, acting = Counter[str](), set[str]()
         first: dict[str, int] = {}
         inside = [(self.robot, KNOWN)]
         inside += [(link, OF_LINK) for link in self.links.values()]
@@ -526,6 +526,10 @@ class _Reader(Shapes):
                 if child.tag not in known:
                     seen[child.tag] += 1
                     first.setdefault(child.tag, child.line)
+                    if child.tag in ACTING and any(
+                        x.strip("0. ") for x in child.attributes.values()
+                    ):
+                        acting.add(child.tag)
         read = sorted(KNOWN | OF_LINK | OF_JOINT)
         for tag, count in seen.items():
             many = f"{count} elements <{tag}>, the first here" if count > 1 else f"<{tag}>"
@@ -534,7 +538,7 @@ class _Reader(Shapes):
                 many += ", which means nothing inside of this element"
             elif close:
                 many += f"; did you mean <{close[0]}>?"
-            acts = bool(close) or tag in ACTING
+            acts = bool(close) or tag in acting
             self.report.add("left out", self.source.at(first[tag]), many, acts=acts)
         if self.hulls:
             text = f"{self.hulls} collision meshes touch by their convex hulls"
