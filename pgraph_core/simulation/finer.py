@@ -5,10 +5,15 @@ A run of half the step makes the same error wherever the jump follows an end tha
 so it ends its steps elsewhere. There still is a time within the step for which both errors are the
 same. No jump has three runs agree if the third has the same step, a third of it off: what a step
 finds acts from its start, its middle or its end on, and no two of these meet.
+
+Steps of its own choice take the rest before an end at once or in two equal ones, so that a finer
+run with an end in the middle of an interval may repeat them. No equal parts of an interval end at
+its golden section.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -28,6 +33,7 @@ if TYPE_CHECKING:
     from ..contact.tables import Tables
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
+GOLDEN = (3 - math.sqrt(5)) / 2  # where the golden section divides an interval
 STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
 
 
@@ -35,8 +41,8 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     """Return the plan with each fixed step in two or with a tighter tolerance, given the number of
     steps taken.
 
-    If frames or corners of tables end steps of its own choice, the finer ones end half way from one
-    to the next. Given steps that were `divided` followed a tolerance inside.
+    If frames or corners of tables end steps of its own choice, the finer ones end on the way from
+    one to the next. Given steps that were `divided` followed a tolerance inside.
     """
     given = plan.tolerance
     way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
@@ -50,14 +56,14 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     frames = ends_run if len(plan.method.tableau.dense) else plan.times  # frames that end steps
     ends = np.union1d(plan.corners, frames)
     wide = np.diff(ends) > SOLVED * float(np.ptp(plan.times)) / steps
-    halves = ends[:-1][wide] + 0.5 * np.diff(ends)[wide]
+    between = ends[1:][wide] - GOLDEN * np.diff(ends)[wide]
     ahead, after = ends[:-1][~wide], ends[1:][~wide]  # one time, but for rounding
     same = np.append(ahead[np.isin(after, frames)], after[np.isin(ahead, frames)])
     widest = given.widest * (0.5 if given.fixed else 1.0)
     rtol = min(max(given.rtol / FINER, 100.0 * EPS), given.rtol)
     atol = given.atol * rtol / given.rtol
     finer = finer._replace(widest=widest, fixed=False, rtol=rtol, atol=atol)
-    corners = np.union1d(np.setdiff1d(plan.corners, same), halves)
+    corners = np.union1d(np.setdiff1d(plan.corners, same), between)
     return replace(plan, tolerance=finer, corners=corners)
 
 

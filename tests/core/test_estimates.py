@@ -594,3 +594,21 @@ def test_one_wide_step_beside_short_ones_has_its_error(at, method, rtol):
     off = np.abs(run.q - fine.q).max()
     assert off < 10 * run.error_estimate + 1e-14
     assert run.error_estimate < 20 * off + 1e-14
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("method", ["dop853", "dopri5"])
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_steps_that_halve_the_rest_are_not_repeated(scale, method, rtol):
+    """An interval after the last corner, of any length, is taken in one step, two or more."""
+    mass, w = 2.0, 0.7 / scale
+    given: dict[str, Any] = {"stiffness": mass * w * w, "damping": 0.8 * mass * w, "q": (0.4,)}
+    knots, values = scale * np.array([0.0, 0.22, 0.39]), mass * w * w * np.array([1.0, -1.2, 0.9])
+    body = pg.Body(name="a", joint="prismatic", mass=mass, inertia=np.zeros((3, 3)), **given)
+    motor = pg.Motor(name="m", body="a", torque=pg.Table(t=knots.tolist(), value=values.tolist()))
+    mech = pg.Mechanism(pg.Model(bodies=[body], forces=[motor], gravity=(0, 0, 0)))
+    for t_end in scale * np.geomspace(0.45, 6.0, 25):
+        run = pg.simulate(mech, t_end=t_end, frames=101, method=method, rtol=rtol)
+        fine = pg.simulate(mech, t_end=t_end, frames=101, method="dop853", rtol=1e-13)
+        off = np.abs(run.q - fine.q).max()
+        assert 0.2 * off - 1e-13 < run.error_estimate < 10 * off + 1e-13, t_end
