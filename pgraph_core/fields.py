@@ -200,6 +200,7 @@ def _readable(text: str) -> str:
 Finite = Annotated[float, Strict(), AllowInfNan(False)]
 Row3 = tuple[Finite, Finite, Finite]
 Number = Annotated[Finite, BeforeValidator(listed)]
+NotNegative = Annotated[Number, Field(ge=0)]
 Vec3 = Annotated[Row3, BeforeValidator(_ordered)]
 Quat = Annotated[tuple[Finite, Finite, Finite, Finite], BeforeValidator(_ordered)]
 Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(_inertia)]

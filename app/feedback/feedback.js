@@ -31,7 +31,7 @@ pgraph.feedback = (() => {
   function chart(curves, title) {
     if (!curves.length) return [];
     const lines = curves.map(([, t, y], i) => ({ t, y, style: `stroke: var(--s${i % 8})` }));
-    return [text("h4", "", title ?? `Response to a step, ${digits(curves[0][1].at(-1))} s`), pgraph.chart("response to a step", lines, true),
+    return [text("h4", "", title ?? `Response to a step over ${digits(curves[0][1].at(-1))} s, each as a part of the largest`), pgraph.chart("response to a step", lines, true),
       make("div", { className: "legend muted" }, ...curves.map(([name], i) => { const one = text("span", "", name); one.style.setProperty("--hue", `var(--s${i % 8})`); return one; }))];
   }
 

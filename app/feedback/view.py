@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+import pgraph_core as pg
+
 from ..core.cells import Display, cell, choice, field, group, quantity_in, shown
 from ..core.views import NOTHING, Host, Payload, Place, topic
+from ..signals import spoken
 from . import Client, Design, State, response, unit_of
 from .setpoint import SETTLED, Response
 from .update import coordinates, named
@@ -27,8 +30,13 @@ def feedback(design: Design, display: Display) -> Payload:
         "poles": poles(found.poles),
         "stable": found.stable,
         "hold": " ".join((_held(design, display), *found.notices)),
-        "curves": response(design),
+        "curves": [(called(name, found), t, y) for name, t, y in response(design)],
     }
+
+
+def called(name: str, found: pg.Feedback) -> str:
+    """Return an input or a state in words."""
+    return name if name in found.inputs else spoken(name)
 
 
 def stepped(response: Response, display: Display) -> Payload:
@@ -73,7 +81,8 @@ def _asked(design: Design) -> list[Payload]:
     if design.found is not None:
         states = design.found.positions
         step = asked.step if asked.step in states else states[0]
-        rows.append(choice("step", "Step of", step, states, help="in the response"))
+        options = [(x, called(x, design.found)) for x in states]
+        rows.append(choice("step", "Step of", step, options, help="in the response"))
     return rows
 
 
@@ -91,7 +100,8 @@ def _allowed(design: Design, display: Display) -> list[Payload]:
         of = quantity_in(unit)
         value = asked.largest.get(name, design.largest.get(name))
         one = cell((k,), None if value is None else shown(value, of, display))
-        rows.append(field("largest", name, [one], unit=display.unit(of) or unit, row=k,
+        label = name if k < count or design.found is None else called(name, design.found)
+        rows.append(field("largest", label, [one], unit=display.unit(of) or unit, row=k,
                           help="the largest that is allowed; empty: left out"))  # fmt: skip
     found = [group("Largest input", rows[:count])]
     if asked.method == "lqr" and rows[count:]:
@@ -107,8 +117,9 @@ def _held(design: Design, display: Display) -> str:
     texts = []
     for name, value in (*states, *zip(found.inputs, found.hold)):
         unit = unit_of(design.model, name)
-        amount = shown(float(value), quantity_in(unit), display)
-        texts.append(f"{name} = {amount:.4g} {display.unit(quantity_in(unit)) or unit}".strip())
+        of = quantity_in(unit)
+        amount = f"{shown(float(value), of, display):.4g} {display.unit(of) or unit}"
+        texts.append(f"{called(name, found)} = {amount}".strip())
     return ", ".join(texts)
 
 

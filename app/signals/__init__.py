@@ -200,6 +200,12 @@ def all_signals(known: Known) -> list[str]:
     return [x for group, name in _measured(known) for x in signals_of(known, group, name)]
 
 
+def spoken(text: str) -> str:
+    """Return a signal in words, such as "speed of arm"."""
+    group, name, k = parsed(text).signal
+    return f"{MEASURED[group]} {name}" + (f", {k}" if k else "")
+
+
 def signals_of(known: Known, group: str, name: str) -> list[str]:
     """Return the signals of a body, control, output or drive."""
     count = 1

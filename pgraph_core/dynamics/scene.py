@@ -222,9 +222,8 @@ def _summed(wrenches: Array, spans: list[tuple[str, int, int]]) -> dict[str, Arr
 
 def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:
     """Copy the drives and loads, so that expression values are written to separate arrays."""
-    table, knots = loads.wrench
-    signals = tuple(array.copy() for array in loads.signals)
-    loads = loads._replace(wrench=(table, knots.copy()), signals=signals)
+    own = ((table, knots.copy()) for table, knots in loads[:-1])
+    loads = Loads(*own, tuple(array.copy() for array in loads.signals))
     return drives._replace(knots=drives.knots.copy()), loads
 
 

@@ -104,6 +104,21 @@ def _counts(n):
     return count
 
 
+def _puts(n):
+    if n == len(LOADS):
+        return part(lambda loads, kind, k, column, value: None)
+    rest = _puts(n + 1)
+
+    @part
+    def chain(loads, kind, k, column, value):
+        if kind == n:
+            loads[n][1][k, column] = value
+        else:
+            rest(loads, kind, k, column, value)
+
+    return chain
+
+
 def _applies(n):
     if n == len(LOADS):
         return part(lambda loads, work, linear, t: (0.0, 0.0))
@@ -148,6 +163,8 @@ def _stores(n):
 
 # number of loads of all kinds
 count_of_loads = _counts(0)
+# a number into a knot of loads of one kind, which is counted from 0
+put_in_knots = _puts(0)
 # all loads onto the rows, after `positions` and `velocities`; powers in and dissipated [W]
 apply_loads = _applies(0)
 # all loads added to `external` (nb, 6), after `positions` and `velocities`

@@ -10,6 +10,7 @@ import math
 from .compiler.elementary import acos, asin, atan, cos, exp, log, power, sin, tan
 from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, I2, f8, void
+from .loads import put_in_knots
 
 COLUMNS = 5
 (
@@ -17,9 +18,10 @@ COLUMNS = 5
     TAN, EXP, LOG, ASIN, ACOS, ATAN, POW,
 ) = range(24)  # fmt: skip
 COMPARING = MIN, MAX, LESS, AT_MOST, ABS
-# where a value goes: the instruction, DRIVE or WRENCH, the first knot, how many knots, the column;
-# the number of its force, and 1 once the value was not finite
-DRIVE, WRENCH = 0, 1
+JUMPING = CHOOSE, LESS, AT_MOST  # operations whose value jumps
+# where a value goes: the instruction, DRIVE or a kind of load, counted from 1, the first knot, how
+# many knots, the column; the number of its force, and 1 once the value was not finite
+DRIVE = 0
 OWNER, FAILED, TARGET = 5, 6, 7
 # states of controls: the instruction of the rate or the new value, that of the time between samples
 # or -1, that of the first value, the number of the control, and 1 once the value was not finite
@@ -197,13 +199,12 @@ def slopes_of(op, a, x):
 
 @sweep
 def follow_signals(signals, drives, loads, t, q, v):
-    """Write the values of all expressions to the inputs of drives and wrenches.
+    """Write the values of all expressions to the knots of drives and loads.
 
     Returns 0, or -1 where one of them is not finite: a bound would hide it.
     """
     code, targets, states = signals
     evaluate(code, 0, code.shape[0] // 2, t, q, v)
-    wrenches = loads.wrench[1]
     failed = 0
     for n in range(targets.shape[0]):
         value = code[2 * targets[n, 0] + 1, 0]
@@ -216,7 +217,7 @@ def follow_signals(signals, drives, loads, t, q, v):
                 drives.knots[k, 1] = value
                 drives.knots[k, 3] = value
             else:
-                wrenches[k, column] = value
+                put_in_knots(loads, targets[n, 1] - 1, k, column, value)
     for n in range(states.shape[0]):
         if states[n, SAMPLE] < 0 and not abs(code[2 * states[n, 0] + 1, 0]) < math.inf:
             failed = -1

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from ..curves import Table, VectorTable
+from ..engine.compiler.jit import part
 from ..engine.records import INTEGER, record
 from ..errors import shown
 from ..fields import (
     GROUND,
     Entries3,
     Expression,
+    NotNegative,
     Number,
     OfKinds,
     Text,
@@ -31,6 +33,7 @@ Array = npt.NDArray[np.float64]
 Varying = Number | Table | Expression
 Vectors = npt.ArrayLike | VectorTable | Sequence[float | str] | Mapping[str, Any]
 over_time: Callable[[float | Table | str | Mapping[str, npt.ArrayLike]], Varying] = listed
+number_or_law: Callable[[float | str], NotNegative | Expression] = listed
 vector_over_time: Callable[[Vectors], Entries3 | VectorTable] = listed
 
 
@@ -41,6 +44,8 @@ class Force(OfKinds):
     """
 
     PASSIVE: ClassVar[bool] = False  # acts in every question, others in runs only
+    VARIES: ClassVar[tuple[str, ...]] = ()  # fields that take expressions
+    VARIES_SINCE: ClassVar[int] = 6  # schema version of files in which they do
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
     WORD: ClassVar[str] = "force"
     NOTHING: ClassVar[Mapping[str, Any]] = {
@@ -55,6 +60,17 @@ class Force(OfKinds):
     def __init__(self, /, **data: Any):
         """Create a force of the given kind. Raises ModelError."""
         super().__init__(**data)
+
+    @property
+    def _varies(self) -> bool:
+        """Return True if it contains an expression in time and the motion."""
+        values = [getattr(self, name) for name in self.VARIES]
+        return any(type(x) is str or (type(x) is tuple and str in map(type, x)) for x in values)
+
+    @property
+    def _passive(self) -> bool:
+        """Return True if it acts in every question. A law that varies acts in runs only."""
+        return self.PASSIVE and not self._varies
 
     @property
     def _idle(self) -> str:
@@ -120,6 +136,37 @@ class Between(WithOther, OnBody):
     """A force acting between `body` and `other`."""
 
     PASSIVE: ClassVar[bool] = True
+
+
+class Sprung(Between):
+    """A spring and damper, whose stiffness and damping may be expressions.
+
+    Those are the columns of a knot of its own, which it has if one of them is an expression. Such a
+    spring stores no energy, as its power is work.
+    """
+
+    SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
+    VARIES: ClassVar[tuple[str, ...]] = SCALES
+    VARIES_SINCE: ClassVar[int] = 8
+
+    if TYPE_CHECKING:
+        stiffness: float | str
+        damping: float | str
+
+
+def pack_rates(f: Sprung, one: Any) -> Array | None:
+    """Write the stiffness and damping into the row, or return them as a knot if one varies."""
+    rates = [0.0 if isinstance(x, str) else x for x in (f.stiffness, f.damping)]
+    one["stiffness"], one["damping"] = rates
+    return np.array([rates]) if f._varies else None
+
+
+@part
+def rates_of(one, knots):
+    """Return the present (stiffness, damping) of a spring."""
+    if one.knots == 0:
+        return one.stiffness, one.damping
+    return knots[one.first_knot, 0], knots[one.first_knot, 1]
 
 
 HEADER = {

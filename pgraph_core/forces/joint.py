@@ -23,6 +23,7 @@ class OnJoint(Force, OfSums):
     """
 
     INPUT: ClassVar[str] = "torque"  # the field that is the input
+    VARIES: ClassVar[tuple[str, ...]] = ("torque",)
 
     coordinate: Whole = field(
         "the number of a degree of freedom of the joint, from 0",
@@ -222,6 +223,7 @@ class Servo(OnJoint):
 
     ABOUT: ClassVar[str] = "holds or drives a joint at a target: kp, kd"
     INPUT: ClassVar[str] = "target"
+    VARIES: ClassVar[tuple[str, ...]] = ("torque", INPUT)
 
     kind: Literal["servo"] = field(KIND, default="servo")
     kp: Number = field(
@@ -253,6 +255,7 @@ class SpeedServo(OnJoint):
 
     ABOUT: ClassVar[str] = "drives a joint at a speed: kd"
     INPUT: ClassVar[str] = "speed"
+    VARIES: ClassVar[tuple[str, ...]] = ("torque", INPUT)
     SINCE: ClassVar[int] = 3
     NEW: ClassVar[dict[str, Any]] = {"kd": 1.0}
 
@@ -285,6 +288,7 @@ class Actuator(OnJoint):
 
     ABOUT: ClassVar[str] = "torque + gain × input - kp q - kd v on a joint"
     INPUT: ClassVar[str] = "input"
+    VARIES: ClassVar[tuple[str, ...]] = ("torque", INPUT)
     SINCE: ClassVar[int] = 3
 
     kind: Literal["actuator"] = field(KIND, default="actuator")

@@ -13,10 +13,22 @@ from ..engine.compiler.jit import part
 from ..engine.records import REAL
 from ..engine.rows import point_of, point_velocity
 from ..engine.vec import dot, scale, sub, xyz
-from ..fields import AtPoint, Number, Vec3, field, maybe_vector
+from ..fields import AtPoint, Expression, NotNegative, Number, Vec3, field, maybe_vector
 from ..tolerances import TINY
 from ..units import M, N, S
-from .base import KIND, Between, Load, Places, refuse_crossed_ends, row
+from .base import (
+    KIND,
+    Array,
+    Between,
+    Load,
+    Places,
+    Sprung,
+    number_or_law,
+    pack_rates,
+    rates_of,
+    refuse_crossed_ends,
+    row,
+)
 
 
 class BetweenPoints(AtPoint, Between):
@@ -44,16 +56,20 @@ def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
     return float(np.linalg.norm(at.at_start(f.body, own) - at.at_start(f.other, other)))
 
 
-class Spring(BetweenPoints):
+class Spring(BetweenPoints, Sprung):
     """A spring and damper between two points, with their distance limited by `low` and `high`."""
 
     ABOUT: ClassVar[str] = "a spring between two points, with damper and limits of its length"
-    SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
     NEW: ClassVar[dict[str, Any]] = {"stiffness": 100.0}
 
     kind: Literal["spring"] = field(KIND, default="spring")
-    stiffness: Number = field("a number >= 0 [N/m]", default=0.0, ge=0, dim=N / M)
-    damping: Number = field("a number >= 0 [N s/m]", default=0.0, ge=0, dim=N * S / M)
+    stiffness: NotNegative | Expression = field(
+        "a number >= 0 [N/m], or an expression", converter=number_or_law, default=0.0, dim=N / M
+    )
+    damping: NotNegative | Expression = field(
+        "a number >= 0 [N s/m], or an expression", converter=number_or_law, default=0.0,
+        dim=N * S / M,
+    )  # fmt: skip
     rest: Number | None = field(
         "a length >= 0 without force [m]; default: as in the initial state",
         default=None, ge=0, dim=M, help="without force; empty: as in the initial state",
@@ -74,11 +90,11 @@ class Spring(BetweenPoints):
         return self
 
 
-def pack(f: Spring, one: Any, at: Places) -> None:
+def pack(f: Spring, one: Any, at: Places) -> Array | None:
     """Write the points, stiffness, damping and rest length."""
     apart = pack_points(f, one, at)
-    one["stiffness"], one["damping"] = f.stiffness, f.damping
     one["rest"] = apart if f.rest is None else f.rest
+    return pack_rates(f, one)
 
 
 @part
@@ -113,16 +129,19 @@ def length_of(one, work):
 def law(one, knots, work, linear, t):
     """Compute the force -stiffness (length - rest) - damping x rate along the line."""
     p, end, d, length, speed = line_of(one, work, linear)
-    damping = one.damping * speed
-    pull = one.stiffness * (length - one.rest) + damping
-    return p, (0.0, 0.0, 0.0), scale(-pull, d), end, 0.0, damping * speed
+    stiffness, damping = rates_of(one, knots)
+    elastic, damping = stiffness * (length - one.rest), damping * speed
+    put_in = 0.0 if one.knots == 0 else -elastic * speed
+    return p, (0.0, 0.0, 0.0), scale(-(elastic + damping), d), end, put_in, damping * speed
 
 
 @part
 def energy(one, knots, work):
     """Return the stored energy ½ stiffness (length - rest)²."""
+    if one.knots > 0:
+        return 0.0 * one.rest
     return 0.5 * one.stiffness * (length_of(one, work) - one.rest) ** 2
 
 
 ROW = row(point_a=(REAL, 3), point_b=(REAL, 3), stiffness=REAL, damping=REAL, rest=REAL)
-LOAD = Load(Spring, ROW, pack, law, energy)
+LOAD = Load(Spring, ROW, pack, law, energy, columns=len(Spring.VARIES))

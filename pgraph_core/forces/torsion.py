@@ -12,17 +12,16 @@ from ..engine.compiler.jit import part
 from ..engine.records import REAL
 from ..engine.rows import origin_of, rotation_of, spin_of
 from ..engine.vec import add, add_scaled, cross, dot, mul, scale, sub, xyz
-from ..fields import Number, Vec3, field, maybe_vector, refuse_no_direction
+from ..fields import Expression, NotNegative, Number, Vec3, field, maybe_vector, refuse_no_direction
 from ..rotation import normals_of, unit_vector
 from ..units import RAD, J, S
-from .base import KIND, Between, Load, Places, row
+from .base import KIND, Array, Load, Places, Sprung, number_or_law, pack_rates, rates_of, row
 
 
-class Torsion(Between):
+class Torsion(Sprung):
     """A torque -stiffness (angle - rest) - damping x rate on `body` about an `axis`."""
 
     ABOUT: ClassVar[str] = "a torsion spring between two bodies, with damper"
-    SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
     NEW: ClassVar[dict[str, Any]] = {"stiffness": 1.0}
 
     kind: Literal["torsion"] = field(KIND, default="torsion")
@@ -31,8 +30,14 @@ class Torsion(Between):
         converter=maybe_vector, default=None, role="axial",
         help="direction in the axes of the body; empty: z",
     )  # fmt: skip
-    stiffness: Number = field("a number >= 0 [N m/rad]", default=0.0, ge=0, dim=J / RAD)
-    damping: Number = field("a number >= 0 [N m s/rad]", default=0.0, ge=0, dim=J * S / RAD)
+    stiffness: NotNegative | Expression = field(
+        "a number >= 0 [N m/rad], or an expression", converter=number_or_law, default=0.0,
+        dim=J / RAD,
+    )  # fmt: skip
+    damping: NotNegative | Expression = field(
+        "a number >= 0 [N m s/rad], or an expression", converter=number_or_law, default=0.0,
+        dim=J * S / RAD,
+    )  # fmt: skip
     rest: Number = field(
         "the angle without torque [rad]", default=0.0, dim=RAD, help="the angle without torque"
     )
@@ -43,13 +48,14 @@ class Torsion(Between):
         return self
 
 
-def pack(f: Torsion, one: Any, at: Places) -> None:
+def pack(f: Torsion, one: Any, at: Places) -> Array | None:
     """Write the axis, stiffness, damping and rest angle."""
     axis = at.home(f.body) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
     one["axis"] = axis
     # at q = 0 all rows have the world's axes
     one["reference_a"] = one["reference_b"] = normals_of(axis)[0]
-    one["stiffness"], one["damping"], one["rest"] = f.stiffness, f.damping, f.rest
+    one["rest"] = f.rest
+    return pack_rates(f, one)
 
 
 @part
@@ -78,15 +84,19 @@ def law(one, knots, work, linear, t):
     """Compute the torque -stiffness angle - damping x rate along the angle's gradient."""
     angle, axis = twist(one, work)
     rate = dot(axis, sub(spin_of(work, one.row_a), spin_of(work, one.row_b)))
-    damping = one.damping * rate
-    torque = scale(-one.stiffness * angle - damping, axis)
+    stiffness, damping = rates_of(one, knots)
+    elastic, damping = stiffness * angle, damping * rate
+    put_in = 0.0 if one.knots == 0 else -elastic * rate
+    torque = scale(-elastic - damping, axis)
     p = origin_of(work, one.row_a)
-    return p, torque, (0.0, 0.0, 0.0), p, 0.0, damping * rate
+    return p, torque, (0.0, 0.0, 0.0), p, put_in, damping * rate
 
 
 @part
 def energy(one, knots, work):
-    """½ stiffness angle²."""
+    """Return the stored energy ½ stiffness angle²."""
+    if one.knots > 0:
+        return 0.0 * one.rest
     angle, _ = twist(one, work)
     return 0.5 * one.stiffness * angle * angle
 
@@ -99,4 +109,4 @@ ROW = row(
     damping=REAL,  # [N m s/rad]
     rest=REAL,  # [rad]
 )
-LOAD = Load(Torsion, ROW, pack, law, energy)
+LOAD = Load(Torsion, ROW, pack, law, energy, columns=len(Torsion.VARIES))

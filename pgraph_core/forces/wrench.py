@@ -22,6 +22,7 @@ class Wrench(OnBody):
 
     ABOUT: ClassVar[str] = "a force and a torque on a body"
     SCALES: ClassVar[tuple[str, ...]] = ("torque", "force")
+    VARIES: ClassVar[tuple[str, ...]] = SCALES
 
     kind: Literal["wrench"] = field(KIND, default="wrench")
     torque: Entries3 | VectorTable = field(

@@ -28,7 +28,6 @@ from ..model import (
 )
 from ..model.files import gathered, write_atomic
 from ..model.output import OF_JOINT
-from ..packing.signals import varying
 from ..rotation import frame_of, matrix, multiply, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, unused, why_unphysical
@@ -114,7 +113,7 @@ class _Writer(ContactsOut):
             self._site(site.body, site.name, site.point, unit(site.rotation))
         sensors = [*self._sensors()]
         for f in m.forces:
-            if isinstance(f, Spring):
+            if isinstance(f, Spring) and not f._varies:
                 self._spring(f)
             elif isinstance(f, Tendon):
                 self._tendon(f)
@@ -445,6 +444,8 @@ class _Writer(ContactsOut):
                     self.out(where, "a wrench")
             elif isinstance(f, OnJoint):
                 yield from self._actuator(f, where)
+            elif f._varies:
+                self.out(where, f"an expression in a {f.kind}")
             elif not isinstance(f, (Spring, Tendon, Drag)):
                 self.out(where, f"a {f.kind}")
 
@@ -504,7 +505,7 @@ class _Writer(ContactsOut):
             body = self.model.body(f.body)
             if (
                 isinstance(f.force, tuple)
-                and not varying(f)
+                and not f._varies
                 and body.mass
                 and f.point == body.com
                 and f.torque == (0.0, 0.0, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from .. import joints, words
@@ -338,10 +338,12 @@ def reference_problems(
     controls: Sequence[Control],
     names: tuple[Sequence[str], Sequence[str]],
     parameters: Mapping[str, float],
+    lost: Collection[str] = (),
 ) -> list[Problem]:
     """Return problems with references by name between parts.
 
-    `names` contains the names of all constraints and contacts, including invalid ones.
+    `names` contains the names of all constraints and contacts, including invalid ones, and `lost`
+    those of invalid forces, outputs and controls.
     """
     return [
         *constraint_problems(constraints, bodies),
@@ -355,7 +357,7 @@ def reference_problems(
         *loop_problems(controls, forces, ""),
         *varying_problems(
             (constraints, forces, controls), scenarios,
-            Known(bodies, outputs, controls, parameters, forces, names),
+            Known(bodies, outputs, controls, parameters, forces, names, lost),
         ),
         *(
             problem for s in scenarios if s.forces
@@ -508,7 +510,13 @@ def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]
     known_names = (_names(data.get("constraints", ())), _names(data.get("contacts", ())))
     given = data.get("parameters")
     parameters = given if isinstance(given, Mapping) else {}
-    return found + reference_problems(bodies, **valid, names=known_names, parameters=parameters)
+    read = ("forces", "outputs", "controls")  # of which expressions read signals
+    lost = {x for key in read for x in _names(data.get(key))} - {
+        part.name for key in read for part in valid[key]
+    }
+    return found + reference_problems(
+        bodies, **valid, names=known_names, parameters=parameters, lost=lost
+    )
 
 
 def _names(items: Any) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -28,6 +28,7 @@ SIGNALS_OF = {  # parts of a model -> groups of the signals that they have
     "contacts": ("force",),
 }  # fmt: skip
 PASSED = ("x", *DRIVEN)  # groups of signals that may follow from others at once
+MOST_NAMED = 8  # signals of a loop that a message lists
 PATHS = {  # output -> what it follows from, which an expression in a force would have to wait for
     "accelerometer": "the accelerations", "force": "the joint forces", "torque": "the joint forces",
 }  # fmt: skip
@@ -61,10 +62,13 @@ class Known:
     def __init__(
         self, bodies: Bodies, outputs: Sequence[Output], controls: Sequence[Control],
         parameters: Mapping[str, float], forces: Sequence[Force],
-        exerting: tuple[Sequence[str], Sequence[str]] = ((), ()),
+        exerting: tuple[Sequence[str], Sequence[str]] = ((), ()), lost: Collection[str] = (),
     ):  # fmt: skip
-        """`exerting` are the names of all constraints and contacts."""
+        """`exerting` are the names of all constraints and contacts, and `lost` those of other
+        parts that are invalid, whose signals fit everything.
+        """
         self.bodies, self.parameters, self._exerting = bodies, parameters, exerting
+        self._lost = lost
         self.drives = {f.name: f for f in forces if isinstance(f, OnJoint)}
         self.outputs = {o.name: o for o in outputs}
         self.controls = {c.name: c for c in controls}
@@ -75,6 +79,8 @@ class Known:
         Raises Unreadable for an unknown signal.
         """
         group, name, k = node.signal
+        if name in self._lost and group in ("x", "out", *DRIVEN):
+            return None
         if group == "x":
             return self._of_control(node, name, k)
         if group in DRIVEN:
@@ -339,7 +345,10 @@ def loop_problems(controls: Sequence[Control], forces: Sequence[Force], of: str)
                 left.pop()
             elif name in path:
                 part, field, _ = reads[name]
-                loop = " -> ".join((*path[path.index(name) :], name))
+                round_ = (*path[path.index(name) :], name)
+                if len(round_) > MOST_NAMED:
+                    round_ = (*round_[: MOST_NAMED - 2], "...", *round_[-2:])
+                loop = " -> ".join(round_)
                 text = f"an algebraic loop: {loop}; put a filter or a state between them"
                 return [Problem(f"{of}{part.word()} {shown(part.name)}", field, text)]
             elif name in reads and name not in done:

@@ -25,15 +25,16 @@ from ..signals.meaning import varies
 from .body import Body
 from .constraint import Constraint
 from .contact import Contact
-from .control import VERSION, Control
+from .control import Control
 from .parameters import CURVE, Formula, holds_formula, inlined, texts_in
 from .scenario import STEP
 from .shape import Shape
 from .world import Ground
 
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
-# 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces
-SCHEMA_VERSION = VERSION
+# 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces;
+# 7: without expressions in springs
+SCHEMA_VERSION = 8
 EXPRESSIONS = 6
 SCHEMA = "pgraph-model"
 
@@ -112,13 +113,13 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
     parts += [(Body, x) for x in data["bodies"]] + [(Contact, x) for x in data["contacts"]]
     shaped = (x.get("shapes") or [x.get("shape")] for x in data["bodies"])
     parts += [(Shape, shape) for shapes in shaped for shape in shapes if shape]
-    for holder, name, kinds in _of_kinds(data):
-        parts += [(kinds.class_for(x), x) for x in holder[name]]
     named = data["parameters"]
-    texts = [x for key in ("forces", "constraints") for x in data[key] if holds_formula(x)]
-    curves = any(isinstance(part.get(CURVE), str) for part in texts)
-    if curves or any(varies(x, named) for part in texts for x in texts_in(part)):
-        yield EXPRESSIONS
+    for holder, name, kinds in _of_kinds(data):
+        parts += (own := [(kinds.class_for(x), x) for x in holder[name]])
+        for kind, part in own:
+            texts = texts_in(part) if holds_formula(part) else ()
+            if isinstance(part.get(CURVE), str) or any(varies(x, named) for x in texts):
+                yield getattr(kind, "VARIES_SINCE", EXPRESSIONS)
     if any(holds_formula(f) for scenario in data["scenarios"] for f in scenario["forces"]):
         yield EXPRESSIONS
     conditions = (x.get("when") or {} for s in data["scenarios"] for x in s.get("switches", ()))

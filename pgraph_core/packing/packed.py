@@ -23,7 +23,7 @@ from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, quaternions, system
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
-from .signals import Places, signals, states_of, varying
+from .signals import Places, signals, states_of
 
 INT, EMPTY = np.dtype(np.int64), np.empty
 NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
@@ -59,7 +59,7 @@ class Packed:
         self.nb, self.nq = len(model.bodies), sum([len(body.q) for body in model.bodies])
         self._arrays, springs = packed(self.numbers)
         self.rows, self.const = self._arrays[:2]
-        self.springs = springs + sum([f.PASSIVE for f in model.forces])
+        self.springs = springs + sum([f._passive for f in model.forces])
         self.nv = len(self._arrays[-1]) - self.nq
 
     @property
@@ -188,7 +188,7 @@ class Packed:
     @cached_property
     def passive(self) -> Drives:
         """The springs, dampers and friction in the joints and tendons."""
-        tendons = tuple(f for f in self.model.forces if f.PASSIVE)
+        tendons = tuple(f for f in self.model.forces if f._passive)
         return drives(self.model, self.topology, self.system, tendons)
 
     def drives(self, forces: tuple[Force, ...]) -> Drives:
@@ -219,7 +219,7 @@ class Packed:
         found = NO_LOADS
         if on_bodies(forces):
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
-        if not (any(map(varying, forces)) or (states and self.model.controls)):
+        if not (any(f._varies for f in forces) or (states and self.model.controls)):
             return found
         places = Places(self.model, self.topology, self.system)
         given = self.model, forces, self.drives(forces), found
@@ -228,7 +228,7 @@ class Packed:
     @cached_property
     def passive_loads(self) -> Loads:
         """The springs and torsion springs between bodies, and the drags."""
-        return self.loads(tuple(f for f in self.model.forces if f.PASSIVE))
+        return self.loads(tuple(f for f in self.model.forces if f._passive))
 
 
 def packed(numbers: Numbers) -> tuple[Arrays, int]:

@@ -11,10 +11,10 @@ from .. import joints
 from ..curves import Table, VectorTable
 from ..engine import signals as kernels
 from ..engine.edges import COMPARES, MARK, NEEDED
-from ..engine.signals import DRIVE, STATES, TARGET, WRENCH
+from ..engine.signals import DRIVE, STATES, TARGET
 from ..engine.stepping.measured import CONSTRAINT, CONTACT, COUNT, FIRST, WHAT
-from ..fields import EMPTY, is_expression
-from ..forces import OnJoint, Wrench
+from ..fields import EMPTY
+from ..forces import LOADS, OnBody, OnJoint, Wrench
 from ..model import Control, Force, Model
 from ..model.control import STATE, Own
 from ..signals import Node, parsed
@@ -34,7 +34,7 @@ OPERATIONS = {
 OPERATIONS["if"] = kernels.CHOOSE
 WHOLE = range(1, 9)  # powers that are products
 KNOTS = ("first_target", "targets"), ("first_torque", "torques")  # fields of a drive
-SPAN = ("first_knot", "knots")  # fields of a wrench
+SPAN = ("first_knot", "knots")  # fields of a load
 Operand = int  # the number of an instruction
 
 
@@ -325,7 +325,16 @@ class Places:
         assert place is not None
         return kernels.Q, self._first(number) + place
 
-    def wrench(self, program: Program, f: Wrench) -> Iterator[tuple[Operand, int]]:
+    def of_load(self, program: Program, f: OnBody) -> Iterator[tuple[Operand, int]]:
+        """Yield (value, column of the knots) for each expression in a load."""
+        if isinstance(f, Wrench):
+            yield from self._of_wrench(program, f)
+            return
+        for column, name in enumerate(f.VARIES):
+            if isinstance(value := getattr(f, name), str):
+                yield program.value(value), column
+
+    def _of_wrench(self, program: Program, f: Wrench) -> Iterator[tuple[Operand, int]]:
         """Yield (value, column of the knots) for each entry that varies, in the axes of the row."""
         number = self._topology.number(f.body)
         turn = home_of(self._packed, number) if f.frame == "body" else np.eye(3)
@@ -362,17 +371,6 @@ def known_forces(model: Model) -> tuple[Force, ...]:
     return (*(f for s in model.scenarios for f in s.forces), *model.forces)
 
 
-def varying(f: Force) -> bool:
-    """Return True if a force contains an expression."""
-    if isinstance(f, OnJoint):
-        return is_expression(f.torque) or is_expression(getattr(f, f.INPUT))
-    return isinstance(f, Wrench) and any(str in map(type, x) for x in _entries(f))
-
-
-def _entries(f: Wrench) -> list[tuple[Any, ...]]:
-    return [x for x in (f.torque, f.force) if isinstance(x, tuple)]
-
-
 def signals(
     places: Places,
     model: Model,
@@ -388,21 +386,20 @@ def signals(
     known = (*known_forces(model), *named, *forces)
     program = Program(model.parameters, places, controls, known)
     targets = list[tuple[int, ...]]()
-    rows, wrenches = iter(drives.table[drives.passive :]), iter(loads.wrench[0])
+    rows = iter(drives.table[drives.passive :])
+    tables = {kind.part: (n, iter(loads[n][0])) for n, kind in enumerate(LOADS)}
     owner = 0
     for f in forces:
-        if not isinstance(f, (OnJoint, Wrench)):
-            continue
-        row = next(rows if isinstance(f, OnJoint) else wrenches)
-        if not varying(f):
-            continue
-        if isinstance(f, OnJoint):
-            given = zip(_of_drive(program, f), KNOTS)
+        if isinstance(f, OnBody):
+            kind, table = tables[type(f)]
+            row, given = next(table), places.of_load(program, f) if f._varies else ()
+            found = [(x, 1 + kind, *row[[*SPAN]].tolist(), k) for x, k in given]
+        elif isinstance(f, OnJoint):
+            row, given = next(rows), zip(_of_drive(program, f) if f._varies else (), KNOTS)
             found = [(x, DRIVE, *row[[*at]].tolist(), 1) for x, at in given if x is not None]
-        else:
-            found = [(x, WRENCH, *row[[*SPAN]].tolist(), k) for x, k in places.wrench(program, f)]
-        targets += [(*x, owner, 0) for x in found]
-        owner += 1
+        if f._varies:
+            targets += [(*x, owner, 0) for x in found]
+            owner += 1
     numbers = {name: i for i, name in enumerate(controls)}
     states = list[tuple[int, ...]]()
     for c, _, own in states_of(model):

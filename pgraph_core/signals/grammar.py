@@ -26,7 +26,7 @@ GROUPS = ("q", "v", "out", "x", "u", "f", "force")
 _DECIMAL = r"(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d[\d_]*)?"
 TOKEN = re.compile(
     rf"(?P<number>0[xX][\da-fA-F_]+|0[oO][0-7_]+|0[bB][01_]+|{_DECIMAL})"
-    r"|(?P<name>[^\W\d]\w*)|(?P<text>\"[^\"]*\"|'[^']*')|(?P<sign>\*\*|<=|>=|[-+*/^<>()\[\],.])"
+    r"|(?P<name>[^\W\d]\w*)|(?P<text>\"(?:[^\"]|\"\")*\"|'(?:[^']|'')*')|(?P<sign>\*\*|<=|>=|[-+*/^<>()\[\],.])"
 )
 # operator -> (operation, how tightly it binds)
 BINARY = {
@@ -195,7 +195,9 @@ class _Reader:
         if name.kind != wanted:
             form = f'{at.text}["the name"]' if quoted else f"{at.text}.name"
             self.refuse(f"expects {form}; given {_seen(name)}", name)
-        inside = name.text[1:-1] if quoted else name.text
+        inside, quote = name.text, name.text[:1]
+        if quoted:
+            inside = inside[1:-1].replace(2 * quote, quote)
         span = (name.start - 1, name.start + len(name.text) + (1 if quoted else 0))
         if quoted:
             self.expect("]")
@@ -229,7 +231,9 @@ def _tokens(text: str) -> Iterator[_Token]:
             continue
         found = TOKEN.match(text, at)
         if found is None:
-            raise Unreadable(at + 1, f"unexpected {shown(text[at])}")
+            open_ = text[at] in "\"'"
+            reason = "a name in quotes does not end" if open_ else f"unexpected {shown(text[at])}"
+            raise Unreadable(at + 1, reason)
         kind = found.lastgroup or ""
         yield _Token(kind, found[0], at)
         at = found.end()
@@ -297,4 +301,6 @@ def written(group: str, name: str, index: int | None = None) -> str:
 
 
 def _quoted(name: str) -> str:
-    return f"'{name}'" if '"' in name else f'"{name}"'
+    """Return a name in quotes, which are written twice within it."""
+    quote = "'" if '"' in name and "'" not in name else '"'
+    return quote + name.replace(quote, 2 * quote) + quote

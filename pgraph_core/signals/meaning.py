@@ -99,7 +99,10 @@ def compares(node: Node) -> bool:
 
 # -- units -----------------------------------------------------------------------------------------
 
-NAMES = {J: "N m", J / RAD: "N m", N: "N", RAD / S: "rad/s", M / S: "m/s"}
+NAMES = {
+    J: "N m", J / RAD: "N m", N: "N", RAD / S: "rad/s", M / S: "m/s", N / M: "N/m",
+    N * S / M: "N s/m", J * S / RAD: "N m s",
+}  # fmt: skip
 # the dimension of a signal, None if it fits everything. Raises Unreadable for an unknown one
 Units = Callable[[Node], Dim | None]
 

@@ -11,7 +11,6 @@ from ..forces import OnJoint
 from ..model import Force, Servo, Table
 from ..packing import Drives
 from ..packing.forces import AT_ONCE, Follows, followed
-from ..packing.signals import varying
 from .options import first_of
 
 KNOTS = ("first_target", "targets", "first_torque", "torques")  # fields that locate inputs
@@ -41,7 +40,7 @@ class Inputs:
         driving = [f for f in forces if isinstance(f, OnJoint)]
         rows = drives.table[[*KNOTS, *FOLLOWS]][drives.passive :].tolist()
         for f, (first_target, targets, first_torque, torques, *follows) in zip(driving, rows):
-            if f.name in read or varying(f):
+            if f.name in read or f._varies:
                 continue
             if isinstance(f, Servo) and targets == 1 and not f.has_state:
                 self.servos[f.name] = first_target

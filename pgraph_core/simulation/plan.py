@@ -30,7 +30,7 @@ from ..model import Contact, Force, Scenario, Table
 from ..model.scenario import STEP
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import bends_of_loads, exerts
-from ..packing.signals import begun_from, contacts_read, varying
+from ..packing.signals import begun_from, contacts_read
 from ..portable import array_of
 from ..tolerances import EPS, SOLVED
 from .conditions import ConditionOf, conditions_of
@@ -357,7 +357,7 @@ def _what_acts(
     conditions = conditions_of(mech, switches, contacts, forces)
     return RunPlan(
         drives=drives, loads=loads, active=active,
-        varying=tuple(filter(varying, filter(exerts, forces))),
+        varying=tuple(f for f in forces if f._varies and exerts(f)),
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,
     )  # fmt: skip

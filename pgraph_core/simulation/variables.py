@@ -16,7 +16,7 @@ import numpy as np
 from ..dynamics.lifted import Differs, Flat, are_on_lines, flat, slope_of
 from ..engine.arrays import SCENE_OF_DUALS
 from ..engine.compiler.kinds import F1, carrying, group
-from ..engine.signals import AT_MOST, CHOOSE, LESS, SAMPLE
+from ..engine.signals import JUMPING, SAMPLE
 from ..errors import InputError, ModelError, PgraphError, Problem, nearest, shown
 from ..forces import OnJoint
 from ..mechanism import Mechanism
@@ -293,7 +293,7 @@ def refuse(given: Given) -> None:
     if not plan.method.implicit:
         _refuse_bounded(given)
     code = plan.loads.signals[0]
-    if np.isin(code[::2, 0], (CHOOSE, LESS, AT_MOST)).any():
+    if np.isin(code[::2, 0], JUMPING).any():
         text = "an expression that compares has no derivatives yet, because its value jumps; "
         text += "smoothstep, min and max have them"
         raise InputError(Problem("simulate", "wrt", text))

@@ -53,7 +53,7 @@ def stiffness(model: Model, value: float) -> Model:
         raise lacking("stiffness", "springs of joints and between bodies")
     by = value / stiffest
     forces = tuple(
-        f.unchecked_copy({"stiffness": f.stiffness * by}) if isinstance(f, (Spring, Torsion)) else f
+        f.unchecked_copy({"stiffness": k * by}) if (k := _stiffness(f)) is not None else f
         for f in model.forces
     )
     bodies = tuple(_stiffened(b, by) if any(b.stiffness) else b for b in model.bodies)
@@ -62,8 +62,14 @@ def stiffness(model: Model, value: float) -> Model:
 
 def own_stiffness(model: Model) -> float | None:
     """Return the stiffness of the model's stiffest spring."""
-    springs = [f.stiffness for f in model.forces if isinstance(f, (Spring, Torsion))]
+    springs = [k for f in model.forces if (k := _stiffness(f)) is not None]
     return max((*springs, *(x for body in model.bodies for x in body.stiffness)), default=0) or None
+
+
+def _stiffness(f: Force) -> float | None:
+    """Return the stiffness of a spring between bodies, or None if it has none or it varies."""
+    found = f.stiffness if isinstance(f, (Spring, Torsion)) else None
+    return None if isinstance(found, str) else found
 
 
 def _stiffened(body: Body, by: float) -> Body:

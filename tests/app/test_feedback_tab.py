@@ -49,6 +49,16 @@ def test_gains_are_scipys_and_one_click_balances_the_model(plant):
     assert np.abs(run.q[-1]).max() < 1e-3
 
 
+def test_the_dialog_calls_states_by_words():
+    model, *_ = cart_pole()
+    now = design(answered(begun(model), do.OpenFeedback(ME)))
+    shown = feedback(now, Display())
+    labels = [field["label"] for group in shown["groups"] for field in group["fields"]]
+    words = [f"{what} of {name}" for what in ("position", "speed") for name in ("cart", "pole")]
+    assert {*words, *now.found.inputs} <= {*labels}
+    assert [name for name, *_ in shown["curves"]] == [*words[:2], *now.found.inputs]
+
+
 @pytest.mark.parametrize("factor", [0.5, 10.0])
 def test_a_smaller_deviation_is_held_by_larger_gains(factor):
     """The weights are one over the square of what is allowed."""
@@ -81,9 +91,9 @@ def test_the_response_ends_at_the_step_of_what_is_chosen():
     model, *_ = cart_pole()
     state = answered(begun(model), do.OpenFeedback(ME))
     curves = {name: y for name, _, y in feedback(design(state), Display())["curves"]}
-    assert curves["q.cart"][0] == 0.0
-    assert curves["q.cart"][-1] == pytest.approx(1.0, abs=0.05)
-    assert curves["q.pole"][-1] == pytest.approx(0.0, abs=0.05)
+    assert curves["position of cart"][0] == 0.0
+    assert curves["position of cart"][-1] == pytest.approx(1.0, abs=0.05)
+    assert curves["position of pole"][-1] == pytest.approx(0.0, abs=0.05)
 
 
 @pytest.mark.parametrize(

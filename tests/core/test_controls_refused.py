@@ -3,7 +3,9 @@
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.signals import signals_in
 from tests.controlled import EVERY, WHOLE, Z, pendulum
+from tests.refusals import assert_names, assert_problems
 
 
 @pytest.mark.parametrize(
@@ -129,6 +131,44 @@ def test_size_and_depth_of_expressions_are_bounded(text, kind):
     field = {"state": "rate", "sampled": "update"}[kind["kind"]]
     with pytest.raises(pg.ModelError, match="column"):
         pg.Control(name="c", **kind, **{field: text})
+
+
+QUOTED = ['a"b', "a'b", "a\"b'c", '"', "'\"'", '""', "größe 😀", "a]b", "1", "sin", "arm"]
+
+
+@pytest.mark.parametrize("name", QUOTED)
+def test_any_name_can_be_written_in_an_expression(name):
+    model = pendulum([pg.Filter(name="old", input="=q.arm", lag=0.1)], "=2*x.old[1]")
+    new = model.edit("old", kind="control", name=name)
+    (signal,) = signals_in(new.forces[0].torque)
+    assert signal == ("x", name, 1)
+    assert pg.Model.from_json(new.to_json()) == new
+    assert new.edit(name, kind="control", name="old") == model
+
+
+@pytest.mark.parametrize("count", [3, 2000])
+def test_a_long_loop_is_told_by_its_ends(count):
+    controls = [pg.PID(name=f"c{i}", signal=f"=x.c{(i + 1) % count}", kp=1.0) for i in range(count)]
+    with pytest.raises(pg.ModelError) as refused:
+        pendulum(controls)
+    assert_names(str(refused.value), "x.c0 -> x.c1", f"x.c{count - 1} -> x.c0", "loop")
+    assert len(str(refused.value)) < 200
+    assert len(pendulum([*controls[:-1], pg.PID(name=f"c{count - 1}", signal="=q.arm")]).controls)
+
+
+def test_an_invalid_control_is_the_only_problem_of_what_reads_it():
+    with pytest.raises(pg.ModelError) as refused:
+        pendulum([{"kind": "filter", "name": "f", "input": "=q.arm"}], "=x.f")
+    (problem,) = refused.value.problems
+    assert_problems([problem], [("control 'f', lag", "missing")])
+
+
+def test_an_implicit_step_through_a_jump_says_what_to_give():
+    pid = pg.PID(name="hold", signal="=q.arm", setpoint=-1.2, kp=10.0, ki=60.0, low=-14, high=14)
+    run = pg.simulate(pendulum([pid], "=x.hold"), t_end=2.0, q=[0.5], step=1e-3, method="gauss6")
+    assert run.status is pg.Status.NOT_SOLVED
+    assert_names(run.message, "compares", "rtol")
+    assert pg.simulate(pendulum([pid], "=x.hold"), t_end=2.0, q=[0.5], rtol=1e-9).status.ok
 
 
 @pytest.mark.parametrize("sample", [1e-300, 1e-17])
