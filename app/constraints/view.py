@@ -234,10 +234,10 @@ def _field(
             return _points(item, cells, display)
         case "torque" | "target" | "speed" | "input" if isinstance(item, OnJoint):
             shows = about(item, name)
-            design = [FEEDBACK] if name == item.INPUT else []
+            found = [field("feedback", "", [], buttons=[FEEDBACK])] if name == item.INPUT else []
             return [field(name, shows.label, [cell((), parts.knots(cells[name]))],
                           unit=_unit(model, item, shows.unit), help=shows.help, kind="text",
-                          note=OVER_TIME, expression=True, buttons=design)]  # fmt: skip
+                          note=OVER_TIME, expression=True), *found]  # fmt: skip
         case "coordinate" if isinstance(item, OnJoint):
             shows, joint = about(item, name), degrees(model.body(item.body))
             options = [(str(k), label) for k, (label, _) in enumerate(joint)]

@@ -124,9 +124,11 @@ def _drives(state: State, s: pg.Scenario, display: Display) -> list[Payload]:
 
 
 def _without_picking(groups: list[Payload]) -> list[Payload]:
-    """Return a form without its body-picking buttons, which only work on the model."""
-    for f in (f for g in groups for f in g["fields"]):
-        f["buttons"] = [b for b in f["buttons"] if b["event"] not in ("Pick", "Feedback")]
+    """Return a form without picking and feedback, which only work on the model."""
+    for g in groups:
+        g["fields"] = [f for f in g["fields"] if f["field"] != "feedback"]
+        for f in g["fields"]:
+            f["buttons"] = [b for b in f["buttons"] if b["event"] != "Pick"]
     return groups
 
 
