@@ -43,7 +43,7 @@ class Force(OfKinds):
     Its kinds are the classes that `pgraph_core.forces` lists: one file each.
     """
 
-    PASSIVE: ClassVar[bool] = False  # acts in every question, others in runs only
+    PASSIVE: ClassVar[bool] = False  # acts in every question, others and what varies in runs only
     VARIES: ClassVar[tuple[str, ...]] = ()  # fields that take expressions
     VARIES_SINCE: ClassVar[int] = 6  # schema version of files in which they do
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
@@ -66,11 +66,6 @@ class Force(OfKinds):
         """Return True if it contains an expression in time and the motion."""
         values = [getattr(self, name) for name in self.VARIES]
         return any(type(x) is str or (type(x) is tuple and str in map(type, x)) for x in values)
-
-    @property
-    def _passive(self) -> bool:
-        """Return True if it acts in every question. A law that varies acts in runs only."""
-        return self.PASSIVE and not self._varies
 
     @property
     def _idle(self) -> str:

@@ -59,7 +59,7 @@ class Packed:
         self.nb, self.nq = len(model.bodies), sum([len(body.q) for body in model.bodies])
         self._arrays, springs = packed(self.numbers)
         self.rows, self.const = self._arrays[:2]
-        self.springs = springs + sum([f._passive for f in model.forces])
+        self.springs = springs + sum([passive(f) for f in model.forces])
         self.nv = len(self._arrays[-1]) - self.nq
 
     @property
@@ -188,7 +188,7 @@ class Packed:
     @cached_property
     def passive(self) -> Drives:
         """The springs, dampers and friction in the joints and tendons."""
-        tendons = tuple(f for f in self.model.forces if f._passive)
+        tendons = tuple(f for f in self.model.forces if passive(f))
         return drives(self.model, self.topology, self.system, tendons)
 
     def drives(self, forces: tuple[Force, ...]) -> Drives:
@@ -228,7 +228,12 @@ class Packed:
     @cached_property
     def passive_loads(self) -> Loads:
         """The springs and torsion springs between bodies, and the drags."""
-        return self.loads(tuple(f for f in self.model.forces if f._passive))
+        return self.loads(tuple(f for f in self.model.forces if passive(f)))
+
+
+def passive(f: Force) -> bool:
+    """Return True if a force acts in every question."""
+    return f.PASSIVE and not f._varies
 
 
 def packed(numbers: Numbers) -> tuple[Arrays, int]:

@@ -415,7 +415,8 @@ def test_a_drive_has_the_unit_and_the_motion_of_its_joint_and_few_fields_first()
         first, more = fields(*added(model, "forces", "servo", name, "ground"))
         assert tuple(first[f]["unit"] for f in ("kp", "kd", "target")) == expected
         assert first["target"]["cells"][0]["value"] == "0"
-        assert set(first) == {"name", "kind", "body", "coordinate", "kp", "kd", "target"}
+        shown = {"name", "kind", "body", "coordinate", "kp", "kd", "target", "feedback"}
+        assert set(first) == shown
         assert "torque_limit" in more
     drive, name = added(model, "forces", "speed_servo", "wheel", "ground")
     turned = parts.changed(drive, "forces", name, "coordinate", (((), "1"),), Display(), {})
