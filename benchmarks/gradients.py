@@ -223,7 +223,7 @@ BALL = f"""<mujoco><option timestep="{STEP}" integrator="RK4" iterations="1" ls_
 
 
 def ball_in_mjx(case: Case) -> Sides:
-    import mujoco
+    mujoco: Any = import_module("mujoco")
 
     mjx = in_doubles()
     own = mujoco.MjModel.from_xml_string(BALL)

@@ -135,6 +135,26 @@ def test_derivatives_are_those_of_the_steps(method, name, path, share):
     assert missed(run.sensitivity(path), difference(moved, share)) < 1e-8
 
 
+@pytest.mark.parametrize(
+    ("name", "path", "end", "frames"),
+    [
+        ("andrews", "forces.spring.stiffness", 0.03, (50, 140, 290)),
+        ("slider_crank", "bodies.rod.link.0", 1.0, (50, 166, 266)),
+        ("four_bar", "bodies.coupler.mass", 2.0, (50, 100, 181, 195)),  # 181 is nearly flat
+    ],
+)
+def test_frames_within_steps_have_the_derivatives_of_runs_that_end_there(name, path, end, frames):
+    """Frames are interpolated and projected, and the last one is the end of a step."""
+    options = {"method": "dop853", "rtol": 1e-11, "estimate": False, "wrt": path}
+    options |= {"scenario": "turn" if name == "four_bar" else None}
+    run = pg.simulate(described(name), t_end=end, frames=301, **options)
+    assert run == pg.simulate(described(name), t_end=end, frames=301, **options | {"wrt": ()})
+    largest = np.abs(run.sensitivity(path)).max()
+    for i in frames:
+        last = pg.simulate(described(name), t_end=run.t[i], frames=2, **options).sensitivity(path)
+        assert np.abs(run.sensitivity(path)[i] - last[-1]).max() < 1e-8 * largest
+
+
 BOUNDED = {"state_high": (1.0, 4.0), "state_low": (-1.0, -4.0)}
 
 

@@ -5,15 +5,22 @@ rejected steps. A run of duals has a scene, stages and a control of its own, and
 from the run of numbers after each step.
 """
 
+import math
+
+from ...tolerances import ROUNDING
 from .. import layout as at
-from ..arrays import OUT, opened_run
+from ..arrays import CHANGE, DINV, FACTORED, LAMBDA, OUT, RHS, STEP, ZERO, opened_run
 from ..compiler.address import caller
-from ..compiler.dual import duals, revalued
+from ..compiler.dual import WIDTH, duals, parted, revalued
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, F3, I1, carrying, f8, i8, of_duals, void
+from ..constraints.constraints import gaps, located, number_rows, respond, speeds
+from ..constraints.proximal import REFINEMENTS, remainder, solve_factor, take_out, whole_blocks
 from ..motion import acceleration, call_projection, call_record, constrain, opened, projection
 from ..records import REACHED
-from ..tree.moving import normalise_all
+from ..tree.articulated import inboard
+from ..tree.kinematics import frames, outboard
+from ..tree.moving import advance, normalise_all
 from .batch import call_advance
 from .explicit import dense_output, last_stage, runge_kutta_step, semi_implicit_step, turn_spins
 from .state import acceleration_of, copied, onto_constraints, size_of_state
@@ -144,6 +151,124 @@ def explicit_of_duals(run, numbers):
     end_step(run, numbers)
 
 
+# -- frames within a step, projected by the factors of the run of numbers --------------------------
+
+
+@sweep
+def copied_values(out, given, first, rows, columns):
+    """Copy this part of a table of numbers to duals without derivatives."""
+    for i in range(first, first + rows):
+        for j in range(columns):
+            out[i, j] = given[i, j]
+
+
+@sweep
+def take_factors(scene, numbers, q, v, m):
+    """Give a scene of duals the factors of the last acceleration of numbers, which had m rows.
+
+    Those of the tree are computed again, because the energies took the place of a part.
+    """
+    own, given = opened(scene), opened(numbers)
+    mine, other, end = own.space, given.space, whole_blocks(m)
+    zero = other.vectors[ZERO]
+    for j in range(v.shape[0]):
+        zero[j] = 0.0
+    outboard(given.rows, given.const, given.work, q, v)
+    inboard(given.rows, given.const, given.work, zero)
+    copied_values(own.work, given.work, 0, given.work.shape[0], given.work.shape[1])
+    for j in range(1, given.blocks.active[0] + 1):
+        i = given.blocks.active[j]
+        copied_values(mine.y, other.y, i, 1, other.y.shape[1])
+        for k in range(other.slots.shape[1]):
+            mine.slots[i, k] = other.slots[i, k]
+    copied_values(mine.omega, other.omega, 0, end, end)
+    copied_values(mine.factor, other.factor, 0, end, end)
+    copied_values(mine.nulls, other.nulls, 0, int(other.vectors[FACTORED, 1]), end)
+    copied_values(mine.vectors, other.vectors, DINV, 1, other.vectors.shape[1])
+    mine.vectors[FACTORED, 2] = 0.0  # have no derivatives
+
+
+@sweep
+def improves(lam, change, before, end):
+    """Return True if corrections of some derivatives are above rounding and all others shrink.
+
+    `before` (WIDTH) holds the size of the last corrections.
+    """
+    impulses, corrections = parted(lam), parted(change)
+    found = False
+    for k in range(1, WIDTH):
+        size, largest = 0.0, 0.0
+        for r in range(end):
+            size = max(size, abs(impulses[r, k]))
+            largest = max(largest, abs(corrections[r, k]))
+        if largest > ROUNDING * size:
+            if not largest < 0.5 * before[k]:
+                return False
+            before[k] = largest
+            found = True
+    return found
+
+
+@sweep
+def corrected(scene, count, m):
+    """Compute -M⁻¹ Jᵀ Ω⁺ RHS in STEP with the factors at hand, refined for the derivatives."""
+    own = opened(scene)
+    space, vectors, end = own.space, own.space.vectors, whole_blocks(m)
+    rhs, lam, change, before = vectors[RHS], vectors[LAMBDA], vectors[CHANGE], vectors[STEP]
+    for r in range(end):
+        rhs[r] = -rhs[r] if r < m else 0.0 * rhs[r]
+    for n in range(count):
+        take_out(space.nulls, n, rhs, end)
+    for r in range(end):
+        lam[r] = rhs[r]
+    solve_factor(space.factor, lam, m)
+    for k in range(WIDTH):
+        parted(before)[0, k] = math.inf
+    for _ in range(REFINEMENTS):
+        remainder(space.omega, rhs, lam, change, end)
+        solve_factor(space.factor, change, m)
+        if not improves(lam, change, parted(before)[0], end):
+            break
+        for r in range(end):
+            lam[r] += change[r]
+    for n in range(count):
+        take_out(space.nulls, n, lam, end)
+    respond(own.rows, own.const, own.blocks, own.work, space)
+
+
+@sweep
+def frame_onto_constraints(run, numbers, t, row):
+    """Move the derivatives of a frame onto the constraints.
+
+    The run of numbers has its state there and its factors. By the implicit function theorem the
+    derivatives of factors do not enter where g and g' are zero.
+    """
+    data, other = opened_run(run), opened_run(numbers)
+    scene, given = data.scene, other.scene
+    if data.control[0].project == 0 or opened(scene).blocks.active[0] == 0:
+        return
+    nq, nv = size_of_state(run)
+    own, count = opened(scene), int(opened(given).space.vectors[FACTORED, 1])
+    m = number_rows(own.blocks, own.space.slots)
+    take_values(run, numbers, row, row)
+    state = other.stages[row]
+    take_factors(scene, given, state[:nq], state[nq : nq + nv], m)
+    q, v, step = data.stages[row, :nq], data.stages[row, nq : nq + nv], own.space.vectors[STEP]
+    frames(own.rows, own.const, own.work, q, v)
+    located(scene, v, False)
+    gaps(scene, t, q, RHS)
+    corrected(scene, count, m)
+    advance(own.rows, q, step, 1.0)
+    take_values(run, numbers, row, row)
+    frames(own.rows, own.const, own.work, q, v)
+    located(scene, v, True)
+    speeds(scene, t, v, RHS)
+    corrected(scene, count, m)
+    for j in range(nv):
+        v[j] += step[j]
+    take_values(run, numbers, row, row)
+
+
 @kernel(NOTE, nogil=True, later=True)
 def note_duals(run, numbers, i, out):
     """Write q and v of frame i, which the run of numbers has recorded, into `out`."""
@@ -153,7 +278,7 @@ def note_duals(run, numbers, i, out):
     if t != control.time:
         dense_output(run, (t - control.old_time) / control.old_width)
         row = at.TRIAL
-        onto_constraints(run, t, row)
+        frame_onto_constraints(run, numbers, t, row)
     wanted = duals(out)
     for n in range(wanted.shape[1]):
         wanted[i, n] = stages[row, n]
