@@ -19,8 +19,7 @@
   function choose(host) {
     const kinds = pgraph.latest.constraints.kinds.map(({ title, kinds }) => [title, kinds.map(({ part, kind, name, about }) =>
       [name, about, () => send("AddPart", { part, kind, body: target() }), `${part} ${kind}`])]); // the body by then
-    pgraph.choose(host.querySelector(".chooser"), kinds);
-    heading(host.querySelector(".chooser"));
+    pgraph.choose(host.querySelector(".chooser"), kinds, heading);
   }
   const headed = (host) => heading(host.querySelector(".chooser"));
   const target = () => pgraph.latest.constraints.listed ?? pgraph.latest.selection ?? null;

@@ -26,8 +26,9 @@ pgraph.pictureButton = (className, icon, label, title, onclick) => {
 pgraph.text = (tag, className, textContent = "") => pgraph.make(tag, { className, textContent });
 
 // What can be added, in a box that this opens or closes: groups of lines [name, about, act, key], filtered
-// by what is typed; Enter takes the first. Of a line without `act` it is said why.
-pgraph.choose = (box, groups) => {
+// by what is typed; Enter takes the first. Of a line without `act` it is said why. `heading(box)` fills the
+// line above, before the focus: what moves later would scroll.
+pgraph.choose = (box, groups, heading) => {
   const { make } = pgraph;
   box.hidden = !box.hidden;
   if (box.hidden) return;
@@ -43,6 +44,7 @@ pgraph.choose = (box, groups) => {
     }
   };
   box.replaceChildren(make("div", { className: "for muted" }), sought, ...sections);
+  heading(box);
   sought.focus();
   box.onkeydown = (event) => {
     if (event.key === "Escape") { box.hidden = true; event.stopPropagation(); }

@@ -28,9 +28,8 @@
       ["During the run", [["Switch", switchable.length ? "A constraint goes on or off: at a time, or when something crosses a value" : "There is no constraint to switch", switchable.length && (() => send("AddSwitch", { constraint: null })), "switch"]]],
       ["Forces and motors", body === undefined ? [] : kinds.map(([kind, about]) => [kind, about, () => { adding = scenario; send("AddDrive", { scenario, kind, body }); }, `force ${kind}`])]];
     const whole = ["Scenario", [["New", "It runs as the run is set now", () => send("NewScenario"), "scenario new"], ...(none ? [] : [["Copy", "This scenario once more", () => send("CopyScenario", { scenario }), "scenario copy"]])]];
-    const box = host.querySelector(".chooser");
-    pgraph.choose(box, [whole, ...into]);
-    if (!box.hidden) box.querySelector(".for").textContent = none ? "" : `In '${shown().name}'${body === undefined ? "" : `, on '${body}'`}`;
+    const said = none ? "" : `In '${shown().name}'${body === undefined ? "" : `, on '${body}'`}`;
+    pgraph.choose(host.querySelector(".chooser"), [whole, ...into], (box) => { box.querySelector(".for").textContent = said; });
   }
 
   // A scenario: its name, which of the chosen one is a cell, and how long it is.
