@@ -6,7 +6,7 @@ import pgraph_core as pg
 
 from ..constraints import KINDS, parts
 from ..constraints.view import between, form
-from ..core.cells import Display, button, cell, field, group, shown
+from ..core.cells import Display, Quantity, button, cell, field, group, shown
 from ..core.rows import by_number
 from ..core.views import Host, Payload, Place, topic
 from ..properties.body_cells import quantity_of
@@ -82,7 +82,7 @@ def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> list[Payload]
         out = button("×", "", "starts as in the model", field="bodies", index=[], text=body.name)
         for name, label in (("q", body.name), ("v", "velocity")):
             values = getattr(s, name).get(body.name, getattr(body, name))
-            of = [quantity_of(body, name, (k,)) for k in range(len(values))]
+            of: list[Quantity] = [quantity_of(body, name, (k,)) for k in range(len(values))]
             row_cells = [cell((row, k), shown(x, of[k], display)) for k, x in enumerate(values)]
             unit = ", ".join(dict.fromkeys(u + PER[name] for q in of if (u := display.unit(q))))
             found.append(
