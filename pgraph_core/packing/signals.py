@@ -390,6 +390,7 @@ def signals(
     tables = {kind.part: (n, iter(loads[n][0])) for n, kind in enumerate(LOADS)}
     owner = 0
     for f in forces:
+        found = list[tuple[int, ...]]()
         if isinstance(f, OnBody):
             kind, table = tables[type(f)]
             row, given = next(table), places.of_load(program, f) if f._varies else ()

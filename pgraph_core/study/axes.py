@@ -87,7 +87,7 @@ def damping_ratio(model: Model, value: float) -> Model:
     That is the joint's own entry of the mass matrix in the initial state, and between bodies the
     mass of the lighter.
     """
-    springs = any(isinstance(f, (Spring, Torsion)) and f.stiffness for f in model.forces)
+    springs = any(map(_stiffness, model.forces))
     if not springs and not any(any(b.stiffness) for b in model.bodies):
         raise lacking("damping_ratio", "the dampers of springs")
     from ..mechanism import Mechanism  # compiled code, which the names of axes do without
@@ -107,12 +107,13 @@ def damping_ratio(model: Model, value: float) -> Model:
 
 
 def _damped(model: Model, force: Force, value: float) -> Force:
-    if not isinstance(force, (Spring, Torsion)) or not force.stiffness:
+    stiffness = _stiffness(force)
+    if not stiffness:
         return force
     turns = isinstance(force, Torsion)
     joined = [model.body(name) for name in force.touches]
     mass = min(max(max(r) for r in b.inertia) if turns else b.mass for b in joined)
-    damping = 2 * value * math.sqrt(force.stiffness * mass)
+    damping = 2 * value * math.sqrt(stiffness * mass)
     return force.unchecked_copy({"damping": damping})
 
 

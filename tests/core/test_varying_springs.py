@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
+from pgraph_core.study import axes
 from tests.refusals import assert_names
 
 Z, X = (0, 0, 1), (1, 0, 0)
@@ -177,3 +178,14 @@ def test_names_files_and_exports_follow(tmp_path):
     assert '"schema_version": 8' not in slider(stiffness="=2*k").to_json()
     pg.write_mjcf(model, tmp_path / "m.xml")
     assert "stiffness" not in (tmp_path / "m.xml").read_text()
+
+
+@pytest.mark.parametrize("axis", [axes.stiffness, axes.damping_ratio])
+def test_axes_of_a_study_change_springs_of_constant_stiffness_alone(axis):
+    plain, varied = slider(stiffness=3.0, damping=0.1), slider(stiffness="=k*(1 + t)")
+    both = plain.add(varied.forces[0].model_copy(update={"name": "other"}))
+    new = axis(both, 2.0)
+    assert new.forces[0] != both.forces[0]
+    assert new.forces[1] == both.forces[1]
+    with pytest.raises(pg.InputError):
+        axis(varied, 2.0)
