@@ -157,6 +157,7 @@ def page(the_page: Any, served: Server, leg: pg.Model) -> Iterator[Any]:
     the_page.evaluate("document.activeElement?.blur()")
     the_page.evaluate("pgraph.digraph.toggle(true)")
     the_page.evaluate("document.querySelector('.pgraph-toasts')?.replaceChildren()")
+    the_page.evaluate("pgraph.front('Bodies'); pgraph.frame.drawer(false)")
     if the_page.viewport_size != SIZE:
         the_page.set_viewport_size(SIZE)
     for client in served.store.state.clients:
@@ -166,7 +167,7 @@ def page(the_page: Any, served: Server, leg: pg.Model) -> Iterator[Any]:
         for client in (NOBODY, *served.store.state.clients):
             served.send(Show(client, what, False))
     opened(the_page, served, leg)
-    # now, as an answer to the test before may have put another tab to the front until then
+    # again, as an answer to the test before may have put another tab to the front until then
     the_page.evaluate("pgraph.front('Bodies'); pgraph.frame.drawer(false)")
     the_page.wait_for_function("!document.querySelector('.refused')")
     yield the_page
