@@ -191,7 +191,7 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
         drift(rows, const, blocks, work, space, t, q, v, drifts[i])
     if data.links.contacts != 0:
         call_contact_record(data.links.record, (scene, pushes[i], touches[i], missed[i]))
-    kinetic, potential = kinetic_and_potential(rows, const, work, v)
+    kinetic, potential = kinetic_and_potential(rows, const, work, space.linear, v)
     energies[i, 0] = kinetic
     energies[i, 1] = potential + elastic(drives, q) + elastic_loads(loads, work)
     energies[i, 2] = ledger[at.WORK_DONE]
@@ -205,7 +205,7 @@ def energy(scene, q, v):
     data = opened(scene)
     rows, const, drives, loads, work = data.rows, data.const, data.drives, data.loads, data.work
     outboard(rows, const, work, q, v)
-    kinetic, potential = kinetic_and_potential(rows, const, work, v)
+    kinetic, potential = kinetic_and_potential(rows, const, work, data.space.linear, v)
     return kinetic, potential + elastic(drives, q) + elastic_loads(loads, work)
 
 

@@ -38,11 +38,9 @@ from ..rows import (
     set_rotation,
     set_sine_cosine,
     set_spin,
-    set_velocity,
     sine_cosine_of,
     spin_of,
     v_of,
-    velocity_of,
 )
 from ..vec import (
     about_origin,
@@ -51,6 +49,7 @@ from ..vec import (
     add_scaled,
     cross,
     dot,
+    load,
     mat_mul,
     mul,
     mul_t,
@@ -58,6 +57,7 @@ from ..vec import (
     rodrigues,
     rotate_sym,
     scale,
+    store,
     sym_mul,
     transpose,
 )
@@ -315,10 +315,12 @@ def joint_force(rows, const, work, k, force, moment, out):
 
 
 @sweep
-def kinetic_and_potential(rows, const, work, v):
-    """Return (T, V) [J] of all bodies after `outboard`, V = -Σ m g · x_c. Writes origins to X.
+def kinetic_and_potential(rows, const, work, linear, v):
+    """Return (T, V) [J] of all bodies after `outboard`, V = -Σ m g · x_c.
 
-    T of a row is taken at its centre of mass, so no large terms cancel far from the origin.
+    Writes origins to X and their velocities to `linear`, so that the factors in `work` stay usable
+    for a later projection. T of a row is taken at its centre of mass, so no large terms cancel far
+    from the origin.
     """
     gravity = gravity_of(const)
     kinetic = 0.0
@@ -326,8 +328,8 @@ def kinetic_and_potential(rows, const, work, v):
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
         set_origin(work, k, add(origin_of(work, p), link_of(work, k)))
-        velocity = linear_velocity(rows, const, work, v, k, velocity_of(work, p))
-        set_velocity(work, k, velocity)
+        velocity = linear_velocity(rows, const, work, v, k, load(linear, p, 0))
+        store(linear, k, 0, velocity)
         r = rotation_of(work, k)
         m, com, central = mass_of(const, k)
         c = mul(r, com)
