@@ -49,7 +49,7 @@ def study(effort: Effort, *mech_and_state: Any, **options: Any) -> pg.Study:
     """Compared in processor time, so that the machine need not be quiet."""
     peers = [NAMES.get(peer, peer) for peer in PEERS if has(peer)]
     given = {"methods": METHODS, "peers": effort.pick(peers, ["scipy"]), "target": 1e-6}
-    given |= {"clock": "processor", "rounds": effort.pick(5, 1), "longest": effort.pick(4.0, 0.05)}
+    given |= {"rounds": effort.pick(5, 1), "longest": effort.pick(4.0, 0.05)}
     if effort.quick:
         options |= {"t_end": 0.1, "frames": 5, "methods": ("rk4",)}
     return pg.work_precision(*mech_and_state, **{**given, **options})

@@ -30,7 +30,7 @@ m2 = model.add(pg.Wrench(name="w", body="a", force=(0, 0, 1)))
 m2 = m2.edit("w", force=(0, 0, 2)).remove("w")
 spring = model.part("s", "force")
 if isinstance(spring, pg.Spring):
-    k: float = spring.stiffness
+    k: float | str = spring.stiffness
     print(k, spring.rest)
 print(pg.Table(t=[0, 1], value=np.zeros(2)), model.body("a").axes[0], m2)
 print(body.mass, pg.simulate(pg.Model(bodies=[body]), t_end=1.0).q[-1])
