@@ -18,6 +18,8 @@ import pgraph_models
 from pgraph_app.cli import main
 from pgraph_app.cli.terminal import aligned, to_json
 
+from .app.store import until
+
 
 def printed(capsys, *words: str, code: int = 0) -> tuple[str, str]:
     """(stdout, stderr) of a command that ends with this code."""
@@ -239,11 +241,11 @@ def test_the_page_answers_and_ctrl_c_ends_it(tmp_path, monkeypatch):
             assert answer.status == 200
         with pytest.raises(urllib.error.HTTPError, match="403"):
             urllib.request.urlopen(url.partition("?")[0], timeout=120)
+        until(log.read_text, "an event in the log")
         page.send_signal(signal.SIGINT)
         _, err = page.communicate(timeout=120)
         assert page.returncode == 0
         assert "Traceback" not in err
-        assert log.read_text()
     finally:
         page.kill()
         page.communicate()

@@ -140,7 +140,10 @@ class ContactRecord(EqualByFields):
             return  # done when it is made, or before
         keep_unchanged((self.wrench, self.residual))
         for what in KINDS:
-            if type(found := getattr(self, what)) is dict:
+            found = getattr(self, what)
+            if isinstance(found, Named):
+                found.keep_unchanged()
+            elif type(found) is dict:
                 keep_unchanged(found.values())
 
     def arrays(self) -> dict[str, Array]:

@@ -105,7 +105,7 @@ def test_uploaded_downloaded_and_opened_again_on_another_machine(home, monkeypat
     [
         (b"PK no", "zip"),
         (b"", "zip"),
-        (zipped(("a.txt", b"")), "0"),
+        (zipped(("a.txt", b"")), "a.txt"),
         (zipped(("a.json", MODEL), ("meshes/x.stl", bytes(101_000_000))), "101 MB"),
         (zipped(("a.json", b"{")), "JSON"),
     ],

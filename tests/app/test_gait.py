@@ -128,7 +128,7 @@ def test_a_fall_ends_the_run_and_keeps_it():
 
 
 @pytest.mark.parametrize(
-    ("text", "words"), [("9", "speed 'trot' 9 3.31"), ("fast", "speed 'fast'")]
+    ("text", "words"), [("9", "speed 'trot' 9 3.53"), ("fast", "speed 'fast'")]
 )
 def test_a_speed_out_of_reach_is_refused(text, words):
     state = after(ready(), do.SetWalk(ME, 7, "speed", text))
