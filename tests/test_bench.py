@@ -15,7 +15,7 @@ from benchmarks.measure import Effort, compared, in_turns
 from pgraph_app.cli import main
 
 KNOWN = benchmarks()
-SLOW = {"accelerations", "figures", "first_use"}  # a kernel is compiled, a browser, a new process
+SLOW = {"accelerations", "figures", "first_use", "fits"}  # compile, or start other programs
 QUICK = Effort(quick=True)
 
 
