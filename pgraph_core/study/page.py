@@ -96,7 +96,7 @@ def aligned(cells: Sequence[Sequence[str]], left: Sequence[bool]) -> list[str]:
 def duration(seconds: float) -> str:
     """Format a duration with its unit."""
     if seconds < 1e-3:
-        return f"{1e6 * seconds:.3g} us"
+        return f"{1e6 * seconds:.3g} µs"
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.3g} s"
 
 
