@@ -93,6 +93,16 @@ def given_states(mech: Mechanism, states: Any) -> Array | None:
     return found
 
 
+def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
+    """Return a notice about drives whose own states a continued run does not take over."""
+    acting = (*mech.model.forces, *(mech.model.scenario(scenario).forces if scenario else ()))
+    names = [f.name for f in acting if getattr(f, "lag", 0.0) or getattr(f, "integrates", False)]
+    if not names:
+        return []
+    text = "of drives begin anew, which `states` does not hold; a Stepper continues with them"
+    return [f"the states (lag, integral) {text}: {choices(names)}"]
+
+
 def torques_by_names(mech: Mechanism, tau: Any) -> Any:
     """Return `tau`, converting {body: value or values} to an array with zeros elsewhere.
 

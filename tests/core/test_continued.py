@@ -118,3 +118,16 @@ def test_states_that_do_not_fit_are_refused(call, facts):
         pg.simulate(pendulum(EVERY[:3], WHOLE[:-6]) if "wrt" in call else pendulum(EVERY, WHOLE),
                     t_end=0.1, **call)  # fmt: skip
     assert_names(str(error.value), *facts)
+
+
+@pytest.mark.parametrize("own", [{"lag": 0.5}, {"integrates": True}])
+def test_states_of_drives_that_begin_anew_are_named(own):
+    cart = pg.Body(name="m", joint="prismatic", axes=[(1, 0, 0)])
+    push = pg.Motor(name="push", body="m", torque=1.0, **own)
+    model = pg.Model(bodies=[cart], forces=[push], gravity=(0, 0, 0))
+    first = pg.simulate(model, t_end=1.0)
+    again = pg.simulate(
+        model, first.q[-1], first.v[-1], states=first.states[-1], t_start=1.0, t_end=2.0
+    )
+    assert first.notices == ()
+    assert any("push" in text for text in again.notices)
