@@ -419,9 +419,9 @@ def arrays_of(file: ZipFile, bodies: int) -> dict[str, Array]:
     """Return the arrays by name. Raises KeyError or ValueError."""
     found = {"t": _times(file)}
     most = len(found["t"]) * PER_BODY * (bodies + 1)
-    names = {entry.removesuffix(".npy") for entry in file.namelist()} - {"header", "t"}
-    for name in names:  # events are not of frames
-        found[name] = _array(file, name, LARGEST if "event" in name else most)
+    for name in (entry.removesuffix(".npy") for entry in file.namelist()):  # in their order
+        if name not in ("header", "t"):  # events are not of frames
+            found[name] = _array(file, name, LARGEST if "event" in name else most)
     return found
 
 

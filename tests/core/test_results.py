@@ -242,3 +242,14 @@ def test_an_oscillation_faster_than_frames_is_reported():
 )
 def test_frames_that_show_the_motion_are_not_reported(model: pg.Model, options: dict):
     assert not wide_frames(pg.simulate(model, **options))
+
+
+def test_names_of_a_file_stay_in_the_order_of_the_run(tmp_path):
+    ball = {"joint": "free", "shape": pg.Shape(kind="sphere", radius=0.1)}
+    bodies = [pg.Body(name=x, q=(2 * i, 0, 0.1, 1, 0, 0, 0), **ball) for i, x in enumerate("cab")]
+    contacts = [pg.Contact(name=f"floor_{body.name}", body=body.name) for body in bodies]
+    run = pg.simulate(pg.Model(bodies=bodies, contacts=contacts), t_end=0.1)
+    run.save(tmp_path / "run.npz")
+    same = pg.Result.load(tmp_path / "run.npz")
+    assert list(same.contacts.force) == list(run.contacts.force)
+    assert list(same.columns()) == list(run.columns())
