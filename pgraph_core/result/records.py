@@ -42,6 +42,19 @@ class Status(Enum):
         return self in (Status.DONE, Status.STOPPED)
 
 
+def energy_drift(kinetic: Array, potential: Array, work: Array, lost: Array) -> tuple[float, float]:
+    """Return the largest |E - E0 - work + dissipation| relative to the range of the energies (n,),
+    and that range [J].
+    """
+    if len(kinetic) < 2:
+        return 0.0, 0.0
+    ledger = kinetic + potential - work + lost
+    worst = float(np.abs(ledger - ledger[0]).max())
+    scale = max(float(np.ptp(part)) for part in (kinetic, potential, work, lost))
+    scale = max(scale, float(kinetic.max()))
+    return worst / scale if scale > 0 else worst, scale
+
+
 # -- contacts and limits ---------------------------------------------------------------------------
 
 

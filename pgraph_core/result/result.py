@@ -40,6 +40,7 @@ from .records import (
     Named,
     Status,
     UserEvent,
+    energy_drift,
 )
 
 if TYPE_CHECKING:
@@ -445,15 +446,8 @@ class Result(Exports, EqualByFields, Portable):
     @cached_property
     def energy_drift(self) -> float:
         """Maximum |E - E0 - work + dissipation|, relative to the range of the energies."""
-        if len(self.t) < 2:
-            return 0.0
-        ledger = self.energy - self.work + self.dissipation
-        balance = ledger - ledger[0]
         parts = (self.kinetic_energy, self.potential_energy, self.work, self.dissipation)
-        scale = max(float(np.ptp(part)) for part in parts)
-        scale = max(scale, float(np.max(self.kinetic_energy)))
-        worst = float(np.max(np.abs(balance)))
-        return worst / scale if scale > 0 else worst
+        return energy_drift(*parts)[0]
 
     @cached_property
     def body_pose(self) -> Labelled:

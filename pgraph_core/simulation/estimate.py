@@ -20,6 +20,7 @@ from ..engine.records import RIGID, SWING
 from ..errors import InputError
 from ..packing import Array
 from ..packing.signals import states_of
+from ..result.records import energy_drift
 from ..tolerances import EPS, SOLVED, VISIBLE
 from .finer import (
     apart,
@@ -28,6 +29,7 @@ from .finer import (
     may_jump,
     no_wider,
     offset_plan,
+    shared,
     undecided,
 )
 from .plan import RunPlan
@@ -83,7 +85,9 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
     record.ended.notices += undecided(record, finer)
     if record.carried is not None and finer.carried is not None:
-        record.ended.notices += record.carried.unlike(finer.carried, plan.times)
+        record.ended.notices += record.carried.unlike(
+            finer.carried, plan.times, *shared(record, finer, n)
+        )
     rows, length, q = mech.packed.rows, plan.length, record.out.q[:n]
     off = apart(record, finer, n)
     ahead = plan.onward() if record.met else plan
@@ -105,7 +109,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     known = np.logical_and.accumulate(part <= PARTED)
     error[~(known & known[:, :1])] = np.inf
     sizes = np.append(size_of_motion(rows, q, length), ranges)
-    told = _notices(record, plan.times, error, sizes)
+    told = _notices(record, plan.times, error, sizes) or _unbalanced(record, n)
     return Estimate(error, told + _passed_over(record, float(error[-1, 0])))
 
 
@@ -179,6 +183,24 @@ def _told(t: Array, error: Array, size: float, words: tuple[str, str, str]) -> l
 def _digits(t: Array) -> int:
     """Return how many digits tell times apart."""
     return 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)
+
+
+def _unbalanced(record: Recording, n: int) -> tuple[str, ...]:
+    """Return a message about energies that miss the work done, where the motion is accurate.
+
+    Steps suit the motion alone. A prescribed one takes the widest, whatever power it needs, and a
+    force that begins and ends within a step is not met. Impulses of time stepping make errors of
+    first order in energies, of which docs/accuracy.md tells.
+    """
+    plan = record.plan.onward() if record.met else record.plan
+    parts = record.out.energies[:n].T
+    drift, scale = energy_drift(*parts)
+    if plan.impulses or not scale > SOLVED * np.abs(parts).max() or drift <= VISIBLE:
+        return ()
+    return (
+        f"the energies and the work of the run disagree by {100 * drift:.2g} % of their range: "
+        "steps that suit the motion are too wide for its power, or pass a force; give a step",
+    )
 
 
 def _passed_over(record: Recording, error: float) -> tuple[str, ...]:

@@ -119,14 +119,20 @@ def _shared(plan: RunPlan, stretch: int) -> Ints:
     return np.union1d(np.append(keep, len(steps) - 1), switched)
 
 
+def shared(record: Recording, finer: Recording, n: int) -> tuple[Ints, Ints]:
+    """Return the frames (k,) of two runs at the times that both record, of n times of the first."""
+    t, theirs = record.steps.times[:n], finer.steps.times[: finer.done]
+    _, i, j = np.intersect1d(t, theirs, assume_unique=True, return_indices=True)
+    return i, j
+
+
 def apart(record: Recording, finer: Recording, n: int) -> tuple[Array, Array, Array]:
     """Return the angles (n,) [rad], the distances (n,) [m] and the differences (n, nx) of states of
     controls between two runs, at n times of the first.
 
     If only the first records a time, it is the difference at the next one that both record.
     """
-    t, theirs = record.steps.times[:n], finer.steps.times[: finer.done]
-    _, i, j = np.intersect1d(t, theirs, assume_unique=True, return_indices=True)
+    i, j = shared(record, finer, n)
     turned, moved = differences(record.mech.packed.rows, record.out.q[i], finer.out.q[j])
     states = np.abs(record.out.v[i, record.mech.nv :] - finer.out.v[j, record.mech.nv :])
     after = np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)

@@ -198,14 +198,18 @@ class Carried:
         other.slopes = slopes
         return other
 
-    def unlike(self, finer: Carried, t: Array) -> list[str]:
-        """Sentences on derivatives that differ from those of a finer run at these times."""
+    def unlike(self, finer: Carried, t: Array, rows: Ints, others: Ints) -> list[str]:
+        """Sentences on derivatives that differ from those of a finer run.
+
+        Its frames `others` are at the times of `rows` of this run, whose times are t.
+        """
+        t = t[rows]
         found, nq = [], len(self.given.plan.start[0])
         nv = len(self.given.plan.start[1])
         for one, mine, other in zip(self.variables, self._each(), finer._each()):
             worst, first = 0.0, t[-1]
             for part in (slice(0, nq), slice(nq, nq + nv)):
-                a, b = mine[: len(t), part], other[: len(t), part]
+                a, b = mine[rows, part], other[others, part]
                 size = np.nanmax(np.abs(b), initial=0.0)
                 apart = np.nan_to_num(np.abs(a - b)).max(axis=1, initial=0.0)
                 if size > 0.0 and (share := float(apart.max() / size)) > VISIBLE:
@@ -230,7 +234,7 @@ class Carried:
     def beside(self, run: Result, path: str, change: float) -> Result:
         """The run that a number changed by this much has to first order, at the same frames.
 
-        With contacts its accelerations and forces are nan.
+        With contacts its accelerations, forces and dissipation are nan.
         """
         from ..engine.stepping.duals import record_states
 
@@ -249,6 +253,7 @@ class Carried:
         other.steps.control["frame"] = len(run.t)
         if stepped:  # impulses are not among the derivatives
             other.out.vdot[:], other.out.wrenches[:] = np.nan, np.nan
+            other.out.energies[:, 3] = np.nan  # they dissipate
         return other.result(None, (), {})
 
 

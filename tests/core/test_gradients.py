@@ -287,6 +287,21 @@ def test_files_and_pickles_keep_derivatives(tmp_path):
             other.gradient(lambda run: run.q[-1, 0])
 
 
+@pytest.mark.parametrize("step", [1e-3, 2e-3])
+def test_derivatives_through_limits_agree_with_those_of_a_finer_run(step):
+    """The frames of a finer run are at other times, as its steps are shifted."""
+    body = pg.Body(
+        name="a", axes=(0, 1, 0), com=(0, 0, -0.5), inertia=(0.1, 0.1, 0.02), q=(0.5,),
+        limits=(-0.2, 1.0), limit_restitution=0.6,
+    )  # fmt: skip
+    options = {"t_end": 1.0, "method": "moreau_jean", "step": step}
+    run = pg.simulate(pg.Model(bodies=[body]), wrt=["q.a"], **options)
+    assert run.notices == ()
+    lost = run.gradient(lambda run: run.energy[0] - run.energy[-1])["q.a"]
+    assert lost == pytest.approx(1.505, rel=2e-3)  # central differences
+    assert np.isnan(run.gradient(lambda run: run.dissipation[-1])["q.a"])  # impacts are not in it
+
+
 def test_a_number_without_influence_is_named():
     run = pg.simulate(described("double_pendulum"), wrt=["bodies.lower.tip.0"], **STEPS)
     assert any("bodies.lower.tip.0" in text for text in run.notices)

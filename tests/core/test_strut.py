@@ -119,3 +119,18 @@ def test_files_hold_it_and_older_versions_refuse_them():
 def test_what_has_no_meaning_is_refused(fields, named):
     with pytest.raises(pg.ModelError, match=named):
         pg.Strut(name="s", body="a", **fields)
+
+
+@pytest.mark.parametrize(("mass", "depth"), [(1e-3, 0.2), (1.0, 0.05), (1e3, 0.2)])
+def test_a_stop_that_a_step_passes_is_named_and_met_by_steps(mass, depth):
+    """A free body comes from far with one wide step, at whose ends the stop does not act."""
+    body = pg.Body(name="m", mass=mass, joint="prismatic", axes=[(1, 0, 0)], q=(9.5,), v=(-1.0,))
+    stop = {"bump_length": depth, "bump_stiffness": 1e3 * mass / depth}
+    strut = pg.Strut(name="s", body="m", point=(0, 0, 0), other_point=(0, 0, 0), **stop)
+    model = pg.Model(bodies=[body], forces=[strut], gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=12.0)
+    met = run.q[-1, 0] > 0.0
+    assert met or any("work" in text for text in run.notices)
+    run = pg.simulate(model, t_end=12.0, step=0.02 * depth)
+    assert run.q[-1, 0] > 0.0
+    assert run.notices == ()
