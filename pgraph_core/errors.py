@@ -351,7 +351,8 @@ def _problems_of_call(
         wrong = [name for name in named if name not in known]
         if wrong and known:
             about = functools.partial(meaning_of, function)
-            text = f"is not an argument; {nearest(wrong[0], parameters, about)}"
+            choose = nearest(wrong[0], parameters, about) if parameters else "there is none to give"
+            text = f"is not an argument; {choose}"
             text += example_of(function)
             return [Problem(where, wrong[0], text)]
         takes = ", ".join(str(p).split(":")[0] for p in parameters.values())

@@ -113,3 +113,56 @@ def test_a_run_goes_to_xarray_with_its_units():
     table = run.to_xarray()
     np.testing.assert_array_equal(table["j2"], run["j2"])
     assert (table["j2"].units, table["t"].units) == ("rad", "s")
+
+
+@pytest.mark.parametrize(
+    ("name", "ours"),
+    [
+        ("forward_kinematics", "Mechanism.pose"),
+        ("mass_matrix", "Mechanism.mass_matrix"),
+        ("simulate_batch", "BatchStepper"),
+        ("modes", "linearise"),
+        ("gradient", "Result.gradient"),
+        ("Loop", "Revolute"),
+    ],
+)
+def test_a_function_of_another_program_is_answered_with_ours(name, ours):
+    with pytest.raises(AttributeError, match=ours):
+        getattr(pg, name)
+
+
+def test_weights_of_a_regulator_may_be_named():
+    cart = pg.Body(name="cart", joint="prismatic", axes=(1, 0, 0), mass=2.0)
+    model = pg.Model(bodies=[cart], forces=[pg.Motor(name="push", body="cart")])
+    named, by_position = pg.lqr(model, Q=3.0, R=0.5), pg.lqr(model, 3.0, 0.5)
+    assert np.array_equal(named.K, by_position.K)
+
+
+@pytest.mark.parametrize(
+    ("call", "named"),
+    [
+        (lambda model: pg.simulate(model, q=np.zeros((9, 2))), "BatchStepper"),
+        (lambda model: pg.simulate(model, forces=lambda t, q, v: 0.0), "tau"),
+        (lambda model: pg.simulate(model, t_end=0.1).show(fps=30), "fps"),
+        (lambda model: pg.PID(name="p", signal="q.arm", kp=1.0), "'=q.arm'"),
+    ],
+)
+def test_a_refusal_names_what_to_write(call, named):
+    with pytest.raises(pg.PgraphError, match=named):
+        call(pg.Model.serial(2))
+
+
+@pytest.mark.parametrize(
+    ("change", "falls"),
+    [
+        ({}, True),
+        ({"contacts": [pg.Contact(name="c", body="b")]}, False),
+        ({"gravity": (0, 0, 0)}, False),
+        ({"constraints": [pg.Point(name="p", body="b", other="ground")]}, False),
+    ],
+)
+def test_a_loose_body_that_touches_nothing_is_doubted(change, falls):
+    box = pg.Shape(kind="box", size=(0.2, 0.2, 0.2))
+    body = pg.Body(name="b", joint="free", shape=box, derived=("inertia",))
+    doubts = pg.Model(bodies=[body], **change).doubts
+    assert any("contact" in text for text in doubts) == falls

@@ -58,7 +58,6 @@ def lqr(
     model: Model,
     Q: Any,
     R: Any = 1.0,
-    /,
     *,
     inputs: Sequence[str] | None = None,
     states: Sequence[str] | None = None,

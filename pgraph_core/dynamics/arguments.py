@@ -61,7 +61,9 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
     if array is None:
         raise InputError(Problem(name, "", f"must be numbers; given {shown(value)}"))
     if array.shape != shape:
-        raise InputError(Problem(name, "", f"must have shape {shape}; given {array.shape}"))
+        many = array.shape[1:] == shape and len(array) > 1
+        do = "; a pg.BatchStepper steps many states at once" if many else ""
+        raise InputError(Problem(name, "", f"must have shape {shape}; given {array.shape}{do}"))
     return array
 
 

@@ -30,6 +30,7 @@ def doubts(model: Any) -> list[str]:
         *(f"body '{name}': {text}" for name, text in wide(bodies)), *_starts(bodies),
         *_shapes(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
         *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
+        *_idle_ground(model),
     ]  # fmt: skip
 
 
@@ -268,6 +269,18 @@ def _idle_parameters(model: Any) -> Iterator[str]:
     for name in model.parameters:
         if name not in used:
             yield f"parameter '{name}': no formula uses it"
+
+
+def _idle_ground(model: Any) -> Iterator[str]:
+    """Yield a warning about a loose body with a shape that falls through the ground."""
+    parts = (*model.constraints, *model.forces)
+    held = {getattr(part, end, "") for part in parts for end in ("body", "other")}
+    for body in model.bodies:
+        loose = body.dof == 6 and body.parent == GROUND and body.name not in held
+        if loose and body.shape and any(model.gravity) and not model.contacts:
+            text = "falls through the ground: shapes touch where a contact names them, as "
+            yield f"body '{body.name}': {text}contacts=[pg.Contact(body='*')]"
+            return
 
 
 MILLI = math.sqrt(1000.0)  # a length so much larger than another is nearer to it in mm

@@ -71,7 +71,7 @@ def simulate(
         Initial configuration (nq,) and velocity (nv,) in the order of `mech.names`, or values by
         name of body, as a dictionary or a row of pandas. Coordinates that are not named keep the
         values of the scenario or of the model. Lists raise an error if the table of bodies is in
-        another order.
+        another order. A free joint has q = [x, y, z, qw, qx, qy, qz] and v = [angular, linear].
     states : array or dict, optional
         Initial states (nx,) of the controls in the order of `run.states`, or values by name of
         control. Controls that are not named start as the model says. A sample at `t_start` of a

@@ -126,7 +126,8 @@ class Options(NamedTuple):
         """Return the forces of a call, checked to fit the model. Raises InputError."""
         forces = self.forces
         if not isinstance(forces, (tuple, list)) or not all(isinstance(f, Force) for f in forces):
-            text = f"must be a list of pg.Force; given {shown(forces)}"
+            do = "; a function of torques f(t, q, v) is given as tau" if callable(forces) else ""
+            text = f"must be a list of pg.Force; given {shown(forces)}{do}"
             raise InputError(Problem("simulate", "forces", text))
         bodies = {b.name: b for b in mech.model.bodies} if forces else {}
         found = [problem for f in forces for problem in force_problems((f,), bodies)]
