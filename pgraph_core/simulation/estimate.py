@@ -20,8 +20,8 @@ from ..engine.records import RIGID, SWING
 from ..errors import InputError
 from ..packing import Array
 from ..packing.signals import states_of
-from ..result.records import energy_drift
 from ..tolerances import EPS, SOLVED, VISIBLE
+from .balance import passed_over, unbalanced
 from .finer import (
     apart,
     finer_plan,
@@ -33,7 +33,6 @@ from .finer import (
     undecided,
 )
 from .plan import RunPlan
-from .rates import fastest_rate, fastest_swings
 from .recording import Recording
 
 MORE = 1.25  # least number of steps of a finer run relative to the run
@@ -109,8 +108,8 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     known = np.logical_and.accumulate(part <= PARTED)
     error[~(known & known[:, :1])] = np.inf
     sizes = np.append(size_of_motion(rows, q, length), ranges)
-    told = _notices(record, plan.times, error, sizes) or _unbalanced(record, n)
-    return Estimate(error, told + _passed_over(record, float(error[-1, 0])))
+    told = _notices(record, plan.times, error, sizes) or unbalanced(record, n)
+    return Estimate(error, told + passed_over(record, float(error[-1, 0])))
 
 
 def _rounding(record: Recording, t: Array) -> Array:
@@ -183,50 +182,6 @@ def _told(t: Array, error: Array, size: float, words: tuple[str, str, str]) -> l
 def _digits(t: Array) -> int:
     """Return how many digits tell times apart."""
     return 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)
-
-
-def _unbalanced(record: Recording, n: int) -> tuple[str, ...]:
-    """Return a message about energies that miss the work done, where the motion is accurate.
-
-    Steps suit the motion alone. A prescribed one takes the widest, whatever power it needs, and a
-    force that begins and ends within a step is not met. Impulses of time stepping make errors of
-    first order in energies, of which docs/accuracy.md tells.
-    """
-    plan = record.plan.onward() if record.met else record.plan
-    parts = record.out.energies[:n].T
-    drift, scale = energy_drift(*parts)
-    if plan.impulses or not scale > SOLVED * np.abs(parts).max() or drift <= VISIBLE:
-        return ()
-    return (
-        f"the energies and the work of the run disagree by {100 * drift:.2g} % of their range: "
-        "steps that suit the motion are too wide for its power, or pass a force; give a step",
-    )
-
-
-def _passed_over(record: Recording, error: float) -> tuple[str, ...]:
-    """Return a message about vibrations that implicit steps damp out at any size, if they may
-    matter.
-
-    They are missing from both runs. The energy that the ledger misses bounds their amplitude.
-    """
-    plan, given, n = record.plan, record.plan.tolerance, record.done
-    if given is None or not (given.fixed and plan.method.implicit) or record.steps.divided:
-        return ()
-    acts = (record.mech, (plan.drives, plan.loads), plan.active, *record.began)
-    rate = fastest_rate(*acts)
-    if rate * given.widest <= 1.0 or not fastest_swings(*acts):
-        return ()
-    kinetic, potential, work, lost = record.out.energies[:n].T
-    balance = kinetic + potential - work + lost
-    inertia = np.diag(record.mech.mass_matrix(record.began[0]))
-    most = float(np.sqrt(2.0 * np.ptp(balance) / inertia[inertia > 0.0]).max(initial=0.0)) / rate
-    if most <= error:
-        return ()
-    return (
-        f"the error excludes vibrations of {rate:.3g} rad/s, which {plan.method.name} takes "
-        f"out in steps of {given.widest:.3g} s: up to {most:.2g} rad or m. Where they matter, give "
-        f"a step below {1.0 / rate:.2g} s",
-    )
 
 
 def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
