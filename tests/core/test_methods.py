@@ -6,6 +6,7 @@ from scipy.integrate._ivp import dop853_coefficients as theirs
 
 import pgraph_core as pg
 from pgraph_core.analysis.rows import apart
+from pgraph_core.integrators import DOP853, METHODS
 
 from .test_cases import DOWN, case, mass, rod, worst
 from .trees import moved
@@ -46,7 +47,7 @@ def test_pendulums_of_all_scales_take_the_same_steps(method):
 
 
 def test_the_tableau_of_dop853_is_that_of_scipy():
-    ours = pg.integrators.DOP853.tableau
+    ours = DOP853.tableau
     np.testing.assert_allclose(ours.a, theirs.A, rtol=0, atol=0)
     np.testing.assert_allclose(ours.error, [theirs.E5[:12], theirs.E3[:12]], rtol=0, atol=1e-17)
 
@@ -85,7 +86,7 @@ def test_steps_too_wide_for_an_explicit_method_are_reported(method):
     """The limit is that of the method. A run 20 % above it fails or knows its error."""
     mech, q = stiff_pendulum(1e6)
     q = q + np.array([0.0, 1e-9])
-    limit = pg.integrators.METHODS[method].limit / 1e3
+    limit = METHODS[method].limit / 1e3
     options = {"method": method, "frames": 2}
     calm = pg.simulate(mech, q, t_end=500 * limit, step=0.9 * limit, **options)
     wild = pg.simulate(mech, q, t_end=500 * limit, step=1.2 * limit, **options)
