@@ -57,7 +57,9 @@ class SceneView:
         self._boxes: tuple[str, ...] = ()  # notices about meshes that cannot be read
         self._send = send
         self._state: State | None = None
-        # it takes long to import, and every body is drawn with it: ready when the first page is
+        # it takes long to import, and every body is drawn with it: ready when the first page is.
+        # Two threads that import what it needs of SciPy at once can lock each other.
+        import_module("scipy.spatial")
         threading.Thread(target=import_module, args=("trimesh",), daemon=True).start()
         self._grips: dict[int, tuple[float, float, float]] = {}  # by client, in the body's axes
 
