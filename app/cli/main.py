@@ -150,6 +150,7 @@ def start(args: Namespace) -> None:
         model, host=args.host, port=args.port, open_browser=not args.no_browser,
         given=given, keep=state_folder(), token=args.token,
     )  # fmt: skip
+    print("Press Ctrl+C to stop.", flush=True)
     gc.collect()
     gc.freeze()  # later garbage collections skip the objects that exist by now
     server.wait(lambda: bool(stopped))

@@ -4,13 +4,15 @@
   const plain = () => [pgraph.latest.toolbar?.name, "Pgraph"].filter(Boolean).join(" – ");
   let told = "";
 
-  function watch(topic, said) {
+  // A run that plays before the eyes of who asked for it shows by itself that it has ended.
+  function watch(topic, said, plays = false) {
     let since = null;
     pgraph.on(topic, (data) => {
       if (data.job !== null) { since ??= performance.now(); return; }
       const took = since === null ? 0 : performance.now() - since;
       since = null;
-      if (took > LONG || (took && document.hidden)) tell(data.problem || said(data), !data.problem);
+      const watched = plays && !data.problem && document.hasFocus();
+      if (took && (document.hidden || (took > LONG && !watched))) tell(data.problem || said(data), !data.problem);
     });
   }
 
@@ -26,6 +28,6 @@
   window.addEventListener("focus", seen);
 
   pgraph.on("toolbar", title);
-  watch("run", (data) => `Simulated: ${data.summary?.[0]?.[1] ?? "the run reached its end"}`);
+  watch("run", (data) => `Computed: ${data.summary?.[0]?.[1] ?? "the run reached its end"}`, true);
   watch("reports", (data) => { const title = data.results?.[0]?.title ?? "the report"; return title.endsWith("cancelled") ? title : `Ready: ${title}`; });
 })();

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pgraph_core.analysis.singular import TOO_LOW
+from pgraph_core.integrators import METHODS
 from pgraph_core.model.scenario import METHOD_NAMES
 
 from ..core.views import Payload
@@ -65,7 +66,8 @@ def verdict(run: Run) -> tuple[str, str, str]:
     """Return (level, sentence, reason) for a run. The level is "good", "rough", "unknown" or
     "failed".
 
-    The level is that of the worst fact.
+    The level is that of the worst fact. A method of first order has energies of that order, which
+    says nothing about its motion: they stand below the verdict.
     """
     result = run.result
     if not result.status.ok and not run.ended:
@@ -103,6 +105,12 @@ def _until(result: Any) -> str:
     """Return the last time at which the error is known, such as 'until 0.396 s'."""
     known = np.flatnonzero(np.isfinite(result.error_at))
     return f"until {float(result.t[known[-1] if len(known) else 0]):.3g} s"
+
+
+def _first_order(result: Any) -> bool:
+    """Return whether energies are of first order in the step, however accurate the motion is."""
+    method = METHODS.get(str(result.header.get("method")))
+    return method is not None and method.order == 1
 
 
 def percent(part: float) -> str:
@@ -151,7 +159,9 @@ def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
         short = f"{percent(float(result.relative_error[-1:].sum()))} of the motion"
     else:
         short = felt(run)
-    found = [("Joint error", short, ERROR), (ENERGY, percent(result.energy_drift), ENERGY)]
+    first = result.energy_drift >= POOR and _first_order(result)
+    off = f"{percent(result.energy_drift)}{', first order' if first else ''}"
+    found = [("Joint error", short, ERROR), (ENERGY, off, ENERGY)]
     found = [one for one in found if lines.get(one[2], ("", True))[1] or not math.isfinite(error)]
     method, step = str(result.header.get("method")), result.header.get("step")
     size = f", {1e3 * step:.3g} ms" if isinstance(step, float) else ""
@@ -178,7 +188,7 @@ def summary(run: Run) -> list[Line]:
     """Return lines (label, value, ok) about the end, accuracy and cost of a run."""
     result = run.result
     off, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
-    estimated = not math.isnan(estimate)
+    estimated, first = not math.isnan(estimate), _first_order(result)
     lines = [
         ("Status", run.ended or result.message or result.status.value, result.status.ok),
         ("Method", str(result.header.get("why", "")), True),
@@ -187,7 +197,7 @@ def summary(run: Run) -> list[Line]:
             f"{_accuracy(run)}{why(estimate)}" if estimated else "",
             estimate < POOR,
         ),
-        (ENERGY, f"{drift(result)}{why(off)}", off < POOR),
+        (ENERGY, f"{drift(result)}{why(off, first)}", off < POOR or first),
     ]
     if run.model.constraints and len(result.constraint_drift):
         position, velocity = result.constraint_drift.max(axis=0)
@@ -205,9 +215,10 @@ def _accuracy(run: Run) -> str:
     return ", ".join(filter(None, (felt(run), run.result.accuracy.partition(", ")[2])))
 
 
-def why(error: float) -> str:
+def why(error: float, first: bool = False) -> str:
     """Return advice for a large error or drift, or "" if both are small."""
-    return f": above {percent(POOR)}; a smaller step makes it smaller" if error >= POOR else ""
+    reason = "first order in the step" if first else f"above {percent(POOR)}"
+    return f": {reason}; a smaller step makes it smaller" if error >= POOR else ""
 
 
 def cost(result: Any) -> str:

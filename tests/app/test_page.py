@@ -275,11 +275,11 @@ def test_keys_palette_and_menus_lead_everywhere(page, served):
     assert len(seen) == 6, seen
 
 
-FINISH = """([topic, hidden, problem]) => {
+FINISH = """([topic, hidden, problem, took]) => {
   Object.defineProperty(document, "hidden", { configurable: true, get: () => hidden });
   const before = pgraph.latest[topic], job = { text: "50 %", fraction: 0.5 };
   let now = 1000;
-  performance.now = () => (now += 5);
+  performance.now = () => (now += took);
   pgraph.receive(topic, { ...before, job });
   pgraph.receive(topic, { ...before, job: null, problem });
   delete performance.now;
@@ -296,11 +296,14 @@ FINISH = """([topic, hidden, problem]) => {
 def test_work_that_ends_behind_another_window_is_told_in_the_title(page, topic):
     page.wait_for_function("pgraph.latest.toolbar.name === 'leg'")
     for problem, mark in (("", "✓"), ("It failed.", "✗")):
-        title, toast, after = page.evaluate(FINISH, [topic, True, problem])
+        title, toast, after = page.evaluate(FINISH, [topic, True, problem, 5])
         assert toast
         assert title == f"{mark} {toast} – leg – Pgraph"
         assert after == "leg – Pgraph"
-    assert page.evaluate(FINISH, [topic, False, ""])[1] == ""  # quick, before one's eyes
+    assert page.evaluate(FINISH, [topic, False, "", 5])[1] == ""  # quick, before one's eyes
+    told = page.evaluate(FINISH, [topic, False, "", 3000])[1]
+    assert bool(told) == (topic == "reports")  # a run that plays was said to be at its end
+    assert page.evaluate(FINISH, [topic, False, "It failed.", 3000])[1]
 
 
 def test_nothing_of_the_model_before_is_left_on_the_page(page, served):
