@@ -35,7 +35,7 @@ from .instances import (
     state_arrays,
     words_of,
 )
-from .lanes import FeetLanes, LoopLanes, on_constraints, on_feet
+from .lanes import FeetLanes, on_feet
 
 CALL = "BatchStepper"
 MOST_COPIES = 10_000_000  # instances
@@ -149,8 +149,8 @@ class BatchStepper(Snapshots):
         if fits_lanes(first, varying) and not self._same_bits:
             self._many: Instances = TreeLanes(*tables)
             self._many.prepare(varying)
-        elif on_feet(first) or on_constraints(first, varying):
-            self._many = (FeetLanes if on_feet(first) else LoopLanes)(*tables)
+        elif on_feet(first):
+            self._many = FeetLanes(*tables)
             self._many.prepare()
         else:
             self._many = Instances(*tables)

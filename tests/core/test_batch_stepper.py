@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 import pgraph_core as pg
-from pgraph_core.batches.lanes import FeetLanes, LoopLanes
+from pgraph_core.batches.lanes import FeetLanes
 from pgraph_core.engine.compiler.lane import LANE_WIDTH
 from pgraph_core.simulation.paths import Path
 
@@ -154,7 +154,7 @@ def walking(name):
 
 
 def closed(name, scenario, path, span, method="rk4"):
-    options = {"again": 2, "lanes": LoopLanes, "scenario": scenario, "method": method}
+    options = {"again": 2, "scenario": scenario, "method": method}
     return built_in(name).model, WIDE, go(40, 10), {"given": {path: spread(*span, WIDE)}, **options}
 
 
@@ -201,7 +201,7 @@ CASES = {
     "slider crank": partial(closed, "slider_crank", "turn", "gravity.2", (-12, 3)),
     "four bar": partial(closed, "four_bar", "turn", "bodies.coupler.mass", (1, 2), EULER),
     "disc": partial(closed, "rolling_disc", "roll", "gravity.2", (-12, -7), EULER),
-    "redundant": partial(closed, "bricard", "fall", "gravity.2", (-12, -7)),  # lanes give up
+    "redundant": partial(closed, "bricard", "fall", "gravity.2", (-12, -7)),
     "rigid": partial(touching, "complementarity", "moreau_jean"),
     "soft": partial(touching, "soft", "rk4"),
     "penalty": partial(touching, "penalty", "rk4"),
