@@ -6,9 +6,8 @@ Run it with `python examples/03_dynamics.py`.
 import numpy as np
 
 import pgraph_core as pg
-import pgraph_models
 
-mech = pg.Mechanism(pg.Model.load(pgraph_models.path("fig1_tree")))
+mech = pg.Mechanism(pg.load("fig1_tree"))
 q, _ = mech.home()
 v = np.linspace(-1, 1, mech.nv)
 

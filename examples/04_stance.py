@@ -8,9 +8,8 @@ some seconds. docs/paper.md has the figures and a comparison with two other solv
 import numpy as np
 
 import pgraph_core as pg
-import pgraph_models
 
-model = pg.Model.load(pgraph_models.path("quadruped"))
+model = pg.load("quadruped")
 mech = pg.Mechanism(model)
 print("Pgraph", mech.pgraph)
 print("jdof  ", mech.jdof)

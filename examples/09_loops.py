@@ -5,13 +5,12 @@ import math
 import numpy as np
 
 import pgraph_core as pg
-import pgraph_models
 
-mech = pg.Mechanism(pg.Model.load(pgraph_models.path("slider_crank")))
+mech = pg.Mechanism(pg.load("slider_crank"))
 print(mech.mobility(), "\n")
 
 # Flat, a parallelogram can go on as a parallelogram or fold: the velocity decides.
-bars = pg.Mechanism(pg.Model.load(pgraph_models.path("four_bar")))
+bars = pg.Mechanism(pg.load("four_bar"))
 flat, along = math.pi / 2 * np.array((-1, 1, -1)), np.array((-1.0, 1.0, -1.0))
 print(bars.mobility(flat, along), "\n")
 

@@ -4,9 +4,8 @@ Run it with `python examples/12_stability.py`; docs/accuracy.md has more maps an
 """
 
 import pgraph_core as pg
-import pgraph_models
 
-model = pg.Model.load(pgraph_models.path("stiff_pendulum"))
+model = pg.load("stiff_pendulum")
 found = pg.stability_map(
     model,
     axis="stiffness",

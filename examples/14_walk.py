@@ -4,9 +4,8 @@ Run it with `python examples/14_walk.py`.
 """
 
 import pgraph_core as pg
-import pgraph_models
 
-mech = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped_hips")))
+mech = pg.Mechanism(pg.load("quadruped_hips"))
 run = pg.simulate(mech, scenario="trot", t_end=3.0)
 print(run.message)
 print(*run.events[-2:], sep="\n")

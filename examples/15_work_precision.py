@@ -1,9 +1,8 @@
 """Error against run time: which method, at which setting, for the accuracy that is wanted."""
 
 import pgraph_core as pg
-import pgraph_models
 
-mech = pg.Mechanism(pg.Model.load(pgraph_models.path("double_pendulum")))
+mech = pg.Mechanism(pg.load("double_pendulum"))
 study = pg.work_precision(
     mech,
     t_end=1.0,

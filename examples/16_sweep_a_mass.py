@@ -10,9 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import pgraph_core as pg
-import pgraph_models
 
-model = pg.Model.load(pgraph_models.path("double_pendulum"))
+model = pg.load("double_pendulum")
 masses = np.linspace(0.5, 4.0, 8)
 sweep = pg.sweep(model, {"bodies.lower.mass": masses}, "max kinetic_energy", t_end=2.0)
 highest = sweep.values["max kinetic_energy"]

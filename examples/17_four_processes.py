@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 
 import pgraph_core as pg
-import pgraph_models
 
 
 def highest_speed(mech: pg.Mechanism, speed: float) -> float:
@@ -19,7 +18,7 @@ def highest_speed(mech: pg.Mechanism, speed: float) -> float:
 
 
 if __name__ == "__main__":
-    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("double_pendulum")))
+    mech = pg.Mechanism(pg.load("double_pendulum"))
     speeds = (0.0, 1.0, 2.0, 3.0)
     with ProcessPoolExecutor(max_workers=4) as pool:
         found = list(pool.map(partial(highest_speed, mech), speeds))

@@ -5,9 +5,8 @@ Or run it with `python examples/18_edit_and_rerun.py`.
 
 # %% A model; as the last line of a notebook's cell, `model` shows its table and its digraph.
 import pgraph_core as pg
-import pgraph_models
 
-model = pg.Model.load(pgraph_models.path("four_bar"))
+model = pg.load("four_bar")
 print(model)
 
 # %% A run keeps its model; an edit makes a new model and leaves the old one as it was.

@@ -4,9 +4,8 @@ Run it with `python examples/20_to_pandas.py`; it needs `pip install 'pgraph-dyn
 """
 
 import pgraph_core as pg
-import pgraph_models
 
-model = pg.Model.load(pgraph_models.path("double_pendulum"))
+model = pg.load("double_pendulum")
 run = pg.simulate(model, t_end=10.0, rtol=1e-10)
 table = run.to_pandas()
 print(table.filter(like="energy").describe())

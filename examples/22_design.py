@@ -8,7 +8,6 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 import pgraph_core as pg
-import pgraph_models
 
 LIMBS = {  # each limb's bodies: the lower one hangs on the end of the upper one
     "front": (("left_humerus", "left_radius"), ("right_humerus", "right_radius")),
@@ -17,7 +16,7 @@ LIMBS = {  # each limb's bodies: the lower one hangs on the end of the upper one
 SPINE = ("lumbar", "thorax")
 SETTLED, WALKED = 800, 1200  # steps of 1 ms
 
-model = pg.Model.load(pgraph_models.path("quadruped_hips"))
+model = pg.load("quadruped_hips")
 for name in SPINE:
     model = model.edit(name, kind="body", stiffness=20.0, damping=1.0)
 mass = sum(body.mass for body in model.bodies)

@@ -3,9 +3,8 @@
 from pathlib import Path
 
 import pgraph_core as pg
-import pgraph_models
 
-model = pg.Model.load(pgraph_models.path("double_pendulum"))
+model = pg.load("double_pendulum")
 run = pg.simulate(model, t_end=5.0, step=1e-3, method="rk4")
 page = Path("double_pendulum.html")
 run.to_html(page, live=True, open=["bodies.lower.mass=0.2:5", "bodies.lower.link.2=-1.5:-0.5"])

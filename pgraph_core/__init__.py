@@ -4,7 +4,8 @@ A name's module is imported when the name is first used: describing, checking an
 starts no compiler, and a pendulum loads no contact, gait or study module.
 """
 
-from collections.abc import Iterator
+import inspect
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -118,6 +119,11 @@ with open(__file__, encoding="utf-8") as _source:
     _IMPORTS = [line.split() for line in _source if line.startswith("    from .")]
 # {public name: its module}, from the imports above, which are for type checkers
 _HOME = {words[3]: words[1][1:] for words in _IMPORTS if words[4:5] == ["as"]}
+# objects of the main classes, as they are made
+_SHOWN = {
+    "Model": "model", "Mechanism": "pg.Mechanism(model)", "Result": "run", "Stepper": "stepper",
+}  # fmt: skip
+_TAKERS = ("Body", "Model", "simulate", "Shape", "Contact", "Motor", "Servo", "PID", "Scenario")
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
@@ -132,17 +138,42 @@ def __getattr__(name: str) -> Any:
         from .words import SAME_ATTRIBUTES, NoAttribute
 
         if (ours := SAME_ATTRIBUTES.get(name)) not in _HOME:
-            raise NoAttribute("module 'pgraph_core'", name, lambda: [*_HOME, *_methods(name)])
+            raise NoAttribute("module 'pgraph_core'", name, lambda: _HOME)
         value = __getattr__(ours)
     globals()[name] = value
     return value
 
 
-def _methods(name: str) -> Iterator[str]:
-    """Yield "Class.name" for each class whose objects have this name, such as a method."""
-    for owner in ("Mechanism", "Model", "Result", "Stepper"):
-        if hasattr(__getattr__(owner), name):
-            yield f"{owner}.{name}"
+def _elsewhere() -> dict[str, str]:
+    """Return what stands before each public name and each attribute of the main classes."""
+    found = dict.fromkeys(_HOME, "pg.")
+    for owner, shown in _SHOWN.items():
+        found |= {name: f"{shown}." for name in dir(__getattr__(owner)) if name[0] != "_"} | found
+    return found
+
+
+def _bound(owner: Any, name: str) -> Any:
+    """Return a method of the mechanism, or a function that takes a model first, for a model."""
+    kind = type(owner).__name__
+    if type(owner).__module__.split(".")[0] != __name__ or kind not in ("Model", "Mechanism"):
+        return None
+    ours = __getattr__(name) if name in _HOME else None
+    if inspect.isfunction(ours):
+        first = next(iter(inspect.signature(ours).parameters.values()))
+        if kind in str(first.annotation):
+            return partial(ours, owner)
+    return getattr(__getattr__("Mechanism")(owner), name, None) if kind == "Model" else None
+
+
+def _taken(name: str) -> str:
+    """Return the call that takes a field or an argument, as it is written, or ""."""
+    from .words import ours
+
+    for taker in _TAKERS:
+        known = inspect.signature(__getattr__(taker)).parameters
+        if (own := name if name in known else ours(name, known)) in known:
+            return f"pg.{taker}(..., {own}=...)"
+    return ""
 
 
 def _page(run: Any, fields: Any = ()) -> str:
@@ -153,6 +184,9 @@ def _page(run: Any, fields: Any = ()) -> str:
 
 
 hooks.page = _page
+hooks.elsewhere = _elsewhere
+hooks.bound = _bound
+hooks.taken = _taken
 
 
 def __dir__() -> list[str]:

@@ -19,7 +19,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar
 
-from . import words
+from . import hooks, words
 
 Called = TypeVar("Called", bound=Callable[..., Any])
 
@@ -78,7 +78,10 @@ class SetError(InputError, AttributeError):
 
 
 class Suggests:
-    """A mixin that returns our attribute for the same of another program, or names a near one."""
+    """A mixin that returns our attribute for the same of another program, or names a near one.
+
+    What takes a model or a mechanism first is an attribute of both: `model.linearise()`.
+    """
 
     if not typing.TYPE_CHECKING:
 
@@ -93,6 +96,9 @@ class Suggests:
             try:
                 return super().__getattr__(name)  # of pydantic
             except AttributeError:
+                found = hooks.bound(self, name) if name[0] != "_" else None
+                if found is not None:
+                    return found
                 own = self.__dict__ if hasattr(self, "__dict__") else ()
                 raise words.NoAttribute(
                     f"a {kind.__name__}", name, lambda: [*dir(kind), *own]
@@ -141,7 +147,7 @@ def needed(module: str, extra: str = "") -> Any:
         raise MissingPackage(Problem(f"package '{package}'", "", text)) from error
 
 
-def choices(names: Iterable[str], limit: int = 12) -> str:
+def choices(names: Iterable[str], limit: int = 60) -> str:
     """Return valid names separated by commas, at most `limit`, for the end of a sentence."""
     listed = [name if name.isprintable() else repr(name) for name in names]
     more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
@@ -170,8 +176,10 @@ def nearest(name: str, known: Iterable[str], about: Callable[[str], str] = lambd
     close = words.hint(name, names)
     meaning = about(close) if close else ""
     suggested = f"did you mean {close}? " if close else ""
+    if not close and (taken := hooks.taken(name)):
+        suggested = f"it belongs to {taken}; "
     suggested += f"{close} takes {meaning}; " if meaning else ""
-    return f"{suggested}choose from {choices(names, limit=40)}"
+    return f"{suggested}choose from {choices(names)}"
 
 
 def no_method(name: Any, known: Iterable[str]) -> str:
@@ -187,10 +195,7 @@ def to_read(text: Any) -> str:
         return ""
     if text.lstrip().startswith("{"):
         return "; to read it: pg.Model.from_json(text)"
-    do = f"; to read a file: pg.load({shown(text)})"
-    if text.isidentifier():
-        do += f"; a built-in model: pg.Model.load(pgraph_models.path({shown(text)}))"
-    return do
+    return f"; to read a file or a built-in model: pg.load({shown(text)})"
 
 
 def plain(text: str) -> str:

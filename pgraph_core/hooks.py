@@ -2,6 +2,10 @@
 sets them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 page: Callable[..., str]  # (run, fields that stay open) -> the HTML of a living figure
+elsewhere: Callable[[], Mapping[str, str]]  # public name -> what stands before it: "run.", "pg."
+bound: Callable[[Any, str], Any]  # (model or mechanism, name) -> what takes it first, or None
+taken: Callable[[str], str]  # name of a field or an argument -> "pg.Model(..., sites=...)", or ""

@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from . import hooks
+
 # pairs of other programs that are two of our numbers
 PAIRS = {
     "t_span": ("t_start", "t_end"), "tspan": ("t_start", "t_end"),
@@ -92,12 +94,20 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
     return next(iter(near), "")
 
 
-def attributes(name: str, known: Iterable[str]) -> list[str]:
-    """Return what is written here for an attribute `name`: other programs' words, then spelling."""
+def attributes(
+    name: str, known: Iterable[str], elsewhere: Mapping[str, str] | None = None
+) -> list[str]:
+    """Return what is written here for an attribute `name`: other programs' words, then spelling.
+
+    `elsewhere` has names of other objects, each with what stands before it, such as "run.".
+    """
     names = {*known}
-    found = [each for each in names if each.endswith(f".{name}")]
-    found += [each for each in ATTRIBUTES.get(name, ()) if re.split(r"\W", each)[0] in names]
+    meant = [SAME_ATTRIBUTES.get(name, name), *ATTRIBUTES.get(name, ())]
+    head = lambda each: re.split(r"\W", each.lstrip("-"))[0]  # noqa: E731
+    found = [each for each in meant if head(each) in names]
     found = found or [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
+    far = elsewhere or {}
+    found = found or [far[head(each)] + each for each in meant if head(each) in far]
     return found[:2] or difflib.get_close_matches(name, sorted(names), n=3, cutoff=0.7)
 
 
@@ -110,9 +120,9 @@ class NoAttribute(AttributeError):
 
     def __str__(self) -> str:
         owner, attribute = self.args
-        known = [each for each in self._known() if not each.startswith("_")]
-        near = " or ".join(attributes(attribute, known))
-        hint = f"; did you mean {near}?" if near else f"; choose from {', '.join(known[:60])}"
+        known = dict.fromkeys(each for each in self._known() if not each.startswith("_"))
+        near = " or ".join(attributes(attribute, known, hooks.elsewhere()))
+        hint = f"; did you mean {near}?" if near else f"; choose from {', '.join(known)}"
         return f"{owner} has no attribute '{attribute}'{hint}"
 
     def __reduce__(self) -> tuple[Any, ...]:

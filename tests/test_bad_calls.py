@@ -131,7 +131,7 @@ CALLS = [
     (lambda: run(forces=[pg.Motor(name="z", body="1", coordinate=1)]), "force 'z', coordinate"),
     (lambda: pg.simulate(BASE, 0.5), "t_end=0.5"),
     (lambda: pg.simulate("arm.json"), "pg.load('arm.json')"),
-    (lambda: pg.simulate("pendulum"), "pgraph_models.path('pendulum')"),
+    (lambda: pg.simulate("pendulum"), "pg.load('pendulum')"),
     (lambda: pg.simulate(BASE.to_json()), "pg.Model.from_json(text)"),
     *(
         (lambda names=names, call=call: call(
@@ -155,7 +155,6 @@ CALLS = [
     (lambda: sweep("scenarios.start.t_end"), "scenario='start'"),
     (lambda: sweep("bodies.arm.mass", metric=[lambda r: 1.0, lambda r: 2.0]), "'<lambda>'"),
     (lambda: pg.write_urdf(BASE, "u.txt"), ".urdf"),
-    (lambda: pg.Model.load("pendulum"), "pgraph_models.path('pendulum')"),
     (lambda: pgraph_models.path("horse"), "'horse'", *pgraph_models.names()),
     (lambda: pg.underfoot(BASE, friction=-1), "friction"),
     (lambda: pg.Model.edit("a", mass=1.0), "Model.edit", "Model"),

@@ -118,11 +118,11 @@ def test_a_run_goes_to_xarray_with_its_units():
 @pytest.mark.parametrize(
     ("name", "ours"),
     [
-        ("forward_kinematics", "Mechanism.pose"),
-        ("mass_matrix", "Mechanism.mass_matrix"),
+        ("forward_kinematics", r"Mechanism\(model\).pose"),
+        ("mass_matrix", r"\(model\).mass_matrix"),
         ("simulate_batch", "BatchStepper"),
         ("modes", "linearise"),
-        ("gradient", "Result.gradient"),
+        ("gradient", "run.gradient"),
         ("Loop", "Revolute"),
     ],
 )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+import pgraph_models
 from pgraph_core import words
 from tests.refusals import assert_names, refusal
 
@@ -140,7 +141,7 @@ def test_a_refusal_shows_what_to_write_by_an_example(call, example):
 def test_a_word_that_is_like_none_of_ours_gets_no_hint():
     assert pg.optimize is pg.optimise
     with pytest.raises(AttributeError) as refused:
-        pg.Stepper(MODEL).render()
+        pg.Stepper(MODEL).teapot()
     assert "did you mean" not in str(refused.value)
     assert "did you mean" not in str(refusal(lambda: pg.Servo("s", body="rod", ki=1.0)))
 
@@ -191,8 +192,8 @@ DRIVEN = MODEL.add(pg.Motor(name="m", body="rod"))
     ("of", "theirs", "ours"),
     [
         (pg, "solve_ivp", "simulate"), (pg, "Sphere", "Shape(kind=...)"), (pg, "Modle", "Model"),
-        (pg, "linearize", "Mechanism.linearize"), (pg, "jacobian", "Mechanism.jacobian"),
-        (pg, "edit", "Model.edit"), (pg, "to_csv", "Result.to_csv"),
+        (pg, "linearize", "Mechanism(model).linearize"), (pg, "jacobian", "(model).jacobian"),
+        (pg, "edit", "model.edit"), (pg, "to_csv", "run.to_csv"),
         (pg, "RevoluteJoint", "Revolute"),
         (pg, "MjData", "Stepper"), (pg, "load_urdf", "read_urdf"), (pg, "loads", "load"),
         (pg.Model, "from_dict", "from_json"), (pg.Model, "from_xml_path", "load"),
@@ -200,7 +201,10 @@ DRIVEN = MODEL.add(pg.Motor(name="m", body="rod"))
         (MODEL.bodies[0], "mas", "mass"), (MODEL.bodies[0], "color", ""),
         (pg.Mechanism(MODEL), "bias", "bias_force"),
         (pg.Mechanism(MODEL), "natural_frequencies", "linearise().eigenvalues"),
-        (pg.Mechanism(MODEL), "mass_matrx", "mass_matrix"),
+        (pg.Mechanism(MODEL), "mass_matrx", "mass_matrix"), (RUN, "sweep", "pg.sweep"),
+        (MODEL.bodies[0], "mass_matrix", "pg.Mechanism(model).mass_matrix"),
+        (MODEL, "mechanism", "pg.Mechanism(model)"), (pg, "Data", "Stepper(model)"),
+        (pg.Mechanism(MODEL).linearise(), "poles", "eigenvalues"),
         (RUN, "nfev", "counters"), (RUN, "t_events", "user_events"), (RUN, "to_gif", "to_film"),
         (RUN, "total_energy", "energy"), (RUN, "contact_forces", "contact_force"),
         (RUN, "tau", "joint_torque"), (RUN, "report", "message"), (RUN, "joint", 'q["NAME"]'),
@@ -238,13 +242,92 @@ def test_an_attribute_of_the_same_meaning_and_form_is_ours(of, theirs, ours):
     assert np.array_equal(got, wanted) if isinstance(wanted, np.ndarray) else got == wanted
 
 
+@pytest.mark.parametrize("of", [MODEL, pg.Mechanism(MODEL)])
+def test_what_takes_a_model_or_a_mechanism_first_is_an_attribute_of_both(of):
+    mech = pg.Mechanism(MODEL)
+    run, same = of.simulate(t_end=0.1, q0=[1.0]), pg.simulate(MODEL, t_end=0.1, q=[1.0])
+    assert np.array_equal(run.q, same.q)
+    assert np.array_equal(of.linearize().A, mech.linearise().A)
+    assert np.array_equal(of.crba([0.1]), mech.mass_matrix([0.1]))
+    assert not hasattr(of, "Stepper")
+    assert "simulate" not in dir(of)
+    assert pickle.loads(pickle.dumps(of)) == of
+
+
+@pytest.mark.parametrize(
+    ("call", "taker"),
+    [
+        (lambda: pg.Body("a", sites=[]), "pg.Model(..., sites=...)"),
+        (lambda: pg.Model([ROD], dt=1e-3), "pg.simulate(..., step=...)"),
+        (lambda: pg.simulate(MODEL, gravity=(0, 0, 0)), "pg.Model(..., gravity=...)"),
+        (lambda: pg.Servo("s", body="rod", ki=1.0), "pg.PID(..., ki=...)"),
+    ],
+)
+def test_a_field_of_something_else_is_answered_with_what_takes_it(call, taker):
+    assert taker in str(refusal(call))
+
+
+def test_functions_of_the_whole_state_are_taken_as_those_of_q_and_v():
+    """SciPy calls f(t, y)."""
+
+    def ends(t, y):
+        return y[0]
+
+    ends.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+    a = pg.simulate(MODEL, q=[0.7], t_end=2.0, events=ends, tau=lambda t, x: -x[1:])
+    b = pg.simulate(
+        MODEL, q=[0.7], t_end=2.0, events=[lambda t, q, v: q[0]], tau=lambda t, q, v: -v
+    )
+    assert a.t[-1] == b.user_events[0].t
+    assert np.array_equal(a.q[:100], b.q[:100]) or np.allclose(a.q[-1], 0.0, atol=1e-9)
+    with pytest.raises(pg.InputError, match="takes 1 positional"):
+        pg.simulate(MODEL, t_end=0.1, tau=lambda t: [0.0])
+
+
+def test_several_results_given_for_one_are_named():
+    mech = pg.Mechanism(MODEL)
+    with pytest.raises(pg.InputError, match=r"3 results.*Assembly"):
+        mech.mass_matrix(mech.assemble())
+
+
+def test_natural_frequencies_and_damping_ratios_are_those_of_the_oscillator():
+    """x'' + 2 z w x' + w^2 x = 0."""
+    w, z = 3.0, 0.2
+    slider = pg.Body("x", joint="prismatic", axes=(1, 0, 0), mass=2.0, stiffness=2 * w * w,
+                     damping=4 * z * w)  # fmt: skip
+    found = pg.Model([slider]).linearise()
+    natural, ratio, poles = found.damp()
+    np.testing.assert_allclose(natural, w, rtol=1e-12)
+    np.testing.assert_allclose(ratio, z, rtol=1e-12)
+    np.testing.assert_array_equal(poles, found.eigenvalues)
+    np.testing.assert_allclose(found.frequencies, w * np.sqrt(1 - z * z), rtol=1e-12)
+
+
+def test_a_built_in_model_is_loaded_by_its_name_unless_a_file_has_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    model = pg.load("double_pendulum")
+    assert model == pg.Model.load(pgraph_models.path("double_pendulum"))
+    (tmp_path / "double_pendulum").write_text(MODEL.to_json())
+    assert pg.load("double_pendulum") == pg.Model.load("double_pendulum") == MODEL
+    with pytest.raises(pg.FileError, match=r"double_pendulum.*quadruped"):
+        pg.load("double_pendlum")
+
+
+def test_the_name_of_a_part_stands_for_its_path():
+    tables = [
+        pg.sweep(MODEL, {path: [1.0, 2.0]}, metrics="final rod", t_end=0.1, q0=[1.0], workers=1)
+        for path in ("rod.mass", "bodies.rod.mass")
+    ]
+    assert np.array_equal(tables[0]["final rod"], tables[1]["final rod"])
+
+
 def test_each_word_of_the_table_leads_to_a_name_that_exists():
     kinds = [kind for name in dir(pg) if isinstance(kind := getattr(pg, name), type)]
     public = {*dir(pg)}.union(*map(dir, kinds), *(kind.__annotations__ for kind in kinds))
     for ours in {each for found in words.ATTRIBUTES.values() for each in found}.union(
         words.SAME_ATTRIBUTES.values()
     ):
-        assert re.split(r"\W", ours)[0] in public
+        assert re.split(r"\W", ours.lstrip("-"))[0] in public
 
 
 def test_the_error_of_a_property_that_fails_is_not_taken_for_a_missing_name(monkeypatch):

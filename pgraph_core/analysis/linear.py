@@ -25,7 +25,7 @@ from ..dynamics.arguments import numbers
 from ..engine import motion
 from ..engine.records import CREEP
 from ..engine.signals import TIME
-from ..errors import choices
+from ..errors import Suggests, choices
 from ..packing import Array, Ints
 from ..packing.signals import states_of
 from ..rotation import skew
@@ -50,7 +50,7 @@ NONE = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
-class Linearisation:
+class Linearisation(Suggests):
     """The linear model x' = drift + A x + B δτ for small changes x = (δy, δu, δs) about a state.
 
     y are independent coordinates of positions (moves along velocities, a rotation vector in a
@@ -79,9 +79,23 @@ class Linearisation:
 
     @property
     def frequencies(self) -> Array:
-        """Frequencies of the oscillating modes in ascending order [rad/s]."""
+        """Frequencies of the oscillating modes in ascending order [rad/s]: in Hz, divide by 2π.
+
+        They are those of the oscillation, with damping. `damp` has the undamped ones.
+        """
         found = self.eigenvalues.imag
         return np.sort(found[found > 0])
+
+    def damp(self) -> tuple[Array, Array, Array]:
+        """Return (natural frequencies [rad/s], damping ratios, eigenvalues [1/s]), each (n,).
+
+        As `control.damp` does: an eigenvalue s has the natural frequency |s| and the ratio
+        -Re(s) / |s|, which is 0 without damping, 1 where nothing oscillates and negative where
+        the motion grows.
+        """
+        return (
+            np.abs(self.eigenvalues), -np.cos(np.angle(self.eigenvalues)), self.eigenvalues,
+        )  # fmt: skip
 
     def state_space(self) -> tuple[Array, Array, Array, Array]:
         """Return (A, B, C, D) with all tree coordinates as outputs.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import inspect
 import math
 from collections.abc import Callable, Mapping
 from numbers import Integral
@@ -59,7 +60,12 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
         raise InputError(Problem(name, "", f"{text}names; given {shown(value)}"))
     array = numbers_in(value, shape)
     if array is None:
-        raise InputError(Problem(name, "", f"must be numbers; given {shown(value)}"))
+        text = f"must be numbers; given {shown(value)}"
+        if isinstance(value, tuple) and any(np.ndim(x) for x in value):
+            several = ", ".join(type(x).__name__ for x in value)
+            text = f"must be one array of numbers; given {len(value)} results ({several}); take one"
+            text += f": {name}, *rest = ..."
+        raise InputError(Problem(name, "", text))
     if array.shape != shape:
         many = array.shape[1:] == shape and len(array) > 1
         do = "; a pg.BatchStepper steps many states at once" if many else ""
@@ -128,6 +134,25 @@ def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
     return InputError(Problem(where, field, text))
 
 
+def of_state(function: Callable[..., Any]) -> Callable[[float, Array, Array], Any]:
+    """Return a function of (t, q, v) for one of (t, x) with x = [q, v], as in SciPy."""
+    try:
+        parameters = inspect.signature(function)
+    except ValueError:
+        return function  # a builtin function
+    if not _takes(parameters, 3) and _takes(parameters, 2):
+        return lambda t, q, v: function(t, np.concatenate((q, v)))
+    return function
+
+
+def _takes(parameters: inspect.Signature, count: int) -> bool:
+    try:
+        parameters.bind(*range(count))
+    except TypeError:
+        return False
+    return True
+
+
 # -- torques from a user's function ----------------------------------------------------------------
 
 
@@ -147,7 +172,7 @@ class UserTorque(Unportable):
 
         Raises InputError if numba cannot compile it.
         """
-        self.function = function
+        self.function = of_state(function)
         self.exchange = np.zeros((4, max(room, 1)))
         self.answer = np.zeros(1, dtype=np.int64)
         self.error: InputError | None = None

@@ -33,7 +33,7 @@ def load(
     roots: Iterable[str | Path] = (),
     arguments: Mapping[str, Any] | None = None,
 ) -> Model:
-    """Load a model from a file in Pgraph JSON, URDF, xacro or MJCF format, chosen by its suffix.
+    """Load a built-in model by its name, or a file in Pgraph JSON, URDF, xacro or MJCF format.
 
     `notices` of the model list omissions and warnings. `pg.read_urdf` and `pg.read_mjcf` return the
     whole report.
@@ -41,7 +41,8 @@ def load(
     Parameters
     ----------
     path : path
-        The file. Paths of meshes are relative to the folder of the file.
+        The file, or the name of a built-in model. Paths of meshes are relative to the folder of the
+        file.
     roots : iterable of paths, optional
         Further folders in which meshes are permitted.
     arguments : dict, optional

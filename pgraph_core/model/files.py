@@ -9,12 +9,13 @@ import os
 import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, ModelError, Problem, shown
+from ..errors import FileError, ModelError, Problem, choices, nearest_first, shown
 from ..fields import GROUND, Frozen, OfKinds, facts
 from ..file_kinds import MINE, MODELS, first_element, kind_of
 from ..forces import Force
@@ -217,6 +218,20 @@ def parse(text: str, source: str) -> dict[str, Any]:
     return data
 
 
+def found(path: str | Path) -> str | Path:
+    """Return the path of a built-in model for its name, unless a file has that name."""
+    built_in = _built_in(path) if not Path(path).exists() else None
+    return path if built_in is None or str(path) not in built_in.names() else built_in.path(path)
+
+
+def _built_in(path: str | Path) -> Any:
+    """Return the package of built-in models if `path` may be a name, and None if it is lacking."""
+    try:
+        return import_module("pgraph_models") if str(path).isidentifier() else None
+    except ImportError:
+        return None
+
+
 def read(path: str | Path) -> str:
     """Return the text of a file. Raises FileError."""
     try:
@@ -230,8 +245,9 @@ def read(path: str | Path) -> str:
         raise FileError(Problem(str(path), "", text)) from None
     except (OSError, ValueError) as error:
         text = f"cannot be read: {reason_of(error)}; give the path of a model file"
-        if str(path).isidentifier():
-            text += f", or of a built-in model: pg.Model.load(pgraph_models.path({str(path)!r}))"
+        if built_in := _built_in(path):
+            names = nearest_first(str(path), built_in.names())
+            text += f", or the name of a built-in model: {choices(names)}"
         raise FileError(Problem(shown_path(path), "", text)) from None
 
 

@@ -120,14 +120,15 @@ class Model(Editable):
 
     @classmethod
     def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Self:
-        """Load a model from a Pgraph JSON file.
+        """Load a built-in model, or a model from a Pgraph JSON file.
 
         `pg.load` also reads files of other formats.
 
         Parameters
         ----------
         path : path
-            The file. Paths of meshes are relative to the folder of the file.
+            The file, or the name of a built-in model. Paths of meshes are relative to the folder of
+            the file.
         roots : iterable of paths, optional
             Further folders in which meshes are permitted.
 
@@ -138,6 +139,7 @@ class Model(Editable):
         ModelError
             If the model is not valid.
         """
+        path = files.found(path)
         if Path(path).suffix.lower() in files.FOREIGN:
             raise FileError(Problem(files.shown_path(path), "", files.NOT_OURS))
         folder = Path(path).parent

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ..dynamics.arguments import of_state
 from ..engine.compiler.address import address_of_function
 from ..errors import refusal, shown
 from ..packing import Array, Ints
@@ -48,7 +49,7 @@ class FunctionMonitor:
         if not callable(function):
             text = f"must be a function of (t, q, v); given {shown(function)}"
             raise refusal("simulate", where, text)
-        self.function, self.where, self.size = function, where, size
+        self.function, self.where, self.size = of_state(function), where, size
         self.name = str(getattr(function, "__name__", where))
         direction = getattr(function, "direction", 0)
         terminal = getattr(function, "terminal", False)

@@ -210,6 +210,9 @@ class Path:
         if isinstance(given, str):
             if given in model.parameters:
                 return "", given, (given,)
+            groups = [g for g in KINDS for p in getattr(model, g) if given.startswith(f"{p.name}.")]
+            if given.split(".")[0] not in (*KINDS, *WORLD) and len(set(groups)) == 1:
+                given = f"{groups[0]}.{given}"  # the name of a part says of which group it is
             group, _, rest = given.partition(".")
             names = [p.name for p in getattr(model, group)] if group in KINDS else []
             name = max((n for n in names if rest.startswith(f"{n}.")), key=len, default=None)
@@ -224,9 +227,6 @@ class Path:
         if not words or words[0] not in KINDS:
             known = [*model.parameters, *(f"{group}.NAME.FIELD" for group in KINDS)]
             hint = nearest(self.text, [*known, "gravity.AXIS", "ground.FIELD"])
-            groups = [g for g in KINDS if any(p.name == words[0] for p in getattr(model, g))]
-            if groups:
-                hint = f"write {groups[0]}.{self.text}"
             raise self._refused(f"is not a path in the model; {hint}")
         if len(words) < 3:
             raise self._refused(f"must name a part and its field, as in {words[0]}.NAME.FIELD")
