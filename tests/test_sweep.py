@@ -42,7 +42,7 @@ TREE = {"t_end": 0.2, "step": 1e-3, "method": "rk4"}, "bodies.3.mass", "2"
 
 
 @pytest.mark.parametrize(("options", "path", "joint"), [STANCE, TREE], ids=["stance", "tree"])
-def test_points_that_are_stepped_together_have_the_bits_of_single_runs(options, path, joint):
+def test_points_have_the_bits_of_single_runs(options, path, joint):
     """Metrics over all frames are equal too, and a point that cannot run affects no other."""
     tree = "scenario" not in options
     model = pg.Model.serial(3) if tree else pg.Model.load(pgraph_models.path("quadruped"))

@@ -98,7 +98,6 @@ class BatchStepper(Snapshots):
     size: int
     threads: int
     method: str
-    _same_bits = False  # also of free trees
 
     def __init__(
         self,
@@ -146,7 +145,7 @@ class BatchStepper(Snapshots):
             made.append(Stepper(Mechanism(first.mech.model), **self._options))
         workers = [Worker(stepper, varying) for stepper in made]
         tables = starts, numbers, self._entries[: self.size].copy(), workers
-        if fits_lanes(first, varying) and not self._same_bits:
+        if fits_lanes(first, varying):
             self._many: Instances = TreeLanes(*tables)
             self._many.prepare(varying)
         elif on_feet(first):

@@ -12,7 +12,7 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from inspect import signature
 from pathlib import Path as FilePath
 from typing import Any
@@ -30,7 +30,7 @@ from ..portable import Portable, installed
 from ..simulation import simulate
 from ..simulation.paths import Path, counting, distinct, with_numbers
 from .metrics import measured, metrics_of, said_of
-from .tasks import Row, Task, Together, rows_of, together
+from .tasks import Row, Task, rows_of
 
 Array = np.ndarray
 FORMATS = (".csv", ".parquet")
@@ -220,7 +220,7 @@ def sweep(
     task = Task(base, given, metrics, settings, installed())
     options = _known(options)
     counting(paths, base, "sweep", scenario, options)
-    task = replace(task, together=_tried(base, paths, points, metrics, settings))
+    _tried(base, paths, points, metrics, settings)
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
     rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
     todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
@@ -276,28 +276,24 @@ def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, re
 
 def _tried(
     model: Model, paths: list[Path], points: Array, metrics: Mapping[str, Any], settings: Any
-) -> Together | None:
-    """Start and stop one run, to detect problems that every point would have.
-
-    What says how all points can be stepped together, if they can.
-    """
+) -> None:
+    """Start and stop one run, to detect problems that every point would have."""
     for point in points[:TRIED].tolist():
         with suppress(ModelError):  # this point alone fails, and its row gives the reason
             model = with_numbers(model, paths, point)
             break
     else:
-        return None
+        return
     try:
         run = simulate(model, **{**settings, "estimate": False}, progress=lambda _: False)
     except InputError as error:
         ours = [problem for problem in error.problems if problem.where == "simulate"]
         if ours:
             raise InputError(ours) from None
-        return None  # this point alone fails, and its row gives the reason
+        return  # this point alone fails, and its row gives the reason
     for metric in metrics.values():
         if isinstance(metric, str):
             measured(run, metric)
-    return together(model, [path.group for path in paths], metrics, settings, run)
 
 
 def _table(

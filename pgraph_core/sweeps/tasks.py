@@ -15,22 +15,15 @@ from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
 
-import numpy as np
-
-from ..batches.batch_stepper import BatchStepper
-from ..batches.instances import IN_LANES
-from ..engine.compiler.lane import LANE_WIDTH
 from ..errors import InputError, PgraphError, Problem, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..portable import installed
-from ..result import Result, Status
+from ..result import Result
 from ..result.dense import TOO_WIDE
 from ..simulation import simulate
-from ..simulation.options import Options
 from ..simulation.paths import Path, with_numbers
-from ..simulation.plan import plan_of
-from .metrics import OF_RUN, WAYS, Metric, column_of, measured, words
+from .metrics import Metric, measured
 
 CHUNK = 1.0  # [s] work sent to a process at once. Shorter sweeps start no processes
 MOST_NUMBERS = 10_000_000  # limit on the frames of a run that is repeated with a frame per step
@@ -56,7 +49,6 @@ class Task:
     metrics: Mapping[str, Metric | str]
     options: Mapping[str, Any]
     version: str
-    together: Together | None = None  # plan of a batch that steps the points together
 
     @cached_property
     def located(self) -> tuple[Path, ...]:
@@ -70,25 +62,7 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
         text = f"runs version {installed()}; the sweep is of {task.version}: install the same"
         raise InputError(Problem("sweep", "worker", text))
     paths = task.located
-    if task.together is not None and len(points) > 1:
-        try:
-            return _rows_together(task, task.together, paths, points)
-        except PgraphError:  # some point fails. Run alone, it gives its own reason
-            pass
     return [_row(task, paths, number, values) for number, values in points]
-
-
-def _rows_together(
-    task: Task, together: Together, paths: Sequence[Path], points: Sequence[Any]
-) -> list[Row]:
-    """Run the points in one batch and return their rows. Those that fail run again alone."""
-    design = np.array([values for _, values in points])
-    metrics = [str(metric) for metric in task.metrics.values()]
-    values, ended = together.measured(task.model, task.paths, design, metrics)
-    return [
-        Row(number, tuple(row), Status.DONE.name) if ok else _row(task, paths, number, point)
-        for (number, point), row, ok in zip(points, values.tolist(), ended.tolist())
-    ]
 
 
 def _row(task: Task, paths: Sequence[Path], number: int, values: Sequence[float]) -> Row:
@@ -137,14 +111,9 @@ def rows_of(
         yield from _by_dask(task, points, scheduler)
         return
     began = time.perf_counter()
-    done = 0
-    size, spent = 1, 0.0
-    while done < len(points):  # alone, until it is known to take longer
-        yield run_points(task, points[done : done + size])
-        done = min(done + size, len(points))
+    for done in range(1, len(points) + 1):  # alone, until it is known to take longer
+        yield run_points(task, points[done - 1 : done])
         spent = time.perf_counter() - began
-        if task.together is not None and done > 1:
-            size = _whole_lanes(CHUNK / 4 * done / spent)  # between two looks at the clock
         left = spent / done * (len(points) - done)
         if workers != 1 and done >= 2 and spent > CHUNK / 10 and left > CHUNK:
             if workers is None and not _guarded():
@@ -167,13 +136,8 @@ def _guarded() -> bool:
         return True  # not a script
 
 
-def _whole_lanes(count: float) -> int:
-    """Round a number of points down to a multiple of the lane width, if it exceeds that width."""
-    return max(1, int(count) // LANE_WIDTH * LANE_WIDTH, min(int(count), LANE_WIDTH))
-
-
 def _chunks(points: Sequence[Any], each: float) -> list[Sequence[Any]]:
-    size = _whole_lanes(CHUNK / max(each, 1e-6))
+    size = max(1, int(CHUNK / max(each, 1e-6)))
     return [points[i : i + size] for i in range(0, len(points), size)]
 
 
@@ -274,127 +238,3 @@ def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list
     finally:
         if client is not scheduler:
             client.close()
-
-
-# -- points that are stepped together --------------------------------------------------------------
-
-
-Array = np.ndarray
-OPTIONS = ("scenario", "method", "step", "stabilise", "forces")  # options that a batch takes too
-ALSO = ("t_end", "frames", "t_eval", "estimate")  # options that decide what a run records
-SAME_RUN = ("bodies", "constraints", "contacts", "forces", "gravity", "ground")  # no times or steps
-PIECE = 1000  # steps of all instances that are kept at once
-
-
-class Exact(BatchStepper):
-    """A batch whose instances match their individual runs bit for bit."""
-
-    _same_bits = True
-
-
-@dataclass(frozen=True)
-class Together:
-    """The plan for a batch that advances all runs of a sweep together."""
-
-    options: Mapping[str, Any]  # options of the batch
-    frames: Array  # (n,) steps from the start to each recorded state
-    columns: Mapping[str, int]  # column in (q, v) of each metric, -1 for the whole run
-    constants: Mapping[str, float]  # metrics that are the same for all
-
-    @classmethod
-    def of(
-        cls, model: Model, groups: Sequence[str], metrics: Mapping[str, Metric | str],
-        options: Mapping[str, Any], run: Result,
-    ) -> Together | None:  # fmt: skip
-        """Return the plan, or None unless all metrics use coordinates only and the step size is
-        fixed.
-
-        `model` is the model of the first point, and `run` its run or the beginning of it.
-        """
-        named = all(isinstance(metric, str) for metric in metrics.values())
-        known = {*OPTIONS, *ALSO}.issuperset(options) and not options.get("estimate")
-        if not named or not known or not set(SAME_RUN).issuperset(groups):
-            return None
-        given = {name: x for name, x in options.items() if name in OPTIONS or x is not None}
-        asked = Options(**{**given, "estimate": False})
-        plan = plan_of(Mechanism(model), asked, None, None, None)
-        chosen = plan.tolerance is not None or len(set(plan.width.tolist())) != 1
-        chosen = chosen or plan.method.name not in IN_LANES
-        if (plan.substeps > 1).any():  # frames may miss oscillations, of which a single run tells
-            return None
-        later = plan.changes or plan.conditions or plan.contact_points or plan.way is not None
-        asked_for = plan.header["why"].endswith("as asked")
-        if chosen or later or plan.tau is not None or not asked_for:
-            return None
-        frames = np.concatenate(([0], np.cumsum(plan.substeps)))
-        constants = {"t_end": float(plan.times[-1]), "steps": float(frames[-1])}
-        if plan.shown is not None:
-            frames = frames[plan.shown]
-        columns = dict[str, int]()
-        for metric in map(str, metrics.values()):
-            if metric in OF_RUN and metric not in constants:
-                return None
-            place = -1 if metric in constants else _place(run, column_of(run, words(metric)[1]))
-            if place is None:
-                return None
-            columns[metric] = place
-        batch = {name: given[name] for name in OPTIONS if name in given}
-        batch |= {"method": plan.method.name, "step": float(plan.width[0])}
-        return cls(batch, frames, columns, constants)
-
-    def measured(
-        self, model: Model, paths: Sequence[Any], points: Array, metrics: Sequence[str]
-    ) -> tuple[Array, Array]:
-        """Return values of shape (points, metrics), and flags (points,) for runs that reached the
-        end.
-
-        Raises PgraphError if a point is invalid, or if the points differ in structure.
-        """
-        batch = Exact(model, len(points), set=dict(zip(paths, points.T)), threads=1, **self.options)
-        wanted = [self.columns[metric] for metric in metrics]
-        places = sorted({place for place in wanted if place >= 0})
-        final = all(place < 0 or words(m)[0] == "final" for m, place in zip(metrics, wanted))
-        found = self._last(batch, places) if final else self._all(batch, places)
-        values = np.empty((len(points), len(metrics)))
-        for m, (metric, place) in enumerate(zip(metrics, wanted)):
-            if place < 0:
-                values[:, m] = self.constants[metric]
-                continue
-            way, k = WAYS[words(metric)[0]], places.index(place)
-            t = float(self.options["step"]) * self.frames[-len(found) :]
-            values[:, m] = [way(t, found[:, i, k]) for i in range(len(points))]
-        return values, batch.ok
-
-    def _last(self, batch: BatchStepper, places: list[int]) -> Array:
-        batch.step(n=int(self.frames[-1]))
-        return np.concatenate((batch.q, batch.v), axis=1)[None, :, places]
-
-    def _all(self, batch: BatchStepper, places: list[int]) -> Array:
-        """(frames, instances, places)."""
-        found = np.empty((len(self.frames), batch.size, len(places)))
-        found[self.frames == 0] = np.concatenate((batch.q, batch.v), axis=1)[:, places]
-        for begin in range(0, int(self.frames[-1]), PIECE):
-            n = min(PIECE, int(self.frames[-1]) - begin)
-            states = batch.trace(n=n)[:, :, places]
-            inside = (self.frames > begin) & (self.frames <= begin + n)
-            found[inside] = states[self.frames[inside] - begin - 1]
-        return found
-
-
-def _place(run: Result, column: Array) -> int | None:
-    """Return the index of a column in (q, v), or None if it is another column."""
-    for states, first in ((run.q, 0), (run.v, run.q.shape[1])):
-        if np.shares_memory(states, column):
-            return first + (column.ctypes.data - states.ctypes.data) // states.itemsize
-    return None
-
-
-def together(
-    model: Model, groups: Sequence[str], metrics: Mapping[str, Metric | str],
-    options: Mapping[str, Any], run: Result,
-) -> Together | None:  # fmt: skip
-    """Return `Together.of`, or None if the first point cannot run."""
-    try:
-        return Together.of(model, groups, metrics, options, run)
-    except PgraphError:
-        return None
