@@ -54,10 +54,6 @@ def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
     takes("--tolerances", type=numbers, metavar="R,R", help="default: 1e-2 .. 1e-12"),
     takes("--target", type=positive, metavar="E", help="error to recommend for"),
     takes("--rounds", type=count, default=3, help="rounds of timing; default: 3"),
-    takes(
-        "--quantity", choices=("position", "velocity", "force"), default="position",
-        help="whose error is measured; force: that of constraints; default: position",
-    ),
     takes("--longest", type=positive, metavar="S", help="leave out longer runs; default: 1"),
     takes(
         "--peers", action=BooleanOptionalAction, default=True, help="compare with other engines"
@@ -108,7 +104,6 @@ def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Ba
         return pg.work_precision(
             mech,
             rounds=args.rounds,
-            quantity=args.quantity,
             peers=tuple(installed_peers()) if args.peers else (),
             progress=lambda fraction: bar("measuring", fraction),
             **options,

@@ -6,15 +6,12 @@ InputError if the model lacks what they vary.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-import numpy as np
-
 from ..errors import InputError, PgraphError, refusal
 from ..fields import GROUND, fields_of
-from ..joints import AXIAL, SIZE
+from ..joints import SIZE
 from ..model import Body, Force, Model, Spring, Torsion
 from ..topology import Topology
 
@@ -81,42 +78,6 @@ def _stiffened(body: Body, by: float) -> Body:
     return changed(body, stiffness=tuple(k * by for k in body.stiffness), q=tuple(q))
 
 
-def damping_ratio(model: Model, value: float) -> Model:
-    """Give every spring the damper c = 2 ζ √(k m), where m is the mass that it alone would move.
-
-    That is the joint's own entry of the mass matrix in the initial state, and between bodies the
-    mass of the lighter.
-    """
-    springs = any(map(_stiffness, model.forces))
-    if not springs and not any(any(b.stiffness) for b in model.bodies):
-        raise lacking("damping_ratio", "the dampers of springs")
-    from ..mechanism import Mechanism  # compiled code, which the names of axes do without
-
-    mech = Mechanism(model)
-    moved = np.diag(mech.mass_matrix(mech.home()[0]))
-    bodies = []
-    for body in model.bodies:
-        own = moved[mech.joints[body.name].v]
-        found = tuple(
-            2 * value * math.sqrt(k * m) if k else c
-            for k, c, m in zip(body.stiffness, body.damping, own)
-        )
-        bodies.append(changed(body, damping=found) if any(body.stiffness) else body)
-    forces = tuple(_damped(model, f, value) for f in model.forces)
-    return model.replace(bodies=tuple(bodies), forces=forces)
-
-
-def _damped(model: Model, force: Force, value: float) -> Force:
-    stiffness = _stiffness(force)
-    if not stiffness:
-        return force
-    turns = isinstance(force, Torsion)
-    joined = [model.body(name) for name in force.touches]
-    mass = min(max(max(r) for r in b.inertia) if turns else b.mass for b in joined)
-    damping = 2 * value * math.sqrt(stiffness * mass)
-    return force.unchecked_copy({"damping": damping})
-
-
 def contact_stiffness(model: Model, value: float) -> Model:
     """Set the stiffness of every soft or penalty contact to `value`."""
     if not any(c.law != "complementarity" for c in model.contacts):
@@ -178,19 +139,6 @@ def friction(model: Model, value: float) -> Model:
     )
 
 
-def joint_friction(model: Model, value: float) -> Model:
-    """Set the friction of every hinge and slide to `value`."""
-    bodies = tuple(
-        changed(b, friction=tuple(value if m.kind in AXIAL else 0.0 for m in b.sequence))
-        if any(m.kind in AXIAL for m in b.sequence)
-        else b
-        for b in model.bodies
-    )
-    if all(new is old for new, old in zip(bodies, model.bodies)):
-        raise lacking("joint_friction", "friction of hinges and slides")
-    return model.replace(bodies=bodies)
-
-
 def _with_body(model: Model, old: Body, new: Body) -> Model:
     return model.replace(bodies=tuple(new if b is old else b for b in model.bodies))
 
@@ -205,8 +153,6 @@ def _shared(values: Iterable[float | None]) -> float | None:
 TABLE = (
     Axis("stiffness", "stiffness of the stiffest spring", "N/m or N m/rad",
          (1e2, 1e3, 1e4, 1e5, 1e6, 1e8, 1e10, 1e12), stiffness, own=own_stiffness),
-    Axis("damping_ratio", "damping over critical damping", "",
-         (0, 0.01, 0.1, 0.5, 1, 2, 5, 10), damping_ratio),
     Axis("contact_stiffness", "stiffness of soft and penalty contacts", "N/m^1.5 or N/m",
          (1e3, 1e4, 1e5, 1e6, 1e7, 1e8), contact_stiffness, own=lambda model:
          _shared(c.stiffness for c in model.contacts if c.law != "complementarity")),
@@ -218,8 +164,6 @@ TABLE = (
     Axis("friction", "Coulomb's coefficient of all contacts", "",
          (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10), friction,
          own=lambda model: _shared(c.friction for c in model.contacts)),
-    Axis("joint_friction", "friction of every hinge and slide", "N m or N",
-         (0, 0.01, 0.1, 1, 3, 10), joint_friction),
     Axis("step", "step of the run", "s",
          (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), of_steps=True),
 )

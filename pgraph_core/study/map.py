@@ -17,7 +17,7 @@ from ..portable import jsonable
 from ..result import Result, Status
 from ..tolerances import NAMED
 from .measures import TRUST, joint_errors
-from .page import Look, Saved, Section, Square, escape, heat_map, page, table
+from .page import Look, Saved, Square, heat_map
 from .reference import KnownMotion
 
 NAN = float("nan")
@@ -238,7 +238,6 @@ LOOK = {  # letter of the text map, colour and ink of the figure, meaning
     Verdict.FAILED: Look("F", "#5a2327", "#ffffff", "the run ended early, or was refused"),
     Verdict.SLOW: Look("s", "#8a939e", "#ffffff", "more steps than the budget allows"),
 }
-HEADER = ("value", "method", "step [s]", "verdict", "error", "order", "evaluations", "why")
 
 
 @explained
@@ -402,29 +401,6 @@ class StabilityMap(Saved):
             return self.steps.index(cell.step) if self.steps else 0
         own = sorted({c.step for c in self.cells if c.value == cell.value})
         return self.steps.index(sorted(self.steps)[own.index(cell.step)])
-
-    def sections(self) -> list[Section]:
-        """Return the sections of a page: figure and findings, then a description of every cell."""
-        lines = "".join(f"<li>{escape(line)}</li>" for line in self.findings())
-        head = f"<p>{escape(self.title)}</p><p>{escape(self.advice)}</p>"
-        first = f"{head}{self.figure()}<ul>{lines}</ul>"
-        known = "".join(
-            f"<li>{value:g}: {escape(text)}</li>"
-            for value, text in zip(self.values, self.references)
-        )
-        rows = (
-            (
-                f"{c.value:g}", c.method, f"{c.step:g}", str(c.status), f"{c.error:.1e}",
-                f"{c.order:.1f}", str(c.evaluations), c.text,
-            )
-            for c in self.cells
-        )  # fmt: skip
-        cells = f"<p>Compared with:</p><ul>{known}</ul>{table(HEADER, rows)}"
-        return [Section(self.axis, first), Section(f"{self.axis}: every cell", cells)]
-
-    def html(self) -> str:
-        """Return the map as one HTML page."""
-        return page(f"Stability of {self.model}", self.sections())
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, with None for numbers that are not finite."""

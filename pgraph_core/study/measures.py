@@ -14,13 +14,11 @@ from statistics import median, quantiles
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..dynamics.states import angles, bodies_over, turned
 from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..packing import Array
-from ..result import Result
 from ..tolerances import EPS, SOLVED, VISIBLE
 
 TRUST = 10.0  # factor within which error estimates and resolved errors are trusted
@@ -33,15 +31,14 @@ class Errors(NamedTuple):
     """The dimensionless errors of one run. For example, 1e-6 means six digits."""
 
     rms: float  # over all times and observables
-    end: float  # largest at the last time
     largest: float  # over all times and observables
 
     @classmethod
     def of(cls, e: Array) -> Errors:
         """Create from the errors (n, m) in every observable at every time."""
         if not np.isfinite(e).all():
-            return cls(np.inf, np.inf, np.inf)
-        return cls(rms(e), float(np.max(e[-1], initial=0.0)), float(np.max(e, initial=0.0)))
+            return cls(np.inf, np.inf)
+        return cls(rms(e), float(np.max(e, initial=0.0)))
 
 
 def rms(e: Array) -> float:
@@ -52,72 +49,14 @@ def rms(e: Array) -> float:
 # -- of bodies: for error against run time, where engines have other coordinates -------------------
 
 
-class Motion(NamedTuple):
-    """A motion at n times. Some engines provide only the positions."""
-
-    q: Array  # (n, nq)
-    v: Array | None = None  # (n, nv)
-    force: Array | None = None  # (n, m, 6) wrenches of the constraints [N m, N]
-
-    @classmethod
-    def of(cls, run: Result) -> Motion:
-        """Return the motion of a run."""
-        wrenches = list(run.constraint_force.values())
-        force = np.stack(wrenches, axis=1) if wrenches else np.zeros((len(run.t), 0, 6))
-        return cls(run.q, run.v, force)
-
-    def part(self, frames: NDArray[np.intp]) -> Motion:
-        """Select some of the times by index."""
-        v = None if self.v is None else self.v[frames]
-        return Motion(self.q[frames], v, None if self.force is None else self.force[frames])
+Measure = Callable[[Array], Array]  # (n, m) errors of a motion q (n, nq)
 
 
-Measure = Callable[[Motion], Array]  # (n, m) errors of a motion
-
-
-def measure_of(mech: Mechanism, quantity: str, known: Motion) -> Measure:
-    """Return the dimensionless errors in a quantity of `QUANTITIES` relative to a motion.
-
-    Positions: see `differences`. Velocities and forces: over the largest of the known motion.
-    """
-    if quantity == "force":
-        return lambda found: _over_largest(_given(found.force), _given(known.force))
-    if quantity == "velocity":
-        theirs = velocities(mech, known)
-        return lambda found: _over_largest(velocities(mech, found), theirs)
+def measure_of(mech: Mechanism, known: Array) -> Measure:
+    """Return the `differences` of a motion from a known one, both q (n, nq)."""
     observe, scale = observer(mech), reach(mech)
-    places = observe(known.q)
-    return lambda found: differences(observe(found.q), places, scale)
-
-
-QUANTITIES = ("position", "velocity", "force")  # whose error is measured
-
-
-def _given(array: Array | None) -> Array:
-    assert array is not None  # `work_precision` asks for it first
-    return array
-
-
-def velocities(mech: Mechanism, motion: Motion) -> Array:
-    """Return the angular velocity and tip velocity of every body in world axes, (n, nb, 6)."""
-    v = _given(motion.v)
-    n = len(v)
-    still, none = np.zeros((n, mech.nv)), np.zeros((n, mech.nb, 6))
-    found = bodies_over(mech.packed.system, motion.q, v, still, none)
-    arms = turned(found.pose[..., 3:], _tips(mech))
-    moving = found.velocity.copy()
-    moving[..., 3:] += np.cross(moving[..., :3], arms)
-    return moving
-
-
-def _over_largest(found: Array, known: Array) -> Array:
-    """Return norms of angular and linear differences (n, 2 m), relative to the largest."""
-    parts = []
-    for part in (slice(0, 3), slice(3, 6)):
-        largest = float(np.linalg.norm(known[..., part], axis=-1).max(initial=0.0))
-        gap = np.linalg.norm(found[..., part] - known[..., part], axis=-1)
-        parts.append(gap / (largest or 1.0))
-    return np.concatenate(parts, axis=1)
+    places = observe(known)
+    return lambda found: differences(observe(found), places, scale)
 
 
 class Observables(NamedTuple):
@@ -127,13 +66,9 @@ class Observables(NamedTuple):
     rotations: Array  # (n, b, 4) of the bodies, unit quaternions [w, x, y, z]
 
 
-def _tips(mech: Mechanism) -> Array:
-    return np.array([mech.model.body(name).tip_point for name in mech.names]).reshape(-1, 3)
-
-
 def observer(mech: Mechanism) -> Callable[[Array], Observables]:
     """Return a function of states q (n, nq) for the tip and rotation of every body."""
-    tips = _tips(mech)
+    tips = np.array([mech.model.body(name).tip_point for name in mech.names]).reshape(-1, 3)
 
     def observe(q: Array) -> Observables:
         n = len(q)
@@ -307,11 +242,6 @@ def measured(
                 done += counts[i] * expected[i]
                 progress(min(1.0, done / total))
     return found
-
-
-def ratios(seconds: Sequence[float], baseline: Sequence[float]) -> Spread:
-    """Return the ratios to the baseline, computed round by round."""
-    return spread([x / y for x, y in zip(seconds, baseline)])
 
 
 def machine(

@@ -1,9 +1,7 @@
-"""A self-contained HTML page of sections with tables and two SVG figures, light or dark.
-
-The figures are error against run time, and a heat map; each stands alone too.
+"""The two figures of studies as SVG, error against run time and a heat map, and files of studies.
 
 SVG figures take their colours from the variables of `style`, as `var(--ink, currentColor)` or
-`series_colour(i)`. The page shows the `<title>` of an element at once on hover and on focus.
+`series_colour(i)`.
 """
 
 from __future__ import annotations
@@ -11,8 +9,8 @@ from __future__ import annotations
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from html import escape as escape
+from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -21,7 +19,10 @@ from ..model.files import write_atomic
 from ..portable import Portable
 from .measures import TRUST
 
-FOLDER = Path(__file__).parent
+LAYOUT = """body { margin: 1.5rem; background: var(--paper); color: var(--ink); }
+svg { max-width: 72rem; height: auto; }
+svg text { fill: var(--ink); }
+pre { overflow-x: auto; }"""
 NAMES = ("paper", "ink", "muted", "line", "shade")
 LIGHT = ("#ffffff", "#1b1f24", "#5b6470", "#d8dde3", "#eef1f4")
 DARK = ("#16181c", "#e8eaed", "#9aa4b1", "#363c45", "#22262c")
@@ -31,35 +32,10 @@ SERIES_DARK = (
 )  # fmt: skip
 
 
-class Section(NamedTuple):
-    """A heading and the content below it."""
-
-    title: str
-    body: str  # HTML or SVG, already escaped
-
-
-def page(title: str, sections: Iterable[Section], lines: Sequence[str] = ()) -> str:
-    """Return the HTML of a standalone page, with `lines` of text below the title."""
-    first = "".join(f"<p>{escape(line)}</p>" for line in lines)
-    parts = "".join(
-        f'<section><h2 id="s{i}">{escape(part.title)}</h2>{part.body}</section>'
-        for i, part in enumerate(sections)
-    )
-    script = (FOLDER / "page.js").read_text(encoding="utf-8")
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{style()}</style></head>"
-        f"<body><main><h1>{escape(title)}</h1>{first}{parts}</main>"
-        f"<script>{script}</script></body></html>\n"
-    )
-
-
 def style() -> str:
     """Return the style sheet, with the colours of both schemes as variables."""
-    text = (FOLDER / "page.css").read_text(encoding="utf-8")
     dark = f"@media (prefers-color-scheme: dark) {{ {_root(DARK, SERIES_DARK)} }}"
-    return f"{_root(LIGHT, SERIES)}\n{dark}\n{text}"
+    return f"{_root(LIGHT, SERIES)}\n{dark}\n{LAYOUT}"
 
 
 def _root(colours: Sequence[str], series: Sequence[str]) -> str:
@@ -71,16 +47,6 @@ def _root(colours: Sequence[str], series: Sequence[str]) -> str:
 def series_colour(i: int) -> str:
     """Return the CSS colour of a series for both schemes, repeating cyclically."""
     return f"var(--s{i % len(SERIES)}, {SERIES[i % len(SERIES)]})"
-
-
-def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return an HTML table of plain texts, which are escaped. Wide tables scroll."""
-    head = "".join(f"<th>{escape(text)}</th>" for text in header)
-    body = "".join(
-        f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows
-    )
-    inner = f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
-    return f'<div class="wide"><table>{inner}</table></div>'
 
 
 def aligned(cells: Sequence[Sequence[str]], left: Sequence[bool]) -> list[str]:
@@ -389,9 +355,14 @@ class Saved(Portable, ABC):
     def figure(self, *, narrow: bool = False) -> str:
         """Return the figure as standalone SVG text, as wide as a column if `narrow`."""
 
-    @abstractmethod
     def html(self) -> str:
-        """Return the result as a standalone HTML page."""
+        """Return the text and the figure as a standalone HTML page."""
+        title, _, rest = str(self).partition("\n")
+        return (
+            '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+            f"<title>{escape(title)}</title><style>{style()}</style></head>"
+            f"<body><h1>{escape(title)}</h1>{self.figure()}<pre>{escape(rest)}</pre></body></html>\n"
+        )
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from ..result import Result, Status
 from ..simulation.plan import MANY_RADIANS
 from ..tolerances import NOTABLE, ROUNDING, SOLVED
 from ..verification import Case, States
-from .measures import TRUST, Measure, Motion, joint_errors, measure_of, rms
+from .measures import TRUST, Measure, joint_errors, measure_of, rms
 from .task import Progress, Setting, Task
 
 GIVEN, MADE = 3.0, TRUST  # errors below so many times the reference's own are not resolved
@@ -56,11 +56,9 @@ class Reference(Suggests):
         return self.margin * self.accuracy
 
     @classmethod
-    def of_motion(
-        cls, task: Task, t: Array, motion: Motion, accuracy: float, source: str
-    ) -> Reference:
-        """Use a motion of the mechanism as the reference for the task's quantity."""
-        return cls(t, measure_of(task.mech, task.quantity, motion), accuracy, source)
+    def of_motion(cls, task: Task, t: Array, q: Array, accuracy: float, source: str) -> Reference:
+        """Use a motion of the mechanism as the reference."""
+        return cls(t, measure_of(task.mech, q), accuracy, source)
 
 
 def of_case(case: Case) -> Reference:
@@ -74,8 +72,8 @@ def of_case(case: Case) -> Reference:
         text = "has no motion over time to compare with; choose another case"
         raise refusal(f"case '{case.name}'", "", text)
 
-    def measured(motion: Motion) -> Array:
-        states = States(mech, motion.q, np.zeros((len(motion.q), mech.nv)))
+    def measured(q: Array) -> Array:
+        states = States(mech, q, np.zeros((len(q), mech.nv)))
         return np.column_stack([each.errors(states) for each in kept])
 
     return Reference(case.t, measured, case.accuracy, f"case {case.name}, {case.how_obtained}")
@@ -87,17 +85,14 @@ def given(task: Task, reference: Any) -> Reference:
     Raises InputError.
     """
     if isinstance(reference, Case):
-        if task.quantity != "position":
-            text = f"a case gives positions, not the {task.quantity}; leave it out"
-            raise refusal("work_precision", "reference", text)
         return of_case(reference)
     if isinstance(reference, Reference):
         return reference
     if isinstance(reference, Result):
         method = reference.header.get("method", "unknown method")
         accuracy = float(np.nan_to_num(reference.error_estimate, nan=0.0, posinf=np.inf))
-        known, source = Motion.of(reference), f"given run, {method}"
-        return Reference.of_motion(task, reference.t, known, accuracy, source)
+        source = f"given run, {method}"
+        return Reference.of_motion(task, reference.t, reference.q, accuracy, source)
     try:
         t, q = (np.array(part, dtype=float) for part in reference)
     except (TypeError, ValueError):
@@ -106,10 +101,7 @@ def given(task: Task, reference: Any) -> Reference:
         text = "must be a Result, a Case, a Reference, or (t, q) with at least two times and q of "
         text += f"shape (len(t), {task.mech.nq}); given {type(reference).__name__}"
         raise refusal("work_precision", "reference", text)
-    if task.quantity != "position":
-        text = f"(t, q) does not contain the {task.quantity}; give a Result"
-        raise refusal("work_precision", "reference", text)
-    return Reference.of_motion(task, t, Motion(q), 0.0, "given states, taken as exact")
+    return Reference.of_motion(task, t, q, 0.0, "given states, taken as exact")
 
 
 # -- made: the best of some fine runs, checked by another ------------------------------------------
@@ -160,7 +152,7 @@ def finest(
     time. `rate` is the fastest rate of the motion [1/s], `step` the finest of the ladder [s].
     Raises InputError, with the cause, if no method reaches the end.
     """
-    best: tuple[float, Motion, Array, str] | None = None
+    best: tuple[float, Array, Array, str] | None = None
     failures: list[str] = []
     for pair in _pairs(task, rate, step):
         try:
@@ -172,10 +164,9 @@ def finest(
             continue
         (method, fine), (_, coarse) = pair
         source = f"{method} at {fine} against {coarse}"
-        known = Motion.of(runs[0])
-        apart = measure_of(task.mech, task.quantity, known)(Motion.of(runs[1]))
+        apart = measure_of(task.mech, runs[0].q)(runs[1].q)
         if best is None or rms(apart) < best[0]:
-            best = rms(apart), known, apart, source
+            best = rms(apart), runs[0].q, apart, source
         if best[0] < GOOD or horizon(best[2]) > 1:
             break
     if best is None:

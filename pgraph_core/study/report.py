@@ -13,24 +13,13 @@ from ..errors import InputError, counted, explained, refusal
 from ..portable import jsonable
 from ..tolerances import NOTABLE
 from .measures import Errors, Spread
-from .page import (
-    Curve,
-    Point,
-    Saved,
-    Section,
-    aligned,
-    duration,
-    error_diagram,
-    escape,
-    page,
-    table,
-)
+from .page import Curve, Point, Saved, aligned, duration, error_diagram
 from .task import Outcome, Participant, Setting
 
 LEVELS = tuple(10.0**-k for k in range(3, 10))  # errors at which engines are compared
 HEADER = (
-    "method", "setting", "error", "digits", "at the end", "largest", "energy", "constraints",
-    "steps", "evaluations", "time", "quartiles", "ratio", "",
+    "method", "setting", "error", "digits", "largest", "energy", "constraints", "steps",
+    "evaluations", "time", "",
 )  # fmt: skip
 WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
 
@@ -48,30 +37,27 @@ class Row:
     ok: bool
     reason: str  # why not, in words
     error: float | None = None  # rms
-    error_end: float | None = None
     error_max: float | None = None
     limited: bool = False  # the reference does not resolve a smaller error
     error_estimate: float | None = None  # the run's own [rad, m]
     energy_drift: float | None = None  # over the range of the energies
     constraint_drift: tuple[float, float] | None = None  # position [m, rad], velocity
-    gap_violation: float | None = None  # deepest penetration [m]
     counters: Mapping[str, int] | None = None
     seconds: Spread | None = None  # [s] quartiles of the whole call, or of a peer's steps
-    ratio: Spread | None = None  # to the baseline of the same round
 
     @classmethod
     def of(
         cls, one: Participant, setting: Setting, done: Outcome, found: Errors | None, limit: float
     ) -> Row:
         """Build the row of one run. Errors below `limit`, the reference's, are raised to it."""
-        rms, end, largest = (None, None, None) if found is None else found
+        rms, largest = (None, None) if found is None else found
         limited = rms is not None and rms < limit
         return cls(
             one.name, one.peer, setting.step, setting.rtol, done.ok, done.reason,
-            limit if limited else rms, end, largest, limited,
+            limit if limited else rms, largest, limited,
             _finite(done.estimate), _finite(done.energy_drift),
             done.drift if all(map(np.isfinite, done.drift)) else None,
-            _finite(done.penetration), dict(done.counters),
+            dict(done.counters),
         )  # fmt: skip
 
     @property
@@ -105,14 +91,11 @@ class Row:
             str(self.setting),
             _format(".1e", self.error),
             self._digits,
-            _format(".1e", self.error_end),
             _format(".1e", self.error_max),
             _format(".1e", self.energy_drift),
             f"{drift[0]:.1e}" if drift and max(drift) > 0 else "",
             *(str(counters.get(name, "")) for name in ("steps", "evaluations")),
             duration(seconds[1]) if seconds else "",
-            f"{duration(seconds[0])} .. {duration(seconds[2])}" if seconds else "",
-            _format(".3g", self.ratio[1] if self.ratio else None),
             self.reason or ("reference limit" if self.limited else ""),
         )
 
@@ -150,15 +133,12 @@ class Study(Saved):
     rows: tuple[Row, ...]
     orders: Mapping[str, tuple[float | None, float]]  # (observed, nominal)
     reference: Mapping[str, Any]  # source, accuracy, limit
-    baseline: int | None  # index of the row that ratios are relative to
     target: float | None
     rounds: int
-    timing: Mapping[str, float]  # seconds of the study's parts
     machine: Mapping[str, Any]
     notes: tuple[str, ...]  # missing peers, a shortened motion, ...
     cancelled: bool = False
     asked: float = 0.0  # duration of the run that was asked about [s]
-    quantity: str = "position"  # whose error is measured
     growth: float = 0.0  # rate at which errors grow in chaotic motion [1/s], Lyapunov's exponent
 
     def __str__(self) -> str:
@@ -254,30 +234,24 @@ class Study(Saved):
         scenario = f", scenario {self.scenario}" if self.scenario else ""
         known = self.reference
         return (
-            f"{self.name}{scenario}: error {self._of_what}against run time over {self.t_end:.6g} s "
-            f"at {self.frames} times",
+            f"{self.name}{scenario}: error against run time over {self.t_end:.6g} s at "
+            f"{self.frames} times",
             f"reference        {known['source']}, accurate to {known['accuracy']:.1e}; errors "
             f"below {known['limit']:.1e} are not resolved",
             f"machine          {self.machine['cpu']}, one thread, "
             f"minima of {self.rounds} rounds, processor time of whole calls",
         )
 
-    @property
-    def _of_what(self) -> str:
-        return "" if self.quantity == "position" else f"of the {self.quantity} "
-
     def _foot(self) -> tuple[str, ...]:
-        """Return the footer: observed orders, recommendation, notes and timings of the study."""
+        """Return the footer: observed orders, recommendation and notes."""
         orders = (
             f"{name} {'none observed' if seen is None else f'{seen:.2f}'} ({nominal:g})"
             for name, (seen, nominal) in self.orders.items()
         )
-        spent = (f"{name} {duration(seconds)}" for name, seconds in self.timing.items() if seconds)
         return (
             f"observed orders  {', '.join(orders)}",
             f"recommended      {self.answer}",
             *(f"note             {line}" for line in self.notes),
-            f"time             {', '.join(spent)}",
             *(["CANCELLED: rows that were not measured are missing"] if self.cancelled else []),
         )
 
@@ -309,8 +283,7 @@ class Study(Saved):
             why = next((each.reason for each in self.rows if each.reason), "none was measured")
             return f"No method reached the end: {why}."
         took = duration(row.time or 0.0)
-        error = "error" if self.quantity == "position" else f"error of the {self.quantity}"
-        text = f"Take {row.method} at {row.setting}: {error} {row.error:.1e} in {took}"
+        text = f"Take {row.method} at {row.setting}: error {row.error:.1e} in {took}"
         if self.t_end < self.asked * (1 - 1e-9):
             text += f", judged over the first {self.t_end:.4g} s of {self.asked:.4g} s"
         if (row.error or np.inf) <= wanted:
@@ -347,27 +320,10 @@ class Study(Saved):
             label = label if rows else f"{label} (no run)"
             points = [row.point for row in rows]
             curves.append(Curve(label, points, dashed=bool(rows and rows[0].peer)))
-        label = f"error {self._of_what}against run time of {self.name}"
-        error = f"error of the {self.quantity}, rms, without unit"
-        titles = "run time of a whole call (processor)", error
+        label = f"error against run time of {self.name}"
+        titles = "run time of a whole call (processor)", "error of the position, rms, without unit"
         limit = self.reference["limit"]
         return error_diagram(label, curves, titles, narrow=narrow, limit=limit, target=self.target)
-
-    def sections(self) -> list[Section]:
-        """Return the sections of the report, for embedding in another page."""
-        notes = "".join(f"<p>{escape(line)}</p>" for line in self._foot() if line)
-        first = f"<p><strong>{escape(self.answer)}</strong></p>{self.figure()}"
-        parts = [Section("Error against run time", first)]
-        peers = self.peer_table()
-        if peers:
-            parts.append(Section("At equal error", table(peers[0], peers[1:])))
-        rows = table(HEADER, [row.cells for row in self.rows])
-        return [*parts, Section("Findings", notes), Section("All runs", rows)]
-
-    def html(self) -> str:
-        """Return the report as a standalone HTML page."""
-        first, *rest = self._head()
-        return page(first, self.sections(), rest)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, with None for numbers that are not finite."""

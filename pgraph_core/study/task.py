@@ -27,7 +27,6 @@ from ..simulation.options import LEAST_RTOL
 from ..simulation.plan import active_constraints, touching_contacts
 from ..simulation.rates import fastest_rate
 from ..simulation.start import initial_state
-from .measures import Motion
 
 RUNGS = 8
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -165,7 +164,6 @@ class Task:
     scenario: str | None = None
     tau: Any = None
     stabilise: str | None = "project"
-    quantity: str = "position"  # whose error is measured, of `errors.QUANTITIES`
     asked: float = 0.0  # requested duration, which the times may not reach [s]
 
     @property
@@ -247,7 +245,7 @@ class Task:
 class Outcome(NamedTuple):
     """The result of one run by Pgraph or a peer in a study."""
 
-    motion: Motion  # Pgraph's coordinates up to the end of the run
+    q: Array  # (n, nq) Pgraph's coordinates up to the end of the run
     seconds: float  # processor time of the whole call, of a peer that of its steps
     ok: bool = True
     reason: str = ""  # why not
@@ -255,7 +253,6 @@ class Outcome(NamedTuple):
     estimate: float = np.nan  # the run's own error estimate [rad, m]
     energy_drift: float = np.nan
     drift: tuple[float, float] = (np.nan, np.nan)  # constraint drift of positions, velocities
-    penetration: float = np.nan  # largest penetration of all contacts [m]
     cancelled: bool = False
     notices: tuple[str, ...] = ()
 
@@ -264,9 +261,8 @@ class Outcome(NamedTuple):
         """Extract the outcome from a run."""
         ok = run.status.ok
         drift = run.constraint_drift.max(axis=0, initial=0.0) if len(run.t) else np.full(2, np.nan)
-        depths = [float(-gap.min(initial=0.0)) for gap in run.contact_gap.values()]
         return cls(
-            Motion.of(run),
+            run.q,
             seconds,
             ok,
             "" if ok else run.message,
@@ -274,7 +270,6 @@ class Outcome(NamedTuple):
             run.error_estimate,
             run.energy_drift if ok else np.nan,
             (float(drift[0]), float(drift[1])),
-            max(depths, default=np.nan),
             run.status is Status.CANCELLED,
             run.notices,
         )
@@ -282,7 +277,7 @@ class Outcome(NamedTuple):
     @classmethod
     def failed(cls, reason: str, seconds: float = 0.0, *, cancelled: bool = False) -> Outcome:
         """Return the outcome for a run without states."""
-        return cls(Motion(np.zeros((0, 0))), seconds, False, reason, cancelled=cancelled)
+        return cls(np.zeros((0, 0)), seconds, False, reason, cancelled=cancelled)
 
 
 class Participant(NamedTuple):
@@ -335,8 +330,6 @@ def engine_participants(
 ) -> tuple[list[Participant], list[str]]:
     """Return participants of engines that can run the motion, and messages of the others."""
     participants: list[Participant] = []
-    if names and task.quantity != "position":
-        return [], [f"other engines are compared by their positions, not by the {task.quantity}"]
     notes: list[str] = []
     found = installed_peers() if names else {}
     for name in names:
@@ -369,7 +362,7 @@ def _runner(once: Once) -> Callable[[Setting, Progress, bool], Outcome]:
             return Outcome.failed(_first_line(error))
         if done is None:
             return Outcome.failed("", cancelled=True)
-        return Outcome(Motion(done.q), done.seconds[1], counters=done.counters)
+        return Outcome(done.q, done.seconds[1], counters=done.counters)
 
     return run
 

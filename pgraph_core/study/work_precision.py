@@ -5,31 +5,25 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import permutations
 from typing import Any
 
 import numpy as np
 
 from ..dynamics.arguments import whole_number
-from ..errors import InputError, choices, explained, refusal
+from ..errors import InputError, explained, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..simulation.options import positive
-from ..simulation.plan import active_constraints
-from ..tolerances import EPS, NOTABLE, SOLVED
+from ..tolerances import EPS, SOLVED
 from . import reference as references
 from .measures import (
-    ALIKE,
-    QUANTITIES,
     Errors,
-    Motion,
     least,
     levelled,
     machine,
     measured,
     observed_order,
-    ratios,
     rms,
     step_counts,
 )
@@ -50,7 +44,6 @@ from .task import (
     start,
 )
 
-EXTRA = 4  # additional rounds if times contradict the work
 USUAL_FRAMES = 101  # default number of times at which motions are compared
 DIVIDED = "narrower ones were taken"  # part of the notice of a run with divided steps
 SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # progress at the end of each part
@@ -68,7 +61,6 @@ def work_precision(
     tolerances: Any = None,
     reference: Any = None,
     rounds: int = 3,
-    quantity: str = "position",
     scenario: str | None = None,
     tau: Any = None,
     stabilise: str | None = "project",
@@ -102,8 +94,6 @@ def work_precision(
         possible, with an estimate of its error.
     rounds : int
         Number of repetitions of each measurement, of which the least processor time counts.
-    quantity : {"position", "velocity", "force"}
-        Quantity to compare; "force" refers to constraint forces.
     scenario, tau, stabilise :
         As in `simulate`.
     target : float, optional
@@ -137,14 +127,9 @@ def work_precision(
     if target is not None:
         positive("target", target, unit=", an error such as 1e-6", call=call)
     positive("longest", longest, call=call)
-    if quantity not in QUANTITIES:
-        raise refusal(call, "quantity", f"must be one of {choices(QUANTITIES)}; given {quantity!r}")
     q0, v0 = start(mech, scenario, q, v)
     times = np.linspace(0.0, duration, frames)
-    task = Task(mech, q0, v0, times, scenario, tau, stabilise, quantity, duration)
-    if quantity == "force" and not len(active_constraints(mech, given)):
-        text = "'force' is that of constraints, and none acts here; choose 'position' or 'velocity'"
-        raise refusal(call, "quantity", text)
+    task = Task(mech, q0, v0, times, scenario, tau, stabilise, duration)
     known = None
     if reference is not None:
         known = references.given(task, reference)
@@ -172,7 +157,6 @@ class Work:
         self.task, self.ladder, self.names, self.peers = task, ladder, names, peers
         self.progress, self.longest, self.rounds = progress, longest, rounds
         self.fraction = 0.0
-        self.timing: dict[str, float] = {}
         self.notes: list[str] = []
         self.orders: dict[str, tuple[float | None, float]] = {}
         self.rows: list[Row] = []
@@ -184,27 +168,23 @@ class Work:
 
         Raises InputError for a requested method (`asked`) that does not support the scene.
         """
-        baseline, cancelled = None, False
+        cancelled = False
         try:
             self._compile(asked)
-            began = time.perf_counter()
             if known is None:
                 step = self.ladder.steps[-1]
                 known, task = references.finest(
                     self.task, rate, step, lambda: self.watch(references.REFERENCE_BUDGET)
                 )
                 self._shorten(task, known)
-            self.timing["reference"] = time.perf_counter() - began
             runs = self._first_runs(self._participants(), known)
-            began = time.perf_counter()
             for name in self.names:
                 self.orders[name] = self._order(name, known), float(METHODS[name].order)
                 self._explain(name, rate)
-            self.timing["orders"] = time.perf_counter() - began
-            baseline = self._time(runs, target)
+            self._time(runs)
         except Stopped:
             cancelled = True
-        return self._study(known, baseline, target, cancelled)
+        return self._study(known, target, cancelled)
 
     def watch(self, times: float = 1.0) -> Progress:
         """Return a progress function that stops a run after `longest` seconds or with the study."""
@@ -229,7 +209,7 @@ class Work:
 
         Methods that do not support the scene are left out, with a note.
         """
-        began, kept = time.perf_counter(), []
+        kept = []
         for name in self.names:
             self.report(0.0)
             try:
@@ -242,7 +222,6 @@ class Work:
         if not kept:
             raise refusal("work_precision", "methods", self.notes[0])
         self.names = tuple(kept)
-        self.timing["compile"] = time.perf_counter() - began
 
     def _shorten(self, task: Task, known: Reference) -> None:
         """Continue with the motion up to the horizon of the reference."""
@@ -272,7 +251,6 @@ class Work:
         self, participants: list[Participant], known: Reference
     ) -> list[tuple[Callable[[], float], float]]:
         """Fill `rows`. Return functions that repeat each row's timing, and the seconds taken."""
-        began = time.perf_counter()
         runs: list[tuple[Callable[[], float], float]] = []
         part, total = (
             SHARE["first"] - SHARE["reference"],
@@ -286,7 +264,6 @@ class Work:
                 self.rows.append(self._row(one, setting, done, known))
                 runs.append((self._again(one, setting), done.seconds))
                 self.report(SHARE["reference"] + part * len(self.rows) / total)
-        self.timing["first runs"] = time.perf_counter() - began
         return runs
 
     def _run(self, one: Participant, setting: Setting, expected: float) -> Outcome:
@@ -303,9 +280,9 @@ class Work:
         return lambda: one.run(setting, self.watch(np.inf), False).seconds
 
     def _row(self, one: Participant, setting: Setting, done: Outcome, known: Reference) -> Row:
-        if not done.ok or len(done.motion.q) != len(known.t):
+        if not done.ok or len(done.q) != len(known.t):
             return Row.of(one, setting, done._replace(ok=False), None, 0.0)
-        reached = Errors.of(known.errors(done.motion))
+        reached = Errors.of(known.errors(done.q))
         if not np.isfinite(reached.rms):
             done = done._replace(ok=False, reason="the motion stopped being finite")
             return Row.of(one, setting, done, None, 0.0)
@@ -364,23 +341,17 @@ class Work:
             run = quarters.run(name, setting, self.watch())
             divided = any(DIVIDED in text for text in run.notices)
             if run.status.ok and not divided:
-                found = Motion.of(run)
                 places = np.searchsorted(at, np.arange(last + 1)).clip(0, len(at) - 1)
-                points.append((count, rms(known.errors(found.part(places))[at])))
+                points.append((count, rms(known.errors(run.q[places])[at])))
             reached = [error for _, error in points]
             below = bool(reached) and reached[-1] < known.limit
             if below or levelled(reached) or time.perf_counter() - began > longest:
                 break
         return points
 
-    def _time(
-        self, runs: list[tuple[Callable[[], float], float]], target: float | None
-    ) -> int | None:
-        """Store the measured times in `rows` and return the index of the baseline."""
-        began = time.perf_counter()
+    def _time(self, runs: list[tuple[Callable[[], float], float]]) -> None:
+        """Store the measured times in `rows`."""
         chosen = [i for i, row in enumerate(self.rows) if row.ok]
-        if not chosen:
-            return None
         first = SHARE["first"]
         seconds = measured(
             [runs[i][0] for i in chosen],
@@ -388,27 +359,10 @@ class Work:
             self.rounds,
             progress=lambda part: self.report(first + (1.0 - first) * part),
         )
-        rows = [self.rows[i] for i in chosen]
-        for _ in range(EXTRA):
-            doubted = contradicted(rows, [min(each) for each in seconds])
-            again = measured([runs[chosen[i]][0] for i in doubted], [0.0] * len(doubted), 1)
-            for i, more in zip(doubted, again):
-                seconds[i] += more
-        if contradicted(rows, [min(each) for each in seconds]):
-            self.notes.append(
-                "the machine is busy: some runs that do more work took less time than others; "
-                "their times are rough"
-            )
-        self.timing["rounds"] = time.perf_counter() - began
-        base = _baseline(rows, [min(x) for x in seconds], NOTABLE if target is None else target)
         for i, each in zip(chosen, seconds):
-            relative = ratios(each[: self.rounds], seconds[base][: self.rounds])
-            self.rows[i] = replace(self.rows[i], seconds=least(each), ratio=relative)
-        return chosen[base]
+            self.rows[i] = replace(self.rows[i], seconds=least(each))
 
-    def _study(
-        self, known: Reference | None, baseline: int | None, target: float | None, cancelled: bool
-    ) -> Study:
+    def _study(self, known: Reference | None, target: float | None, cancelled: bool) -> Study:
         task = self.task
         reference: dict[str, Any] = {"source": "none", "accuracy": np.nan, "limit": np.nan}
         if known is not None:
@@ -421,36 +375,14 @@ class Work:
             tuple(self.rows),
             self.orders,
             reference,
-            baseline,
             target,
             self.rounds,
-            self.timing,
             machine(),
             tuple(self.notes),
             cancelled,
             task.asked,
-            task.quantity,
             0.0 if known is None else known.growth,
         )
-
-
-def contradicted(rows: list[Row], seconds: list[float]) -> list[int]:
-    """Return the indices of rows in pairs in which the run with more work was notably faster."""
-    found: set[int] = set()
-    for (i, one), (j, other) in permutations(enumerate(rows), 2):
-        more = 0 < one.work < other.work and one.method == other.method
-        if more and seconds[j] < ALIKE * seconds[i]:
-            found |= {i, j}
-    return sorted(found)
-
-
-def _baseline(rows: list[Row], times: list[float], target: float) -> int:
-    """Return our fastest run that meets the target, or else the most accurate one."""
-    ours = [i for i, row in enumerate(rows) if not row.peer] or list(range(len(rows)))
-    fit = [i for i in ours if (rows[i].error or 0.0) <= target]
-    if fit:
-        return min(fit, key=lambda i: times[i])
-    return min(ours, key=lambda i: rows[i].error or 0.0)
 
 
 def _expected(settings: tuple[Setting, ...], took: list[float]) -> float:
