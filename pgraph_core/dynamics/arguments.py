@@ -77,7 +77,7 @@ def finite(name: str, value: Any, *shape: int) -> Array:
     """Return an array with this shape and finite entries only. Raises InputError."""
     array = numbers(name, value, *shape)
     good = np.isfinite(array)
-    if not good.all():
+    if np.count_nonzero(good) < good.size:
         bad = int(np.argmin(good))
         text = f"must be finite; entry {bad} is {array.flat[bad]}"
         raise InputError(Problem(name, "", text))

@@ -20,7 +20,10 @@ from ..packing.packed import Packed
 from ..paper import bodies_of, q_slices
 from ..portable import same
 from ..rotation import unit
+from ..tolerances import EPS
 from ..topology import Topology
+
+REST = float(np.sqrt(EPS))  # what changes by less of its scale is at rest
 
 
 class Carried(NamedTuple):
@@ -88,16 +91,20 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     return turned, apart[:, slides].max(axis=1, initial=0.0)
 
 
-def size_of_motion(rows: Ints, q: Array, length: float) -> float:
-    """Return the largest rotation or translation of any joint from its start in a motion q (n, nq).
+def ranges_of_motion(rows: Ints, q: Array) -> tuple[float, float]:
+    """Return the largest rotation [rad] and translation [m] of any joint from its start in a motion
+    q (n, nq).
+    """
+    turned, moved = differences(rows, q, q[:1])
+    return float(turned.max(initial=0.0)), float(moved.max(initial=0.0))
+
+
+def size_of_motion(turned: float, moved: float, length: float) -> float:
+    """Return the larger of two ranges of a motion.
 
     Coordinates that move by less than the rounding of the mechanism's length are at rest.
     """
-    if not len(q):
-        return 0.0
-    turned, moved = differences(rows, q, q[:1])
-    rest = float(np.sqrt(np.finfo(float).eps)) * (length or 1.0)
-    return max(float(turned.max()), float(moved.max()), rest)
+    return max(turned, moved, REST * (length or 1.0))
 
 
 def sizes_of_states(x: Array, length: float) -> Array:
@@ -106,9 +113,8 @@ def sizes_of_states(x: Array, length: float) -> Array:
     What changes by less than rounding shows, of its own value or the mechanism's length, is at
     rest, as in `size_of_motion`.
     """
-    rest = float(np.sqrt(np.finfo(float).eps))
     least = np.maximum(np.abs(x).max(axis=0, initial=0.0), length or 1.0)
-    return np.maximum(np.ptp(x, axis=0) if len(x) else 0.0, rest * least)
+    return np.maximum(np.ptp(x, axis=0) if len(x) else 0.0, REST * least)
 
 
 class BodyMotion(NamedTuple):

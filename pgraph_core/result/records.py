@@ -42,16 +42,16 @@ class Status(Enum):
         return self in (Status.DONE, Status.STOPPED)
 
 
-def energy_drift(kinetic: Array, potential: Array, work: Array, lost: Array) -> tuple[float, float]:
-    """Return the largest |E - E0 - work + dissipation| relative to the range of the energies (n,),
-    and that range [J].
+def energy_drift(parts: Array) -> tuple[float, float]:
+    """Return the largest |E - E0 - work + dissipation| relative to the range of the energies, and
+    that range [J], of `parts` (4, n): kinetic and potential energy, work and dissipation.
     """
-    if len(kinetic) < 2:
+    if parts.shape[1] < 2:
         return 0.0, 0.0
-    ledger = kinetic + potential - work + lost
+    ledger = parts[0] + parts[1] - parts[2] + parts[3]
     worst = float(np.abs(ledger - ledger[0]).max())
-    scale = max(float(np.ptp(part)) for part in (kinetic, potential, work, lost))
-    scale = max(scale, float(kinetic.max()))
+    highest = parts.max(axis=1)
+    scale = float(max((highest - parts.min(axis=1)).max(), highest[0]))
     return worst / scale if scale > 0 else worst, scale
 
 

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ..dynamics.states import BodyMotion, Sensors, no_motion, size_of_motion, sizes_of_states
+from ..dynamics.states import (
+    BodyMotion,
+    Sensors,
+    no_motion,
+    ranges_of_motion,
+    size_of_motion,
+    sizes_of_states,
+)
 from ..errors import InputError, ModelError, Problem, choices, explained, guarded
 from ..packing import Array
 from ..packing.signals import states_of, values_of
@@ -133,7 +140,7 @@ class Result(Exports, EqualByFields, Portable):
             places = BY_JOINT.get(name)
             view = labelled(array, name, places, joints) if places else array.view()
             own[name] = view
-            view.flags.writeable = False
+            view.setflags(write=False)
         self.constraint_force.keep_unchanged()
         if self.contacts is not NOTHING:
             self.contacts.keep_unchanged()
@@ -208,10 +215,12 @@ class Result(Exports, EqualByFields, Portable):
         The motion's range is the largest displacement of a joint from the start. Where nothing
         moves, it is 1.5e-8 of the mechanism's length, or of a state's value if that is larger.
         """
-        packed = self.mechanism.packed
-        share = self.error_at / (size_of_motion(packed.rows, self.q, packed.length) or 1.0)
-        own = self._shares_of_states()
+        share, own = self.error_at / self._size_of_motion(), self._shares_of_states()
         return np.maximum(share, own.max(axis=1)) if own.size else share
+
+    def _size_of_motion(self) -> float:
+        packed = self.mechanism.packed
+        return size_of_motion(*ranges_of_motion(packed.rows, self.q), packed.length)
 
     def _shares_of_states(self) -> Array:
         """Return the errors of states over their ranges, (n, nx)."""
@@ -224,8 +233,7 @@ class Result(Exports, EqualByFields, Portable):
         if np.isnan(error):
             return "not estimated"
         if np.isfinite(error):
-            packed = self.mechanism.packed
-            size = size_of_motion(packed.rows, self.q, packed.length) or 1.0
+            size = self._size_of_motion()
             text = f"{error:.2g} rad or m, {100.0 * error / size:.2g} % of the motion"
             own = self._shares_of_states()[-1:].ravel()
             if own.max(initial=0.0) <= error / size:
@@ -446,8 +454,8 @@ class Result(Exports, EqualByFields, Portable):
     @cached_property
     def energy_drift(self) -> float:
         """Maximum |E - E0 - work + dissipation|, relative to the range of the energies."""
-        parts = (self.kinetic_energy, self.potential_energy, self.work, self.dissipation)
-        return energy_drift(*parts)[0]
+        parts = self.kinetic_energy, self.potential_energy, self.work, self.dissipation
+        return energy_drift(np.array(parts))[0]
 
     @cached_property
     def body_pose(self) -> Labelled:

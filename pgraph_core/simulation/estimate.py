@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dynamics.states import differences, size_of_motion, sizes_of_states
+from ..dynamics.states import ranges_of_motion, size_of_motion, sizes_of_states
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SWING
 from ..errors import InputError
@@ -87,27 +87,26 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         record.ended.notices += record.carried.unlike(
             finer.carried, plan.times, *shared(record, finer, n)
         )
-    rows, length, q = mech.packed.rows, plan.length, record.out.q[:n]
     off = apart(record, finer, n)
     ahead = plan.onward() if record.met else plan
     if ahead.tolerance is None and may_jump(record, ahead):
         third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1), carries=False)
         if not isinstance(third, str):
-            off = (np.maximum(*both) for both in zip(off, apart(record, third, n)))
-    turned, moved, states = off
-    most = np.maximum(np.maximum(turned, moved), _left_open(record, n))
-    error = np.maximum.accumulate(np.column_stack((most, states)))
+            off = np.maximum(off, apart(record, third, n))
+    error = off[:, 1:].copy()
+    error[:, 0] = np.maximum(np.maximum(off[:, 0], off[:, 1]), _left_open(record, n))
+    np.maximum.accumulate(error, out=error)
     error += _rounding(record, plan.times)
     touching = record.scene.touching
     if touching is not None:  # drift due to the contact solver's velocity residuals [rad, m]
         error[1:, 0] += float(touching.tally["strayed"])
-    _, slid = differences(rows, np.broadcast_to(q[:1], q.shape), q)
-    size = max(length, float(slid.max(initial=0.0))) or 1.0
+    length, (turned, slid) = plan.length, ranges_of_motion(mech.packed.rows, record.out.q[:n])
     ranges = sizes_of_states(record.out.v[:n, mech.nv :], length)
-    part = np.column_stack((np.maximum(turned, moved / size), states / ranges))
-    known = np.logical_and.accumulate(part <= PARTED)
-    error[~(known & known[:, :1])] = np.inf
-    sizes = np.append(size_of_motion(rows, q, length), ranges)
+    known = off <= PARTED * np.array((1.0, max(length, slid) or 1.0, *ranges))
+    if not known.all():
+        known[:, 1:] &= known[:, :1] & known[:, 1:2]
+        error[~np.logical_and.accumulate(known[:, 1:])] = np.inf
+    sizes = size_of_motion(turned, slid, length), *ranges
     told = _notices(record, plan.times, error, sizes) or unbalanced(record, n)
     return Estimate(error, told + passed_over(record, float(error[-1, 0])))
 
@@ -118,13 +117,14 @@ def _rounding(record: Recording, t: Array) -> Array:
 
     A corner of a table that comes late by EPS t changes the speed by that times the acceleration.
     """
-    out, mech, late, n = record.out, record.mech, float(np.abs(t).max()), len(t)
-    moved = out.q[:n, : mech.nq], out.v[:n, : mech.nv]
-    far, fastest = (float(np.abs(x).max(initial=0.0)) for x in moved)
-    later = float(record.steps.control["steepest"]) * np.abs(t - t[0])
-    own = (np.abs(x[:n, mech.nv :]).max(axis=0) for x in (out.v, out.vdot))
-    large, rate = (np.broadcast_to(x, (n, len(x))) for x in own)
-    return EPS * np.column_stack((far + late * (fastest + later), large + late * rate))
+    out, nq, nv, n = record.out, record.mech.nq, record.mech.nv, len(t)
+    later, speeds = t - t[0], np.abs(out.v[:n]).max(axis=0)
+    later *= float(record.steps.control["steepest"])
+    far, fastest = np.abs(out.q[:n, :nq]).max(initial=0.0), speeds[:nv].max(initial=0.0)
+    rates = np.zeros((n, 1 + len(speeds) - nv))
+    rates[:, 0] = later + fastest
+    rates[:, 1:] = np.abs(out.vdot[:n, nv:]).max(axis=0)
+    return EPS * ((far, *speeds[nv:]) + max(abs(float(t[0])), abs(float(t[-1]))) * rates)
 
 
 def _left_open(record: Recording, n: int) -> Array | float:
@@ -145,7 +145,9 @@ def _left_open(record: Recording, n: int) -> Array | float:
     return np.maximum(found.max(axis=1, initial=0.0), np.max(beyond, axis=0, initial=0.0))
 
 
-def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[str, ...]:
+def _notices(
+    record: Recording, t: Array, error: Array, sizes: tuple[float, ...]
+) -> tuple[str, ...]:
     """Return messages about errors (n, 1 + nx) that are large or not known up to the end.
 
     No error of the motion tells of a state that no force reads.

@@ -147,7 +147,7 @@ class Running:
     @property
     def done(self) -> int:
         """The number of recorded frames."""
-        return int(self.steps.control["frame"])
+        return self.steps.recorded
 
     @property
     def active(self) -> Ints:

@@ -26,13 +26,14 @@ from ..engine import layout as at
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 from .options import FINER
-from .plan import RunPlan
+from .plan import NO_PLAN, RunPlan
 from .recording import Recording
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
+FINER_PLAN = "_finer"  # attribute of a plan with its finer one, and what that was made for
 GOLDEN = (3 - math.sqrt(5)) / 2  # where the golden section divides an interval
 STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
 
@@ -44,6 +45,13 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     If frames or corners of tables end steps of its own choice, the finer ones end on the way from
     one to the next. Given steps that were `divided` followed a tolerance inside.
     """
+    kept, key = plan.__dict__, (steps, divided)
+    if kept.get(FINER_PLAN, NO_PLAN)[0] != key:  # runs with given steps ask again and again
+        kept[FINER_PLAN] = key, _finer_plan(plan, steps, divided)
+    return kept[FINER_PLAN][1]
+
+
+def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     given = plan.tolerance
     way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
     plan = replace(plan, parts=2 * plan.parts, way=way)
@@ -122,21 +130,26 @@ def _shared(plan: RunPlan, stretch: int) -> Ints:
 def shared(record: Recording, finer: Recording, n: int) -> tuple[Ints, Ints]:
     """Return the frames (k,) of two runs at the times that both record, of n times of the first."""
     t, theirs = record.steps.times[:n], finer.steps.times[: finer.done]
+    if np.array_equal(t, theirs):
+        return (every := np.arange(n)), every
     _, i, j = np.intersect1d(t, theirs, assume_unique=True, return_indices=True)
     return i, j
 
 
-def apart(record: Recording, finer: Recording, n: int) -> tuple[Array, Array, Array]:
-    """Return the angles (n,) [rad], the distances (n,) [m] and the differences (n, nx) of states of
-    controls between two runs, at n times of the first.
+def apart(record: Recording, finer: Recording, n: int) -> Array:
+    """Return the largest angle [rad], the largest distance [m] and the differences of states of
+    controls between two runs (n, 2 + nx), at n times of the first.
 
     If only the first records a time, it is the difference at the next one that both record.
     """
     i, j = shared(record, finer, n)
-    turned, moved = differences(record.mech.packed.rows, record.out.q[i], finer.out.q[j])
-    states = np.abs(record.out.v[i, record.mech.nv :] - finer.out.v[j, record.mech.nv :])
-    after = np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)
-    return turned[after], moved[after], states[after]
+    nv, ours, theirs = record.mech.nv, record.out, finer.out
+    off = np.empty((len(i), 2 + ours.v.shape[1] - nv))
+    off[:, 0], off[:, 1] = differences(record.mech.packed.rows, ours.q[i], theirs.q[j])
+    np.abs(ours.v[i, nv:] - theirs.v[j, nv:], out=off[:, 2:])
+    if len(i) == n:
+        return off
+    return off[np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)]
 
 
 # -- events that a finer run has and the run has not -----------------------------------------------
@@ -153,17 +166,17 @@ class Approach(NamedTuple):
 
 def undecided(record: Recording, other: Recording) -> tuple[str, ...]:
     """Return a notice for each limit and event that a run misses by less than its error."""
-    ours, theirs = (x.steps.times[: x.done] for x in (record, other))
-    shared, i, j = np.intersect1d(ours, theirs, assume_unique=True, return_indices=True)
-    found = []
-    for near in (*_limits(record), *_events(record)):
-        if not np.isfinite(near.value) or len(shared) < 2:
-            continue
-        k = int(np.clip(np.searchsorted(shared, near.t), 1, len(shared) - 1))
+    approaches = [x for x in (*_limits(record), *_events(record)) if np.isfinite(x.value)]
+    if not approaches:
+        return ()
+    i, j = shared(record, other, record.done)
+    t, found = record.steps.times[i], []
+    for near in approaches if len(t) > 1 else ():
+        k = int(np.clip(np.searchsorted(t, near.t), 1, len(t) - 1))
         error = 2.0 * max(  # method of order 1: twice the difference to half the step
             abs(
-                near.watched(float(shared[n]), record.out.q[i[n]], record.out.v[i[n]])
-                - near.watched(float(shared[n]), other.out.q[j[n]], other.out.v[j[n]])
+                near.watched(float(t[n]), record.out.q[i[n]], record.out.v[i[n]])
+                - near.watched(float(t[n]), other.out.q[j[n]], other.out.v[j[n]])
             )
             for n in (k - 1, k)
         )

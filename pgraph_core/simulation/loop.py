@@ -45,8 +45,9 @@ if TYPE_CHECKING:
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
 ANY_NUMBER = (1 << 63) - 1  # limit on steps if none is given
+AT_THE_END = Status.DONE.value
 UNCOUNTED = 1 << 62  # steps to the next frame if none is recorded
-TAKEN, FRESH = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh"))  # words
+TAKEN, FRESH, FRAME = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh", "frame"))
 TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
 
 
@@ -54,6 +55,7 @@ class Steps:
     """The state of a run in progress, which `advance` continues."""
 
     carried: Carried | None = None  # derivatives
+    finer: Workplace | None = None  # left by the finer run of the last run
 
     def __init__(self, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]):
         """Start at (q, v) and record states in `frames`."""
@@ -153,6 +155,11 @@ class Steps:
     def taken(self) -> int:
         """Return the number of steps of this size since the origin."""
         return self._words[0].item(TAKEN)
+
+    @property
+    def recorded(self) -> int:
+        """Return the number of recorded frames."""
+        return self._words[0].item(FRAME)
 
     def anew(self) -> None:
         """Re-evaluate the acceleration after forces have changed."""
@@ -363,7 +370,7 @@ class Outcome:
 
     def __init__(self) -> None:
         """Assume that the run reaches its end until something stops it."""
-        self.status, self.message, self.ok = Status.DONE, Status.DONE.value, True
+        self.status, self.message, self.ok = Status.DONE, AT_THE_END, True
         self.notices: list[str] = []
         self.log: list[Event] = []
 

@@ -84,7 +84,7 @@ class Recording(Running):
             self.user = acting(tau, mech.nq, mech.nv, max(len(q), len(v)))
         self.ended = Outcome()
         self.held = set(plan.active.tolist())  # constraints that are active now
-        self.since = dict[int, float]()  # when constraints were switched last [s]
+        self.since: dict[int, float] = {}  # when constraints were switched last [s]
         self._ahead = deque(plan.changes)
         self._events = monitors
         self._together: list[int] = []  # conditions met at the time of the next change, after it
@@ -97,10 +97,9 @@ class Recording(Running):
 
     def _prepare(self, q: Array, v: Array) -> None:
         """Build the scene, frames and stepping loop for the plan, at (q, v)."""
-        mech, plan, before = self.mech, self.plan, self.coarser
-        self._free = free(mech, plan) if before is None and self._short() else None
-        left: Workplace | None = taken(self._free) if self._free else None
-        self._reused = self._free is not None  # whether other frames may come into these arrays
+        plan, before = self.plan, self.coarser
+        self._reused = self._short()  # whether other frames may come into these arrays
+        left = self._left() if self._reused else None
         if left is not None:
             self.scene, self.steps, self.out, self.watch = left
             if self.watch is not None:
@@ -136,13 +135,28 @@ class Recording(Running):
         watched = self._events or plan.calls
         nq, nv = self.size
         size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
-        return not acts and not watched and size <= MOST_KEPT
+        kept = self.coarser is None or self.coarser._reused
+        return kept and not acts and not watched and size <= MOST_KEPT
+
+    def _left(self) -> Workplace | None:
+        """Take the workplace that a run with this plan left, or return None.
+
+        That of a finer run may share its scene with that of the other run, which keeps it.
+        """
+        if self.coarser is None:
+            return taken(free(self.mech, self.plan))
+        left = self.coarser.steps.finer
+        return left if left is not None and left.steps.plan is self.plan else None
 
     def leave(self) -> None:
         """Finish the run and release its workplace for the next run of this kind."""
-        if self._free is not None and not self.ended.log:
-            self._free.append(Workplace(self.scene, self.steps, self.out, self.watch))
-        elif self.steps.clearance is not None and not self.met:
+        if self._reused and not self.ended.log:
+            place = Workplace(self.scene, self.steps, self.out, self.watch)
+            if self.coarser is None:
+                free(self.mech, self.plan).append(place)
+            else:
+                self.coarser.steps.finer = place
+        elif self.coarser is None and self.steps.clearance is not None and not self.met:
             free(self.mech, (self.plan, WATCHING)).append(self.steps.clearance)
 
     def _empty_frames(self, n: int) -> Frames:
@@ -271,6 +285,7 @@ class Recording(Running):
             other.carried = self.carried.finer()
         if other.begin():
             other.advance_to_end(progress and (lambda _: progress(1.0)))
+        other.leave()
         return other
 
     def _keep_start(self) -> None:
@@ -493,7 +508,7 @@ class Recording(Running):
             text = f"t = {t:.6g} s: bodies come close, and the run continues with"
             self.ended.notices.append(f"{text} '{plan.way.method.name}': {refused}")
         self.met = f"{plan.method.name} until bodies came close at t = {t:.6g} s"
-        self.plan, self._free, before = plan.onward(), None, self.steps.watched
+        self.plan, self._reused, before = plan.onward(), False, self.steps.watched
         held, self.scene, old = self.scene.blocks.blocks_f, self._scene(), self.out
         self.scene.blocks.blocks_f[: len(held)] = held  # places of switched constraints
         self._give_torques()
@@ -631,7 +646,7 @@ class Recording(Running):
 
     def _end_stretch(self) -> None:
         """Keep what is needed to name the singular positions passed since constraints switched."""
-        if not self.done or self._first is None:
+        if self._first is None or not self.done:
             return
         last = self.done - 1
         end = float(self.steps.times[last]), self.out.q[last], self.out.v[last]
@@ -663,7 +678,8 @@ class Recording(Running):
             read = partial(forces_of, self.scene.blocks, self.plan.ever, wrenches)
             forces = Named(read, *OF_CONSTRAINTS)
         if error is None:
-            error = np.full((len(self.out.q), 1 + x.shape[1]), np.nan)
+            error = np.empty((len(self.out.q), 1 + x.shape[1]))
+            error.fill(np.nan)
         counters: dict[str, int] = dict(zip(counted.dtype.names or (), counted.item()))
         contacts = NOTHING
         if self.plan.way is not None or self.plan.contacts or self.ended.log:
@@ -744,10 +760,15 @@ class Recording(Running):
 
     def notices(self) -> tuple[str, ...]:
         """Notices about the run up to now."""
-        user = self.user.notices() if self.user is not None else []
-        carried = self.carried.notices() if self.carried is not None else []
-        found = (*self.steps.notices(), *creeping(self), *touching(self, self._unlogged))
-        return (*self.told, *found, *user, *carried)
+        found = [*self.told, *self.steps.notices()]
+        if self.scene.rubs:
+            found += creeping(self)
+        if self.scene.touching is not None or self.plan.idle is not None:
+            found += touching(self, self._unlogged)
+        for own in (self.user, self.carried):
+            if own is not None:
+                found += own.notices()
+        return tuple(found)
 
     def _rows(self) -> slice | Ints:
         """Return the indices of the requested frames, and of a failed run's last frame."""

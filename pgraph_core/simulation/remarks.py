@@ -17,10 +17,13 @@ from .failures import Running
 
 def remarks(record: Running) -> Iterator[str]:
     """Yield the notices about a run that reached its end."""
-    if not (record.out.v.any() or record.out.vdot.any()):
+    if not (np.count_nonzero(record.out.v) or np.count_nonzero(record.out.vdot)):
         yield from at_rest(record)
-    yield from pulses(record)
-    yield from degrees(record)
+    if record.user is not None:
+        yield from pulses(record)
+    q = record.began[0]
+    if q.dot(q) >= MOST_ANGLE**2:
+        yield from degrees(record)
 
 
 def at_rest(record: Running) -> Iterator[str]:
@@ -46,8 +49,6 @@ def at_rest(record: Running) -> Iterator[str]:
 def degrees(record: Running) -> Iterator[str]:
     """Yield notices for hinges that start as if in degrees, unless the model's own does."""
     mech, q = record.mech, record.began[0]
-    if not (np.abs(q) >= MOST_ANGLE).any():
-        return
     home = mech.home()[0]
     for name, joint in mech.joints.items():
         k = joint.q.start
@@ -63,7 +64,7 @@ def pulses(record: Running) -> Iterator[str]:
     evaluated too.
     """
     n, events = record.done, record.plan.contacts is not None or record.plan.changes
-    if record.user is None or events or n < 6 or record.steps.counters["steps"] >= n:
+    if events or n < 6 or record.steps.counters["steps"] >= n:
         return
     t, v, vdot = record.steps.times[:n, None], record.out.v[:n], record.out.vdot[:n]
     rate = np.diff(v, axis=0) / np.diff(t, axis=0)
@@ -95,11 +96,10 @@ def turns_unseen(record: Running, frames: tuple[Array, Array, Array, Array]) -> 
 
 def creeping(record: Running) -> Iterator[str]:
     """Yield notices about joints that friction should hold and that creep."""
-    if record.scene.rubs:
-        from .creep import crept
+    from .creep import crept
 
-        n = record.done
-        yield from crept(record.mech, record.scene.drives, record.steps.times[:n], record.out.v[:n])
+    n = record.done
+    yield from crept(record.mech, record.scene.drives, record.steps.times[:n], record.out.v[:n])
 
 
 def touching(record: Running, unlogged: int) -> Iterator[str]:

@@ -84,7 +84,7 @@ class Carried:
             self._parts = Parts(record, self._runs)
             record.steps.control["carried"] = self._parts.address
         record.steps.carried = self
-        record._free = None  # nobody else steps it
+        record._reused = False  # nobody else steps it
 
     def advance(self, run: int, budget: int) -> int:
         """`advance_run`, with derivatives."""

@@ -14,6 +14,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core.simulation.loop import Steps
 
 from .trees import random_case
 
@@ -131,3 +132,16 @@ def test_threads_that_share_a_mechanism_do_not_share_workspaces():
     with ThreadPoolExecutor(8) as pool:
         together = list(pool.map(last, starts))
     assert np.array_equal(alone, together)
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: "-".join(map(str, way.values())))
+def test_a_repeated_run_makes_no_loop(way, monkeypatch):
+    """Neither for itself nor for the finer run that tells its error."""
+    mech, (q, v) = pg.Mechanism(pg.Model.serial(3)), np.random.default_rng(1).normal(size=(2, 3))
+    first = pg.simulate(mech, q, v, **SHORT, **way)
+    made = []
+    monkeypatch.setattr(Steps, "__init__", lambda *_, **__: made.append(1))
+    again = pg.simulate(mech, q, v, **SHORT, **way)
+    assert not made
+    assert np.array_equal(again.error_at, first.error_at)
+    assert first.error_at[-1] > 0.0
