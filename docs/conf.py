@@ -21,10 +21,11 @@ COMMAND = re.compile(r"^pgraph (export .*--live.* -o (\S+))$", re.MULTILINE)
 MOVED = {  # pages of earlier versions, and where their content is
     "batches": "many", "benchmarks": "evidence", "comparison": "limits", "construction": "evidence",
     "dependencies": "developer", "design": "developer", "figures": "gallery",
-    "glossary": "conventions", "notebooks": "gallery", "pgraph_by_hand": "paper",
-    "precision": "evidence", "reliability": "evidence", "report": "accuracy",
-    "stability": "accuracy", "stance": "paper", "sweeps": "many", "testing": "developer",
-    "theory": "paper", "verification": "accuracy",
+    "glossary": "conventions", "methods": "accuracy", "notebooks": "gallery",
+    "pgraph_by_hand": "paper", "precision": "evidence", "reliability": "evidence",
+    "report": "accuracy", "security": "page", "stability": "accuracy", "stance": "paper",
+    "sweeps": "many", "testing": "developer", "theory": "paper", "troubleshooting": "limits",
+    "tutorial_page": "page", "verification": "accuracy",
 }  # fmt: skip
 
 project = "Pgraph"

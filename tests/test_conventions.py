@@ -1,4 +1,4 @@
-"""The conventions of docs/conventions.md and docs/conventions.md, on poses."""
+"""The conventions of docs/conventions.md, on poses."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Access control for connections and page messages, by the threat model in docs/security.md.
+"""Access control for connections and page messages, by the threat model in docs/page.md.
 
 viser accepts any of its own messages from any page: it would open a public tunnel, keep uploads and
 set any attribute of a handle. Only the kinds that our page sends pass, with plain, short values.

@@ -1,4 +1,4 @@
-"""Take the pictures of docs/tutorial_page.md by the steps of its test.
+"""Take the pictures of docs/page.md by the steps of its test.
 
 Run it with `python -m docs.pictures.tutorial`.
 """

@@ -1,4 +1,4 @@
-"""The steps of docs/tutorial_page.md: from New to a four-bar linkage that swings."""
+"""The steps of docs/page.md: from New to a four-bar linkage that swings."""
 
 from collections.abc import Callable
 from typing import Any
