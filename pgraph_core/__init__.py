@@ -153,7 +153,15 @@ def _elsewhere() -> dict[str, str]:
 
 
 def _bound(owner: Any, name: str) -> Any:
-    """Return a method of the mechanism, or a function that takes a model first, for a model."""
+    """Return a method of the mechanism, or a function that takes a model first, for a model.
+
+    For the class of models, return the function that loads one of any format.
+    """
+    from .words import SAME_ATTRIBUTES
+
+    if isinstance(owner, type):
+        loads = owner.__name__ == "Model" and SAME_ATTRIBUTES.get(name) == "load"
+        return __getattr__("load") if loads else None
     kind = type(owner).__name__
     if type(owner).__module__.split(".")[0] != __name__ or kind not in ("Model", "Mechanism"):
         return None

@@ -42,7 +42,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
-from . import words
+from . import hooks, words
 from .errors import ModelError, Problem, explained, is_deep, nearest, nearest_first, shown
 from .portable import Portable
 from .sentences import GROUND, PAIR, all_problems, in_our_words
@@ -315,6 +315,10 @@ else:
         def __call__(cls, *args, **data):
             if args:
                 first = next((x for x in FIRST if x in cls.model_fields and x not in data), "")
+                places = [first, *(x for x in BODIES if x in cls.model_fields)]
+                words_only = all(isinstance(x, str) for x in args) and not data.keys() & places
+                if words_only and len(args) == len(places) > 1:  # a name and all bodies
+                    return cls(**dict(zip(places, args)), **data)
                 if len(args) > 1 or not first:
                     own = ", ".join(x for x in cls.model_fields if x != first)
                     text = f"takes {first or 'no field'} first, then fields by name; fields: {own}"
@@ -340,6 +344,8 @@ else:
             try:
                 return super().__getattr__(name)
             except AttributeError:
+                if name[0] != "_" and (found := hooks.bound(cls, name)) is not None:
+                    return found
                 raise words.NoAttribute(f"pg.{cls.__name__}", name, lambda: dir(cls)) from None
 
         def __dir__(cls):
@@ -350,6 +356,7 @@ else:
 
     FOREIGN = ("pydantic", "builtins", "abc")
     FIRST = ("bodies", "name", "kind")  # the field that may be given without its name
+    BODIES = ("parent", *PAIR)  # those that may be, if all are given
 
     class _Base(Portable, BaseModel, metaclass=_Sentences):
         pass

@@ -81,7 +81,7 @@ EDITS = [
     (lambda: pg.Force(name="f", kind="sprng", body="a"), "force 'f', kind", "'sprng'", "spring"),
     (lambda: pg.Spring(name="f", kind="motor", body="a"), "'spring'", "'motor'", "a Motor"),
     (lambda: pg.Spring(stiffness=1.0), "pg.Spring(", "body"),
-    (lambda: pg.Body("a", "b"), "pg.Body", "name", "first", "parent"),
+    (lambda: pg.Body("a", "b", "free"), "pg.Body", "name", "first", "parent"),
     (lambda: pg.Model(BASE.bodies, BASE.forces), "pg.Model", "bodies", "first", "forces"),
     (lambda: pg.Ground(True), "pg.Ground", "slope"),
     (lambda: pg.Model(constraints=[SPRING]), "Spring", "forces=["),

@@ -88,7 +88,7 @@ def test_the_name_stands_first(kind):
     own = {} if kind is pg.Body else {"body": "a"}
     assert kind("x", **own) == kind(name="x", **own)
     with pytest.raises(pg.ModelError, match="first"):
-        kind("x", "y", **own)
+        kind("x", "y", *(() if own else ("z",)), **own)
     with pytest.raises(pg.ModelError):
         kind(3, **own)
 

@@ -124,7 +124,7 @@ class World(Described):
     name: Text = Field(default="model", description="text")
     up: Literal["x", "y", "z"] = Field(default="z", description="'x', 'y' or 'z'")
     gravity: Vec3 = field(
-        "three finite numbers [x, y, z] [m/s^2]",
+        "three finite numbers [x, y, z] [m/s^2], or one for a gravity that points down",
         converter=_gravity_in,
         default=DOWN["z"],
         dim=M / S**2,
@@ -141,8 +141,12 @@ class World(Described):
     @model_validator(mode="before")
     @classmethod
     def _gravity_points_down(cls, data: Any) -> Any:
-        if isinstance(data, dict) and data.get("gravity") is None:
-            data = {**data, "gravity": DOWN.get(str(data.get("up", "z")), DOWN["z"])}
+        """Fill in the default, and take one number for the size of a gravity that points down."""
+        given = data.get("gravity") if isinstance(data, dict) else ()
+        if given is None or (isinstance(given, (int, float)) and not isinstance(given, bool)):
+            down = DOWN.get(str(data.get("up", "z")), DOWN["z"])
+            of_size = [-abs(given) if x else 0.0 for x in down] if given is not None else down
+            data = {**data, "gravity": of_size}
         return data
 
     @model_validator(mode="after")

@@ -106,13 +106,15 @@ class Exports:
             picked |= found
         return _show().figure(self.t, picked, self.mechanism.model.name)
 
-    def to_html(self, path: str | Path, /, *, live: bool = False, open: Sequence[str] = ()) -> None:
-        """Write the run as a 3D animation in one self-contained HTML file.
+    def to_html(
+        self, path: str | Path | None = None, /, *, live: bool = False, open: Sequence[str] = ()
+    ) -> str | None:
+        """Write the run as a 3D animation in one self-contained HTML file, or return its text.
 
         Parameters
         ----------
-        path : str or path
-            The file to write.
+        path : str or path, optional
+            The file to write. Without one the text is returned.
         live : bool
             Whether readers can run the mechanism and pull on it (docs/gallery.md).
         open : iterable of str
@@ -126,13 +128,11 @@ class Exports:
         FileError
             If the file has another suffix or cannot be written.
         """
-        if Path(path).suffix.lower() not in (".html", ".htm"):
+        if path is not None and Path(path).suffix.lower() not in (".html", ".htm"):
             text = "is not a web page; give a name that ends in .html"
             raise FileError(Problem(str(path), "", text))
-        if live or open:
-            write_atomic(path, hooks.page(self, open).encode())
-            return
-        write_atomic(path, _show().animation_html(self).encode())
+        page = hooks.page(self, open) if live or open else _show().animation_html(self)
+        return page if path is None else write_atomic(path, page)
 
     def to_image(
         self, path: str | Path, /, *, t: float | None = None, size: tuple[int, int] = (1280, 720),

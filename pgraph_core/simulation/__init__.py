@@ -78,7 +78,8 @@ def simulate(
         control with given states is taken to be over. `simulate(mech, run.q[-1], run.v[-1],
         states=run.states[-1], t_start=run.t[-1], ...)` continues a run.
     t_start, t_end : float
-        Time at the start and at the end [s].
+        Time at the start and at the end [s]. By default the run starts at 0 and ends at the last of
+        `t_eval`, else after the duration of the scenario, else after 1 s.
     method : str, optional
         Name of an integration method; "auto" chooses. With rigid contacts or joint limits it
         selects "moreau_jean" (time stepping), or with `rtol` "dop853" or "dopri5", which are

@@ -83,6 +83,8 @@ class Options(NamedTuple):
         """Return the start and end times of the run [s]. Raises InputError."""
         start = _time(self.t_start)
         duration = given.t_end if given else 1.0
+        if self.t_end is None and self.t_eval is not None and start < last(self.t_eval) < np.inf:
+            duration = last(self.t_eval) - start
         if start == 0.0:
             return start, positive("t_end", duration if self.t_end is None else self.t_end)
         end = start + duration if self.t_end is None else _time(self.t_end)
@@ -289,6 +291,14 @@ def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array
         return _grid(t_eval, t_start, t_end)
     count = whole_number("simulate", "frames", frames, 2, MOST_FRAMES)
     return np.linspace(t_start, t_end, count)
+
+
+def last(t_eval: Any) -> float:
+    """Return the last of the times to record, or nan if there is none."""
+    try:
+        return float(array_of(t_eval)[-1])
+    except (TypeError, ValueError, IndexError):
+        return np.nan
 
 
 def _grid(t_eval: Any, t_start: float, t_end: float) -> Array:
