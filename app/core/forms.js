@@ -34,13 +34,14 @@ pgraph.forms = (() => {
 
   function group(data, folded) {
     if (!data.title) return make("div");
-    return make("details", { open: folded.get(data.title) ?? data.open }, make("summary", {}, make("span"), make("span", { className: "state" })), make("div"));
+    return make("details", { open: folded.get(data.title) ?? data.open }, make("summary", {}, make("span"), make("span", { className: "unit" }), make("span", { className: "state" })), make("div"));
   }
   function fillGroup(box, el, data) {
     if (data.title) {
       el.dataset.title = data.title;
       el.firstChild.firstChild.textContent = data.title;
-      el.firstChild.lastChild.textContent = data.state ?? "";
+      el.firstChild.children[1].textContent = data.fields[0]?.heads ? data.fields[0].unit : "";
+      el.firstChild.lastChild.textContent = el.firstChild.title = data.state ?? "";
     }
     const seen = new Map();
     const items = data.fields.map((field) => {
@@ -110,8 +111,9 @@ pgraph.forms = (() => {
     const what = el.querySelector(".what");
     el.querySelector(".field").dataset.field = field.field;
     what.title = field.help || field.label;
-    what.firstChild.textContent = field.label;
-    what.querySelector(".unit").textContent = field.unit;
+    what.firstChild.textContent = field.heads ? "" : field.label;
+    el.classList.toggle("heads", Boolean(field.heads));
+    what.querySelector(".unit").textContent = field.heads ? "" : field.unit; // both stand in the title
     if (!field.pick) what.querySelector(".pick")?.remove();
     else if (!what.querySelector(".pick")) what.append(picker(box, el));
     what.querySelector(".pick")?.setAttribute("aria-label", `pick ${field.label} in 3D`);

@@ -63,6 +63,7 @@ pgraph.frame = (() => {
       other.label.setAttribute("aria-selected", on);
       other.label.tabIndex = on ? 0 : -1;
       other.pane.hidden = other.actions.hidden = !on;
+      if (on) root.dataset[`${tab.slot}Tab`] = tab.label.title;
     }
   }
   function keyed(event) {

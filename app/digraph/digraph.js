@@ -19,8 +19,8 @@ pgraph.digraph = (() => {
       make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas), pgraph.pictureButton("fit bare", "fit", "Fit", "Show all of it (double click)", () => canvas.fit(true)),
         card, make("div", { className: "drag-hint", hidden: true })),
       host.pgraphSteps,
-      make("h4", {}, make("span", { title: "Pgraph: the order of a walk round the tree. jdof, below it: the degrees of freedom that each entry adds", textContent: "Pgraph and jdof" }),
-        make("button", { className: "link walk", textContent: "How it is built", title: "The seven steps that make Pgraph, and a frame update", onclick: () => pgraph.steps.toggle() })),
+      make("h4", {}, make("span", { title: "Pgraph: the order of a walk round the tree. jdof, below it: the degrees of freedom that each entry adds", textContent: "Pgraph, jdof" }),
+        make("button", { className: "link walk", textContent: "Steps", title: "The seven steps that make Pgraph, and a frame update", onclick: () => pgraph.steps.toggle() })),
       make("div", { className: "vectors", onclick: (event) => { const entry = event.target.closest(".entry"); if (entry) select(entry.dataset.name || null); } }));
     pgraph.digraphHand(host, canvas, { offered, drop, hover: (k) => hover(host, k) });
     canvas.addEventListener("click", (event) => {

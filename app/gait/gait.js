@@ -32,8 +32,7 @@
           field("Friction", "", c.friction, "Coulomb's coefficient under the feet"),
           field("Slope", "°", c.slope, "How steeply it rises ahead; set before a walk"),
           field("Steps", "m", c.steps, "Height of platforms to walk over, from 1 m ahead on; 0: none. Set before a walk"),
-          field("Contact", "", law, "The law of the feet: rigid, or one that gives"))),
-        make("details", { className: "log" }, make("summary", { textContent: "Foot events" }), make("ol", { className: "falls" }))));
+          field("Contact", "", law, "The law of the feet: rigid, or one that gives")))));
   }
 
   // A slider types into its cell, so that a refusal appears next to it.
@@ -72,21 +71,5 @@
     $(".problem").textContent = data.problem;
   }
 
-  // The last changes of feet, newest first; a click looks there.
-  function log(host, data) {
-    const list = host.querySelector(".falls");
-    if (!list) return;
-    const before = {}, lines = [];
-    for (const [foot, t, phase] of data.changes) {
-      if (before[foot] !== undefined) lines.push([foot, t, before[foot], phase]);
-      before[foot] = phase;
-    }
-    host.querySelector(".log").hidden = !data.feet.length;
-    lines.sort((one, other) => one[1] - other[1]);
-    list.replaceChildren(...lines.slice(-MOST).reverse().map(([foot, t, was, now]) => make("li", {},
-      make("button", { className: "fall", title: "Look there", onclick: () => send("Scrub", { time: t }) },
-        text("span", "t", t.toFixed(3)), text("span", "foot", data.feet[foot].replaceAll("_", " ")), text("span", "now", `${data.phases[was]} → ${data.phases[now]}`)))));
-  }
-
-  pgraph.view("gait", { build, gait: draw, phases: log });
+  pgraph.view("gait", { build, gait: draw });
 })();

@@ -31,7 +31,6 @@ from . import (
 )
 
 PARTS = ("derived", "walking", "run_problem", "job", "request")
-TOUCHING = ("apart", "hits", "slips", "touches")  # PHASES, of contacts that are no feet
 FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]
 
 
@@ -166,7 +165,6 @@ def phases(falls: tuple[Change, ...], state: State, running: bool = False) -> Pa
     return {
         "feet": feet,
         "colors": [color.get(body.get(foot, ""), "var(--ink-3)") for foot in feet],
-        "phases": list(PHASES if has_feet(state.model) else TOUCHING),
         "changes": [[number[foot], t, phase] for foot, t, phase, _ in shown],
     }
 

@@ -11,7 +11,7 @@
       ["Download", "", () => send("Download"), { about: "JSON; with mesh files a zip of that and them" }],
     ]);
     const search = make("button", { className: "search-all", title: "Search bodies and commands (Ctrl K)", onclick: () => pgraph.palette.open() },
-      pgraph.icon("search"), text("span", "", "Search bodies and commands"), text("kbd", "", "Ctrl K"));
+      pgraph.icon("search"), text("span", "", "Search"), text("kbd", "", "Ctrl K"));
     host.replaceChildren(
       pgraph.pictureButton("bare sheet-toggle", "left", "model panel", "Model (Ctrl B)", () => pgraph.frame.toggle("left")),
       make("span", { className: "brand" }, mark(), "Pgraph"), text("span", "rule"), name, text("span", "muted count"), text("span", "rule"),
@@ -30,7 +30,7 @@
   function draw(host, data) {
     const $ = (selector) => host.querySelector(selector);
     $(".name").textContent = $(".name").title = data.name;
-    $(".count").textContent = [...data.count.split(", "), data.unsaved ? "edited" : "saved"].join(" · ");
+    $(".count").textContent = [data.count, ...(data.unsaved ? ["edited"] : [])].join(" · ");
     for (const [tab, n] of Object.entries(data.counts)) pgraph.frame.count(tab, n);
     $(".reading").hidden = data.reading === null;
     $(".reading .what").textContent = `Reading ${data.reading ?? ""} …`;

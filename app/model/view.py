@@ -41,7 +41,7 @@ def toolbar(state: State, client: int) -> Payload:
     return {
         "name": state.model.name,
         "unnamed": STAND_IN.fullmatch(state.model.name) is not None,
-        "count": state.counts,
+        "count": state.freedom,
         "unsaved": unsaved(state),
         "counts": counts(state.model),
         "undo": state.undo[-1].label if state.undo else None,

@@ -10,7 +10,6 @@ from scipy import io as files
 from scipy import sparse
 
 import pgraph_core as pg
-from pgraph_core.errors import counted
 from pgraph_core.paper import Operators
 
 from ..core.bridge import Bridge
@@ -42,8 +41,8 @@ def _shown(state: State, page: Client) -> Payload:
 
 
 def operator(state: State, part: Inspected) -> Payload:
-    """Return the displayed part of an operator, or the reason if there is none, and counts."""
-    payload = {"what": part.what, "facts": facts(state), "titles": TITLES}
+    """Return the displayed part of an operator, or the reason if there is none."""
+    payload = {"what": part.what, "titles": TITLES}
     problem = available(state, part.what)
     if not problem:
         try:
@@ -63,13 +62,6 @@ def operator(state: State, part: Inspected) -> Payload:
     return payload | {"problem": problem}
 
 
-def facts(state: State) -> str:
-    """Return '16 bodies, 21 DoF, 2 separation bodies, 4 tip bodies'."""
-    d = state.derived
-    separation = counted(len(d.separation), "separation body", "separation bodies")
-    return f"{state.counts}, {separation}, {counted(len(d.tips), 'tip body', 'tip bodies')}"
-
-
 # -- matrices --------------------------------------------------------------------------------------
 
 
@@ -78,10 +70,10 @@ TITLES = {
     "S": "adjacency S",
 }  # fmt: skip
 WORDS = {  # meaning of an entry, equation of the paper
-    "M": "the inertia that one motion feels when another speeds up, eq. (25)",
-    "J": "how fast a tip moves for each motion at unit speed, eq. (20)",
-    "eps_phi": "carries a velocity from a body to the next one on it, eq. (13)",
-    "Phi": "carries a velocity from a body to all that hang on it, eq. (16)",
+    "M": "inertia between motions, eq. (25)",
+    "J": "speeds of tips for each motion, eq. (20)",
+    "eps_phi": "carries velocities to the next body, eq. (13)",
+    "Phi": "carries velocities to all bodies on it, eq. (16)",
     "S": "which body hangs on which, eq. (1)",
 }
 MOST = 96  # cells per side. In larger operators a cell is a block

@@ -32,7 +32,7 @@
     });
     const heading = (text) => make("span", { className: "muted heading-text", textContent: text });
     const box = host.pgraphChooser;
-    host.querySelector(".none").textContent = data.hint || "Nothing is plotted yet: add a plot at the right.";
+    host.querySelector(".none").textContent = data.hint || "Nothing is plotted yet.";
     box.querySelector(".of-body").replaceChildren(...(data.body
       ? [heading(`${data.body}:`), ...data.of_body.map(chip)]
       : [heading("Select a body to plot its motion and forces.")]));

@@ -8,12 +8,13 @@
       const { right, bottom } = more.getBoundingClientRect();
       pgraph.bodyMenu(pgraph.latest.properties.bodies[0], right - 210, bottom + 4);
     });
-    host.replaceChildren(make("div", { className: "heading" }, make("span", { className: "chip" }), make("strong"), more), make("div", { className: "muted about" }));
+    host.replaceChildren(make("div", { className: "heading" }, make("span", { className: "number" }), make("strong"), more), make("div", { className: "muted about" }));
   }
   function named(host, data) {
-    const [chip, name, more] = host.firstChild.children;
-    chip.style.setProperty("--body", data.color ?? "transparent");
-    chip.hidden = !data.color;
+    const [number, name, more] = host.firstChild.children;
+    number.style.setProperty("--body", data.color ?? "transparent");
+    number.textContent = data.number ?? "";
+    number.hidden = !data.color;
     name.textContent = name.title = data.title;
     more.hidden = !data.bodies.length;
     const parent = data.parent && data.parent !== "ground" ? make("button", { className: "link", textContent: data.parent, onclick: () => send("Select", { body: data.parent }) }) : data.parent;
@@ -28,6 +29,7 @@
     const [box, units] = host.firstElementChild.children;
     const some = data.bodies.length > 0;
     forms.showUnits(units, data.display);
+    units.hidden = some; // they are those of the whole page
     units.querySelector(".state").textContent = [data.display.angle, data.display.length].join(", ");
     const key = data.ids.join(); // a renamed body keeps its cells and their focus
     const another = box.dataset.key !== undefined && box.dataset.key !== key;

@@ -77,7 +77,6 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
     bodies = [state.model.body(name) for name in known]
     several = len(bodies) > 1
     number = state.derived.number[known[0]]
-    text = f"Body {number}, hangs on"
     ids = state.rows.of(("bodies",), len(state.model.bodies))
     forms = [groups(state.model, body, display) for body in bodies]
     return {
@@ -85,7 +84,8 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
         "ids": [ids[state.model.row[name]] for name in known],
         "title": f"{len(bodies)} bodies" if several else known[0],
         "color": hue(state.derived.branches[number - 1]),
-        "subtitle": "An edit changes all of them" if several else text,
+        "number": None if several else number,
+        "subtitle": "An edit changes all of them" if several else "on",
         "parent": None if several else bodies[0].parent,
         "groups": shapes_by_number(merged(forms), state.rows, state.model, known)
         if several
@@ -100,13 +100,12 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     form = _Form(model, body, display)
     turn, names = ROTATIONS[display.turn]
     joint = [
-        choice("joint", "Type", body.joint, [
-            (j, j.capitalize() + f", {body.dof} DoF" * (j == body.joint)) for j in JOINTS
-        ], help=shows("joint").help),
+        choice("joint", "Type", body.joint, [(j, j.capitalize()) for j in JOINTS],
+               help=shows("joint").help, heads=True),
         *form.motions(), *([form.vector("pitch")] if any(body.pitch) else []), form.vector("link"),
     ]  # fmt: skip
     frame = [form.text("name"), form.vector(turn, names), form.follows(form.tip())]
-    mass = [form.follows(form.vector(one)) for one in ("mass", "com")]
+    mass = [form.follows(form.vector("mass")) | {"heads": True}, form.follows(form.vector("com"))]
     inertia = [form.material(), form.follows(form.inertia())]
     state = [form.vector("q", Q_NAMES.get(body.joint, ())),
              form.vector("v", V_NAMES.get(body.joint, ()))]  # fmt: skip
@@ -123,16 +122,20 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
         group("Joint", joint),
         group("Mass", mass),
         group("Shape", [*kind_and_size, form.length()]),
-        group("Place and look", look, False, ROLES[body.shapes[0].role] if look else ""),
+        group("Appearance", look, False, ROLES[body.shapes[0].role] if look else ""),
         *(
             group(f"Shape {k + 1}", form.shape(k), False, body.shapes[k].kind)
             for k in range(1, min(len(body.shapes), MOST_SHAPES))
         ),
         group("Inertia", inertia, False, "from shapes" if "inertia" in body.derived else "given"),
-        group("Limits", limits, limited, "given" if limited else "none"),
-        group("Spring, damper", springs, sprung, "given" if sprung else "none"),
+        group(
+            "Limits, springs",
+            [*limits, *springs],
+            limited or sprung,
+            "given" if limited or sprung else "none",
+        ),
         group("Initial state", state, moving, "moving" if moving else "at rest"),
-        group("Name and frame", frame, False, "turned" if turned else "aligned"),
+        group("Frame", frame, False, "turned" if turned else "aligned"),
     ]
     found = [{**g, "fields": [f for f in g["fields"] if f["cells"]]} for g in found]
     return [g for g in found if g["fields"]]
@@ -197,8 +200,13 @@ class _Form:
         body = self.body
         if body.joint != "compound":
             several = len(body.axes) > 1
-            return [self._axis(i, i, f"Axis {i + 1}" if several else "Axis")
+            rows = [self._axis(i, i, f"Axis {i + 1}" if several else "Axis")
                     for i in range(len(body.axes))]  # fmt: skip
+            cells = [c for row in rows for c in row["cells"]]
+            if len(rows) == len(cells) == 2:  # letters, which one row holds
+                one = {"label": "Axes", "cells": cells, "columns": 2}
+                return [rows[0] | one | {"pick": "", "direction": False}]
+            return rows
         found, axis = [], 0
         for i, (kind, _) in enumerate(body.motions):
             out = button("×", "", "take this motion out", field="motions", index=[i], text="")
@@ -275,7 +283,7 @@ class _Form:
         upload = {"upload": True, "help": "shapes that are drawn, and shapes that touch"}
         if not at:
             kinds.append(("file", "Mesh file …"))  # STL, OBJ, PLY, OFF or GLB, 10 MB at most
-        found = [choice(prefix + "kind", "Kind", kind, kinds, **({} if at else upload))]
+        found = [choice(prefix + "kind", "Kind", kind, kinds, heads=True, **({} if at else upload))]
         if shape is None:
             found[0]["note"] = "" if at else STAND_IN
             return found

@@ -8,18 +8,18 @@
     const target = cells.input(edit("target"), { label: "error wanted", numeric: true });
     const t_end = cells.input(edit("t_end"), { label: "duration of the report", numeric: true });
     const axis = cells.choice(() => pgraph.latest.reports.axes, edit("axis"), { label: "axis" });
-    t_end.placeholder = "the run's";
+    t_end.placeholder = "all";
     host.pgraphCells = { target, t_end, axis };
     const field = (label, unit, cell, help) => make("div", { className: "field", title: help },
       make("div", { className: "what" }, make("span", { textContent: label }), make("span", { className: "unit", textContent: unit })), cell);
     host.replaceChildren(
       make("div", { className: "report-settings" },
-        field("Error wanted", "", target, "The cheapest setting that reaches it is recommended"),
+        field("Error goal", "", target, "The cheapest setting that reaches it is recommended"),
         field("Duration", "s", t_end, "Length of the motion that is measured; empty: the whole run as simulated, of a map its first second")),
       make("div", { className: "asks bar" },
-        button("precision", "Error against run time", "Runs this motion with every method at many settings and shows which one reaches the wanted error in the least time", () => send("Analyse", { kind: "precision" })),
+        button("precision", "Compare methods", "Runs this motion with every method at many settings and shows which one reaches the wanted error in the least time", () => send("Analyse", { kind: "precision" })),
         button("stability", "Stability map", "Shows the step sizes at which each method stays accurate while one quantity of the model grows", () => send("Analyse", { kind: "stability" })),
-        make("span", { className: "muted", textContent: "over" }), axis),
+        axis),
       make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), make("span", { className: "said" }),
         button("cancel-report", "Cancel", "Stop, and keep what there is", () => send("CancelAnalysis"))),
       make("div", { className: "problem sentence", role: "alert", hidden: true }),

@@ -28,6 +28,6 @@
   window.addEventListener("focus", seen);
 
   pgraph.on("toolbar", title);
-  watch("run", (data) => `Computed: ${data.summary?.[0]?.[1] ?? "the run reached its end"}`, true);
+  watch("run", (data) => `Computed: ${data.trust.said}`, true);
   watch("reports", (data) => { const title = data.results?.[0]?.title ?? "the report"; return title.endsWith("cancelled") ? title : `Ready: ${title}`; });
 })();

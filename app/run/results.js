@@ -4,8 +4,8 @@
 
   // -- compare ----------------------------------------------------------------------------------------
   function build(host) {
-    const keep = pgraph.button("keep-run", "Keep this run", "It is shown beside the next ones: in numbers, plots, and as a ghost in 3D", () => send("KeepRun"));
-    host.replaceChildren(keep, text("p", "muted hint", "Keep a run, change something, play again: the runs are compared here."),
+    const keep = pgraph.button("keep-run", "Keep run", "It is shown beside the next ones: in numbers, plots, and as a ghost in 3D", () => send("KeepRun"));
+    host.replaceChildren(keep, text("p", "muted hint", "Keep a run to compare it with the next."),
       make("table", { className: "compared" }, make("thead", {}, make("tr", {}, make("th"), make("th", { textContent: "this run" }))), make("tbody")));
   }
   function draw(host, { compared: { kept, changed, rows }, continues }) {

@@ -10,6 +10,7 @@ import numpy as np
 from pgraph_core.analysis.singular import TOO_LOW
 from pgraph_core.integrators import METHODS
 from pgraph_core.model.scenario import METHOD_NAMES
+from pgraph_core.result.records import Status
 
 from ..core.views import Payload
 from . import Run, State
@@ -152,16 +153,16 @@ def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
     They give what the verdict does not say.
     """
     result, lines = run.result, {what: (value, good) for what, value, good in summary(run)}
-    error = float(result.error_estimate)
+    error, label = float(result.error_estimate), "Joint error"
     if not math.isfinite(error):
         short = "none" if math.isnan(error) else f"known {_until(result)}"
     elif all(good for _, good in lines.values()):  # the verdict says how much it is
-        short = f"{percent(float(result.relative_error[-1:].sum()))} of the motion"
+        label, short = "Relative error", percent(float(result.relative_error[-1:].sum()))
     else:
         short = felt(run)
     first = result.energy_drift >= POOR and _first_order(result)
     off = f"{percent(result.energy_drift)}{', first order' if first else ''}"
-    found = [("Joint error", short, ERROR), (ENERGY, off, ENERGY)]
+    found = [(label, short, ERROR), (ENERGY, off, ENERGY)]
     found = [one for one in found if lines.get(one[2], ("", True))[1] or not math.isfinite(error)]
     method, step = str(result.header.get("method")), result.header.get("step")
     size = f", {1e3 * step:.3g} ms" if isinstance(step, float) else ""
@@ -178,10 +179,13 @@ def outcome(state: State) -> list[Line] | None:
     """Return the lines about the last run, which may belong to an earlier model."""
     if state.live is not None or state.plotted is None:
         return None
+    lines = summary(state.plotted)
+    if state.plotted.result.status is Status.DONE and not state.plotted.ended:
+        lines = lines[1:]  # that it reached its end
     if state.earlier is None:
-        return summary(state.plotted)
+        return lines
     text = "of the model before your last edits; play again, or undo"
-    return [("This run is", text, False), *summary(state.plotted)]
+    return [("This run is", text, False), *lines]
 
 
 def summary(run: Run) -> list[Line]:
@@ -217,8 +221,11 @@ def _accuracy(run: Run) -> str:
 
 def why(error: float, first: bool = False) -> str:
     """Return advice for a large error or drift, or "" if both are small."""
-    reason = "first order in the step" if first else f"above {percent(POOR)}"
-    return f": {reason}; a smaller step makes it smaller" if error >= POOR else ""
+    if not error >= POOR:
+        return ""
+    if first:
+        return ", of first order: half the step halves it"
+    return "; a smaller step makes it smaller"
 
 
 def cost(result: Any) -> str:

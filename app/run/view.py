@@ -22,10 +22,9 @@ PARTS = ("derived", "request", "last_run", "job", "runs", "run_problem", "kernel
 
 def run(state: State) -> Payload:
     """Return the complete content of the run panel."""
-    scenarios = [[s.name, f"{s.name} ({s.t_end:g} s)"] for s in state.model.scenarios]
     request = state.request
     return {
-        "scenarios": [*scenarios, [FREE_RUN, "free run"]],
+        "scenarios": [*([s.name, s.name] for s in state.model.scenarios), [FREE_RUN, "free run"]],
         "methods": list(METHOD_NAMES.items()),
         "request": vars(request),
         "hints": hints(request),

@@ -100,15 +100,30 @@
     forms.draw(el.querySelector(".form"), item.form, { edit, owner: { part: "forces", name: item.name } }, "drive");
   }
 
-  // -- what happened in the run; a click looks there ------------------------------------------------
+  // -- what happened in the run: a click looks there, and the list follows the time --------------------
   function log(host, events) {
-    pgraph.frame.count("Events", events.length);
+    host.pgraphShown = -1;
     if (!events.length) { host.replaceChildren(text("p", "muted", "No constraint or contact went on or off in this run.")); return; }
-    host.replaceChildren(make("ol", { className: "falls" }, ...events.map(({ t, text: said, cause }) => make("li", {},
-      make("button", { className: "fall", title: cause || "Look there", onclick: () => send("Scrub", { time: t }) },
-        text("span", "t", t.toFixed(4)), text("span", "foot", said), text("span", "now", cause))))));
+    const look = (at) => { if (events[at]) send("Scrub", { time: events[at].t }); };
+    const line = ({ t, part, before, after, cause }, i) => make("li", { className: "fall", role: "option", title: `${part}: ${before} to ${after}; ${cause}`, onclick: () => look(i) },
+      text("span", "t", t.toFixed(4)), text("span", "part", part), text("span", "", after));
+    const keyed = (event) => {
+      const by = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+      if (by) { event.preventDefault(); look(host.pgraphShown + by); }
+    };
+    host.replaceChildren(make("ol", { className: "falls", role: "listbox", tabIndex: 0, "aria-label": "events", onkeydown: keyed }, ...events.map(line)));
+    follow(host);
+  }
+  // The last event so far is marked, in the middle of the list.
+  function follow(host) {
+    const events = pgraph.latest.events ?? [], [now] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0], pane = host.closest(".pane");
+    const at = events.findLastIndex(({ t }) => t <= now + 1e-9), lines = host.querySelectorAll(".fall");
+    if (at === host.pgraphShown || !lines.length) return;
+    host.pgraphShown = at;
+    lines.forEach((line, i) => line.setAttribute("aria-selected", i === at));
+    pane.scrollTop = (at + 0.5) * lines[0].offsetHeight - pane.clientHeight / 2;
   }
 
   pgraph.view("scenario", { build, scenario: draw });
-  pgraph.view("events", { build: (host) => pgraph.inSight(host, "events"), events: log });
+  pgraph.view("events", { build: (host) => pgraph.inSight(host, "events"), events: log, time: follow, playback: follow });
 })();

@@ -21,7 +21,7 @@ from . import (
 )
 
 PER = {"q": "", "v": "/s"}
-MOST_EVENTS = 200  # limit on shown events of the log
+MOST_EVENTS = 1000  # limit on shown events of the log
 NEEDS = (
     "derived", "request",
     lambda state: None if state.live else state.plotted, lambda state: state.live is None,
@@ -136,10 +136,9 @@ def events(state: State) -> list[Payload]:
     """Return the event log of the shown run, with switches and contacts."""
     if state.live is not None or state.plotted is None:
         return []
-    found = state.plotted.result.events[:MOST_EVENTS]
     return [
-        {"t": e.t, "text": f"{e.contact}: {e.before} to {e.after}", "cause": str(e.cause)}
-        for e in found
+        {"t": e.t, "part": e.contact, "before": e.before, "after": e.after, "cause": str(e.cause)}
+        for e in state.plotted.result.events[:MOST_EVENTS]
     ]
 
 

@@ -18,6 +18,7 @@ from pgraph_app.pose import poses
 from pgraph_app.run.footfalls import changes, prints
 from pgraph_app.run.update import joined
 from pgraph_app.scene import marks
+from pgraph_core.result.records import PHASES
 from pgraph_core.show.shapes import to_matrix
 from pgraph_core.show.stage import solid
 
@@ -97,7 +98,7 @@ def test_phases_and_arrows_are_those_of_the_csv(trotted):
         assert len(own) == counted + 1
         for t, phase in zip(map(float, table["t [s]"]), table[f"phases.{foot}"]):
             now = [code for at, code in own if at <= t + 1e-9]
-            assert shown["phases"][now[-1]] == phase
+            assert PHASES[now[-1]] == phase
     k = len(rows) // 2
     state = after(trotted, do.Scrub(ME, float(rows[k][0])))
     positions, wxyz = poses(state)

@@ -12,6 +12,7 @@ from pgraph_app.features import initial
 from pgraph_app.gait.view import gait
 from pgraph_app.run.update import StopLive
 from pgraph_app.server import Server
+from pgraph_core.result.records import PHASES
 
 from .conftest import NOBODY, opened, until
 from .on_page import typed
@@ -106,7 +107,7 @@ def assert_agreement(shown: dict[str, Any], head: list[str], rows: list[list[str
         column = head.index(f"phases.{foot}")
         for row in rows:
             now = [code for t, code in own if t <= float(row[0]) + 1e-9]
-            assert shown["phases"][now[-1]] == row[column]
+            assert PHASES[now[-1]] == row[column]
 
 
 def test_the_gait_tab_goes_with_the_feet_and_says_what_is_out_of_reach(walker, served):

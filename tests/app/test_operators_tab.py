@@ -42,9 +42,7 @@ def test_d11_each_operator_is_shown_and_exported_whole_with_its_names(state, wha
     assert files.mmread(mtx).toarray() == pytest.approx(whole, abs=1e-14)
 
 
-def test_it_follows_the_pose_that_is_shown(state):
-    facts = operator(state, Inspected("M"))["facts"]
-    assert [int(part.split()[0]) for part in facts.split(", ")] == [16, 21, 2, 4]
+def test_it_follows_the_pose_that_is_shown():
     state = begun(pg.Model.serial(3))
     before = matrices.matrix(state, "M").toarray()
     now = after(state, do.MoveJoint(ME, 0, "2", 0, "1.0"))

@@ -222,7 +222,6 @@ def test_contacts_that_never_touched_are_listed_apart():
     assert found["idle_title"].startswith("1 ")
     shown = phases(state.falls, state)
     assert shown["feet"] == ["of low", "of high"]  # what touches first
-    assert shown["phases"] == ["apart", "hits", "slips", "touches"]  # it has no feet
 
 
 @pytest.fixture(scope="module")

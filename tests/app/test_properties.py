@@ -248,8 +248,8 @@ def test_the_summary_of_the_ground_follows_its_fields(state, angle, said):
 @pytest.mark.parametrize(
     ("title", "field", "text"),
     [
-        ("Limits", "limits", "-1"), ("Spring, damper", "stiffness", "3"),
-        ("Spring, damper", "armature", "0.1"), ("Initial state", "v", "2"),
+        ("Limits, springs", "limits", "-1"), ("Limits, springs", "stiffness", "3"),
+        ("Limits, springs", "armature", "0.1"), ("Initial state", "v", "2"),
     ],
 )  # fmt: skip
 def test_the_summary_of_a_group_follows_its_fields(state, title, field, text):

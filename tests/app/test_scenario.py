@@ -189,7 +189,7 @@ def test_a_constraint_waits_for_another(slider):
     np.testing.assert_allclose(run.q[-1, 0], 1.5, rtol=0, atol=1e-9)
     shown = replace(state, last_run=Run(state.model, state.request, run))
     log = events(shown)
-    assert [line["text"].split(":")[0] for line in log] == ["lock", "other"]
+    assert [line["part"] for line in log] == ["lock", "other"]
     left = after(state, do.DeleteSwitch(ME, 1), do.DeleteSwitch(ME, 0))
     assert left.model.scenarios[0].switches == ()
 

@@ -124,7 +124,7 @@ INSIDE = """(name) => {
 
 
 def test_the_seven_steps_and_a_frame_update_are_stepped_through(page, served):
-    page.get_by_role("button", name="How it is built").click()
+    page.get_by_role("button", name="Steps", exact=True).click()
     page.wait_for_selector(".steps .said strong")
     pending = "document.querySelectorAll('.vectors .pending').length"
     assert page.evaluate(pending) == len(served.store.state.derived.pgraph)

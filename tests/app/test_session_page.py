@@ -64,11 +64,12 @@ def test_a_page_that_comes_back_has_all_that_a_person_had_on_it(page, served):
     assert half.input_value() == "half-typed"
     half.press("Escape")
 
-    row(page, "shank").locator("td.number").click()
-    page.wait_for_function("() => pgraph.latest.properties.bodies.join() === 'shank'")
+    page.evaluate("pgraph.send('Select', { body: null })")
     page.evaluate("document.querySelector('details.display').open = true")
     page.locator('[data-view=properties] [data-unit="length"]').click()
     page.wait_for_function("() => pgraph.latest.properties.display.length === 'mm'")
+    row(page, "shank").locator("td.number").click()
+    page.wait_for_function("() => pgraph.latest.properties.bodies.join() === 'shank'")
     field(page, "link", 1).fill("-3")
     page.evaluate("window.kept = document.activeElement")
     cut_off(page, served)
