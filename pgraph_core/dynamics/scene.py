@@ -314,14 +314,16 @@ class ContactSpace(Unportable):
         return now[phases >= 0]
 
 
-ENVELOPE = 150  # entries a freedom of the contact solver's matrix: wider islands are swept
+ENVELOPE = 38  # 4 x 4 blocks a row of the contact solver's matrix: wider islands are swept
 
 
 def islands(rows: Ints, nv: int, blocks: int) -> Islands:
     """Allocate buffers in the contact solver for the given number of blocks."""
-    from ..engine.contact.sweeps import NORMAL, WIDTH  # compiled only if something touches
+    from ..engine.contact.newton import MARK  # compiled only if something touches
+    from ..engine.contact.sweeps import NORMAL, WIDTH
 
-    n, room = len(rows), min(nv * (nv + 1) // 2, ENVELOPE * nv)
+    n, fours = len(rows), -(-nv // 4)
+    room = min(fours * (fours + 1) // 2, ENVELOPE * fours)
     by_row = [np.zeros(n, dtype=np.int64) for _ in range(8)]
     root, head, below, chief, number, edge, seen, queue = by_row
     tree, freedoms, last = (np.zeros(nv, dtype=np.int64) for _ in range(3))
@@ -343,8 +345,11 @@ def islands(rows: Ints, nv: int, blocks: int) -> Islands:
         np.full(nv, -1),
         np.zeros(nv + 1, dtype=np.int64),
         last,
-        np.zeros(room),
-        np.zeros(room),
+        np.zeros((room, 16)),
+        np.zeros((room, 16)),
+        np.zeros((fours, 4)),
+        np.zeros((fours, MARK + 1)),
+        np.zeros(fours, dtype=np.int64),
         np.zeros((blocks, 3)),
         np.zeros((blocks + NORMAL, WIDTH)),
         np.zeros(blocks),

@@ -244,10 +244,13 @@ class Islands(NamedTuple):
     size: Any  # (1,) freedoms of the island at hand
     freedoms: Any  # (nv,) in the order of elimination
     place: Any  # (nv,) where a freedom stands in that order, -1: nowhere
-    start: Any  # (nv + 1,) where rows of the envelope begin
+    start: Any  # (nv + 1,) where rows of 4 x 4 blocks begin
     last: Any  # (nv,) their last columns
-    upper: Any  # the matrix, then its factor
-    lower: Any
+    upper: Any  # (nu, 16) the matrix, then its factor
+    lower: Any  # (nu, 16)
+    change: Any  # (at least nv / 4, 4) right-hand side, then solution
+    across: Any  # (at least nv / 4, 13) rows of Y of one block, by four columns of the matrix
+    reached: Any  # (at least nv / 4,) the fours of columns that the block reaches
     pushed: Any  # (nb, 3) by how much impulses miss their laws [N s]
     slope: Any  # memory of Newton's method and sweeps per block
     weight: Any  # (nb,) largest mobility of all points of a touch [1/kg]
@@ -398,7 +401,7 @@ GROUND = named(Ground, array_of(PLANE), array_of(PATCH))
 CANDIDATES = named(Candidates, *map(array_of, (GROUND_PAIR, SHAPE_PAIR, MEMBER, APART)))
 POSES, FOUND = array_of(POSE), array_of(CONTACT)
 SEARCH = named(Search, *map(array_of, (CANDIDATE, BOUNDS, CELL)), I1)
-ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, F1, F1, F2, F2, F1, F1)
+ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, *[F2] * 4, I1, F2, F2, F1, F1)
 CONTACTS = named(
     Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, POSES, SEARCH, FOUND,
     *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,

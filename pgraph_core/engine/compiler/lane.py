@@ -32,6 +32,10 @@ def _store_plain(a: Any, i: int, j: int, x: Any) -> None:
     a[i, j : j + 3] = x
 
 
+def _store_four_plain(a: Any, i: int, j: int, x: Any) -> None:
+    a[i, j : j + 4] = x
+
+
 def by_lanes(of_lanes: Any, of_numbers: Any) -> Any:
     """Return a function of (rows, work, q) that selects one of two, by whether q contains lanes."""
     return late("lane", "by_lanes", of_lanes, of_lanes, of_numbers)
@@ -49,8 +53,10 @@ def in_each(function: Any) -> Any:
 
 lanes: Any = late("lane", "lanes")
 constants: Any = late("lane", "constants")
-four: Any = late("lane", "four")
-numbers_of_four: Any = late("lane", "numbers_of_four")
+four: Any = late("lane", "four", lambda *x: np.array(x))
+numbers_of_four: Any = late("lane", "numbers_of_four", lambda x: tuple(x.tolist()))
+load_four: Any = late("lane", "load_four", lambda a, i, j: a[i, j : j + 4].copy())
+store_four: Any = late("lane", "store_four", _store_four_plain)
 triple: Any = late("lane", "triple", lambda x, y, z: np.array([x, y, z]))
 numbers: Any = late("lane", "numbers", lambda x: tuple(x.tolist()))
 load_triple: Any = late("lane", "load_triple", lambda a, i, j: a[i, j : j + 3].copy())

@@ -117,7 +117,7 @@ def order_island(scene, n):
     """Order the elimination of island n and its envelope. Returns (cost of a factorisation, whether
     it fits).
 
-    `place` is the position of a freedom. Row p of the envelope extends to column `last[p]`.
+    `place` is the position of a freedom, `start` and `last` are as in `envelope`.
     """
     data = opened(scene)
     slots = data.space.slots
@@ -148,16 +148,17 @@ def order_island(scene, n):
         for s in range(joints_of(slots, i)):
             p = place[joint_of(slots, i, s)]
             last[p] = max(last[p], end)
+    for p in range(1, count):
+        last[p] = max(last[p], last[p - 1])
+    rows = (count + 3) >> 2
     start[0] = 0
-    for p in range(count):
-        if p > 0:
-            last[p] = max(last[p], last[p - 1])
-        start[p + 1] = start[p] + last[p] - p + 1
-    islands.size[0] = count
     work = 0.0
-    for p in range(count):
-        work += float(last[p] - p) ** 2
-    return work, start[count] <= islands.upper.shape[0]
+    for p in range(rows):  # of 4 x 4 blocks
+        last[p] = last[min(4 * p + 3, count - 1)] >> 2
+        start[p + 1] = start[p] + last[p] - p + 1
+        work += 64.0 * float(last[p] - p) ** 2
+    islands.size[0] = count
+    return work, start[rows] <= islands.upper.shape[0]
 
 
 @part

@@ -22,12 +22,13 @@ import math
 
 from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED, SUFFICIENT_DECREASE
 from .. import layout as at
-from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, OTHER, STEP, TARGET, TRIAL, opened
+from ..arrays import BEST, DINV, FREE, LAMBDA, OTHER, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
-from ..compiler.lane import load_triple, numbers, triple
+from ..compiler.lane import four, load_four, load_triple, numbers, store_four, triple
 from ..constraints.blocks import dry, first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, load3, scale, store, sub
 from .contacts import contacts_at
+from .envelope import factor, substitute
 
 TOLERANCE = 1e-10  # residual of a solved island relative to its largest velocity
 HIT = 16 * EPS  # rounding of a speed to which that many impulses add up, relative to the largest
@@ -39,6 +40,7 @@ MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
 MOST_STEPS = 60
 STUCK = 6  # steps that do not halve what is missed: enough where it is not notable
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
+MARK = 12  # column behind the three rows of Y in `across`: whether a block reaches these
 # Where the scratch of an island keeps them: columns of a block.
 SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
 
@@ -202,7 +204,7 @@ def resisted(slope, ks, x):
 
 @sweep
 def prepare(scene, n, soft, refactor):
-    """Write Yᵀ of the blocks' own changes in λ into CHANGE, and R and the matrix if `refactor`.
+    """Write Yᵀ of the blocks' own changes in λ into `change`, and R and the matrix if `refactor`.
 
     Whether the matrix is symmetric.
     """
@@ -210,10 +212,11 @@ def prepare(scene, n, soft, refactor):
     space = data.space
     islands = contacts_at(data.links.contacts).islands
     y, slots, place, start = space.y, space.slots, islands.place, islands.start
-    upper, lower, kept, change = islands.upper, islands.lower, islands.slope, space.vectors[CHANGE]
+    upper, lower, kept, change = islands.upper, islands.lower, islands.slope, islands.change
     count = islands.size[0]
-    for p in range(count):
-        change[p] = 0.0
+    rows = (count + 3) >> 2
+    for p in range(rows):
+        store_four(change, p, 0, four(0.0, 0.0, 0.0, 0.0))
     symmetric = True
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
@@ -225,20 +228,24 @@ def prepare(scene, n, soft, refactor):
         move = resisted(slope, ks, load(kept, i, MISS))
         store(kept, i, MOVE, move)
         for s in range(joints_of(slots, i)):
-            change[place[joint_of(slots, i, s)]] += dot(load(y, i, 3 * s), move)
+            p = place[joint_of(slots, i, s)]
+            change[p >> 2, p & 3] += dot(load(y, i, 3 * s), move)
         if refactor:
             store(kept, i, RATE, scale(k, resisted(slope, ks, (slope[0], slope[3], slope[6]))))
             store(kept, i, RATE + 3, scale(k, resisted(slope, ks, (0.0, slope[4], slope[7]))))
             store(kept, i, RATE + 6, scale(k, resisted(slope, ks, (0.0, slope[5], slope[8]))))
     if not refactor:
         return symmetric
-    for e in range(start[count]):
-        upper[e] = 0.0
+    for e in range(start[rows]):
+        for c in range(16):
+            upper[e, c] = 0.0
     if not symmetric:
-        for e in range(start[count]):
-            lower[e] = 0.0
-    for p in range(count):
-        upper[start[p]] = 1.0 / space.vectors[DINV, islands.freedoms[p]]
+        for e in range(start[rows]):
+            for c in range(16):
+                lower[e, c] = 0.0
+    for p in range(4 * rows):
+        own = 1.0 / space.vectors[DINV, islands.freedoms[p]] if p < count else 1.0
+        upper[start[p >> 2], 5 * (p & 3)] = own
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         if kept[i, RATE] == 0.0 and kept[i, RATE + 4] == 0.0 and kept[i, RATE + 8] == 0.0:
@@ -251,106 +258,65 @@ def prepare(scene, n, soft, refactor):
 def add_block(islands, slots, own, i, symmetric):
     """Add Yᵀ R Y of block i to the matrix.
 
-    Freedoms of a body, and mostly of a tree, follow each other in it, which makes rows of numbers.
+    Its rows of Y go into ACROSS, spread over the columns of the matrix.
     """
     place, start, kept = islands.place, islands.start, islands.slope
+    upper, lower, across, reached = islands.upper, islands.lower, islands.across, islands.reached
     r0, r1, r2 = load(kept, i, RATE), load(kept, i, RATE + 3), load(kept, i, RATE + 6)
     t0, t1, t2 = (r0[0], r1[0], r2[0]), (r0[1], r1[1], r2[1]), (r0[2], r1[2], r2[2])
-    count = joints_of(slots, i)
-    first = 0
-    while first < count:
-        begin = place[joint_of(slots, i, first)]
-        size = 1
-        while first + size < count and place[joint_of(slots, i, first + size)] == begin + size:
-            size += 1
-        for s in range(count):
-            p = place[joint_of(slots, i, s)]
-            skipped = max(p - begin, 0)
-            if skipped >= size:
-                continue
-            a = load3(own, 3 * s)
-            here = start[p] + begin + skipped - p
-            mine = own[3 * (first + skipped) :]
-            u = (dot(a, r0), dot(a, r1), dot(a, r2))
-            add_row(islands.upper[here:], mine, u, size - skipped)
-            if not symmetric:  # what this adds to the diagonal is not read
-                u = (dot(a, t0), dot(a, t1), dot(a, t2))
-                add_row(islands.lower[here:], mine, u, size - skipped)
-        first += size
+    joints = joints_of(slots, i)
+    fours = 0
+    for s in range(joints):
+        p = place[joint_of(slots, i, s)]
+        g = p >> 2
+        if across[g, MARK] == 0.0:
+            across[g, MARK] = 1.0
+            reached[fours] = g
+            fours += 1
+        for c in range(3):
+            across[g, 4 * c + (p & 3)] = own[3 * s + c]
+    for s in range(joints):
+        p = place[joint_of(slots, i, s)]
+        row, here = p >> 2, 4 * (p & 3)
+        a = load3(own, 3 * s)
+        u = (dot(a, r0), dot(a, r1), dot(a, r2))
+        v = (dot(a, t0), dot(a, t1), dot(a, t2))
+        for n in range(fours):
+            g = reached[n]
+            to = start[row] + g - row
+            if g >= row:
+                add_four(upper, to, here, across, g, u)
+            if g > row and not symmetric:
+                add_four(lower, to, here, across, g, v)
+    for n in range(fours):
+        for c in range(MARK + 1):
+            across[reached[n], c] = 0.0
 
 
 @part
-def add_row(x, y, u, count):
-    """Add u · y to x, y in triples."""
-    for c in range(count):
-        x[c] += u[0] * y[3 * c] + u[1] * y[3 * c + 1] + u[2] * y[3 * c + 2]
+def add_four(x, to, here, across, g, u):
+    """Add u · (four columns of Y) to four entries of the matrix."""
+    more = u[0] * load_four(across, g, 0) + u[1] * load_four(across, g, 4)
+    more = more + u[2] * load_four(across, g, 8)
+    store_four(x, to, here, load_four(x, to, here) + more)
 
 
 @sweep
-def factor(upper, lower, start, last, count, symmetric):
-    """Compute the LU factorisation in place without pivoting. Returns False if that fails.
-
-    L of a symmetric matrix is U over the pivots and is not stored.
-    """
-    for p in range(count):
-        end = last[p] - p + 1
-        right, down = upper[start[p] : start[p] + end], lower[start[p] : start[p] + end]
-        if not abs(right[0]) > 0.0:
-            return False
-        inverse = 1.0 / right[0]
-        if not symmetric:
-            for k in range(1, end):
-                down[k] *= inverse
-        for k in range(1, end):
-            t = start[p + k]
-            f = right[k] * inverse if symmetric else down[k]
-            if f != 0.0:
-                take(upper[t : t + end - k], f, right[k:])
-            if not symmetric and right[k] != 0.0:
-                take(lower[t : t + end - k], right[k], down[k:])
-    return True
-
-
-@part
-def take(x, f, y):
-    """x -= f y, as far as x goes."""
-    for c in range(x.shape[0]):
-        x[c] -= f * y[c]
-
-
-@sweep
-def substitute(upper, lower, start, last, count, symmetric, x):
-    """Solve for x in place, after `factor`."""
-    for p in range(count):
-        s, end = start[p], last[p] + 1
-        f = x[p] / upper[s] if symmetric else x[p]
-        if f != 0.0:
-            take(x[p + 1 : end], f, upper[s + 1 :] if symmetric else lower[s + 1 :])
-    for p in range(count - 1, -1, -1):
-        right = upper[start[p] :]
-        y = x[p]
-        for k in range(1, last[p] - p + 1):
-            y -= right[k] * x[p + k]
-        x[p] = y / right[0]
-
-
-@sweep
-def direction(scene, n, soft, refactor, symmetric):
-    """Compute Newton's changes in λ into MOVE. Returns (success, True for a symmetric factor)."""
+def direction(scene, n, soft, refactor):
+    """Compute Newton's changes in λ into MOVE. Returns whether there is a factor."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     slots, vectors, kept = data.space.slots, data.space.vectors, islands.slope
     upper, lower, start, last = islands.upper, islands.lower, islands.start, islands.last
-    change, speeds = vectors[CHANGE], vectors[TRIAL]
+    change, speeds = islands.change, vectors[TRIAL]
     count = islands.size[0]
-    now = prepare(scene, n, soft, refactor)
-    if refactor:
-        symmetric = now
-        if not factor(upper, lower, start, last, count, symmetric):
-            return False, symmetric
-    substitute(upper, lower, start, last, count, symmetric, change)
+    rows = (count + 3) >> 2
+    symmetric = prepare(scene, n, soft, refactor)
+    if refactor and not factor(upper, lower, start, last, rows, symmetric):
+        return False
+    substitute(upper, lower, start, last, rows, change)
     for p in range(count):
-        speeds[islands.freedoms[p]] = change[p]
+        speeds[islands.freedoms[p]] = change[p >> 2, p & 3]
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         u = gather(data.space.y, slots, i, speeds)
@@ -358,7 +324,7 @@ def direction(scene, n, soft, refactor, symmetric):
         for c in range(3):
             move = add_scaled(move, -u[c], load(kept, i, RATE + 3 * c))
         store(kept, i, MOVE, move)
-    return True, symmetric
+    return True
 
 
 @sweep
@@ -479,7 +445,7 @@ def converge(scene, n, size):
         taken += 1
         soft = min(max(care * math.sqrt(left / size), PROXIMAL), 1.0)
         start_from_here(scene, n)
-        if not direction(scene, n, soft, True, False)[0]:
+        if not direction(scene, n, soft, True):
             break
         bound = 0.0
         for c in range(MEMORY):
@@ -521,8 +487,7 @@ def least_norm(scene, n, size):
     share_evenly(scene, n)
     look(scene, n, SHARED)
     start_from_here(scene, n)
-    found, symmetric = direction(scene, n, SHARED, True, False)
-    if not found:
+    if not direction(scene, n, SHARED, True):
         return math.inf, 0.0
     go(scene, n, 1.0)
     _, left, noise, _ = look(scene, n, 0.0)
@@ -531,7 +496,7 @@ def least_norm(scene, n, size):
             break
         before = left
         start_from_here(scene, n)
-        direction(scene, n, SHARED, False, symmetric)
+        direction(scene, n, SHARED, False)
         go(scene, n, 1.0)
         _, left, noise, _ = look(scene, n, 0.0)
         if not left < before:

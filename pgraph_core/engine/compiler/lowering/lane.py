@@ -337,6 +337,29 @@ def numbers_of_four(typingctx: Any, x: Any) -> Any:
 
 
 @intrinsic
+def load_four(typingctx: Any, a: Any, i: Any, j: Any) -> Any:
+    """Load a[i, j] to a[i, j + 3] as a vector."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        return builder.load(builder.bitcast(place, WHOLE.as_pointer()), align=8)
+
+    return FOUR(a, types.intp, types.intp), code
+
+
+@intrinsic
+def store_four(typingctx: Any, a: Any, i: Any, j: Any, x: Any) -> Any:
+    """Store a vector of four numbers in a[i, j] to a[i, j + 3]."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        builder.store(args[3], builder.bitcast(place, WHOLE.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(a, types.intp, types.intp, FOUR), code
+
+
+@intrinsic
 def load_triple(typingctx: Any, a: Any, i: Any, j: Any) -> Any:
     """Load a[i, j], a[i, j + 1], a[i, j + 2] as a triple."""
 
