@@ -1,7 +1,7 @@
-"""Discovery of features: each folder in the app with an `update.py` is one.
+"""Discovery of features: each folder in the app with a `view.py` is one.
 
 What its `__init__.py` declares as `State` and `Client` becomes a part of the state and of a page,
-its `update.py` handles events, and its `view.py` lists views in `VIEWS`.
+its events are there or in `update.py`, and its `view.py` lists views in `VIEWS`.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from .core.events import update as update
 from .core.views import Place
 
 APP = Path(__file__).parent
-FEATURES = tuple(sorted(path.parent.name for path in APP.glob("*/update.py")))
+FEATURES = tuple(sorted(path.parent.name for path in APP.glob("*/view.py")))
 FOLDERS = [import_module(f".{name}", __package__) for name in FEATURES]
 
-for _name in FEATURES:
-    import_module(f".{_name}.update", __package__)
+for _path in APP.glob("*/update.py"):
+    import_module(f".{_path.parent.name}.update", __package__)
 
 
 def composed(name: str, **constants: Any) -> type:

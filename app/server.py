@@ -24,18 +24,15 @@ from .core.store import Store, View
 from .core.views import Desk, made
 from .features import initial, places, update
 from .gait.live import LiveRunner
-from .model.update import recovered
-from .model.worker import Errands
-from .report import Analysis
-from .report.worker import measured
+from .model import recovered
+from .model.apart import Errands
+from .report import Analysis, measured
 from .run import Simulation
 from .run.worker import Compiler, simulated
-from .search import Search
-from .search.worker import searched
-from .session.autosave import Autosave, left_behind
-from .session.update import Connected, Disconnected
+from .search import Search, searched
+from .session import Connected, Disconnected
+from .session.autosave import Autosave, Files, left_behind
 from .session.view import ACCENT
-from .session.worker import Files
 
 JOBS: dict[type[Job], Any] = {Simulation: simulated, Analysis: measured, Search: searched}
 AGAIN = 0.2  # s, how often a server that waits asks whether it is to stop

@@ -34,7 +34,7 @@ def rows(effort: Effort) -> Iterator[Row]:
 def playback(effort: Effort, n: int, server: Any) -> Iterator[Row]:
     """Frames of a chain of n rods."""
     from pgraph_app.features import update
-    from pgraph_app.playback.update import Scrub
+    from pgraph_app.playback import Scrub
     from pgraph_app.scene.view import SceneView
 
     state, sent = moving(n), [0, 0]
@@ -57,9 +57,9 @@ def moving(n: int) -> Any:
     """The page's state with a run in which all bodies move."""
     from pgraph_app.core.jobs import Done
     from pgraph_app.features import initial, update
-    from pgraph_app.gait.update import Simulate
-    from pgraph_app.scene.update import Show, Viewport
-    from pgraph_app.session.update import Connected
+    from pgraph_app.gait import Simulate
+    from pgraph_app.scene import Show, Viewport
+    from pgraph_app.session import Connected
 
     model = pg.Model.serial(n)
     result = pg.simulate(pg.Mechanism(model), t_end=0.1, step=1e-3, method="rk4")

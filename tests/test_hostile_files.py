@@ -22,8 +22,8 @@ import pgraph_models
 from pgraph_app.core import cells
 from pgraph_app.features import initial, update
 from pgraph_app.model import archive
-from pgraph_app.session.update import Connected
-from pgraph_app.table.update import Paste
+from pgraph_app.session import Connected
+from pgraph_app.table import Paste
 from pgraph_core.formats import read_model, write_model
 from pgraph_core.mesh_files import load_mesh
 

@@ -20,11 +20,10 @@ import trimesh
 import pgraph_core as pg
 from pgraph_app.core.cells import Refusal
 from pgraph_app.features import initial, update
-from pgraph_app.model import archive
-from pgraph_app.model.update import OpenText
-from pgraph_app.model.worker import answer
-from pgraph_app.session.update import Connected, Save, Saved
-from pgraph_app.session.worker import Files
+from pgraph_app.model import OpenText, archive
+from pgraph_app.model.apart import answer
+from pgraph_app.session import Connected, Save, Saved
+from pgraph_app.session.autosave import Files
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files as model_files
 

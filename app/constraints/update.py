@@ -11,8 +11,7 @@ from ..core.cells import Refusal
 from ..core.edit import attempted
 from ..core.events import Entries, Event, FromPage, ModelEdit, Text
 from ..core.state import Notice, display_of, told, with_client
-from ..model import Found
-from ..model.update import sent
+from ..model import Found, sent
 from . import KINDS, WORD, MobilityReport, Part, Picking, Slot, State, about, parts, takes_other
 
 S = TypeVar("S", bound=State)

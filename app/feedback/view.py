@@ -9,9 +9,7 @@ import pgraph_core as pg
 from ..core.cells import Display, cell, choice, field, group, quantity_in, shown
 from ..core.views import NOTHING, Host, Payload, Place, topic
 from ..signals import spoken
-from . import Client, Design, State, response, unit_of
-from .setpoint import SETTLED, Response
-from .update import coordinates, named
+from . import SETTLED, Client, Design, Response, State, coordinates, named, response, unit_of
 
 METHODS = (("lqr", "LQR"), ("poles", "pole placement"))
 

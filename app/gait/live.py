@@ -22,8 +22,7 @@ from pgraph_core.simulation.contact_log import CAUSES, LIFTED
 from ..core.events import Event
 from ..pose.solving import pull_force
 from ..pose.update import Pull
-from ..run import Live
-from ..run.update import Advanced, Joined, Stuck, joined
+from ..run import Advanced, Joined, Live, Stuck, joined
 from . import State, Walking
 from .walker import LYING, Walker, gait_of
 

@@ -9,8 +9,7 @@ from pgraph_core.show.notebook import pictures
 from ..core.bridge import Bridge
 from ..core.edit import STAND_IN
 from ..core.views import Host, Payload, Place, audience, requests
-from . import Kept, State
-from .update import ShowGallery, reading
+from . import Kept, ShowGallery, State, reading
 
 
 class ToolbarView:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Annotated, Literal, Self
+
+from pydantic import Field
 
 from .. import pose
+from ..core.events import FromPage, Request
+from ..core.state import with_client
 
 
 @dataclass(frozen=True)
@@ -31,3 +35,29 @@ class Client(pose.Client):
 @dataclass(frozen=True)
 class State(pose.State):
     clients: Mapping[int, Client] = field(default_factory=dict)
+
+
+# -- the operator shown on each page (pure) --------------------------------------------------------
+
+
+Index = Annotated[int, Field(ge=0, le=1_000_000)]
+Operator = Literal["M", "J", "eps_phi", "Phi", "S"]
+
+
+class Inspect(FromPage):
+    """Show an operator, or some of its rows and columns, or "" for none."""
+
+    what: Literal[""] | Operator
+    rows: tuple[Index, Index] | None = None
+    columns: tuple[Index, Index] | None = None
+
+    def applied(self, state: State) -> State:
+        inspected = Inspected(self.what, self.rows, self.columns) if self.what else None
+        return with_client(state, self.client, inspected=inspected)
+
+
+class ExportOperator(Request):
+    """Download an operator, evaluated at the displayed pose."""
+
+    what: Operator
+    suffix: Literal["npz", "csv", "mtx"]

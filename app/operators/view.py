@@ -16,8 +16,7 @@ from ..core.bridge import Bridge
 from ..core.views import NOTHING, Host, Payload, Place, requests, topic
 from ..pose.solving import shown_q
 from ..pose.view import moment
-from . import Client, Inspected, State
-from .update import ExportOperator
+from . import Client, ExportOperator, Inspected, State
 
 
 class DownloadView:

@@ -19,7 +19,7 @@ from ..core.rows import place_of
 from ..core.state import Notice, told, with_client
 from ..pose import poses
 from ..properties.body_cells import edit_of
-from ..scene.update import View
+from ..scene import View
 from ..signals import clicked as signal_of
 from . import GROUND, Aim, Spot, State
 from .spots import Ray, spot

@@ -20,9 +20,8 @@ from ..core.cells import Refusal
 from ..core.edit import edited
 from ..core.events import Chosen, Entries, ModelEdit, OfBodies, Text
 from ..core.state import display_of, replied
-from ..model import Found
+from ..model import Found, sent, sent_file
 from ..model.archive import mesh_folder
-from ..model.update import sent, sent_file
 from . import State
 from . import world as world  # its events
 from .body_cells import edit_of, mended, rod_of

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import pgraph_core as pg
+from pgraph_core.study.axes import AXES
 
 from .. import run
-from ..core.jobs import Job
+from ..core import cells
+from ..core.cells import Refusal
+from ..core.events import FromPage, Text, TypedText
+from ..core.events import Request as Question
+from ..core.jobs import Job, cancelled, started
+from ..core.jobs import Report as Progress
 from ..core.state import Client as Client
 from ..run import Request
 
@@ -74,3 +80,112 @@ class State(run.State):
 
     def opened(self, before: Any) -> Self:
         return replace(super().opened(before), report=None, analysis=None, analysis_problem="")
+
+
+# -- report settings and background measurements (pure) --------------------------------------------
+
+
+LONGEST = 60.0  # [s] limit on the measured motion, which is run some hundred times
+
+
+class SetReport(TypedText):
+    """Change a setting of the report."""
+
+    field: Literal["target", "axis", "t_end"]
+    text: Text
+
+    def taken(self, state: State) -> State:
+        changed = {self.field: _value(self.field, self.text)}
+        return replace(state, reporting=replace(state.reporting, **changed))
+
+
+def _value(field: str, text: str) -> float | str | None:
+    if field == "axis":
+        if text not in AXES:
+            raise Refusal(f"The axis must be one of {', '.join(AXES)}.")
+        return text
+    if field == "t_end" and not text.strip():
+        return ReportRequest().t_end
+    name = {"target": "The error that is wanted", "t_end": "The duration"}[field]
+    most = 1.0 if field == "target" else LONGEST
+    value = cells.named_number(name, text)
+    if not 0 < value <= most:
+        raise Refusal(f"{name} must be above 0 and at most {most:g}; given {value:g}.")
+    return value
+
+
+class Analyse(FromPage):
+    """Start measuring in the background."""
+
+    kind: Literal["precision", "stability"]
+
+    def applied(self, state: State) -> State:
+        if state.analysis is not None:
+            return state
+        if not state.model.bodies:
+            return replace(state, analysis_problem="No bodies yet: add one to the table.")
+        return started(state, Analysis, self.kind, state.request, state.reporting)
+
+
+class CancelAnalysis(FromPage):
+    """Stop measuring and keep the results obtained so far."""
+
+    def applied(self, state: State) -> State:
+        return cancelled(state, Analysis)
+
+
+class UseAdvised(FromPage):
+    """Use the method and the step or tolerance recommended by a report for all further runs."""
+
+    kind: Literal["precision", "stability"] = "precision"
+
+    def applied(self, state: State) -> State:
+        found = advised(latest(state.report, self.kind))
+        if found is None:
+            return state
+        asked = replace(state.request, method=found.method, step=found.step, rtol=found.rtol)
+        return replace(state, request=asked)
+
+
+class DownloadReport(Question):
+    """Download a report as a standalone page."""
+
+    kind: Literal["precision", "stability"] = "precision"
+
+
+# -- measurements for reports ----------------------------------------------------------------------
+
+
+ROUNDS = 3  # rounds of timing, few because a page waits
+LONGEST_RUN = 0.5  # [s] limit on the computing time of a run
+HORIZON = 1.0  # [s] limit on the motion of a map, which makes hundreds of runs
+
+
+def settings(now: Analysis) -> dict[str, Any]:
+    """Scenario and duration."""
+    scenario = now.request.options["scenario"]
+    duration = now.reporting.t_end or now.request.t_end
+    return {"scenario": scenario, "t_end": duration, "target": now.reporting.target}
+
+
+def measured(job: Analysis, progress: Progress) -> object:
+    """Return the requested report."""
+    return MEASURES[job.kind](job, progress)
+
+
+def precision(now: Analysis, progress: Progress) -> object:
+    """Measure error versus run time for all suitable methods."""
+    mech = pg.Mechanism(now.model)
+    return pg.work_precision(
+        mech, rounds=ROUNDS, longest=LONGEST_RUN, progress=progress, **settings(now)
+    )
+
+
+def stability(now: Analysis, progress: Progress) -> object:
+    """Test the stability of the methods over the first part of the run."""
+    given = settings(now)
+    given["t_end"] = now.reporting.t_end or min(given["t_end"], HORIZON)
+    return pg.stability_map(now.model, axis=now.reporting.axis or None, progress=progress, **given)
+
+
+MEASURES = {"precision": precision, "stability": stability}

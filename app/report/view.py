@@ -10,8 +10,7 @@ from pgraph_core.study.axes import AXES, first_axis
 
 from ..core.bridge import Bridge
 from ..core.views import Host, Payload, Place, requests, topic
-from . import Client, Report, State, latest
-from .update import DownloadReport
+from . import Client, DownloadReport, Report, State, latest
 
 KINDS = ("precision", "stability")
 KNOWN = ": known to "

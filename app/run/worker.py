@@ -12,8 +12,7 @@ from pgraph_core.engine.compiler.archive import current
 
 from ..core.events import Event
 from ..core.jobs import Report
-from . import Simulation
-from .update import Compiled, Compiling
+from . import Compiled, Compiling, Simulation
 
 COMPILE = ("-m", "pgraph_core.engine", "--with-parent")
 

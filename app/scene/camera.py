@@ -11,9 +11,8 @@ from pgraph_core.show.stage import FRAMING, GRID, Viewpoint, in_picture
 from ..core.bridge import Bridge
 from ..core.views import requests
 from ..pose import poses
-from . import Client, State, marks
+from . import Client, State, View, marks
 from .marks import looks
-from .update import View
 
 ALONG = "/along"  # the node that a page's camera follows
 IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed

@@ -29,15 +29,13 @@ from ..core.views import Host, Payload, Place, topic
 from ..pose import poses
 from ..pose.update import DragBody, Pull
 from ..pose.view import Gizmos
-from ..run import Run
-from ..run.update import GoLiveHere
-from ..session.update import Select
-from . import Client, State, marks
+from ..run import GoLiveHere, Run
+from ..session import Select
+from . import Client, State, Unreadable, marks
 from .camera import CameraView
 from .camera import viewpoint as viewpoint
 from .marks import looks
 from .overlays import Overlays
-from .update import Unreadable
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 MOST_FILLED = 30  # bodies of a page

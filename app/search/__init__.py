@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from functools import lru_cache
+from itertools import count
+from typing import Any, Literal, Self
+
+import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.result.columns import columns_of
+from pgraph_core.search.data import columns_in, measured
+from pgraph_core.simulation.paths import Path, with_numbers
+from pgraph_core.sweeps.metrics import WAYS
 
 from .. import run
-from ..core.jobs import Job
+from ..core import cells
+from ..core.cells import Refusal
+from ..core.events import FromPage, ModelEdit, Text, TypedText
+from ..core.jobs import Job, Report, cancelled, started
 from ..core.state import Client as Client
 from ..core.state import Names as Names
 from ..run import Request
@@ -96,3 +107,311 @@ class State(run.State):
     def opened(self, before: Any) -> Self:
         state = super().opened(before)
         return replace(state, searching=Asked(), search=None, search_problem="", found=None)
+
+
+# -- the numbers of a model that a search may change, and the curves that its runs have ------------
+
+
+PLACES = [(field, axis) for field in ("com", "link") for axis in range(3)]
+OF_BODY: list[tuple[str | int, ...]] = [("mass",), ("damping",), ("stiffness",), *PLACES]
+
+
+@lru_cache(maxsize=4)
+def numbers_of(model: pg.Model) -> dict[str, float]:
+    """Return numbers by path: parameters, bodies' and forces' fields, and initial coordinates."""
+    found = dict[str, float]()
+    for path, words in _paths(model).items():
+        try:
+            value = Path(model, words).present
+        except pg.PgraphError:
+            continue
+        if value == value and (value or path.startswith("q.")):  # zero values have no effect
+            found[path] = value
+    return found
+
+
+def _paths(model: pg.Model) -> dict[str, str | tuple[str | int, ...]]:
+    paths: dict[str, str | tuple[str | int, ...]] = {name: name for name in model.parameters}
+    for body in model.bodies:
+        paths[f"q.{body.name}"] = ("bodies", body.name, "q")
+        for name, *entry in OF_BODY:
+            words = ("bodies", body.name, name, *entry)
+            paths[".".join(map(str, words))] = words
+    for force in model.forces:
+        for name, facts in type(force).model_fields.items():
+            if "float" in str(facts.annotation):
+                paths[f"forces.{force.name}.{name}"] = ("forces", force.name, name)
+    return paths
+
+
+@lru_cache(maxsize=4)
+def units_of(model: pg.Model) -> dict[str, str]:
+    """Return the SI units of `numbers_of`."""
+    paths = _paths(model)
+    return {path: Path(model, paths[path]).unit(model) for path in numbers_of(model)}
+
+
+@lru_cache(maxsize=4)
+def signals_of(model: pg.Model) -> tuple[str, ...]:
+    """Return the names of the columns of the model's runs."""
+    if not model.bodies:
+        return ()
+    try:
+        run = pg.simulate(model, t_end=1e-6, frames=2, estimate=False)
+    except pg.PgraphError:
+        return ()
+    return tuple(name for name, column in columns_of(run).items() if name != "t" and column.unit)
+
+
+# -- requests, progress and results of searches (pure) ---------------------------------------------
+
+
+MOST_FREE = 60
+
+
+def _asked(state: State, **changes: Any) -> State:
+    return replace(state, searching=replace(state.searching, **changes), search_problem="")
+
+
+class AskSearch(FromPage):
+    """Choose what is searched for."""
+
+    kind: Literal["fit", "optimise", "matters"]
+
+    def applied(self, state: State) -> State:
+        return _asked(state, kind=self.kind)
+
+
+class OpenData(FromPage):
+    """Open a .csv file with measured curves."""
+
+    name: Text
+    content: str
+
+    def applied(self, state: State) -> State:
+        try:
+            data, _ = measured(columns_in(self.content))
+        except pg.PgraphError as error:
+            return replace(state, search_problem=f"{self.name}: {error.problems[0].text}")
+        columns = {name: tuple(x.tolist()) for name, x in data.items()}
+        known = signals_of(state.model)
+        match = {name: name if name in known else "" for name in columns if name != "t"}
+        return _asked(state, file=self.name, data=columns, match=match, kind="fit")
+
+
+class MatchColumn(TypedText):
+    """Say which signal a column of the data measures."""
+
+    column: Text
+    text: Text
+
+    def taken(self, state: State) -> State:
+        if self.text and self.text not in signals_of(state.model):
+            raise Refusal(f"The model has no signal {self.text!r}.")
+        if self.column not in state.searching.match:
+            return state
+        return _asked(state, match={**state.searching.match, self.column: self.text})
+
+
+class FreeNumber(FromPage):
+    """Let a search change a number, or no longer."""
+
+    path: Text
+    on: bool
+
+    def applied(self, state: State) -> State:
+        others = tuple(one for one in state.searching.free if one.path != self.path)
+        if self.on:
+            present = numbers_of(state.model).get(self.path)
+            if present is None or len(others) >= MOST_FREE:
+                return state
+            low, high = _bounds(self.path, present)
+            if not low < high or math.isinf(high - low):
+                return state
+            others = (*others, Free(self.path, low, high))
+        return _asked(state, free=others)
+
+
+def _bounds(path: str, present: float) -> tuple[float, float]:
+    """Return a tenth and ten times of a number, or one to each side of an initial coordinate."""
+    if path.startswith("q."):
+        return present - 1.0, present + 1.0
+    return min(present / 10.0, 10.0 * present), max(present / 10.0, 10.0 * present)
+
+
+class BoundNumber(TypedText):
+    """Change a bound of a free number."""
+
+    path: Text
+    end: Literal["low", "high"]
+    text: Text
+
+    def taken(self, state: State) -> State:
+        value = cells.named_number("The bound", self.text)
+        free = [
+            replace(one, **{self.end: value}) if one.path == self.path else one
+            for one in state.searching.free
+        ]
+        if any(one.low >= one.high for one in free):
+            raise Refusal("The lower bound must be less than the upper one.")
+        return _asked(state, free=tuple(free))
+
+
+class SetGoal(TypedText):
+    """Change the goal."""
+
+    field: Literal["way", "signal"]
+    text: Text
+
+    def taken(self, state: State) -> State:
+        known = WAYS if self.field == "way" else signals_of(state.model)
+        if self.text not in known:
+            raise Refusal(f"{self.text!r} is not among the choices.")
+        return _asked(state, **{self.field: self.text})
+
+
+class SetLimit(TypedText):
+    """Change a limit, or add one in the row after the last. An empty signal removes it."""
+
+    row: int
+    field: Literal["way", "signal", "low", "high"]
+    text: Text
+
+    def taken(self, state: State) -> State:
+        limits = [list(one) for one in state.searching.limits]
+        if self.row == len(limits):
+            limits.append(["peak", "", None, None])
+        if not 0 <= self.row < len(limits):
+            return state
+        place = ("way", "signal", "low", "high").index(self.field)
+        value: Any = self.text
+        if self.field in ("low", "high"):
+            value = cells.named_number("The limit", self.text) if self.text.strip() else None
+        limits[self.row][place] = value
+        kept: Any = tuple(tuple(one) for one in limits if one[1])
+        return _asked(state, limits=kept)
+
+
+class StartSearch(FromPage):
+    """Start the search in the background."""
+
+    def applied(self, state: State) -> State:
+        if state.search is not None:
+            return state
+        known = numbers_of(state.model)
+        free = tuple(one for one in state.searching.free if one.path in known)
+        asked, problem = replace(state.searching, free=free), ""
+        if not asked.free:
+            problem = "Nothing is free: tick the numbers that may change."
+        elif asked.kind == "fit" and not any(asked.match.values()):
+            problem = "Choose a file with measured curves, and what its columns measure."
+        elif asked.kind != "fit" and not asked.signal:
+            problem = "Choose the curve."
+        if problem:
+            return replace(state, search_problem=problem)
+        return started(state, Search, asked, state.request)
+
+
+class CancelSearch(FromPage):
+    """Stop the search and keep its best numbers."""
+
+    def applied(self, state: State) -> State:
+        return cancelled(state, Search)
+
+
+class UseFound(ModelEdit):
+    """Put the numbers that were found into the model, as one undo step."""
+
+    def edit(self, state: State) -> tuple[pg.Model, str]:
+        found = state.found
+        if found is None or found.asked.kind == "matters":
+            raise Refusal("nothing was found yet")
+        return changed(
+            state.model, [(path, x) for path, _, x, _ in found.rows]
+        ), "numbers of a search"
+
+
+def changed(model: pg.Model, numbers: list[tuple[str, float]]) -> pg.Model:
+    """Return a model with other numbers at these paths."""
+    paths = [Path(model, full(path)) for path, _ in numbers]
+    return with_numbers(model, paths, [x for _, x in numbers if math.isfinite(x)])
+
+
+def full(path: str) -> Any:
+    """Return a path as the model takes it: "q.arm" is a number of the body."""
+    group, _, body = path.partition(".")
+    return ("bodies", body, group) if group in ("q", "v") else path
+
+
+# -- the work of searches --------------------------------------------------------------------------
+
+
+def searched(now: Search, report: Report) -> Found:
+    """Return what the search finds."""
+    trials = count(1)
+    return SEARCHES[now.asked.kind](now, lambda said, run: report(next(trials), said, run))
+
+
+Progress = Callable[[str, Any], bool]  # takes what a trial reached, and its run
+
+
+def bounds(now: Search) -> dict[str, tuple[float, float]]:
+    return {one.path: (one.low, one.high) for one in now.asked.free}
+
+
+def fit(now: Search, progress: Progress) -> Found:
+    """Fit the free numbers to the data."""
+    asked, present = now.asked, numbers_of(now.model)
+    data = {signal: asked.data[column] for column, signal in asked.match.items() if signal}
+    columns, _ = measured({"t": asked.data["t"], **data})
+    found = pg.fit(
+        now.model, columns, bounds(now), progress=lambda values, run: progress("", run),
+        **now.request.options,
+    )  # fmt: skip
+    rows = [(path, present[path], x, found.errors[path]) for path, x in found.values.items()]
+    noise = [f"{name}: residuals of {size:.2g}" for name, size in found.noise.items()]
+    title, notes = f"Fit, {found.message}", (*found.undetermined, *noise)
+    return Found(asked, now.model, title, tuple(rows), notes, drawn(asked, found.run))
+
+
+def optimise(now: Search, progress: Progress) -> Found:
+    """Make the goal least within the limits."""
+    asked, present = now.asked, numbers_of(now.model)
+    limits = {f"{way} {signal}": (low, high) for way, signal, low, high in asked.limits}
+    goal = f"{asked.way} {asked.signal}"
+    free = {full(path): pair for path, pair in bounds(now).items()}
+    found = pg.optimise(
+        now.model, goal, free, subject_to=limits,
+        progress=lambda trial, run: progress(f"{goal} = {trial.objective:.4g}", run),
+        t_end=now.request.t_end, **now.request.options,
+    )  # fmt: skip
+    rows = [
+        (one.path, present[one.path], x, np.nan)
+        for one, x in zip(asked.free, found.values.values(), strict=True)
+    ]
+    title = f"Least {goal}: {found.objective:.4g}, {found.message}"
+    return Found(asked, now.model, title, tuple(rows), found.active, drawn(asked, found.run))
+
+
+def matters(now: Search, progress: Progress) -> Found:
+    """Find how far each number moves a curve, per relative change of the number."""
+    asked, present = now.asked, numbers_of(now.model)
+    paths = [full(one.path) for one in asked.free]
+    request = now.request
+    run = pg.simulate(now.model, wrt=paths, t_end=request.t_end, estimate=False, **request.options)
+    progress("", run)
+    by = run.gradient(lambda run: columns_of(run)[asked.signal].values)
+    rows = []
+    for one, slope in zip(asked.free, by.values(), strict=True):
+        size = abs(present[one.path]) or 1.0
+        moved = size * float(np.sqrt(np.nanmean(np.square(slope))))
+        rows.append((one.path, present[one.path], present[one.path], moved))
+    rows.sort(key=lambda row: -row[3])
+    text = "Root mean square change of the curve when the number doubles."
+    title = f"What moves {asked.signal}"
+    return Found(asked, now.model, title, tuple(rows), (text,), drawn(asked, run))
+
+
+SEARCHES: dict[str, Callable[[Search, Progress], Found]] = {
+    "fit": fit, "optimise": optimise, "matters": matters,
+}  # fmt: skip

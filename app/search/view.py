@@ -7,8 +7,7 @@ import math
 from pgraph_core.sweeps.metrics import WAYS
 
 from ..core.views import Host, Payload, Place, topic
-from . import Curves, Found, State
-from .known import numbers_of, signals_of, units_of
+from . import Curves, Found, State, numbers_of, signals_of, units_of
 
 PARTS = ("derived", "searching", "search", "search_problem", "found")
 DRAWN = 300  # points of a drawn curve

@@ -7,8 +7,8 @@ import pgraph_core as pg
 from ..core.bridge import Bridge
 from ..core.state import Notice
 from ..core.views import Host, Payload, Place, news, of_page, requests, topic
+from ..model import Download
 from ..model.archive import converted
-from ..model.update import Download
 from . import State
 
 ACCENT = (47, 111, 208)

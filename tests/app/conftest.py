@@ -12,12 +12,12 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.model.update import OpenText
-from pgraph_app.report.update import CancelAnalysis
-from pgraph_app.run.update import Cancel, StopLive
-from pgraph_app.scene.update import Show
+from pgraph_app.model import OpenText
+from pgraph_app.report import CancelAnalysis
+from pgraph_app.run import Cancel, StopLive
+from pgraph_app.scene import Show
 from pgraph_app.server import Server, serve
-from pgraph_app.session.update import SetDisplay
+from pgraph_app.session import SetDisplay
 
 from .chromium import FLAGS, browser_path
 from .store import LIMIT, until

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pgraph_core as pg
 from pgraph_app.features import initial, update
-from pgraph_app.model.update import OpenKept, Redo, Undo, recovered
+from pgraph_app.model import OpenKept, Redo, Undo, recovered
 from pgraph_app.session.autosave import Autosave, left_behind
 
 from .store import ME, do

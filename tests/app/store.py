@@ -16,7 +16,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.core.events import Event, kinds
 from pgraph_app.features import initial, update
-from pgraph_app.model.worker import answer
+from pgraph_app.model.apart import answer
 from pgraph_app.run import Kernels
 
 ME, OTHER = 1, 2

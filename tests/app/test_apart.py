@@ -12,8 +12,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.cells import Refusal
 from pgraph_app.model import apart
-from pgraph_app.model.apart import Reader, refused
-from pgraph_app.model.worker import Errands
+from pgraph_app.model.apart import Errands, Reader, refused
 
 from .store import ME, OTHER, after, begun, do, notice, until, zipped
 

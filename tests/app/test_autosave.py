@@ -10,7 +10,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.features import initial
-from pgraph_app.model.update import recovered
+from pgraph_app.model import recovered
 from pgraph_app.session.autosave import Autosave, left_behind, state_folder
 
 from .store import ME, after, begun, do, notice, until
@@ -187,7 +187,7 @@ EDITING = """
 import sys, threading
 import pgraph_app.server
 from pgraph_app.cli import main
-from pgraph_app.table.update import CountBodies
+from pgraph_app.table import CountBodies
 serve = pgraph_app.server.serve
 def served(*args, **options):
     server = serve(*args, **options)

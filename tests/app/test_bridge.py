@@ -14,7 +14,7 @@ from pgraph_app.features import State, initial, update
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.scenario.view import VIEWS
 from pgraph_app.server import serve
-from pgraph_app.session.update import Connected, Sees, Select
+from pgraph_app.session import Connected, Sees, Select
 
 from .conftest import LIMIT, NOBODY, ON_PURPOSE, settled, until
 

@@ -3,10 +3,10 @@
 from itertools import pairwise
 from typing import Any
 
-from pgraph_app.model.update import Undo
+from pgraph_app.model import Undo
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.server import Server
-from pgraph_app.table.update import Duplicate
+from pgraph_app.table import Duplicate
 
 from .conftest import NOBODY, settled, until
 from .on_page import client_of, drawn, frames

@@ -13,7 +13,6 @@ pytestmark = pytest.mark.quick
 NOT_FEATURES = {"core", "cli", "__pycache__"}
 PARTS = {
     "__init__.py": ("State", "Client"),
-    "update.py": ("(self, state: State)",),
     "view.py": ("VIEWS = (",),
 }
 
@@ -49,7 +48,7 @@ LINT = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imp
     ("file", "line", "names"),
     [
         ("core/store.py", "from ..gait import Walking", "pgraph_app.gait"),
-        ("run/update.py", "from ..scene import State as S2", "pgraph_app.scene"),
+        ("run/__init__.py", "from ..scene import State as S2", "pgraph_app.scene"),
         ("sweeps/__init__.py", "", "sweeps"),
     ],
 )

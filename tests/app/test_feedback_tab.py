@@ -9,7 +9,7 @@ from scipy.signal import step
 
 import pgraph_core as pg
 from pgraph_app.core.cells import Display
-from pgraph_app.feedback.setpoint import SETTLED
+from pgraph_app.feedback import SETTLED
 from pgraph_app.feedback.view import feedback
 from pgraph_app.run import Request
 

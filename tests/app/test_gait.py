@@ -10,13 +10,12 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.export import view
 from pgraph_app.features import initial
-from pgraph_app.gait import has_feet
+from pgraph_app.gait import SHOWN, has_feet
 from pgraph_app.gait.live import Motion
-from pgraph_app.gait.update import SHOWN
 from pgraph_app.gait.view import gait, phases
 from pgraph_app.pose import poses
+from pgraph_app.run import joined
 from pgraph_app.run.footfalls import changes, prints
-from pgraph_app.run.update import joined
 from pgraph_app.scene import marks
 from pgraph_core.result.records import PHASES
 from pgraph_core.show.shapes import to_matrix

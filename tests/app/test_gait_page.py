@@ -10,7 +10,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.features import initial
 from pgraph_app.gait.view import gait
-from pgraph_app.run.update import StopLive
+from pgraph_app.run import StopLive
 from pgraph_app.server import Server
 from pgraph_core.result.records import PHASES
 

@@ -12,7 +12,7 @@ import pgraph_core as pg
 from pgraph_app.core.store import Store
 from pgraph_app.gait.live import Clock, LiveRunner, Motion
 from pgraph_app.pose import poses
-from pgraph_app.run.update import TOGETHER, grown, joined
+from pgraph_app.run import TOGETHER, grown, joined
 from pgraph_app.run.view import measures, run
 from pgraph_app.run.worker import simulated
 

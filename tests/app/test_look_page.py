@@ -9,7 +9,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.plots.update import Plot
+from pgraph_app.plots import Plot
 from pgraph_app.server import Server
 
 from .chromium import LEAST, LOOKS, SMALL

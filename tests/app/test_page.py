@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.model.update import NewModel
-from pgraph_app.run.update import SetScenario
+from pgraph_app.model import NewModel
+from pgraph_app.run import SetScenario
 
 from .conftest import NOBODY, opened, until
 from .on_page import (

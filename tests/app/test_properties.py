@@ -15,7 +15,7 @@ from pgraph_app.core import cells
 from pgraph_app.core.cells import Display
 from pgraph_app.features import Client, initial
 from pgraph_app.model import Found
-from pgraph_app.model.worker import Errands
+from pgraph_app.model.apart import Errands
 from pgraph_app.properties import body_cells as forms
 from pgraph_app.properties.view import physical, properties
 from pgraph_core.model.shape import mass_properties_of

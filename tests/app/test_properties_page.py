@@ -10,12 +10,12 @@ import pgraph_core as pg
 from pgraph_app import constraints
 from pgraph_app.constraints.update import EditPart, OpenPart
 from pgraph_app.constraints.view import choices
-from pgraph_app.model.update import Redo, Undo
+from pgraph_app.model import Redo, Undo
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.properties.world import DeleteParameter, EditWorld
-from pgraph_app.run.update import SetScenario
+from pgraph_app.run import SetScenario
 from pgraph_app.scenario.update import DeleteSwitch
-from pgraph_app.session.update import Select
+from pgraph_app.session import Select
 
 from .conftest import NOBODY, opened, until
 from .on_page import (

@@ -7,8 +7,9 @@ from functools import partial
 import pytest
 
 import pgraph_core as pg
+from pgraph_app import report
 from pgraph_app.core.jobs import Worker
-from pgraph_app.report import Analysis, worker
+from pgraph_app.report import Analysis
 from pgraph_app.report.view import drawn, page, reports
 from pgraph_app.run.view import run
 
@@ -25,7 +26,7 @@ def measured(state, kind):
             done.set()
 
     state = after(state, do.Analyse(ME, kind))
-    Worker(Analysis, worker.measured, send).render(state, state)
+    Worker(Analysis, report.measured, send).render(state, state)
     assert done.wait(LIMIT)
     return after(state, *heard)
 
@@ -34,7 +35,7 @@ def measured(state, kind):
 def two_methods():
     """Studies compare two methods only, and time each run once."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worker, "ROUNDS", 1)
+        patch.setattr(report, "ROUNDS", 1)
         for study in ("work_precision", "stability_map"):
             few = partial(getattr(pg, study), methods=("semi_implicit_euler", "dopri5"))
             patch.setattr(pg, study, few)
@@ -127,9 +128,9 @@ def test_a_cancelled_report_ends(monkeypatch):
         until(lambda: not progress(0.5), "the cancellation")
         return "measured so far"
 
-    monkeypatch.setitem(worker.MEASURES, "precision", measure)
+    monkeypatch.setitem(report.MEASURES, "precision", measure)
     asked, heard = after(begun(pg.Model.serial(1)), do.Analyse(ME, "precision")), []
-    analyst = Worker(Analysis, worker.measured, heard.append)
+    analyst = Worker(Analysis, report.measured, heard.append)
     analyst.render(asked, asked)
     until(lambda: heard, "progress")
     cancelled = after(asked, do.CancelAnalysis(ME))

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.gait.update import Play
-from pgraph_app.playback.update import Loop, Pause
-from pgraph_app.plots.update import Plot
-from pgraph_app.report.update import SetReport
+from pgraph_app.gait import Play
+from pgraph_app.playback import Loop, Pause
+from pgraph_app.plots import Plot
+from pgraph_app.report import SetReport
 from pgraph_app.server import Server
 
 from .conftest import opened, until

@@ -5,7 +5,7 @@ import os
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.session.worker import Files
+from pgraph_app.session.autosave import Files
 
 from .store import ME, after, begun, do
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.digraph.update import StepThrough
-from pgraph_app.gait.update import Simulate
-from pgraph_app.model.update import Undo
-from pgraph_app.playback.update import Pause, Scrub
+from pgraph_app.digraph import StepThrough
+from pgraph_app.gait import Simulate
+from pgraph_app.model import Undo
+from pgraph_app.playback import Pause, Scrub
 from pgraph_app.pose.update import HomePose, MoveJoint
 from pgraph_app.properties.update import EditBodies
-from pgraph_app.run.update import SetRun
-from pgraph_app.scene.update import Show, View
-from pgraph_app.table.update import DeleteBodies
+from pgraph_app.run import SetRun
+from pgraph_app.scene import Show, View
+from pgraph_app.table import DeleteBodies
 from pgraph_core.show.stage import TOWARDS, towards
 
 from .conftest import NOBODY, SIZE, opened, settled, until

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_app import search as work_of_search
 from pgraph_app.core.jobs import Worker
 from pgraph_app.search import Search
-from pgraph_app.search import worker as work_of_search
+from pgraph_app.search import searched as work
 from pgraph_app.search.view import searches
-from pgraph_app.search.worker import searched as work
 
 from .store import LIMIT, ME, after, begun, do
 

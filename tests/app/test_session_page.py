@@ -2,7 +2,7 @@
 
 import random
 
-from pgraph_app.model.update import Undo
+from pgraph_app.model import Undo
 from pgraph_app.table.view import table
 
 from .conftest import NOBODY, until

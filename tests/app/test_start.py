@@ -7,8 +7,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import server
-from pgraph_app.run import worker
-from pgraph_app.run.update import Compiled, Compiling
+from pgraph_app.run import Compiled, Compiling, worker
 from pgraph_app.run.worker import Compiler, why_compiled
 from pgraph_core.engine.compiler.archive import Archive
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_app import table
 from pgraph_app.features import initial
 from pgraph_app.model.view import toolbar
-from pgraph_app.table import update
 from pgraph_app.table.paste import copied
 
 from .store import ME, OTHER, after, begun, do, notice, reply, seven
@@ -387,6 +387,6 @@ def test_rows_move_before_another_to_the_end_or_to_another_parent(state):
 
 
 def test_a_table_may_have_exactly_as_many_bodies_as_allowed(state, monkeypatch):
-    monkeypatch.setattr(update, "MOST_BODIES", 8)
+    monkeypatch.setattr(table, "MOST_BODIES", 8)
     state = after(state, do.AddBody(ME, "3"))
     assert len(state.model.bodies) == len(after(state, do.AddBody(ME, "3")).model.bodies) == 8

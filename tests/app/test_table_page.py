@@ -6,7 +6,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.model.update import NewModel, Undo
+from pgraph_app.model import NewModel, Undo
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, held, opened, settled, until

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from pgraph_app.playback.update import Pause
+from pgraph_app.playback import Pause
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, until

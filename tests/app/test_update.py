@@ -14,9 +14,8 @@ from pgraph_app.core.derived import derive
 from pgraph_app.core.events import from_page
 from pgraph_app.core.state import with_client
 from pgraph_app.core.store import Store
-from pgraph_app.model import Found
-from pgraph_app.model.update import LONG, sent
-from pgraph_app.model.worker import answer
+from pgraph_app.model import LONG, Found, sent
+from pgraph_app.model.apart import answer
 from pgraph_app.pose import poses
 from pgraph_app.report import Report
 from pgraph_app.run import FREE_RUN, Playback, Request, Run
