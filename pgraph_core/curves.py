@@ -14,9 +14,9 @@ from .fields import Expression, Frozen, Number, Numbers, Vec3s, field, refuse, s
 
 
 class Table(Frozen):
-    """A number over time, interpolated linearly between knots and constant outside them.
+    """A scalar over time, interpolated linearly and constant outside of the given times.
 
-    As `q_of_t` of a constraint it is a `spline` instead.
+    If used as `q_of_t` of a constraint, it is interpolated by `spline` instead.
     """
 
     t: Numbers = field("ascending times [s], at least one", converter=several)
@@ -57,7 +57,7 @@ class Table(Frozen):
 
 
 class VectorTable(Frozen):
-    """A vector over time, interpolated linearly between knots and constant outside them."""
+    """A vector over time, interpolated linearly and constant outside of the given times."""
 
     t: Numbers = field("ascending times [s], at least one", converter=several)
     value: Vec3s = field("one [x, y, z] per time", converter=vectors)
@@ -72,9 +72,9 @@ def _knot_problems(t: tuple[float, ...], value: tuple[object, ...]) -> list[tupl
     found = []
     if not t or len(t) != len(value):
         sizes = f"{len(t)} times, {len(value)} values"
-        found.append(("value", f"needs one value per time, at least one; given {sizes}"))
+        found.append(("value", f"needs one value per time, at least one, got {sizes}"))
     if not all(map(operator.lt, t, t[1:])):
-        found.append(("t", f"the times t must ascend; given {list(t)}"))
+        found.append(("t", f"the times t must ascend, got {list(t)}"))
     return found
 
 
@@ -89,7 +89,7 @@ class Sine(Frozen):
 
 
 class Polynomial(Frozen):
-    """The polynomial c0 + c1 t + c2 t^2 + c3 t^3 at all times. (0, 2) turns at 2 rad/s."""
+    """The polynomial c0 + c1 t + c2 t^2 + c3 t^3. For example, (0, 2) is a rotation at 2 rad/s."""
 
     kind: Literal["polynomial"] = Field(default="polynomial", description="'polynomial'")
     coefficients: Annotated[Numbers, Field(min_length=1, max_length=4)] = field(

@@ -44,7 +44,7 @@ class Problem:
 
 
 class PgraphError(Exception):
-    """Invalid input. `problems` lists all problems, and the message contains the first one."""
+    """Base class for invalid input. `problems` lists all problems, the message the first one."""
 
     def __init__(self, problems: Iterable[Problem] | Problem):
         self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
@@ -57,15 +57,15 @@ class PgraphError(Exception):
 
 
 class ModelError(PgraphError):
-    """A description that is not a valid multibody system."""
+    """Raised if a model is invalid."""
 
 
 class FileError(PgraphError):
-    """A file that cannot be read or written, or that contains no model."""
+    """Raised if a file cannot be read or written, or does not contain a model."""
 
 
 class InputError(PgraphError):
-    """An argument of a call that does not fit the mechanism."""
+    """Raised if an argument is invalid."""
 
 
 class MissingPackage(PgraphError, ImportError):
@@ -413,7 +413,7 @@ def _misfits(
         for x in _each(value, form):
             if not _fits(x, kind):
                 hint = to_read(x) if "Model" in str(wanted) else example_of(function)
-                found.append(Problem(where, name, f"must be {wanted}; given {shown(x)}{hint}"))
+                found.append(Problem(where, name, f"must be {wanted}, got {shown(x)}{hint}"))
     return found
 
 

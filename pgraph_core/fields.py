@@ -271,11 +271,11 @@ by_name: Callable[[Mapping[str, npt.ArrayLike]], ByName] = listed
 def name_problem(name: str) -> str:
     """Return the problem with a part's name, which must be visible in tables and files, or ""."""
     if not name.strip():
-        return f"must be non-empty text; given {shown(name)}"
+        return f"must be non-empty text, got {shown(name)}"
     if name != name.strip():
-        return f"must not start or end with a space; given {shown(name)}"
+        return f"must not start or end with a space, got {shown(name)}"
     if not name.isprintable():
-        return f"must be text on one line, without control characters; given {shown(name)}"
+        return f"must be text on one line, without control characters, got {shown(name)}"
     return ""
 
 
@@ -485,7 +485,7 @@ def refuse(problems: Sequence[tuple[str, str]]) -> None:
 def refuse_no_direction(**axes: Vec3 | None) -> None:
     """Reject directions that are too short to normalise, by field name."""
     refuse([
-        (name, f"a direction must not be zero; given {shown(axis)}")
+        (name, f"a direction must not be zero, got {shown(axis)}")
         for name, axis in axes.items()
         if axis is not None and not 1e-9 < math.hypot(*axis) < 1e9
     ])  # fmt: skip
@@ -642,15 +642,15 @@ class OfKinds(Acting):
     def _other_kind(cls, kind: Any) -> str:
         if isinstance(kind, str) and kind in cls.KINDS:
             own, other = cls.__name__, cls.KINDS[kind].__name__
-            return f"a {own} has kind '{cls.own_kind()}'; given '{kind}', which is a {other}"
+            return f"a {own} has kind '{cls.own_kind()}', got '{kind}', which is a {other}"
         close = nearest_first(kind, cls.KINDS) if isinstance(kind, str) else cls.KINDS
-        return f"must be one of {', '.join(close)}; given {shown(kind)}{words.synonym(kind, close)}"
+        return f"must be one of {', '.join(close)}, got {shown(kind)}{words.synonym(kind, close)}"
 
     @classmethod
     def _foreign(cls, field: str, value: Any) -> str:
         kinds = [kind for kind, each in cls.KINDS.items() if field in each.model_fields]
         do = f"it belongs to kind {' or '.join(kinds)}" if len(kinds) < 6 else "leave it out"
-        do += f"; given {shown(value)}" if isinstance(value, str) else ""
+        do += f", got {shown(value)}" if isinstance(value, str) else ""
         return f"is not a field of kind '{cls.own_kind()}'; {do}"
 
     @classmethod
@@ -690,7 +690,7 @@ class AtPoint(Described):
     point: Vec3 | None = field(
         "three finite numbers in the axes of `body` [m]; default: its tip",
         converter=maybe_vector, default=None, dim=M, role="point",
-        help="in the axes of the body; empty: its tip",
+        help="in body axes; default: the tip",
     )  # fmt: skip
 
 
@@ -759,7 +759,7 @@ def part_problems(kind: type[Described], data: Any, where: str) -> list[Problem]
         to = "bodies" if name == "body" else f"{name}s"
         return [Problem(where, "", f"a {own} is a {name}: it goes to {to}=[...]")]
     if not isinstance(data, Mapping):
-        return [Problem(where, "", f"must be an object with fields; given {shown(data)}")]
+        return [Problem(where, "", f"must be an object with fields, got {shown(data)}")]
     try:
         kind(**{str(key): value for key, value in data.items()})
     except ModelError as error:

@@ -95,7 +95,7 @@ class Task:
         start: Start | None,
     ):
         if not (isinstance(dt, (int, float)) and 0.0 < dt < math.inf):
-            text = f"must be a number > 0 [s]; given {shown(dt)}"
+            text = f"must be a number > 0 [s], got {shown(dt)}"
             raise InputError(Problem("gym.make", "dt", text))
         self.mech, self.dt, self.start = mech, float(dt), start
         self.reward = reward or (lambda seen, action: np.zeros(seen.shape[:-1]))
@@ -239,7 +239,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not isinstance(seed, Sequence):
             return [seed + i for i in range(self.num_envs)]
         if len(seed) != self.num_envs:
-            text = f"must be one, or one for each of {self.num_envs}; given {len(seed)}"
+            text = f"must be one, or one for each of {self.num_envs}, got {len(seed)}"
             raise InputError(Problem("reset", "seed", text))
         return list(seed)
 

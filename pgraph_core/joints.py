@@ -140,12 +140,12 @@ def joint_problems(
         found.append(("motions", f"give {nv(motions)} degrees of freedom; at most 6"))
     for m in motions:
         if m.kind in AXIAL and not 1e-9 < math.hypot(*m.axis) < 1e9:
-            found.append(("axes", f"a direction must not be zero; given {list(m.axis)}"))
+            found.append(("axes", f"a direction must not be zero, got {list(m.axis)}"))
     found += _parallel_problems(motions)
     for name, value, length in (("q", q, nq(motions)), ("v", v, nv(motions))):
         if len(value) != length:
             found.append(
-                (name, f"a {joint} joint has {counted(length, 'number')}; given {len(value)}")
+                (name, f"a {joint} joint has {counted(length, 'number')}, got {len(value)}")
             )
         elif name == "q":
             found += quaternion_problems(value, motions)
@@ -157,16 +157,16 @@ def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> lis
     if not limits:
         return []
     if not motions:
-        return [("limits", f"a weld has no motion; given {shown(limits)}")]
+        return [("limits", f"a weld has no motion, got {shown(limits)}")]
     if len(limits) != len(motions):
         text = f"give one pair for all motions, or one per motion: {len(motions)}"
-        return [("limits", f"{text}; given {shown(limits)}")]
+        return [("limits", f"{text}, got {shown(limits)}")]
     bounded = [(pair, m) for pair, m in zip(limits, motions) if pair is not None]
     if any(m.kind not in AXIAL for _, m in bounded):
         text = "bound a rotate or translate motion, not a ball or free one"
-        return [("limits", f"{text}; given {shown(limits)}")]
+        return [("limits", f"{text}, got {shown(limits)}")]
     return [
-        ("limits", f"the lower limit must be less than the upper one; given {shown(pair)}")
+        ("limits", f"the lower limit must be less than the upper one, got {shown(pair)}")
         for pair, _ in bounded
         if None not in pair and pair[0] >= pair[1]
     ]
@@ -190,7 +190,7 @@ def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
     return [
         (
             "axes",
-            f"two successive directions are parallel; given {list(a.axis)} and {list(b.axis)}; "
+            f"two successive directions are parallel, got {list(a.axis)} and {list(b.axis)}; "
             "turn one of them",
         )
         for a, b in itertools.pairwise(motions)
@@ -223,7 +223,7 @@ def quaternion_problems(q: tuple[float, ...], motions: tuple[Motion, ...]) -> li
             quaternion = q[start + size - 4 : start + size]
             if abs(math.hypot(*quaternion) - 1) > 1e-3:
                 given = shown(quaternion)
-                found.append(("q", f"needs a unit quaternion [w, x, y, z]; given {given}"))
+                found.append(("q", f"needs a unit quaternion [w, x, y, z], got {given}"))
         start += size
     return found
 
@@ -235,22 +235,22 @@ def physics_problems(
     if len(values) == len(motions) and not any(values) and not (name == "pitch" and any(screws)):
         return []
     if values and not motions:
-        return [(name, f"a weld has no motion; given {list(values)}")]
+        return [(name, f"a weld has no motion, got {list(values)}")]
     if len(values) != len(motions):
         text = f"give one number for all motions, or one per motion: {len(motions)}"
-        text += f"; given {list(values)}"
+        text += f", got {list(values)}"
         return [(name, text)]
     if name == "pitch":
         if [x != 0 for x in values] == screws:
             return []
         text = "is the advance of a screw per turn [m], which is not 0; no other motion has one"
-        return [(name, f"{text}; given {list(values)}")]
+        return [(name, f"{text}, got {list(values)}")]
     if name != "rest" and any(x < 0 for x in values):
-        return [(name, f"must be >= 0; given {list(values)}")]
+        return [(name, f"must be >= 0, got {list(values)}")]
     if name == "limit_restitution" and any(x > 1 for x in values):
-        return [(name, f"must be from 0 to 1; given {list(values)}")]
+        return [(name, f"must be from 0 to 1, got {list(values)}")]
     scalar = name != "damping"
     if scalar and any(x and m.kind not in AXIAL for x, m in zip(values, motions)):
         text = "acts on a rotate or translate motion, not on a ball or free one"
-        return [(name, f"{text}; given {list(values)}")]
+        return [(name, f"{text}, got {list(values)}")]
     return []

@@ -103,7 +103,7 @@ class Source:
             why = ""
             if "," in given:
                 why = ", which has a comma: decimals have a point, and spaces separate numbers"
-            fault = self.wrong(element, name, f"must be {count}; given {shown(given)}{why}", what)
+            fault = self.wrong(element, name, f"must be {count}, got {shown(given)}{why}", what)
             if self.faults is None:
                 raise fault
             self.faults.append(fault)

@@ -32,11 +32,12 @@ def _derivatives() -> Any:
 class Mechanism(Dynamics):
     """A model with depth-first numbering, packed for the compiled kernels.
 
-    q (nq,), v (nv,) and tau (nv,) are in number order, with names in `names`. Body 0 is the ground.
-    A mechanism keeps no state: every answer depends on its arguments only. Methods raise InputError
-    for arrays of the wrong length or with numbers that are not finite.
+    The arrays q (nq,), v (nv,) and tau (nv,) are ordered by body number, as given by `names`. Body
+    0 is the ground. A mechanism has no internal state, so results only depend on the arguments.
+    Methods raise InputError for arrays that have the wrong length or contain values that are not
+    finite.
 
-    Example: the angular acceleration of two rods at rest.
+    For example, to compute the angular acceleration of two rods at rest:
 
         mech = pg.Mechanism(pg.Model.serial(2))
         vdot = mech.forward_dynamics(q=[0.1, 0.2], v=[0, 0])
@@ -61,31 +62,31 @@ class Mechanism(Dynamics):
     ) -> tuple[Array, Array, Assembly]:
         """Find the state closest to (q, v) that satisfies the constraints.
 
-        The distance is measured with the mass matrix. All coordinates may move, including those
-        that you set; a `pg.Motion` in the model holds one.
+        The distance is measured with the mass matrix. All coordinates may change, including those
+        given in `q`. To fix a coordinate, add a `pg.Motion` to the model.
 
         Parameters
         ----------
         q : (nq,) array, optional
-            Configuration to start from, by default the initial one [rad, m].
+            Initial guess for the configuration [rad, m]. The default is the initial state.
         v : (nv,) array, optional
-            Velocity to start from, by default the initial one [rad/s, m/s].
+            Initial guess for the velocity [rad/s, m/s]. The default is the initial state.
         active : sequence of str, optional
-            Names of the constraints to meet, by default the active ones of the model.
+            Names of the constraints to satisfy. By default, all active constraints.
 
         Returns
         -------
         q : (nq,) array
             The assembled configuration.
         v : (nv,) array
-            The velocity that is consistent with it.
+            A consistent velocity.
         report : Assembly
-            The changes that were made, and the remaining errors.
+            The changes and the remaining errors.
 
         Raises
         ------
         InputError
-            If constraints cannot be met. The message names them and gives the remaining errors.
+            If the constraints cannot be satisfied.
         """
         return assemble(self, q, v, active)
 
@@ -99,14 +100,14 @@ class Mechanism(Dynamics):
         q : (nq,) array, optional
             Configuration, by default the initial one.
         v : (nv,) array, optional
-            Velocity that selects a branch at a singular position.
+            Velocity used to select a branch at a singular position.
         active : sequence of str, optional
-            Names of constraints, by default the active ones of the model.
+            Names of the constraints. By default, all active constraints.
 
         Returns
         -------
         Mobility
-            Printing it shows a report.
+            The result, which can be printed as a report.
 
         Raises
         ------
@@ -123,18 +124,18 @@ class Mechanism(Dynamics):
         actuated: Sequence[str] | None = None,
         weights: Array | Mapping[str, float] | None = None,
     ) -> Array:
-        """Return the joint torques that produce v' while all active constraints hold.
+        """Compute the joint torques that produce v', subject to all active constraints.
 
         This is the inverse of `constrained_dynamics`. The torques act in addition to the passive
-        forces of the model; prescribed motions bring their own forces. If several sets of torques
-        give the motion, the one with the least Σ weights τ² is returned.
+        forces of the model and to the forces of prescribed motions. If the solution is not unique,
+        the torques that minimise Σ weights τ² are returned.
 
         Parameters
         ----------
         q, v, vdot : (nq,), (nv,) and (nv,) arrays
-            State and acceleration, which must satisfy the constraints.
+            State and acceleration. These must satisfy the constraints.
         actuated : sequence of str, optional
-            Names of the bodies whose joints carry torques, by default all.
+            Names of the bodies whose joints are actuated. By default, all joints are actuated.
         weights : (nv,) array or dict, optional
             Positive weights of the torques, in number order or by name of body.
 
@@ -146,8 +147,8 @@ class Mechanism(Dynamics):
         Raises
         ------
         InputError
-            If q, v or v' violate a constraint, or if no torque of these joints gives the motion.
-            The tolerance is 1e-9 of the forces.
+            If q, v or v' violate a constraint, or if the acceleration cannot be produced by the
+            actuated joints. The relative tolerance of the forces is 1e-9.
         """
         from .analysis.inverse import constrained_inverse_dynamics
 
@@ -156,10 +157,11 @@ class Mechanism(Dynamics):
     def forward_derivatives(
         self, q: Array, v: Array, tau: Array | None = None
     ) -> tuple[Array, Array, Array]:
-        """Return the derivatives of `forward_dynamics` with respect to q, v and τ.
+        """Compute the derivatives of `forward_dynamics` with respect to q, v and τ.
 
-        They are exact to rounding: about 1e-16 of the largest entry times the condition number of
-        M. The contribution of springs between bodies comes from differences and is good to 1e-11.
+        The derivatives are exact to rounding, i.e. about 1e-16 of the largest entry times the
+        condition number of M. The contribution of springs between bodies is computed by finite
+        differences with an accuracy of 1e-11.
 
         Parameters
         ----------
@@ -171,8 +173,8 @@ class Mechanism(Dynamics):
         Returns
         -------
         by_q, by_v, by_tau : (nv, nv) arrays
-            ∂v'/∂q, ∂v'/∂v and ∂v'/∂τ. The columns of the first belong to displacements along v, a
-            rotation vector in body axes for a ball joint, and not to entries of q.
+            ∂v'/∂q, ∂v'/∂v and ∂v'/∂τ. Note that the columns of ∂v'/∂q refer to displacements along
+            v, such as a rotation vector in body axes for a ball joint, instead of the entries of q.
         """
         return _derivatives()(self, q, v, tau)
 
@@ -181,33 +183,34 @@ class Mechanism(Dynamics):
     ) -> Linearisation:
         """Linearise the equations of motion about a state: x' = drift + A x + B δτ.
 
-        x contains independent coordinates, velocities and the states of controls. The states are
-        those at which they stay and hold the position, if there are any. All forces and active
-        constraints of a run at t = 0 are included. Soft and penalty contacts act as springs and
-        dampers. Closed rigid contacts and limits have no derivative and are listed in `notices` of
-        the result, as is a state that is not an equilibrium. Constraints of velocities alone reduce
-        the velocities only. The eigenvalues of a conservative mechanism at rest are ±iω from two
-        symmetric problems, good to 1e-12 on a chain of 1000 bodies.
+        The vector x contains independent coordinates, their velocities and the states of controls.
+        If possible, the control states are chosen such that the system is at rest. All forces and
+        active constraints of a run at t = 0 are included. Soft and penalty contacts act as springs
+        and dampers, whereas closed rigid contacts and limits are ignored because they have no
+        derivative. In this case, or if the state is not an equilibrium, a warning is added to
+        `notices` of the result. Velocity constraints only reduce the number of velocities. For a
+        conservative mechanism at rest, the eigenvalues ±iω are computed from two symmetric problems
+        and are accurate to 1e-12 for a chain of 1000 bodies.
 
         Parameters
         ----------
         q : (nq,) array, optional
-            Configuration, by default the initial one of the scenario or of the model.
+            Configuration. The default is the initial state of the scenario or model.
         v : (nv,) array, optional
-            Velocity, by default zero if q is given.
+            Velocity. If q is given, the default is zero.
         scenario : str, optional
             Name of a scenario.
 
         Returns
         -------
         Linearisation
-            A, B and drift with eigenvalues and modes. Its `state_space` fits SciPy and
-            python-control.
+            The matrices A and B, drift, eigenvalues and modes. Its method `state_space` can be used
+            with SciPy and python-control.
 
         Raises
         ------
         InputError
-            If the constraints cannot be met, or if a control acts at samples.
+            If the constraints cannot be satisfied, or if the model has a sampled control.
         """
         from .analysis.linear import linearise  # compiled for lanes
 
@@ -216,11 +219,10 @@ class Mechanism(Dynamics):
     def equilibrium(self, q: Array | None = None, scenario: str | None = None) -> Array:
         """Find an equilibrium near q.
 
-        All forces of a run at t = 0 act, with active constraints and joint limits, and states of
-        controls at which they stay, such as the integral of a PID. Contacts and
-        limits of tendons and springs are ignored, so bodies may end inside the ground. If all
-        forces have an energy, the search only decreases it: the result is stable unless the start
-        was an equilibrium.
+        All forces of a run at t = 0 are included, as well as active constraints, joint limits, and
+        control states such as the integral of a PID controller. Contacts and limits of tendons and
+        springs are ignored, so bodies may end up inside the ground. If all forces are conservative,
+        the energy is minimised, so the result is stable unless q is already an equilibrium.
 
         Parameters
         ----------
@@ -237,8 +239,7 @@ class Mechanism(Dynamics):
         Raises
         ------
         InputError
-            If no equilibrium is found, with the joint that moves on, or if a control acts at
-            samples.
+            If no equilibrium is found, or if the model has a sampled control.
         """
         from .analysis.equilibrium import equilibrium  # compiled for lanes
 
@@ -254,22 +255,23 @@ class Mechanism(Dynamics):
     ) -> Array:
         """Find a configuration near q that brings bodies and sites to their targets.
 
-        Joint limits and active constraints are satisfied. The search starts at q. If it fails, it
-        starts again from random configurations within the limits, the same ones in each call.
+        Joint limits and active constraints are taken into account. If the search from q fails, it
+        is repeated from random configurations within the limits. The random numbers are the same in
+        each call, so results are reproducible.
 
         Parameters
         ----------
         targets : dict
-            Targets by name of body or site. A target is a place (3,) of the origin in the world
-            [m], or a pair of a place and a rotation, (3, 3) or a quaternion [w, x, y, z]. A
-            dictionary has some of "place", "rotation" and "point". "point" is the point of the
-            body, in its axes, that goes to the place.
+            Targets by name of body or site. A target is a position (3,) of the origin in the world
+            [m], or a pair of a position and a rotation, which is a matrix (3, 3) or a quaternion
+            [w, x, y, z]. Alternatively, use a dictionary with the keys "place", "rotation" and
+            "point", where "point" is the point in body axes that should be moved to "place".
         q : (nq,) array, optional
             Configuration to start from, by default the initial one.
         scenario : str, optional
-            Name of the scenario that provides the initial state and the active constraints.
+            Name of a scenario. It determines the initial state and the active constraints.
         starts : int
-            Largest number of starts.
+            Maximum number of starting points.
 
         Returns
         -------
@@ -279,7 +281,8 @@ class Mechanism(Dynamics):
         Raises
         ------
         InputError
-            If targets are missed. The message names them and the smallest distances reached.
+            If a target cannot be reached. The message contains the smallest distances that were
+            found.
 
         Examples
         --------

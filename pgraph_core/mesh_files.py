@@ -30,7 +30,7 @@ def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
     FileError, ModelError.
     """
     if unit not in UNITS:
-        text = f"must be one of {choices(UNITS)}; given {unit!r}"
+        text = f"must be one of {choices(UNITS)}, got {unit!r}"
         raise ModelError(Problem(f"mesh {file}", "unit", text))
     mesh = parsed_mesh(file)
     try:

@@ -87,7 +87,7 @@ def unsealed(kind: str, snapshot: Any, folder: Path | None) -> memoryview:
     data = bytes(snapshot) if isinstance(snapshot, (bytes, bytearray)) else b""
     seal, content = data[len(magic) :][:SUM], memoryview(data)[len(magic) + SUM :]
     if not data.startswith(magic):
-        text = f"must be bytes of {kind}.save; given {shown(snapshot)}"
+        text = f"must be bytes of {kind}.save, got {shown(snapshot)}"
     elif not hmac.compare_digest(
         seal, hmac.digest(_key_in(folder), magic + bytes(content), "sha256")
     ):

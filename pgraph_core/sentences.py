@@ -97,7 +97,7 @@ def _sentence(item: Any, known: Mapping[str, FieldInfo]) -> tuple[bool, str]:
     if within is not None:
         return True, f"{place} {_expected(item, within)}"
     if field not in known:
-        return False, f"{item['msg']}; given {shown(item.get('input'))}"
+        return False, f"{item['msg']}, got {shown(item.get('input'))}"
     return False, _expected(item, known[field])
 
 
@@ -117,11 +117,11 @@ def _expected(item: Any, field: FieldInfo) -> str:
         return f"is missing; give {field.description}"
     given = item.get("input")
     if any(isinstance(x, str) and is_expression(x) and varies(x) for x in _leaves(given)):
-        return f"must be {field.description}, constant; given {shown(given)}, which varies"
+        return f"must be {field.description}, constant, got {shown(given)}, which varies"
     if any(map(is_expression, _leaves(given))):
         do = "a formula is given to an edit, model.edit(name, ...), or stands in a file"
-        return f"must be {field.description}; given {shown(given)}; {do}"
-    return f"must be {field.description}; given {shown(given)}{_meant(item, given, field)}"
+        return f"must be {field.description}, got {shown(given)}; {do}"
+    return f"must be {field.description}, got {shown(given)}{_meant(item, given, field)}"
 
 
 def _meant(item: Any, given: Any, field: FieldInfo) -> str:

@@ -161,8 +161,8 @@ def depth_first(parent: Sequence[int]) -> list[int]:
 def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
     """Return the Pgraph of a tree with the given numbering, by the seven steps in Fig. 4.
 
-    The left child is the one with the smaller number. Several roots make the ground, 0, the first
-    separation body (rule R20).
+    Children with smaller numbers are visited first. If there are several roots, the ground (0) is
+    the first separation body (rule R20).
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
     nb = len(numbers)
     for i, p in enumerate(numbers.tolist(), start=1):
         if not 0 <= p <= nb:
-            raise InputError(Problem(f"body {i}", "parent", f"must be from 0 to {nb}; given {p}"))
+            raise InputError(Problem(f"body {i}", "parent", f"must be from 0 to {nb}, got {p}"))
     if len(depth_first(numbers.tolist())) < nb:
         reached = {row + 1 for row in depth_first(numbers.tolist())}
         lost = next(i for i in range(1, nb + 1) if i not in reached)
@@ -235,7 +235,7 @@ def _whole(name: str, values: Sequence[int] | Ints) -> Ints:
 
 @explained
 def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
-    """Return the degrees of freedom along Pgraph (rule R2).
+    """Return the joint degrees of freedom along Pgraph, i.e. the vector jdof (rule R2).
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
     pgraph, first = _first_occurrences(pgraph)
     dof = _whole("dof", dof)
     if len(dof) != len(first):
-        text = f"needs one whole number per body: {len(first)}; given {len(dof)}"
+        text = f"needs one whole number per body: {len(first)}, got {len(dof)}"
         raise InputError(Problem("dof", "", text))
     jdof = np.zeros(len(pgraph), dtype=np.int64)
     jdof[first] = dof[pgraph[first] - 1]
@@ -268,7 +268,7 @@ def find(pgraph: Sequence[int] | Ints) -> Ints:
 def parent_of(pgraph: Sequence[int] | Ints) -> Ints:
     """Return the parents of the tree that belongs to a Pgraph vector.
 
-    The parent of a body precedes its first occurrence.
+    The first occurrence of each body is preceded by its parent.
 
     Parameters
     ----------
@@ -293,6 +293,6 @@ def _first_occurrences(pgraph: Sequence[int] | Ints) -> tuple[Ints, Ints]:
     first = find(pgraph)
     first = first[pgraph[first] != 0]
     if not np.array_equal(np.sort(pgraph[first]), np.arange(1, len(first) + 1)):
-        given = f"must hold every number from 1 to {len(first)}; given {shown(pgraph.tolist())}"
+        given = f"must hold every number from 1 to {len(first)}, got {shown(pgraph.tolist())}"
         raise InputError(Problem("pgraph", "", given))
     return pgraph, first

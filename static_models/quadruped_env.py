@@ -106,7 +106,7 @@ class Walkers:
     ):  # fmt: skip
         """Raises InputError for an unknown terrain, bounds that are none, or an unknown path."""
         if terrain not in ("flat", "rough"):
-            text = f"must be 'flat' or 'rough'; given {terrain!r}"
+            text = f"must be 'flat' or 'rough', got {terrain!r}"
             raise pg.InputError(pg.Problem("Quadruped", "terrain", text))
         self.size, self.push = size, push
         drawn = dict(NUMBERS if numbers is None else numbers)
@@ -165,7 +165,7 @@ class Walkers:
             shape = given.shape[1:] if one else given.shape
             wanted = "12 finite numbers" + (f" for each of {self.size}" if self.size > 1 else "")
             said = f"shape {shape}" if given.shape != self.action.shape else f"{action!r:.60}"
-            raise pg.InputError(pg.Problem("step", "action", f"must be {wanted}; given {said}"))
+            raise pg.InputError(pg.Problem("step", "action", f"must be {wanted}, got {said}"))
         return given
 
     def _pushes(self, rngs: Sequence[np.random.Generator], over: Array | bool) -> None:
@@ -184,13 +184,13 @@ class Walkers:
 
 def _refuse_drawing(render_mode: Any) -> None:
     if render_mode is not None:
-        text = f"must be None: the environment draws nothing; given {render_mode!r:.60}"
+        text = f"must be None: the environment draws nothing, got {render_mode!r:.60}"
         raise pg.InputError(pg.Problem("Quadruped", "render_mode", text))
 
 
 def _whole(variants: Any) -> int:
     if isinstance(variants, bool) or not isinstance(variants, Integral) or variants < 1:
-        text = f"must be a whole number >= 1; given {variants!r:.60}"
+        text = f"must be a whole number >= 1, got {variants!r:.60}"
         raise pg.InputError(pg.Problem("Quadruped", "variants", text))
     return int(variants)
 
@@ -202,7 +202,7 @@ def _span(path: str, span: Any) -> tuple[float, float]:
     except (TypeError, ValueError):
         low = high = np.nan
     if not np.isfinite([low, high]).all() or low > high:
-        text = f"must be (low, high), two finite numbers; given {span!r:.60}"
+        text = f"must be (low, high), two finite numbers, got {span!r:.60}"
         raise pg.InputError(pg.Problem("Quadruped", f"numbers[{path!r}]", text))
     return low, high
 

@@ -91,7 +91,7 @@ def moments(*values: float) -> list[list[float]]:
 
 
 NO_ANGLE = ("rotate", "translate")  # motions with an angle or a length
-HINGE = ("'arm'", "1", "given")
+HINGE = ("'arm'", "1", "got")
 
 ROWS = [
     named("name", "''", name=""),
@@ -101,7 +101,7 @@ ROWS = [
     ),
     several({"bodies": [{"name": "a", "\n": 1}]}, ("body 'a', \n", "mass")),
     body("parent", "'tigh'", "ground", parent="tigh"),
-    *(body("dof", "0", "6", f"given {dof!r}", dof=dof) for dof in (7, -1, 1.5, "2", True)),
+    *(body("dof", "0", "6", f"got {dof!r}", dof=dof) for dof in (7, -1, 1.5, "2", True)),
     body("dof", "2", "'spherical'", dof=2, joint="spherical"),
     body("joint", "'hinges'", "revolute", joint="hinges", axes=(0, 1, 0)),
     body("mass", "1.5", "unit", mass="1.5 kg"),
@@ -133,7 +133,7 @@ ROWS = [
     constraint("universal", "other_axis", "axis", "both", axis=[0, 0, 1]),
     constraint("gear", "other", "'ground'", "second body"),
     constraint(
-        "gear", ("ratio", "zero", "'motion'", "given 0"), ("coordinate", *HINGE),
+        "gear", ("ratio", "zero", "'motion'", "got 0"), ("coordinate", *HINGE),
         ("other_coordinate", *NO_ANGLE), other="puck", coordinate=1, ratio=0,
     ),
     constraint("motion", "q_of_t", "missing", "table", "'sine'", "'polynomial'"),
@@ -159,8 +159,8 @@ ROWS = [
     force("motor", "stiffness", "'motor'", "spring", "torsion", stiffness=1),
     force("motor", "kp", "'servo'", kp=2),
     force("motor", "torque", "table", "[0, 0, 1]", torque=[0, 0, 1]),
-    force("motor", "coordinate", "1", "given 2", coordinate=2),
-    force("wrench", "torque", "three", "given 1", torque=1),
+    force("motor", "coordinate", "1", "got 2", coordinate=2),
+    force("wrench", "torque", "three", "got 1", torque=1),
     force("wrench", "force", "2 times", "1 value", force={"t": [0, 1], "value": [[0, 0, 1]]}),
     force("spring", "other", "'arm'", "itself", other="arm"),
     force("spring", "ks", "did you mean stiffness", ks=1),
@@ -170,7 +170,7 @@ ROWS = [
     force("actuator", "start", "lag", "integrates", start=1),
     force("actuator", "state_low", "integrates", state_low=1),
     force("actuator", "lag", "0", lag=1, integrates=True),
-    ground("slope", "pi/2", "given 2", slope=2),
+    ground("slope", "pi/2", "got 2", slope=2),
     ground("uphill", "up (z)", "[0.0, 0.0, 1.0]", uphill=[0, 0, 1]),
     ground("steps", "height", "missing", steps=[{"low": [0, 0], "high": [1, 1]}]),
     ground("'tilt'", *pg.Ground.model_fields, tilt=1),
@@ -184,7 +184,7 @@ ROWS = [
     model("parameters", "'sin'", parameters={"sin": 1.0}),
     several({"bodies": [3]}, ("row 1", "3")),
     scenario("constraints", "'foot'", "no constraint", constraints=["foot"]),
-    scenario(("t_end", "> 0", "given 0"), ("q", "'leg'", "arm"), t_end=0, q={"leg": 1}),
+    scenario(("t_end", "> 0", "got 0"), ("q", "'leg'", "arm"), t_end=0, q={"leg": 1}),
     scenario("method", "'rk5'", "auto", "rk4", "moreau_jean", method="rk5"),
     several(
         {"bodies": BODIES, "sites": [{"name": "t", "body": "leg"}],
@@ -372,4 +372,4 @@ def test_a_file_that_is_no_model_is_named_with_the_place(content, tmp_path, caps
 def test_numbers_that_json_has_not_are_refused_by_their_field(number, given):
     text = f'{{"bodies": [{{"name": "a", "mass": {number}}}]}}'
     problems = refusal(lambda: pg.Model.from_json(text), pg.ModelError).problems
-    assert_problems(problems, [("body 'a', mass", f"given {given}")])
+    assert_problems(problems, [("body 'a', mass", f"got {given}")])

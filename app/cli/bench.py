@@ -40,7 +40,7 @@ def bench(args: Namespace) -> Answer:
             text = f"no benchmark has this name; choose one of {choices(known, 40)}"
             raise InputError(Problem(f"benchmark '{name}'", "", text))
     if args.output and args.output.suffix not in table.WRITERS:
-        text = f"must end in {choices(table.WRITERS)}; given '{args.output.name}'"
+        text = f"must end in {choices(table.WRITERS)}, got '{args.output.name}'"
         raise InputError(Problem("--output", "", text))
     then = _earlier(args.against) if args.against else None
     peers = [peer for name in chosen for peer in known[name].peers]

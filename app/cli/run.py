@@ -150,13 +150,13 @@ def varied(text: str) -> tuple[str, np.ndarray | tuple[float, ...]]:
         if ":" in given and len(numbers) == 3:
             low, high, n = numbers
             if n != int(n) or not 1 <= n <= 1e6:
-                raise ArgumentTypeError(f"needs a whole number of points; given {text!r}")
+                raise ArgumentTypeError(f"needs a whole number of points, got {text!r}")
             return path, np.linspace(low, high, int(n))
     except ValueError:
         numbers = []
     if not path or not numbers or (":" in given and len(numbers) != 2):
         form = "must be PATH=first:last:points, PATH=low:high or PATH=1,2,3"
-        raise ArgumentTypeError(f"{form}; given {text!r}")
+        raise ArgumentTypeError(f"{form}, got {text!r}")
     return path, tuple(numbers) if ":" in given else np.array(numbers)
 
 
@@ -241,7 +241,7 @@ def size(text: str) -> tuple[int, int]:
     """Parse a width and height in pixels."""
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     if not found:
-        raise ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels, such as 1280x720; given {text!r}")
+        raise ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}")
     return int(found[1]), int(found[2])
 
 

@@ -42,7 +42,7 @@ def given(text: str) -> tuple[str, str]:
     """Parse a name and its value."""
     name, mark, value = text.partition("=")
     if not (name and mark):
-        raise ArgumentTypeError(f"must be NAME=VALUE; given {text!r}")
+        raise ArgumentTypeError(f"must be NAME=VALUE, got {text!r}")
     return name, value
 
 
@@ -112,7 +112,7 @@ def whole(least: int, most: int | None = None, about: str = "") -> Callable[[str
         except ValueError:  # thousands of digits
             number = least - 1
         if number < least or (most is not None and number > most):
-            raise ArgumentTypeError(f"must be a whole number {allowed}; given {text!r}")
+            raise ArgumentTypeError(f"must be a whole number {allowed}, got {text!r}")
         return number
 
     return parsed
@@ -127,9 +127,9 @@ def above_0(most: float | None = None, unit: str = "") -> Callable[[str], float]
         except ValueError:
             value = 0.0
         if not 0 < value < math.inf:
-            raise ArgumentTypeError(f"must be a finite number > 0; given {text!r}")
+            raise ArgumentTypeError(f"must be a finite number > 0, got {text!r}")
         if most is not None and value > most:
-            raise ArgumentTypeError(f"must be at most {most:g}{unit}; given {text!r}")
+            raise ArgumentTypeError(f"must be at most {most:g}{unit}, got {text!r}")
         return value
 
     return parsed
@@ -145,7 +145,7 @@ def numbers(text: str) -> tuple[float, ...]:
     try:
         return tuple(float(x) for x in names(text))
     except ValueError:
-        raise ArgumentTypeError(f"must be numbers separated by commas; given {text!r}") from None
+        raise ArgumentTypeError(f"must be numbers separated by commas, got {text!r}") from None
 
 
 # -- answers ---------------------------------------------------------------------------------------

@@ -86,7 +86,7 @@ def number(text: str) -> float:
         return _calculated(typed)
     if not NUMBER.fullmatch(typed):
         hint = "; write the decimal point as '.'" if "," in typed else " such as 0.25 or 1e-6"
-        raise Refusal(f"must be a number{hint}; given {quoted(typed)}")
+        raise Refusal(f"must be a number{hint}, got {quoted(typed)}")
     value = float(typed)
     if not math.isfinite(value):
         raise Refusal(f"{quoted(typed)} is too large for a number; use less than 1.8e308")
@@ -113,7 +113,7 @@ def quantity(text: str, of: Quantity, display: Display, rate: bool = False) -> f
         return number(typed.removesuffix("rpm")) * 2 * math.pi / 60
     found = _quantity(typed.removesuffix("/s") if rate else typed, of, display)
     if of == "length" and abs(found) > FAR:
-        raise Refusal(f"is too long to draw; use at most {FAR:g} m; given {quoted(text.strip())}")
+        raise Refusal(f"is too long to draw; use at most {FAR:g} m, got {quoted(text.strip())}")
     return found
 
 
@@ -154,14 +154,14 @@ def whole(text: str, low: int, high: int) -> int:
     """Parse a typed integer within [low, high]. Raises Refusal."""
     typed = text.strip()
     if not re.fullmatch(r"[0-9]{1,9}", typed) or not low <= int(typed) <= high:
-        raise Refusal(f"must be a whole number from {low} to {high}; given {quoted(typed)}")
+        raise Refusal(f"must be a whole number from {low} to {high}, got {quoted(typed)}")
     return int(typed)
 
 
 def valid_name(text: str) -> str:
     """Return a typed name. Raises Refusal."""
     if len(text) > LONGEST_NAME:
-        raise Refusal(f"a name has at most {LONGEST_NAME} characters; given {len(text)}")
+        raise Refusal(f"a name has at most {LONGEST_NAME} characters, got {len(text)}")
     return text.strip()
 
 

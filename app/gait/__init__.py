@@ -332,6 +332,6 @@ class SetPush(TypedText):
     def taken(self, state: State) -> State:
         strength = cells.named_number("The strength", self.text)
         if not 0 < strength <= STRONGEST:
-            text = f"The strength is above 0 and at most {STRONGEST:g} weights; given {strength:g}"
+            text = f"The strength is above 0 and at most {STRONGEST:g} weights, got {strength:g}"
             raise Refusal(text)
         return replace(state, walking=replace(state.walking, strength=strength))

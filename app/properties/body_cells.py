@@ -173,7 +173,7 @@ def direction(text: str, display: Display) -> tuple[Any, ...]:
         return tuple(sign * (letter == typed[-1]) for letter in "xyz")
     parts = re.split(r"[\s,;]+", typed.strip("[]() "))
     if len(parts) != 3:
-        raise Refusal(f"must be x, y, z, with or without a minus, or three numbers; given {text!r}")
+        raise Refusal(f"must be x, y, z, with or without a minus, or three numbers, got {text!r}")
     return tuple(content(part, "number", display) for part in parts)
 
 
@@ -313,7 +313,7 @@ def from_axis(value: Sequence[float]) -> tuple[float, ...]:
     *axis, angle = value
     length = math.hypot(*axis)
     if not 1e-9 < length < 1e9:
-        raise Refusal(f"a direction must not be zero; given {axis}")
+        raise Refusal(f"a direction must not be zero, got {axis}")
     return (math.cos(angle / 2), *(math.sin(angle / 2) * x / length for x in axis))
 
 

@@ -33,7 +33,7 @@ def stretched(model: pg.Model, names: tuple[str, ...], length: float) -> pg.Mode
     follows. Raises Refusal, PgraphError.
     """
     if not 0 < length < math.inf:
-        raise Refusal(f"must be > 0; given {length:g}")
+        raise Refusal(f"must be > 0, got {length:g}")
     changes: dict[str, dict[str, Any]] = {}
     moved: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for name in names:
@@ -87,7 +87,7 @@ def _shape(shape: pg.Shape, u: np.ndarray, old: float, new: float) -> pg.Shape:
         sizes = {"radii": tuple(radii)}
     if sizes:
         if min(np.atleast_1d(next(iter(sizes.values())))) <= 0:
-            raise Refusal(f"is too short for its {shape.kind}; given {new:g} m")
+            raise Refusal(f"is too short for its {shape.kind}, got {new:g} m")
         return shape.unchecked_copy({**sizes, "position": _tuple(place + more / 2 * u)})
     beyond = float(place @ u) > old / 2
     return shape.unchecked_copy({"position": _tuple(place + more * u)}) if beyond else shape

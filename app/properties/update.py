@@ -175,7 +175,7 @@ class FillFromShape(OfBodies):
         try:
             density = cells.number(self.density)
             if density <= 0:
-                raise Refusal(f"must be > 0 [kg/m³]; given {density:g}")
+                raise Refusal(f"must be > 0 [kg/m³], got {density:g}")
             bodies = [state.model.body(name) for name in self.bodies]
         except (Refusal, pg.PgraphError) as problem:
             sentence = f"The density {problem}" if isinstance(problem, Refusal) else str(problem)

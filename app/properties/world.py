@@ -154,7 +154,7 @@ def _world(model: pg.Model, display: Display, field: str, entries: Entries) -> p
     match field:
         case "name":
             if not text:
-                raise Refusal(f"must have 1 to {cells.LONGEST_NAME} characters; given 0")
+                raise Refusal(f"must have 1 to {cells.LONGEST_NAME} characters, got 0")
             return model.replace(name=cells.valid_name(text))
         case "up":
             return model.replace(up=text)
@@ -256,7 +256,7 @@ def parameter_renamed(model: pg.Model, old: str, new: str) -> pg.Model:
     if new in model.parameters and new != old:
         raise Refusal(f"another parameter is named '{new}'; choose another name")
     if not new or not new.isidentifier():
-        raise Refusal(f"a parameter's name is one word of letters, digits and _; given {new!r}")
+        raise Refusal(f"a parameter's name is one word of letters, digits and _, got {new!r}")
     renamed = {new if key == old else key: x for key, x in model.parameters.items()}
     formulas = tuple(
         f.unchecked_copy({"text": with_names(f.text, {old: new}, ("",))}) for f in model.formulas

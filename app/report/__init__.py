@@ -110,7 +110,7 @@ def _value(field: str, text: str) -> float | str | None:
     most = 1.0 if field == "target" else LONGEST
     value = cells.named_number(name, text)
     if not 0 < value <= most:
-        raise Refusal(f"{name} must be above 0 and at most {most:g}; given {value:g}.")
+        raise Refusal(f"{name} must be above 0 and at most {most:g}, got {value:g}.")
     return value
 
 

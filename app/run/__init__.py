@@ -420,9 +420,9 @@ def _value(field: str, text: str) -> float | str | None:
     if field == "rtol":
         if not LEAST_RTOL <= value <= LARGEST_RTOL:
             between = f"between {LEAST_RTOL:g} and {LARGEST_RTOL:g}"
-            raise Refusal(f"{name} must lie {between}; given {value:g}.")
+            raise Refusal(f"{name} must lie {between}, got {value:g}.")
     elif not 0 < value <= LONGEST_RUN:
-        raise Refusal(f"{name} must be above 0 and at most {LONGEST_RUN:g} s; given {value:g}.")
+        raise Refusal(f"{name} must be above 0 and at most {LONGEST_RUN:g} s, got {value:g}.")
     return value
 
 

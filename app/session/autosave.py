@@ -262,7 +262,7 @@ class Files:
         if path.exists() and not path.is_file():
             return f"{path} is not an ordinary file; give the name of a new one.", ""
         if path.suffix != ".json":
-            return f"The name of a model file ends in .json; given {path.name!r}.", ""
+            return f"The name of a model file ends in .json, got {path.name!r}.", ""
         if not path.exists():
             return "", ""
         content = path.read_bytes()

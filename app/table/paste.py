@@ -298,7 +298,7 @@ def _typed(
     """Return the fields that a cell changes. Units are those of the joint of `moving`."""
     match = VECTOR.fullmatch(field)
     if unit and not match and field not in NUMBERS:
-        raise Refusal(f"takes no unit; given {cells.quoted(unit)}")
+        raise Refusal(f"takes no unit, got {cells.quoted(unit)}")
     if field == "constraint":
         return _read_only(model, text)
     if field in ("dof", "joint"):
@@ -330,7 +330,7 @@ def _number(body: pg.Body, field: str, at: Sequence[int], text: str, unit: str) 
     if unit and _is_bare(text):
         text = f"{text} {each[heading]}"
     if len(of) > 1 and not _is_bare(text):
-        raise Refusal(f"is for an angle and a length; write one for each; given {text!r}")
+        raise Refusal(f"is for an angle and a length; write one for each, got {text!r}")
     single = of.pop() if len(of) == 1 else "number"
     return cells.quantity(text, single, cells.Display(), rate=field == "v")
 
@@ -369,7 +369,7 @@ def _value(body: pg.Body, field: str, text: str, unit: str) -> Any:
             value = json.loads(text)
         except ValueError:
             if field not in NUMBERS or not (match := re.fullmatch(r"\[([^\[\]]*)\]", text)):
-                raise Refusal(f"cannot be read; given {cells.quoted(text)}") from None
+                raise Refusal(f"cannot be read, got {cells.quoted(text)}") from None
             text = match[1].strip()  # [0 mm, 30 mm]
         else:
             return _read(body, field, value, unit) if field in NUMBERS else value
@@ -388,7 +388,7 @@ def _value(body: pg.Body, field: str, text: str, unit: str) -> Any:
     if len(numbers) == 9:
         return tuple(tuple(numbers[k : k + 3]) for k in (0, 3, 6))
     if len(numbers) != 3:
-        raise Refusal(f"needs the 3 moments about x, y, z or all 9 numbers; given {len(numbers)}")
+        raise Refusal(f"needs the 3 moments about x, y, z or all 9 numbers, got {len(numbers)}")
     return tuple(tuple(m if i == k else 0.0 for k in range(3)) for i, m in enumerate(numbers))
 
 
@@ -434,9 +434,7 @@ def _joint(body: pg.Body, text: str) -> dict[str, Any]:
         return {}
     if kind is None or kind == "compound":
         if dof and kind and dof not in "45":
-            raise Refusal(
-                f"a compound joint of {dof} DoF is made in its properties; given '{text}'"
-            )
+            raise Refusal(f"a compound joint of {dof} DoF is made in its properties, got '{text}'")
         return {"dof": int(dof or 4)}
     return {"joint": kind} | ({"dof": int(dof)} if dof else {})
 

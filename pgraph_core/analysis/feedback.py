@@ -63,7 +63,7 @@ def lqr(
     states: Sequence[str] | None = None,
     q: Any = None,
 ) -> Feedback:
-    """Find the gains that minimise the integral of x' Q x + u' R u about an equilibrium state.
+    """Compute the state feedback that minimises the integral of x' Q x + u' R u.
 
     Parameters
     ----------
@@ -71,17 +71,17 @@ def lqr(
         The feedback replaces the torque, target, speed or input of each drive. Other fields of the
         drives, such as kp and kd of a servo, are kept.
     Q : number, (n,), (n, n) or dict
-        Weights of the states: a number for all, one number per state, a matrix, or a dictionary by
-        name (0 for the others).
+        Weights of the states. This can be a scalar for all states, a vector with one weight per
+        state, a matrix, or a dictionary by name, in which case all other weights are 0.
     R : number, (m,), (m, m) or dict
-        Weights of the inputs in the same form.
+        Weights of the inputs, in the same form.
     inputs : list of str, optional
-        Names of motors, servos and actuators; by default all of the model.
+        Names of motors, servos and actuators. By default, all of them are used.
     states : list of str, optional
-        Bodies whose coordinates are fed back if constraints couple coordinates, one per degree of
-        freedom. By default the best conditioned ones.
+        Bodies whose coordinates are used as states, one per degree of freedom, if constraints
+        couple the coordinates. By default, the best conditioned ones are selected.
     q : (nq,) array, optional
-        Configuration, by default the initial one.
+        Equilibrium configuration. The default is the initial state.
 
     Returns
     -------
@@ -124,10 +124,10 @@ def _check_signs(Q: Array, R: Array) -> None:
     for field, W, allowed in (("Q", Q, "at least 0"), ("R", R, "above 0")):
         rounding = ROUNDING * np.abs(W).max(initial=0.0)
         if np.abs(W - W.T).max(initial=0.0) > rounding:
-            raise InputError(Problem("lqr", field, f"must be symmetric; given {shown(W.tolist())}"))
+            raise InputError(Problem("lqr", field, f"must be symmetric, got {shown(W.tolist())}"))
         least = float(np.linalg.eigvalsh(W).min(initial=np.inf))
         if least < -rounding or (field == "R" and least <= rounding):
-            text = f"must have eigenvalues {allowed}; given one of {least:.6g}"
+            text = f"must have eigenvalues {allowed}, got one of {least:.6g}"
             raise InputError(Problem("lqr", field, text))
 
 
@@ -141,14 +141,14 @@ def place_poles(
     states: Sequence[str] | None = None,
     q: Any = None,
 ) -> Feedback:
-    """Find gains that place the closed-loop poles, using SciPy's `place_poles`.
+    """Compute the state feedback with given poles, using `scipy.signal.place_poles`.
 
     Parameters
     ----------
     model : Model
         The feedback replaces the torque, target, speed or input of each drive.
     poles : (n,) array
-        Eigenvalues of the closed loop [1/s], complex ones in pairs.
+        Poles of the closed loop [1/s]. Complex poles must occur in conjugate pairs.
     inputs, states, q :
         As in `lqr`.
 
@@ -171,7 +171,7 @@ def place_poles(
     def gains(plant: _Plant) -> Array:
         wanted = np.atleast_1d(np.asarray(poles, dtype=complex))
         if wanted.shape != (len(plant.states),):
-            text = f"needs {len(plant.states)} poles, one per state; given {shown(poles)}"
+            text = f"needs {len(plant.states)} poles, one per state, got {shown(poles)}"
             raise InputError(Problem("place_poles", "poles", text))
         if text := plant.fault():
             raise InputError(Problem("place_poles", "poles", text))
@@ -211,7 +211,7 @@ class _Plant:
             found = np.diag(np.broadcast_to(found, n))
         if found.shape != (n, n) or not np.isfinite(found).all():
             text = f"must be a number, {n} numbers or {n} x {n} numbers, of {', '.join(names)}"
-            raise InputError(Problem(self.call, field, f"{text}; given {shown(given)}"))
+            raise InputError(Problem(self.call, field, f"{text}, got {shown(given)}"))
         return found
 
     def fault(self) -> str:
@@ -276,7 +276,7 @@ def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Lin
     n = len(found.coordinates)
     if len(found.velocities) != n or len(T) != n or np.linalg.matrix_rank(T) < n:
         text = f"must be {n} coordinates that the others follow, such as "
-        text += f"{', '.join(found.coordinates)}; given {shown(list(wanted))}"
+        text += f"{', '.join(found.coordinates)}, got {shown(list(wanted))}"
         raise InputError(Problem(call, "states", text))
     both: Any = block_diag(T, T, np.eye(len(found.states)))
     return replace(

@@ -162,9 +162,7 @@ def _weights(mech: Dynamics, weights: Array | Mapping[str, float] | None) -> Arr
     else:
         cost = finite("weights", weights, mech.nv)
     if not (np.isfinite(cost).all() and (cost > 0).all()):
-        raise InputError(
-            Problem(DYNAMICS, "weights", f"must be numbers > 0; given {shown(weights)}")
-        )
+        raise InputError(Problem(DYNAMICS, "weights", f"must be numbers > 0, got {shown(weights)}"))
     return cost
 
 
@@ -290,13 +288,13 @@ def _target(mech: Dynamics, q: Array, name: str, value: Any) -> Target:
     if isinstance(value, Mapping):
         value = words.renamed(value, ("place", "rotation")) or value
         if unknown := value.keys() - {"place", "rotation", "point"}:
-            text = f"has place, rotation and point; given {choices(sorted(map(str, unknown)))}"
+            text = f"has place, rotation and point, got {choices(sorted(map(str, unknown)))}"
             raise InputError(Problem(KINEMATICS, name, f"a target {text}"))
         point = value.get("point", point)
         place, turn = value.get("place"), value.get("rotation")
     elif isinstance(value, (tuple, list)) and len(value) == 2:
         if all(isinstance(x, (int, float)) for x in value):
-            text = f"a place has three numbers [m]; given {shown(value)}"
+            text = f"a place has three numbers [m], got {shown(value)}"
             raise InputError(Problem(KINEMATICS, f"target of '{name}'", text))
         place, turn = value
     else:
@@ -318,7 +316,7 @@ def _turn(name: str, given: Any) -> Array:
         return matrix(turn.tolist())
     if turn.shape == (3, 3) and np.abs(turn @ turn.T - np.eye(3)).max() < NOTABLE:
         return turn
-    text = f"must be a unit quaternion [w, x, y, z] or a rotation (3, 3); given {shown(given)}"
+    text = f"must be a unit quaternion [w, x, y, z] or a rotation (3, 3), got {shown(given)}"
     raise InputError(Problem(KINEMATICS, f"rotation of '{name}'", text))
 
 

@@ -55,13 +55,13 @@ SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of i
 )
 @explained
 class BatchStepper(Snapshots):
-    """A stepper for many instances of a mechanism, with trees, loops and contacts.
+    """A stepper for many instances of a mechanism.
 
-    Each instance has its own state. Its steps are identical to those of a single `Stepper`, bit for
-    bit, for any number of threads and instances. Free trees that differ in their bodies, and in the
-    targets of servos without a limit, are stepped in SIMD lanes and agree to rounding. If an
-    instance fails, it keeps its last valid state, is listed in `failures`, and takes no steps until
-    it is reset.
+    Trees, closed loops and contacts are supported. The results are identical to the results of
+    individual `Stepper` objects and do not depend on the number of threads or instances. An
+    exception are free trees that differ in their bodies or in the targets of servos without a
+    limit. These are computed in SIMD lanes, and the results agree to rounding. If an instance
+    fails, it keeps its last valid state until it is reset, and is listed in `failures`.
 
     Parameters
     ----------
@@ -70,20 +70,20 @@ class BatchStepper(Snapshots):
     size : int
         Number of instances.
     step, method, scenario, forces, stabilise, switches :
-        As in `Stepper`, the same for all instances.
+        As in `Stepper`. These are the same for all instances.
     tau : (nv,) or (size, nv) array, or callable, optional
-        Torques in every step, or a function of (t, q, v) compiled by `numba.njit`.
+        Constant torques, or a function of (t, q, v) compiled with `numba.njit`.
     threads : int, optional
-        Number of threads, by default one for each core.
+        Number of threads. By default, one per core is used.
     set : dict, optional
-        Numbers of the description that differ between instances: a path (see `sweep`) with one
-        value per instance. Additional values can be selected by `reset(numbers=...)`. Each instance
-        is the result of `Model.edit` with its numbers; no other numbers change.
+        Fields that differ between instances, as a dictionary that maps paths (see `sweep`) to one
+        value per instance. Longer lists contain additional values, which can be selected with
+        `reset(numbers=...)`. No other fields are changed.
 
     Raises
     ------
     InputError
-        If arguments do not fit.
+        If an argument is invalid.
 
     Examples
     --------
@@ -191,17 +191,17 @@ class BatchStepper(Snapshots):
 
     @property
     def q(self) -> Array:
-        """Configurations (size, nq) as a read-only view that follows the steps."""
+        """Current configurations (size, nq), as a read-only view."""
         return _read_only(self._many.q[:, : self.mech.nq])
 
     @property
     def v(self) -> Array:
-        """Velocities (size, nv) as a read-only view that follows the steps."""
+        """Current velocities (size, nv), as a read-only view."""
         return _read_only(self._many.v[:, : self.mech.nv])
 
     @property
     def states(self) -> Array:
-        """States of controls (size, nx) as a read-only view that follows the steps."""
+        """Current states of the controls (size, nx), as a read-only view."""
         return _read_only(self._many.v[:, self.mech.nv :])
 
     @property
@@ -222,7 +222,7 @@ class BatchStepper(Snapshots):
 
     @property
     def notices(self) -> dict[str, Ints]:
-        """Warnings as {message about a model or its start: (n,) instances}, as of Steppers."""
+        """Warnings about the models and initial states, {message: (n,) indices of instances}."""
         kind = self._many.kind
         found = {text: np.flatnonzero(np.isin(kind, own)) for text, own in self._told.items()}
         return {text: which for text, which in found.items() if len(which)}
@@ -243,7 +243,7 @@ class BatchStepper(Snapshots):
 
     @property
     def contact_gap(self) -> Mapping[str, Array]:
-        """Minimum gaps as {contact pair: (size,)} [m] at the states, negative in penetration."""
+        """Current minimum gaps as {contact pair: (size,)} [m], negative for penetration."""
         found = {name: np.empty(self.size) for name in self._touches(len)}
         for i in range(self.size) if found else ():
             for name, gap in self._many.into_worker(i).stepper._gaps().items():
@@ -252,9 +252,9 @@ class BatchStepper(Snapshots):
 
     @property
     def outputs(self) -> Mapping[str, Array]:
-        """Sensor readings at the states as {output: (size,), (size, 3) or (size, 4)}. See `Output`.
+        """Current sensor readings as {output: (size,), (size, 3) or (size, 4)}. See `Output`.
 
-        The torques of the last step act.
+        They include the torques of the last step.
         """
         many, shared = self._many, self._sensed[0][0]
         read = np.empty((self.size, shared.width))
@@ -303,7 +303,8 @@ class BatchStepper(Snapshots):
         Returns
         -------
         ndarray of bool (size,)
-            False for instances that have failed, whose state is that before the failed step.
+            False for instances that have failed. Their state is the last one before the failed
+            step.
         """
         self._give(tau)
         self._many.step(whole_number(CALL, "n", n, 1))
@@ -338,28 +339,29 @@ class BatchStepper(Snapshots):
     ) -> None:  # fmt: skip
         """Reset instances to t = 0.
 
-        Targets of servos are reset to those of the model. The default stiffness of soft and penalty
-        contacts is computed from the initial state of the model and does not change. Set it
-        explicitly if steps must be identical to those of a Stepper that starts from another (q, v).
+        The targets of servos are reset to the values of the model. Note that the default stiffness
+        of soft and penalty contacts depends on the initial state of the model and is not updated.
+        It should be set explicitly if results must be identical to a Stepper with a different
+        initial state.
 
         Parameters
         ----------
         q : array_like (k, nq) or (nq,), optional
-            Coordinates of the k instances, or of all of them. The default is their initial state.
+            Configurations of the k instances, or of all instances. The default is their initial
+            state.
         v : array_like (k, nv) or (nv,), optional
             Velocities in the same form.
         which : array_like, optional
-            Numbers of instances, or a mask (size,). The default is all.
+            Indices of the instances to reset, or a boolean mask (size,). By default, all are reset.
         numbers : array_like (k,), optional
-            Indices into the lists of `set`, whose entries the instances use from now on.
+            Indices into the lists of `set` that select the values of the instances.
         states : array_like (k, nx) or (nx,), optional
-            States of the controls, after a sample at t = 0. By default they start as the model
-            says.
+            States of the controls, after a sample at t = 0. The default is given by the model.
 
         Raises
         ------
         InputError
-            If a state does not fit or cannot meet the constraints.
+            If a state is invalid or cannot satisfy the constraints.
         """
         chosen, many = _chosen(which, self.size), self._many
         entries = self._entries
@@ -404,8 +406,8 @@ class BatchStepper(Snapshots):
     def acceleration(self, tau: npt.ArrayLike | None = None) -> Array:
         """Return the accelerations of all instances.
 
-        Forces, constraints and compliant contacts act. Rigid contacts and limits act through
-        impulses of a step, so their forces are those of the last step, and zero after `reset`.
+        Forces, constraints and compliant contacts are included. Since rigid contacts and limits act
+        through impulses, their forces are taken from the last step, and are zero after `reset`.
 
         Parameters
         ----------
@@ -441,7 +443,7 @@ class BatchStepper(Snapshots):
         Raises
         ------
         InputError
-            If the instances are not stepped in lanes.
+            If the instances do not use SIMD lanes.
         """
         if not isinstance(self._many, TreeLanes):
             text = "is for free trees that are stepped in lanes; call `inverse_dynamics` of a "
@@ -510,7 +512,7 @@ def _compiled(tau: Any, varied: bool) -> Any:
 def _values(model: Model, given: Any, size: int, options: Mapping[str, Any]) -> dict[Any, Array]:
     """Return {path: (m,) values}, m >= size. Raises InputError."""
     if not isinstance(given, Mapping) or not given:
-        text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}; given {shown(given)}"
+        text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}, got {shown(given)}"
         raise _refused("set", text)
     paths = [Path(model, path, "BatchStepper") for path in given]
     distinct(paths, "BatchStepper")
@@ -523,7 +525,7 @@ def _values(model: Model, given: Any, size: int, options: Mapping[str, Any]) -> 
         numbers = numbers_in(values)
         found[path] = np.full((0, 0), np.nan) if numbers is None else numbers
         if found[path].ndim > 1 or not np.isfinite(found[path]).all():
-            text = f"must be finite numbers, one for each instance; given {shown(values)}"
+            text = f"must be finite numbers, one for each instance, got {shown(values)}"
             raise _refused(name, text)
     lengths = {str(path): len(x) for path, x in found.items() if x.ndim}
     most = max(lengths.values(), default=size)
@@ -579,9 +581,9 @@ def _table(name: str, value: Any, rows: int, columns: int | None) -> Array:
     found = np.full((0, 0, 0), np.nan) if given is None else given
     fits = found.shape in (shape, shape[1:])
     if not fits or not np.isfinite(found).all():
-        text = f"must be finite numbers of shape {shape} or {shape[1:]}; given {shown(value)}"
+        text = f"must be finite numbers of shape {shape} or {shape[1:]}, got {shown(value)}"
         if found.size and not fits:
-            text = f"must have shape {shape} or {shape[1:]}; given {found.shape}"
+            text = f"must have shape {shape} or {shape[1:]}, got {found.shape}"
         raise _refused(name, text)
     return np.broadcast_to(found, shape)
 
@@ -596,7 +598,7 @@ def _chosen(which: Any, size: int) -> Ints:
     whole = found.ndim == 1 and (found.dtype.kind in "iu" or not found.size)
     if not whole or ((found < 0) | (found >= size)).any():
         text = f"must be numbers of instances, 0 to {size - 1}, or ({size},) bool"
-        raise _refused("which", f"{text}; given {shown(which)}", "reset")
+        raise _refused("which", f"{text}, got {shown(which)}", "reset")
     return found.astype(np.int64)
 
 
@@ -604,10 +606,10 @@ def _places(numbers: Any, entries: Ints, n: int) -> Ints:
     """Return the kinds for n list entries. Raises InputError."""
     found = _array(numbers)
     if found.dtype.kind not in "iu" or found.shape not in ((), (n,)):
-        text = f"must be ({n},) places in the lists of `set`; given {shown(numbers)}"
+        text = f"must be ({n},) places in the lists of `set`, got {shown(numbers)}"
         raise _refused("numbers", text, "reset")
     if ((found < 0) | (found >= len(entries))).any():
-        text = f"the lists of `set` have {len(entries)} entries; given {shown(numbers)}"
+        text = f"the lists of `set` have {len(entries)} entries, got {shown(numbers)}"
         raise _refused("numbers", text, "reset")
     return np.broadcast_to(entries[found], n)
 

@@ -319,7 +319,7 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
     further = friction.static != friction.kinetic or friction.rolling or friction.spinning
     if further and c.law != "complementarity":
         text = "static, rolling and spinning friction need the law 'complementarity'"
-        raise ModelError(Problem(f"contact '{c.name}'", "law", f"{text}; given '{c.law}'"))
+        raise ModelError(Problem(f"contact '{c.name}'", "law", f"{text}, got '{c.law}'"))
     restitution = model.ground.restitution if c.restitution is None else c.restitution
     mass, weight = _lightest(c, model, topology, packed)
     depth = SINKS * radius_of_gyration(packed)

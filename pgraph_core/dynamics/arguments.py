@@ -57,19 +57,19 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
             return value
     if names_in(value) is not None:
         text = "must be a list of numbers in the order of the coordinates (mech.names), not by "
-        raise InputError(Problem(name, "", f"{text}names; given {shown(value)}"))
+        raise InputError(Problem(name, "", f"{text}names, got {shown(value)}"))
     array = numbers_in(value, shape)
     if array is None:
-        text = f"must be numbers; given {shown(value)}"
+        text = f"must be numbers, got {shown(value)}"
         if isinstance(value, tuple) and any(np.ndim(x) for x in value):
             several = ", ".join(type(x).__name__ for x in value)
-            text = f"must be one array of numbers; given {len(value)} results ({several}); take one"
+            text = f"must be one array of numbers, got {len(value)} results ({several}); take one"
             text += f": {name}, *rest = ..."
         raise InputError(Problem(name, "", text))
     if array.shape != shape:
         many = array.shape[1:] == shape and len(array) > 1
         do = "; a pg.BatchStepper steps many states at once" if many else ""
-        raise InputError(Problem(name, "", f"must have shape {shape}; given {array.shape}{do}"))
+        raise InputError(Problem(name, "", f"must have shape {shape}, got {array.shape}{do}"))
     return array
 
 
@@ -123,13 +123,13 @@ def whole_number(call: str, field: str, value: Any, least: int, most: float = ma
     if not whole or not least <= int(value) <= most:
         text = f"must be a whole number >= {least}"
         text += "" if most == math.inf else f" and <= {most}"
-        raise InputError(Problem(call, field, f"{text}; given {shown(value)}"))
+        raise InputError(Problem(call, field, f"{text}, got {shown(value)}"))
     return int(value)
 
 
 def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
     """Return the error for an argument with the wrong type, with a hint for model paths."""
-    text = f"must be {wanted}; given {shown(value)}"
+    text = f"must be {wanted}, got {shown(value)}"
     text += to_read(value) if "pg.Model" in wanted else ""
     return InputError(Problem(where, field, text))
 

@@ -480,7 +480,7 @@ class Dynamics(Portable):
             turn = self.pose(q, name)[1].T
             return (turn @ found.reshape(2, 3, self.nv)).reshape(6, self.nv)
         if frame not in FRAMES:
-            text = f"must be 'world' or 'body'; given {shown(frame)}"
+            text = f"must be 'world' or 'body', got {shown(frame)}"
             raise InputError(Problem("jacobian", "frame", text))
         return found
 

@@ -38,9 +38,9 @@ vector_over_time: Callable[[Vectors], Entries3 | VectorTable] = listed
 
 
 class Force(OfKinds):
-    """Acts on `body`.
+    """A force on `body`. See the class for each kind.
 
-    Its kinds are the classes that `pgraph_core.forces` lists: one file each.
+    The available classes are listed in `pgraph_core.forces`.
     """
 
     PASSIVE: ClassVar[bool] = False  # acts in every question, others and what varies in runs only
@@ -53,7 +53,7 @@ class Force(OfKinds):
         "gear": 1.0, "coefficients": {},
     }  # fmt: skip
 
-    name: Text = field("text that is not empty", label="Name")
+    name: Text = field("a non-empty string", label="Name")
     kind: Text = field(KIND, label="Kind")
     body: Text = field("the name of a body", label="Body")
 
@@ -82,7 +82,7 @@ def refuse_crossed_ends(f: Force) -> None:
     """Reject a minimum length that exceeds the maximum."""
     low, high = ends_of(f)
     if low is not None and high is not None and low > high:
-        refuse([("low", f"must be at most high, {shown(high)}; given {shown(low)}")])
+        refuse([("low", f"must be at most high, {shown(high)}, got {shown(low)}")])
 
 
 class Places(Protocol):

@@ -45,9 +45,10 @@ square: Callable[[npt.ArrayLike], Mat6] = _square
 class Bushing(AtPoint, Between):
     """A rubber element between a frame on `body` and one on `other`.
 
-    With e the displacement of the body's frame in the axes of the other's, and its turn against it
-    as a rotation vector of less than half a turn, it stores e K e / 2 and exerts the slope of that
-    on both. `damping` times the relative velocity and spin, in the same axes, resists.
+    The deformation e consists of the displacement and the rotation vector of the frame on `body`,
+    in the axes of the frame on `other`. The force and torque are the gradient of the energy e K e /
+    2, for rotations of less than half a turn. In addition, there is a damping force proportional to
+    the relative linear and angular velocity, in the same axes.
     """
 
     ABOUT: ClassVar[str] = "a bushing: springs and dampers along and about three axes"
@@ -57,19 +58,19 @@ class Bushing(AtPoint, Between):
 
     kind: Literal["bushing"] = field(KIND, default="bushing")
     rotation: Quat = field(
-        "a quaternion [w, x, y, z] that is not zero, its orientation in the axes of `body`",
+        "a nonzero quaternion [w, x, y, z] in the axes of `body`",
         converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), role="frame",
     )  # fmt: skip
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; default: the initial position of `point`",
         converter=maybe_vector, default=None, dim=M, role="point",
-        help="in the axes of the other; empty: the initial position of the point",
+        help="in the axes of the second body; default: the initial position of the point",
     )  # fmt: skip
     other_rotation: Quat | None = field(
-        "a quaternion [w, x, y, z] that is not zero, in the axes of `other`; default: as in the "
+        "a nonzero quaternion [w, x, y, z] in the axes of `other`; default: as in the "
         "initial state",
         default=None, role="frame",
-        help="axes in those of the other; empty: as in the initial state",
+        help="orientation in the axes of the second body; default: as in the initial state",
     )  # fmt: skip
     stiffness: Mat6 = field(
         "six numbers >= 0, along and about x, y, z, or a symmetric 6x6 matrix without negative "
@@ -94,7 +95,7 @@ class Bushing(AtPoint, Between):
         for name in ("stiffness", "damping"):
             given = np.array(getattr(self, name))
             if not np.array_equal(given, given.T):
-                found.append((name, f"must be symmetric; given {shown(getattr(self, name))}"))
+                found.append((name, f"must be symmetric, got {shown(getattr(self, name))}"))
             elif (least := np.linalg.eigvalsh(given)[0]) < -6 * EPS * np.abs(given).max():
                 found.append((name, f"must have no eigenvalue below 0; it has {least:.3g}"))
         for name in ("rotation", "other_rotation"):

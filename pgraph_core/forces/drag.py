@@ -22,9 +22,10 @@ from .base import KIND, Load, OnBody, Places, row
 class Drag(OnBody):
     """Viscous and pressure drag from a fluid at rest on a box fixed to `body`.
 
-    Along an edge a: -3 pi d viscosity u - density b c |u| u / 2; about it: -pi d^3 viscosity w -
-    density a (b^4 + c^4) |w| w / 64; d the mean edge, u and w the velocity of the middle and the
-    spin. That is MuJoCo's fluid model by inertia boxes. Passive.
+    The force along an edge a is -3 pi d viscosity u - density b c |u| u / 2, and the torque about
+    it is -pi d^3 viscosity w - density a (b^4 + c^4) |w| w / 64. Here, d is the mean edge length,
+    and u and w are the linear velocity of the centre and the angular velocity. This is equivalent
+    to the fluid model of MuJoCo that is based on inertia boxes.
     """
 
     ABOUT: ClassVar[str] = "a fluid's drag on a box around the body"
@@ -35,17 +36,17 @@ class Drag(OnBody):
 
     kind: Literal["drag"] = field(KIND, default="drag")
     size: Vec3 = field(
-        "three edges > 0 of the box [m]", converter=vector, dim=M, help="edges of the box"
+        "three edges > 0 of the box [m]", converter=vector, dim=M, help="edge lengths of the box"
     )
     density: Number = field("a number >= 0 [kg/m^3]", default=0.0, ge=0, dim=KG / M**3)
     viscosity: Number = field("a number >= 0 [Pa s]", default=0.0, ge=0, dim=PA * S)
     point: Vec3 | None = field(
         "three finite numbers in the axes of `body` [m]; default: its centre of mass",
         converter=maybe_vector, default=None, dim=M, role="point",
-        help="middle of the box; empty: the centre of mass",
+        help="centre of the box; default: the centre of mass",
     )  # fmt: skip
     rotation: Quat = field(
-        "a quaternion [w, x, y, z] that is not zero, of the box in the axes of `body`",
+        "a nonzero quaternion [w, x, y, z] of the box in the axes of `body`",
         converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), role="frame",
     )  # fmt: skip
 
@@ -53,7 +54,7 @@ class Drag(OnBody):
     def _box(self) -> Self:
         found = []
         if min(self.size) <= 0:
-            found.append(("size", f"each edge must be > 0 [m]; given {shown(self.size)}"))
+            found.append(("size", f"each edge must be > 0 [m], got {shown(self.size)}"))
         if not any(self.rotation):
             found.append(("rotation", "a quaternion must not be zero"))
         refuse(found)

@@ -26,61 +26,61 @@ class OnJoint(Force, OfSums):
     VARIES: ClassVar[tuple[str, ...]] = ("torque",)
 
     coordinate: Whole = field(
-        "the number of a degree of freedom of the joint, from 0",
-        default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
+        "the index of a degree of freedom of the joint, starting at 0",
+        default=0, ge=0, le=5, help="index of the joint degree of freedom, starting at 0",
     )  # fmt: skip
     coefficients: ByName = field(
         "body name -> numbers, one per degree of freedom of its joint; empty: `coordinate` alone",
         converter=by_name, default=EMPTY, label="Coefficient", dim=NONE, since=3,
-        help="acts on a sum: one per degree",
+        help="coefficients of a weighted sum of coordinates, one per degree of freedom",
     )  # fmt: skip
     gear: Number = field(
-        "a number that is not zero",
-        default=1.0, dim=NONE, since=3, help="factor of its torque on the joint",
+        "a nonzero number",
+        default=1.0, dim=NONE, since=3, help="gear ratio",
     )  # fmt: skip
     torque: Number | Table | Expression = field(
         "a number, a table over time, or an expression [N m, N]",
         converter=over_time, default=0.0, dim=J / Q,
-        help="a number, over time: t value; t value; ..., or =2*sin(3*t) - q.arm",
+        help="a number, a table t value; t value; ..., or =2*sin(3*t) - q.arm",
     )  # fmt: skip
     torque_limit: Number | None = field(
         "a number > 0 [N m, N], or None",
-        default=None, gt=0, label="At most", dim=J / Q, help="largest magnitude; empty: none",
+        default=None, gt=0, label="At most", dim=J / Q, help="maximum magnitude; default: none",
     )  # fmt: skip
     torque_low: Number | None = field(
         "a number below torque_limit [N m, N], or None: -torque_limit",
         default=None, label="At least", dim=J / Q, since=3,
-        help="lower limit; empty: minus the upper limit",
+        help="lower limit; default: minus the upper limit",
     )  # fmt: skip
     input_low: Number | None = field(
         "a number, the lower bound of its input, or None",
-        default=None, dim=NONE, since=3, help="lower bound of its input",
+        default=None, dim=NONE, since=3, help="lower bound of the input",
     )  # fmt: skip
     input_high: Number | None = field(
         "a number, the upper bound of its input, or None",
-        default=None, dim=NONE, since=3, help="upper bound of its input",
+        default=None, dim=NONE, since=3, help="upper bound of the input",
     )  # fmt: skip
 
     lag: Number = field(
         "a time >= 0 [s], or None: no lag",
-        default=0.0, ge=0, dim=S, since=3, help="time constant of the lag of the input",
+        default=0.0, ge=0, dim=S, since=3, help="time constant of a first-order lag of the input",
     )  # fmt: skip
     integrates: Flag = field(
         "true or false: whether the integral of the input acts in its place",
-        default=False, since=3, help="the integral of the input over time acts in its place",
+        default=False, since=3, help="use the time integral of the input",
     )  # fmt: skip
     start: Number | None = field(
         "a number, the initial value with a lag or integral; default: the input, or 0",
         default=None, dim=NONE, since=3,
-        help="the initial value; empty: the input with a lag, 0 with an integral",
+        help="initial value; default: the input with a lag, 0 with an integral",
     )  # fmt: skip
     state_low: Number | None = field(
         "a number, the lower bound of the integral, or None", default=None, dim=NONE,
-        help="lower bound of the integral of its input",
+        help="lower bound of the integral",
     )  # fmt: skip
     state_high: Number | None = field(
         "a number, the upper bound of the integral, or None", default=None, dim=NONE,
-        help="upper bound of the integral of its input",
+        help="upper bound of the integral",
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -94,15 +94,15 @@ class OnJoint(Force, OfSums):
             found.append(("start", "needs a lag, or `integrates`"))
         found += self._state_problems()
         if self.gear == 0:
-            found.append(("gear", "must not be zero; given 0"))
+            found.append(("gear", "must not be zero, got 0"))
         if self.coefficients and not any(any(x) for x in self.coefficients.values()):
             found.append(("coefficients", "at least one must differ from zero"))
         least, most = self.torques
         if least >= most:
-            found.append(("torque_low", f"must be below torque_limit; given {shown(least)}"))
+            found.append(("torque_low", f"must be below torque_limit, got {shown(least)}"))
         low, high = self.inputs
         if low > high:
-            text = f"must be at most input_high, {shown(high)}; given {shown(low)}"
+            text = f"must be at most input_high, {shown(high)}, got {shown(low)}"
             found.append(("input_low", text))
         elif text := self.input_problem(getattr(self, self.INPUT)):
             found.append((self.INPUT, text))
@@ -115,7 +115,7 @@ class OnJoint(Force, OfSums):
         found: dict[str, Any] = {self.INPUT: given} if isinstance(given, str) else {}
         if not self.law.kp and not isinstance(self.law.torque, float):
             found["torque"] = self.law.torque
-        text = "must be a number where the input has a lag or integral; given "
+        text = "must be a number where the input has a lag or integral, got "
         return [(x, text + (y if isinstance(y, str) else "a table")) for x, y in found.items()]
 
     def _state_problems(self) -> list[tuple[str, str]]:
@@ -127,10 +127,10 @@ class OnJoint(Force, OfSums):
             ]
             return [(name, "needs `integrates`: it bounds the integral") for name in given]
         if low > high:
-            text = f"must be at most state_high, {shown(high)}; given {shown(low)}"
+            text = f"must be at most state_high, {shown(high)}, got {shown(low)}"
             return [("state_low", text)]
         if not low <= (start := self.start or 0.0) <= high:
-            return [("start", f"must be from {low:g} to {high:g}; given {shown(start)}")]
+            return [("start", f"must be from {low:g} to {high:g}, got {shown(start)}")]
         return []
 
     def _dim_of(self, name: str) -> Dim:
@@ -160,7 +160,7 @@ class OnJoint(Force, OfSums):
             return ""
         values = value.value if isinstance(value, Table) else (value,)
         bad = next((x for x in values if not low <= x <= high), None)
-        return "" if bad is None else f"must be from {low:g} to {high:g}; given {shown(bad)}"
+        return "" if bad is None else f"must be from {low:g} to {high:g}, got {shown(bad)}"
 
     @property
     def inputs(self) -> tuple[float, float]:
@@ -229,16 +229,16 @@ class Servo(OnJoint):
     kp: Number = field(
         "a number >= 0 [N m/rad, N/m]",
         default=0.0, ge=0, label="kp", dim=J / Q**2,
-        help="torque per position error",
+        help="position gain",
     )  # fmt: skip
     kd: Number = field(
         "a number >= 0 [N m s/rad, N s/m]",
-        default=0.0, ge=0, label="kd", dim=J * S / Q**2, help="torque per velocity",
+        default=0.0, ge=0, label="kd", dim=J * S / Q**2, help="damping gain",
     )  # fmt: skip
     target: Number | Table | Expression = field(
         "a number, a table over time, or an expression [rad, m]",
         converter=over_time, default=0.0, dim=Q,
-        help="a number, over time: t value; t value; ..., or =2*sin(3*t) - q.arm",
+        help="a number, a table t value; t value; ..., or =2*sin(3*t) - q.arm",
     )  # fmt: skip
 
     @property
@@ -263,12 +263,12 @@ class SpeedServo(OnJoint):
     kd: Number = field(
         "a number >= 0 [N m s/rad, N s/m]",
         default=0.0, ge=0, label="kd", dim=J * S / Q**2,
-        help="torque per velocity error",
+        help="velocity gain",
     )  # fmt: skip
     speed: Number | Table | Expression = field(
         "a number, a table over time, or an expression [rad/s, m/s]",
         converter=over_time, default=0.0, dim=Q / S,
-        help="a number, over time: t value; t value; ..., or =2*sin(3*t) - q.arm",
+        help="a number, a table t value; t value; ..., or =2*sin(3*t) - q.arm",
     )  # fmt: skip
 
     @property
@@ -283,7 +283,8 @@ class SpeedServo(OnJoint):
 class Actuator(OnJoint):
     """An actuator with `torque` + gain x input - kp q - kd v on a joint coordinate of `body`.
 
-    The general linear drive; gains may have any sign. Motors and servos are cases of it.
+    This is a general linear drive whose gains can have any sign. Motors and servos are special
+    cases.
     """
 
     ABOUT: ClassVar[str] = "torque + gain × input - kp q - kd v on a joint"
@@ -295,18 +296,18 @@ class Actuator(OnJoint):
     input: Number | Table | Expression = field(
         "a number, a table over time, or an expression",
         converter=over_time, default=0.0, dim=NONE,
-        help="a number, over time: t value; t value; ..., or =2*sin(3*t) - q.arm",
+        help="a number, a table t value; t value; ..., or =2*sin(3*t) - q.arm",
     )  # fmt: skip
     gain: Number = field(
-        "a finite number [N m, N per input]", default=1.0, dim=J / Q, help="torque per input"
+        "a finite number [N m, N per input]", default=1.0, dim=J / Q, help="gain of the input"
     )
     kp: Number = field(
         "a finite number [N m/rad, N/m]",
-        default=0.0, label="kp", dim=J / Q**2, help="torque against position",
+        default=0.0, label="kp", dim=J / Q**2, help="position gain",
     )  # fmt: skip
     kd: Number = field(
         "a finite number [N m s/rad, N s/m]",
-        default=0.0, label="kd", dim=J * S / Q**2, help="torque against velocity",
+        default=0.0, label="kd", dim=J * S / Q**2, help="velocity gain",
     )  # fmt: skip
 
     @property

@@ -37,7 +37,7 @@ class BetweenPoints(AtPoint, Between):
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; default: its origin",
         converter=maybe_vector, default=None, dim=M, role="point",
-        help="in the axes of the other; empty: its origin",
+        help="in the axes of the second body; default: its origin",
     )  # fmt: skip
 
 
@@ -72,16 +72,16 @@ class Spring(BetweenPoints, Sprung):
     )  # fmt: skip
     rest: Number | None = field(
         "a length >= 0 without force [m]; default: as in the initial state",
-        default=None, ge=0, dim=M, help="without force; empty: as in the initial state",
+        default=None, ge=0, dim=M, help="rest length; default: as in the initial state",
     )  # fmt: skip
     low: Number | None = field(
         "the smallest length > 0 [m], or None",
-        default=None, gt=0, dim=M, since=3, help="smallest length; empty: none",
+        default=None, gt=0, dim=M, since=3, help="minimum length; default: unlimited",
     )  # fmt: skip
     high: Number | None = field(
         "the largest length > 0 [m], or None",
         default=None, gt=0, dim=M, since=3,
-        help="largest length, for example of a string; empty: none",
+        help="maximum length, for example of a string; default: unlimited",
     )  # fmt: skip
 
     @model_validator(mode="after")

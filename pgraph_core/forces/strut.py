@@ -27,17 +27,18 @@ class Lines(Frozen):
     def _knots(self) -> Self:
         x, value = self.x, self.value
         if not x or len(x) != len(value):
-            refuse([("x", f"must be as many as the values; given {len(x)} and {len(value)}")])
+            refuse([("x", f"must be as many as the values, got {len(x)} and {len(value)}")])
         if any(a >= b for a, b in pairwise(x)):
             refuse([("x", "must ascend")])
         return self
 
 
 class Strut(BetweenPoints):
-    """A strut pulling two points together, with `spring` over length and `damper` over its rate.
+    """A spring and damper between two points, with forces given by tables.
 
-    If the length is less than `bump_length` by d, and falls at the speed u, a stop pushes them
-    apart by bump_stiffness d (1 + bump_damping u), and never pulls (Hunt and Crossley, 1975).
+    `spring` defines the force over the length, and `damper` the force over its rate. If the length
+    is smaller than `bump_length` by d and decreases at a speed u, a bump stop adds the force
+    bump_stiffness d (1 + bump_damping u), which never pulls [Hunt & Crossley 1975].
     """
 
     ABOUT: ClassVar[str] = "spring and damper by tables over length and speed, with a bump stop"
@@ -48,25 +49,29 @@ class Strut(BetweenPoints):
     kind: Literal["strut"] = field(KIND, default="strut")
     spring: Lines | None = field(
         "a table {'x': lengths [m], 'value': pulls [N]}, or None",
-        default=None, dim=N, over=M, help="pull by length: m N; m N; ...",
+        default=None, dim=N, over=M, help="force over length, m N; m N; ...",
     )  # fmt: skip
     damper: Lines | None = field(
         "a table {'x': rates of the length [m/s], 'value': pulls [N]}, or None",
-        default=None, dim=N, over=M / S, help="pull by rate of the length: m/s N; m/s N; ...",
+        default=None, dim=N, over=M / S, help="force over rate of length, m/s N; m/s N; ...",
     )  # fmt: skip
     bump_length: Number = field(
         "the length >= 0 below which the stop pushes [m]",
-        default=0.0, ge=0, dim=M, help="length below which the stop pushes",
+        default=0.0, ge=0, dim=M, help="length at which the bump stop engages",
     )  # fmt: skip
     bump_stiffness: Number = field("a number >= 0 [N/m]", default=0.0, ge=0, dim=N / M)
     bump_damping: Number = field(
-        "a number >= 0 [s/m]", default=0.0, ge=0, dim=S / M, help="of the stop, per speed"
+        "a number >= 0 [s/m]",
+        default=0.0,
+        ge=0,
+        dim=S / M,
+        help="damping coefficient of the bump stop",
     )
 
     @model_validator(mode="after")
     def _stop_pushes(self) -> Self:
         if self.bump_stiffness and not self.bump_length:
-            refuse([("bump_length", "must be > 0 where the stop has a stiffness; given 0")])
+            refuse([("bump_length", "must be > 0 where the stop has a stiffness, got 0")])
         return self
 
 

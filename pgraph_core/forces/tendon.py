@@ -12,10 +12,10 @@ from .base import KIND, Force, refuse_crossed_ends
 
 
 class Tendon(OnSum, Force):
-    """A tendon along joints, with length equal to the sum of `coefficients` x q.
+    """A tendon whose length is the weighted sum of joint coordinates, `coefficients` x q.
 
-    Spring, damper and friction act towards the length `rest`. The length is at least `low` and at
-    most `high`. Passive, as springs and dampers of joints.
+    It can have a spring with the rest length `rest`, a damper and friction. The length is limited
+    to the range from `low` to `high`. Tendons are passive, like the springs and dampers of joints.
     """
 
     ABOUT: ClassVar[str] = "spring, damper, friction and limits of a sum of joint coordinates"
@@ -28,15 +28,15 @@ class Tendon(OnSum, Force):
     friction: Number = field("a number >= 0 [N, N m]", default=0.0, ge=0, dim=J / Q)
     rest: Number | None = field(
         "a length without force [m, rad]; default: as in the initial state",
-        default=None, dim=Q, help="without force; empty: as in the initial state",
+        default=None, dim=Q, help="rest length; default: as in the initial state",
     )  # fmt: skip
     low: Number | None = field(
         "a number, the smallest length [m, rad], or None",
-        default=None, dim=Q, help="smallest length",
+        default=None, dim=Q, help="minimum length",
     )  # fmt: skip
     high: Number | None = field(
         "a number, the largest length [m, rad], or None",
-        default=None, dim=Q, help="largest length",
+        default=None, dim=Q, help="maximum length",
     )  # fmt: skip
 
     @model_validator(mode="after")

@@ -26,9 +26,9 @@ class Torsion(Sprung):
 
     kind: Literal["torsion"] = field(KIND, default="torsion")
     axis: Vec3 | None = field(
-        "a direction [x, y, z] that is not zero, in the axes of `body`; default: z",
+        "a nonzero vector [x, y, z] in the axes of `body`; default: z",
         converter=maybe_vector, default=None, role="axial",
-        help="direction in the axes of the body; empty: z",
+        help="direction in body axes; default: z",
     )  # fmt: skip
     stiffness: NotNegative | Expression = field(
         "a number >= 0 [N m/rad], or an expression", converter=number_or_law, default=0.0,
@@ -38,9 +38,7 @@ class Torsion(Sprung):
         "a number >= 0 [N m s/rad], or an expression", converter=number_or_law, default=0.0,
         dim=J * S / RAD,
     )  # fmt: skip
-    rest: Number = field(
-        "the angle without torque [rad]", default=0.0, dim=RAD, help="the angle without torque"
-    )
+    rest: Number = field("the angle without torque [rad]", default=0.0, dim=RAD, help="rest angle")
 
     @model_validator(mode="after")
     def _axis_points_somewhere(self) -> Self:

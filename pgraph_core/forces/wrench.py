@@ -35,12 +35,12 @@ class Wrench(OnBody):
     )  # fmt: skip
     frame: Literal["world", "body"] = field(
         "'world' or 'body': the axes of torque and force",
-        default="world", label="Axes of", help="axes of force and torque",
+        default="world", label="Axes of", help="axes in which force and torque are given",
     )  # fmt: skip
     point: Vec3 | None = field(
         "three finite numbers in the axes of `body` [m]; default: its origin",
         converter=maybe_vector, default=None, dim=M, role="point",
-        help="in the axes of the body; empty: its origin",
+        help="in body axes; default: the body origin",
     )  # fmt: skip
 
     @property

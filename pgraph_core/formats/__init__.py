@@ -35,18 +35,19 @@ def load(
 ) -> Model:
     """Load a built-in model by its name, or a file in Pgraph JSON, URDF, xacro or MJCF format.
 
-    `notices` of the model list omissions and warnings. `pg.read_urdf` and `pg.read_mjcf` return the
-    whole report.
+    Omissions and warnings are stored in `notices` of the model. To obtain the full report, use
+    `pg.read_urdf` or `pg.read_mjcf`.
 
     Parameters
     ----------
     path : path
-        The file, or the name of a built-in model. Paths of meshes are relative to the folder of the
+        The file, or the name of a built-in model. Mesh paths are relative to the folder of the
         file.
     roots : iterable of paths, optional
-        Further folders in which meshes are permitted.
+        Additional folders from which meshes may be loaded.
     arguments : dict, optional
-        Arguments of a xacro file. Such a file is a program, so load it only if you trust it.
+        Arguments of a xacro file. Since xacro files can execute code, only load files that you
+        trust.
 
     Raises
     ------

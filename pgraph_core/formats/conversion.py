@@ -57,7 +57,7 @@ class Entry:
 @explained
 @dataclass
 class Report(Suggests):
-    """The report from a reader or writer. `print` shows it as a list of sentences."""
+    """A conversion report, which can be printed."""
 
     file: str
     entries: list[Entry] = field(default_factory=list[Entry])

@@ -68,7 +68,7 @@ def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
     model : Model
         The model.
     report : Report
-        Omissions and doubts. Printing it shows a list of sentences.
+        Omissions and warnings, which can be printed.
 
     Raises
     ------
@@ -234,7 +234,7 @@ class _Files:
         if key == "nrow" and _whole(given) * _whole(element.get("ncol")) > MOST_HEIGHTS:
             return f"nrow times ncol must be at most {MOST_HEIGHTS}; give a coarser one"
         if key == "quat" and given and not given.strip("0+-.eE \t\n"):
-            return f"must not be zero; given {shown(given)}; leave it out for no rotation"
+            return f"must not be zero, got {shown(given)}; leave it out for no rotation"
         if key.startswith("file") and element.tag != "include" and given:
             paths = [folder / slashed(given) for folder in self.directories]
             there = [path for path in paths if os.path.lexists(path)]  # False for a name too long

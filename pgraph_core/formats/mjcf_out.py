@@ -45,8 +45,9 @@ NOTHING = (1.0, 0.0, 0.0, 0.0)
 def write_mjcf(model: Model, path: str | Path) -> Report:
     """Write a model as an MJCF file.
 
-    The format supports trees, loops of kinds point, weld, revolute, gear and motion, contacts,
-    motors, servos and springs. Meshes from other folders are copied to `meshes` next to the file.
+    Trees, contacts, motors, servos, springs and constraints of the kinds point, weld, revolute,
+    gear and motion are supported. Meshes from other folders are copied to `meshes` next to the
+    file.
 
     Parameters
     ----------
@@ -58,15 +59,15 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
     Returns
     -------
     Report
-        The parts that the format does not support.
+        Elements that are not supported by the format.
 
     Raises
     ------
     FileError
         If the file cannot be written.
     ModelError
-        If the model has a screw joint, or a free joint that is not at a root, which MJCF does not
-        support. Then nothing is written.
+        If the model has a screw joint, or a free joint that is not at the root, which MJCF does not
+        support. No file is written in this case.
     """
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():

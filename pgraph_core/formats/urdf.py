@@ -87,7 +87,7 @@ def read_urdf(
     base : {"fixed", "free"}
         Whether the root link is welded to the ground or floats.
     arguments : dict, optional
-        Values for the arguments of a xacro file. Such a file is a program: read only those that you
+        Arguments of a xacro file. Since xacro files can execute code, only read files that you
         trust.
 
     Returns
@@ -95,19 +95,19 @@ def read_urdf(
     model : Model
         The model.
     report : Report
-        Omissions and doubts. Printing it shows a list of sentences.
+        Omissions and warnings, which can be printed.
 
     Raises
     ------
     FileError, ModelError
-        If the file cannot be read. The message names line and element.
+        If the file cannot be read. The message contains the line and the element.
     InputError
-        If arguments do not fit.
+        If an argument is invalid.
     MissingPackage
         If a xacro file needs the package xacro.
     """
     if base not in ("fixed", "free"):
-        text = f"must be 'fixed' or 'free'; given {shown(base)}"
+        text = f"must be 'fixed' or 'free', got {shown(base)}"
         raise InputError(Problem("read_urdf", "base", text))
     path = Path(path)
     folders, name, warnings = Folders(path, roots), path.name, list[str]()
@@ -219,12 +219,12 @@ class _Reader(Shapes):
                 end = element.first(side)
                 link = end.get("link") if end is not None else ""
                 if link not in self.links:
-                    text = f"must name a link; given {shown(link)}"
+                    text = f"must name a link, got {shown(link)}"
                     self._wrong(end or element, side, text, what)
                     sound = False
                 ends.append(link)
             if element.get("type") not in JOINTS:
-                text = f"must be one of {', '.join(JOINTS)}; given {shown(element.get('type'))}"
+                text = f"must be one of {', '.join(JOINTS)}, got {shown(element.get('type'))}"
                 self._wrong(element, "type", text, what)
                 sound = False
             if not sound:
@@ -339,7 +339,7 @@ class _Reader(Shapes):
         for name in ("damping", "friction"):
             value = self.given.number(dynamics, name, 0.0, what)
             if value < 0:
-                text = f"must be >= 0; given {shown(value)}"
+                text = f"must be >= 0, got {shown(value)}"
                 self._wrong(dynamics or element, name, text, what)
             fields[name] = value
         return fields | self._limits(joint, kind, what)
@@ -348,7 +348,7 @@ class _Reader(Shapes):
         axis = self.given.numbers(element.first("axis"), "xyz", X, what)
         if 1e-9 < math.hypot(*axis) < 1e9:
             return axis
-        text = f"must not be zero; given {shown(axis)}"
+        text = f"must not be zero, got {shown(axis)}"
         self._wrong(element.first("axis") or element, "axis", text, what)
         return X
 
@@ -375,7 +375,7 @@ class _Reader(Shapes):
             self.report.add("warning", where, text, part=joint.child)
             return {}
         if low == high:
-            text = f"lower must be less than upper; given {shown(low)} and {shown(high)}"
+            text = f"lower must be less than upper, got {shown(low)} and {shown(high)}"
             self.report.add("warning", where, f"{text}; the limits are left out", part=joint.child)
             self.report.add("left out", where, "limits", acts=True, part=joint.child)
             return {}
@@ -397,7 +397,7 @@ class _Reader(Shapes):
         com, turn = self._pose(inertial, what)
         mass = self.given.number(inertial.first("mass"), "value", 0.0, what)
         if mass < 0:
-            text = f"must be >= 0 [kg]; given {shown(mass)}"
+            text = f"must be >= 0 [kg], got {shown(mass)}"
             self._wrong(inertial.first("mass") or inertial, "mass", text, what)
         given = inertial.first("inertia")
         names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -469,7 +469,7 @@ class _Reader(Shapes):
         for name, element in self._named("loop_joint"):
             what, kind = f"loop_joint {shown(name)}", LOOPS.get(element.get("type"))
             if kind is None:
-                text = f"must be one of {', '.join(LOOPS)}; given {shown(element.get('type'))}"
+                text = f"must be one of {', '.join(LOOPS)}, got {shown(element.get('type'))}"
                 self._wrong(element, "type", text, what)
                 continue
             ends: list[tuple[str, tuple[float, ...], Quaternion]] = []

@@ -43,14 +43,14 @@ def write_urdf(model: Model, path: str | Path) -> Report:
     Returns
     -------
     Report
-        The parts that the format does not support.
+        Elements that are not supported by the format.
 
     Raises
     ------
     FileError
         If the file cannot be written.
     ModelError
-        If the model has a ball joint, which URDF lacks. Then nothing is written.
+        If the model has a ball joint, which URDF does not support. No file is written in this case.
     """
     path = named(path, ".urdf")
     if not path.parent.is_dir():

@@ -129,7 +129,7 @@ class Shapes:
             given = self.source.numbers(solid, field, (-1.0,) * count, what)
             if min(given) < 0:
                 wanted = "three numbers" if count == 3 else "a number"
-                text = f"must be {wanted} > 0 [m]; given {shown(solid.get(field))}"
+                text = f"must be {wanted} > 0 [m], got {shown(solid.get(field))}"
                 raise self.source.wrong(solid, field, text, what)
             found[field] = given if count == 3 else given[0]
         return found
@@ -173,7 +173,7 @@ class Shapes:
         else:
             scale = self.source.numbers(solid, "scale", (1.0, 1.0, 1.0), what)
         if not all(1e-9 < abs(x) < 1e9 for x in scale):
-            text = f"must be three numbers that are not zero; given {shown(scale)}"
+            text = f"must be three numbers that are not zero, got {shown(scale)}"
             raise self.source.wrong(solid, "scale", text, what)
         mesh: dict[str, Any] = {"kind": "mesh", "file": str(path)}
         if (seen := self._seen(path, given, where, name, acts)) is not None:

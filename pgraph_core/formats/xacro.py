@@ -45,7 +45,7 @@ def expanded(
 
 def no_arguments(path: Path) -> InputError:
     """Return the error for arguments passed to a file that takes none."""
-    text = f"are of xacro files, whose names end in {SUFFIX}; given with {path.name}"
+    text = f"are of xacro files, whose names end in {SUFFIX}, got with {path.name}"
     return InputError(Problem("arguments", "", text))
 
 
@@ -55,7 +55,7 @@ def _text(name: str, value: Any) -> str:
         return str(value).lower()
     if isinstance(value, (str, int, float)):
         return str(value)
-    text = f"must be a text or a number; given {shown(value)}"
+    text = f"must be a text or a number, got {shown(value)}"
     raise InputError(Problem("arguments", name, text))
 
 

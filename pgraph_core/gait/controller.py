@@ -43,11 +43,12 @@ LIMP = 15.0  # [1/s] rate at which joints slow down after a fall
 
 @explained
 class Controller(Portable):
-    """Joint torques for a gait, as a function of (t, q, v) without memory or look-ahead.
+    """A gait controller that computes joint torques as a function of (t, q, v).
 
-    Pass it to `simulate` as `tau`, or use a scenario with a gait, which creates one. It uses the
-    parameters of the model that it is created for. To study a wrong mass, give the controller of
-    one model to runs of another model with the same joints. Torques are limited.
+    It has no internal state and can be passed to `simulate` as `tau`. Scenarios with a gait create
+    a controller automatically. The controller uses the parameters of the model for which it was
+    created. To study the effect of modelling errors, use it in simulations of another model with
+    the same joints.
 
     Raises InputError if the model cannot walk on the feet of the gait, or if its legs cannot reach
     the speed.

@@ -127,24 +127,24 @@ def underfoot(
     slope: float | None = None,
     steps: Sequence[Step] | None = None,
 ) -> Model:
-    """Return the model on different ground.
+    """Return a copy of a model on different ground.
 
-    The given properties replace those of all contacts with the ground.
+    The arguments apply to all contacts with the ground.
 
     Parameters
     ----------
     model : Model
         The model, with contacts with the ground.
     law : str, optional
-        Contact law. It includes the stiffness and damping of the sole of a paw. With "penalty",
-        explicit methods can take steps of 0.25 ms. "soft" needs an implicit method such as
-        "radau5".
+        Contact law, including the stiffness and damping of the soles. With "penalty", explicit
+        methods can use steps of up to 0.25 ms. For "soft", an implicit method such as "radau5"
+        should be used.
     friction : float, optional
         Coefficient of friction.
     slope : float, optional
         Slope of the ground [rad].
     steps : sequence of Step, optional
-        Raised or sunk rectangles of the ground.
+        Rectangular areas of the ground at other heights.
     """
     changes: dict[str, Any] = {} if friction is None else {"friction": friction}
     if changes:
@@ -181,7 +181,7 @@ def gaits(feet: Sequence[str] = FEET) -> dict[str, Gait]:
         If there are not four names.
     """
     if isinstance(feet, str) or len(feet) != 4:
-        raise refusal("gaits", "feet", f"must be the names of four contacts; given {shown(feet)}")
+        raise refusal("gaits", "feet", f"must be the names of four contacts, got {shown(feet)}")
     known = json.loads(Path(__file__).with_name("gaits.json").read_text(encoding="utf-8"))
     for gait in known.values():
         gait["feet"] = [{"foot": foot, **fall} for foot, fall in zip(feet, gait["feet"])]

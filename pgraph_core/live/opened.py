@@ -66,13 +66,13 @@ def opened(model: Model, given: str) -> Opened:
         except (ValueError, OverflowError):
             low, more = np.nan, [0.0]
         if not np.isfinite(low) or (more and not (len(more) == 1 and 2 <= more[0] == count)):
-            text = f"must be PATH, PATH=low:high or PATH=low:high:n, n > 1 values; given {given!r}"
+            text = f"must be PATH, PATH=low:high or PATH=low:high:n, n > 1 values, got {given!r}"
             raise InputError(Problem("export", "open", text))
     if count > MOST_COMPUTED:
-        text = f"may take {MOST_COMPUTED} values at most; given {count}"
+        text = f"may take {MOST_COMPUTED} values at most, got {count}"
         raise InputError(Problem("export", name, text))
     if not (np.isfinite(high) and low < high and low <= x <= high):
-        text = f"needs a range low < high around the model's own {x:g}; given {low:g}:{high:g}"
+        text = f"needs a range low < high around the model's own {x:g}, got {low:g}:{high:g}"
         raise InputError(Problem("export", name, text))
     return Opened(path, low, high, count)
 

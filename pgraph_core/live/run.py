@@ -379,7 +379,7 @@ def _check(plan: Any) -> None:
         text += "scenario, or export the recording without --live"
         raise InputError(Problem("export", "scenario", text))
     if plan.method.name not in (*SMOOTH, *TOUCHING):
-        text = f"must be one of {choices((*SMOOTH, *TOUCHING))}; given {plan.method.name!r}"
+        text = f"must be one of {choices((*SMOOTH, *TOUCHING))}, got {plan.method.name!r}"
         raise InputError(Problem("export", "method", text))
 
 

@@ -86,7 +86,7 @@ class Body(Described):
         ("joint", "dof", "axes", "motions"), JOINT_FIELDS
     )
 
-    name: Text = field("text that is not empty", label="Name")
+    name: Text = field("a non-empty string", label="Name")
     parent: Parent = field(
         "the name of a body, or 'ground'", converter=_parent_in, default=GROUND, label="Parent"
     )
@@ -107,14 +107,16 @@ class Body(Described):
     link: Vec3 = field(
         "three finite numbers [x, y, z] from the parent's origin [m]",
         converter=vector, default=(0.0, 0.0, 0.0), label="Link vector", dim=M, role="point",
-        help="from the parent's origin to this body's origin, in parent axes at q = 0",
+        help="position of the body origin relative to the parent, in parent axes at q = 0",
     )  # fmt: skip
     rotation: Quat = field(
         "a unit quaternion [w, x, y, z] in the parent's axes",
         converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), label="Orientation", role="frame",
-        help="orientation of this body's axes in the parent's axes at q = 0",
+        help="orientation relative to the parent at q = 0",
     )  # fmt: skip
-    mass: Number = field("a finite number >= 0 [kg]", default=1.0, ge=0, dim=KG, help="at least 0")
+    mass: Number = field(
+        "a finite number >= 0 [kg]", default=1.0, ge=0, dim=KG, help="mass of the body"
+    )
     com: Vec3 = field(
         "three finite numbers [x, y, z] in body axes [m]",
         converter=vector, default=(0.0, 0.0, 0.0), label="Centre of mass", dim=M, role="point",
@@ -129,7 +131,7 @@ class Body(Described):
     tip: Vec3 | None = field(
         "three finite numbers [x, y, z] in body axes [m], or None",
         converter=maybe_vector, default=None, dim=M, role="point",
-        help="point of interest, in body axes; empty: the centre of mass",
+        help="end point of the body, in body axes; default: the centre of mass",
     )  # fmt: skip
     q: PerMotion = field(
         "one finite number per position coordinate [rad, m]",
@@ -144,12 +146,12 @@ class Body(Described):
     stiffness: PerMotion = field(
         "numbers >= 0, one for all or one per motion",
         converter=per_motion, default=(), dim=J / Q**2,
-        help="spring of each motion of the joint",
+        help="spring stiffness of each joint motion",
     )  # fmt: skip
     damping: PerMotion = field(
         "numbers >= 0, one for all or one per motion",
         converter=per_motion, default=(), dim=J * S / Q**2,
-        help="viscous damper of each motion of the joint",
+        help="viscous damping of each joint motion",
     )  # fmt: skip
     rest: PerMotion = field(
         "finite numbers, one for all or one per motion",
@@ -164,22 +166,22 @@ class Body(Described):
     armature: PerMotion = field(
         "numbers >= 0, one for all or one per motion",
         converter=per_motion, default=(), dim=J * S**2 / Q**2,
-        help="inertia of the drive, which acts on this joint only",
+        help="drive inertia, which only acts on this joint",
     )  # fmt: skip
     limits: tuple[tuple[Number | None, Number | None] | None, ...] = field(
         "[lower, upper] position [rad, m], null for an open end, one pair "
         "for all motions or one per motion",
-        converter=_limits_in, default=(), dim=Q, help="lower and upper position; empty: unlimited",
+        converter=_limits_in, default=(), dim=Q, help="lower and upper limit; default: none",
     )  # fmt: skip
     limit_restitution: PerMotion = field(
         "numbers from 0 to 1, one for all or one per motion",
         converter=per_motion, default=(), dim=NONE, label="Rebound",
-        help="restitution at a limit, 0 to 1",
+        help="coefficient of restitution at a limit, 0 to 1",
     )  # fmt: skip
     pitch: PerMotion = field(
         "numbers [m per turn], not 0 for a screw, by default 0.01, one for all or one per motion",
         converter=per_motion, default=(), dim=M, since=5,
-        help="advance of a screw per turn; negative for a left-handed thread",
+        help="screw pitch; negative for a left-handed thread",
     )  # fmt: skip
     shape: OneShape | None = field(
         "a shape such as {'kind': 'sphere', ...}",
@@ -251,7 +253,7 @@ class Body(Described):
         found += self._derive()
         found += joint_problems(self.joint, self.sequence, self.q, self.v, self.limits)
         if not 0.5 < math.hypot(*self.rotation) < 2:
-            text = f"must be a unit quaternion [w, x, y, z]; given {shown(self.rotation)}"
+            text = f"must be a unit quaternion [w, x, y, z], got {shown(self.rotation)}"
             found.append(("rotation", text))
         for name in PER_MOTION:
             found += physics_problems(name, getattr(self, name), self.sequence)
@@ -291,7 +293,7 @@ class Body(Described):
         if any(shape.kind == "mesh" for shape in self.shapes):
             return []  # a file that has changed since
         return [
-            (name, f"follows from the shapes as {shown(fields[name])}; given {shown(value)}; "
+            (name, f"follows from the shapes as {shown(fields[name])}, got {shown(value)}; "
                    f"leave it out, or take '{name}' out of `derived`")
             for name, value in given.items() if not _alike(value, fields[name])
         ]  # fmt: skip
@@ -353,7 +355,7 @@ def _alike(a: Any, b: Any) -> bool:
 def _pick_joint(data: dict[str, Any], dof: Any) -> None:
     number = whole(dof)
     if number is None or not 0 <= number <= 6:
-        refuse([("dof", f"must be a whole number from 0 to 6; given {shown(dof)}")])
+        refuse([("dof", f"must be a whole number from 0 to 6, got {shown(dof)}")])
         return
     kind, motions = joints.OF_DOF[number]
     given = data.get("joint", kind)
@@ -382,7 +384,7 @@ def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
     if axes != () and kind != "weld":
         if axes is None or len(axes) != len(moving):
             given = shown(data["axes"])
-            text = f"a {kind} joint takes {_count(len(moving))}; given {given}"
+            text = f"a {kind} joint takes {_count(len(moving))}, got {given}"
             refuse([("axes", text)])
             return
         left = iter(axes)
@@ -487,7 +489,7 @@ def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
     """Check the inertia for symmetry, positive semidefiniteness and the triangle inequality."""
     size = max(abs(x) for row in inertia for x in row)
     if any(abs(inertia[i][j] - inertia[j][i]) > SOLVED * size for i, j in ((0, 1), (0, 2), (1, 2))):
-        return [("inertia", f"must be symmetric; given {[list(row) for row in inertia]}")]
+        return [("inertia", f"must be symmetric, got {[list(row) for row in inertia]}")]
     slack = SOLVED * size
     if _is_plainly_right(inertia, 0.5 * slack):
         return []

@@ -43,7 +43,7 @@ def tree_problems(names: Sequence[str], parents: Sequence[str]) -> list[Problem]
 
 def _cycle_problem(cycle: list[str]) -> Problem:
     if len(cycle) == 1:
-        text = f"a body cannot be its own parent; given '{cycle[0]}'; choose another, or ground"
+        text = f"a body cannot be its own parent, got '{cycle[0]}'; choose another, or ground"
     else:
         path = " -> ".join([*cycle[:12], "..."] if len(cycle) > 12 else [*cycle, cycle[0]])
         text = f"closes a cycle: {path}; tie one of them to the ground"
@@ -103,7 +103,7 @@ def pair_problems(
         if text := unknown(name, bodies, *others):
             found.append(Problem(where, field, text))
     if body == other and body not in anyone:
-        text = f"a body cannot be {_TIED[part.word()]} itself; given '{body}' twice"
+        text = f"a body cannot be {_TIED[part.word()]} itself, got '{body}' twice"
         found.append(Problem(where, "other", text))
     return found
 
@@ -155,7 +155,7 @@ def fits_joint(c: Constraint, bodies: Bodies) -> bool:
 def _coordinate_problem(body: Body, coordinate: int) -> str:
     """Return the problem with a coordinate that must have its own position, or ""."""
     if coordinate >= body.dof:
-        return f"the joint of '{body.name}' has {body.dof} degrees of freedom; given {coordinate}"
+        return f"the joint of '{body.name}' has {body.dof} degrees of freedom, got {coordinate}"
     if not _has_position(body, coordinate):
         known = [str(k) for k in range(body.dof) if _has_position(body, k)]
         do = f"choose one of {choices(known)}" if known else "use kind 'orientation' or 'velocity'"
@@ -177,7 +177,7 @@ def sum_problems(
             continue
         text, body = unknown(name, bodies), bodies.get(name)
         if body is not None and len(values) != body.dof:
-            text = f"the joint of '{name}' takes {counted(body.dof, 'number')}; given {len(values)}"
+            text = f"the joint of '{name}' takes {counted(body.dof, 'number')}, got {len(values)}"
         elif body is not None and of_positions:
             bad = (_coordinate_problem(body, k) for k, x in enumerate(values) if x)
             text = next(filter(None, bad), "")
@@ -224,9 +224,7 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
         if body is None:
             continue
         if f.coordinate >= body.dof:
-            text = (
-                f"the joint of '{f.body}' has {body.dof} degrees of freedom; given {f.coordinate}"
-            )
+            text = f"the joint of '{f.body}' has {body.dof} degrees of freedom, got {f.coordinate}"
             found.append(Problem(where, "coordinate", text))
         elif springs and not _has_position(body, f.coordinate):
             text = "a servo's kp needs a rotate or translate motion; a ball has no single angle"
@@ -321,7 +319,7 @@ def state_problems(field: str, name: str, values: tuple[float, ...], bodies: Bod
         return []
     length = (joints.nq if field == "q" else joints.nv)(body.sequence)
     if len(values) != length:
-        return [f"'{name}' has {counted(length, 'number')}; given {len(values)}"]
+        return [f"'{name}' has {counted(length, 'number')}, got {len(values)}"]
     if field == "v":
         return []
     return [f"'{name}' {text}" for _, text in quaternion_problems(values, body.sequence)]
@@ -413,7 +411,7 @@ def output_problems(
             places = joints.places(body.sequence)
             if o.coordinate >= len(places):
                 text = f"the joint of '{o.at}' has {body.dof} degrees of freedom, counted from 0"
-                found.append(Problem(where, "coordinate", f"{text}; given {o.coordinate}"))
+                found.append(Problem(where, "coordinate", f"{text}, got {o.coordinate}"))
             elif o.kind == OF_JOINT[0] and places[o.coordinate] is None:
                 text = "a ball joint has no single angle; use kind 'rotation' or joint_velocity"
                 found.append(Problem(where, "coordinate", text))
@@ -431,7 +429,7 @@ def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Probl
     for c in contacts:
         if c.friction is None and c.static_friction is not None:
             bad = below_kinetic("static_friction", c.static_friction, ground.friction)
-            text = "and the friction is that of the ground; give friction as well"
+            text = "and the friction is the value of the ground; give friction as well"
             found += [Problem(f"contact '{c.name}'", at, f"{why}, {text}") for at, why in bad]
     return found
 
@@ -494,7 +492,7 @@ def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]
     for key, kind in PARTS.items():
         items = data.get(key, ())
         if not isinstance(items, (list, tuple)):
-            found.append(Problem("model", key, f"must be a list; given {shown(items)}"))
+            found.append(Problem("model", key, f"must be a list, got {shown(items)}"))
             items = ()
         valid[key] = []
         for i, item in enumerate(items):

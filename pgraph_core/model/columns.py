@@ -32,15 +32,15 @@ def bodies_of(
     """
     above = _array("parent", parent)
     if above.ndim != 1 or (above.size and above.dtype.kind not in "iu"):
-        raise _refused("parent", f"must be a list of whole numbers; given {shown(parent)}")
+        raise _refused("parent", f"must be a list of whole numbers, got {shown(parent)}")
     n = len(above)
     given = [str(i) for i in range(1, n + 1)] if names is None else list(names)
     if len(given) != n:
-        raise _refused("names", f"must have length {n}, one entry per body; given {len(given)}")
+        raise _refused("names", f"must have length {n}, one entry per body, got {len(given)}")
     wrong = np.flatnonzero((above < 0) | (above > n))
     if wrong.size:
         row = int(wrong[0])
-        text = f"must be a row from 1 to {n}, or 0 for the ground; given {above[row]}"
+        text = f"must be a row from 1 to {n}, or 0 for the ground, got {above[row]}"
         raise ModelError(Problem(f"body '{given[row]}'", "parent", text))
     label = [GROUND, *given]
     rows = [_rows(name, value, n) for name, value in columns.items() if value is not None]
@@ -58,7 +58,7 @@ def _rows(name: str, value: Any, n: int) -> list[Any]:
     if array.ndim == LEVELS.get(name, 0):
         return [entries] * n
     if len(entries) != n:
-        text = f"must have {n} entries, one per body, or one for all; given {len(entries)}"
+        text = f"must have {n} entries, one per body, or one for all, got {len(entries)}"
         raise _refused(name, text)
     return entries
 
@@ -69,7 +69,7 @@ def _array(name: str, value: Any) -> Any:
         return array_of(value)
     except ValueError:
         if not isinstance(value, (list, tuple)) or is_deep(value):
-            raise _refused(name, f"must be a column; given {shown(value)}") from None
+            raise _refused(name, f"must be a column, got {shown(value)}") from None
     array = np.empty(len(value), object)
     array[:] = value
     return array

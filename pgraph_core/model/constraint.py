@@ -58,7 +58,7 @@ class Constraint(OfKinds):
     # (endpoints) -> the blocks of rows. Raises ModelError if the initial state contradicts them
     _blocks: ClassVar[Callable[..., list[Any]]]
 
-    name: Text = field("text that is not empty", label="Name")
+    name: Text = field("a non-empty string", label="Name")
     kind: Text = field(KIND, label="Kind")
     body: Text = field("the name of a body", label="Body")
     active: Flag = field("true or false", default=True)
@@ -82,7 +82,7 @@ class AtPoints(AtPoint, ToOther):
         "three finite numbers in the axes of `other` [m]; default: the initial position "
         "of `point`",
         converter=maybe_vector, default=None, dim=M, role="point",
-        help="in the axes of the other; empty: the initial position of the point",
+        help="in the axes of the second body; default: the initial position of the point",
     )  # fmt: skip
 
 
@@ -90,14 +90,14 @@ class AlongAxes(AtPoints):
     """A constraint between points, and between a direction in `body` and one in `other`."""
 
     axis: Vec3 | None = field(
-        "a direction [x, y, z] that is not zero, in the axes of `body`",
+        "a nonzero vector [x, y, z] in the axes of `body`",
         converter=maybe_vector, default=None, role="direction",
-        help="direction in the axes of the body; empty: as in the initial state",
+        help="direction in body axes; default: as in the initial state",
     )  # fmt: skip
     other_axis: Vec3 | None = field(
-        "a direction [x, y, z] that is not zero, in the axes of `other`",
+        "a nonzero vector [x, y, z] in the axes of `other`",
         converter=maybe_vector, default=None, role="direction",
-        help="direction in the axes of the other; empty: as in the initial state",
+        help="direction in the axes of the second body; default: as in the initial state",
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -202,11 +202,11 @@ class Distance(AtPoints):
     kind: Literal["distance"] = field(KIND, default="distance")
     other_point: Vec3 = field(
         "three finite numbers in the axes of `other` [m]",
-        converter=vector, dim=M, role="point", help="in the axes of the other",
+        converter=vector, dim=M, role="point", help="in the axes of the second body",
     )  # fmt: skip
     length: Number | None = field(
         "a length > 0 [m]; default: as in the initial state",
-        default=None, gt=0, dim=M, help="of the rod; empty: as in the initial state",
+        default=None, gt=0, dim=M, help="length of the rod; default: as in the initial state",
     )  # fmt: skip
 
     def _blocks(self, e: Any) -> list[Any]:
@@ -276,8 +276,8 @@ class OfOne(InJoints):
     """A constraint on one coordinate of the joint of `body`."""
 
     coordinate: Whole = field(
-        "the number of a degree of freedom of the joint of `body`, from 0",
-        default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
+        "the index of a degree of freedom of the joint of `body`, starting at 0",
+        default=0, ge=0, le=5, help="index of the joint degree of freedom, starting at 0",
     )  # fmt: skip
 
 
@@ -295,18 +295,18 @@ class Gear(OfOne):
     )  # fmt: skip
     offset: Number = field("a finite number [rad, m]", default=0.0, dim=Q)
     other_coordinate: Whole = field(
-        "the number of a degree of freedom of the joint of `other`, from 0",
+        "the index of a degree of freedom of the joint of `other`, starting at 0",
         default=0, ge=0, le=5, label="Other's",
-        help="which degree of freedom of the other's joint",
+        help="index of the degree of freedom of the second joint",
     )  # fmt: skip
 
     @model_validator(mode="after")
     def _two_joints(self) -> Self:
         if self.ratio == 0:
-            text = "must not be zero; use kind 'motion' to hold a joint; given 0"
+            text = "must not be zero; use kind 'motion' to hold a joint, got 0"
             refuse([("ratio", text)])
         if self.other == GROUND:
-            text = "a gear needs a second body, whose joint it follows; given 'ground'"
+            text = "a gear needs a second body, whose joint it follows, got 'ground'"
             refuse([("other", text)])
         return self
 
@@ -326,12 +326,12 @@ class Motion(OfOne):
     q_of_t: Curve = field(
         "an expression of t such as '=0.5*sin(2*t)', a table over time {'t': [...], 'value': "
         "[...]}, or {'kind': 'sine' or 'polynomial', ...} [rad, m]",
-        converter=_followed, dim=Q, label="Follows", help="how the position depends on time",
+        converter=_followed, dim=Q, label="Follows", help="joint coordinate as a function of time",
     )  # fmt: skip
     interpolation: Literal["spline", "monotone"] = field(
         "'spline' (smooth, may overshoot) or 'monotone' (stays between neighbouring values)",
         default="spline", since=7,
-        label="Interpolation", help="how a table is interpolated between its times",
+        label="Interpolation", help="interpolation method of a table",
     )  # fmt: skip
 
     def _blocks(self, e: Any) -> list[Any]:
@@ -350,7 +350,7 @@ class Rolling(AlongAxes):
     kind: Literal["rolling"] = field(KIND, default="rolling")
     radius: Number | None = field(
         "a radius > 0 [m]; default: that of the body's shape",
-        default=None, gt=0, dim=M, help="empty: that of the body's shape",
+        default=None, gt=0, dim=M, help="default: radius of the body's shape",
     )  # fmt: skip
 
     def _blocks(self, e: Any) -> list[Any]:
@@ -369,9 +369,9 @@ class Skate(AtPoint, ToOther):
 
     kind: Literal["skate"] = field(KIND, default="skate")
     axis: Vec3 = field(
-        "a direction [x, y, z] that is not zero, in the axes of `body`",
+        "a nonzero vector [x, y, z] in the axes of `body`",
         converter=vector, role="direction",
-        help="direction in the axes of the body, across the blade",
+        help="direction across the blade, in body axes",
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -396,7 +396,7 @@ class Velocity(Sum):
     kind: Literal["velocity"] = field(KIND, default="velocity")
     value: Number = field(
         "a finite number [rad/s, m/s]",
-        default=0.0, dim=Q / S, help="value of the sum of coefficients × v",
+        default=0.0, dim=Q / S, help="prescribed value of the sum of coefficients × v",
     )  # fmt: skip
 
     def _blocks(self, e: Any) -> list[Any]:
@@ -413,7 +413,7 @@ class Coupling(Sum):
     kind: Literal["coupling"] = field(KIND, default="coupling")
     value: Number = field(
         "a finite number [rad, m]",
-        default=0.0, dim=Q, help="value of the sum of coefficients × q",
+        default=0.0, dim=Q, help="prescribed value of the sum of coefficients × q",
     )  # fmt: skip
 
     def _blocks(self, e: Any) -> list[Any]:

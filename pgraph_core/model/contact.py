@@ -24,13 +24,15 @@ class Frictions(NamedTuple):
 
 
 class Contact(Acting):
-    """A contact between `body` and `other`. Contact forces only push.
+    """A contact between `body` and `other`.
 
-    soft: Hunt and Crossley's k d^1.5 (1 + c d') at a depth d with regularised friction; penalty: k
-    d + c d' with Coulomb friction that sticks by a spring; without a given damping, both have the
-    requested restitution at any impact speed. complementarity: no depth, impulses in the friction
-    cone, Newton's restitution. Rolling and spinning are resisted by torques of at most
-    rolling_friction and spinning_friction times the normal force.
+    Contact forces can push but not pull. With `law="complementarity"`, contacts are rigid, with
+    impulses in the friction cone and Newton's law of restitution. With "soft", the normal force is
+    k d^1.5 (1 + c d') at a depth d [Hunt & Crossley 1975], and friction is regularised. With
+    "penalty", it is k d + c d', and Coulomb friction uses a spring for sticking. By default, the
+    damping of the last two reproduces the requested restitution at any impact speed. Rolling and
+    spinning are resisted by torques of at most `rolling_friction` and `spinning_friction` times the
+    normal force.
     """
 
     ABOUT: ClassVar[Mapping[str, str]] = {  # one line a law, for who chooses
@@ -39,7 +41,7 @@ class Contact(Acting):
         "penalty": "spring and damper: k d + c d', friction that sticks",
     }
 
-    name: Text = field("text that is not empty", label="Name")
+    name: Text = field("a non-empty string", label="Name")
     body: Text = field("the name of a body, or '*' for every body that has a shape", label="Body")
     other: Text = field(
         "'ground', the name of a body, or '*' for every other body that has a shape",
@@ -47,43 +49,43 @@ class Contact(Acting):
     )  # fmt: skip
     law: Literal["soft", "penalty", "complementarity"] = field(
         "one of soft, penalty, complementarity",
-        default="complementarity", label="Law", help="how it pushes back",
+        default="complementarity", label="Law", help="contact law",
     )  # fmt: skip
     friction: Number | None = field(
-        "Coulomb's coefficient >= 0; default: that of the ground",
-        default=None, dim=NONE, ge=0, help="Coulomb's coefficient; empty: that of the ground",
+        "a Coulomb friction coefficient >= 0; default: as for the ground",
+        default=None, dim=NONE, ge=0, help="Coulomb coefficient; by default as for the ground",
     )  # fmt: skip
     static_friction: Number | None = field(
-        "a coefficient >= friction, without sliding; default: friction, or that of the ground",
+        "a friction coefficient >= friction for sticking; default: friction, or as for the ground",
         default=None, dim=NONE, since=2, ge=0,
-        help="without sliding; empty: as friction",
+        help="friction coefficient without sliding; by default equal to the friction",
     )  # fmt: skip
     rolling_friction: Number | None = field(
-        "a length >= 0 [m]: torque against rolling over normal force; default: that of the ground",
+        "a length >= 0 [m], rolling torque over normal force; default: as for the ground",
         default=None, ge=0, dim=M, since=2,
-        help="torque against rolling over normal force; empty: that of the ground",
+        help="rolling torque divided by normal force; by default as for the ground",
     )  # fmt: skip
     spinning_friction: Number | None = field(
-        "a length >= 0 [m]: torque about the normal over normal force; default: that of the ground",
+        "a length >= 0 [m], spinning torque over normal force; default: as for the ground",
         default=None, ge=0, dim=M, since=2,
-        help="torque about the normal over normal force; empty: that of the ground",
+        help="spinning torque divided by normal force; by default as for the ground",
     )  # fmt: skip
     restitution: Number | None = field(
-        "a number from 0 to 1; default: that of the ground",
-        default=None, dim=NONE, ge=0, le=1, help="0 to 1; empty: that of the ground",
+        "a number from 0 to 1; default: as for the ground",
+        default=None, dim=NONE, ge=0, le=1, help="0 to 1; by default as for the ground",
     )  # fmt: skip
     stiffness: Number | None = field(
         "a number > 0 [N/m; of a soft contact N/m^1.5]; default: from the masses",
-        default=None, gt=0, dim=N / M, help="empty: from the masses",
+        default=None, gt=0, dim=N / M, help="default: derived from the masses",
     )  # fmt: skip
     damping: Number | None = field(
         "a number >= 0 [N s/m; of a soft contact s/m]; default: from the restitution",
-        default=None, ge=0, dim=N * S / M, help="empty: from the restitution",
+        default=None, ge=0, dim=N * S / M, help="default: derived from the restitution",
     )  # fmt: skip
     points: Vec3s = field(
         "a list of points [x, y, z] of `body` [m]; default: its shape",
         converter=vectors, default=(), dim=M, role="point",
-        help="contact points, in the axes of the body; none: its shape",
+        help="contact points in body axes; default: the shape of the body",
     )  # fmt: skip
     active: Flag = field("true or false", default=True)
 

@@ -38,21 +38,21 @@ class Own(NamedTuple):
 
 
 class Control(OfKinds):
-    """A part with states, whose value expressions name `x.NAME`.
+    """A control, whose value is available in expressions as `x.NAME`.
 
-    `x.NAME[1]` is its first state, `x.NAME[2]` the second one.
+    Its first and second state are available as `x.NAME[1]` and `x.NAME[2]`.
     """
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
     WORD: ClassVar[str] = "control"
     SINCE: ClassVar[int] = VERSION
 
-    name: Text = field("text that is not empty", label="Name")
+    name: Text = field("a non-empty string", label="Name")
     kind: Text = field(KIND, label="Kind")
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """No body: its expressions name what it reads."""
+        """An empty tuple, because controls are not attached to bodies."""
         return ()
 
     @property
@@ -93,7 +93,7 @@ class State(Control):
         "a number or an expression [1/s]", converter=varying,
         help="rate, such as =1 - q.arm, =-x.heat/30",
     )  # fmt: skip
-    start: Number = field("a number", default=0.0, since=VERSION, help="its value at the start")
+    start: Number = field("a number", default=0.0, since=VERSION, help="initial value")
 
     @property
     def own(self) -> tuple[Own, ...]:
@@ -107,12 +107,12 @@ class Filter(Control):
 
     kind: Literal["filter"] = field(KIND, default="filter")
     input: Number | Expression = field(
-        "a number or an expression", converter=varying, help="followed signal, such as =v.arm"
+        "a number or an expression", converter=varying, help="filtered signal, such as =v.arm"
     )
-    lag: Number = field("a time > 0 [s]", gt=0, dim=S, help="its time constant")
+    lag: Number = field("a time > 0 [s]", gt=0, dim=S, help="time constant")
     start: Number | None = field(
         "a number, or None: its input at the start", default=None, since=VERSION,
-        help="its value at the start; empty: its input there",
+        help="initial value; default: the initial input",
     )  # fmt: skip
 
     @property
@@ -125,11 +125,12 @@ class Filter(Control):
 class PID(Control):
     """A PID controller of a signal, with limits, a filtered derivative and anti-windup.
 
-    Its value is kp e + I + D within `low` and `high`, with e = setpoint - signal, I' = ki e, and D
-    the derivative kd s/(filter s + 1) of e, which is 0 at the start. If the value has limits,
-    "clamp" keeps I within them too, and "back" adds (value - kp e - I - D)/tracking to I' [Astrom,
-    Hagglund 2006, 3.5]. With `sample` it is updated at samples and constant in between; I uses the
-    forward and D the backward Euler rule. Its states are I and the filtered error.
+    The value is kp e + I + D, limited to the range from `low` to `high`, where e = setpoint -
+    signal, I' = ki e, and D is the filtered derivative kd s/(filter s + 1) of e, which is initially
+    0. There are two anti-windup methods for controllers with limits [Astrom, Hagglund 2006, 3.5].
+    With "clamp", I is limited to the same range, and with "back", (value - kp e - I - D)/tracking
+    is added to I'. If `sample` is given, the value is only updated at samples, using the forward
+    Euler rule for I and the backward Euler rule for D. The states are I and the filtered error.
     """
 
     ABOUT: ClassVar[str] = "a PID controller of a signal, with limits and anti-windup"
@@ -142,47 +143,45 @@ class PID(Control):
         "a number or an expression", converter=varying, default=0.0, since=VERSION,
         help="desired value of the signal",
     )  # fmt: skip
-    kp: Number = field("a number", default=0.0, since=VERSION, label="kp", help="value per error")
-    ki: Number = field(
-        "a number", default=0.0, since=VERSION, label="ki", help="rate of the value per error"
-    )
-    kd: Number = field(
-        "a number", default=0.0, since=VERSION, label="kd", help="value per rate of the error"
-    )
+    kp: Number = field("a number", default=0.0, since=VERSION, label="kp", help="proportional gain")
+    ki: Number = field("a number", default=0.0, since=VERSION, label="ki", help="integral gain")
+    kd: Number = field("a number", default=0.0, since=VERSION, label="kd", help="derivative gain")
     filter: Number | None = field(
         "a time > 0 [s], or None without kd", default=None, gt=0, dim=S, since=VERSION,
-        help="time constant of the derivative's filter",
+        help="time constant of the derivative filter",
     )  # fmt: skip
     low: Number | None = field(
-        "a number, or None", default=None, since=VERSION, help="lower bound of its value"
+        "a number, or None", default=None, since=VERSION, help="lower bound of the value"
     )
     high: Number | None = field(
-        "a number, or None", default=None, since=VERSION, help="upper bound of its value"
+        "a number, or None", default=None, since=VERSION, help="upper bound of the value"
     )
     windup: Literal["clamp", "back", "none"] = field(
         "one of clamp, back, none", default="clamp", since=VERSION, label="Anti-windup",
-        help="behaviour of the integral at a limit",
+        help="anti-windup method",
     )  # fmt: skip
     tracking: Number | None = field(
         "a time > 0 [s], for windup 'back'", default=None, gt=0, dim=S, since=VERSION,
-        help="time in which the integral follows a limit",
+        help="tracking time constant of back-calculation",
     )  # fmt: skip
-    start: Number = field("a number", default=0.0, since=VERSION, help="its integral at the start")
+    start: Number = field(
+        "a number", default=0.0, since=VERSION, help="initial value of the integral"
+    )
     sample: Number | None = field(
         "a time > 0 [s], or None: it acts at all times", default=None, gt=0, dim=S,
-        since=VERSION, help="time between its samples; empty: none",
+        since=VERSION, help="sample time; default: continuous",
     )  # fmt: skip
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
         found = []
         if self.kd and self.filter is None:
-            found.append(("filter", "kd needs the time constant of a filter [s]; given none"))
+            found.append(("filter", "kd needs the time constant of a filter [s], got none"))
         if self.windup == "back" and self.tracking is None:
-            found.append(("tracking", "windup 'back' needs a time > 0 [s]; given none"))
+            found.append(("tracking", "windup 'back' needs a time > 0 [s], got none"))
         low, high = self.low, self.high
         if low is not None and high is not None and low >= high:
-            found.append(("low", f"must be below high, {shown(high)}; given {shown(low)}"))
+            found.append(("low", f"must be below high, {shown(high)}, got {shown(low)}"))
         refuse(found)
         return self
 
@@ -248,10 +247,11 @@ class PID(Control):
 
 
 class Sampled(Control):
-    """A value that becomes `update` at every multiple of `sample`, and is held in between.
+    """A value that is set to `update` at every multiple of `sample`, and constant in between.
 
-    In its own `update`, x.NAME is the value before. The first sample is at the start of a run that
-    begins at such a multiple. All samples of an instant read the values before it.
+    In `update`, x.NAME refers to the previous value. If a run starts at a multiple of `sample`, the
+    first sample is taken immediately. Samples that are taken at the same time all use the previous
+    values.
     """
 
     ABOUT: ClassVar[str] = "a value computed at samples and held in between"
@@ -259,11 +259,11 @@ class Sampled(Control):
     kind: Literal["sampled"] = field(KIND, default="sampled")
     update: Number | Expression = field(
         "a number or an expression", converter=varying,
-        help="value from each sample on, such as =-8*q.arm or =x.count + 1",
+        help="new value at each sample, such as =-8*q.arm or =x.count + 1",
     )  # fmt: skip
-    sample: Number = field("a time > 0 [s]", gt=0, dim=S, help="time between its samples")
+    sample: Number = field("a time > 0 [s]", gt=0, dim=S, help="sample time")
     start: Number = field(
-        "a number", default=0.0, since=VERSION, help="its value before the first sample"
+        "a number", default=0.0, since=VERSION, help="value before the first sample"
     )
 
     @property

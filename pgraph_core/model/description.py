@@ -182,7 +182,7 @@ class Description(World):
             If there is none, or if several parts have this name and `kind` is not given.
         """
         if kind is not None and kind not in PARTS_OF:
-            text = f"must be one of {', '.join(PARTS_OF)}; given {shown(kind)}"
+            text = f"must be one of {', '.join(PARTS_OF)}, got {shown(kind)}"
             raise ModelError(Problem(f"part {shown(name)}", "kind", text))
         found: dict[str, Part] = {}
         for word in PARTS_OF if kind is None else (kind,):

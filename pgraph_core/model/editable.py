@@ -207,7 +207,7 @@ class Editable(Description):
             loop = model.close_loop("coupler", "rocker")
         """
         if not isinstance(parent, str):
-            text = f"must be the name of a body or 'ground'; given {shown(parent)}"
+            text = f"must be the name of a body or 'ground', got {shown(parent)}"
             raise ModelError(Problem(f"body {shown(body)}", "parent", text))
         given = {
             "joint": joint, "name": name, "point": point, "other_point": other_point,
@@ -254,7 +254,7 @@ class Editable(Description):
     ) -> Self:
         """Return the model with a body that has several parents."""
         if not parents:
-            raise ModelError(Problem(f"body '{name}'", "parent", "give at least one; given []"))
+            raise ModelError(Problem(f"body '{name}'", "parent", "give at least one, got []"))
         model = self._edit_body(name, {**changes, "parent": parents[0]})
         model = model._with((), bodies=model.bodies) if model is self else model
         for parent in parents[1:]:
@@ -356,7 +356,7 @@ class Editable(Description):
         """
         names = [name] if isinstance(name, str) else list(name)
         if children not in ("attach", "delete"):
-            text = f"must be 'attach' or 'delete'; given {shown(children)}"
+            text = f"must be 'attach' or 'delete', got {shown(children)}"
             raise ModelError(Problem(f"body {shown(names[0])}", "children", text))
         parts = [self.part(each, kind) for each in names]
         model, notices = self, list[str]()
@@ -423,7 +423,7 @@ class Editable(Description):
         """
         given = [name] if isinstance(name, str) else list(name)
         if not given:
-            raise ModelError(Problem("model", "duplicate", "needs the name of a body; given none"))
+            raise ModelError(Problem("model", "duplicate", "needs the name of a body, got none"))
         roots = [self.body(each).name for each in given]
         names = branch(self.bodies, roots) if subtree else roots
         return self._copied(names_of_copies(names, self.row, str), self.body(roots[0]))
@@ -454,7 +454,7 @@ class Editable(Description):
             If the branch cannot be mirrored.
         """
         if plane not in ("x", "y", "z"):
-            text = f"must be 'x', 'y' or 'z', the axis that it is normal to; given {shown(plane)}"
+            text = f"must be 'x', 'y' or 'z', the axis that it is normal to, got {shown(plane)}"
             raise ModelError(Problem(f"body {shown(name)}", "plane", text))
         root = self.body(name)
         names = names_of_copies(branch(self.bodies, [name]), self.row, other_side)
@@ -485,7 +485,7 @@ class Editable(Description):
         moved = {each: self.body(each) for each in names}
         row, last = whole(to), len(self.bodies) - len(moved)
         if row is None or not 0 <= row <= last:
-            text = f"must be a row from 0 to {last}; given {shown(to)}"
+            text = f"must be a row from 0 to {last}, got {shown(to)}"
             raise ModelError(Problem(f"body '{names[0]}'", "to", text))
         rest = [b for b in self.bodies if b.name not in moved]
         block = [b for b in self.bodies if b.name in moved]

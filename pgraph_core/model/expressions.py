@@ -100,7 +100,7 @@ class Known:
             return Q
         if k >= body.dof:
             text = f"the joint of '{name}' has {body.dof} degrees of freedom, counted from 0"
-            raise Unreadable(node.column, f"{text}; given {k}")
+            raise Unreadable(node.column, f"{text}, got {k}")
         if not rate and joints.places(body.sequence)[k] is None:
             text = f"a ball joint has no single angle; use v[{shown(name)}][{k}]"
             raise Unreadable(node.column, text)
@@ -112,7 +112,7 @@ class Known:
             do = nearest(name, self.controls) if self.controls else "the model has none"
             raise Unreadable(node.column, f"no control is named {shown(name)}; {do}")
         if k > (count := len(control.own)):
-            text = f"control {shown(name)} has entry 0 (its value) and states 1 to {count}; given "
+            text = f"control {shown(name)} has entry 0 (its value) and states 1 to {count}, got "
             raise Unreadable(node.column, f"{text}{k}")
 
     def of(self, group: str) -> Mapping[str, Any]:
@@ -138,7 +138,7 @@ class Known:
             text = f"no motor, servo or actuator is named {shown(name)}; {do}"
             raise Unreadable(node.column, text)
         if k:
-            raise Unreadable(node.column, f"{group}.{name} is one number; given entry {k}")
+            raise Unreadable(node.column, f"{group}.{name} is one number, got entry {k}")
         if group == "f" and drive.has_state:
             text = f"{shown(name)} has a lag or an integral of its own, whose torque no expression "
             raise Unreadable(node.column, f"{text}knows; give the lag to a control of kind filter")
@@ -154,7 +154,7 @@ class Known:
             raise Unreadable(node.column, text)
         if k > 3:
             text = f"the force of {shown(name)} has its size, 0, and entries from 1 to 3 along x, y"
-            raise Unreadable(node.column, f"{text} and z; given {k}")
+            raise Unreadable(node.column, f"{text} and z, got {k}")
         return N
 
     def _of_output(self, node: Node, name: str, k: int) -> Dim:
@@ -169,7 +169,7 @@ class Known:
             text = f"output {shown(name)} is read off the bodies after a run; name a coordinate, "
             raise Unreadable(node.column, f"{text}q.NAME or v.NAME, or an output of a joint")
         if k:
-            raise Unreadable(node.column, f"output {shown(name)} is one number; given entry {k}")
+            raise Unreadable(node.column, f"output {shown(name)} is one number, got entry {k}")
         return self._of_joint(node, output.at, output.coordinate, output.kind == OF_JOINT[1])
 
     def problem(
@@ -214,7 +214,7 @@ class Known:
             text = "the places of a table must be numbers or parameters"
             raise Unreadable(node.column, text) from None
         if any(not a < b for a, b in itertools.pairwise(places)):
-            raise Unreadable(node.column, f"the places of a table must ascend; given {places}")
+            raise Unreadable(node.column, f"the places of a table must ascend, got {places}")
 
 
 def kinds_of(body: Body) -> list[Dim]:

@@ -201,12 +201,12 @@ def parse(text: str, source: str) -> dict[str, Any]:
     except _Twin as twin:
         raise FileError(Problem(source, "", str(twin))) from None
     if not isinstance(data, dict):
-        text = f"must hold a JSON object with the fields of a model; given {shown(data)}"
+        text = f"must hold a JSON object with the fields of a model, got {shown(data)}"
         raise FileError(Problem(source, "", text))
     data.pop("$schema", None)
     version = data.pop("schema_version", SCHEMA_VERSION)
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        text = f"must be a whole number >= 1; given {shown(version)}"
+        text = f"must be a whole number >= 1, got {shown(version)}"
         raise FileError(Problem(source, "schema_version", text))
     if version > SCHEMA_VERSION:
         text = f"is {version}, newer than {SCHEMA_VERSION}, the newest known; update Pgraph"

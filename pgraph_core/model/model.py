@@ -20,8 +20,8 @@ from .poses import home_poses
 class Model(Editable):
     """A multibody system, consisting of the table rows in order and the parts that act on them.
 
-    Bodies are in the order of the table, which is also the order of left children. Every change
-    makes a new, validated model; the old one stays as it was.
+    The order of the bodies in the table is also the order of children in the digraph, from left to
+    right. Models are immutable, so every change returns a new, validated model.
     """
 
     @classmethod
@@ -43,7 +43,7 @@ class Model(Editable):
         """
         count = whole(n)
         if count is None or count < 1:
-            raise ModelError(Problem("model", "n", f"must be a whole number >= 1; given {n!r}"))
+            raise ModelError(Problem("model", "n", f"must be a whole number >= 1, got {n!r}"))
         inertia = ((2e-4, 0.0, 0.0), (0.0, 3.4e-3, 0.0), (0.0, 0.0, 3.4e-3))
         rod = Body(name="1", axes=((0, 1, 0),), com=(0.1, 0, 0), inertia=inertia, tip=(0.2, 0, 0))
         rows = [rod.unchecked_copy({"name": "1"})]
@@ -146,10 +146,10 @@ class Model(Editable):
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 
     def save(self, path: str | Path, /) -> None:
-        """Save the model to a Pgraph JSON file.
+        """Save the model as a JSON file.
 
-        An existing file is replaced atomically. The geometry of meshes from other folders is
-        written to `meshes` next to the file, so that the folder opens on another machine.
+        Existing files are replaced atomically. Meshes from other folders are written to `meshes`
+        next to the file, so that the folder can be moved to another machine.
 
         Parameters
         ----------
@@ -185,7 +185,7 @@ class Model(Editable):
         self, path: str | Path, /, *, what: Literal["view", "digraph"] = "view",
         size: tuple[int, int] | None = None, view: str = "start", dark: bool = False,
     ) -> None:  # fmt: skip
-        """Draw the mechanism in its initial state, or its digraph. No screen is required.
+        """Draw the mechanism in its initial state, or its digraph, without a display.
 
         Parameters
         ----------
@@ -209,7 +209,7 @@ class Model(Editable):
         from ..show.notebook import numbered
 
         if what not in ("view", "digraph"):
-            text = f"must be 'view' or 'digraph'; given {what!r}"
+            text = f"must be 'view' or 'digraph', got {what!r}"
             raise InputError(Problem("to_image", "what", text))
         if what == "digraph":
             drawn = pictures.digraph(self, path, size=size)

@@ -13,19 +13,19 @@ from ..units import M
 class Site(Described):
     """A named frame fixed to a body, or to the world if `body` is "ground".
 
-    It has no mass. `mech.pose`, `mech.jacobian` and `mech.inverse_kinematics` take its name as
-    they take a body's.
+    Sites have no mass. Their names can be used like body names in `mech.pose`, `mech.jacobian` and
+    `mech.inverse_kinematics`.
     """
 
-    name: Text = field("text that is not empty", label="Name")
+    name: Text = field("a non-empty string", label="Name")
     body: Text = field("the name of a body, or 'ground'", label="Body")
     point: Vec3 = field(
         "three finite numbers in the axes of `body` [m]",
         converter=vector, default=(0.0, 0.0, 0.0), dim=M, role="point",
-        help="its origin in the axes of the body",
+        help="origin in body axes",
     )  # fmt: skip
     rotation: Quat = field(
-        "a quaternion [w, x, y, z] that is not zero, its orientation in the axes of `body`",
+        "a nonzero quaternion [w, x, y, z] in the axes of `body`",
         converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), role="frame",
     )  # fmt: skip
 
@@ -73,22 +73,22 @@ READINGS: dict[str, Reading] = {
 
 
 class Output(Described):
-    """A named quantity in a run or stepper: `run.outputs[name]`, `stepper.outputs[name]`.
+    """A named quantity, available as `run.outputs[name]` and `stepper.outputs[name]`.
 
-    `joint_position` and `joint_velocity` refer to a coordinate of the joint of body `at`. The other
-    kinds refer to the frame of the body or site `at`. In world axes they are `position` of its
-    origin, `rotation` (quaternion [w, x, y, z]), `velocity` and `angular_velocity`. In its own
-    axes, like instruments fixed there, they are `velocimeter`, `gyro`, `accelerometer`
-    (acceleration minus gravity), and `force` and `torque` of the joint on the body about the
-    frame's origin.
+    The kinds `joint_position` and `joint_velocity` refer to a joint coordinate of the body `at`.
+    All other kinds refer to the frame of the body or site `at`. The kinds `position` (of the
+    origin), `rotation` (quaternion [w, x, y, z]), `velocity` and `angular_velocity` are given in
+    world axes. The kinds `velocimeter`, `gyro` and `accelerometer` (acceleration minus gravity)
+    behave like sensors that are fixed to the frame and use its axes. The same applies to `force`
+    and `torque`, which are exerted by the joint on the body, about the origin of the frame.
     """
 
-    name: Text = field("text that is not empty", label="Name")
+    name: Text = field("a non-empty string", label="Name")
     kind: Kind = field(f"one of {', '.join(READINGS)}", label="Kind")
     at: Text = field("the name of a body or site", label="At", help="a body or a site")
     coordinate: Whole = field(
-        "the number of a degree of freedom of the joint, from 0",
-        default=0, ge=0, le=5, help="of a joint: which degree of freedom, from 0",
+        "the index of a degree of freedom of the joint, starting at 0",
+        default=0, ge=0, le=5, help="index of the joint degree of freedom, starting at 0",
     )  # fmt: skip
 
     @model_validator(mode="after")

@@ -71,7 +71,7 @@ def evaluated(text: str, parameters: Mapping[str, float]) -> float:
     """Return the finite value of a formula '=...'. Raises ValueError with a message."""
     given = shown(text.strip())
     if len(text) > LONGEST:
-        raise ValueError(f"a formula has at most {LONGEST} characters; given {len(text)}")
+        raise ValueError(f"a formula has at most {LONGEST} characters, got {len(text)}")
     try:
         tree = parsed(text)
     except Unreadable as error:
@@ -114,7 +114,7 @@ def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
         if name in RESERVED:
             text = f"{shown(name)} is reserved in formulas; choose another name"
         elif not USABLE.fullmatch(name) or len(name) > LONGEST_NAME or iskeyword(name):
-            text = f"a parameter's name is one word of letters, digits and _; given {shown(name)}"
+            text = f"a parameter's name is one word of letters, digits and _, got {shown(name)}"
         else:
             continue
         found.append(("parameters", text))
@@ -132,7 +132,7 @@ def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
     """
     formulas = data.get("formulas", ())
     if not isinstance(formulas, (list, tuple)):
-        text = f"must be a list of formulas of cells; given {shown(formulas)}"
+        text = f"must be a list of formulas of cells, got {shown(formulas)}"
         raise ModelError(Problem("model", "formulas", text))
     parts = {kind: data.get(kind, ()) for kind in KINDS}
     named = data.get("parameters")
@@ -152,7 +152,7 @@ def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
     for (part, name, path), formula in places.items():
         try:
             if path[0] in DIRECTIONS:
-                raise ValueError(f"a direction takes numbers; given {shown(formula.text)}")
+                raise ValueError(f"a direction takes numbers, got {shown(formula.text)}")
             values.setdefault((part, name), {})[path] = evaluated(formula.text, parameters)
         except ValueError as error:
             problems.append(Problem(formula.where, str(path[0]), str(error)))
@@ -169,7 +169,7 @@ def _formula(item: Any) -> Formula:
     try:
         return item if isinstance(item, Formula) else Formula(**item)
     except (ValidationError, ModelError, TypeError):
-        text = f"needs part, name, path and text; given {shown(item)}"
+        text = f"needs part, name, path and text, got {shown(item)}"
         raise ModelError(Problem("model", "formulas", text)) from None
 
 

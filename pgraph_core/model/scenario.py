@@ -85,7 +85,7 @@ class Gait(Described):
     Waves are (a1, b1, a2, b2, ...): Σ a cos 2πk p + b sin 2πk p at the fraction p of a stride.
     """
 
-    name: Text = Field(description="text that is not empty")
+    name: Text = Field(description="a non-empty string")
     description: Text = Field(default="", description="a sentence")
     feet: tuple[Footfall, ...] = Field(
         description="a list of {'foot': contact, 'offset': 0 to 1, 'duty': 0 to 1}"
@@ -141,7 +141,7 @@ class Gait(Described):
         found = []
         names = [fall.foot for fall in self.feet]
         if len(names) != 4:
-            text = f"must be four; given {shown(names)}"
+            text = f"must be four, got {shown(names)}"
             found.append(("feet", text))
         found += [
             ("feet", f"'{name}' appears twice") for i, name in enumerate(names) if name in names[:i]
@@ -149,7 +149,7 @@ class Gait(Described):
         for wave in ("sway", "surge", "flexion"):
             given = getattr(self, wave)
             if len(given) > 2 * HARMONICS or len(given) % 2:
-                text = f"must be pairs of numbers, {HARMONICS} at most; given {shown(given)}"
+                text = f"must be pairs of numbers, {HARMONICS} at most, got {shown(given)}"
                 found.append((wave, text))
         refuse(found)
         return self
@@ -219,7 +219,7 @@ class When(Frozen):
         bounds = [b for b in ("above", "below", "active") if getattr(self, b) is not None]
         if len(given) != 1:
             named = " and ".join(given) or "none"
-            refuse([("when", f"name one of {choices(SUBJECTS)}; given {named}")])
+            refuse([("when", f"name one of {choices(SUBJECTS)}, got {named}")])
         if self.after is not None and given != ["constraint"]:
             refuse([("when", "`after` needs a constraint, whose state it waits for")])
         if self.holds is not None:
@@ -229,7 +229,7 @@ class When(Frozen):
             return self
         wanted = ("active",) if given == ["constraint"] else ("above", "below")
         if len(bounds) != 1 or bounds[0] not in wanted:
-            text = f"a {given[0]} needs {' or '.join(wanted)}; given "
+            text = f"a {given[0]} needs {' or '.join(wanted)}, got "
             refuse([("when", text + (" and ".join(bounds) or "neither"))])
         return self
 
@@ -258,7 +258,7 @@ class Switch(Frozen):
 class Scenario(Described):
     """Named run settings for `simulate(mech, scenario=name)`."""
 
-    name: Text = Field(description="text that is not empty")
+    name: Text = Field(description="a non-empty string")
     description: Text = Field(default="", description="a sentence")
     q: ByName = field("body name -> initial q", converter=by_name, default=EMPTY)
     v: ByName = field("body name -> initial v", converter=by_name, default=EMPTY)

@@ -83,7 +83,7 @@ class Shape(Frozen):
     end_radius: Number | None = field(
         "a radius >= 0 [m] at the far end (+z) of a cylinder, 0 for a cone, or of a capsule that "
         "is only drawn",
-        default=None, ge=0, dim=M, help="at the far end, where it tapers; empty: the same",
+        default=None, ge=0, dim=M, help="radius at the far end, if tapered",
     )  # fmt: skip
     file: Text | None = field("the name of a mesh file", default=None)
     scale: Number | Vec3 = field(
@@ -108,30 +108,30 @@ class Shape(Frozen):
         "'visual': drawn, 'collision': touches, or 'both'",
         default="both",
         since=2,
-        help="what it is for",
+        help="use of the shape",
     )
     colour: Colour | None = field(
         "three numbers [red, green, blue] from 0 to 1, or '#rrggbb'",
         converter=_colour_in, default=None, dim=NONE, since=2,
-        help="#rrggbb; empty: the colour of its branch",
+        help="#rrggbb; default: the colour of the branch",
     )  # fmt: skip
     opacity: Number = field(
         "a number from 0 to 1", default=1.0, dim=NONE, since=2, ge=0, le=1,
-        help="1: opaque; 0: invisible",
+        help="from 0 (invisible) to 1 (opaque)",
     )  # fmt: skip
     surface_velocity: Vec3 = field(
         "three finite numbers [m/s], in the axes of the shape: velocity of its surface relative to "
         "the body",
         converter=vector, default=(0.0, 0.0, 0.0), dim=M / S, role="vector", since=7,
         label="Surface",
-        help="of its surface relative to the body, for example of a belt",
+        help="surface velocity relative to the body, for example of a belt",
     )  # fmt: skip
     surface_spin: Vec3 = field(
         "three finite numbers [rad/s], in the axes of the shape: spin of its surface relative to "
         "the body, about the origin of the shape",
         converter=vector, default=(0.0, 0.0, 0.0), dim=RAD / S, role="axial", since=7,
         label="Spin",
-        help="of its surface about the shape's origin, for example of a turntable",
+        help="surface rotation about the shape origin, for example of a turntable",
     )  # fmt: skip
 
     @model_validator(mode="before")
@@ -146,7 +146,7 @@ class Shape(Frozen):
         ):
             one, own = _one(kind), " and ".join(DIMENSIONS[kind])
             refuse([
-                ("shape", f"{one} has no {name}: give {own}; given {name} {shown(data[name])}")
+                ("shape", f"{one} has no {name}: give {own}, got {name} {shown(data[name])}")
                 for name in FOREIGN[kind]
                 if data.get(name) is not None
             ])  # fmt: skip
@@ -162,10 +162,10 @@ class Shape(Frozen):
         ]
         size, radii, scale, colour = own["size"], own["radii"], own["scale"], own["colour"]
         if size is not None and min(size) <= 0:
-            text = f"a {self.kind}'s edges must be > 0 [m]; given {shown(size)}"
+            text = f"a {self.kind}'s edges must be > 0 [m], got {shown(size)}"
             problems.append(("shape", text))
         if radii is not None and min(radii) <= 0:
-            text = f"the radii of an ellipsoid must be > 0 [m]; given {shown(radii)}"
+            text = f"the radii of an ellipsoid must be > 0 [m], got {shown(radii)}"
             problems.append(("shape", text))
         if self.heights is not None:
             lengths = {len(row) for row in self.heights}
@@ -173,18 +173,18 @@ class Shape(Frozen):
                 found = " and ".join(map(str, sorted(lengths)[:3])) or "0"
                 text = "heights must be at least two rows of at least two numbers, equally long"
                 given = f"{len(self.heights)} rows of {found}"
-                problems.append(("shape", f"{text}, without holes; given {given}"))
+                problems.append(("shape", f"{text}, without holes, got {given}"))
         if not (all(scale) if isinstance(scale, tuple) else scale > 0):
-            text = f"scale must be > 0, or three factors that are not 0; given {shown(scale)}"
+            text = f"scale must be > 0, or three factors that are not 0, got {shown(scale)}"
             problems.append(("shape", text))
         if self.end_radius is not None:
             problems += self._tapered()
         if not 0.5 < math.hypot(*own["rotation"]) < 2:
             given = shown(self.rotation)
-            problems.append(("shape", f"rotation must be a unit quaternion; given {given}"))
+            problems.append(("shape", f"rotation must be a unit quaternion, got {given}"))
         if colour is not None and not 0 <= min(colour) <= max(colour) <= 1:
             given = shown(colour)
-            problems.append(("shape", f"colour must be from 0 to 1; given {given}"))
+            problems.append(("shape", f"colour must be from 0 to 1, got {given}"))
         refuse(problems)
         return self
 
@@ -197,12 +197,12 @@ class Shape(Frozen):
         """Return problems with a tapered shape."""
         if self.kind == "capsule" and self.role != "visual":
             text = "a capsule that tapers is only drawn; give role 'visual'"
-            return [("shape", f"{text}; given end_radius {self.end_radius:g}")]
+            return [("shape", f"{text}, got end_radius {self.end_radius:g}")]
         if self.kind == "capsule" and self.radius is not None and self.length is not None:
             gap = abs((self.end_radius or 0.0) - self.radius)
             if gap >= self.length:
                 text = f"a capsule's length must be above the difference of its radii, {gap:g} m"
-                return [("shape", f"{text}; given {self.length:g}")]
+                return [("shape", f"{text}, got {self.length:g}")]
         return []
 
     def surface(self) -> tuple[Array, Array]:
@@ -267,7 +267,7 @@ def mass_properties(shape: Shape, density: float, unit: str = "m") -> MassProper
     """
     if not 0 < density < math.inf:
         raise ModelError(
-            Problem("shape", "density", f"must be a number > 0 [kg/m^3]; given {density}")
+            Problem("shape", "density", f"must be a number > 0 [kg/m^3], got {density}")
         )
     volume, middle, second = _volume(shape, unit)
     turn = matrix(shape.rotation)

@@ -58,33 +58,33 @@ class Ground(Frozen):
 
     slope: Number = field(
         "an angle within -pi/2 to pi/2 by which it rises [rad]", default=0.0,
-        gt=-math.pi / 2, lt=math.pi / 2, dim=RAD, help="by which the plane rises",
+        gt=-math.pi / 2, lt=math.pi / 2, dim=RAD, help="slope angle of the plane",
     )  # fmt: skip
     uphill: Vec3 | None = field(
         "the direction [x, y, z] in which it rises; default: the first axis not up",
         converter=maybe_vector, default=None, role="direction",
-        help="direction in which it rises; empty: the first axis that is not up",
+        help="uphill direction; default: the first axis that is not up",
     )  # fmt: skip
     friction: Number = field(
-        "Coulomb's coefficient >= 0, the default of contacts", default=0.5, dim=NONE, ge=0,
-        help="Coulomb's coefficient, the default of contacts",
+        "a Coulomb friction coefficient >= 0, the default of contacts", default=0.5, dim=NONE, ge=0,
+        help="default Coulomb friction coefficient of contacts",
     )  # fmt: skip
     static_friction: Number | None = field(
         "a coefficient >= friction, without sliding; default: friction",
         default=None, dim=NONE, since=2, ge=0,
-        help="without sliding; empty: as friction",
+        help="coefficient for sticking; default: same as friction",
     )  # fmt: skip
     rolling_friction: Number = field(
         "a length >= 0 [m]: torque against rolling over normal force", default=0.0, ge=0,
-        dim=M, since=2, help="torque against rolling over normal force",
+        dim=M, since=2, help="rolling torque divided by normal force",
     )  # fmt: skip
     spinning_friction: Number = field(
         "a length >= 0 [m]: torque about the normal over normal force", default=0.0, ge=0,
-        dim=M, since=2, help="torque about the normal over normal force",
+        dim=M, since=2, help="spinning torque divided by normal force",
     )  # fmt: skip
     restitution: Number = field(
         "a number from 0 to 1, the default of contacts", default=0.0, dim=NONE, ge=0, le=1,
-        help="0 to 1, the default of contacts",
+        help="default restitution of contacts, 0 to 1",
     )  # fmt: skip
     steps: tuple[Step, ...] = field(
         "a list of {'low': [a, b], 'high': [a, b], 'height': h}",
@@ -110,7 +110,7 @@ def below_kinetic(
     """Return a problem if the static friction is below the kinetic friction."""
     if static >= kinetic:
         return []
-    text = f"{what}must be at least the kinetic friction {shown(kinetic)}; given {shown(static)}"
+    text = f"{what}must be at least the kinetic friction {shown(kinetic)}, got {shown(static)}"
     return [(name, text)]
 
 
@@ -154,7 +154,7 @@ class World(Described):
         uphill = self.ground.uphill
         if uphill is not None and not 1e-9 < math.hypot(*_level(self.up, uphill)) < 1e9:
             text = f"uphill must not be parallel to up ({self.up})"
-            refuse([("ground", f"{text}; given {shown(uphill)}")])
+            refuse([("ground", f"{text}, got {shown(uphill)}")])
         return self
 
     @model_validator(mode="after")

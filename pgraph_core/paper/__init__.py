@@ -324,7 +324,7 @@ def home_poses(model: Model) -> tuple[Array, Array]:
         If `model` is not a Model.
     """
     if not isinstance(model, Model):
-        text = f"must be a pg.Model; given {shown(model)}"
+        text = f"must be a pg.Model, got {shown(model)}"
         raise InputError(Problem("home_poses", "model", text))
     topology = Topology.of(model)
     bodies = bodies_of(model, topology)

@@ -273,7 +273,7 @@ def _position(model: Model, name: str, given: Sequence[float] | Array) -> Array:
     except (TypeError, ValueError):
         q = np.full(count, np.nan)
     if q.shape != (count,) or not np.isfinite(q).all():
-        text = f"must be {counted(count, 'number')}, all finite; given {shown(given)}"
+        text = f"must be {counted(count, 'number')}, all finite, got {shown(given)}"
         raise refusal("frame_update_trace", name, text)
     return q
 

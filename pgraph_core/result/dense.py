@@ -99,7 +99,7 @@ def _inside(asked: Any, t: Array) -> Array:
     except (TypeError, ValueError):
         times = np.array(np.nan)
     if times.ndim > 1 or not np.isfinite(times).all():
-        text = f"must be a finite time or a list of them [s]; given {shown(asked)}"
+        text = f"must be a finite time or a list of them [s], got {shown(asked)}"
         raise InputError(Problem("run.at", "t", text))
     if not len(t):
         raise InputError(Problem("run.at", "t", "the run has no frame; see run.message"))

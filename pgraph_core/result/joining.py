@@ -21,15 +21,15 @@ ADDED = ("work", "dissipation", "error_at", "state_error_at")  # start from zero
 def joined(runs: Sequence[Result], /) -> Result:
     """Join consecutive runs, each of which begins where the previous one ended.
 
-    The result belongs to the mechanism of the last run. The frame at which two runs meet is kept
-    once, as the later run has it, so that a changed body or an impact shows there. Work,
-    dissipation, counters, times and error estimates are summed. The sum of errors is valid if the
-    motion does not amplify them.
+    The result refers to the mechanism of the last run. The frame that is shared by two runs is
+    taken from the later run, so that modified bodies and impacts are visible. Work, dissipation,
+    counters, times and error estimates are added up. Note that the sum of the error estimates is
+    only valid if the motion does not amplify errors.
 
     Parameters
     ----------
     runs : sequence of Result
-        The runs in order.
+        The runs, in chronological order.
 
     Returns
     -------
@@ -39,10 +39,10 @@ def joined(runs: Sequence[Result], /) -> Result:
     Raises
     ------
     InputError
-        If there is no run, or if two runs do not meet in time or differ in size.
+        If `runs` is empty, or if consecutive runs are not contiguous in time or differ in size.
     """
     if not len(runs):
-        raise InputError(Problem("joined", "runs", "needs at least one run; given none"))
+        raise InputError(Problem("joined", "runs", "needs at least one run, got none"))
     for before, after in pairwise(runs):
         _check(before, after)
     last = runs[-1]

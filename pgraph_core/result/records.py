@@ -241,7 +241,7 @@ class Named(Mapping[str, Any]):
 
     def _missing(self, name: Any) -> str:
         if not self._arrays:
-            return f"no {self._what} acts in this run; given {shown(name)}"
+            return f"no {self._what} acts in this run, got {shown(name)}"
         known = choices(nearest_first(name, self) if isinstance(name, str) else self)
         return f"no {self._what} is named {shown(name)}; choose one of {known}"
 

@@ -96,8 +96,8 @@ def _touching(kind: str, joined: Any, what: str) -> Any:
 class Result(Exports, EqualByFields, Portable):
     """The result of a run, with arrays that have one row per recorded frame.
 
-    If a run fails, the frames up to the failure are kept. Two runs are equal if their models and
-    all their numbers are equal. Their costs are not compared.
+    If a run fails, the frames up to the failure are available. Two runs are considered equal if
+    their models and all recorded values are equal, regardless of their cost.
     """
 
     mechanism: Mechanism = field(compare=False)  # only its model is compared
@@ -162,7 +162,7 @@ class Result(Exports, EqualByFields, Portable):
         self.__post_init__()
 
     def add_when_read(self, more: Callable[[], tuple[str, ...]]) -> None:
-        """Let `more` find further notices when they are first read: it takes as long as a run."""
+        """Let `more` find more warnings when they are first read, which costs as much as a run."""
         own = vars(self)
         own[MORE] = own.pop("notices"), more
 
@@ -210,10 +210,11 @@ class Result(Exports, EqualByFields, Portable):
 
     @property
     def relative_error(self) -> Array:
-        """Return the largest part of its range by which the motion or a state is off, (n,).
+        """Return the error of the motion or of a control state, relative to its range, (n,).
 
-        The motion's range is the largest displacement of a joint from the start. Where nothing
-        moves, it is 1.5e-8 of the mechanism's length, or of a state's value if that is larger.
+        The range of the motion is the largest displacement of a joint from its initial position. If
+        nothing moves, it is 1.5e-8 of the length of the mechanism, or of the value of a state if
+        this is larger.
         """
         share, own = self.error_at / self._size_of_motion(), self._shares_of_states()
         return np.maximum(share, own.max(axis=1)) if own.size else share
@@ -307,35 +308,35 @@ class Result(Exports, EqualByFields, Portable):
         v : (nv,) or (n, nv) array
             Velocity.
         error : float or (n,) array
-            Estimated largest error of q, of the run at the next frame (`error_at`) and of the
-            interpolation [rad, m]. It is nan without an error estimate, and inf after the time
-            until which the error is known.
+            Estimated maximum error of q [rad, m]. It includes the error of the run at the next
+            frame (`error_at`) and the interpolation error. If there is no error estimate, it is
+            nan. After the time at which the error becomes unknown, it is inf.
 
         Raises
         ------
         InputError
-            If a time is outside the run.
+            If a time is outside of the simulated interval.
         """
         frames = (self.t, self.q, self.v, self.vdot)
         return states_at(self.mechanism.packed.rows, frames, self.error_at, t)
 
     def sensitivity(self, path: str, /) -> Array:
-        """Return the derivative of coordinates and velocities by one number of the model.
+        """Return the derivatives of coordinates and velocities with respect to a parameter.
 
         Parameters
         ----------
         path : str
-            One of the paths given as `wrt`.
+            One of the paths passed to `simulate` as `wrt`.
 
         Returns
         -------
         ndarray (n, nq + nv)
-            Derivative of [q, v] in each frame.
+            Derivative of [q, v] at each frame.
 
         Raises
         ------
         InputError
-            If the run was not differentiated by this number.
+            If the run was not differentiated with respect to this parameter.
         """
         if path not in self.derivatives:
             asked = f"wrt=[{path!r}]"
@@ -346,11 +347,11 @@ class Result(Exports, EqualByFields, Portable):
         return self.derivatives[path][:, : self.q.shape[1] + self.v.shape[1]]
 
     def gradient(self, function: Callable[[Result], Any], /) -> dict[str, Any]:
-        """Return the derivatives of a function of this run by the numbers of `wrt`.
+        """Return the derivatives of a function of this run with respect to the parameters in `wrt`.
 
         The function is differentiated by central differences along the exact sensitivities of the
-        run, to about 1e-10. It can use any quantity of the run, such as coordinates, energies,
-        forces or outputs.
+        run, with an accuracy of about 1e-10. It can depend on any quantity of the run, such as
+        coordinates, energies, forces or outputs.
 
         Parameters
         ----------
@@ -360,12 +361,12 @@ class Result(Exports, EqualByFields, Portable):
         Returns
         -------
         dict
-            {path: derivative}, with the shape of the function's result.
+            Derivatives by path. They have the same shape as the return value of the function.
 
         Raises
         ------
         InputError
-            If the run has no derivatives, or was read from a file.
+            If the run has no derivatives, or if it was loaded from a file.
 
         Examples
         --------
@@ -399,9 +400,9 @@ class Result(Exports, EqualByFields, Portable):
         """Contact wrenches {contact pair: (n, 6)}, [torque, force] on the body at its origin, world
         axes.
 
-        `run.contact_force["a", "b"]` is the total wrench on a of all contacts between the bodies a
-        and b, one of which may be "ground". Raises NameLookupError, a KeyError, for names that are
-        not there.
+        To obtain the total wrench on a from all contacts between the bodies a and b, use
+        `run.contact_force["a", "b"]`. One of them may be "ground". Unknown names raise
+        NameLookupError, which is a KeyError.
         """
 
         def on_other(wrench: Array, a: str, b: str) -> Array:
@@ -429,16 +430,15 @@ class Result(Exports, EqualByFields, Portable):
     def contact_residual(self) -> Array:
         """Maximum violation of the contact laws since the previous frame, (n, 3).
 
-        Of complementarity [N]: by how much normal forces differ from those that end the approach;
-        of the cone [N]: by how much friction differs from what Coulomb's disc allows against the
-        slip; and the penetration [m]. Limits are included in their own units.
+        The columns are the residual of the complementarity condition [N], the residual of the
+        friction cone [N] and the penetration [m]. Limits are included in their own units.
         """
         found = self.contacts.residual
         return found if len(found) else np.zeros((len(self.t), 3))
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Contact point and limit changes in event-driven runs. Each prints as a sentence."""
+        """Changes of contact points and limits in event-driven runs, printed as sentences."""
         return self.contacts.events
 
     @property

@@ -23,7 +23,7 @@ def measured(data: Any) -> tuple[dict[str, Array], dict[str, str]]:
         table = data if "t" in [*data.columns] else data.reset_index()
         data = {str(name): table[name].to_numpy() for name in table.columns}
     if not isinstance(data, Mapping):
-        raise _refused("data", f"must be a DataFrame, a dict or a .csv file; given {shown(data)}")
+        raise _refused("data", f"must be a DataFrame, a dict or a .csv file, got {shown(data)}")
     found, units = dict[str, Array](), dict[str, str]()
     for name, values in data.items():
         word, _, unit = str(name).partition(" [")
@@ -35,7 +35,7 @@ def measured(data: Any) -> tuple[dict[str, Array], dict[str, str]]:
         except (TypeError, ValueError):
             raise _refused(f"data['{name}']", "must be numbers") from None
     if "t" not in found or len(found) < 2:
-        text = f"needs a column t of times [s] and others; given {choices(found) or 'none'}"
+        text = f"needs a column t of times [s] and others, got {choices(found) or 'none'}"
         raise _refused("data", text)
     n = len(found["t"])
     for name, values in found.items():

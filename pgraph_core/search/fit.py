@@ -39,10 +39,10 @@ LOSSES: dict[str, Callable[[Array], tuple[Array, Array]]] = {
 @explained
 @dataclass(frozen=True, eq=False)
 class Fit(Suggests):
-    """The result of `fit`: numbers at the best agreement, and how well the data determine them.
+    """The result of `fit`, with the fitted values and their uncertainty.
 
-    Arrays over the free numbers are in the order of `values`. Columns of several cases are called
-    COLUMN@CASE.
+    Arrays over the free parameters are in the order of `values`. With several measurements, columns
+    are named COLUMN@CASE.
     """
 
     model: Model  # the model with the fitted numbers
@@ -100,48 +100,50 @@ def fit(
     progress: Callable[[dict[str, float], Result], Any] | None = None,
     **options: Any,
 ) -> Fit:
-    """Fit numbers of a model to measured curves.
+    """Fit model parameters to measured data.
 
-    Residuals are minimised by `scipy.optimize.least_squares` with exact derivatives of each run.
-    The search starts at the numbers of the model. Each column is weighted by its noise, either
-    `sigma` or the residuals of a first fit. Ctrl-C ends the search and returns the best result so
-    far.
+    The residuals are minimised by `scipy.optimize.least_squares` with exact derivatives of each
+    run. The values of the model are used as the initial guess. Each column is weighted by its noise
+    level, which is given by `sigma` or estimated from the residuals of a first fit. Pressing Ctrl-C
+    ends the search and returns the best result found so far.
 
     Parameters
     ----------
     model : Model or Mechanism
         The model to fit.
     data : DataFrame, dict or path of a .csv file
-        Times "t" [s] and columns named as in `Result.columns`, optionally with units in brackets.
-        Or a dictionary of several cases, which run on all cores: {NAME: data}, or {NAME: (data,
-        options)} with arguments of `simulate`, such as {"q": {"arm": 0.3}}.
+        Measured data with the times "t" [s] and columns named as in `Result.columns`, optionally
+        with units in brackets. To fit several measurements, use a dictionary {NAME: data} or {NAME:
+        (data, options)}, where the options are arguments of `simulate` such as {"q": {"arm": 0.3}}.
+        They are evaluated on all cores.
     free : dict
-        Bounds (low, high) by path, as in `sweep`: {"bodies.arm.mass": (0.1, 2.0)}. "q.arm" and
-        "v.arm" are the initial state of a body, and "q.arm@NAME" that of one case.
+        Bounds (low, high) by path, as for `sweep`, for example {"bodies.arm.mass": (0.1, 2.0)}. Use
+        "q.arm" and "v.arm" for the initial state of a body, and "q.arm@NAME" for its initial state
+        in a single measurement.
     scenario : str, optional
         Name of the scenario to run.
     sigma : dict, optional
-        Standard deviation of the noise by column, in its unit.
+        Standard deviation of the noise by column.
     priors : dict, optional
-        Expected value and its standard deviation by path.
+        Expected value and standard deviation by path.
     loss : {"linear", "soft_l1", "huber", "cauchy", "arctan"}
-        Loss function of a residual. All but the first reduce the influence of outliers. Their scale
-        is `sigma`, or the median residual.
+        Loss function. All except "linear" reduce the influence of outliers, with a scale given by
+        `sigma` or by the median residual.
     progress : callable, optional
-        Function of the numbers and of the run of the first case. The search stops if it returns
-        False.
+        Function that is called with the parameter values and the run of the first measurement. The
+        search stops if it returns False.
     **options
-        Arguments of `simulate`, such as `method` and `step`.
+        Additional arguments of `simulate`, such as `method` and `step`.
 
     Returns
     -------
     Fit
-        The best numbers found, even if the search did not converge: `message` says why.
+        The best values found. If the search did not converge, see `message`.
 
     Raises
     ------
     InputError
-        If arguments do not fit, or a number of `free` has no influence on the data.
+        If an argument is invalid, or if a parameter in `free` has no influence on the data.
 
     Examples
     --------
@@ -417,12 +419,12 @@ def _noise(task: _Task, sigma: Any) -> Array | None:
     names = [label.rpartition("@")[0] or label for label in task.labels]
     known = {*names, *task.labels}
     if not isinstance(sigma, Mapping) or {*sigma} - known:
-        text = f"needs a number for each column, {choices(known)}; given {shown(sigma)}"
+        text = f"needs a number for each column, {choices(known)}, got {shown(sigma)}"
         raise task.numbers.refused("sigma", text)
     given = [sigma.get(label, sigma.get(name)) for label, name in zip(task.labels, names)]
     found = np.array([math.nan if x is None else float(x) for x in given])
     if not (np.isfinite(found) & (found > 0.0)).all():
-        text = f"needs a number > 0 for each column, {choices(known)}; given {shown(sigma)}"
+        text = f"needs a number > 0 for each column, {choices(known)}, got {shown(sigma)}"
         raise task.numbers.refused("sigma", text)
     return found
 
@@ -439,7 +441,7 @@ def _priors(numbers: Numbers, priors: Any) -> Array:
             mean = spread = math.nan
         if not (math.isfinite(mean) and 0.0 < spread < math.inf):
             raise numbers.refused(
-                "priors", f"{name!r} needs (value, spread > 0); given {shown(pair)}"
+                "priors", f"{name!r} needs (value, spread > 0), got {shown(pair)}"
             )
         found[names.index(name)] = mean, spread
     return found

@@ -82,7 +82,7 @@ class Numbers:
             for name in {*OURS} & {*case.options}:
                 raise self.refused(name, "is given by the search itself")
         if not isinstance(free, Mapping) or not free:
-            text = "must map paths to (low, high), as {'bodies.arm.mass': (0.1, 2)}; given "
+            text = "must map paths to (low, high), as {'bodies.arm.mass': (0.1, 2)}, got "
             raise self.refused("free", text + shown(free))
         self.places: list[Path | Own] = []
         self.names: list[str] = []
@@ -154,9 +154,9 @@ class Numbers:
                 low, high = -math.inf if low is None else low, math.inf if high is None else high
             low, high = float(low), float(high)  # type: ignore[arg-type]
         except (TypeError, ValueError):
-            raise self.refused(name, f"needs (low, high); given {shown(pair)}") from None
+            raise self.refused(name, f"needs (low, high), got {shown(pair)}") from None
         if not low < high or (bounded and not (math.isfinite(low) and math.isfinite(high))):
-            text = f"needs {'finite ' if bounded else ''}numbers low < high; given {shown(pair)}"
+            text = f"needs {'finite ' if bounded else ''}numbers low < high, got {shown(pair)}"
             raise self.refused(name, text)
         if not low <= present <= high:
             text = f"is {present:g} in the model, outside of its bounds {low:g} to {high:g}"
@@ -247,6 +247,6 @@ class Numbers:
 def option(call: str, name: str, value: Any, known: Sequence[str]) -> Any:
     """Return a word if it is known. Raises InputError."""
     if value not in known:
-        text = f"must be one of {choices(known)}; given {shown(value)}"
+        text = f"must be one of {choices(known)}, got {shown(value)}"
         raise InputError(Problem(call, name, text))
     return value

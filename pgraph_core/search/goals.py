@@ -24,7 +24,7 @@ class Goals:
         self.numbers = numbers
         self.objective = self._function("objective", objective)
         if not isinstance(limits, Mapping):
-            text = "must map metrics to (low, high), as {'peak v.knee': (None, 3)}; given "
+            text = "must map metrics to (low, high), as {'peak v.knee': (None, 3)}, got "
             raise numbers.refused("subject_to", text + shown(limits))
         self.names = [*limits]
         read = [self._limit(name, pair) for name, pair in limits.items()]
@@ -43,7 +43,7 @@ class Goals:
         except (TypeError, ValueError):
             function, low, high, good = [], 0.0, 0.0, False
         if not good or len(function) > 1:
-            text = "needs (low, high) or (function, low, high), of which one may be None; given "
+            text = "needs (low, high) or (function, low, high), of which one may be None, got "
             raise self.numbers.refused(what, text + shown(pair))
         return self._function(what, *(function or [name])), (float(low), float(high))
 
@@ -51,7 +51,7 @@ class Goals:
         if callable(given):
             return given
         if not isinstance(given, str):
-            text = f"must be a metric such as 'peak v.knee', or a function; given {shown(given)}"
+            text = f"must be a metric such as 'peak v.knee', or a function, got {shown(given)}"
             raise self.numbers.refused(what, text)
         text = given.removeprefix("-").strip()
         sign = -1.0 if given.startswith("-") else 1.0

@@ -44,7 +44,7 @@ class Ending(NamedTuple):
 @explained
 @dataclass(frozen=True, eq=False)
 class Optimum(Suggests):
-    """The result of `optimise`: the best numbers that were found."""
+    """The result of `optimise`."""
 
     model: Model  # the model with them
     values: Mapping[str, float]
@@ -92,49 +92,58 @@ def optimise(
 ) -> Optimum:
     """Minimise an objective of a run over parameters of a model.
 
-    SciPy's solvers use exact derivatives of each run. If a run of the search fails, the step of the
-    solver is shortened. Ctrl-C ends the search and returns the best result so far.
+    The optimisation uses the solvers of SciPy with exact derivatives of each run. If a run fails,
+    the step of the solver is reduced. Pressing Ctrl-C ends the search and returns the best result
+    found so far.
 
     Parameters
     ----------
     model : Model or Mechanism
-        The model to change. The search starts at its numbers.
+        The model to optimise. Its values are the initial guess.
     objective : str or callable
-        A metric as in `sweep`, such as "peak v.knee", with a leading minus to maximise it. Or a
-        function of the run that returns a number, or an array, whose sum of squares is minimised.
+        The objective to minimise. This can be a metric as for `sweep`, such as "peak v.knee", with
+        a leading minus sign for maximisation. Alternatively, it can be a function of the run that
+        returns a number, or an array whose sum of squares is minimised.
     free : dict
-        Bounds (low, high) by path, as in `fit`; None for no bound. The path of a list or a table
-        over time selects all its numbers: {"forces.push.torque": (-5, 5)} finds an input over time.
+        Bounds (low, high) by path, as for `fit`. Use None for no bound. The path of a list or of a
+        table over time selects all of its values, so {"forces.push.torque": (-5, 5)} can be used to
+        optimise an input over time.
     subject_to : dict, optional
-        Limits (low, high) by metric: {"peak v.knee": (None, 3.0)}. Equal limits are an equation.
-        {NAME: (function, low, high)} limits a function of the run.
+        Constraints as limits (low, high) by metric, for example {"peak v.knee": (None, 3.0)}. Equal
+        limits define an equality constraint. To constrain a function of the run, use {NAME:
+        (function, low, high)}.
     scenario : str, optional
         Name of the scenario to run.
     solver : {"SLSQP", "trust-constr", "L-BFGS-B", "least_squares"}, optional
-        By default "least_squares" for an array without limits, otherwise "SLSQP".
+        The default is "least_squares" if the objective is an array and there are no constraints,
+        and "SLSQP" otherwise.
     starts : int or sequence of dict
-        Number of starts, of which all but the first are random, by `seed`. Or values by path each.
+        Number of starting points. All but the first are random, depending on `seed`. Alternatively,
+        a sequence of dictionaries with values by path.
     history : path or Optimum, optional
-        An earlier search whose best result is the starting point. Every evaluation is appended to
-        the file, from which an interrupted search continues.
+        A previous search whose best result is used as the initial guess. If this is a file, every
+        evaluation is appended to it, so that an interrupted search can be continued.
     differences : float, optional
-        Step of finite differences in each number's range, for runs without exact derivatives.
+        Relative step size of finite differences, as a fraction of the range of each value. This is
+        required for runs without exact derivatives.
     tol, most : float, int
-        Relative change of the objective at convergence, and most iterations of each start.
+        Tolerance for convergence (relative change of the objective), and maximum number of
+        iterations per starting point.
     progress : callable, optional
-        Function of each trial and its run. The search stops if it returns False.
+        Function that is called with each trial and its run. The search stops if it returns False.
     **options
-        Arguments of `simulate`, such as `t_end`, `method` and `step`.
+        Additional arguments of `simulate`, such as `t_end`, `method` and `step`.
 
     Returns
     -------
     Optimum
-        The best numbers found, even if the search did not converge: `message` says why.
+        The best values found. If the search did not converge, see `message`.
 
     Raises
     ------
     InputError
-        If arguments do not fit, or if the runs have no derivatives and `differences` is not given.
+        If an argument is invalid, or if the runs have no derivatives and `differences` is not
+        given.
 
     Examples
     --------
@@ -161,7 +170,7 @@ def _check(numbers: Numbers, solver: Any, differences: Any, tol: float, most: in
         ("most", most, most >= 1),
     ):
         if not good:
-            raise numbers.refused(name, f"is out of its range; given {shown(value)}")
+            raise numbers.refused(name, f"is out of its range, got {shown(value)}")
 
 
 class _Stopped(Exception):
@@ -202,7 +211,7 @@ class _Search:
             return dict(history.values)
         if self.file is None:
             if history is not None:
-                text = f"must be an Optimum or the name of a file; given {shown(history)}"
+                text = f"must be an Optimum or the name of a file, got {shown(history)}"
                 raise self.numbers.refused("history", text)
             return {}
         if self.file.exists():
@@ -487,14 +496,14 @@ def _starts(numbers: Numbers, starts: Any, seed: int, earlier: Mapping[str, floa
         more = [low + (high - low) * rng.random(len(low)) for _ in range(starts - 1)]
         return [np.clip(first, low, high), *more]
     if not isinstance(starts, Sequence) or isinstance(starts, str) or not starts:
-        text = f"must be a number of starts, or a list of values by path; given {shown(starts)}"
+        text = f"must be a number of starts, or a list of values by path, got {shown(starts)}"
         raise numbers.refused("starts", text)
     found = []
     for one in starts:
         unknown = [name for name in one if name not in numbers.names]
         x = np.array([one.get(name, x) for name, x in zip(numbers.names, first)], float)
         if unknown or not ((x >= numbers.bounds[:, 0]) & (x <= numbers.bounds[:, 1])).all():
-            text = f"each must hold values of free numbers within their bounds; given {shown(one)}"
+            text = f"each must hold values of free numbers within their bounds, got {shown(one)}"
             raise numbers.refused("starts", text)
         found.append(x)
     return found

@@ -37,10 +37,10 @@ def shown_progress(given: Any, where: str) -> Iterator[Progress]:
             try:
                 inspect.signature(given).bind(0.5)
             except TypeError:
-                text = "must take one argument, the completed fraction; given a function that"
+                text = "must take one argument, the completed fraction, got a function that"
                 text = f"{text} takes {inspect.signature(given)}"
                 raise InputError(Problem(where, "progress", text)) from None
         yield given
     else:
-        text = f"must be a function of the completed fraction; given {shown(given)}"
+        text = f"must be a function of the completed fraction, got {shown(given)}"
         raise InputError(Problem(where, "progress", text))

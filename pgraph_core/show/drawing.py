@@ -32,7 +32,7 @@ class Drawing:
         """
         self.size = checked_size(size)
         if view not in stage.TOWARDS[model.up]:
-            text = f"choose one of {choices(stage.TOWARDS[model.up])}; given {view!r}"
+            text = f"choose one of {choices(stage.TOWARDS[model.up])}, got {view!r}"
             raise InputError(Problem("picture", "view", text))
         bodies, parent = numbered(model)
         self.up = np.array(stage.GRID[model.up][1])
@@ -174,12 +174,10 @@ def checked_size(size: Any) -> tuple[int, int]:
     except (TypeError, ValueError, OverflowError):
         width, height, whole = 0, 0, False
     if not whole or not all(LEAST_PIXELS <= n <= MOST_PIXELS for n in (width, height)):
-        text = (
-            f"must be (width, height), {LEAST_PIXELS} to {MOST_PIXELS} pixels each; given {size!r}"
-        )
+        text = f"must be (width, height), {LEAST_PIXELS} to {MOST_PIXELS} pixels each, got {size!r}"
         raise InputError(Problem("picture", "size", text))
     if width * height > MOST_IN_ALL:
-        text = f"has {width * height:.3g} pixels, {MOST_IN_ALL:.3g} at most; given {size!r}"
+        text = f"has {width * height:.3g} pixels, {MOST_IN_ALL:.3g} at most, got {size!r}"
         raise InputError(Problem("picture", "size", text))
     return width, height
 

@@ -70,7 +70,7 @@ def moment(run: Any, path: str | Path, t: float | None = None, **look: Any) -> b
     times, poses = np.asarray(run.t), np.asarray(run.body_pose)
     t = float(times[0]) if t is None else t
     if not (isinstance(t, (int, float, np.integer, np.floating)) and times[0] <= t <= times[-1]):
-        text = f"must be a time of the run, {times[0]:g} to {times[-1]:g} s; given {t!r}"
+        text = f"must be a time of the run, {times[0]:g} to {times[-1]:g} s, got {t!r}"
         raise InputError(Problem("to_image", "t", text))
     return view(run.mechanism.model, np.column_stack(between(times, poses, t)), path, **look)
 
@@ -104,7 +104,7 @@ def film(
     suffix = _suffix(path, (".mp4", ".gif"), "film")
     for name, value, most in (("fps", fps, 240), ("speed", speed, 1000)):
         if not (isinstance(value, (int, float, np.integer, np.floating)) and 0 < value <= most):
-            text = f"must be a number > 0, {most} at most; given {value!r}"
+            text = f"must be a number > 0, {most} at most, got {value!r}"
             raise InputError(Problem("to_film", name, text))
     times, poses = np.asarray(run.t), np.asarray(run.body_pose)
     if suffix == ".gif":
@@ -133,7 +133,7 @@ class _Mp4:
     def __init__(self, size: tuple[int, int], fps: float):
         self._av = needed("av", "film")
         if size[0] % 2 or size[1] % 2:
-            text = f"of a film must be even numbers; given {size!r}"
+            text = f"of a film must be even numbers, got {size!r}"
             raise InputError(Problem("to_film", "size", text))
         self._content = io.BytesIO()
         self._file = self._av.open(self._content, "w", format="mp4")

@@ -80,7 +80,7 @@ def is_expression(value: object) -> bool:
 def parsed(text: str) -> Node:
     """Parse an expression, with or without a leading '='. Raises Unreadable."""
     if len(text) > LONGEST:
-        reason = f"an expression has at most {LONGEST} characters; given {len(text)}"
+        reason = f"an expression has at most {LONGEST} characters, got {len(text)}"
         raise Unreadable(LONGEST + 1, reason)
     return _Reader(text).whole()
 
@@ -105,13 +105,13 @@ class _Reader:
 
     def expect(self, sign: str) -> None:
         if self.next.text != sign or self.next.kind != "sign":
-            self.refuse(f"expects '{sign}'; given {_seen(self.next)}")
+            self.refuse(f"expects '{sign}', got {_seen(self.next)}")
         self.take()
 
     def whole(self) -> Node:
         found = self.expression(0, 0)
         if self.next.kind != "end":
-            self.refuse(f"expects an operator or the end; given {_seen(self.next)}")
+            self.refuse(f"expects an operator or the end, got {_seen(self.next)}")
         return found
 
     def made(self, op: str, args: tuple[Node, ...], at: _Token) -> Node:
@@ -158,7 +158,7 @@ class _Reader:
             return inside
         if at.kind != "name" or at.text in BINARY:
             self.k -= 1
-            self.refuse(f"expects a number, a name or '('; given {_seen(at)}")
+            self.refuse(f"expects a number, a name or '(', got {_seen(at)}")
         if self.next.text == "(":
             return self.call(at, level)
         if at.text in GROUPS and self.next.text in (".", "["):
@@ -194,7 +194,7 @@ class _Reader:
         wanted = "text" if quoted else "name"
         if name.kind != wanted:
             form = f'{at.text}["the name"]' if quoted else f"{at.text}.name"
-            self.refuse(f"expects {form}; given {_seen(name)}", name)
+            self.refuse(f"expects {form}, got {_seen(name)}", name)
         inside, quote = name.text, name.text[:1]
         if quoted:
             inside = inside[1:-1].replace(2 * quote, quote)
@@ -206,7 +206,7 @@ class _Reader:
             self.take()
             which = self.take()
             if which.kind != "number" or not which.text.isdecimal() or len(which.text) > 2:
-                self.refuse(f"expects the number of an entry, from 0; given {_seen(which)}", which)
+                self.refuse(f"expects the number of an entry, from 0, got {_seen(which)}", which)
             index = int(which.text)
             self.expect("]")
         return Node("signal", signal=(at.text, inside, index), column=at.start + 1, span=span)

@@ -144,7 +144,7 @@ def dim_of(node: Node, units: Units) -> Dim | None:
         case _:
             for x, dim in zip(node.args, dims):
                 if dim is not None and not fits(dim, NONE) and dim != S:
-                    text = f"{node.op} takes an angle or a number without unit; given {unit(dim)}"
+                    text = f"{node.op} takes an angle or a number without unit, got {unit(dim)}"
                     raise Unreadable(x.column, text)
     return None
 

@@ -68,78 +68,82 @@ def simulate(
     mechanism : Mechanism or Model
         The system to simulate.
     q, v : array or dict, optional
-        Initial configuration (nq,) and velocity (nv,) in the order of `mech.names`, or values by
-        name of body, as a dictionary or a row of pandas. Coordinates that are not named keep the
-        values of the scenario or of the model. Lists raise an error if the table of bodies is in
-        another order. A free joint has q = [x, y, z, qw, qx, qy, qz] and v = [angular, linear].
+        Initial configuration (nq,) and velocity (nv,), in the order of `mech.names`. Alternatively,
+        a dictionary or pandas row with values by body name, in which case all other coordinates
+        keep their values from the scenario or model. Lists are not accepted if the table of bodies
+        is in a different order. A free joint has q = [x, y, z, qw, qx, qy, qz] and v = [angular,
+        linear].
     states : array or dict, optional
-        Initial states (nx,) of the controls in the order of `run.states`, or values by name of
-        control. Controls that are not named start as the model says. A sample at `t_start` of a
-        control with given states is taken to be over. `simulate(mech, run.q[-1], run.v[-1],
-        states=run.states[-1], t_start=run.t[-1], ...)` continues a run.
+        Initial states (nx,) of the controls, in the order of `run.states`, or values by control
+        name. All other controls use the initial states of the model. If states are given, a sample
+        at `t_start` is not taken again, so a run can be continued with `simulate(mech, run.q[-1],
+        run.v[-1], states=run.states[-1], t_start=run.t[-1], ...)`.
     t_start, t_end : float
-        Time at the start and at the end [s]. By default the run starts at 0 and ends at the last of
-        `t_eval`, else after the duration of the scenario, else after 1 s.
+        Start and end time [s]. By default, the run starts at 0. It ends at the last value of
+        `t_eval`, or otherwise after the duration of the scenario, which defaults to 1 s.
     method : str, optional
-        Name of an integration method; "auto" chooses. With rigid contacts or joint limits it
-        selects "moreau_jean" (time stepping), or with `rtol` "dop853" or "dopri5", which are
-        event-driven like "rk4" and "semi_implicit_euler". Event-driven runs always project onto the
+        Name of the integration method. By default ("auto"), it is selected automatically. For
+        models with rigid contacts or joint limits, "moreau_jean" (time stepping) is used, or
+        "dop853" or "dopri5" if `rtol` is given. With the latter two, "rk4" and
+        "semi_implicit_euler", such runs are event-driven and always use projection onto the
         constraints.
     step : float, optional
-        Step [s]. Without `rtol` all steps have this width. Otherwise it is the largest step.
+        Step size [s]. If `rtol` is given, this is the maximum step size.
     rtol, atol : float, optional
-        Tolerances of an adaptive method, by default 1e-8 and 0. The error of each step stays below
-        `rtol` times the mechanism's own scales (a radian, its length, its highest speeds) plus
-        `atol`.
+        Relative and absolute tolerances of an adaptive method. The solver keeps the error of each
+        step below ``atol + rtol * scale``, where the scale is one radian, the length of the
+        mechanism or its highest speed so far. Default values are 1e-8 for `rtol` and 0 for `atol`.
     max_steps : int
-        Largest number of adaptive steps.
+        Maximum number of adaptive steps.
     tau : array, dict or callable, optional
-        Torques (nv,) or by name of body, or a function f(t, q, v) that is called at every stage. A
-        function compiled by `numba.njit` costs a hundredth of a Python function. A pulse shorter
-        than a step is missed: give `step`, or a `pg.Motor` with a table, at whose knots steps end.
+        Joint torques (nv,) or a dictionary by body name, or a function f(t, q, v) that is called at
+        every stage. Functions compiled with `numba.njit` are about 100 times faster than Python
+        functions. Note that pulses shorter than a step may be missed. Use a smaller `step`, or a
+        `pg.Motor` with a table, since steps end at its knots.
     frames : int, optional
-        Number of evenly spaced states to record, about 1000 by default.
+        Number of evenly spaced frames to record. The default is about 1000.
     t_eval : array, optional
-        Times to record instead of `frames` [s].
+        Times at which to record the state [s], instead of `frames`.
     scenario : str, optional
-        Name of a scenario of the model. Other arguments override its fields.
+        Name of a scenario of the model. Its fields are overridden by the other arguments.
     forces : sequence of Force
-        Forces in addition to those of the model, with different names.
+        Additional forces. Their names must not occur in the model.
     inputs : dict, optional
-        Inputs by name of motor, servo or actuator in place of the model's: numbers or a `pg.Table`
-        over time.
+        Inputs of motors, servos and actuators by name, which replace the values of the model. Each
+        input is a number or a `pg.Table` over time.
     stabilise : {"project", "baumgarte", None}
-        How the drift of constraints is removed.
+        Method used to remove constraint drift.
     switches : sequence of tuple, optional
-        (t, name of a constraint, True or False) switches it on or off at t, between two steps. A
-        frame at t shows the state after it.
+        Tuples (t, constraint name, True or False), which switch a constraint on or off at time t,
+        between two steps. A frame at t contains the state after the switch.
     events : callable or sequence of callable
-        Functions f(t, q, v) whose zeros are located within steps, to rounding, and listed in
-        `run.user_events`. An attribute `direction` of 1 or -1 selects rising or falling zeros. One
-        with `terminal = True` ends the run with `Status.STOPPED`.
+        Functions f(t, q, v) whose zeros are located to rounding error and listed in
+        `run.user_events`. Each function can have the attributes `direction` (1 or -1 for rising or
+        falling zeros only) and `terminal` (True to end the run with `Status.STOPPED`).
     progress : callable or bool, optional
-        Function of the completed fraction; the run stops if it returns False. True shows a bar in a
-        terminal or notebook (tqdm).
+        Function that is called with the completed fraction. If it returns False, the run is
+        cancelled. If True, a progress bar is shown (requires tqdm).
     estimate : bool, optional
-        Whether to estimate the error from a second run at half the step or a tighter tolerance,
-        which doubles the time. By default all runs are estimated, except those with a Python
-        function `tau`, which may have internal state. Without an estimate it is nan, and `message`
-        gives the reason.
+        Whether to estimate the error with a second run that uses half the step or a tighter
+        tolerance. By default, this is done unless `tau` is a Python function, which may have
+        internal state. If there is no estimate, it is nan and `message` contains the reason.
     wrt : str or sequence of str, optional
-        Parameters with respect to which the run is differentiated: paths in the model as in `sweep`
-        ("bodies.arm.mass", the name of a parameter), "q.arm" and "v.arm" of the initial state, and
-        "inputs.knee" of the call. `run.sensitivity(path)` and `run.gradient(function)` give the
-        derivatives. They are the derivatives of the computed steps with constant step sizes.
+        Parameters with respect to which the run is differentiated. They can be paths in the model
+        as for `sweep` ("bodies.arm.mass", or the name of a parameter), initial values ("q.arm" and
+        "v.arm") or inputs ("inputs.knee"). The derivatives are available from
+        `run.sensitivity(path)` and `run.gradient(function)`. They refer to the discrete steps, with
+        constant step sizes.
 
     Returns
     -------
     Result
-        The recorded motion. A numerical failure is a `Status` of it, not an exception.
+        The recorded motion. Numerical failures do not raise an exception, but are reported in its
+        `status`.
 
     Raises
     ------
     InputError
-        If arguments do not fit.
+        If an argument is invalid.
 
     Examples
     --------

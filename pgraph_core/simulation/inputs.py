@@ -63,7 +63,7 @@ class Inputs:
     def all_checked(self, inputs: Any) -> list[tuple[str, float]]:
         """Return checked values by name. Raises InputError."""
         if not isinstance(inputs, Mapping):
-            text = f"must be a dictionary {{name: value}}; given {shown(inputs)}"
+            text = f"must be a dictionary {{name: value}}, got {shown(inputs)}"
             raise InputError(Problem("Stepper.step", "inputs", text))
         return [(name, self.checked(name, value)) for name, value in inputs.items()]
 

@@ -47,7 +47,7 @@ class FunctionMonitor:
         """Wrap a function. Raises InputError if it is not callable or its attributes do not fit."""
         where = f"events[{number}]"
         if not callable(function):
-            text = f"must be a function of (t, q, v); given {shown(function)}"
+            text = f"must be a function of (t, q, v), got {shown(function)}"
             raise refusal("simulate", where, text)
         self.function, self.where, self.size = of_state(function), where, size
         self.name = str(getattr(function, "__name__", where))
@@ -58,7 +58,7 @@ class FunctionMonitor:
             raise refusal("simulate", where, f"{text}given {shown(direction)}")
         if terminal not in (True, False):
             raise refusal(
-                "simulate", where, f"terminal must be True or False; given {shown(terminal)}"
+                "simulate", where, f"terminal must be True or False, got {shown(terminal)}"
             )
         self.direction, self.terminal = int(direction), bool(terminal)
 
@@ -90,7 +90,7 @@ def monitors_of(events: Any, size: tuple[int, int]) -> tuple[FunctionMonitor, ..
     given = (events,) if callable(events) else events
     if not isinstance(given, Sequence) or isinstance(given, str):
         raise refusal(
-            "simulate", "events", f"must be a list of functions f(t, q, v); given {shown(events)}"
+            "simulate", "events", f"must be a list of functions f(t, q, v), got {shown(events)}"
         )
     return tuple(FunctionMonitor(function, i, size) for i, function in enumerate(given))
 

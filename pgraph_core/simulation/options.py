@@ -69,10 +69,10 @@ class Options(NamedTuple):
         if self.frames is not None and self.t_eval is not None:
             raise InputError(Problem("simulate", "frames", "give frames or t_eval, not both"))
         if self.stabilise not in STABILISE:
-            text = f"must be 'project', 'baumgarte' or None; given {self.stabilise!r}"
+            text = f"must be 'project', 'baumgarte' or None, got {self.stabilise!r}"
             raise InputError(Problem("simulate", "stabilise", text))
         if self.estimate not in (None, True, False):
-            text = f"must be True, False or None; given {shown(self.estimate)}"
+            text = f"must be True, False or None, got {shown(self.estimate)}"
             raise InputError(Problem("simulate", "estimate", text))
         if self.rtol is not None:
             positive("rtol", self.rtol, unit="")
@@ -89,7 +89,7 @@ class Options(NamedTuple):
             return start, positive("t_end", duration if self.t_end is None else self.t_end)
         end = start + duration if self.t_end is None else _time(self.t_end)
         if not end > start:
-            text = f"must be a finite number > t_start = {start:g} [s]; given {self.t_end!r}"
+            text = f"must be a finite number > t_start = {start:g} [s], got {self.t_end!r}"
             raise InputError(Problem("simulate", "t_end", text))
         return start, end
 
@@ -110,7 +110,7 @@ class Options(NamedTuple):
         if rtol is not None:
             rtol = positive("rtol", rtol, unit="")
             if not LEAST_RTOL <= rtol <= 0.1:
-                text = f"must lie within {LEAST_RTOL:g}, rounding, and 0.1; given {rtol:g}"
+                text = f"must lie within {LEAST_RTOL:g}, rounding, and 0.1, got {rtol:g}"
                 raise InputError(Problem("simulate", "rtol", text))
         atol = self.atol if self.atol == 0.0 else positive("atol", self.atol, unit="")
         if atol and not method.adaptive:
@@ -129,7 +129,7 @@ class Options(NamedTuple):
         forces = self.forces
         if not isinstance(forces, (tuple, list)) or not all(isinstance(f, Force) for f in forces):
             do = "; a function of torques f(t, q, v) is given as tau" if callable(forces) else ""
-            text = f"must be a list of pg.Force; given {shown(forces)}{do}"
+            text = f"must be a list of pg.Force, got {shown(forces)}{do}"
             raise InputError(Problem("simulate", "forces", text))
         bodies = {b.name: b for b in mech.model.bodies} if forces else {}
         found = [problem for f in forces for problem in force_problems((f,), bodies)]
@@ -159,7 +159,7 @@ def inputs_of(given: Mapping[str, Any] | None, call: str) -> Inputs:
     if given is None:
         return ()
     if not isinstance(given, Mapping):
-        text = f"must be names with numbers or tables: {{'knee': 0.5}}; given {shown(given)}"
+        text = f"must be names with numbers or tables: {{'knee': 0.5}}, got {shown(given)}"
         raise InputError(Problem(call, "inputs", text))
     found: list[tuple[str, float | Table]] = []
     for name, value in given.items():
@@ -167,7 +167,7 @@ def inputs_of(given: Mapping[str, Any] | None, call: str) -> Inputs:
             value = Table(**value)
         if not isinstance(value, Table) and not np.isfinite(value := _number(listed(value))):
             text = "must be a number, or a pg.Table over time"
-            raise InputError(Problem(call, f"inputs[{name!r}]", f"{text}; given {given[name]!r}"))
+            raise InputError(Problem(call, f"inputs[{name!r}]", f"{text}, got {given[name]!r}"))
         found.append((name, value))
     return tuple(found)
 
@@ -229,7 +229,7 @@ def positive(field: str, value: Any, *, unit: str = " [s]", call: str = "simulat
     """Return a finite number > 0. Raises InputError, which names the call."""
     number = _number(value)
     if not 0 < number < np.inf:
-        text = f"must be a finite number > 0{unit}; given {value!r}"
+        text = f"must be a finite number > 0{unit}, got {value!r}"
         raise InputError(Problem(call, field, text))
     return number
 
@@ -237,7 +237,7 @@ def positive(field: str, value: Any, *, unit: str = " [s]", call: str = "simulat
 def _time(value: Any) -> float:
     number = _number(value)
     if not np.isfinite(number):
-        text = f"must be a finite number [s]; given {value!r}"
+        text = f"must be a finite number [s], got {value!r}"
         raise InputError(Problem("simulate", "t_start", text))
     return number
 
@@ -305,7 +305,7 @@ def _grid(t_eval: Any, t_start: float, t_end: float) -> Array:
     try:
         given = array_of(t_eval)
         if np.size(given) > MOST_FRAMES:
-            text = f"must be at most {MOST_FRAMES} times, which already take gigabytes; given "
+            text = f"must be at most {MOST_FRAMES} times, which already take gigabytes, got "
             raise InputError(Problem("simulate", "t_eval", f"{text}{np.size(given)}"))
         times = np.array(given, dtype=float)
     except (TypeError, ValueError):

@@ -197,7 +197,7 @@ class Path:
                 raise self._refused(f"{what} has no field {word!r}; {nearest(str(word), fields)}")
             return getattr(value, str(word))
         if not isinstance(word, int):
-            text = f"after the field, give the number of an entry; given {word!r}"
+            text = f"after the field, give the number of an entry, got {word!r}"
             raise self._refused(text)
         if not _listed(value) or not 0 <= word < len(value):
             do = f"; the value there is {shown(value)}"

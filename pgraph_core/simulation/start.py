@@ -54,7 +54,7 @@ def by_names(
     lists in which the order of the numbers is not the order of the bodies.
     """
     if isinstance(q, (int, float)):
-        text = f"must be {mech.nq} numbers in a list; given {q}; a duration is t_end={q}"
+        text = f"must be {mech.nq} numbers in a list, got {q}; a duration is t_end={q}"
         raise InputError(Problem("simulate", "q", text))
     _in_order(mech, q=q, v=v)
     named = [names_in(x) if x is not None else None for x in (q, v)]

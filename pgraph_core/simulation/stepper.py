@@ -59,41 +59,42 @@ ADDRESSES = ("guard", "approach")  # fields of a run's control that belong to th
 )
 @explained
 class Stepper(Snapshots):
-    """A mechanism advanced one call at a time, with no set-up between steps.
+    """A stepper, which advances a mechanism one or more steps at a time.
 
-    The states are those of `simulate` with the same method and step, bit for bit.
+    The results are identical to `simulate` with the same method and step size, but no time is spent
+    on set-up between steps.
 
     Parameters
     ----------
     mechanism : Mechanism or Model
         The system to step.
     step : float, optional
-        Step size [s], by default the step of the scenario, otherwise 1e-3.
+        Step size [s]. The default is the step of the scenario, or 1e-3.
     method : str
-        Name of a method of fixed steps. "auto" selects the method of the scenario if it has fixed
-        steps, otherwise "moreau_jean" with contacts or joint limits, otherwise "rk4". Rigid
-        contacts and limits always get "moreau_jean".
+        Name of a fixed-step method. With "auto", the method of the scenario is used if it has a
+        fixed step. Otherwise, "moreau_jean" is used for models with contacts or joint limits, and
+        "rk4" for all other models. Rigid contacts and limits always use "moreau_jean".
     scenario, forces, inputs, stabilise :
         As in `simulate`.
     tau : (nv,) array or callable, optional
-        Torques in every step, or a function f(t, q, v), as in `simulate`.
+        Constant torques, or a function f(t, q, v), as in `simulate`.
     switches : sequence, optional
-        Give () for a scenario that switches constraints later on, and call `switch` instead.
+        As in `simulate`. Use () to ignore the switches of the scenario, and call `switch` instead.
     q, v : array or dict, optional
-        Initial state, by default the one of the scenario or of the model.
+        Initial state. The default is the initial state of the scenario or model.
     states : array or dict, optional
         Initial states of the controls, as in `simulate`.
     t_start : float
-        Time at the start [s].
+        Start time [s].
 
     Raises
     ------
     InputError
-        If arguments do not fit, or if the initial state cannot meet the constraints.
+        If an argument is invalid, or if the constraints cannot be satisfied in the initial state.
 
     Examples
     --------
-    `q` and `v` are views that follow the steps: keep `st.q.copy()`.
+    Note that `q` and `v` are views that change with each step, so use `st.q.copy()` to keep them.
 
         st = pg.Stepper(mech, step=1e-3)
         while st.t < 2.0:
@@ -135,7 +136,7 @@ class Stepper(Snapshots):
         if step is None:
             step = (given.step if given is not None else None) or STEP
         if method not in GIVEN_STEPS:
-            text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}; given {shown(method)}"
+            text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}, got {shown(method)}"
             raise InputError(Problem("Stepper", "method", text))
         for s in given.switches if given is not None and switches is None else ():
             if s.t is None or s.t > t_start:
@@ -168,29 +169,29 @@ class Stepper(Snapshots):
 
     @property
     def q(self) -> Array:
-        """The configuration (nq,), as a read-only view that follows the steps."""
+        """The current configuration (nq,), as a read-only view."""
         return self._q
 
     @property
     def v(self) -> Array:
-        """The velocity (nv,), as a read-only view that follows the steps."""
+        """The current velocity (nv,), as a read-only view."""
         return self._v
 
     @property
     def states(self) -> Array:
-        """The states (nx,) of the controls, as a read-only view that follows the steps."""
+        """The current states (nx,) of the controls, as a read-only view."""
         return self._x
 
     @property
     def controls(self) -> Mapping[str, float]:
-        """The values {control: value} of the controls at the state."""
+        """The current values of the controls, {control: value}."""
         state = np.array([self.t]), self._steps.q[None], self._steps.v[None]
         found = values_of(self.mech.model, self.mech.packed, self._forces, *state)
         return Named({name: float(x[0]) for name, x in found.items()}, "controls", "control")
 
     @property
     def vdot(self) -> Array:
-        """The acceleration (nv,) at the state, with contacts and limits as in the last step."""
+        """The current acceleration (nv,), with the contact and limit forces of the last step."""
         return self._seen().out.vdot[0, : self.mech.nv].copy()
 
     @property
@@ -204,7 +205,7 @@ class Stepper(Snapshots):
         """Contact wrenches {contact pair: (6,) [torque, force]} on the body at its origin [N m, N],
         world axes.
 
-        Also by two names of bodies, as in `Result`.
+        Two body names are accepted as well, as in `Result`.
         """
 
         def on_other(wrench: Array, a: str, b: str) -> Array:
@@ -291,7 +292,7 @@ class Stepper(Snapshots):
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """Notices about the steps taken."""
+        """Warnings about the steps taken so far."""
         if not self.status.ok:
             return self._record.told  # contacts tell of the step that was not taken
         record = self._record if self._recording else self._seen()
@@ -306,19 +307,19 @@ class Stepper(Snapshots):
     def reset(self, q: Any = None, v: Any = None, states: Any = None) -> None:
         """Restart at t_start.
 
-        Inputs and targets return to their values at the start.
+        Inputs and targets are reset to their initial values.
 
         Parameters
         ----------
         q, v : array_like or dict, optional
-            Coordinates and velocities, as for `simulate`. The default is the initial state.
+            Configuration and velocity, as for `simulate`. The default is the initial state.
         states : array_like or dict, optional
-            States of the controls, as for `simulate`. By default they start as the model says.
+            States of the controls, as for `simulate`. The default is given by the model.
 
         Raises
         ------
         InputError
-            If the state does not fit, or the constraints cannot be met from it.
+            If the state is invalid, or if the constraints cannot be satisfied.
         """
         q, v = by_names(self.mech, self._options.scenario, q, v, self._tau)
         self._begin(self._started, q, v, given_states(self.mech, states))
@@ -332,8 +333,9 @@ class Stepper(Snapshots):
     ) -> Status:
         """Take n steps and return the status of the run.
 
-        Time advances by n steps, even if a step is divided near a soft or penalty contact. A step
-        that fails leaves the state unchanged, with the reason in `status` and `message`.
+        Steps may be divided near soft or penalty contacts, but the time always advances by n full
+        steps. If a step fails, the state does not change, and `status` and `message` contain the
+        reason.
 
         Parameters
         ----------
@@ -342,12 +344,12 @@ class Stepper(Snapshots):
         n : int, optional
             Number of steps.
         inputs : dict, optional
-            Values of inputs by name, which act from now on as by `input`.
+            New values of inputs by name, as for `input`.
 
         Raises
         ------
         InputError
-            If an earlier step failed and neither `reset` nor `restore` followed.
+            If a previous step failed and neither `reset` nor `restore` was called.
 
         Examples
         --------
@@ -381,14 +383,14 @@ class Stepper(Snapshots):
     def record(self, n: int, frames: int | None = None, tau: Any = None) -> Result:
         """Take n steps and return them as a Result.
 
-        Counters, work and dissipation refer to these steps.
+        Counters, work and dissipation only refer to these steps.
 
         Parameters
         ----------
         n : int
             Number of steps.
         frames : int, optional
-            Number of evenly spaced states in the result. The default is all.
+            Number of evenly spaced frames to record. By default, every step is recorded.
         tau : array_like (nv,), optional
             Torques [N·m, N], as for `step`.
         """
@@ -405,7 +407,7 @@ class Stepper(Snapshots):
         Parameters
         ----------
         dt : float
-            Duration [s]. Steps are smaller if it is not a multiple of the step.
+            Duration [s]. If it is not a multiple of the step size, smaller steps are used.
         frames, tau
             As for `record`.
         """
@@ -439,26 +441,27 @@ class Stepper(Snapshots):
     ) -> LinearStep:
         """Return the discrete dynamics of the next step, δx⁺ = A δx + B δu, exact to rounding.
 
-        Limits and friction of joints are part of it. Entries are nan where no derivative exists,
-        as where something is about to slip; `notices` say why.
+        Joint limits and joint friction are included. If a derivative does not exist, for example at
+        the onset of slip, the corresponding entries are nan and `notices` gives the reason.
 
         Parameters
         ----------
         tau : array_like (nv,), optional
             Torques of the step [N·m, N], as for `step`.
         inputs : sequence of str, optional
-            Names of inputs that B is by. Without names it is by the torques of all joints.
+            Names of the inputs u. By default, u contains the torques of all joints.
 
         Returns
         -------
         LinearStep
-            A (2 nv, 2 nv), B (2 nv, len(inputs) or nv) and notices. x is the change of coordinates
-            and velocities; balls and free bodies have small rotations [rad].
+            The matrices A (2 nv, 2 nv) and B (2 nv, len(inputs) or nv), and warnings. The vector x
+            contains the changes of coordinates and velocities, with small rotations [rad] for ball
+            and free joints.
 
         Raises
         ------
         InputError
-            If an input is unknown, or the scene has parts without derivatives.
+            If an input is unknown, or if the model has elements without derivatives.
         """
         from .one_step import linear_step
 
@@ -476,19 +479,19 @@ class Stepper(Snapshots):
     def switch(self, constraint: str, active: bool) -> None:
         """Switch a constraint on or off.
 
-        A constraint that is switched on is satisfied at once, by an impulse.
+        When a constraint is switched on, it is satisfied immediately by an impulse.
 
         Parameters
         ----------
         constraint : str
             Name of the constraint.
         active : bool
-            Whether it acts from now on.
+            Whether the constraint is active from now on.
 
         Raises
         ------
         InputError
-            If the name is unknown, or the constraint cannot be met.
+            If the name is unknown, or if the constraint cannot be satisfied.
         """
         names = [c.name for c in self.mech.model.constraints]
         if constraint not in names:

@@ -92,7 +92,7 @@ def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch
                 raise refusal(
                     "simulate",
                     "switches",
-                    f"must hold (t, name of a constraint, True or False); given {item}",
+                    f"must hold (t, name of a constraint, True or False), got {item}",
                 )
             first = "when" if isinstance(item[0], (dict, When)) else "t"
             try:

@@ -70,12 +70,12 @@ def variables_of(given: Given, wrt: Any, call: str = "simulate") -> list[Variabl
     """The numbers at these paths. Raises InputError."""
     listed = [wrt] if isinstance(wrt, str) else wrt
     if not isinstance(listed, (list, tuple)) or not listed:
-        text = f"must be a list of paths, as ['bodies.arm.mass', 'q.arm']; given {shown(wrt)}"
+        text = f"must be a list of paths, as ['bodies.arm.mass', 'q.arm'], got {shown(wrt)}"
         raise InputError(Problem(call, "wrt", text))
     found, paths = [], []
     for one in listed:
         if not isinstance(one, (str, tuple, list)) or not one:
-            raise InputError(Problem(call, "wrt", f"must name paths; given {shown(one)}"))
+            raise InputError(Problem(call, "wrt", f"must name paths, got {shown(one)}"))
         word = one if isinstance(one, str) else ".".join(map(str, one))
         group, _, name = word.partition(".")
         if group in ("q", "v") and word not in given.mech.model.parameters:

@@ -23,9 +23,9 @@ from .stepper import Stepper
 
 @explained
 class Walk(Portable):
-    """A walk simulated piece by piece, with changes in between.
+    """An interactive walk that is simulated piece by piece.
 
-    A page plays the walk while it is computed:
+    For example, the following code plays a walk while it is computed:
 
         walk = Walk(mech, scenario="trot")
         part = walk.step(0.05)           # a Result, ready long before its 50 ms are over
@@ -35,9 +35,9 @@ class Walk(Portable):
         walk.push((0, 0, 80), seconds=0.2)               # [N] on the trunk, in world axes
         walk.follow(underfoot(walk.mech.model, friction=0.3))    # other ground, law or masses
 
-    Each piece continues at the end of the last one, with the states of the model's controls. Times
-    are absolute, so the same changes at the same times give identical results. A gait has no
-    memory. A fall is reported in the warnings of the piece, and `fell` stays true.
+    Each piece continues from the final state of the previous one, including the states of controls.
+    Results are reproducible if the same changes are made at the same times. If the model falls, a
+    warning is added to the piece and `fell` is set to True.
     """
 
     def __init__(
@@ -191,7 +191,7 @@ class Walk(Portable):
         self._built = False
 
     def follow(self, model: Model) -> None:
-        """Continue with a changed model, without informing the controller.
+        """Continue with a modified model. The controller is not changed.
 
         Parameters
         ----------

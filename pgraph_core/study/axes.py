@@ -161,7 +161,7 @@ TABLE = (
     Axis("speed", "largest initial velocity", "rad/s or m/s",
          (0.1, 1.0, 1e1, 1e2, 1e3, 1e4), speed,
          own=lambda model: max((abs(x) for b in model.bodies for x in b.v), default=0.0) or None),
-    Axis("friction", "Coulomb's coefficient of all contacts", "",
+    Axis("friction", "Coulomb friction coefficient of all contacts", "",
          (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10), friction,
          own=lambda model: _shared(c.friction for c in model.contacts)),
     Axis("step", "step of the run", "s",

@@ -388,6 +388,6 @@ class Saved(Portable, ABC):
         kinds = dict(zip(self.SUFFIXES, (self.html, self.to_json, self.figure, self.__str__)))
         suffix = Path(path).suffix.lower()
         if suffix not in kinds:
-            text = f"must end in {choices(kinds)}; given {suffix!r}"
+            text = f"must end in {choices(kinds)}, got {suffix!r}"
             raise FileError(Problem(str(path), "", text))
         write_atomic(path, kinds[suffix]())

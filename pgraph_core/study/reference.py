@@ -99,7 +99,7 @@ def given(task: Task, reference: Any) -> Reference:
         t, q = np.zeros(0), np.zeros(0)
     if t.ndim != 1 or len(t) < 2 or q.shape != (len(t), task.mech.nq):
         text = "must be a Result, a Case, a Reference, or (t, q) with at least two times and q of "
-        text += f"shape (len(t), {task.mech.nq}); given {type(reference).__name__}"
+        text += f"shape (len(t), {task.mech.nq}), got {type(reference).__name__}"
         raise refusal("work_precision", "reference", text)
     return Reference.of_motion(task, t, q, 0.0, "given states, taken as exact")
 

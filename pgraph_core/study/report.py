@@ -213,7 +213,7 @@ class Study(Saved):
         return {name: seconds for name, seconds in found.items() if np.isfinite(seconds)}
 
     def against_peers(self) -> list[dict[str, Any]]:
-        """Return one row per error and peer, with our time, the peer's and theirs / ours."""
+        """Return one row per error and program, with our time, its time and their ratio."""
         peers = {row.method for row in self.rows if row.peer}
         found = []
         for level in LEVELS:
@@ -256,8 +256,7 @@ class Study(Saved):
         )
 
     def advised(self) -> Row | None:
-        """Return our fastest run that meets the target (default 1e-6), or else the most accurate
-        one.
+        """Return the fastest run that meets the target (default 1e-6), or the most accurate one.
 
         None if no run reached the end.
         """

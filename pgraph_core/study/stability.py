@@ -85,10 +85,10 @@ def stability_map(
     threads: int | None = None,
     progress: Callable[[float], Any] | None = None,
 ) -> StabilityMap:
-    """Evaluate every combination of `axis` value, method and step size.
+    """Compute a stability map for combinations of parameter value, method and step size.
 
-    Each cell is run at its step and at half of it, and compared with two much finer runs by
-    different methods. OK means that its error is at most `target`.
+    Each combination is simulated with the given step and with half of it, and compared with two
+    much finer runs that use different methods. It is OK if the error is at most `target`.
 
     Parameters
     ----------
@@ -97,35 +97,38 @@ def stability_map(
     q, v : array or dict, optional
         Initial state, by default the one of the scenario or of the model.
     axis : str, optional
-        Quantity to vary, such as "stiffness", by default the first one that applies to the model.
+        Parameter to vary, such as "stiffness". The default is the first one that is available for
+        the model.
     values : iterable of float, optional
-        Values of the axis, by default its own list with the value of the model.
+        Values of the parameter. By default, a predefined list including the value of the model is
+        used.
     methods, steps : iterable, optional
-        Names of methods and step sizes [s]. By default the methods that are right most often come
-        first.
+        Names of methods and step sizes [s]. By default, methods are sorted by the number of
+        accurate results.
     t_end : float, optional
         Duration of the runs [s].
     target : float
-        Largest error [rad, or relative to the mechanism's length].
+        Largest acceptable error [rad, or relative to the length of the mechanism].
     scenario, stabilise :
         As in `simulate`.
     budget : int
-        Largest number of evaluations of the dynamics, times elementary motions, of a run.
+        Maximum number of dynamics evaluations of a run, multiplied by the number of elementary
+        motions.
     threads : int, optional
-        Number of threads, by default one for each core.
+        Number of threads. By default, one per core is used.
     progress : callable, optional
-        Function of the completed fraction. If it returns False, the map ends with the finished
-        cells.
+        Function that is called with the completed fraction. If it returns False, the map only
+        contains the completed cells.
 
     Returns
     -------
     StabilityMap
-        Printing it shows a table. `advice` recommends a method and a step.
+        The map, which can be printed as a table. Its `advice` recommends a method and step size.
 
     Raises
     ------
     InputError
-        If arguments do not fit. The message lists the choices.
+        If an argument is invalid.
     """
     given = mech if isinstance(mech, Model) else mechanism_of(mech, CALL).model
     model, duration = in_scenario(given, scenario)
@@ -183,7 +186,7 @@ def _checked(
         widths = finite_numbers(CALL, "steps", STEPS if steps is None else steps)
     for field, each in (("steps", widths), ("values", numbers if chosen.of_steps else ())):
         if any(x <= 0 for x in each):
-            raise refusal(CALL, field, f"steps must be > 0 [s]; given {min(each):g}")
+            raise refusal(CALL, field, f"steps must be > 0 [s], got {min(each):g}")
     end = positive("t_end", t_end, call=CALL)
     aim = positive("target", target, unit="", call=CALL)
     limits = model.limited

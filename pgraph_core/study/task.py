@@ -93,7 +93,7 @@ def _rungs(field: str, given: Any, least: float, most: float) -> tuple[float, ..
         text = f"are {len(values)} settings of each method; give {MOST_SETTINGS} at most"
         raise refusal("work_precision", field, text)
     if not values or not all(is_number(x) and least <= float(x) <= most for x in values):
-        text = f"must be one number or more, each within {least:g} and {most:g}; given {given!r}"
+        text = f"must be one number or more, each within {least:g} and {most:g}, got {given!r}"
         raise refusal("work_precision", field, text)
     return tuple(sorted({float(x) for x in values}, reverse=True))
 
@@ -139,7 +139,7 @@ def finite_numbers(call: str, field: str, given: Any) -> tuple[float, ...]:
     except (TypeError, ValueError):
         found = ()
     if not found or not all(map(np.isfinite, found)):
-        text = f"must be finite numbers, at least one; given {shown(given)}"
+        text = f"must be finite numbers, at least one, got {shown(given)}"
         raise refusal(call, field, text)
     return tuple(dict.fromkeys(found))
 

@@ -70,10 +70,10 @@ def work_precision(
     longest: float = 1.0,
     progress: Callable[[float], Any] | None = None,
 ) -> Study:
-    """Measure error against run time for several methods on one motion.
+    """Measure the error and run time of several methods for the same motion.
 
-    The motion is the one that `simulate` computes. Errors are dimensionless (docs/accuracy.md).
-    Failed runs stay in the table.
+    The arguments define the motion as for `simulate`. Errors are dimensionless, as explained in
+    docs/accuracy.md. Failed runs are included in the table.
 
     Parameters
     ----------
@@ -84,29 +84,29 @@ def work_precision(
     t_end : float, optional
         Duration [s], by default that of the scenario, else 1.
     methods : sequence of str, optional
-        Names of methods.
+        Names of the methods to compare.
     steps : sequence of float, optional
-        Steps of the methods of fixed steps [s], by default h0 2^-k for k = 0 .. 8.
+        Step sizes of fixed-step methods [s]. The default is h0 2^-k for k = 0 .. 8.
     tolerances : sequence of float, optional
         Tolerances of adaptive methods, by default 1e-2 .. 1e-12.
     reference : Result, tuple, Case or Reference, optional
-        Motion to compare with, a tuple of times and configurations. By default it is the finest run
-        possible, with an estimate of its error.
+        Reference motion, for example a tuple of times and configurations. By default, it is
+        computed with the highest possible accuracy, including an error estimate.
     rounds : int
-        Number of repetitions of each measurement, of which the least processor time counts.
+        Number of repetitions. The minimum processor time is used.
     scenario, tau, stabilise :
         As in `simulate`.
     target : float, optional
-        Error at which the methods are ranked.
+        Error for which the methods are ranked.
     frames : int
-        Number of times at which motions are compared.
+        Number of frames at which motions are compared.
     peers : sequence of str
-        Other engines to run: "mujoco", "pinocchio", "exudyn", "sundials" and "scipy".
+        Other programs to include: "mujoco", "pinocchio", "exudyn", "sundials" and "scipy".
     longest : float
-        Runs that would take longer are skipped [s].
+        Maximum duration of a run [s]. Runs that would take longer are skipped.
     progress : callable, optional
-        Function of the completed fraction. If it returns False, the study ends with the finished
-        rows and `cancelled` set.
+        Function that is called with the completed fraction. If it returns False, the study is
+        cancelled and contains the completed rows.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def work_precision(
     Raises
     ------
     InputError
-        If arguments do not fit.
+        If an argument is invalid.
     """
     call, mech = "work_precision", mechanism_of(mech, "work_precision")
     given = None if scenario is None else mech.model.scenario(scenario)

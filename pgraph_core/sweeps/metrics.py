@@ -52,13 +52,13 @@ def metrics_of(given: Any) -> dict[str, Metric | str]:
     else:
         found = {}
     if not found:
-        text = f"must be a name such as 'max knee', or a function of a run; given {shown(given)}"
+        text = f"must be a name such as 'max knee', or a function of a run, got {shown(given)}"
         raise _refused(text)
     for name, one in found.items():
         if isinstance(one, str):
             words(one)
         elif not callable(one):
-            raise _refused(f"{name!r} must be a function of a run; given {shown(one)}")
+            raise _refused(f"{name!r} must be a function of a run, got {shown(one)}")
     return found
 
 

@@ -40,10 +40,10 @@ TRIED = 100  # points of which one must be a model for a look before the first r
 @explained
 @dataclass(frozen=True, eq=False)
 class Sweep(Portable):
-    """Points and their measured values, in the order of the design.
+    """The results of `sweep`, with one entry per point.
 
-    `points` (n, k) are the values of `paths`. `values` has one array (n,) per metric, nan if the
-    run failed. `status` and `reason` (n,) give the cause.
+    `points` (n, k) contains the values of `paths`, and `values` one array (n,) per metric, which is
+    nan if the run failed. In this case, `status` and `reason` (n,) contain the cause.
     """
 
     paths: tuple[str, ...]
@@ -88,7 +88,7 @@ class Sweep(Portable):
         return needed("pandas", "pandas").DataFrame(self.columns())
 
     def to_csv(self) -> str:
-        """Return the table as CSV text. Numbers are restored exactly when read back."""
+        """Return the table as CSV text, with all digits of the values."""
         columns, out = self.columns(), io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(columns)
@@ -139,58 +139,61 @@ def sweep(
     progress: Callable[[float], Any] | bool | None = None,
     **options: Any,
 ) -> Sweep:
-    """Run a model at many field values and measure each run.
+    """Simulate a model for many values of its fields and compute metrics of each run.
 
-    A sweep that takes longer than a second runs in several processes. In a script without `if
-    __name__ == "__main__":` it runs in this process alone, with a warning, as does a metric that
-    cannot be pickled, such as a lambda. The table does not depend on the number of processes. The
-    reason of a failed point is stored.
+    Sweeps that take longer than a second use several processes. This requires that scripts have an
+    `if __name__ == "__main__":` guard and that metrics can be pickled, i.e. are not lambda
+    functions. Otherwise, a warning is issued and a single process is used. The results do not
+    depend on the number of processes. Points that fail are included in the table together with the
+    reason.
 
     Parameters
     ----------
     model : Model or Mechanism
         The model to vary.
     set : dict
-        Values by path: "bodies.shin.mass", ("bodies", "shin", "mass"), "bodies.shin.link.0" or the
-        name of a parameter. Each point is `Model.edit` of these numbers and changes no others: a
-        body of another mass keeps its inertia.
+        Values by path. A path can be "bodies.shin.mass", ("bodies", "shin", "mass"),
+        "bodies.shin.link.0" or the name of a parameter, for example. No other fields are changed,
+        so a body with a different mass keeps its inertia.
     metric : str, callable, list or dict
-        A name such as "max knee", a function of a run that returns a number, or several of these.
-        Names are final, max, min, mean, rms, peak, range or settle (time after which it stays
-        within 2 % of its total change) of a column of `Result.columns`, and energy_drift,
-        error_estimate, t_end and steps.
+        Metrics to compute, given by a name such as "max knee", by a function that computes a number
+        from a run, or by several of these. The available names are final, max, min, mean, rms,
+        peak, range or settle (the time after which a curve stays within 2 % of its total change)
+        followed by a column of `Result.columns`, as well as energy_drift, error_estimate, t_end and
+        steps.
     scenario : str, optional
         Name of the scenario to run.
     samples : {"grid", "latin", "sobol", "random"}
-        "grid" combines all values. The others take `n` points, with each path given as (low, high)
-        or as a frozen distribution of `scipy.stats`.
+        Sampling method. With "grid", all combinations of values are used. The other methods draw
+        `n` points, and each path must be given as (low, high) or as a frozen distribution from
+        `scipy.stats`.
     n, seed : int
-        Number of points and seed of the samples.
+        Number of points and random seed.
     workers : int, optional
-        Number of processes, by default one for each core.
+        Number of processes. By default, one per core is used.
     scheduler : optional
         Address of a Dask cluster to run on.
     out : str or path, optional
-        File (.csv or .parquet) to write at the end. Until then finished points are in `out` +
-        ".part".
+        File (.csv or .parquet) to write. Completed points are stored in `out` + ".part" until the
+        sweep is finished.
     resume : bool
-        Whether to continue from an existing ".part" file, which is an error otherwise.
+        Whether to continue from an existing ".part" file. If False, such a file raises an error.
     progress : callable or bool, optional
-        Function of the completed fraction; the sweep stops with the finished points if it returns
-        False. True shows a bar in a terminal or notebook (tqdm).
+        Function that is called with the completed fraction. If it returns False, the sweep stops
+        and returns the completed points. If True, a progress bar is shown (requires tqdm).
     **options
-        Arguments of `simulate`. The error is estimated only with `estimate=True` or for a metric
-        that needs it.
+        Additional arguments of `simulate`. By default, errors are only estimated if a metric
+        requires it.
 
     Returns
     -------
     Sweep
-        A table with a row for each point.
+        A table with one row per point.
 
     Raises
     ------
     InputError
-        If arguments do not fit.
+        If an argument is invalid.
     FileError
         If `out` cannot be written or continued.
 
@@ -202,7 +205,7 @@ def sweep(
     if not isinstance(base, Model):
         raise wrong_type("sweep", "model", "a pg.Model", model)
     if not isinstance(set, Mapping) or not set:
-        text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}; given {shown(set)}"
+        text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}, got {shown(set)}"
         raise InputError(Problem("sweep", "set", text))
     paths = [Path(base, given) for given in set]
     names = tuple(path.text for path in paths)
@@ -265,9 +268,7 @@ def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, re
         text = "is for samples of ranges: give samples='latin', 'sobol' or 'random' too"
         raise InputError(Problem("sweep", "n", text))
     if workers is not None and (whole(workers) or 0) < 1:
-        text = (
-            f"must be the number of processes, >= 1, or None for all cores; given {shown(workers)}"
-        )
+        text = f"must be the number of processes, >= 1, or None for all cores, got {shown(workers)}"
         raise InputError(Problem("sweep", "workers", text))
     if resume and out is None:
         text = "needs a file to continue from: give out='table.csv' too"
@@ -414,7 +415,7 @@ def points_of(values: Mapping[str, Any], samples: str, n: int | None, seed: int)
     Raises InputError.
     """
     if samples not in SAMPLES:
-        raise _refused("samples", f"must be one of {choices(SAMPLES)}; given {shown(samples)}")
+        raise _refused("samples", f"must be one of {choices(SAMPLES)}, got {shown(samples)}")
     if samples == "grid":
         lists = [_listed(path, given) for path, given in values.items()]
         count = math.prod(map(len, lists))
@@ -422,9 +423,9 @@ def points_of(values: Mapping[str, Any], samples: str, n: int | None, seed: int)
             raise _refused("set", f"has {count} points; {MOST_POINTS} at most")
         return np.array(list(itertools.product(*lists)), dtype=float)
     if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MOST_POINTS:
-        raise _refused("n", f"must be the number of points, 1 to {MOST_POINTS}; given {shown(n)}")
+        raise _refused("n", f"must be the number of points, 1 to {MOST_POINTS}, got {shown(n)}")
     if (start := whole(seed)) is None or start < 0:
-        raise _refused("seed", f"must be a whole number >= 0; given {shown(seed)}")
+        raise _refused("seed", f"must be a whole number >= 0, got {shown(seed)}")
     units = _unit_points(samples, len(values), n, start)
     columns = [_stretched(path, given, u) for (path, given), u in zip(values.items(), units.T)]
     return np.stack(columns, axis=1)
@@ -448,7 +449,7 @@ def _stretched(path: str, given: Any, unit: Array) -> Array:
         return np.asarray(given.ppf(unit), dtype=float)
     pair = _listed(path, given)
     if len(pair) != 2 or not pair[0] < pair[1]:
-        text = f"must be (low, high) or a distribution of scipy.stats; given {shown(given)}"
+        text = f"must be (low, high) or a distribution of scipy.stats, got {shown(given)}"
         raise _refused(path, text)
     return pair[0] + (pair[1] - pair[0]) * unit
 
@@ -458,9 +459,9 @@ def _listed(path: str, given: Any) -> Array:
     if values is not None and values.ndim == 0:
         values = values[None]
     if values is None or values.ndim != 1 or not len(values):
-        raise _refused(path, f"must be a list of numbers, not empty; given {shown(given)}")
+        raise _refused(path, f"must be a list of numbers, not empty, got {shown(given)}")
     if not np.isfinite(values).all():
-        raise _refused(path, f"must be finite numbers; given {shown(given)}")
+        raise _refused(path, f"must be finite numbers, got {shown(given)}")
     return values
 
 

@@ -48,7 +48,7 @@ def test_the_step_of_a_scenario_may_be_too_long_too():
 @pytest.mark.parametrize("method", ["auto", "dop853", "radau5"])
 def test_a_tolerance_of_nothing_or_of_all_is_refused(rtol, text, method):
     error = refusal(lambda: pg.simulate(MODEL, t_end=0.1, rtol=rtol, method=method), pg.InputError)
-    assert_problems(error.problems, [("simulate, rtol", f"given {text}")])
+    assert_problems(error.problems, [("simulate, rtol", f"got {text}")])
 
 
 TWICE = ((0.0, 1.0, 1.0, 2.0), (0.0, 0.0), (0.0, 2.0, 1.0))
