@@ -145,7 +145,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _elsewhere() -> dict[str, str]:
-    """Return what stands before each public name and each attribute of the main classes."""
+    """Return the prefix of each public name and of each attribute of the main classes."""
     found = dict.fromkeys(_HOME, "pg.")
     for owner, shown in _SHOWN.items():
         found |= {name: f"{shown}." for name in dir(__getattr__(owner)) if name[0] != "_"} | found

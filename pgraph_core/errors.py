@@ -81,7 +81,8 @@ class SetError(InputError, AttributeError):
 class Suggests:
     """A mixin that returns our attribute for the same of another program, or names a near one.
 
-    What takes a model or a mechanism first is an attribute of both: `model.linearise()`.
+    Functions whose first argument is a model or a mechanism can also be called as methods, such as
+    `model.linearise()`.
     """
 
     if not typing.TYPE_CHECKING:
@@ -171,7 +172,7 @@ def nearest_first(name: str, known: Iterable[str]) -> list[str]:
 def nearest(name: str, known: Iterable[str], about: Callable[[str], str] = lambda _: "") -> str:
     """Return 'did you mean mass? choose from ...' for a mistyped name.
 
-    `about` returns what a name takes, for the name that is suggested.
+    `about` returns the accepted values of a suggested name.
     """
     names = list(known)
     close = words.hint(name, names)
@@ -332,7 +333,7 @@ def _stacked(results: Sequence[Any]) -> Any:
 
 
 def _called_as(function: Any, args: Sequence[Any]) -> str:
-    """Return the name of a call as it is written: that of a method with the class of its object."""
+    """Return the name of a call as written by the user, including the class name for methods."""
     name = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
     owner, _, method = name.rpartition(".")
     kind = args[0] if args and isinstance(args[0], type) else type(args[0] if args else None)

@@ -1,8 +1,8 @@
 """Field types for descriptions, and the base class of their parts.
 
-`field(...)` declares a field once. Its description completes "must be ..." in the sentence that
-refuses a value; label, unit and help are what a form shows; the converter says, also to a type
-checker, what may be given for it: lists, NumPy arrays, dictionaries.
+`field(...)` declares a field. The description is used in error messages, after "must be ...".
+Label, unit and help are displayed in forms. The converter defines which types are accepted, such as
+lists, NumPy arrays and dictionaries, and is also understood by type checkers.
 """
 
 from __future__ import annotations

@@ -205,7 +205,7 @@ class _Collada:
     def _paint(self, instance: Element, symbol: str) -> Any:
         """Return the colour of the material that a geometry instance binds to a symbol.
 
-        It is "undefined" if the binding, or what it leads to, is not in the file.
+        It is "undefined" if the binding or its target is missing.
         """
         for bound in instance.inside():
             if bound.tag != "instance_material" or bound.get("symbol") != symbol:

@@ -167,7 +167,7 @@ class Snapshots(Portable, ABC):
 
     @abstractmethod
     def _words(self) -> tuple[str, ...]:
-        """Return a hash of what it is made from, and what a snapshot holds besides numbers."""
+        """Return a hash of the constructor arguments, and snapshot data other than numbers."""
 
     @abstractmethod
     def _memory(self) -> list[Any]:
@@ -179,7 +179,7 @@ class Snapshots(Portable, ABC):
 
     @abstractmethod
     def _renew(self) -> None:
-        """Make the rest from what it is made from."""
+        """Construct the remaining attributes from the constructor arguments."""
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: self.__dict__[name] for name in self.GIVEN} | {"snapshot": self._content()}

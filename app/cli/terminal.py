@@ -34,7 +34,7 @@ Takes = Callable[[ArgumentParser], object]  # adds an argument to a parser
 
 
 def takes(*flags: str, **how: Any) -> Takes:
-    """Return what adds this argument to a parser."""
+    """Return a function that adds this argument to a parser."""
     return lambda parser: parser.add_argument(*flags, **how)
 
 

@@ -511,7 +511,8 @@ def acting(model: pg.Model, part: Part, scenario: str) -> tuple[frozenset[str], 
 def switched(model: pg.Model, part: Part, name: str, on: bool, scenario: str) -> pg.Model:
     """Return the model with a constraint or contact on or off at the start.
 
-    It is switched in the scenario if that lists what acts, otherwise in the model.
+    It is switched in the scenario if the scenario lists its active parts, and in the model
+    otherwise.
     """
     item_of(model, part, name)
     now, of_scenario = acting(model, part, scenario)

@@ -42,7 +42,7 @@ class EditPart(ModelEdit):
 
 
 class SwitchPart(ModelEdit):
-    """Activate or deactivate a part, in the scenario if that lists what acts."""
+    """Activate or deactivate a part, in the scenario if it lists its active parts."""
 
     part: Literal["constraints", "contacts"]
     name: Text

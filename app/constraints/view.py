@@ -168,7 +168,7 @@ def _bounds(pair: tuple[float | None, ...], of: Quantity, display: Display) -> s
 
 
 def _picking(picking: Picking | None) -> Payload | None:
-    """Return the picking banner: what to click, and alternatives that need no click."""
+    """Return the picking banner, with instructions and alternatives to clicking."""
     if picking is None:
         return None
     slots = {"body": "the body", "other": "the other body"}

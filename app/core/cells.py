@@ -46,7 +46,7 @@ class Display:
         return {"angle": self.angle, "length": self.length}.get(quantity, "")
 
     def of_unit(self, unit: str) -> tuple[str, float]:
-        """Return a unit such as "rad/s" in those of the page, "deg/s", and how many it makes."""
+        """Convert a unit such as "rad/s" to the units of the page, and return it and its factor."""
         head, slash, rest = unit.partition("/")
         heads: dict[str, Quantity] = {"rad": "angle", "m": "length"}
         quantity = heads.get(head, "number")

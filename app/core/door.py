@@ -283,7 +283,7 @@ def faults(raw: bytes | str) -> str | None:
 
 
 def _crowded(raw: bytes | msgspec.Raw, levels: int = 2) -> bool:
-    """Return True for a large message, unless its size is that of text or bytes in its fields.
+    """Return True for a large message, unless its size is due to text or bytes in its fields.
 
     It is not decoded: 16 MB of small numbers would keep all others waiting for seconds.
     """

@@ -38,7 +38,7 @@ def edited(
     offer: Callable[[], str] = lambda: "",
     at: int | None = None,
 ) -> S:
-    """Apply the new model from `make() -> (model, what was done)` as one undo step.
+    """Apply the new model from `make() -> (model, description)` as one undo step.
 
     What it refuses stands next to the cell that was typed into, the one of `serial`, with a button
     for the repair that `offer` names; without a cell it is a notice. `at` is the place of the row
@@ -93,7 +93,7 @@ def with_model(state: S, model: pg.Model, label: str, at: int | None = None) -> 
 def replaced(state: S, model: pg.Model, label: str) -> S:
     """Open a different model as one undo step, with its own run settings and camera view.
 
-    What was selected, drawn, plotted and measured of the one before goes with it.
+    The selection, drawings, plots and measurements of the previous model are discarded.
     """
     after = with_model(state, model, label).opened(state)
     return replace(after, framed=state.framed + 1, document=state.framed + 1)

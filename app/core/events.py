@@ -1,4 +1,4 @@
-"""Events: each kind knows what it changes.
+"""Events of the page, each with its own handler.
 
 Each feature declares its events in its `update.py`:
 
@@ -124,14 +124,14 @@ class ModelEdit(FromPage):
 
     @abstractmethod
     def edit(self, state: Any) -> tuple[pg.Model, str]:
-        """Return the new model and what was done. Raises Refusal, PgraphError."""
+        """Return the new model and a description of the change. Raises Refusal, PgraphError."""
 
     def then(self, before: Any, after: Any) -> Any:
-        """Return the state after the edit, with what its page is shown next."""
+        """Return the state after the edit, including the next display of its page."""
         return after
 
     def offer(self, state: Any) -> str:
-        """Return the label of a repair for what was refused, or "" if there is none."""
+        """Return the label of a repair for a rejected edit, or "" if there is none."""
         return ""
 
 
@@ -151,7 +151,8 @@ def update(state: S, event: Event) -> S:
 def of_selection(state: State, event: Any) -> Any:
     """Apply an event without bodies to those currently selected on its page.
 
-    So a page sends what is typed after a click and before the form of what was clicked is there.
+    A page therefore sends text that is typed after a click, before the form of the clicked object
+    is displayed.
     """
     if not isinstance(event, OfBodies) or event.bodies:  # type: ignore[attr-defined]
         return event

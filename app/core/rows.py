@@ -1,6 +1,6 @@
 """Rows of lists that keep their numbers whatever is put in, taken out, moved or renamed.
 
-A list that was not changed since the model was opened counts its rows from 0. What is put in gets a
+A list that was not changed since the model was opened counts its rows from 0. Inserted rows get a
 new number. Pages use row numbers: text typed into a row belongs to that row, even if it has moved
 by then.
 """

@@ -1,4 +1,4 @@
-"""The state of the app as immutable values: the model, the open pages, and what features add.
+"""The immutable state of the app: the model, the open pages, and the state of each feature.
 
 A feature declares what it adds in its `__init__.py`: a `State` and, for what differs between pages,
 a `Client`, each with fields of its own on top of those of the features it looks at. `features.py`
@@ -105,11 +105,11 @@ class Client:
         return replace(self, selection=body, selected=bodies)
 
     def escaped(self) -> Self | None:
-        """Return the page without what the Escape key ends first, or None to end the selection."""
+        """Return the page after Escape was pressed, or None to clear the selection."""
         return None
 
     def again(self, fresh: Any) -> Self:
-        """Return the page as it was, reconnected as `fresh`. What it asked for is not repeated."""
+        """Return the page as it was, reconnected as `fresh`. Its request is not repeated."""
         return replace(
             self, aspect=fresh.aspect, free=fresh.free, notice=fresh.notice, asked=fresh.asked,
             selection=None, selected=(),

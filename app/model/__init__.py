@@ -442,7 +442,7 @@ def sent_file(
 ) -> S:
     """Start an errand that reads an uploaded base64 file in a child process.
 
-    `leaves` gives the place at which it keeps what was read.
+    `leaves` returns the location at which the result is stored.
     """
     try:
         data = base64.b64decode(content, validate=True)

@@ -31,7 +31,7 @@ class DownloadView:
 
 
 def _inspected(state: State, page: Client) -> tuple[object, ...]:
-    """Return what the operator on a page depends on."""
+    """Return the dependencies of the operator on a page."""
     return page.inspected, page.inspected and (state.derived, state.pose, moment(state))
 
 

@@ -44,7 +44,7 @@ class Hit(NamedTuple):
 def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
     """Return the nearest surface point on a ray, or a corner, end or centre of that body nearby.
 
-    With `joints`, joints and tips are preferred to what is drawn in front of them.
+    With `joints`, joints and tips take precedence over objects in front of them.
     """
     positions, wxyz = poses(state)
     R = shapes.to_matrix(wxyz)

@@ -338,8 +338,8 @@ def moments(inertia: Content) -> tuple[float, float, float]:
 def possible(inertia: Content) -> tuple[tuple[float, ...], ...]:
     """Return the possible inertia nearest to an impossible one, with no negative spread of mass.
 
-    tr(I)/2 - I is how the mass is spread along each axis; what is negative of it becomes zero,
-    which is the triangle inequality and all that follows from it.
+    tr(I)/2 - I describes the distribution of mass along each axis. Negative values are set to zero,
+    which enforces the triangle inequality.
     """
     found = np.asarray(inertia, float)
     found = (found + found.T) / 2

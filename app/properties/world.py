@@ -179,7 +179,7 @@ def _grounded(model: pg.Model, **fields: Any) -> pg.Model:
 
 
 def _typed(value: Any, entries: Entries, of: Quantity, display: Display) -> Any:
-    """Return a number or a vector with what was typed into its cells."""
+    """Return a number or a vector from the text of its cells."""
     for index, text in entries:
         value = cells.replaced(value, index, cells.quantity(text, of, display))
     return value

@@ -39,7 +39,7 @@ class Request:
 
     @property
     def options(self) -> dict[str, Any]:
-        """The arguments of `simulate`, without those of time."""
+        """The arguments of `simulate`, except for times."""
         named = None if self.scenario == FREE_RUN else self.scenario
         return {"scenario": named, "method": self.method, "step": self.step, "rtol": self.rtol}
 
@@ -93,8 +93,8 @@ class Run:
     def usual_force(self) -> float:
         """Return the largest force [N] of constraints and contacts, ignoring the shortest impacts.
 
-        Of the frames with a force 98 % have none above it: the impact of a fall is a hundred
-        times what a foot carries, which would not be seen next to it.
+        This is the 98th percentile over all frames with a force. The impact of a fall can be a
+        hundred times the load of a foot, which would otherwise be invisible.
         """
         every = (*self.result.constraint_force.values(), *self.result.contact_force.values())
         peaks = [np.abs(np.asarray(wrench)[:, 3:]).max(axis=1) for wrench in every if len(wrench)]
@@ -262,7 +262,7 @@ class State(state.State):
 
     @property
     def plotted(self) -> Run | None:
-        """The run used for plots: the one to play, or that of the model before its last edits."""
+        """The run used for plots, which is the current run or the run before the last edits."""
         return self.run or self.earlier
 
     @property

@@ -67,8 +67,8 @@ def verdict(run: Run) -> tuple[str, str, str]:
     """Return (level, sentence, reason) for a run. The level is "good", "rough", "unknown" or
     "failed".
 
-    The level is that of the worst fact. A method of first order has energies of that order, which
-    says nothing about its motion: they stand below the verdict.
+    The level is determined by the worst entry. A method of first order has energies of that order,
+    which says nothing about its motion: they stand below the verdict.
     """
     result = run.result
     if not result.status.ok and not run.ended:
@@ -93,7 +93,7 @@ def verdict(run: Run) -> tuple[str, str, str]:
 
 
 def remedy(run: Run) -> tuple[str, str, str] | None:
-    """Return what makes a run better, the field of the settings, and its text, or None."""
+    """Return how to improve a run, with the field of the settings and its text, or None."""
     step, rtol = (run.result.header.get(name) for name in ("step", "rtol"))
     if isinstance(step, float):
         return "halve the step", "step", f"{step / 2:.6g}"
@@ -150,7 +150,7 @@ def length(metres: float) -> str:
 def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
     """Return (label, short value, ok, full text) for the lines below the verdict.
 
-    They give what the verdict does not say.
+    They contain facts that are not part of the verdict.
     """
     result, lines = run.result, {what: (value, good) for what, value, good in summary(run)}
     error, label = float(result.error_estimate), "Joint error"

@@ -1,4 +1,4 @@
-"""Switches of a scenario: what each one waits for, as cells of a form and as edits (pure).
+"""Conditions of the switches of a scenario, as form cells and as edits (pure).
 
 A condition that compares expressions is shown as its text, and as one row for each comparison where
 these are joined by `and`, or by `or`, alone.
@@ -145,7 +145,7 @@ def text_of(joiner: str, found: Sequence[Clause]) -> str:
 
 
 def _signals(model: pg.Model) -> list[str]:
-    """Return what comparisons of a condition may name."""
+    """Return the names that are allowed in the comparisons of a condition."""
     return [*all_signals(known_of(model)), TIME]
 
 
@@ -160,7 +160,7 @@ def _unit_of_signal(model: pg.Model, signal: str) -> str:
 
 
 def form(model: pg.Model, switch: pg.Switch, display: Display) -> list[Payload]:
-    """Return the fields of a switch: what it switches, what it waits for, and when that is so."""
+    """Return the fields of a switch, including its constraint and its condition."""
     what, watched = waits_of(switch)
     names = [c.name for c in model.constraints]
     out = button("×", "DeleteSwitch", "Delete this switch")
@@ -326,7 +326,7 @@ def _compared(
 
 
 def _next(model: pg.Model, found: Sequence[Clause]) -> Clause:
-    """Return one more comparison: the speed of what the last one watches, or the first signal."""
+    """Return another comparison, for the speed of the previous signal or the first signal."""
     last = found[-1].signal if found else ""
     known = _signals(model)
     speed = "v" + last[1:] if last.startswith("q") else last

@@ -199,7 +199,7 @@ class DeleteDrive(EditOfScenario):
 class AddSwitch(FromPage):
     """Add a switch for a constraint, by default the first. Creates a scenario if there is none.
 
-    It waits for a time, or for what `body` does.
+    It waits for a time or for a motion of `body`.
     """
 
     constraint: Text | None

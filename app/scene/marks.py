@@ -245,7 +245,7 @@ def joinings(
 def _pivots(model: pg.Model) -> list[pg.Body | pg.Constraint]:
     """Return the joints and constraints that fix a point of a body to the ground and let it rotate.
 
-    Not the feet of what is free: they stand on the ground, which carries no bearing for them.
+    The feet of free bodies are excluded, because they stand on the ground without a bearing.
     """
     joints = [b for b in model.bodies if b.parent == GROUND and b.joint in TURNING]
     if any(b.joint == "free" for b in model.bodies):

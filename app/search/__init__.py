@@ -174,7 +174,7 @@ def _asked(state: State, **changes: Any) -> State:
 
 
 class AskSearch(FromPage):
-    """Choose what is searched for."""
+    """Select the kind of search."""
 
     kind: Literal["fit", "optimise", "matters"]
 
@@ -347,7 +347,7 @@ def full(path: str) -> Any:
 
 
 def searched(now: Search, report: Report) -> Found:
-    """Return what the search finds."""
+    """Return the result of the search."""
     trials = count(1)
     return SEARCHES[now.asked.kind](now, lambda said, run: report(next(trials), said, run))
 

@@ -59,7 +59,7 @@ class Connected(OfServer):
 
 
 class Hello(FromPage):
-    """A page identifies itself and its display. One that was cut off becomes what it was."""
+    """A page identifies itself and its display. A page that was disconnected regains its state."""
 
     serial: int
     page: Annotated[str, Field(max_length=100)]  # its own name, the same as long as it is open
@@ -155,7 +155,7 @@ class SelectBodies(FromPage):
 class ToggleBody(FromPage):
     """Add a body to the selection, or remove it.
 
-    Clicks may be quicker than answers: what is selected by then is known here alone.
+    Clicks may be faster than responses, so only this state has the current selection.
     """
 
     body: Text

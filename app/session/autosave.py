@@ -4,8 +4,8 @@ A session is one run of the server, with a random id. Each model that is opened 
 has a file of its own, `ID-DOCUMENT.json`, which no other session writes. A lock on `ID.lock`, which
 the operating system frees when the process ends, shows whether the session is still running. A file
 is removed once its model is saved, opened by another session or discarded. The store renders
-Autosave before the views. A thread flushes files to the disk a moment later, and writes again
-what could not be written.
+Autosave before the views. A thread flushes files to the disk a moment later and retries failed
+writes.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ MEASURED = {
 
 
 class Word(NamedTuple):
-    """A name that completes what is typed, and what it stands for."""
+    """A completion and its meaning."""
 
     text: str
     about: str
@@ -84,7 +84,7 @@ class Vocabulary:
             self.wanted = None
 
     def hint(self, serial: int, text: str, caret: int) -> Hint:
-        """Return what can be said of a text in which the caret stands at that place."""
+        """Return completions and information for a text with the caret at a given position."""
         start, words = self._completions(text[:caret])
         problem = value = ""
         if text.strip() != "=":
@@ -93,7 +93,7 @@ class Vocabulary:
         return Hint(serial, problem, expected, value, words, start)
 
     def _judged(self, text: str) -> tuple[str, str]:
-        """Return what is wrong with a text, or its present value."""
+        """Return the error in a text, or its current value."""
         try:
             if not self._varies:
                 return "", f"{evaluated(text, self._known.parameters):.6g}"
@@ -171,7 +171,7 @@ class Vocabulary:
         yield from (("(", name) for name in FUNCTIONS)
 
     def _words(self, group: str, name: str) -> Iterator[Word]:
-        """Yield what to type for a name, one word for each coordinate of a joint."""
+        """Yield the text for a name, one entry per joint coordinate."""
         if group == "(":
             yield Word(f"{name}(", TAKES.get(name, "a function of one number"))
         elif group:
@@ -247,7 +247,7 @@ def looped(model: pg.Model, item: Any, field: str, text: str) -> str:
 def clicked(
     model: pg.Model, serial: int, part: str, name: str, rate: bool, item: Any, field: str
 ) -> Hint:
-    """Return the signal of what was clicked, or the reason why a field of `item` cannot read it."""
+    """Return the signal of the clicked object, or why a field of `item` cannot use it."""
     known = known_of(model)
     if part == "bodies" and name in known.bodies:
         found = [x for group in ("vq" if rate else "qv") for x in signals_of(known, group, name)]

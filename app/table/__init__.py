@@ -37,7 +37,7 @@ class Growth(ModelEdit):
 
     @abstractmethod
     def grown(self, model: pg.Model) -> tuple[pg.Model, str]:
-        """Return the model with more bodies, and what was done. Raises PgraphError."""
+        """Return the model with more bodies and a description. Raises PgraphError."""
 
     def then(self, before: State, after: State) -> State:
         new = tuple(b.name for b in after.model.bodies if b.name not in before.model.row)

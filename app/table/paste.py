@@ -295,7 +295,7 @@ def _moving(body: pg.Body, name: str, change: Mapping[str, Any]) -> pg.Body:
 def _typed(
     model: pg.Model, body: pg.Body, moving: pg.Body, field: str, text: str, unit: str
 ) -> dict[str, Any]:
-    """Return the fields that a cell changes. Units are those of the joint of `moving`."""
+    """Return the fields that a cell changes. The units depend on the joint of `moving`."""
     match = VECTOR.fullmatch(field)
     if unit and not match and field not in NUMBERS:
         raise Refusal(f"takes no unit, got {cells.quoted(unit)}")

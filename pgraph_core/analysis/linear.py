@@ -81,7 +81,7 @@ class Linearisation(Suggests):
     def frequencies(self) -> Array:
         """Frequencies of the oscillating modes in ascending order [rad/s]: in Hz, divide by 2π.
 
-        They are those of the oscillation, with damping. `damp` has the undamped ones.
+        They describe the damped oscillation. `damp` has the undamped ones.
         """
         found = self.eigenvalues.imag
         return np.sort(found[found > 0])

@@ -1,6 +1,6 @@
 """Collision shapes: the contact geometry of each kind, and arrays of shapes packed for kernels.
 
-Tables are those of `engine/records.py`. trimesh is imported only when a mesh file is opened.
+The tables are defined in `engine/records.py`. trimesh is only imported when a mesh file is opened.
 """
 
 from __future__ import annotations

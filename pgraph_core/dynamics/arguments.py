@@ -135,7 +135,7 @@ def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
 
 
 def of_state(function: Callable[..., Any]) -> Callable[[float, Array, Array], Any]:
-    """Return a function of (t, q, v) for one of (t, x) with x = [q, v], as in SciPy."""
+    """Convert a function of (t, x) with x = [q, v], as in SciPy, to a function of (t, q, v)."""
     try:
         parameters = inspect.signature(function)
     except ValueError:

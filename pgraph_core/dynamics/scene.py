@@ -175,7 +175,7 @@ class Scene(Unportable):
     def begin_controls(self, t: float, near: float, q: Array, v: Array) -> None:
         """Give the states of controls their first values at t, and take the samples within `near`.
 
-        Forces that samples read are those of the first values.
+        Samples read the forces of the first values.
         """
         if len(measured_rows(self.loads.signals[0])):
             motion.begin_controls(self.address, t, -1.0, q, v)
@@ -233,7 +233,7 @@ class ContactSpace(Unportable):
     def __init__(self, packed: Packed, contacts: Tables, first: int, *, steps: bool):
         """Create the contact space. `first` is the number of blocks preceding those for contacts.
 
-        `steps`: each step is taken once, so that what contacts do in it can be remembered.
+        With `steps`, each step is only taken once, so its contact history can be stored.
         """
         from ..contact import solids
         from ..engine.contact import contacts as kernels  # compiled only if something touches

@@ -110,8 +110,8 @@ def size_of_motion(turned: float, moved: float, length: float) -> float:
 def sizes_of_states(x: Array, length: float) -> Array:
     """Return the ranges (nx,) of states of controls x (n, nx).
 
-    What changes by less than rounding shows, of its own value or the mechanism's length, is at
-    rest, as in `size_of_motion`.
+    A coordinate is considered at rest if its change is within rounding error of its value or of the
+    length of the mechanism, as in `size_of_motion`.
     """
     least = np.maximum(np.abs(x).max(axis=0, initial=0.0), length or 1.0)
     return np.maximum(np.ptp(x, axis=0) if len(x) else 0.0, REST * least)

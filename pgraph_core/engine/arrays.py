@@ -1,9 +1,9 @@
 """The scene in the form passed to kernels: named tuples of arrays, and their kinds.
 
-A *scene* is what never changes during a run, and the workspaces, in one tuple behind one address
-(`compiler.address`), so that every method takes the same, and a sweep one argument instead of all
-arrays. `opened` gives it back with its names; reading by name costs no instruction more than by
-position. The columns of the arrays are named in `layout`.
+A *scene* contains the constant data of a run and the workspaces in a single tuple behind one
+address (`compiler.address`). All methods therefore have the same arguments, and a sweep takes one
+argument instead of all arrays. `opened` gives it back with its names; reading by name costs no
+instruction more than by position. The columns of the arrays are named in `layout`.
 """
 
 from collections import namedtuple

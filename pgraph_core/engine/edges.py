@@ -1,6 +1,6 @@
 """Times at which a comparison of times within expressions changes, where steps end.
 
-Comparisons are those of `<` and `<=`, and those within min, max, abs, tables and smooth steps. An
+Comparisons are `<` and `<=`, as well as those in min, max, abs, tables and smooth steps. An
 interval in which none can change, by interval arithmetic [Moore 1966], has no edge. Others are
 halved. Programs are those of `signals`: the fifth number of an operation marks what is needed and
 what compares. The second row of an instruction gets its value, what it was before, and the least
@@ -84,7 +84,7 @@ def next_edge(code, t, stop):
 def edges(code, begin, end, out):
     """Write the next edges of a program in (begin, end] into `out`. Returns how many.
 
-    What is within rounding of the times after the start or after an edge belongs to these.
+    Times within rounding error of the start or of an edge are assigned to it.
     """
     near = EPS * max(abs(begin), abs(end))
     for n in range(out.shape[0]):

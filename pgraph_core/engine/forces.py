@@ -90,9 +90,8 @@ def lag_width(drives, t, order):
     """Return the time step from t that resolves inputs with a lag [s], or infinity without such
     inputs.
 
-    Of the input's size, x exp(-s / lag) remains to be followed. A step w of a method of order p
-    integrates it with an error of x (w / lag)^(p + 1), which is no larger than that of half a lag
-    at x = 1.
+    Of the input's size, x exp(-s / lag) remains to be followed. A step w of a method of order p has
+    an error of x (w / lag)^(p + 1), which must not exceed the error of half a lag at x = 1.
     """
     table, knots = drives.table, drives.knots
     width = math.inf

@@ -184,9 +184,9 @@ def why_unphysical(inertia: np.ndarray) -> str:
 def nearest_inertia(inertia: np.ndarray) -> tuple[tuple[float, ...], ...]:
     """Return the rigid-body inertia nearest to a symmetric matrix, in the Frobenius norm.
 
-    A body has the second moments S = tr(I)/2 - I, which must be positive semidefinite; the
-    nearest such in the eigenvectors of I is that of a least-squares problem of its eigenvalues
-    [Wensing, Kim and Slotine 2018 for the condition].
+    The second moments S = tr(I)/2 - I of a body must be positive semidefinite [Wensing, Kim and
+    Slotine 2018]. The closest valid inertia with the same eigenvectors is found by a least-squares
+    problem for its eigenvalues.
     """
     from scipy.optimize import nnls
 

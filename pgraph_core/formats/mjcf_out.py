@@ -538,7 +538,7 @@ class _Writer(ContactsOut):
     # -- initial states --------------------------------------------------------------------------
 
     def _keys(self) -> Iterator[Tag]:
-        """Yield keyframes of the initial state, if it is not that of q = 0, and of scenarios."""
+        """Yield keyframes for the initial state, if it differs from q = 0, and for scenarios."""
         start = Scenario(name=INITIAL)
         moved = any(b.joint != "free" and any(_away(b.q, b)) for b in self.model.bodies)
         taken: set[str] = set()

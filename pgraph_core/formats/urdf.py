@@ -1,7 +1,7 @@
 """The URDF reader, which converts links and joints, shapes, limits, motors, mimic joints and loops.
 
-A link is a body whose frame is that of its joint, so nothing has to be moved. The root link is
-welded to the ground, or free.
+The frame of a link is the frame of its joint, as for a body, so no transformation is needed. The
+root link is welded to the ground, or free.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Fields that the reader of a figure may change, and the numbers in the image that depend on them.
 
-The browser must do with a field what Python does. By a rule: every number that changes with it is
-a copy of the value, or a fixed multiple, or made of such copies in the table of bodies by the
+The browser must treat a field in the same way as Python. By a rule: every number that changes with
+it is a copy of the value, or a fixed multiple, or made of such copies in the table of bodies by the
 kernel that packs models; that is tried out at several values, byte for byte. Or of a list: the
 numbers for each of n values are worked out here and stored, also if no rule holds.
 """

@@ -341,7 +341,7 @@ def reference_problems(
     """Return problems with references by name between parts.
 
     `names` contains the names of all constraints and contacts, including invalid ones, and `lost`
-    those of invalid forces, outputs and controls.
+    the names of invalid forces, outputs and controls.
     """
     return [
         *constraint_problems(constraints, bodies),
@@ -451,7 +451,7 @@ def model_problems(
 
 
 def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
-    """Return bodies, constraints and forces with "ground" for what other programs call it.
+    """Return bodies, constraints and forces with synonyms of "ground" replaced.
 
     A body keeps its name "world". The result is empty if nothing changes.
     """

@@ -1,4 +1,4 @@
-"""The parts of a model: what a description holds, and how its parts are found by name."""
+"""Access to the parts of a model by name."""
 
 from __future__ import annotations
 

@@ -186,11 +186,10 @@ class Editable(Description):
         name : str, optional
             Name of the constraint.
         point, other_point : (3,) sequence, optional
-            The place of the joint in the axes of the body, by default its tip, and in those of the
-            parent, by default where that point is in the initial state [m].
+            The position of the joint in body axes [m], which defaults to the tip, and in parent
+            axes, which defaults to the initial position of this point.
         axis, other_axis : (3,) sequence, optional
-            The axis of the joint in the axes of both bodies, by default the axis of the body's
-            joint.
+            The joint axis in the axes of both bodies. The default is the axis of the body's joint.
 
         Returns
         -------

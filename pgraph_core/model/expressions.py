@@ -64,8 +64,10 @@ class Known:
         parameters: Mapping[str, float], forces: Sequence[Force],
         exerting: tuple[Sequence[str], Sequence[str]] = ((), ()), lost: Collection[str] = (),
     ):  # fmt: skip
-        """`exerting` are the names of all constraints and contacts, and `lost` those of other
-        parts that are invalid, whose signals fit everything.
+        """Collect the names.
+
+        `exerting` contains the names of all constraints and contacts. `lost` contains the names of
+        other, invalid parts, whose signals are always accepted.
         """
         self.bodies, self.parameters, self._exerting = bodies, parameters, exerting
         self._lost = lost
@@ -124,7 +126,7 @@ class Known:
         return of.get(group, self.bodies)
 
     def beside(self, forces: Sequence[Force]) -> Known:
-        """Return the names with those of further drives, as of a scenario."""
+        """Return the names including additional drives, for example of a scenario."""
         other = copy(self)
         other.drives = {**self.drives, **{f.name: f for f in forces if isinstance(f, OnJoint)}}
         return other
@@ -239,7 +241,7 @@ def expression_problems(parts: Iterable[Described], known: Known, of: str = "") 
 
 
 def at_once(part: Described | None, name: str) -> str:
-    """Return what follows from a field of a part at the same instant, "" if it acts later.
+    """Return the quantity that depends on a field at the same time, or "" if it acts later.
 
     A condition, None, and the inputs of a control with samples act after that instant.
     """

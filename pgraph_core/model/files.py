@@ -290,7 +290,7 @@ def user_folder(variable: str, below_home: str) -> Path:
     """Return the folder for this user's files, $variable/pgraph or a folder below the home
     directory.
 
-    Without a home, as in some containers, it is a temporary folder.
+    If there is no home folder, as in some containers, a temporary folder is used.
     """
     given = os.environ.get(variable) or os.environ.get("LOCALAPPDATA")
     home = os.path.expanduser("~")

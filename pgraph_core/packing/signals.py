@@ -45,7 +45,7 @@ class Program:
         self, parameters: Mapping[str, float], places: Any = None,
         controls: Mapping[str, Control] = EMPTY, forces: Sequence[Force] = (),
     ):  # fmt: skip
-        """Create an empty program. `places(group, name, k)` tells what reads a signal.
+        """Create an empty program. `places(group, name, k)` returns the readers of a signal.
 
         Of `forces` with one name the last one counts.
         """
@@ -303,8 +303,7 @@ class Places:
         self._states = {(c.name, k): i for i, (c, k, _) in enumerate(states_of(model))}
 
     def __call__(self, group: str, name: str, k: int) -> tuple[int, ...]:
-        """Return the operation that reads a signal, and its operands: the index in q or v, or what
-        `measured` reads.
+        """Return the operation that reads a signal, with an index or the arguments of `measured`.
         """
         if group == "force":
             numbers = [c.name for c in self._model.constraints]
@@ -367,7 +366,7 @@ def begun_from(loads: Loads, states: Array) -> Loads:
 
 
 def known_forces(model: Model) -> tuple[Force, ...]:
-    """Return all forces that expressions of a model may name, those of scenarios too."""
+    """Return all forces that expressions of a model may refer to, including forces of scenarios."""
     return (*(f for s in model.scenarios for f in s.forces), *model.forces)
 
 

@@ -288,7 +288,7 @@ class Labelled(np.ndarray[Any, np.dtype[Any]]):
     _names: tuple[str, Callable[[Any], Mapping[str, Any]], Any] = ("array", dict, ())
 
     def __getitem__(self, key: Any) -> Any:
-        """Return the columns of a name, or what an array returns. Raises NameLookupError."""
+        """Return the columns of a name, or the contents of an array. Raises NameLookupError."""
         if isinstance(key, str):
             word, of, given = self._names
             places = of(given)

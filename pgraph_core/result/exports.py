@@ -1,4 +1,4 @@
-"""What a run gives to others: tables, pictures, films, pages and its file (`.npz`).
+"""Export of runs to tables, pictures, films, pages and files (`.npz`).
 
 A file of some megabytes can unpack to gigabytes. The times are read while they ascend, and every
 other array has at most as many numbers a frame as the model can have.

@@ -309,7 +309,7 @@ class _Task:
         )  # fmt: skip
 
     def _weighted(self, runs: Any, x: Array, noise: Array, priors: Array) -> Array:
-        """All residuals over their noise, those of priors last."""
+        """All residuals divided by their noise. Residuals of priors are last."""
         held = np.isfinite(priors[:, 1])
         if runs is None:
             return np.full(sum(self.lengths) + held.sum(), FAR)
@@ -377,8 +377,9 @@ class _Task:
 
 
 def _widening(missed: Array, loss: str) -> float:
-    """Covariance of a robust fit over that of least squares with the same noise: the mean of ψ²
-    over the square of the mean of ψ' (Huber, Robust Statistics, 1981, 7.6).
+    """Covariance of a robust fit relative to least squares with the same noise.
+
+    It is mean(ψ²) / mean(ψ')² [Huber, Robust Statistics, 1981, 7.6].
     """
     z = missed**2
     first, second = LOSSES[loss](z)

@@ -237,8 +237,7 @@ class _Search:
     # -- evaluations -------------------------------------------------------------------------------
 
     def at(self, u: Array) -> _Point:
-        """The goals at u. If there is no run, they are far above those of the last that had
-        one, so that solvers shorten their step.
+        """The goals at u. They are large if there is no run, to reduce the solver's step.
         """
         if self._last is not None and np.array_equal(self._last.u, u):
             return self._last
@@ -387,7 +386,7 @@ class _Search:
                 raise self.numbers.refused(name, text)
 
     def _solve(self, u: Array, solver: str | None, tol: float, most: int) -> tuple[bool, str]:
-        """Search from u. Returns whether the search converged, and what ended it."""
+        """Search from u. Return True if the search converged, and the reason for termination."""
         goals, numbers = self.goals, self.numbers
         chosen = solver or ("least_squares" if goals.squares and not goals.names else "SLSQP")
         if chosen in ("least_squares", "L-BFGS-B") and goals.names:
@@ -479,7 +478,7 @@ class _Search:
 
 
 def _limit(found: Any, most: int) -> str:
-    """A sentence on what ended a search that did not converge."""
+    """The reason why a search did not converge, as a sentence."""
     if (found.nfev if "nit" not in found else found.nit) >= most:
         return f"not converged after {most} iterations: give a larger most="
     return f"not converged: {found.message}"

@@ -211,7 +211,7 @@ def _parts(look: Look) -> dict[tuple[shapes.Color, float], list[shapes.Piece]]:
 
 
 def _faded(own: float, opacity: float | None) -> float | None:
-    """Return a piece's `own` opacity times that of faded bodies, or None for 1."""
+    """Return a piece's `own` opacity multiplied by the fading, or None for 1."""
     return None if opacity is None and own == 1.0 else own * (1.0 if opacity is None else opacity)
 
 

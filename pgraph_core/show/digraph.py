@@ -124,8 +124,8 @@ class Mark(NamedTuple):
     """A segment of a line in one row of a list.
 
     "|" passes the row, "v" and "^" join the middle to the row below and above, "d" and "u" go
-    across from one lane to another and then down or up. Lines of loops have the same in capitals
-    ("I", "D", "U"); their lanes are counted right of those of bodies.
+    across from one lane to another and then down or up. Lines of loops use the same letters in
+    capitals ("I", "D", "U"). Their lanes are to the right of the lanes of bodies.
     """
 
     shape: str

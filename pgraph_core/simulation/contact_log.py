@@ -188,10 +188,10 @@ def phases_over(
 ) -> tuple[dict[str, NDArray[np.str_]], tuple[Event, ...]]:
     """Return ({pair: (len(t),) phase}, events) from PHASE_CHANGE records in chronological order.
 
-    The phase of a touch's first row is that of the start. Flights shorter than `graze` are ignored:
-    time stepping releases a point for a step when its body is moved out of the ground. Touches of
-    one contact between many bodies together have phases as one. A shape over the ground that never
-    touches it, while points do, has none: of a robot, only the feet have.
+    The phase in the first row of a contact is its initial phase. Flights shorter than `graze` are
+    ignored: time stepping releases a point for a step when its body is moved out of the ground.
+    Touches of one contact between many bodies together have phases as one. A shape over the ground
+    that never touches it, while points do, has none: of a robot, only the feet have.
     """
     phases, events = {}, []
     points = any(pair.contact.points for pair in touches)

@@ -130,7 +130,7 @@ def _rounding(record: Recording, t: Array) -> Array:
 def _left_open(record: Recording, n: int) -> Array | float:
     """Return the gap or depth (n,) of rigid contacts and limits that are closed [m, rad].
 
-    Time stepping leaves what a slow impact has not closed: a residual of its contact law. A depth
+    In time stepping, a slow impact may leave a gap, which is a residual of the contact law. A depth
     is one whatever the contact's phase, and so is a gap within the depth that it tolerates.
     """
     tables, pairs = record.plan.contacts, record.out.pairs[:n]

@@ -273,7 +273,7 @@ class EventScene(Scene):
         return self.points["phase"]
 
     def switch(self, constraints: Ints) -> None:
-        """Activate these constraints in addition to those of the phases."""
+        """Activate these constraints in addition to the constraints of the contact phases."""
         self.activate(constraints)
         self.bilateral = int(self.active[0])
         self.arrange()

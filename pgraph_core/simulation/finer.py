@@ -119,7 +119,7 @@ def _shared(plan: RunPlan, stretch: int) -> Ints:
     steps.
 
     Those at which constraints are switched, the first and the last are among them. An error that
-    comes and goes within a stretch, as that of the last bounces before rest, leaves no difference.
+    only exists temporarily, such as that of the last bounces before rest, causes no difference.
     """
     steps = np.append(0, np.cumsum(plan.substeps))
     keep = np.searchsorted(steps, np.arange(0, steps[-1], stretch))

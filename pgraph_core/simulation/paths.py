@@ -95,7 +95,7 @@ class Path:
         self.present = float(value)
 
     def _find(self, model: Model, given: Any, call: str) -> tuple[Any, str | int, Any]:
-        """Return what is at the end of the path, with its holder and its name there."""
+        """Return the value at the end of the path, with its parent object and its name."""
         words = given if isinstance(given, (tuple, list)) else [given]
         self.text, self._call = ".".join(map(str, words)), call
         self.given = given

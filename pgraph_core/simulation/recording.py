@@ -141,7 +141,7 @@ class Recording(Running):
     def _left(self) -> Workplace | None:
         """Take the workplace that a run with this plan left, or return None.
 
-        That of a finer run may share its scene with that of the other run, which keeps it.
+        The recording of a finer run may share the scene of the original run, which keeps it.
         """
         if self.coarser is None:
             return taken(free(self.mech, self.plan))
@@ -645,7 +645,7 @@ class Recording(Running):
         return nulls_of(self.mech, self.active, t, q) > 0
 
     def _end_stretch(self) -> None:
-        """Keep what is needed to name the singular positions passed since constraints switched."""
+        """Store data on singular positions passed since the last constraint switch."""
         if self._first is None or not self.done:
             return
         last = self.done - 1

@@ -199,7 +199,7 @@ class Carried:
         return other
 
     def unlike(self, finer: Carried, t: Array, rows: Ints, others: Ints) -> list[str]:
-        """Sentences on derivatives that differ from those of a finer run.
+        """Warnings about derivatives that differ from the finer run.
 
         Its frames `others` are at the times of `rows` of this run, whose times are t.
         """
@@ -371,7 +371,7 @@ class RunOfDuals:
 
 
 class Parts:
-    """What repeats the parts of steps of time stepping, behind an address."""
+    """The function that repeats the sub-steps of time stepping, behind an address."""
 
     def __init__(self, record: Any, runs: Sequence[RunOfDuals]):
         from ..engine.stepping import moreau_duals

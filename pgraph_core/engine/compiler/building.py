@@ -1,7 +1,7 @@
 """Build optimised modules from numba's code, and the archive of all kernels.
 
-Kernels of the archive are merged into one module before they are optimised, so that what several
-of them call is there once. The optimised module is taken apart again: the functions that the same
+The kernels of the archive are merged into one module before optimisation, so that shared functions
+are only included once. The optimised module is taken apart again: the functions that the same
 kernels reach make up a piece. To load a kernel is to load its pieces.
 """
 

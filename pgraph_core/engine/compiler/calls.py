@@ -349,7 +349,7 @@ def _boxed(code: _Code, table: Any, results: Any, i: Any) -> Any:
 
 
 def _either(b: Any, condition: Any, one: Callable[[], Any], other: Callable[[], Any]) -> Any:
-    """Return the value of the first if the condition holds, else that of the other."""
+    """Return the first value if the condition is true, and the second value otherwise."""
     values: list[tuple[Any, Any]] = []
     with b.if_else(condition) as (then, otherwise):
         for branch, value in ((then, one), (otherwise, other)):

@@ -171,7 +171,7 @@ def _cosine_near_zero(r, low):
 
 
 def _near_in_python(x):
-    """Return what `lowering.elementary.near` does, by the same operations."""
+    """Return the same as `lowering.elementary.near`, using the same operations."""
     n = round(x * (2.0 / math.pi))
     r, low = x, 0.0
     for third in PI_4:
@@ -528,7 +528,7 @@ def _power(x, y):
 
 
 def _with(slope: Any, of_number: Any) -> Any:
-    """A function of a number or a dual, from that of a number and its slope at (x, f(x))."""
+    """Extend a scalar function to dual numbers, given its derivative at (x, f(x))."""
     return late("elementary", "with_slope", of_number, of_number, part(slope))
 
 

@@ -82,7 +82,7 @@ class Helper:
 class Kernel(Helper):
     """A compiled function for calls from Python. Other signatures than its own raise TypeError.
 
-    Python code can then try a call with what it was given, and look closer only if it fails.
+    Python code can then try a call with the given arguments, and only check them if it fails.
     """
 
     def __init__(

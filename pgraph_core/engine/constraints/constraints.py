@@ -353,7 +353,7 @@ def project(scene, t, q, v, rounds):
 
     Both corrections use one factorisation, which is repeated while positions move notably. Next to
     a singular position rounding alone moves them, so a gap of the size of rounding counts as zero.
-    Derivatives of q are moved once in any case, and those of v after them.
+    The derivatives of q are moved once in any case, followed by the derivatives of v.
     """
     least = 2 if carries(q) else 1
     if settle(scene, t, q, v):

@@ -204,7 +204,7 @@ def may_touch(run, guard, moved):
 def watch_clearance(run):
     """Return to the start of the last step and stop there if a contact may have occurred in it.
 
-    What is not needed often is left to `look_again`, which opens the guard itself.
+    Operations that are rarely needed are done by `look_again`, which opens the guard itself.
     """
     data = opened_run(run)
     control, stages = data.control[0], data.stages

@@ -126,7 +126,7 @@ def surface_velocity(contacts, i, p):
 
 @part
 def surface_slip(contacts, n, p):
-    """Return the velocity of A's surface past its body less that of B's, along contact point n."""
+    """Return the relative surface velocity of A and B at contact point n."""
     point = contacts.found[n]
     normal = xyz(point.normal)
     mine = surface_velocity(contacts, point.shape_a, p)
@@ -334,7 +334,7 @@ def contact_forces(scene, v, tau, flow):
 def compliant_force(contacts, n, law, u, loss):
     """Return (force on A, slip speed) for a soft or penalty contact with closing velocity u.
 
-    `loss` is that of `loss_of_touch`, for contacts without a given damping.
+    `loss` is the result of `loss_of_touch`, for contacts without a given damping.
     """
     point = contacts.found[n]
     normal = xyz(point.normal)

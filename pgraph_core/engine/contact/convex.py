@@ -199,7 +199,8 @@ def edge_separation(geometry, room, a, b, least):
     """Return (separation, edge of a, edge of b, direction from a to b), with edge -1 if none
     exceeds `least`.
 
-    The separation is that of all vertices, so it holds whatever rounding did to the direction.
+    The separation is computed from all vertices, so it is valid regardless of rounding errors in
+    the direction.
     """
     best = least
     found_a = -1
@@ -412,8 +413,8 @@ def vertex_to_edge(geometry, room, a, b, way, base, best):
     """Return (distance, vertex of a, edge of b, position on it from 0 to 1) below `best`, or edge
     -1.
 
-    `base` is b's extreme height along `way` on a's side: what lies farther than the best cannot be
-    nearest, so few pairs are looked at.
+    `base` is the extreme height of b along `way` on the side of a. Vertices beyond the best
+    distance cannot be the closest ones, so few pairs need to be checked.
     """
     edges = geometry.edges
     found_v, found_e, place = -1, -1, 0.0

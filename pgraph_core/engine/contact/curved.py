@@ -1,12 +1,12 @@
 """Cylinders and ellipsoids against each other and against all other convex shapes.
 
 The signed distance of two convex sets is the largest separation s(n) over unit normals n, where
-s(n) is the least n · (a - b) of points a of A and b of B. First a polytope inside A - B grows
-towards the origin, as in the expanding polytope algorithm [van den Bergen 2001], until its nearest
-face is good to `COARSE`. Then n is made exact: by normals of flat faces, by normals across one or
-two straight edges (of a cylinder: its sides), and by Newton's method on s where both are curved;
-the largest s wins. Every separation is that of true support points, so no candidate can be wrong
-by more than its own n. Like in `convex`, places are relative to A's origin.
+s(n) is the least n · (a - b) of points a of A and b of B. First, a polytope inside A - B is
+expanded towards the origin [van den Bergen 2001] until the error of its closest face is below
+`COARSE`. Then n is made exact: by normals of flat faces, by normals across one or two straight
+edges (of a cylinder: its sides), and by Newton's method on s where both are curved; the largest s
+wins. All separations are computed from exact support points, so the error of a candidate is only
+due to its n. Like in `convex`, places are relative to A's origin.
 """
 
 import math
@@ -545,8 +545,9 @@ def touch_points(geometry, room, row, a, b, touch, origin, size, margin, out, co
     """Write the contact points of two cores with separation s along n, from B to A.
 
     `touch` is (radii of both, s, n, whether the deepest point counts where it is beside the face
-    that others are clipped to). Where a flat face lies in the contact plane, what faces it is
-    clipped to it; of two parallel edges one is clipped to the other; else there is one point.
+    that others are clipped to). If a flat face lies in the contact plane, the opposite shape is
+    clipped to it. If two edges are parallel, one is clipped to the other. Otherwise, there is a
+    single point.
     """
     radii, s, n, whole = touch
     back = scale(-1.0, n)

@@ -183,7 +183,8 @@ def effects(scene):
 def note_missed(scene, n):
     """Write the complementarity and friction cone residuals of island n [N s] into `pushed`.
 
-    Normal impulses against what stops or releases them alone, friction against the disc μ λ_n.
+    Normal impulses are compared with the values that stop or release them, and friction with the
+    disc μ λ_n.
     """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
@@ -324,7 +325,7 @@ def gained(scene, n):
 
 @part
 def bounces(scene, n):
-    """Return True if a contact in island n bounces, beyond what the step's forces press."""
+    """Return True if a contact in island n bounces despite the forces of the step."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     islands = contacts_at(data.links.contacts).islands

@@ -1,13 +1,13 @@
 """Location of impacts within a time step.
 
 The gap of two convex shapes over a bound of the speed at which it closes is a time in which they
-cannot touch: conservative advancement ([Mirtich 1996]). The path is that of a step without impulses
-of what meets: q moves along v₀ + a τ / 2 for the time τ. So the gap of a joint limit is a parabola,
-whose first root is the time of its impact, however slow.
+cannot touch: conservative advancement ([Mirtich 1996]). The path is the motion in a step without
+impulses of the new contacts, where q moves with v₀ + a τ / 2 for the time τ. So the gap of a joint
+limit is a parabola, whose first root is the time of its impact, however slow.
 
 Two shapes that touch already have no gap, yet other points of theirs may land within the step: a
-plate that has hit with one edge falls onto the other. Of those, every point of the touch has a gap
-of its own; what is no point of it yet is found as soon as it has sunk in, and then traced back.
+plate that has hit with one edge falls onto the other. Each contact point has its own gap. New
+contact points are detected after they have penetrated, and are then traced back in time.
 """
 
 import math
@@ -162,11 +162,10 @@ def point_meets(scene, n, h, left):
 def limit_arrival(blocks, i, back, h, left, q, v, vdot):
     """Return the time until limit i is hit [s]: 0 if now, infinite if not within `left`.
 
-    The path is that of `state_at`, on which a gap of coordinates is a parabola. It starts a time
-    `back` before q, which has moved from there at v. A closed limit is hit at once if its speed
-    would leave what counts as closed within a step of width h. A limit that was located in this
-    step counts again after half of its gap: a path that impulses of other rows bend may not lead
-    there.
+    Along the path of `state_at`, the gap of a coordinate is a parabola. It starts a time `back`
+    before q, which has moved from there at v. A closed limit is hit immediately if its speed would
+    violate the tolerance within a step of size h. A limit that was located in this step counts
+    again after half of its gap: a path that impulses of other rows bend may not lead there.
     """
     closed = closed_limit(blocks, i)
     rate, change = limit_speeds(blocks, i, v, vdot)

@@ -1,21 +1,21 @@
 """Contact laws of an island by Newton's method, solved for impulses and speeds simultaneously.
 
 Unknown are the impulses λ and the speeds w behind the articulated factors, in which inertia is
-diag(d) and a block's velocity is u = Y w + g. A block's law is λ = P(λ - k u), the same for every
-k > 0: P projects the normal impulse onto its half line and friction onto the disc μ λ_n
-([Alart & Curnier 1991]). With k the mass that a block meets, P says what is open, sticks or slides.
-Linearised, with a compliance s that keeps λ near where it is,
+diag(d) and a block's velocity is u = Y w + g. A block's law is λ = P(λ - k u), the same for every k
+> 0: P projects the normal impulse onto its half line and friction onto the disc μ λ_n ([Alart &
+Curnier 1991]). P determines whether a block is open, sticking or sliding, where k is its effective
+mass. Linearised, with a compliance s that keeps λ near where it is,
 
     (1 - (1 - k s) P') Δλ = P - λ - k P' Y Δw,      d Δw = Yᵀ Δλ.
 
 Without Δλ that is (diag(d) + Σ Yᵀ R Y) Δw = Yᵀ (...), R = k (1 - (1 - k s) P')⁻¹ P', whose factor
-is sparse in the order of the trees. What sticks has R = 1/s: s → 0 is Newton's method, a larger s
-takes shorter steps ([Levenberg 1944]). In proportion to the root of what is missed, s leaves the
-method of order 3/2 near the solution ([Fan & Yuan 2005]).
+is sparse in the order of the trees. Sticking blocks have R = 1/s. As s → 0, this is Newton's
+method, while a larger s leads to shorter steps ([Levenberg 1944]). If s is proportional to the
+square root of the residual, the method is of order 3/2 near the solution ([Fan & Yuan 2005]).
 
-Where many impulses have one effect, those of least norm are wanted. With one compliance for all
-rows that acts on all of λ, λ = P(λ - k (u + s λ)), they are unique; what this lets through is then
-taken out by the same factor, as with redundant constraints ([Carpentier et al. 2021]).
+If the impulses are not unique, those with the least norm are computed. A uniform compliance on all
+of λ, λ = P(λ - k (u + s λ)), makes them unique. The resulting error is then removed using the same
+factorization, as for redundant constraints ([Carpentier et al. 2021]).
 """
 
 import math
@@ -156,8 +156,8 @@ def look(scene, n, soft):
     """Write P - λ of island n's blocks into MISS and P' into SLOPE, with `soft` applied to all of
     λ.
 
-    Return (root of the sum of squares of what is missed [m/s], its largest, the rounding of the
-    largest, the number of blocks whose state has changed since the last look).
+    Return (norm of the residual [m/s], its largest entry, the rounding error of that entry, the
+    number of blocks whose state has changed since the last evaluation).
     """
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
@@ -377,10 +377,10 @@ def stays(scene, n, size):
 def solve_exact(scene, n, size, heaviest):
     """Solve the contact laws of island n. Returns (residual over `size`, number of steps).
 
-    It starts from λ. Where this does not lead to the laws, it starts from none, and asks with the
-    mass of the heaviest body what is open, sticks or slides: a light body under it carries it. What
-    stays open, sticking or sliding as it was goes on to the impulses of least norm. Where something
-    changes, impulses last for an instant, and those of least norm mostly ask for another change.
+    It starts from λ. If this does not converge, it restarts from zero impulses and determines the
+    contact states with the mass of the heaviest body, which may rest on a light one. If no contact
+    state has changed, the impulses of least norm are computed next. If a contact state changes, the
+    impulses are only transient, and the impulses of least norm usually lead to another change.
     """
     left, taken, same = converge(scene, n, size)
     if left > NOTABLE:
@@ -425,8 +425,8 @@ def converge(scene, n, size):
     """Take Newton steps from λ on until no row misses its law by more than TOLERANCE or rounding.
 
     Points of a patch that friction just holds may pass impulses on to each other for ever, each at
-    its rim. What is missed and not NOTABLE is enough where it stays. Return (what is missed over
-    `size`, steps taken, True if nothing opened, stuck or slid on the way).
+    its rim. If the residual no longer decreases, any value below NOTABLE is accepted. Return
+    (residual divided by `size`, number of steps, True if no contact state has changed).
     """
     islands = contacts_at(opened(scene).links.contacts).islands
     respond(scene, n)

@@ -56,8 +56,7 @@ def tangential(points, s, u):
 
 @part
 def slip_direction(points, s, u):
-    """Return the slip direction: that of u, or `slip_direction` where u is zero or beyond the end
-    of a slide.
+    """Return the direction of u, or `slip_direction` if u is zero or after the end of a slide.
 
     Friction turns slow slip across its way at the rate μ N w / |u|, too fast for an explicit step:
     there the way of the step's start weighs as much as keeps the step stable.
@@ -149,8 +148,9 @@ def solve_points(blocks, work, space, contact, m, flow):
 def share_out(blocks, space, contact, count, held):
     """Move λ of stances along null directions of Ω into their cones, where possible.
 
-    Forces of redundant supports are not unique: those of least norm may leave a cone though
-    others do not. Projections on the cones and back along the null directions, in turn.
+    The forces of redundant supports are not unique. The solution of least norm may violate a cone
+    even if other solutions do not. Projections on the cones and back along the null directions, in
+    turn.
     """
     points = contact.points
     slots, place, vectors, nulls = space.slots, space.place, space.vectors, space.nulls

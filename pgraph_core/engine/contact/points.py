@@ -152,7 +152,7 @@ def point_force(rows, blocks, work, space, contact, s):
 
 @kernel(RECORD, nogil=True, later=True)
 def event_record(scene, accelerate, t, q, v, flow, ledger, i, out):
-    """Run `record`, and also record every point. The drift is that of the held constraints."""
+    """Run `record`, and also record every point. The drift is for active constraints."""
     phased = opened_events(scene)
     data, contact = phased.scene, phased.contact
     rows, const, work, space = data.rows, data.const, data.work, data.space

@@ -5,7 +5,7 @@ the place or next to it: the limiting normal cone of the union [Mordukhovich 200
 routines know one convex shape of the union at a time, so the normal of an edge or of a side face
 that a neighbour covers comes out of them, too. It is hidden: everything of the shape that leans
 against the contact plane is, near the contact point, inside neighbours that reach beyond the plane.
-A touch whose points are all hidden is replaced by that of an open face.
+A contact whose points are all hidden is replaced by the contact of an open face.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Derivatives of impulses, where a run of numbers has found their values.
 
-The laws of the active rows are equations: u = 0 of what is held. By the implicit function theorem
-the derivatives of λ solve the linearised laws, with the right side of duals at the values of λ.
-Where impulses are redundant, some of their derivatives are zero: those of velocities are the same
-for all choices.
+The laws of the active rows are equations, with u = 0 for sticking rows. By the implicit function
+theorem the derivatives of λ solve the linearised laws, with the right side of duals at the values
+of λ. If impulses are redundant, some of their derivatives are set to zero, which does not affect
+the derivatives of the velocities.
 """
 
 import math
@@ -39,7 +39,7 @@ OPEN, BOUND, HELD, UNCLEAR = 0, 1, 2, 3  # what a block's law says
 
 @sweep
 def law_of(data, i, unilateral, size):
-    """Return what the law of block i of numbers says, where velocities are of this size."""
+    """Return the state of block i according to its contact law, for velocities of this size."""
     lam, r = data.space.vectors[LAMBDA], first_of(data.space.slots, i)
     if not unilateral:
         return HELD
@@ -143,7 +143,7 @@ def effects_of_duals(scene):
 
 @sweep
 def impulses_of_duals(scene, numbers, carried, first, m):
-    """Compute λ of duals from RHS and BEFORE, and what it does to the joints in STEP.
+    """Compute the dual λ from RHS and BEFORE, and its effect on the joints in STEP.
 
     Returns whether a law has no slope, between sticking and sliding.
     """
@@ -177,8 +177,8 @@ def impulses_of_duals(scene, numbers, carried, first, m):
 def solve_ranked(a, b, order, n):
     """Solve a x = b for columns 1 to WIDTH - 1 of b, in place, by elimination with full pivoting.
 
-    Rows and columns are scaled by their diagonals, in column 0. `order` is permuted like x. What
-    the rank does not determine is zero.
+    Rows and columns are scaled by their diagonals, in column 0. `order` is permuted like x.
+    Undetermined components are zero.
     """
     for r in range(n):
         b[r, 0] = 1.0 / math.sqrt(abs(a[r, r])) if a[r, r] != 0.0 else 1.0

@@ -3,7 +3,7 @@
 Each foot has a clock. Feet on the ground carry the trunk (`support`): height, pitch, roll, yaw and
 speed by virtual springs and dampers about waves of the gait. Swinging feet go to where the speed
 asks for them: half a stance ahead of the hip, more where the body is too fast [Raibert 1986]. The
-torques are those of inverse dynamics for the accelerations that follow, less Jᵀ times the forces.
+torques are computed by inverse dynamics for the resulting accelerations, minus Jᵀ times the forces.
 """
 
 import math

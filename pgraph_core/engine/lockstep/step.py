@@ -1,8 +1,9 @@
 """Moreau-Jean steps for instances side by side in lanes: trees on feet above a plane.
 
 The same steps as `moreau`, with the same operations in the same order, so that every lane has the
-bits of its own run. What is rare is not written twice: where a lane hits something, penetrates, or
-needs more than sweeps, its step is thrown away and taken by the kernels of one instance.
+bits of its own run. Rare cases are not implemented for lanes. If a lane has an impact, a
+penetration, or a problem that sweeps cannot solve, its step is repeated by the kernels for single
+instances.
 """
 
 import math
@@ -378,7 +379,7 @@ def step_lanes(
 ):  # fmt: skip
     """Run `batch.step_instances` in lanes as far as possible.
 
-    The last `memory` spans of `own` are those of a user's function. `walk` is the address of
+    The last `memory` spans of `own` belong to a function of the user. `walk` is the address of
     `walk_in_lanes` if all instances walk, else 0. `place` is the address of its tuple, and `fallen`
     the time of the fall of the instance in the run. The rest are names and scratch.
     """

@@ -251,8 +251,8 @@ def least_gap(run, low, s, w, widths):
     """Return the width near w of the minimum gap at point s if a phase ends there, or else
     widths[1].
 
-    widths[0] is that of the part. The rates of the gap at its ends have different signs, so the gap
-    is least where its rate is zero.
+    widths[0] is the width of the sub-step. The rates of the gap at its ends have different signs,
+    so the gap is least where its rate is zero.
     """
     data = opened_run(run)
     points = opened_events(data.scene).contact.points

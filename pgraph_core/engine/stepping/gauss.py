@@ -124,7 +124,7 @@ def series(s, first, slope):
 
 @sweep
 def into_chart(rows, xi, xi_rate, p, pdot):
-    """Transform p, p' to those of ξ: dexp(ξ)ᵀ p, and its derivative along ξ'.
+    """Transform p and p' to the coordinates ξ, i.e. dexp(ξ)ᵀ p and its derivative along ξ'.
 
     dexpᵀ p = p - a ξ × p + b ξ × (ξ × p), a = (1 - cos φ) / φ², b = (φ - sin φ) / φ³, φ = |ξ|.
     """

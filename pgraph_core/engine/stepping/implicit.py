@@ -194,7 +194,7 @@ def prepare(run):
 
 @sweep
 def weigh_states(run):
-    """Weigh states of controls by the end of a step too: what was zero before has no scale."""
+    """Update the weights of control states at the end of a step, as zero states have no scale."""
     data = opened_run(run)
     control, stages, rows = data.control[0], data.stages, opened(data.scene).rows
     nq, nv = size_of_state(run)

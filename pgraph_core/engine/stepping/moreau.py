@@ -3,13 +3,12 @@
 q_m = q + h/2 v; v⁺ = v + h v'(q_m, v) + M⁻¹ Jᵀ λ with all that touches at q_m; q⁺ = q_m + h/2 v⁺
 ([Moreau 1988], [Jean 1999]). Impacts need no events, many at once cost no more than one. Dampers
 and servos of hinges and sliders are taken at the end of the step, which is stable however stiff
-they are: h d + h²/2 k counts as inertia there. What turns freely keeps its energy, however fast
-it spins (`tree.spinning`). States of controls follow the midpoint rule:
-x⁺ = x + h x'(q_m, v_m, x_m) with v_m = ½ (v + v⁺) and x_m half a step of Euler's rule ahead, which
-forces read.
+they are: h d + h²/2 k counts as inertia there. Freely rotating bodies conserve their energy at any
+speed (`tree.spinning`). States of controls follow the midpoint rule: x⁺ = x + h x'(q_m, v_m, x_m)
+with v_m = ½ (v + v⁺) and x_m half a step of Euler's rule ahead, which forces read.
 
 A step in which things hit each other is taken in parts, which end where they meet: an impact is a
-part without length. What is soft, or slow, is found where the middle of a part finds it.
+part without length. Compliant and slow contacts are only detected at the midpoint of a sub-step.
 """
 
 import math

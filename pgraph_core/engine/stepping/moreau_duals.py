@@ -1,9 +1,9 @@
 """Derivatives of time stepping: the parts of a step are repeated in duals as they are taken.
 
 An impact ends a part at a time that depends on all numbers. The last derivative of a dual is
-therefore by the width of the part that ends there. At the impact the gap is zero, which gives the
-derivatives of that width from those of the gap, and with them those of the state ([Müller 1995] and
-others call it the jump of the derivatives, or saltation).
+therefore by the width of the part that ends there. Since the gap is zero at the impact, the
+derivatives of the sub-step width follow from the derivatives of the gap. They determine the jump of
+the state derivatives, which is also known as saltation ([Müller 1995]).
 """
 
 import math
@@ -267,7 +267,7 @@ def set_rates(run, t, w):
 
 @sweep
 def follow_width(run, t, h, m):
-    """Add to the speeds of rows what prescribed motions change where the part ends later, at t."""
+    """Add the change in speed of prescribed motions if the sub-step ends later, at t."""
     data = opened_run(run)
     own, stages = opened(data.scene), data.stages
     vectors, nv = own.space.vectors, data.control[0].nv
@@ -319,8 +319,8 @@ def gap_of(scene, i, q):
 def locate_impact(run, numbers, carried, place, first):
     """Give the state before an impact the derivatives of its time.
 
-    The fastest block to close tells them. What hits together by chance has no common slope. `place`
-    is (finished part of the step, its width).
+    The fastest block to close tells them. Impacts that coincide by chance have no common
+    derivative. `place` is (finished part of the step, its width).
     """
     data = opened_run(run)
     scene, stages = data.scene, data.stages

@@ -132,7 +132,7 @@ def step_once(run):
 
 @sweep
 def sampled(run):
-    """Take the samples of controls at the end of a step, after what happened within it."""
+    """Take the samples of controls at the end of a step, after all events within it."""
     data = opened_run(run)
     control, y = data.control[0], data.stages[at.Y]
     nq, nv = size_of_state(run)

@@ -223,8 +223,8 @@ def edge_ahead(run, stop):
 def next_width(run):
     """Return (size of the next step, its end [s], whether that is a corner or an edge).
 
-    What is shorter than a step ends it: corners of tables, edges of expressions, the transients of
-    lags, and what could pass through something else.
+    Steps end at corners of tables, edges of expressions and transients of lags, and before a body
+    could pass through another one.
     """
     data = opened_run(run)
     control, times, corners = data.control[0], data.times, data.corners

@@ -234,7 +234,7 @@ def carried(work, p, k):
 
 @part
 def with_own(work, k, kind, x, alpha, linear):
-    """Return an acceleration with what row k, of one coordinate, adds where that accelerates by x.
+    """Return an acceleration plus the contribution x of row k, with one coordinate.
 
     H of a rotation is (h, 0), of a translation (0, h), of a screw (h, p h) with its pitch p.
     """

@@ -358,7 +358,7 @@ def take_one(x, i, a, row, begin, end):
 def carried_in(last, m, x, begin, end, branched):
     """Compute L⁻ᵀ x in place for columns `begin` to `end` - 1.
 
-    `branched`: row j is zero beyond the columns of what j carries.
+    If `branched`, row j is zero except for the columns of bodies carried by j.
     """
     for j in range(m.shape[1] - 1, -1, -1):
         i, stop = j + 1, begin + last[j] if branched else end

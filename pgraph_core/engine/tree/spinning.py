@@ -184,7 +184,7 @@ def keep_gyrating(rows, const, work, q, v, h, zero, scratch, vdot):
 def search(rows, const, work, q, h, zero, scratch, n):
     """Correct the midpoint velocities for their residual, to first order.
 
-    Directions are kept so that what they do is orthonormal.
+    Directions are stored such that their effects are orthonormal.
     """
     x, miss, correction = scratch[MIDDLE], scratch[MISS], scratch[CORRECTION]
     for j in range(n):

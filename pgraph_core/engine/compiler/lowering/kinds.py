@@ -1,4 +1,4 @@
-"""Numba types for our kinds, and what their operations share."""
+"""Numba types of our own, and shared code for their operations."""
 
 from __future__ import annotations
 
