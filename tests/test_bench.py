@@ -9,7 +9,7 @@ import math
 
 import pytest
 
-import pgraph_app.cli.bench
+import pgraph_app.cli.study
 from benchmarks import benchmarks, table
 from benchmarks.measure import Effort, compared, in_turns
 from pgraph_app.cli import main
@@ -129,6 +129,6 @@ def test_a_peer_that_is_not_installed_is_named(monkeypatch, capsys):
 
 
 def test_outside_a_clone_there_are_no_benchmarks(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(pgraph_app.cli.bench, "ROOT", tmp_path)
+    monkeypatch.setattr(pgraph_app.cli.study, "ROOT", tmp_path)
     assert main(["bench"]) == 1
     assert "clone" in capsys.readouterr().err

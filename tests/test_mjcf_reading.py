@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.formats.mjcf_schema import ACTUATORS, KNOWN, newer
+from pgraph_core.formats.mjcf_compiled import ACTUATORS, KNOWN, newer
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.rotation import matrix
 
@@ -451,7 +451,7 @@ def test_all_attributes_of_mujoco_are_known_to_the_reader():
 
 def test_an_attribute_of_a_later_version_is_reported(tmp_path, monkeypatch):
     known = {**KNOWN, "joint": KNOWN["joint"] - {"frictionloss"}}
-    monkeypatch.setattr("pgraph_core.formats.mjcf_schema.KNOWN", known)
+    monkeypatch.setattr("pgraph_core.formats.mjcf_compiled.KNOWN", known)
     _, report = read(tmp_path, world(f'<body><joint frictionloss="1"/>{ARM}</body>'))
     assert "frictionloss" in left_out(report)
 

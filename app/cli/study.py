@@ -1,9 +1,12 @@
-"""Commands for comparing methods: `pgraph report` and `pgraph stability`."""
+"""Commands that measure: `pgraph report`, `stability`, `verify` and `bench`."""
 
 from __future__ import annotations
 
 import json
+import sys
+import time
 from argparse import ArgumentParser, BooleanOptionalAction, Namespace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,7 @@ from .terminal import (
     SCENARIO,
     Answer,
     Bar,
+    aligned,
     command,
     count,
     first_scenario,
@@ -161,3 +165,183 @@ def stability(args: Namespace) -> Answer:
     if args.output:
         found.save(args.output)
     return Answer(found.to_dict() | ({"output": args.output} if args.output else {}), str(found))
+
+
+# -- the command for verifying Pgraph itself: `pgraph verify` --------------------------------------
+
+
+HEADER = (
+    "case", "compared", "error", "target", "reference", "time [s]", "steps", "method", "verdict"
+)  # fmt: skip
+
+
+def tell(text: str) -> None:
+    """Print progress over the last line of a terminal, or do nothing if output is piped."""
+    if sys.stderr.isatty():
+        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+
+
+@command(
+    "verify",
+    "compute known motions; print errors, targets and cost; exit code 1 if one misses",
+    takes(
+        "names", metavar="NAME", nargs="*",
+        help="a case, a family of cases such as chain_n_links, or a case file; default: all",
+    ),
+)  # fmt: skip
+def verify(args: Namespace) -> Answer:
+    """Run verification cases. Raises PgraphError for an unknown name."""
+    wanted = args.names or pgraph_models.case_names()
+    chosen = [case for name in wanted for case in _cases(name)]
+    began = time.perf_counter()
+    rows = []
+    for i, case in enumerate(chosen):
+        tell(f"{case.name}  ({i + 1} of {len(chosen)}, {time.perf_counter() - began:.0f} s)")
+        rows.append(facts(pg.verify(case)))
+    tell("")
+    missed = [row["case"] for row in rows if not row["ok"]]
+    summary = f"{len(rows) - len(missed)} of {len(rows)} cases reach their targets"
+    table = aligned((_cells(row) for row in rows), HEADER)
+    problem = f"missed: {', '.join(missed)}" if missed else ""
+    return Answer({"cases": rows}, f"{table}\n\n{summary}", problem)
+
+
+def _cases(name: str) -> tuple[pg.Case, ...]:
+    """Return the built-in cases with a name, or those in a file."""
+    return pg.load_cases(name) if Path(name).suffix == ".json" else pgraph_models.cases(name)
+
+
+def facts(verdict: pg.Verdict) -> dict[str, Any]:
+    """Return one result as a dictionary with stable keys for scripts."""
+    run, case = verdict.run, verdict.case
+    return {
+        "case": case.name,
+        "compared": verdict.observable.name,
+        "error": verdict.error,
+        "target": verdict.observable.target,
+        "reference_accuracy": case.accuracy,
+        "seconds": verdict.seconds,
+        "steps": run.counters["steps"] if run else 0,
+        "method": run.header["method"] if run else "",
+        "ok": verdict.ok,
+        "message": run.message if run else "",
+    }
+
+
+def _cells(row: dict[str, Any]) -> tuple[Any, ...]:
+    return (
+        row["case"],
+        row["compared"],
+        f"{row['error']:.1e}",
+        f"{row['target']:.0e}",
+        f"{row['reference_accuracy']:.0e}",
+        f"{row['seconds']:.2g}",
+        row["steps"],
+        row["method"] or "none",
+        "ok" if row["ok"] else "MISSED",
+    )
+
+
+# -- `pgraph bench`: list and run the benchmarks. They are only available in a clone ---------------
+
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+
+
+@command(
+    "bench",
+    "run benchmarks, most of them against other programs (in a clone)",
+    takes("names", metavar="NAME", nargs="*", help="benchmarks, or `all`; without: list them"),
+    takes("--quick", action="store_true", help="the smallest sizes: rough figures"),
+    takes("-o", "--output", type=Path, metavar="FILE", help=".json, .csv, .md, .txt"),
+    takes(
+        "--against", type=Path, metavar="FILE",
+        help="a .json of an earlier run; exit code 1 if a ratio to a peer fell by 25 %%",
+    ),
+)  # fmt: skip
+def bench(args: Namespace) -> Answer:
+    """Run the benchmarks. Raises InputError outside a clone, or for an unknown name."""
+    folder, table, measure, machine = (part(x) for x in ("", "table", "measure", "machine"))
+    known = folder.benchmarks()
+    if not args.names:
+        return _listed(known)
+    chosen = list(known) if args.names == ["all"] else args.names
+    for name in chosen:
+        if name not in known:
+            text = f"no benchmark has this name; choose one of {choices(known, 40)}"
+            raise InputError(Problem(f"benchmark '{name}'", "", text))
+    if args.output and args.output.suffix not in table.WRITERS:
+        text = f"must end in {choices(table.WRITERS)}, got '{args.output.name}'"
+        raise InputError(Problem("--output", "", text))
+    then = _earlier(args.against) if args.against else None
+    peers = [peer for name in chosen for peer in known[name].peers]
+    about, effort = machine.machine(dict.fromkeys(peers)), measure.Effort(args.quick)
+    found: dict[str, Any] = {"machine": about, "quick": args.quick, "benchmarks": {}}
+    notes, wrong = [], list[str]()
+    for name in chosen:
+        one = known[name]
+        if one.lacks:
+            notes.append(f"{name}: skipped, since {', '.join(one.lacks)} is not installed")
+            continue
+        if one.without:
+            notes.append(f"{name}: not compared with {', '.join(one.without)}: not installed")
+        rows = found["benchmarks"][name] = []
+        try:
+            for row in one.rows(effort):
+                rows.append(row)
+                tell(f"{name}: {row.get('case', len(rows))}")
+        except measure.Disagreement as problem:
+            wrong.append(f"{name}: {problem}")
+        if args.output:  # after each, so that an interrupted run is not lost
+            _write(args.output, table.WRITERS[args.output.suffix](found))
+    tell("")
+    wrong += table.fallen(found, then) if then else []
+    text = "\n\n".join((table.text(found), *filter(None, ["\n".join(notes)])))
+    return Answer({**found, "notes": notes, "problems": wrong}, text, "\n".join(wrong))
+
+
+def _listed(known: dict[str, Any]) -> Answer:
+    """List the benchmarks, their peers and approximate durations."""
+    rows = [
+        (one.name, f"{one.minutes:g} min", ", ".join(one.peers), one.what) for one in known.values()
+    ]
+    table = aligned(rows, ("name", "takes", "peers", "measures"))
+    data = [{"name": o.name, "minutes": o.minutes, "peers": o.peers, "what": o.what}
+            for o in known.values()]  # fmt: skip
+    lacking = sorted({x for one in known.values() for x in (*one.without, *one.lacks)})
+    notes = [f"Not installed: {', '.join(lacking)}. {INSTALL}"] if lacking else []
+    return Answer({"benchmarks": data}, "\n\n".join((table, RUN_THEM, *notes)))
+
+
+INSTALL = "`pip install -e '.[oracles,gym,test]'` in the clone installs most of them."
+RUN_THEM = "Run some with `pgraph bench NAME ...`, every one with `pgraph bench all`."
+
+
+def _earlier(path: Path) -> dict[str, Any]:
+    """Load an earlier run. Raises InputError."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(found["machine"]["cpu"], str) and isinstance(found["benchmarks"], dict):
+            return found
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    text = "must be a .json file that `pgraph bench NAME -o FILE` wrote"
+    raise InputError(Problem(f"--against '{path}'", "", text))
+
+
+def _write(path: Path, text: str) -> None:
+    """Raises InputError."""
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(Problem(f"--output '{path}'", "", str(error.strerror))) from None
+
+
+def part(name: str) -> Any:
+    """Import the folder `benchmarks` of this clone, or one of its modules."""
+    if not (ROOT / "benchmarks" / "__init__.py").is_file():
+        text = "the package is installed without the benchmarks; run it in a clone of Pgraph"
+        raise InputError(Problem("pgraph bench", "", text))
+    if str(ROOT) not in sys.path:
+        sys.path.insert(0, str(ROOT))
+    return import_module(f"benchmarks.{name}".removesuffix("."))

@@ -17,7 +17,7 @@ from pgraph_core.model.shape import mass_properties_of
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.derived import CONTACT
+from ..core.state import CONTACT
 from ..properties.body_cells import quantity_of, shows
 
 COLUMNS = ("name", "parent", "dof", "constraint")

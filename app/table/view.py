@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from pgraph_core.show.digraph import gutter
 
-from ..core.derived import CONTACT
+from ..core.state import CONTACT
 from ..core.views import NOTHING, Host, Payload, Place, hue, topic
 from . import Client, State
 from .paste import COPIED, copied

@@ -33,6 +33,7 @@ from ..signals import written
 from ..tolerances import DIFFERENCED, EPS, NOTABLE, ROUNDING
 from .balance import (
     Balance,
+    Touching,
     differences,
     drive_slopes,
     slopes_in_v,
@@ -41,7 +42,6 @@ from .balance import (
     torque_slopes,
     touching,
 )
-from .touching import Touching
 
 if TYPE_CHECKING:
     from .balance import Balance

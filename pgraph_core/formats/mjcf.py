@@ -33,11 +33,10 @@ from .conversion import (
     unphysical,
     unused,
 )
-from .mjcf_compiled import Compiled, Group
+from .mjcf_compiled import Compiled, Group, newer
 from .mjcf_contacts import Contacts
 from .mjcf_forces import within_margin
 from .mjcf_parts import Parts
-from .mjcf_schema import newer
 
 Array = np.ndarray
 FREE, BALL, SLIDE, HINGE = range(4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -132,3 +133,30 @@ class Reading(Protocol):
     def solid(self, g: int) -> dict[str, Any] | None:
         """Convert a geom to a shape of its body."""
         ...
+
+
+# -- the MJCF attributes that the reader supports, as of MuJoCo 4.0 --------------------------------
+
+
+ACTUATORS = (
+    "general", "motor", "position", "velocity", "intvelocity", "orientation", "pid", "damper",
+    "cylinder", "muscle", "adhesion", "dcmotor",
+)  # fmt: skip
+
+
+def _rows(file: Path) -> dict[str, frozenset[str]]:
+    """Return the attributes by element, from a file with lines "element: attribute attribute"."""
+    rows = (row.split(": ") for row in file.read_text(encoding="utf-8").splitlines())
+    known = {tag: frozenset[str](names.split()) for tag, names in rows}
+    actuator = known.pop("actuator")
+    return known | dict.fromkeys(ACTUATORS, actuator)
+
+
+# attributes by element, without elements that have no effect on motion
+KNOWN = _rows(Path(__file__).with_name("mjcf_schema.txt"))
+
+
+def newer(tag: str, attributes: Iterable[str]) -> list[str]:
+    """Return the attributes of an element that do not exist in MuJoCo 4.0."""
+    known = KNOWN.get(tag)
+    return [] if known is None or known.issuperset(attributes) else sorted(set(attributes) - known)

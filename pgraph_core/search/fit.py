@@ -17,8 +17,7 @@ from ..model import Model
 from ..result import Result
 from ..result.columns import columns_of, coordinates, meant, no_column
 from ..tolerances import ROUNDING
-from .data import measured
-from .free import FAR, Case, Numbers, described, option
+from .free import FAR, Case, Numbers, described, measured, option
 
 Array = np.ndarray
 ROUNDS = 10  # fits at most, each weighted by the noise that the last one left

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analysis.balance import between, length_of
 from ..analysis.singular import holding
-from ..analysis.touching import between, length_of
 from ..contact.tables import ContactPair, Tables, pull_of
 from ..dynamics.scene import Scene
 from ..engine import layout as at

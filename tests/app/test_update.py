@@ -10,9 +10,8 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.core import edit
-from pgraph_app.core.derived import derive
 from pgraph_app.core.events import from_page
-from pgraph_app.core.state import with_client
+from pgraph_app.core.state import derive, with_client
 from pgraph_app.core.store import Store
 from pgraph_app.model import LONG, Found, sent
 from pgraph_app.model.apart import answer
