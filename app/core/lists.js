@@ -35,6 +35,7 @@ pgraph.choose = (box, groups, heading) => {
   const sought = make("input", { className: "cell sought", type: "search", placeholder: "Type to filter, Enter adds the first", "aria-label": "kind to add" });
   const line = ([name, about, act, key]) => make("button", { "data-kind": key, disabled: !act, onclick: () => { box.hidden = true; act(); } }, make("strong", { textContent: name }), make("span", { textContent: about }));
   const sections = groups.map(([title, lines]) => make("section", {}, make("h4", { textContent: title }), ...lines.map(line)));
+  const none = make("p", { className: "for muted", textContent: "Nothing is described by that.", hidden: true });
   sought.oninput = () => {
     const words = sought.value.toLowerCase().split(/\s+/);
     for (const section of sections) {
@@ -42,8 +43,9 @@ pgraph.choose = (box, groups, heading) => {
       for (const one of lines) one.hidden = !words.every((word) => one.textContent.toLowerCase().includes(word));
       section.hidden = lines.every((one) => one.hidden);
     }
+    none.hidden = sections.some((one) => !one.hidden);
   };
-  box.replaceChildren(make("div", { className: "for muted" }), sought, ...sections);
+  box.replaceChildren(make("div", { className: "for muted" }), sought, none, ...sections);
   heading(box);
   sought.focus();
   box.onkeydown = (event) => {

@@ -35,15 +35,16 @@ from . import OFF, ON, acting, put
 HOLDS = "holds"
 WAITS = {  # labels of triggers of switches
     TIME: "at a time",
-    "coordinate": "a coordinate is",
-    "gap": "a gap is",
-    "force": "a force is",
-    "constraint": "a constraint is",
-    HOLDS: "comparisons hold",
+    "coordinate": "a coordinate",
+    "gap": "a gap",
+    "force": "a force",
+    "constraint": "a constraint",
+    HOLDS: "comparisons",
 }
 OF_VALUE = {TIME: "s", "gap": "length", "force": "N"}  # units; those of coordinates differ
 SIDES = {"above": ">", "below": "<"}
 OF_OPERATION = {"more": "above", "at_least": "above", "less": "below", "at_most": "below"}
+DELAY = 0.1  # part of the run after which a constraint that went on goes off again
 BACK = 0.2  # part of its value by which a switch back lies on the other side
 
 
@@ -189,11 +190,11 @@ def form(model: pg.Model, switch: pg.Switch, display: Display) -> list[Payload]:
     if what == TIME:
         return [*found, field("value", "at", [amount | {"index": []}], unit=unit)]
     side = cell((0,), side_of(switch), called="above or below", options=list(SIDES))
-    more = [_press("And …", "and", "Waits for another comparison too")]
-    return [*found, _row("value", "is", [side, amount], unit=unit, buttons=[
-        *(more if what == "coordinate" else []),
-        _press("Back …", "back", "Add a switch back beyond a second value"),
-    ])]  # fmt: skip
+    more = [_press("Back …", "back", "Add a switch back beyond a second value")]
+    if what == "coordinate":
+        more.insert(0, _press("And …", "and", "Waits for another comparison too"))
+    value = _row("value", "is", [side, amount], unit=unit)
+    return [*found, value, field("more", "", [], buttons=more)]
 
 
 def _row(name: str, label: str, each: list[Payload], **more: Any) -> Payload:
@@ -400,19 +401,21 @@ def without_switch(model: pg.Model, name: str, number: int) -> pg.Model:
 def _usual(model: pg.Model, s: pg.Scenario, switch: pg.Switch, what: str) -> Mapping[str, Any]:
     """Return a default condition that can occur. Raises Refusal if there is nothing to watch."""
     names = names_of(model, "coordinate" if what == HOLDS else what)
-    if what == "constraint" or (what == "force" and switch.active):
+    if what == "force" and switch.active:
         names = [name for name in names if name != switch.constraint]  # while off it carries none
     if not names:
         there = {"gap": "contact", "force": "contact or constraint", HOLDS: "coordinate"}
-        other = "other " if what == "constraint" else ""
-        raise Refusal(f"There is no {other}{there.get(what, what)} to wait for.")
+        raise Refusal(f"There is no {there.get(what, what)} to wait for.")
     match what:
         case "constraint":
-            state = dict(acting(model, s, "constraints"))
-            moved = [x for x in s.switches if x.constraint in names]
+            own = switch.constraint
+            goes = (own, switch.active)
+            moved = [x for x in s.switches if (x.constraint, x.active) != goes]
             if not moved:
-                raise Refusal("No other constraint is switched: add a switch of it first.")
-            return {what: moved[0].constraint, "active": not state[moved[0].constraint]}
+                raise Refusal("No other switch is there to wait for: add it first.")
+            last = moved[-1]
+            delay = {"after": DELAY * s.t_end} if last.constraint == own else {}  # not at once
+            return {what: last.constraint, "active": last.active, **delay}
         case "coordinate":
             return {what: names[0], "above": _ahead(model, names[0])}
         case "holds":

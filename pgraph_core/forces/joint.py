@@ -199,7 +199,7 @@ class Law(NamedTuple):
 class Motor(OnJoint):
     """A motor that applies `torque` to a joint coordinate of `body` (a force for translations)."""
 
-    ABOUT: ClassVar[str] = "a torque or force on a joint"
+    ABOUT: ClassVar[str] = "a torque or force on a joint, also by state feedback (LQR)"
 
     kind: Literal["motor"] = field(KIND, default="motor")
 

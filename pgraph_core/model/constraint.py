@@ -121,7 +121,7 @@ class Weld(AtPoints):
     """A constraint that fixes the position and orientation of `body` relative to `other`."""
 
     ROWS: ClassVar[int] = 6
-    ABOUT: ClassVar[str] = "holds point and orientation, as a rigid joint: 6 rows"
+    ABOUT: ClassVar[str] = "locks point and orientation, as a rigid joint: 6 rows"
     kind: Literal["weld"] = field(KIND, default="weld")
 
     def _blocks(self, e: Any) -> list[Any]:

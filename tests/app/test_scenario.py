@@ -194,6 +194,18 @@ def test_a_constraint_waits_for_another(slider):
     assert left.model.scenarios[0].switches == ()
 
 
+def test_a_slider_is_caught_for_half_a_second(slider):
+    """What goes on may wait for itself: the page refused it, as there was no other constraint."""
+    state = after(slider, do.AddSwitch(ME, "lock"), *switch(0, what="coordinate", value="1.2"))
+    state = after(state, do.AddSwitch(ME, "lock"), *switch(1, what="constraint"))
+    assert condition(state, 1) == "constraint lock active for 0.2 s"  # a tenth of the run
+    run = run_of(after(state, cell(1, "after", "0.5")))
+    assert [(e.contact, e.after) for e in run.events][:2] == [("lock", "on"), ("lock", "off")]
+    assert run.events[1].t - run.events[0].t == pytest.approx(0.5, abs=1e-9)
+    alone = store.after(slider, do.AddSwitch(ME, "lock"), *switch(0, what="constraint"))
+    assert "switch" in store.reply(alone)
+
+
 def condition(state, number=0):
     return str(state.model.scenarios[0].switches[number].when)
 
