@@ -58,9 +58,8 @@ from .newton import (
 from .sweeps import gauss_seidel, own_block
 
 CROWD = math.sqrt(EPS)  # tolerance of large heaps: half of the digits, as forces are not unique
-SWEEPS = 200  # limit on sweeps when Newton's method is not tried
+SWEEPS = 200  # limit on sweeps where a factor would cost more
 FEW_SWEEPS = 40  # before Newton's method
-FEW = 30  # contacts: a larger island of single ones is a heap, and swept
 SWEPT = 1e3  # a factor's work per block above which its steps cost more than sweeps
 TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies that move together
 
@@ -221,25 +220,24 @@ def solve_island(scene, n):
     islands, fine = contacts.islands, contacts.tally[0].fine
     count = islands.first[n + 1] - islands.first[n]
     left = math.inf
-    tolerance = TOLERANCE * fine
     if unique(scene, n):
-        left = gauss_seidel(scene, n, size, SWEEPS if count > FEW else FEW_SWEEPS, tolerance)
-        if left <= tolerance:
+        left = gauss_seidel(scene, n, size, FEW_SWEEPS, TOLERANCE * fine)
+        if left <= TOLERANCE * fine:
             note_left(report, left, size)
             return
     heaviest = weigh(scene, n)
-    done, left = stays(scene, n, size)
+    done, rest = stays(scene, n, size)
     if done:
-        note_left(report, left, size)
+        note_left(report, rest, size)
         return
     work, room = order_island(scene, n)
     if room and work <= SWEPT * count:
         left, taken = solve_exact(scene, n, size, heaviest)
         report[STEPS_DONE] += taken
-        if left > NOTABLE:
-            report[HARD] += 1.0
-    else:
+    elif left > CROWD * fine:
         left = gauss_seidel(scene, n, size, SWEEPS, CROWD * fine)
+    if left > NOTABLE:
+        report[HARD] += 1.0
     forget_order(islands)
     note_left(report, left, size)
 

@@ -11,6 +11,7 @@ from ..constraints.blocks import (
     first_of,
     joint_of,
     joints_of,
+    one_sided,
     point_b,
     point_velocity,
     span,
@@ -28,6 +29,7 @@ from ..contact.contacts import (
     slides_now,
     touching,
 )
+from ..contact.islands import find_islands
 from ..contact.meeting import (
     closed_limit,
     limit_arrival,
@@ -241,57 +243,84 @@ def tolerated(contacts, n, h):
 
 @sweep
 def push_out(scene, first, h, q):
-    """Move q out of deep penetration along the normals, in the mass metric."""
+    """Move q out of deep penetration along the normals, in the mass metric, each island alone."""
     data = opened(scene)
-    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    blocks, space = data.blocks, data.space
     contacts = contacts_at(data.links.contacts)
-    active = blocks.active
-    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
-    lam = vectors[LAMBDA]
-    dinv = vectors[DINV]
-    z = vectors[STEP]
-    found, tally = contacts.found, contacts.tally[0]
-    begin, room = tally.first_contact, contacts.found.shape[0]
-    deepest = 0.0
-    deep = False
+    active, found, tally = blocks.active, contacts.found, contacts.tally[0]
+    begin, room = tally.first_contact, found.shape[0]
+    deep = limits_beyond(scene, first, q) > 0.0
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         if 0 <= n < room:
-            deepest = max(deepest, -found[n].gap)
+            tally.depth = max(tally.depth, -found[n].gap)
             deep = deep or -found[n].gap > tolerated(contacts, n, h)
-    tally.depth = max(tally.depth, deepest)
-    beyond = limits_beyond(scene, first, q)
-    if not (deep or beyond > 0.0):
+            blocks.blocks_f[active[j], at.AIM] = found[n].gap + 0.5 * tolerated(contacts, n, h)
+    if not deep:
         return
-    deepest = max(deepest, beyond)
+    z = space.vectors[STEP]
     for k in range(z.shape[0]):
         z[k] = 0.0
-    for j in range(first, active[0] + 1):
-        lam[first_of(slots, active[j])] = 0.0
+    for n in range(find_islands(scene)):
+        deepest = depth_to_remove(scene, n, h)
+        if deepest > 0.0:
+            separate(scene, n, RECOVER * deepest)
+    spread(data.rows, data.const, data.work, z)
+    advance(data.rows, q, z, 1.0)
+
+
+@part
+def depth_to_remove(scene, n, h):
+    """Return the largest penetration in island n [m, rad], or zero if all of it is tolerated."""
+    data = opened(scene)
+    blocks, contacts = data.blocks, contacts_at(data.links.contacts)
+    islands, begin = contacts.islands, contacts.tally[0].first_contact
+    deepest = 0.0
+    deep = False
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        kind = type_of(blocks.blocks_i, i)
+        if kind == at.T_CONTACT:
+            depth = -contacts.found[i - begin].gap
+            deep = deep or depth > tolerated(contacts, i - begin, h)
+            deepest = max(deepest, depth)
+        elif one_sided(kind):
+            depth = -blocks.blocks_f[i, at.AIM]
+            deep = deep or depth > (4.0 * closed_limit(blocks, i) if kind == at.T_LIMIT else 0.0)
+            deepest = max(deepest, depth)
+    return deepest if deep else 0.0
+
+
+@sweep
+def separate(scene, n, way):
+    """Add the motion that opens the gaps in AIM of island n to STEP, to ENOUGH of the `way` [m]."""
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    islands = contacts_at(data.links.contacts).islands
+    y, slots, own = space.y, space.slots, space.own
+    lam, dinv, z = space.vectors[LAMBDA], space.vectors[DINV], space.vectors[STEP]
+    for j in range(islands.first[n], islands.first[n + 1]):
+        lam[first_of(slots, islands.blocks[j])] = 0.0
     for _ in range(PUSH_SWEEPS):
         moved = 0.0
-        for j in range(first, active[0] + 1):
-            i = active[j]
-            n = i - begin
-            if n >= room or not own[i, 0] > 0.0 or type_of(blocks.blocks_i, i) == at.T_FRICTION:
+        for j in range(islands.first[n], islands.first[n + 1]):
+            i = islands.blocks[j]
+            if not own[i, 0] > 0.0 or not one_sided(type_of(blocks.blocks_i, i)):
                 continue
-            if n < 0:
-                gap = RECOVER * blocks.blocks_f[i, at.AIM]
-            else:
-                gap = RECOVER * (found[n].gap + 0.5 * tolerated(contacts, n, h))
             r = first_of(slots, i)
+            gap = RECOVER * blocks.blocks_f[i, at.AIM]
             for s in range(joints_of(slots, i)):
                 gap += y[i, 3 * s] * z[joint_of(slots, i, s)]
             new = max(lam[r] - gap / own[i, 0], 0.0)
+            if new == lam[r]:
+                continue
             for s in range(joints_of(slots, i)):
                 k = joint_of(slots, i, s)
                 z[k] += dinv[k] * y[i, 3 * s] * (new - lam[r])
             moved = max(moved, abs(new - lam[r]) * own[i, 0])
             lam[r] = new
-        if not moved > ENOUGH * RECOVER * deepest:
+        if not moved > ENOUGH * way:
             break
-    spread(rows, const, work, z)
-    advance(rows, q, z, 1.0)
 
 
 @sweep
