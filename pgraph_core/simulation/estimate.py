@@ -76,18 +76,18 @@ def error_estimate(record: Recording, asked: bool | None) -> Estimate:
 
 def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     """Return the difference from a finer run, where `plan` has the recorded times."""
-    n, mech = len(plan.times), record.mech
+    n, mech, rows = len(plan.times), record.mech, record.mech.packed.rows
     if n < 2 or plan.times[-1] == plan.times[0]:
         return Estimate(np.zeros((n, 1 + len(states_of(mech.model)))))
     finer = _finer_run(record, plan)
     if isinstance(finer, str):
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
-    record.ended.notices += undecided(record, finer)
+    off, (turned, slid) = apart(record, finer, n), ranges_of_motion(rows, record.out.q[:n])
+    record.ended.notices += undecided(record, finer, max(turned, slid), off)
     if record.carried is not None and finer.carried is not None:
         record.ended.notices += record.carried.unlike(
             finer.carried, plan.times, *shared(record, finer, n)
         )
-    off = apart(record, finer, n)
     ahead = plan.onward() if record.met else plan
     if ahead.tolerance is None and may_jump(record, ahead):
         third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1), carries=False)
@@ -100,7 +100,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     touching = record.scene.touching
     if touching is not None:  # drift due to the contact solver's velocity residuals [rad, m]
         error[1:, 0] += float(touching.tally["strayed"])
-    length, (turned, slid) = plan.length, ranges_of_motion(mech.packed.rows, record.out.q[:n])
+    length = plan.length
     ranges = sizes_of_states(record.out.v[:n, mech.nv :], length)
     known = off <= PARTED * np.array((1.0, max(length, slid) or 1.0, *ranges))
     if not known.all():

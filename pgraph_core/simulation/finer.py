@@ -159,14 +159,17 @@ class Approach(NamedTuple):
     """An event that almost happened."""
 
     name: str
-    value: float  # inf: nowhere near
+    value: float
     t: float  # [s]
     watched: Callable[[float, Array, Array], float]  # function of (t, q, v), zero at the event
 
 
-def undecided(record: Recording, other: Recording) -> tuple[str, ...]:
-    """Return a notice for each limit and event that a run misses by less than its error."""
-    approaches = [x for x in (*_limits(record), *_events(record)) if np.isfinite(x.value)]
+def undecided(record: Recording, other: Recording, moved: float, off: Array) -> tuple[str, ...]:
+    """Return a notice for each limit and event that a run misses by less than its error.
+
+    `moved` is the largest change of a joint at a frame, and `off` the result of `apart`.
+    """
+    approaches = [*_limits(record, moved, off), *_events(record)]
     if not approaches:
         return ()
     i, j = shared(record, other, record.done)
@@ -196,14 +199,16 @@ def _events(record: Recording) -> list[Approach]:
     from ..engine.contact.points import NEAREST, WHEN
 
     monitors = record.watch.monitors
-    rows = record.steps.watched[[NEAREST, WHEN], record.steps.watched.shape[1] - len(monitors) :]
-    values, times = rows.tolist()
-    parts = zip(monitors, values, times, strict=True)
-    return [Approach(f"event '{m.name}'", value, t, m) for m, value, t in parts]
+    watched = record.steps.watched[:, record.steps.watched.shape[1] - len(monitors) :]
+    parts = zip(monitors, watched[NEAREST].tolist(), watched[WHEN].tolist(), strict=True)
+    return [Approach(f"event '{m.name}'", x, t, m) for m, x, t in parts if math.isfinite(x)]
 
 
-def _limits(record: Recording) -> list[Approach]:
-    """Return how close coordinates came to limits that they approached without reaching."""
+def _limits(record: Recording, moved: float, off: Array) -> list[Approach]:
+    """Return how close coordinates came to limits that they approached without reaching.
+
+    Limits to which neither run can get at or between frames are left out.
+    """
     plan, n = record.planned, record.done
     tables = plan.contacts if plan.declared is None else plan.declared
     if tables is None:
@@ -211,11 +216,16 @@ def _limits(record: Recording) -> list[Approach]:
     if tables is None or not tables.limits or n < 2:
         return []
     out, t, found = record.out, record.steps.times[:n], list[Approach]()
+    between = float((t[1:] - t[:-1]).max()) * float(np.abs(out.v[:n]).max())
+    within = moved + between + 2.0 * float(off[:, :2].max())
     for limit in limits_on_coordinates(tables):
+        if limit.gap(out.q[0]) > within * sum(map(abs, limit.weights.tolist())):
+            continue
         rates, curves = (x[:n, limit.at_v] @ limit.weights for x in (out.v, out.vdot))
-        near = _least(t, limit.gap(out.q[:n]), rates, curves)
-        watched = lambda _t, q, _v, limit=limit: float(limit.gap(q))  # noqa: E731
-        found.append(Approach(f"limit '{limit.name}'", *near, watched))
+        value, when = _least(t, limit.gap(out.q[:n]), rates, curves)
+        if math.isfinite(value):
+            watched = lambda _t, q, _v, limit=limit: float(limit.gap(q))  # noqa: E731
+            found.append(Approach(f"limit '{limit.name}'", value, when, watched))
     return found
 
 
@@ -236,11 +246,11 @@ class LimitGap(NamedTuple):
 def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
     """Yield the limits of joints and tendons, excluding lengths between points."""
     ints, floats, terms, factors = tables.limit_blocks
-    for name, block, values in zip(tables.limits, ints, floats):
+    for name, block, bound in zip(tables.limits, ints.tolist(), floats[:, at.VALUE].tolist()):
         if block[at.B_TYPE] != at.T_SPAN:
             own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
             at_v, at_q = terms[own].T
-            yield LimitGap(name, at_v, at_q, factors[own], float(values[at.VALUE]))
+            yield LimitGap(name, at_v, at_q, factors[own], bound)
 
 
 @np.errstate(all="ignore")  # huge numbers, of which nothing is known
