@@ -18,3 +18,23 @@ def test_a_deep_start_is_noticed_at_any_size(size, share, noticed):
     model = pg.Model(bodies=[body], contacts=[pg.Contact(name="c", body="b", points=points)])
     run = pg.simulate(model, t_end=0.005, method="moreau_jean", step=1e-3, estimate=False)
     assert any("'c'" in notice for notice in run.notices) == noticed
+
+
+def test_a_deep_body_does_not_lift_another_that_it_does_not_touch():
+    """Each island is pushed apart alone: 8e-6 of the size is a depth that is tolerated."""
+
+    def box(name: str, x: float, depth: float) -> pg.Body:
+        cube = {"kind": "box", "size": (1, 1, 1)}
+        start = (x, 0, 0.5 - depth, 1, 0, 0, 0)
+        return pg.Body(name=name, joint="free", mass=6.0, inertia=np.eye(3), shape=cube, q=start)
+
+    def heights(*bodies: pg.Body) -> np.ndarray:
+        floor = pg.Contact(name="floor", body="*", friction=0.5)
+        model = pg.Model(bodies=bodies, contacts=[floor])
+        given = {"method": "moreau_jean", "step": 1e-3, "estimate": False}
+        return pg.simulate(model, t_end=0.05, **given)["still"][:, 2]
+
+    still = box("still", 0.0, 8e-6)
+    beside = heights(still, box("deep", 3.0, 1e-3))
+    assert beside == pytest.approx(heights(still), abs=1e-12)
+    assert beside[-1] == pytest.approx(0.5 - 8e-6, abs=1e-7)
