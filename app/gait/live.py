@@ -15,9 +15,6 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.result.records import PHASES, SWING, ContactRecord
-from pgraph_core.result.records import Event as ContactEvent
-from pgraph_core.simulation.contact_log import CAUSES, LIFTED
 
 from ..core.events import Event
 from ..pose.solving import pull_force
@@ -187,7 +184,7 @@ class Motion:
         self._mech: Any = None
         # (q, v), None for the start of the scenario
         self._state: tuple[Any, Any] = start[1:] if start else (None, None)
-        self._seam = Seam()
+        self._before: pg.Result | None = None  # the last part
         self._touches = False  # whether there are contacts
         self._walker: Walker | None = None
         self._stepper: pg.Stepper | None = None  # stepper of the next part with given steps
@@ -223,7 +220,7 @@ class Motion:
             if (grip := self._grip(pull)) is not None:
                 self._walker.pull(grip[1], pull.body if pull else "")
             part = self._walker.advanced(self._mech, offer, live, walking, now, span)
-        part = self._seam.sewn(part)
+        part = self._before = sewn(self._before, part)
         self._touches = bool(part.contact_force)
         if len(part.t):
             self.time, self._state = float(part.t[-1]), (part.q[-1], part.v[-1])
@@ -314,82 +311,29 @@ class Motion:
         self._model, self._mech = model, mech
 
 
-ON_GROUND = frozenset(PHASES) - {SWING}
-GRAZE = 5e-3  # [s]: what is over sooner than this after a part begins is no change
+def sewn(before: pg.Result | None, part: pg.Result) -> pg.Result:
+    """Return a part whose first frame is the last one of the part before, also in what acts.
 
-
-class Seam:
-    """Joins successive parts into one continuous motion."""
-
-    def __init__(self) -> None:
-        self._before: pg.Result | None = None
-        self._lifted: dict[
-            str, ContactEvent
-        ] = {}  # just before the last part ended: perhaps no flight
-
-    def sewn(self, part: pg.Result) -> pg.Result:
-        """Return `part` with contacts, accelerations and phases continued from the last part."""
-        before = self._before
-        if len(part.t) and part.contacts.force:
-            record = part.contacts
-            if before is not None and before.contacts.force:
-                part = _begun_as(before, part)
-                record = self._continued(before.contacts, part.contacts, np.asarray(part.t))
-            part = replace(part, contacts=self._held_back(record, np.asarray(part.t)))
-        self._before = part
+    The forces of contacts and the accelerations at its start are those of a step before it.
+    """
+    if before is None or not (len(part.t) and part.contacts.force and before.contacts.force):
         return part
-
-    def _continued(self, was: ContactRecord, now: ContactRecord, t: np.ndarray) -> ContactRecord:
-        """Return phases and events without the foot changes that a part's beginning makes."""
-        phases, events = dict(now.phases), list(now.events)
-        for name, phase in now.phases.items():
-            known = str(was.phases[name][-1]) if name in was.phases else str(phase[0])
-            soon = [e for e in events if e.contact == name and e.t - t[0] < GRAZE]
-            if known not in PHASES or (known == phase[0] and not soon):
-                continue
-            body = soon[0].body if soon else _body(name, was, now)
-            if soon and soon[-1].after == known:
-                events = [event for event in events if event not in soon]
-                phases[name] = np.where(t < soon[-1].t, known, phase)
-            elif known == phase[0]:
-                continue
-            elif soon:
-                events.remove(soon[0])
-                phases[name] = np.where(t < soon[0].t, known, phase)
-                events += _event(soon[0].t, name, body, known, soon[0].after)
-            elif phase[0] == SWING and name in self._lifted:
-                events.append(self._lifted[name])
-            else:
-                events += _event(float(t[0]), name, body, known, str(phase[0]))
-        return replace(now, phases=phases, events=tuple(sorted(events, key=lambda e: e.t)))
-
-    def _held_back(self, record: ContactRecord, t: np.ndarray) -> ContactRecord:
-        """Hold back flights that have just begun until the next part confirms them."""
-        phases, events = dict(record.phases), list(record.events)
-        last = {event.contact: event for event in events}
-        self._lifted = {
-            name: event
-            for name, event in last.items()
-            if event.after == SWING and event.before in ON_GROUND and event.t > t[-1] - GRAZE
-        }
-        for name, event in self._lifted.items():
-            events.remove(event)
-            phases[name] = np.where(t >= event.t, event.before, phases[name])
-        return replace(record, phases=phases, events=tuple(events))
-
-
-def _begun_as(before: pg.Result, part: pg.Result) -> pg.Result:
-    """Copy the last contacts and accelerations of `before` into the first frame of `part`."""
     was, now = before.contacts, part.contacts
     wrench = now.wrench
     if wrench.shape[1:] == was.wrench.shape[1:] and len(wrench) and len(was.wrench):
         wrench = _from(was.wrench, wrench)
-    kinds = ("force", "gap", "slip", "limit", "normal")
+    kinds = ("force", "gap", "slip", "limit", "normal", "phases")
     begun = {kind: _begun(getattr(was, kind), getattr(now, kind)) for kind in kinds}
     same = before.vdot.shape[1:] == part.vdot.shape[1:]
+    known = {name: str(phase[-1]) for name, phase in was.phases.items() if len(phase)}
+    events = []
+    for event in now.events:  # a part that begins with new forces may tell its phases again
+        if known.get(event.contact) != event.after:
+            events.append(event)
+        known[event.contact] = event.after
     return replace(
         part,
-        contacts=replace(now, **begun, wrench=wrench),
+        contacts=replace(now, **begun, wrench=wrench, events=tuple(events)),
         vdot=_from(before.vdot, part.vdot) if same else part.vdot,
     )
 
@@ -400,16 +344,3 @@ def _from(was: np.ndarray, now: np.ndarray) -> np.ndarray:
 
 def _begun(was: Mapping[str, np.ndarray], now: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: _from(was[name], x) if name in was else x for name, x in now.items()}
-
-
-def _event(t: float, name: str, body: str, before: str, after: str) -> list[ContactEvent]:
-    if before == after:
-        return []
-    cause = CAUSES.get((PHASES.index(before), PHASES.index(after)), LIFTED)
-    return [ContactEvent(t, name, body, before, after, str(cause))]
-
-
-def _body(name: str, *records: ContactRecord) -> str:
-    """Return the body of a contact from its events, or "" if there are none."""
-    events = (event for record in records for event in record.events)
-    return next((event.body for event in events if event.contact == name), "")
