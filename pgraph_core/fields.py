@@ -192,7 +192,7 @@ def _readable(text: str) -> str:
     try:
         parsed(text)
     except Unreadable as error:
-        refuse([("", f"{shown(text)} is no expression: {error}")])
+        refuse([("", f"{shown(text)} is not a valid expression: {error}")])
     return text
 
 

@@ -54,11 +54,11 @@ KINDS = (
         "make it the shape of a body",
         "X3D", rb'Kaydara FBX|; FBX|#VRML V|BLENDER|\{\s*"(asset|accessors|buffers|scenes?)"',
     ),
-    FileKind("npz", "holds a run; give it to pg.Result.load"),
+    FileKind("npz", "contains a run; use pg.Result.load"),
     ARCHIVE,
     FileKind(
         "png jpg jpeg gif svg mp4 pdf html htm csv tsv mat h5 yaml yml toml txt md py m pkl gz",
-        f"holds no model that is read; models end in {MODELS}", "svg html",
+        f"does not contain a supported model; models end in {MODELS}", "svg html",
     ),
 )  # fmt: skip
 

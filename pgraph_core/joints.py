@@ -133,7 +133,7 @@ def joint_problems(
     """Return problems with the motions, axes, initial state and limits of a joint."""
     found: list[Finding] = []
     if joint != "compound" and _kinds(motions) != _kinds(DEFAULT[joint]):
-        found.append(("motions", f"are not those of a {joint} joint; use joint 'compound'"))
+        found.append(("motions", f"do not match a {joint} joint; use joint 'compound'"))
     if any(m.kind == "free" for m in motions) and len(motions) > 1:
         found.append(("motions", "a free motion stands alone; use ball and translate motions"))
     if nv(motions) > 6:

@@ -163,7 +163,7 @@ def reason_of(error: Exception) -> str:
         return error.strerror or str(error)
     text = str(error)
     if "null byte" in text:
-        return "its path holds a NUL character"
+        return "its path contains a NUL character"
     return "its links form a cycle" if "Symlink loop" in text else text
 
 

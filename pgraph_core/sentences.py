@@ -128,7 +128,7 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
     """Return our equivalent for a value that other programs accept."""
     name = item["loc"][0] if item["loc"] else ""
     if name == "gravity" and isinstance(given, float | int) and 0 < abs(given) < math.inf:
-        return f"; write (0, 0, {-abs(given)}) where z is up"
+        return f"; write (0, 0, {-abs(given)}) if z is up"
     if name == "ground" and isinstance(given, bool):
         return "; the plane is always there, and contacts=[pg.Contact(body=...)] rest on it"
     if name in ("axis", "other_axis", "axes"):

@@ -241,6 +241,7 @@ def test_an_attribute_of_other_programs_is_answered_with_ours(of, theirs, ours):
     ("of", "theirs", "ours"),
     [
         (RUN, "qpos", "q"), (RUN, "time", "t"), (RUN, "qacc", "vdot"),
+        (RUN, "warnings", "notices"), (pg, "concatenate", "joined"),
         (pg.Stepper(MODEL), "qvel", "v"), (pg.BatchStepper(MODEL, 2), "qpos", "q"),
         (pg.Mechanism(MODEL), "rnea", "inverse_dynamics"),
         (pg.Mechanism(MODEL), "M", "mass_matrix"), (pg.Model, "from_urdf", "load"),

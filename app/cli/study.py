@@ -135,7 +135,7 @@ def _problem(study: pg.Study) -> str:
 def _axis(parser: ArgumentParser) -> None:
     from pgraph_core.study.axes import AXES
 
-    help = "what to vary (default: the first that the model has)"
+    help = "parameter to vary (default: the first one available)"
     parser.add_argument("--axis", choices=tuple(AXES), help=help)
 
 
@@ -144,7 +144,7 @@ def _axis(parser: ArgumentParser) -> None:
     "which methods stay accurate as a model is made stiff or extreme",
     *MODEL,
     _axis,
-    takes("--values", type=numbers, metavar="X,X", help="default: those of the axis"),
+    takes("--values", type=numbers, metavar="X,X", help="default: values of the axis"),
     METHODS,
     takes("--steps", type=numbers, metavar="S,S", help="default: 0.1 to 1e-4 [s]"),
     T_END,

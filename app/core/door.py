@@ -232,7 +232,7 @@ class _Filtered:
                 return raw
             self._dropped += 1
             if self._dropped == 1:  # one line a connection: a flood must not fill the log
-                log.warning("a page sent what no page of ours sends (%s): dropped", reason)
+                log.warning("ignored an invalid message from a page (%s)", reason)
 
 
 class Budget:

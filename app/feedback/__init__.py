@@ -279,7 +279,7 @@ def _changed(
             if text.strip():
                 value = quantity(text, quantity_in(unit_of(design.model, name)), display)
                 if not value > 0:
-                    raise Refusal("must be above 0, or empty to leave it out")
+                    raise Refusal("must be above 0, or empty to ignore it")
             return replace(asked, largest={**asked.largest, name: value})
     raise Refusal("The feedback no longer has this field.")
 

@@ -127,7 +127,7 @@ def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg
         if known:  # a model of another program goes before a mesh
             rank, name = min(known)
             raise Refusal(f"{name} {KINDS[rank].text}")
-        raise Refusal(f"it holds no model; models end in {MODELS}")
+        raise Refusal(f"it does not contain a model; models end in {MODELS}")
     chosen = [name for name in models if str(name) == member] if member else models
     if len(chosen) != 1:
         raise Several([*map(str, models)])

@@ -365,7 +365,7 @@ def physical(body: pg.Body) -> str:
     """Describe the validity of an inertia: principal moments, distance from an impossible one."""
     a, b, c = moments(body.inertia)
     if c == 0.0:
-        return "a point mass: no inertia of its own"
+        return "a point mass without rotational inertia"
     if a + b - c <= 1e-9 * c:
         return f"principal {a:.4g}, {b:.4g}, {c:.4g}: just possible (all mass in one plane)"
     near = (

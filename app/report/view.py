@@ -106,7 +106,7 @@ def stability(found: Any) -> Payload:
         "title": f"Stability over {axis}, {found.t_end:g} s",
         "advice": found.advice,
         "use": "" if row is None else f"{row.method} at step {row.step:g} s",
-        "table": "What fails, with an example of each" if rows else "",
+        "table": "Failures, with an example of each" if rows else "",
         "head": ["method", "cells", "for example"],
         "rows": rows,
         "notes": compared_with(found.references),

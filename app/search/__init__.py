@@ -304,7 +304,7 @@ class StartSearch(FromPage):
         if not asked.free:
             problem = "Nothing is free: tick the numbers that may change."
         elif asked.kind == "fit" and not any(asked.match.values()):
-            problem = "Choose a file with measured curves, and what its columns measure."
+            problem = "Choose a file with measured curves and assign its columns."
         elif asked.kind != "fit" and not asked.signal:
             problem = "Choose the curve."
         if problem:

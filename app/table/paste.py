@@ -135,7 +135,7 @@ def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], li
         mark = _separator(text.strip("\r\n"))
         found = list(csv.reader(io.StringIO(text.strip("\r\n")), delimiter=mark, strict=False))
     except csv.Error as error:
-        raise Refusal(f"it is no table: {error}") from None
+        raise Refusal(f"it is not a valid table: {error}") from None
     lines = [[cell.strip() for cell in line] for line in found]
     if not lines:
         raise Refusal("there is nothing to paste")

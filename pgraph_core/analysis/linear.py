@@ -317,7 +317,7 @@ def notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[s
     joints = here.mech.joints
     if here.touching is not None and here.touching.shut:
         shut = choices(here.touching.shut, 6)
-        text = f"{shut}: left out, because a rigid contact has no stiffness; law 'soft' or "
+        text = f"{shut}: ignored, because a rigid contact has no stiffness; law 'soft' or "
         found.append(f"{text}'penalty' gives a contact one, a constraint of kind 'motion' a limit")
     at_rest = {name: np.abs(here.v[j.v]).max(initial=0.0) < CREEP for name, j in joints.items()}
     if rubs := [b.name for b in here.mech.model.bodies if any(b.friction) and at_rest[b.name]]:

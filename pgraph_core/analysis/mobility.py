@@ -329,7 +329,7 @@ def _counts(m: Mobility) -> list[str]:
         )
     if m.moved > NOTABLE:
         lines.append(
-            f"counted where constraints are met, up to {m.moved:.3g} (rad or m in a joint) away"
+            f"for the closest assembled position, up to {m.moved:.3g} (rad or m in a joint) away"
         )
     return lines
 

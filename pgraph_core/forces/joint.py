@@ -89,7 +89,7 @@ class OnJoint(Force, OfSums):
         if self.has_state:
             found += self._no_state_of()
         if self.lag and self.integrates:
-            found.append(("lag", "must be 0 where the integral of the input acts"))
+            found.append(("lag", "must be 0 if the integral of the input is used"))
         if self.start is not None and not self.has_state:
             found.append(("start", "needs a lag, or `integrates`"))
         found += self._state_problems()
@@ -115,7 +115,7 @@ class OnJoint(Force, OfSums):
         found: dict[str, Any] = {self.INPUT: given} if isinstance(given, str) else {}
         if not self.law.kp and not isinstance(self.law.torque, float):
             found["torque"] = self.law.torque
-        text = "must be a number where the input has a lag or integral, got "
+        text = "must be a number if the input has a lag or integral, got "
         return [(x, text + (y if isinstance(y, str) else "a table")) for x, y in found.items()]
 
     def _state_problems(self) -> list[tuple[str, str]]:

@@ -71,7 +71,7 @@ class Strut(BetweenPoints):
     @model_validator(mode="after")
     def _stop_pushes(self) -> Self:
         if self.bump_stiffness and not self.bump_length:
-            refuse([("bump_length", "must be > 0 where the stop has a stiffness, got 0")])
+            refuse([("bump_length", "must be > 0 if the bump stop has a stiffness, got 0")])
         return self
 
 

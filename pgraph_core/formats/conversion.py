@@ -123,7 +123,7 @@ class Report(Suggests):
 
     def __str__(self) -> str:
         first = self.refused or (
-            "all acting parts are included" if self.loaded else "some acting parts are left out"
+            "all acting parts are included" if self.loaded else "some acting parts were omitted"
         )
         return "\n".join(
             [f"{self.file}: {first}", *(f"  {e}" for kind in KINDS for e in self.of(kind))]

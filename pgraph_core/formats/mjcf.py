@@ -233,7 +233,7 @@ class _Files:
         if key == "nrow" and _whole(given) * _whole(element.get("ncol")) > MOST_HEIGHTS:
             return f"nrow times ncol must be at most {MOST_HEIGHTS}; give a coarser one"
         if key == "quat" and given and not given.strip("0+-.eE \t\n"):
-            return f"must not be zero, got {shown(given)}; leave it out for no rotation"
+            return f"must not be zero, got {shown(given)}; omit it for no rotation"
         if key.startswith("file") and element.tag != "include" and given:
             paths = [folder / slashed(given) for folder in self.directories]
             there = [path for path in paths if os.path.lexists(path)]  # False for a name too long

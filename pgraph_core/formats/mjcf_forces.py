@@ -343,16 +343,16 @@ class Forces:
         (low, high), (least, most) = self._range("ctrl", control), self._range("act", a)
         filtered = m.actuator_dyntype[a] in FILTERS
         if m.actuator_dyntype[a] not in (0, INTEGRATOR, *FILTERS):
-            return "an actuator with a state of its own other than a filter or integral (muscle)"
+            return "an actuator with a state other than a filter or integral (muscle)"
         if filtered and (least > low or most < high):
-            return "an actuator with a filter that has bounds of its own"
+            return "an actuator with a bounded filter"
         if a in m.set_in("actuator_delay"):
             return "an actuator with a delay"
         if m.actuator_gaintype[a] != 0 or m.actuator_biastype[a] not in (0, 1):
             return "an actuator whose gain depends on the state"
         for key in ("actuator_armature", "actuator_damping", "actuator_dampingpoly"):
             if a in m.set_in(key):
-                return "an actuator with armature or damping of its own"
+                return "an actuator with its own armature or damping"
         return ""
 
     def _limits(self, a: int, sums: Sums, name: str) -> dict[str, float]:

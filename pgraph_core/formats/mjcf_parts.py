@@ -279,7 +279,7 @@ class Parts(Forces):
         m, reader = self.m, self.reader
         for g in map(int, m.set_in("geom_adhesion")):
             if m.touching[g]:
-                text = "adhesion: it does not stick to what it touches"
+                text = "adhesion, which is not supported"
                 reader.left_out("geom", m.geom(g).name, text)
         for g in sorted(reader.planes.intersection(m.set_in("geom_surfacevel").tolist())):
             reader.left_out("geom", m.geom(g).name, "surfacevel: the ground does not move")

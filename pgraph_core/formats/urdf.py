@@ -376,7 +376,7 @@ class _Reader(Shapes):
             return {}
         if low == high:
             text = f"lower must be less than upper, got {shown(low)} and {shown(high)}"
-            self.report.add("warning", where, f"{text}; the limits are left out", part=joint.child)
+            self.report.add("warning", where, f"{text}; the limits are ignored", part=joint.child)
             self.report.add("left out", where, "limits", acts=True, part=joint.child)
             return {}
         start = min(max(0.0, low), high)
@@ -422,7 +422,7 @@ class _Reader(Shapes):
             what = f"joint {shown(joint.name)}"
             where, leader = self.source.at(mimic, what), by_name.get(mimic.get("joint"))
             if leader is None or leader is joint:
-                text = f"<mimic> names {shown(mimic.get('joint'))}, which is no other joint"
+                text = f"<mimic> names {shown(mimic.get('joint'))}, which is not another joint"
                 self.report.add("left out", where, text, acts=True, part=joint.child)
                 continue
             ratio = self.given.number(mimic, "multiplier", 1.0, what)

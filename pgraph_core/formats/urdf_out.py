@@ -110,7 +110,7 @@ class _Writer:
     def refuse_balls(self) -> None:
         """Raise ModelError for joint types that URDF does not support."""
         found = [
-            Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not have")
+            Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not support")
             for b in self.model.bodies
             for kind in sorted({kind for kind, _ in b.motions} & {"ball", "screw"})
         ]
@@ -294,7 +294,7 @@ class _Writer:
 
     def _out(self, where: str, what: str, part: str, *, acts: bool = True) -> None:
         """Report a part that cannot be written."""
-        text = f"{what}, which URDF does not have"
+        text = f"{what}, which URDF does not support"
         self.report.add("left out", where, text, acts=acts, part=part)
 
 

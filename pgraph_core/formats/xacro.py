@@ -82,7 +82,7 @@ def _finding(folders: Folders) -> Iterator[None]:
         try:
             return of_ros(package)
         except Exception:  # without ROS, or of a package that it does not have
-            text = f"there is no package {shown(package)} in the folders of the file; {ALLOW}"
+            text = f"cannot find the package {shown(package)} in the folders of the file; {ALLOW}"
             raise module.SubstitutionException(text) from None
 
     module._eval_find = module._eval_dict["find"] = find

@@ -264,7 +264,7 @@ class Body(Described):
     def _derive(self) -> list[tuple[str, str]]:
         """Set the fields derived from the shapes, or return the problems."""
         if self.density is not None and "mass" not in self.derived:
-            text = "is used only where `derived` names 'mass'"
+            text = "is only used if `derived` contains 'mass'"
             do = "give derived=('mass', 'com', 'inertia'), or leave the density out"
             return [("density", f"{text}; {do}")]
         if not self.derived:

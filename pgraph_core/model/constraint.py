@@ -110,7 +110,7 @@ class Point(AtPoints):
     """A constraint that keeps `point` on `body` at `other_point` on `other`."""
 
     ROWS: ClassVar[int] = 3
-    ABOUT: ClassVar[str] = "holds a point of one body at a point of the other: 3 rows"
+    ABOUT: ClassVar[str] = "keeps two points together: 3 rows"
     kind: Literal["point"] = field(KIND, default="point")
 
     def _blocks(self, e: Any) -> list[Any]:

@@ -74,7 +74,7 @@ def _shapes(bodies: Sequence[Body]) -> Iterator[str]:
     for body in bodies:
         for shape in body.shapes:
             if shape.file is not None and not Path(shape.file).is_file():
-                yield f"body '{body.name}': there is no mesh {shape.file}; a stand-in is drawn"
+                yield f"body '{body.name}': mesh {shape.file} not found; a placeholder is drawn"
             if shape.moves and shape.role == "visual":
                 text = "its surface moves, but nothing touches it: its role is 'visual'"
                 yield f"body '{body.name}': shape {body.shapes.index(shape)}: {text}"
@@ -192,14 +192,14 @@ def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
             if len(motions) == 1 and motions[0].kind == "rotate" and f.gear == 1.0:
                 yield f"{where}: {several_turns(f.target, 'target')}"
         if f._idle:
-            yield f"{where}: it does nothing, since {f._idle}"
+            yield f"{where}: it has no effect, since {f._idle}"
         elif isinstance(f, OnJoint) and f.coefficients and f.body not in f.coefficients:
             yield (
                 f"{where}: it acts on the sum over {', '.join(f.coefficients)}, and its body "
                 f"'{f.body}' is not among them"
             )
         elif isinstance(f, (Spring, Torsion)) and (text := _cannot_change(f, by_name)):
-            yield f"{where}: it does nothing: {text}"
+            yield f"{where}: it has no effect: {text}"
 
 
 def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:

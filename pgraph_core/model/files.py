@@ -201,7 +201,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
     except _Twin as twin:
         raise FileError(Problem(source, "", str(twin))) from None
     if not isinstance(data, dict):
-        text = f"must hold a JSON object with the fields of a model, got {shown(data)}"
+        text = f"must contain a JSON object with the fields of a model, got {shown(data)}"
         raise FileError(Problem(source, "", text))
     data.pop("$schema", None)
     version = data.pop("schema_version", SCHEMA_VERSION)

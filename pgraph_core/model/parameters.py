@@ -76,7 +76,7 @@ def evaluated(text: str, parameters: Mapping[str, float]) -> float:
         tree = parsed(text)
     except Unreadable as error:
         do = "write it as =thigh/2 or =2*(a + b), with + - * / ^ and parentheses"
-        raise ValueError(f"{given} is no formula: {error}; {do}") from None
+        raise ValueError(f"{given} is not a valid formula: {error}; {do}") from None
     try:
         result = constant(tree, parameters)
     except Unreadable as error:
@@ -88,7 +88,7 @@ def evaluated(text: str, parameters: Mapping[str, float]) -> float:
     except ValueError:
         raise ValueError(f"{given} has no value") from None
     if isinstance(result, complex) or not math.isfinite(result):
-        raise ValueError(f"{given} is no finite number")
+        raise ValueError(f"{given} is not a finite number")
     return float(result)
 
 

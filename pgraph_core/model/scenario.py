@@ -263,10 +263,10 @@ class Scenario(Described):
     q: ByName = field("body name -> initial q", converter=by_name, default=EMPTY)
     v: ByName = field("body name -> initial v", converter=by_name, default=EMPTY)
     forces: tuple[Force, ...] = field(
-        "a list of forces in addition to those of the model", converter=parts_of(Force), default=()
+        "a list of additional forces", converter=parts_of(Force), default=()
     )
     constraints: tuple[str, ...] | None = field(
-        "names of the active constraints; default: those of the model",
+        "names of the active constraints; default: as in the model",
         converter=names_or_none, default=None,
     )  # fmt: skip
     switches: tuple[Switch, ...] = field(
@@ -274,7 +274,7 @@ class Scenario(Described):
         converter=parts_of(Switch), default=(),
     )  # fmt: skip
     contacts: tuple[str, ...] | None = field(
-        "names of the active contacts; default: those of the model",
+        "names of the active contacts; default: as in the model",
         converter=names_or_none, default=None,
     )  # fmt: skip
     gait: Gait | None = field(

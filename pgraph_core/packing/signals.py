@@ -303,8 +303,7 @@ class Places:
         self._states = {(c.name, k): i for i, (c, k, _) in enumerate(states_of(model))}
 
     def __call__(self, group: str, name: str, k: int) -> tuple[int, ...]:
-        """Return the operation that reads a signal, with an index or the arguments of `measured`.
-        """
+        """Return the operation that reads a signal and its operands."""
         if group == "force":
             numbers = [c.name for c in self._model.constraints]
             if name in numbers:

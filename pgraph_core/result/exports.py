@@ -300,9 +300,9 @@ class Exports:
         except PgraphError:
             raise
         except KeyError as missing:
-            text = f"holds no whole run: {missing} is missing; {WRITTEN}"
+            text = f"is incomplete: {missing} is missing; {WRITTEN}"
         except (TypeError, ValueError, AttributeError):
-            text = f"holds no whole run; {WRITTEN}"
+            text = f"does not contain a complete run; {WRITTEN}"
         except Exception:  # zip, zlib, numpy and its parser raise any error on damaged files
             text = (
                 "is damaged and cannot be read as a run; save the run again, or copy the file again"

@@ -341,7 +341,7 @@ class _Task:
         slopes = np.concatenate([x / size for x, size in zip(self.slopes(runs), scale)])
         for name, slope in zip(self.numbers.names, slopes.T):
             if not slope.any():
-                text = "has no influence on the data: leave it out, or add a column that it changes"
+                text = "has no influence on the data; omit it, or add a column that depends on it"
                 raise self.numbers.refused(name, text)
 
     def _report(self, x: Array, noise: Array, priors: Array, loss: str, text: str) -> Fit:

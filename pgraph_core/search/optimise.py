@@ -237,8 +237,7 @@ class _Search:
     # -- evaluations -------------------------------------------------------------------------------
 
     def at(self, u: Array) -> _Point:
-        """The goals at u. They are large if there is no run, to reduce the solver's step.
-        """
+        """The goals at u. They are large if there is no run, to reduce the solver's step."""
         if self._last is not None and np.array_equal(self._last.u, u):
             return self._last
         goals, numbers = self.goals, self.numbers
@@ -382,7 +381,7 @@ class _Search:
         assert self.good is not None
         for name, slope in zip(self.numbers.names, self.slopes(self.good.u).T):
             if name in self.idle and not slope.any():
-                text = "has no influence on the motion or the goal: leave it out"
+                text = "has no influence on the motion or the objective; omit it"
                 raise self.numbers.refused(name, text)
 
     def _solve(self, u: Array, solver: str | None, tol: float, most: int) -> tuple[bool, str]:

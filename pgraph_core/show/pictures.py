@@ -182,6 +182,6 @@ class _Gif:
 def _suffix(path: str | Path, known: Sequence[str], what: str) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in known:
-        text = f"is no {what}: give a name that ends in {' or '.join(known)}"
+        text = f"is not a supported {what}; use a name ending in {' or '.join(known)}"
         raise FileError(Problem(str(path), "", text))
     return suffix

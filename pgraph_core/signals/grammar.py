@@ -170,7 +170,7 @@ class _Reader:
         try:
             return float(int(at.text, 0)) if at.text[:2].lower() in _BASES else float(at.text)
         except (ValueError, OverflowError):
-            self.refuse(f"{shown(at.text)} is no number", at)
+            self.refuse(f"{shown(at.text)} is not a number", at)
 
     def call(self, at: _Token, level: int) -> Node:
         if at.text not in FUNCTIONS:

@@ -53,7 +53,7 @@ def passed_over(record: Recording, error: float) -> tuple[str, ...]:
     if most <= error:
         return ()
     return (
-        f"the error excludes vibrations of {rate:.3g} rad/s, which {plan.method.name} takes "
-        f"out in steps of {given.widest:.3g} s: up to {most:.2g} rad or m. Where they matter, give "
-        f"a step below {1.0 / rate:.2g} s",
+        f"the error excludes vibrations of {rate:.3g} rad/s, which {plan.method.name} damps "
+        f"with steps of {given.widest:.3g} s (up to {most:.2g} rad or m). To resolve them, use a "
+        f"step below {1.0 / rate:.2g} s",
     )

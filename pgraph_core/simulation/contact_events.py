@@ -113,7 +113,7 @@ class ContactEvents:
                 )
             elif moved > 1e-6:
                 self.ended.notices.append(
-                    f"the initial state was moved by {moved:.3g} to meet what it touches"
+                    f"the initial state was changed by {moved:.3g} to meet what it touches"
                 )
             self._observe(t)
         self._note_changes(t, before)
@@ -286,7 +286,7 @@ class ContactEvents:
             if not self._change(t, before):
                 return
         self.ended.notices.append(
-            f"t = {t:.6g} s: no phases satisfy all contact laws at once; the last are kept"
+            f"t = {t:.6g} s: no phases satisfy all contact laws; the last ones are used"
         )
 
     def _change(self, t: float, before: Ints) -> bool:
@@ -381,7 +381,7 @@ class ContactEvents:
         if solved.gain > SOLVED * size and any(row.restitution_velocity for row in rows):
             self.tally["bounces_left_out"] += 1
             self.ended.notices.append(
-                f"t = {t:.6g} s: Newton's restitution with friction would raise the energy by "
+                f"t = {t:.6g} s: Newton's restitution with friction would increase the energy by "
                 f"{solved.gain:.3g} J; this impact does not bounce"
             )
             rows = [row._replace(restitution_velocity=0.0) for row in rows]

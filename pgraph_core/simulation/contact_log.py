@@ -48,19 +48,19 @@ NAMES = np.array(PHASES)
 
 
 COUNTED = {  # field of the tally -> notice if it is not 0
-    "calmed": "restitution with friction would have gained energy in {calmed} steps: "
-    "these were computed without restitution",
+    "calmed": "in {calmed} steps, restitution was disabled because restitution with friction would "
+    "have increased the energy",
     "crowded": "{crowded} steps, the first at t = {crowded_time:.6g} s, had too many impacts to "
-    "locate one by one: the rest of each step was computed at once, and the motion after it is "
-    "unreliable; use a smaller step",
-    "chains": "at t = {chain_time:.6g} s a body rebounds between several that it touches, {chains} "
-    "times in all: all are hit at once by Newton's law; with gaps between them, however small, the "
-    "impacts would be successive and the result different",
-    "missed": "the contact solver did not converge: at t = {worst_time:.6g} s {worst_name} "
-    "violates its law by {worst:.3g} N; the largest force of the run is {force:.3g} N; try a "
+    "locate individually. The rest of each step was computed at once, so the subsequent motion may "
+    "be inaccurate; use a smaller step",
+    "chains": "at t = {chain_time:.6g} s a body rebounds between several others ({chains} times in "
+    "total). Newton's law treats these impacts as simultaneous, but with gaps between the "
+    "bodies, however small, they would be successive",
+    "missed": "the contact solver did not converge. At t = {worst_time:.6g} s, {worst_name} "
+    "violates its law by {worst:.3g} N, compared with a maximum force of {force:.3g} N; try a "
     "smaller step",
-    "passed": "at t = {passed_time:.6g} s {passed_name} failed: one shape passed through the other "
-    "within a step; use a smaller step",
+    "passed": "at t = {passed_time:.6g} s {passed_name} failed: one shape passed through the "
+    "other within a step; use a smaller step",
     "unlogged": "{unlogged} changes of contacts' phases were not logged",
     "overflows": "in {overflows} steps there were too many contact points",
 }

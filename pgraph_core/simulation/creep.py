@@ -34,8 +34,8 @@ def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
             body, unit = mech.topology.names[system.body_of_row[row] - 1], "m" if slides else "rad"
             worst = size
             text = (
-                f"the joint of '{body}' creeps by {way:.3g} {unit}, where its friction should hold "
-                f"it: with this method friction takes a speed of about {CREEP:g} {unit}/s; "
-                "method 'moreau_jean' holds it"
+                f"the joint of '{body}' creeps by {way:.3g} {unit}, although its friction should "
+                f"hold it, because this method regularises friction below {CREEP:g} {unit}/s; "
+                "use method 'moreau_jean' for sticking"
             )
     return [text] if text else []

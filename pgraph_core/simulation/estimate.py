@@ -168,16 +168,16 @@ def _told(t: Array, error: Array, size: float, words: tuple[str, str, str]) -> l
         digits = _digits(t)
         return [
             f"{what} is not known from t = {t[known]:.{digits}g} s on, where a finer run "
-            f"diverges; until t = {t[known - 1]:.{digits}g} s it is about "
-            f"{error[known - 1]:.2g}{unit}. A smaller step or rtol extends that time; "
-            "chaotic motion always has one"
+            f"diverges. Until t = {t[known - 1]:.{digits}g} s it is about "
+            f"{error[known - 1]:.2g}{unit}. This time can be extended by a smaller step or rtol, "
+            "but is always limited for chaotic motion"
         ]
     if len(t) < 2 or error[-1] <= VISIBLE * size:
         return []
     first = t[int((error > VISIBLE * size).argmax())]
     return [
         f"{what} is about {error[-1]:.2g}{unit}, {100 * error[-1] / size:.2g} % of {whole}, and "
-        f"above 1 % from t = {first:.{_digits(t)}g} s on: give a smaller step or rtol"
+        f"above 1 % from t = {first:.{_digits(t)}g} s on; use a smaller step or rtol"
     ]
 
 

@@ -186,8 +186,8 @@ def undecided(record: Recording, other: Recording, moved: float, off: Array) -> 
         if near.value <= error:
             found.append(
                 f"at t = {near.t:.6g} s {near.name} misses it by {near.value:.2g}, and the error "
-                f"there is about {error:.2g}: whether it happens is not decided; a smaller step "
-                "or rtol may tell"
+                f"there is about {error:.2g}, so it is not decided whether it occurs; try a "
+                "smaller step or rtol"
             )
     return tuple(found)
 

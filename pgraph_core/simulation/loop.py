@@ -333,8 +333,8 @@ class Steps:
             return []
         of = "1 step" if self.divided == 1 else f"{self.divided} steps"
         return [
-            f"the equations of {of} of {self.tolerance.widest:.4g} s could not be solved at once, "
-            "as where forces change fast: smaller steps were taken there"
+            f"the equations of {of} of {self.tolerance.widest:.4g} s did not converge, "
+            "for example because forces change quickly, so smaller steps were used"
         ]
 
 

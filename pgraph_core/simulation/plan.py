@@ -417,7 +417,7 @@ def _with_times(
         times, changes = with_instants(times, changes)
     substeps, widths = steps_between(times, width) if width else (NO_SUBSTEPS, NO_TIMES)
     if o.max_steps != MOST_CHOSEN and (count := int(substeps.sum())) > o.max_steps:
-        text = f"the run has {count} steps of {width:.3g} s; give {count} or more, or leave it out"
+        text = f"the run has {count} steps of {width:.3g} s; use {count} or more, or omit it"
         raise InputError(Problem("simulate", "max_steps", text))
     _refuse_fast_samples(mech, width, span)
     ends = corners(mech, plan.drives, plan.loads, plan.ever, span[0])
@@ -671,9 +671,9 @@ def _stiff(plan: RunPlan, rate: Rate) -> list[str]:
     if rate.swings():
         return [
             f"{FAST} steps of {step:.3g} s do not resolve the fastest oscillation, of {rate():.3g} "
-            f"rad/s: {plan.method.name} needs less than {widest:.3g} s, and {well:.2g} s "
-            "or less shows it well; give that step, or rtol= for steps of the method's own "
-            "choice. Where that oscillation does not matter, try radau5, which passes over it"
+            f"rad/s: {plan.method.name} requires less than {widest:.3g} s, and {well:.2g} s "
+            "or less for good accuracy; use such a step, or rtol= for adaptive steps. If the "
+            "oscillation is not of interest, try radau5, which steps over it"
         ]
     return [f"{STIFF} lambda*dt = {x:.3g}, stable for dt < {widest:.3g} s; try radau5"]
 

@@ -76,7 +76,7 @@ def pulses(record: Running) -> Iterator[str]:
         when = float(t[2 + np.flatnonzero(missed.any(axis=1))[0], 0])
         yield (
             f"at t = {when:.6g} s the torque function has a pulse shorter than "
-            "the steps, which the motion misses; give a step= shorter than the pulse"
+            "the steps, and was missed; use a step= shorter than the pulse"
         )
 
 

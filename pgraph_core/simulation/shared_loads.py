@@ -54,8 +54,8 @@ def shared_loads(
         return []
     more = f" and {len(among) - LISTED} more" if len(among) > LISTED else ""
     return [
-        f"at t = {t:.6g} s {', '.join(among[:LISTED])}{more} share their loads in more than one "
-        "way: the forces are those of least norm"
+        f"at t = {t:.6g} s {', '.join(among[:LISTED])}{more} have contact forces that are not "
+        "unique; the forces of least norm are returned"
     ]
 
 
@@ -82,10 +82,10 @@ def spun_faces(
             middle = slip.mean(axis=0)
             if np.linalg.norm(slip - middle, axis=1).min() > np.linalg.norm(middle):
                 return [
-                    f"at t = {t[i]:.6g} s {_named(mech, a, b)} spins on a flat face: its torque of "
-                    "friction is that of the outer points that carry, about 1.5 (a disc) to 1.9 (a "
-                    "square) times that of an even pressure; spinning_friction, or a smaller face, "
-                    "gives another one"
+                    f"at t = {t[i]:.6g} s {_named(mech, a, b)} spins on a flat face. Its friction "
+                    "torque is computed from the outer contact points, and is about 1.5 (disc) to "
+                    "1.9 (square) times the torque of a uniform pressure; to change it, use "
+                    "spinning_friction or a smaller face"
                 ]
     return []
 

@@ -99,7 +99,7 @@ def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
     names = [f.name for f in acting if getattr(f, "lag", 0.0) or getattr(f, "integrates", False)]
     if not names:
         return []
-    text = "of drives begin anew, which `states` does not hold; a Stepper continues with them"
+    text = "of drives are reset, since `states` lacks them; a Stepper continues with them"
     return [f"the states (lag, integral) {text}: {choices(names)}"]
 
 

@@ -168,7 +168,7 @@ def closed(mech: Mechanism, scene: Scene, change: Change, q: Array, v: Array) ->
     turned, slid = differences(mech.packed.rows, old[None], q[None])
     near = turned[0] <= NEARBY and slid[0] <= NEARBY * (mech.packed.length or 1.0)
     if rounds < 0 or not near:
-        text = f"is violated when switched on, at t = {change.t:g} s: a joint would have to jump "
+        text = f"is violated when switched on, at t = {change.t:g} s: a joint would jump "
         text += f"by {moved:.3g}; switch it in a position that satisfies it, or omit other_point"
         raise InputError(Problem(where, "", text))
     from ..engine.contact.points import impulse_rows
@@ -176,6 +176,6 @@ def closed(mech: Mechanism, scene: Scene, change: Change, q: Array, v: Array) ->
     m = impulse_rows(scene.held, change.t, q, v)
     left = float(np.max(np.abs(scene.space.vectors[RHS, :m]), initial=0.0))
     if left > SOLVED * max(fastest, float(np.max(np.abs(v), initial=0.0))):
-        text = f"requires velocities at t = {change.t:g} s that others forbid: they miss by "
+        text = f"requires velocities at t = {change.t:g} s that conflict with other constraints by "
         raise InputError(Problem(where, "", f"{text}{left:.3g}; switch one of them off"))
     return moved

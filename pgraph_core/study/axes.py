@@ -94,7 +94,7 @@ def mass_ratio(model: Model, value: float) -> Model:
     """Set the mass of the last tip body to `value` times its parent's, and its inertia."""
     tip = _carried_tip(model)
     if tip is None:
-        raise lacking("mass_ratio", "a tip body's mass over that of the body that carries it")
+        raise lacking("mass_ratio", "mass of a tip body divided by the mass of its parent")
     by = value * model.body(tip.parent).mass / tip.mass
     inertia = tuple(tuple(by * x for x in row) for row in tip.inertia)
     return _with_body(model, tip, changed(tip, mass=by * tip.mass, inertia=inertia))

@@ -23,7 +23,7 @@ HEADER = (
 )  # fmt: skip
 WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
 
-LEFT_OUT = "left out: it would take more than"  # beginning of the reason of a skipped run
+LEFT_OUT = "omitted, because it would take more than"  # beginning of the reason of a skipped run
 
 
 @dataclass(frozen=True)

@@ -334,7 +334,7 @@ def engine_participants(
     found = installed_peers() if names else {}
     for name in names:
         if name not in found:
-            notes.append(f"{name} is left out: the package pgraph_peers is not installed")
+            notes.append(f"{name} is omitted because the package pgraph_peers is not installed")
             continue
         peer = found[name].load()
         if not peer.installed:
@@ -343,7 +343,7 @@ def engine_participants(
         try:
             run = peer.run(task.mech, task.q, task.v, task.t, task.scenario, task.tau)
         except Exception as error:  # Refused, or any kind of the engine's own
-            notes.append(f"{peer.label} is left out: {_first_line(error)}")
+            notes.append(f"{peer.label} is omitted: {_first_line(error)}")
         else:
             for method, once in run.methods.items():
                 label, settings = f"{peer.label} {method}", ladder.of_kind(run.by)

@@ -218,7 +218,7 @@ class Work:
             except InputError as problem:
                 if asked:
                     raise
-                self.notes.append(f"{name} is left out: {problem.problems[0].text}")
+                self.notes.append(f"{name} is omitted: {problem.problems[0].text}")
         if not kept:
             raise refusal("work_precision", "methods", self.notes[0])
         self.names = tuple(kept)

@@ -350,7 +350,7 @@ class Kept:
         header, *lines = map(_line, self._part.read_bytes().splitlines() or [b'{"sweep": ""}'])
         if header.get("sweep") != fingerprint and (lines or "sweep" not in header):
             what = "another model, other values, metrics or options"
-            text = f"belongs to another sweep ({what}); remove it, or give another file"
+            text = f"belongs to another sweep ({what}); remove it, or use another file"
             raise InputError(Problem(str(self._part), "", text))
         names = [field.name for field in fields(Row)]
         whole = (line for line in lines if [*line] == names)

@@ -97,7 +97,7 @@ def test_restitution_that_would_raise_the_energy_is_left_out_and_reported():
         assert done.status.ok, done.message
         ledger = done.energy - done.work
         assert np.all(np.diff(ledger) < 1e-6 * np.ptp(done.kinetic_energy) + 1e-9)
-        told = any("raise the energy" in notice for notice in done.notices)
+        told = any("increase the energy" in notice for notice in done.notices)
         assert told == (done.counters["bounces_left_out"] > 0)
         reported += told
     assert reported
