@@ -110,9 +110,9 @@ class Suggests:
 def guarded(**advice: str) -> Callable[[Called], Called]:
     """Make a class reject attempts to set public attributes from outside.
 
-    Its own methods write them with `vars(self)`. `advice` maps attribute names, several joined by
-    "_or_", to a hint on what to write instead; "other" applies to all remaining names. Classes of
-    users that inherit add attributes of their own.
+    Its own methods write them with `vars(self)`. `advice` maps attribute names (several are joined
+    by "_or_") to a hint. The key "other" applies to all remaining names. Classes of users that
+    inherit add attributes of their own.
     """
     told = {name: text for names, text in advice.items() for name in names.split("_or_")}
 
@@ -261,8 +261,8 @@ def explained(called: Called) -> Called:
     """Wrap a function, or a class's public methods, so that bare errors become readable messages.
 
     A call that fails with an error of Python's own is looked at then: arguments that the signature
-    does not take, or whose type is not the annotated one, raise InputError. Others stay as they
-    are; a call that succeeds costs 0.1 us more.
+    does not take, or whose type is not the annotated one, raise InputError. Other exceptions are
+    not changed. The overhead of a successful call is 0.1 us.
     """
     owner: Any = called
     if not isinstance(owner, type):

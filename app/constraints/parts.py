@@ -166,7 +166,7 @@ def places(names: Sequence[str], positions: np.ndarray, wxyz: np.ndarray) -> Pla
 
 
 def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
-    """Return the default for a missing field, or None if there is nothing to show."""
+    """Return the displayed default of a missing field, or None."""
     match item, field:
         case pg.Constraint(), "point":
             return model.point_of(item)
@@ -271,8 +271,8 @@ def on_joint(
 ) -> dict[str, Any]:
     """Return the fields of a part with another body, other body, site or coordinate.
 
-    What refers to the joint then refers to the new one: the prescribed motion and the target of a
-    servo begin where that joint stands, unless they are expressions.
+    References to the joint are updated to the new one. Prescribed motions and servo targets start
+    at the current position of that joint, unless they are expressions.
     """
     data = {**data, **changes}
     body: str = data.get("body", "")

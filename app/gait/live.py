@@ -116,8 +116,8 @@ NEVER = 10**9
 def only_young_garbage() -> Iterator[None]:
     """Suspend full garbage collections inside the context.
 
-    It goes through every object of the process and holds Python's lock all the time: 0.1 s of
-    processor time, in which nobody is answered, and seconds if others keep the processor busy.
+    It visits every object of the process while holding the GIL. This takes 0.1 s of processor time
+    during which the server does not respond, or seconds if the processor is busy.
     """
     gc.set_threshold(*USUAL[:2], NEVER)
     try:

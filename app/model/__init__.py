@@ -114,7 +114,7 @@ S = TypeVar("S", bound=State)
 
 
 class Undo(FromPage):
-    """Undo the last edit, no matter who made it. The run of the model before comes back with it."""
+    """Undo the last edit, no matter who made it. Also restore the run of that model."""
 
     def applied(self, state: State) -> State:
         return _gone(state, "undo", "redo")
@@ -143,7 +143,7 @@ def _gone(state: State, back: str, onto: str) -> State:
 
 
 class NewModel(FromPage):
-    """Create a serial chain of that many bodies, the only question asked in Sec. 4.1."""
+    """Create a serial chain with the given number of bodies, as in Sec. 4.1."""
 
     serial: int
     bodies: Text

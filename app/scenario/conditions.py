@@ -1,7 +1,7 @@
 """Conditions of the switches of a scenario, as form cells and as edits (pure).
 
-A condition that compares expressions is shown as its text, and as one row for each comparison where
-these are joined by `and`, or by `or`, alone.
+A condition that compares expressions is displayed as text. If its comparisons are joined only by
+`and` or only by `or`, there is also one row per comparison.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def unit_of(model: pg.Model, switch: pg.Switch) -> str:
 
 
 def value_of(switch: pg.Switch) -> float | None:
-    """Return the threshold a switch waits for, or None if it waits for none."""
+    """Return the threshold of a switch, or None."""
     if switch.when is None:
         return switch.t
     return switch.when.above if switch.when.above is not None else switch.when.below
@@ -372,7 +372,7 @@ def with_switch(
 ) -> pg.Model:
     """Add a switch that toggles the constraint in the middle of the run.
 
-    It does so when a body "touches", "leaves", "passes" or "exceeds", where `when` names them.
+    If `when` is (body, "touches", "leaves", "passes" or "exceeds"), it waits for this condition.
     """
     s = model.scenario(name)
     if not model.constraints:
@@ -399,7 +399,7 @@ def without_switch(model: pg.Model, name: str, number: int) -> pg.Model:
 
 
 def _usual(model: pg.Model, s: pg.Scenario, switch: pg.Switch, what: str) -> Mapping[str, Any]:
-    """Return a default condition that can occur. Raises Refusal if there is nothing to watch."""
+    """Return a default condition that can occur. Raises Refusal if there is none."""
     names = names_of(model, "coordinate" if what == HOLDS else what)
     if what == "force" and switch.active:
         names = [name for name in names if name != switch.constraint]  # while off it carries none

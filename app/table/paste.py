@@ -52,10 +52,10 @@ def rows_of(
 ) -> tuple[pg.Model, tuple[str, ...], str]:
     """Return the model with the pasted lines, their bodies, and notes on changed entries.
 
-    Lines fill `rows` one by one; more of them, or all without `rows`, become new rows, whose
-    names are made free if `rows` is empty. A new row of the table's own columns is a `rod`. With
-    other columns it is a body of a description, with the defaults of a model file and a centre of
-    mass in the middle of its shapes or its rod. Raises Refusal or PgraphError, naming the line.
+    Lines are assigned to `rows` in order. Any additional lines become new rows, with unique names
+    if `rows` is empty. A new row of the table's own columns is a `rod`. With other columns it is a
+    body of a description, with the defaults of a model file and a centre of mass in the middle of
+    its shapes or its rod. Raises Refusal or PgraphError, naming the line.
     """
     columns, units, lines = _table(text, column)
     for name in rows:
@@ -231,7 +231,7 @@ def _centred(model: pg.Model, names: Sequence[str]) -> tuple[pg.Model, str]:
 
 
 def _centre(model: pg.Model, body: pg.Body) -> tuple[str, tuple[float, ...]]:
-    """Return where a body has its centre of mass if it is not given, in words and body axes [m].
+    """Return the default centre of mass of a body, as a description and in body axes [m].
 
     A body without shapes is a rod from its joint to its tip, or to the joint of all its children.
     """

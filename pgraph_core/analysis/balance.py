@@ -342,7 +342,7 @@ def drive_slopes(drives: Drives, q: Array, v: Array) -> tuple[Array, Array]:
     """Return (nv, nv) derivatives of springs, servos and motors in q, and dampers and friction in
     v.
 
-    At t = 0; a drive at its limit has none.
+    It is evaluated at t = 0, and is zero for a drive at its limit.
     """
     spring, damper = np.zeros((len(v), len(v))), np.zeros((len(v), len(v)))
     for one in drives.table:

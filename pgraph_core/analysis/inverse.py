@@ -6,8 +6,8 @@ M v' + C - passive = S τ + Jᵀλ. Let N span the null space of J, orthonormal 
 metric. The constraints' forces drop out, Nᵀ S τ = Nᵀ r. τ is the solution of least
 weighted norm ([Aghili 2005], [Nakamura and Ghodoussi 1989]).
 
-Inverse kinematics: damped Gauss-Newton steps that move bodies to targets, each a least-squares
-problem with bounds; from several starts.
+Inverse kinematics by damped Gauss-Newton steps from several starting points. Each step is a
+least-squares problem with bounds.
 """
 
 from __future__ import annotations

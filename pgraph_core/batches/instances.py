@@ -1,8 +1,8 @@
 """Instances of a mechanism as rows of two tables, stepped by one prepared run per thread.
 
 A row of `states` contains the data that persists between steps, and a row of `numbers` the values
-of the model. A thread copies both into its run, takes the steps and copies the state back, so that
-a result depends on nothing but its two rows. Of the numbers, tables keep those that differ.
+of the model. A thread copies both into its run, takes the steps and copies the state back, so
+results only depend on these two rows. Of the numbers, tables keep those that differ.
 """
 
 from __future__ import annotations

@@ -186,7 +186,8 @@ def hull(places: Any) -> Solid:
 def _turned(found: Any) -> Array:
     """Return the hull triangles (n, 3), counterclockwise as seen from outside.
 
-    From one to its neighbours: of a triangle that is almost a line, corners alone do not tell.
+    The search proceeds from faces to their neighbours, because the corners of a degenerate triangle
+    are not sufficient.
     """
     triangles, places = found.simplices.copy(), found.points
     corners = places[triangles]
@@ -353,8 +354,8 @@ def packed(
 def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> list[list[int]]:
     """Find the shapes that form one solid with each shape: same row, overlapping boxes.
 
-    A neighbour can touch all partners of the shape (`partners` of each); otherwise it would be
-    missing for some of them.
+    A neighbour must be able to touch all partners of the shape (`partners` of each). Otherwise it
+    would be missing for some of them.
     """
     found: list[list[int]] = [[] for _ in shapes]
     by_row: dict[int, list[int]] = {}

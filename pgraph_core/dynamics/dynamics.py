@@ -52,8 +52,9 @@ OF_MODEL = "gravity_or_up_or_ground_or_name_or_bodies_or_constraints_or_contacts
 class Dynamics(Portable):
     """A model numbered depth-first, with its equations of motion.
 
-    q (nq,), v and tau (nv,) are in number order, names in `names`; body 0 is the ground.
-    Raises InputError for arrays of the wrong length or with numbers that are not finite.
+    The arrays q (nq,), v and tau (nv,) are ordered by body number, as given by `names`. Body 0 is
+    the ground. Raises InputError for arrays of the wrong length or with numbers that are not
+    finite.
     """
 
     packed: Packed  # the arrays of the kernels
@@ -110,7 +111,7 @@ class Dynamics(Portable):
     def edit(self, name: str, /, **changes: Any) -> Self:
         """Return the mechanism for `model.edit(name, **changes)`.
 
-        Raises ModelError; this mechanism stays as it is.
+        If ModelError is raised, the mechanism does not change.
         """
         return type(self)(self.model.edit(name, **changes))
 
@@ -356,7 +357,7 @@ class Dynamics(Portable):
     def _tell(self, call: str, instead: str, level: int) -> None:
         """Warn once per mechanism that constraints are ignored.
 
-        Until then `forward_dynamics` does not use its fast path, so later calls cost nothing.
+        Until then, `forward_dynamics` does not use its fast path, so later calls have no overhead.
         """
         model, packed, own = self.model, self.packed, vars(self)
         names = choices([f"'{c.name}'" for c in model.constraints if c.active], 3)

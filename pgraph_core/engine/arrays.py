@@ -2,8 +2,8 @@
 
 A *scene* contains the constant data of a run and the workspaces in a single tuple behind one
 address (`compiler.address`). All methods therefore have the same arguments, and a sweep takes one
-argument instead of all arrays. `opened` gives it back with its names; reading by name costs no
-instruction more than by position. The columns of the arrays are named in `layout`.
+argument instead of all arrays. `opened` returns it with field names. Access by name has no overhead
+compared with access by position. The columns of the arrays are named in `layout`.
 """
 
 from collections import namedtuple
@@ -120,7 +120,8 @@ class Blocks(NamedTuple):
 class Workspace(NamedTuple):
     """Workspace of the constraint kernels.
 
-    w is the most degrees of freedom on the paths of a block; m rows, a multiple of 3.
+    w is the maximum number of degrees of freedom on the paths of a block, and m the number of rows,
+    a multiple of 3.
     """
 
     y: Any  # (nb, 3 w) what unit multipliers do in each joint

@@ -1,8 +1,8 @@
 """MJCF import: MuJoCo reads and compiles the file, and the result is converted to a model.
 
-So defaults, includes, orientations, degrees, inertias from geoms are MuJoCo's own work. A body's
-origin is put at the anchor of its hinges; hinges of one body at several places become bodies
-without mass in between. Coordinates count from the file's own initial pose.
+So defaults, includes, orientations, degrees, inertias from geoms are MuJoCo's own work. The origin
+of a body is placed at the anchor of its hinges. If a body has hinges at several positions, massless
+bodies are inserted. Coordinates count from the file's own initial pose.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def _whole(text: str) -> int:
 
 
 def slashed(path: str) -> str:
-    """Replace backslashes with slashes, since MuJoCo treats both alike on every system."""
+    """Replace backslashes with slashes, since MuJoCo treats both in the same way."""
     return path.replace("\\", "/")
 
 
@@ -604,7 +604,7 @@ class _Reader:
     def _kept(
         self, k: int, name: str, source: str, acts: bool
     ) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
-        """Save a mesh as compiled by MuJoCo to an OBJ file, where its `source` cannot be named."""
+        """Save a mesh as compiled by MuJoCo to an OBJ file if its `source` cannot be used."""
         m = self.m
         first, face = int(m.mesh_vertadr[k]), int(m.mesh_faceadr[k])
         vertices = m.mesh_vert[first : first + int(m.mesh_vertnum[k])]

@@ -90,7 +90,7 @@ class Forces:
         return found
 
     def _length(self, sums: Sums) -> float:
-        """Return the length of a tendon in the file's initial pose, where q is zero here."""
+        """Return the length of a tendon in the initial pose of the file, in which q is zero."""
         return sum(x * float(self.m.qpos0[self.m.jnt_qposadr[j]]) for j, x in sums.items())
 
     # -- actuators -------------------------------------------------------------------------------
@@ -424,7 +424,7 @@ def within_margin(
 ) -> tuple[float, float]:
     """Return the limits at which MuJoCo stops a joint or tendon, `margin` inside its range.
 
-    The reference of MuJoCo's limits is the distance less the margin, so this is where they rest.
+    In MuJoCo, limits refer to the distance minus the margin, so this is their rest position.
     """
     if not margin or low >= high:
         return low, high

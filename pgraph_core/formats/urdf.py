@@ -185,7 +185,7 @@ class _Reader(Shapes):
         return self.report.attached_to(model), self.report
 
     def _refuse_macros(self) -> None:
-        """Raise FileError if xacro macros remain unexpanded: they mean nothing in URDF."""
+        """Raise FileError if the file contains xacro macros, which are not valid in URDF."""
         for element in self.robot.inside():
             if element.tag.startswith("xacro:"):
                 raise self.source.wrong(element, "", f"holds <{element.tag}> {XACRO}")

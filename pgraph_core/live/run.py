@@ -1,8 +1,7 @@
 """A memory image of a run with one method, which the WebAssembly kernels step.
 
-Pointers take 4 bytes there. Numbers and records have the same form there as here; only the structs
-that describe arrays differ, and all that is an address. Arrays that share memory here share it
-there.
+Pointers take 4 bytes there. Numbers and records have the same format, but array descriptors and
+addresses differ. Arrays that share memory here share it there.
 """
 
 from __future__ import annotations

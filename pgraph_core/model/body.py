@@ -411,7 +411,7 @@ LETTERS = {
 def _directions(axes: Any) -> tuple[Any, ...] | None:
     """Return one (x, y, z) per motion, or None for anything else.
 
-    Outer brackets may be missing, and "y" or "-y" stand for a direction.
+    Outer brackets may be omitted, and "y" or "-y" can be used as a direction.
     """
     axes = listed(axes if axes is not None else ())
     axes = (axes,) if isinstance(axes, str) else axes

@@ -221,7 +221,7 @@ class Editable(Description):
         return model._made((*self.notices, text))
 
     def _where_cut(self, cut: AtPoints) -> str:
-        """Return a message about where the loop closes in the initial state."""
+        """Return a message about the position at which the loop closes in the initial state."""
         at = poses(self.bodies)
         place = at[cut.body].place(self.point_of(cut))
         other = at[cut.other]
@@ -439,7 +439,7 @@ class Editable(Description):
         name : str
             Name of the body at the root of the branch.
         plane : {"x", "y", "z"}
-            Normal of the mirror, an axis of the parent's frame at q = 0. The mirror goes through
+            Normal of the mirror, an axis of the parent's frame at q = 0. The mirror plane contains
             the origin of the parent.
 
         Returns

@@ -108,7 +108,7 @@ def renamed_in_scenarios(
 ) -> tuple[tuple[Scenario, ...], list[str]]:
     """Return scenarios with renamed constraints or contacts, and notices about removed entries.
 
-    `key` is "constraints" or "contacts"; a name that is None goes.
+    `key` is "constraints" or "contacts". Entries whose name is None are removed.
     """
     found, notices = [], []
     for s in scenarios:
@@ -148,7 +148,7 @@ def edited_all(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return all parts after editing several bodies, and further changes. Raises ModelError.
 
-    `others` are the other parts; `parent` in `changes` refers to the new names.
+    `others` contains the other parts. In `changes`, `parent` refers to the new names.
     """
     rows, names, notices = {body.name: body for body in bodies}, {}, []
     for name, fields in changes.items():
@@ -443,8 +443,8 @@ def cut_joint(
     """Return the constraint that replaces a joint from `body` to a second parent. Raises
     ModelError.
 
-    `given` has joint, name, and fields of the constraint; fields that are None default to the joint
-    of the body.
+    `given` contains the joint, the name and the fields of the constraint. Fields that are None are
+    taken from the joint of the body.
     """
     given = {key: value for key, value in given.items() if value is not None}
     joint = given.pop("joint", body.joint)

@@ -266,8 +266,8 @@ def contacts_read(code: Array) -> list[int]:
 def locate_forces(code: Array, first: Sequence[int], pairs: Sequence[int]) -> None:
     """Write the blocks of constraints and the pairs of contacts into a program of their numbers.
 
-    `first` are the first blocks of all constraints, with their end, or [0] if none ever acts;
-    `pairs` the number of the contact of each pair.
+    `first` contains the first block of each constraint and the end, or [0] if there are none.
+    `pairs` contains the contact index of each pair.
     """
     for i in measured_rows(code).tolist():
         n = int(code[i, FIRST])
@@ -353,9 +353,7 @@ def states_of(model: Model) -> list[tuple[Control, int, Own]]:
 
 
 def begun_from(loads: Loads, states: Array) -> Loads:
-    """Return the loads with these first values (nx,) of the states of controls, where they are not
-    nan.
-    """
+    """Return the loads with these initial control states (nx,). Entries of nan are ignored."""
     code, targets, own = loads.signals
     known, own = np.flatnonzero(~np.isnan(states)), own.copy()
     own[known, kernels.START] = len(code) // 2 + np.arange(len(known))

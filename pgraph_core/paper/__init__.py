@@ -1,8 +1,8 @@
 """The paper's operators in plain NumPy and SciPy, for inspection and as a reference for the
 kernels.
 
-Nothing here is fast, everything stands as the paper writes it, with the errata of
-docs/conventions.md. `Operators(model, topology, q, v)` holds them all for one state.
+The implementation is not optimised and follows the notation of the paper, including the corrections
+in docs/paper.md. `Operators(model, topology, q, v)` holds them all for one state.
 """
 
 from __future__ import annotations
@@ -231,7 +231,8 @@ class Operators:
         """Return F = Φᵀ(M V' + b - F_ext) (6 nb,), eq. (22), the force across each joint at its
         body's O.
 
-        `external` (nb, 6) acts on the bodies; the paper's F_T acts from them, hence the sign.
+        `external` (nb, 6) acts on the bodies, whereas F_T in the paper is exerted by them, hence
+        the sign.
         """
         F = self.M @ (self.acceleration(vdot) + self.Phi @ self.base) + self.b
         return self.Phi.T @ (F if external is None else F - np.reshape(external, -1))
@@ -352,8 +353,8 @@ def axes_of_motion(motion: Motion, turned: Array, home: Array) -> Array:
 def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) -> Joint:
     """Return the joint of a body whose parent has this rotation and angular velocity.
 
-    Every motion is a step of eqs. (5) and (8) by itself; their φ, H and a are chained, so that one
-    block H (6 x dof) and one a represent the whole joint.
+    Eqs. (5) and (8) are applied to each motion, and φ, H and a are combined such that one block H
+    (6 x dof) and one a represent the whole joint.
     """
     turned, home = rotation, matrix(body.rotation)
     link = rotation @ body.link
@@ -374,8 +375,8 @@ def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) 
 def bias(omega: Array, link: Array, relative: Array) -> Array:
     """Return a from eq. (9) for any motion (R4). `relative` = H θ' is the velocity across it.
 
-    [ω × ω_rel; ω × (ω × l) + 2 ω × l'_rel], ω of the body before the motion. The printed
-    ω_j × ω_κ is the first term of a hinge; the Coriolis term 2 ω × l' is missing there.
+    [ω × ω_rel; ω × (ω × l) + 2 ω × l'_rel], ω of the body before the motion. The published term ω_j
+    × ω_κ is the first term of a hinge, without the Coriolis term 2 ω × l'.
     """
     slide = np.cross(omega, np.cross(omega, link)) + 2 * np.cross(omega, relative[3:])
     return np.concatenate((np.cross(omega, relative[:3]), slide))

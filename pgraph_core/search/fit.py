@@ -337,7 +337,7 @@ class _Task:
         return np.array([float(np.median(np.abs(x))) / (MEDIAN * math.sqrt(share)) for x in left])
 
     def _influence(self, runs: Sequence[Result], scale: Array) -> None:
-        """Refuse numbers that change nothing."""
+        """Raise an error for parameters without influence."""
         slopes = np.concatenate([x / size for x, size in zip(self.slopes(runs), scale)])
         for name, slope in zip(self.numbers.names, slopes.T):
             if not slope.any():

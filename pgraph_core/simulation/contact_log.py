@@ -120,7 +120,7 @@ def contact_notices(
 ) -> list[str]:
     """Return notices about how contacts were solved.
 
-    The frames are (times, states q, gaps of pairs); `active` are the constraints.
+    The frames contain (times, states q, gaps of pairs), and `active` the constraints.
     """
     if scene.touching is None:
         return []
@@ -190,8 +190,9 @@ def phases_over(
 
     The phase in the first row of a contact is its initial phase. Flights shorter than `graze` are
     ignored: time stepping releases a point for a step when its body is moved out of the ground.
-    Touches of one contact between many bodies together have phases as one. A shape over the ground
-    that never touches it, while points do, has none: of a robot, only the feet have.
+    Touches of one contact between many bodies together have phases as one. A shape above the ground
+    that never touches it has none if the contact has points. For example, only the feet of a robot
+    have one.
     """
     phases, events = {}, []
     points = any(pair.contact.points for pair in touches)
@@ -312,7 +313,7 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
 def bounced(mech: Mechanism, tables: Tables, active: Ints) -> list[str]:
     """Return a notice if a compliant contact only approximates the requested restitution.
 
-    Each touch is taken by itself, and trees as if no constraint held them.
+    Contacts are considered individually, and constraints between trees are ignored.
     """
     compliant = [
         pair for pair in tables.touches

@@ -106,10 +106,10 @@ class Steps:
     ) -> None:
         """Step the scene at this address.
 
-        `watched` (ROWS, 3 points + user events) are the monitors of events, `wanted` the directions
-        in which a user's events count: -1 falling, 1 rising, 0 both; `user` is the address of the
-        function that gives their values, 0: none. Events are due after every step, but for
-        conditions that a guard watches.
+        `watched` (ROWS, 3 points + user events) contains the event monitors, and `wanted` the
+        directions of the user events (-1 falling, 1 rising, 0 both). `user` is the address of the
+        function that evaluates them, or 0. Events are due after every step, but for conditions that
+        a guard watches.
         """
         always = user or watched.shape[1] > len(wanted)
         self.control["due"] = ALWAYS if always else 0

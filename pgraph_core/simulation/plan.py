@@ -145,8 +145,8 @@ class Way:
 class RunPlan(Way):
     """A run, checked and complete except for its initial state.
 
-    Contacts and limits are ignored as long as nothing comes near. The run then continues by the
-    other `way` from its current state.
+    Contacts and limits are ignored until bodies come close to each other. The run then continues by
+    the other `way` from its current state.
     """
 
     drives: Drives
@@ -309,7 +309,7 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
-    """Return True if contacts and limits may be ignored until something comes near.
+    """Return True if contacts and limits can be ignored until bodies come close to each other.
 
     They may not if the requested method or anything else needs them.
     """
@@ -380,8 +380,8 @@ def _with_method(
 ) -> tuple[RunPlan, Options]:
     """Return (plan with its method, options for that method).
 
-    Contacts that the method asked for does not take are stepped by "moreau_jean"; the plan holds
-    the reason.
+    If the requested method does not support the contacts, "moreau_jean" is used, and the plan
+    contains the reason.
     """
     name, refused = o.method_name(given), None
     step = o.step or (given.step if given else None)

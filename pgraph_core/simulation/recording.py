@@ -73,7 +73,7 @@ class Recording(Running):
     ):  # fmt: skip
         """Set up without computing anything yet. Raises InputError if `tau` does not fit.
 
-        `coarser` is a run of the same motion whose error this one tells.
+        `coarser` is a run of the same motion, whose error is estimated with this one.
         """
         self.coarser = coarser
         self.mech, self.plan, self.tau = mech, plan, tau
@@ -252,7 +252,7 @@ class Recording(Running):
         self.events.noted = None if watch is None else self._user_event
 
     def _watching(self) -> Watch | None:
-        """Return the watch for switch conditions, followed by user events, None if none is."""
+        """Return the monitor of switch conditions and user events, or None if there are none."""
         if not (self._events or self.plan.conditions):
             return None
         from .monitors import Watch
@@ -275,7 +275,7 @@ class Recording(Running):
     def finer(self, plan: RunPlan, carries: bool) -> Recording:
         """Record the same motion with a finer plan, for comparison.
 
-        It carries the derivatives of this run too if asked.
+        If requested, it also contains the derivatives of this run.
 
         Raises InputError if contacts that come near do not fit the plan's method.
         """
@@ -407,7 +407,7 @@ class Recording(Running):
         self._switch_where_true(self.start, already)
 
     def _ahead_of_start(self) -> tuple[float, Array, Array]:
-        """Return (t, q, v) a little after the start, which tells on which side a margin goes on."""
+        """Return (t, q, v) shortly after the start, to determine the sign of a margin."""
         h, vdot = NOTABLE * (float(self.planned.times[-1]) - self.start), np.zeros(self.size[1])
         self._first_evaluation(vdot)
         q, v = self.q.copy(), self.v + h * vdot
@@ -536,7 +536,7 @@ class Recording(Running):
             bound_step(self.steps.address)
 
     def _in_swing(self) -> None:
-        """Start with all contacts in swing, since nothing has touched so far."""
+        """Start with all contacts in swing, since no contact has occurred yet."""
         space = self.scene.touching
         assert space is not None
         space.pairs["phase"] = SWING

@@ -92,14 +92,14 @@ class Carried:
         return self._kernel(run, self._advance, *given)
 
     def take_plan(self, plan: RunPlan) -> None:
-        """Differentiate a run that goes on by another plan. Raises InputError."""
+        """Differentiate a run that continues with another plan. Raises InputError."""
         given = self.given._replace(plan=replace(plan, start=self.given.plan.start))
         refuse(given)
         self.given, self.slopes = given, []
         self.variables = variables_of(given, given.wrt)
 
     def go_on(self, record: Any) -> None:
-        """Carry the derivatives of the state into the scene with which a recording goes on."""
+        """Copy the derivatives of the state to the scene with which a recording continues."""
         try:
             count, old, before = len(self.variables), self._runs, self._each()
             lanes = [one for run in old for one in run.derivatives(None)]

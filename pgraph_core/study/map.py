@@ -40,8 +40,8 @@ class Verdict(StrEnum):
 class Cell:
     """The comparison of one run with the reference, for one value, method and step size.
 
-    Errors are the largest over time of a joint's rotation [rad], or of its translation over the
-    mechanism's length; energies are relative to their range in the reference.
+    Errors are the maximum over time of the rotation of a joint [rad], or of its translation
+    relative to the length of the mechanism. Energies are relative to their range in the reference.
     """
 
     value: float

@@ -389,7 +389,7 @@ def _expected(settings: tuple[Setting, ...], took: list[float]) -> float:
     """Estimate the seconds for the next setting: scaled by step size, or as long as the last
     tolerance.
 
-    The first run says nothing, because kernels may have been compiled in it.
+    The first run is ignored, because it may include the compilation of kernels.
     """
     if took and took[-1] == np.inf:
         return np.inf

@@ -4,7 +4,7 @@ A kernel's own function takes its arguments as words of 8 bytes. `enter` is a fu
 convention METH_FASTCALL. It finds in its `self`, a bytes object of words, what the kernel takes,
 and lays the arguments out: numbers as they are, an array as the struct that kernels read (owner,
 parent, number of entries, bytes of each, place, shape, strides), tuples member after member. It
-releases the GIL where the kernel does, and makes Python objects of the results.
+releases the GIL if the kernel does, and converts the results to Python objects.
 
 Nothing of it is known to a kernel, whose code is the same for every version of Python and NumPy.
 """
@@ -125,8 +125,8 @@ class _Take:
     """take(object, &description, &words, head, ndarray): returns 1 if the object fits and is laid
     out.
 
-    `wrong` is where the function returns 0. Each kind of argument has a method, which ends its
-    block of the switch.
+    `wrong` is the block in which the function returns 0. Each kind of argument has a method, which
+    ends its block of the switch.
     """
 
     def __init__(self, made: ir.Module):
@@ -321,7 +321,7 @@ def _enter(made: ir.Module, take: Any) -> None:
 
 
 def _called(code: _Code, table: Any, words: Any, results: Any) -> Any:
-    """Call the kernel, without the GIL where the table says so. Returns its status."""
+    """Call the kernel, without the GIL if the table specifies this. Returns its status."""
     b = code.builder
     kind = ir.FunctionType(HALF, [WORDS, WORDS]).as_pointer()
     function = b.inttoptr(code.word(table, FUNCTION), kind)

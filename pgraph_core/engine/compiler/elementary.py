@@ -1,10 +1,9 @@
 """Elementary functions from sums, products and quotients, bit-identical on every processor.
 
-How the C library rounds them depends on its version and on the processor. Here each is plain
-floating-point source, within one unit in the last place; atan2, and powers that are very large or
-small, within two. tests/core/test_elementary.py measures them against mpmath.
-Coefficients are those of Cephes
-(S. L. Moshier) and of FDLIBM (Sun Microsystems).
+How the C library rounds them depends on its version and on the processor. These functions are
+implemented in plain floating-point arithmetic, with an error of one unit in the last place, or two
+for atan2 and for very large or small powers. tests/core/test_elementary.py compares them with
+mpmath. Coefficients are those of Cephes (S. L. Moshier) and of FDLIBM (Sun Microsystems).
 """
 
 from __future__ import annotations

@@ -137,7 +137,7 @@ def slack_of(blocks_i, blocks_f, i):
 def span(blocks_f, i, work, a, b):
     """Return (gap to the length bound, point on A, vector to it from B's point, signed length).
 
-    The length is negative where it may be at most the bound.
+    The length is negative if the bound is an upper bound.
     """
     p = point_a(blocks_f, i, work, a)
     apart = sub(p, point_b(blocks_f, i, work, b))

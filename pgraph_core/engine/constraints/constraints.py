@@ -1,7 +1,7 @@
 """Bilateral constraints: Delassus matrix from articulated factors, rank-safe solve, projection.
 
-λ are the multipliers of the active blocks' rows in turn: forces and torques on `body` (R10).
-`space` is named in `layout`; blocks in `blocks`.
+λ contains the multipliers of the rows of the active blocks, i.e. forces and torques on `body`
+(R10). `space` is defined in `layout`, and the blocks in `blocks`.
 """
 
 from ...tolerances import DIP, EPS, ROUNDING

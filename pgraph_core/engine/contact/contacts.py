@@ -45,7 +45,7 @@ CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
 
 @kernel(void(I1, plain(CONTACTS)))
 def save_contacts(buffer, contacts):
-    """Store a scene's contacts where `contacts_at` finds them."""
+    """Store the contacts of a scene for `contacts_at`."""
     _save(buffer, contacts)
 
 

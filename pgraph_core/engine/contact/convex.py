@@ -1,15 +1,15 @@
 """Convex polyhedra against each other and against balls and capsules.
 
-The signed distance of two convex polytopes is the largest separation along the normals of the
-faces of their difference A - B: faces of A, faces of B, and products of edges whose arcs cross on
-the Gauss map [Gottschalk et al. 1996; Gregorius 2013]. That is exact where they penetrate, and
-where the nearest features are a face and a vertex or two edges. Else (vertex to edge or vertex)
-the nearest pair is searched, pruned by the separation. Faces of a mesh are flat only to rounding of
-its vertices, so the normals of two that are almost parallel may name the wrong one: where no plane
-keeps the two as far apart as the pair is, all features are searched. Nothing iterates, so nothing
-can stall.
+The signed distance of two convex polytopes is the largest separation along the normals of the faces
+of their difference A - B: faces of A, faces of B, and products of edges whose arcs cross on the
+Gauss map [Gottschalk et al. 1996; Gregorius 2013]. This is exact for penetrating polytopes, and if
+the closest features are a face and a vertex or two edges. Else (vertex to edge or vertex) the
+nearest pair is searched, pruned by the separation. Since mesh faces are only flat up to rounding,
+the wrong one of two almost parallel faces may be selected. All features are searched if no plane
+separates the shapes by the distance of the pair. The algorithm is not iterative, so it cannot
+stall.
 
-All vertices are taken relative to A's origin: far away from the world's nothing is lost.
+All vertices are relative to the origin of A, so no accuracy is lost far away from the world origin.
 """
 
 import math
@@ -280,7 +280,7 @@ def clipped(geometry, room, row, a, face, b, deepest):
     """Return (first row, number, smallest height) of b's facing face clipped to the sides of a's
     face.
 
-    Heights are over a's face; a segment or a point is its own face.
+    Heights are relative to the face of a. Segments and points are treated as faces.
     """
     faces, rings = geometry.faces, geometry.rings
     corner, n = face_corner(geometry, room, a, face)

@@ -3,10 +3,10 @@
 The signed distance of two convex sets is the largest separation s(n) over unit normals n, where
 s(n) is the least n · (a - b) of points a of A and b of B. First, a polytope inside A - B is
 expanded towards the origin [van den Bergen 2001] until the error of its closest face is below
-`COARSE`. Then n is made exact: by normals of flat faces, by normals across one or two straight
-edges (of a cylinder: its sides), and by Newton's method on s where both are curved; the largest s
-wins. All separations are computed from exact support points, so the error of a candidate is only
-due to its n. Like in `convex`, places are relative to A's origin.
+`COARSE`. Then n is refined by the normals of flat faces, by normals across one or two straight
+edges (such as the side of a cylinder), and by Newton's method on s if both surfaces are curved. The
+result with the largest s is used. All separations are computed from exact support points, so the
+error of a candidate is only due to its n. Like in `convex`, places are relative to A's origin.
 """
 
 import math
@@ -343,7 +343,7 @@ def along_edge(room, a, b, n, e):
 
 @sweep
 def freely(room, a, b, n):
-    """Find the n near n with the largest separation, where both are curved, by Newton's method."""
+    """Refine n by Newton's method to maximise the separation of two curved surfaces."""
     for _ in range(NEWTON):
         t, u = tangents(n)
         w = between(room, a, b, n)

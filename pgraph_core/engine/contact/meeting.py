@@ -238,8 +238,8 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
     """Return the time until the next landing [s], 0 if there is an impact now, or `left` if there
     is none.
 
-    It is less than `left`, too, if rotations make the path unknown farther on. The scene's shapes
-    are in the state `start`, to which q is restored afterwards.
+    It is also less than `left` if the path is not known beyond this time due to rotations. The
+    scene's shapes are in the state `start`, to which q is restored afterwards.
     """
     blocks = opened(scene).blocks
     meetings = contacts_at(opened(scene).links.contacts).meetings
@@ -340,7 +340,7 @@ def ground_point(contacts, i, k):
 
 @sweep
 def nearest(contacts, i, j, pair):
-    """Return (gap, position, normal) where two shapes are nearest."""
+    """Return (gap, position, normal) at the closest points of two shapes."""
     found = contacts.found
     n = pair_contacts(
         contacts.geometry, contacts.poses, i, j, pair, math.inf, contacts.search.room, found, 0

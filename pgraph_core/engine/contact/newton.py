@@ -4,7 +4,7 @@ Unknown are the impulses λ and the speeds w behind the articulated factors, in 
 diag(d) and a block's velocity is u = Y w + g. A block's law is λ = P(λ - k u), the same for every k
 > 0: P projects the normal impulse onto its half line and friction onto the disc μ λ_n ([Alart &
 Curnier 1991]). P determines whether a block is open, sticking or sliding, where k is its effective
-mass. Linearised, with a compliance s that keeps λ near where it is,
+mass. Linearised, with a compliance s that limits the change of λ,
 
     (1 - (1 - k s) P') Δλ = P - λ - k P' Y Δw,      d Δw = Yᵀ Δλ.
 
@@ -80,7 +80,7 @@ def velocity(data, i, w):
 def bounds_of(data, i):
     """Return (friction, 0) for a contact, or a torque's bounds about and across the normal.
 
-    Of a joint's friction, the bound comes first.
+    For joint friction, the bound comes first.
     """
     blocks = data.blocks
     if type_of(blocks.blocks_i, i) == at.T_FRICTION:
@@ -99,7 +99,8 @@ def bounds_of(data, i):
 def admitted(kind, size, z, bounds):
     """Project z onto the admissible impulses. Returns (nearest impulse, its derivative row by row).
 
-    The bounds of a torque are about the normal and across it; the first of a contact is friction's.
+    The bounds of a torque are about the normal and across it. The first bound of a contact is for
+    friction.
     """
     if dry(kind):
         return turning(z, bounds[0], bounds[1])
@@ -358,8 +359,7 @@ def go(scene, n, part_of_it):
 def stays(scene, n, size):
     """Return (True if λ of the last step solves island n to rounding, its residual over `size`).
 
-    Impulses of least norm have then been sought, so that there is nothing left to do. After
-    `weigh`.
+    In this case, the impulses of least norm have already been computed. After `weigh`.
     """
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands

@@ -1,8 +1,7 @@
 """Contact points and joint limits in event-driven runs: their forces and the ends of their phases.
 
-`observe` finds gaps, rates and forces at one instant; `watch` turns them into monitors that fall
-below zero where a phase ends. Times within a step are widths from where it starts, or from where
-a part of it does.
+`observe` computes gaps, rates and forces at one time. `watch` converts them to monitors that become
+negative when a phase ends. Times within a step are relative to the start of the step or sub-step.
 """
 
 import math

@@ -251,8 +251,8 @@ def least_gap(run, low, s, w, widths):
     """Return the width near w of the minimum gap at point s if a phase ends there, or else
     widths[1].
 
-    widths[0] is the width of the sub-step. The rates of the gap at its ends have different signs,
-    so the gap is least where its rate is zero.
+    widths[0] is the width of the sub-step. The rates of the gap at the two ends have different
+    signs, so the gap has a minimum where its rate is zero.
     """
     data = opened_run(run)
     points = opened_events(data.scene).contact.points
@@ -319,11 +319,11 @@ def vertex(x, y):
 
 @sweep
 def dip(run, low, width, i):
-    """Find where event i reaches zero and turns back in the part of the step from `low`.
+    """Find the point after `low` at which event i touches zero without crossing it.
 
-    Rows LOW and HIGH hold the values at its start and middle. Returns the widths between which
-    the event happens; both are the same where zero is touched, and 0 where nothing happens. How
-    near it came is kept then.
+    Rows LOW and HIGH hold the values at its start and middle. Return the widths that bracket the
+    event. They are equal if zero is only touched, and 0 if there is no event. How near it came is
+    kept then.
     """
     data = opened_run(run)
     watched, values = data.watched, data.values
@@ -371,7 +371,7 @@ def dip(run, low, width, i):
 def dipped(run, low, end):
     """Return (start, width) of a part in which a user event has happened and is undone at its end.
 
-    The width is 0 where zero is only touched, and -1 where nothing happens.
+    The width is 0 if zero is only touched, and -1 if there is no event.
     """
     data = opened_run(run)
     watched, count = data.watched, data.signs.shape[0]
@@ -424,8 +424,8 @@ def clear_of_zero(run, low, end):
 def reached(run, low, end):
     """Return (whether the first event in the part of the step from `low` counts, its time).
 
-    Something happens by `end`, or at `low` itself where that is 0: zero is only touched. A value
-    that stays zero counts again when it has left it.
+    An event occurs before `end`, or at `low` if this is 0, where zero is only touched. A value that
+    stays zero counts again when it has left it.
     """
     data = opened_run(run)
     signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
@@ -472,8 +472,8 @@ def next_look(run, low, n, parts):
 def looked_at(run, low, end):
     """Return (True if a counted event has happened by `end`, its time, the time examined).
 
-    A user's events are evaluated in the middle too, and near zero where a parabola through three
-    values has its minimum.
+    User events are also evaluated at the midpoint, and close to zero at the minimum of a parabola
+    through three values.
     """
     data = opened_run(run)
     halves = 1

@@ -1,12 +1,12 @@
 """Implicit steps by Radau IIA of order 5, compiled on first use.
 
-A step is taken in local coordinates z = (ξ, w): q moved along ξ from where the step began, and
-v = v₀ + w. Balls and free bodies turn by the exponential of ξ, whose rate is dexp⁻¹(ξ) ω, so that
+A step uses local coordinates z = (ξ, w), where q is moved along ξ from the start of the step, and v
+= v₀ + w. Balls and free bodies turn by the exponential of ξ, whose rate is dexp⁻¹(ξ) ω, so that
 orders hold on rotations too. In (λ - J) z = r with J = [W 1; A B], ξ alone is solved for:
 
     (λ² - λ (B + W) - (A - B W)) ξ = r₂ + (λ - B) r₁,    w = (λ - W) ξ - r₁
 
-A and B are central differences; W = ½ ω×. See [Hairer, Wanner 1996, IV.8].
+A and B are computed by central differences, and W = ½ ω×. See [Hairer, Wanner 1996, IV.8].
 """
 
 import math

@@ -7,8 +7,8 @@ they are: h d + h²/2 k counts as inertia there. Freely rotating bodies conserve
 speed (`tree.spinning`). States of controls follow the midpoint rule: x⁺ = x + h x'(q_m, v_m, x_m)
 with v_m = ½ (v + v⁺) and x_m half a step of Euler's rule ahead, which forces read.
 
-A step in which things hit each other is taken in parts, which end where they meet: an impact is a
-part without length. Compliant and slow contacts are only detected at the midpoint of a sub-step.
+A step with impacts is divided into sub-steps that end at the impacts. An impact is a sub-step of
+zero length. Compliant and slow contacts are only detected at the midpoint of a sub-step.
 """
 
 import math
@@ -135,7 +135,8 @@ def moreau_jean(run, h):
 def changed(before, after, nq, nv):
     """Return whether an impact changed velocities by more than the solver's tolerance.
 
-    One that did not would be met again at once, as where a motion pushes into the ground.
+    Otherwise it would be detected again immediately, for example if a prescribed motion pushes into
+    the ground.
     """
     most = 0.0
     change = 0.0
@@ -149,8 +150,8 @@ def changed(before, after, nq, nv):
 def part_of_step(run, done, h, w, mode):
     """Advance CANDIDATE by a part of width w, from `done` on, of a step of width h.
 
-    Asked, it returns whether something may hit within it; CANDIDATE is then as before. A part
-    without width is an impact of all that touches. The state before is in TRIAL.
+    If requested, it returns True if an impact may occur within it, and CANDIDATE is not changed. A
+    part without width is an impact of all that touches. The state before is in TRIAL.
     """
     this = opened_run(run)
     scene, stages = this.scene, this.stages
@@ -355,8 +356,7 @@ def set_velocities(scene, t, h, v, vdot):
 
 @sweep
 def warm_start(scene, first, m):
-    """Copy λ of the last step where a contact point or joint friction persists, with zero
-    elsewhere.
+    """Copy λ of the last step for persistent contact points and joint friction, else zero.
 
     A part of a step takes its share of it.
     """
@@ -395,7 +395,7 @@ def warm_start(scene, first, m):
 def solve_part(scene, own, q, v, vdot, ledger):
     """Solve for the impulses in a part of width w, starting at t, of a step of width h.
 
-    Their effect on the joints goes into STEP. Returns sweeps and Newton steps taken.
+    Their effect on the joints is stored in STEP. Returns sweeps and Newton steps taken.
     """
     t, h, w, first = own
     data = opened(scene)

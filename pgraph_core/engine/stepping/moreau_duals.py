@@ -66,7 +66,7 @@ NO_SLOPE, TOGETHER, HIT = 1.0, 2.0, 3.0  # why derivatives end
 
 @kernel(i8(of_duals, D1, D1, D1), nogil=True, later=True)
 def forces_of_duals(scene, v, tau, flow):
-    """Add nothing: limits act by impulses alone."""
+    """Do nothing, because limits only act through impulses."""
     return 0
 
 
@@ -319,8 +319,8 @@ def gap_of(scene, i, q):
 def locate_impact(run, numbers, carried, place, first):
     """Give the state before an impact the derivatives of its time.
 
-    The fastest block to close tells them. Impacts that coincide by chance have no common
-    derivative. `place` is (finished part of the step, its width).
+    They are determined by the block that closes fastest. Impacts that coincide by chance have no
+    common derivative. `place` is (finished part of the step, its width).
     """
     data = opened_run(run)
     scene, stages = data.scene, data.stages
@@ -358,9 +358,9 @@ def locate_impact(run, numbers, carried, place, first):
 def locate_end(run, numbers, place):
     """Give the state after a part the derivatives of the time at which it ended without an impact.
 
-    It ended where a limit was met on the path: the one whose gap is least there. The part itself
-    went another way, so that the limit is looked for again. v' depends on the velocity before a
-    part, so that its end may not be held: derivatives would be wrong by a part of the step.
+    It ended at a limit, which is the one with the smallest gap. The part itself went another way,
+    so that the limit is looked for again. v' depends on the velocity before a part, so that its end
+    may not be held: derivatives would be wrong by a part of the step.
     """
     data = opened_run(run)
     scene, stages = data.scene, data.stages

@@ -83,7 +83,7 @@ _save, opened_slopes = stored(SLOPES)
 
 @kernel(void(I1, plain(SLOPES)), later=True)
 def save_slopes(buffer, slopes):
-    """Store a workspace where `opened_slopes` finds it."""
+    """Store a workspace for `opened_slopes`."""
     _save(buffer, slopes)
 
 
@@ -291,8 +291,8 @@ def set_factor(rows, const, work, freedoms, m):
     """Factor M = Lᵀ D L in the lower triangle of `m`. D replaces the unit diagonal of L.
 
     From the articulated inertias I of `inboard`: D = hᵀ U with U = I h, and the force U / D shifted
-    to the freedoms that carry it is their row of L [Rodriguez, Jain & Kreutz-Delgado 1992].
-    O(n depth), where elimination is O(n depth²). `freedoms` is workspace.
+    to the freedoms that carry it is their row of L [Rodriguez, Jain & Kreutz-Delgado 1992]. The
+    cost is O(n depth), whereas elimination is O(n depth²). `freedoms` is workspace.
     """
     for k in range(1, rows.shape[0]):
         kind, first = kind_of(rows, k), v_of(rows, k)

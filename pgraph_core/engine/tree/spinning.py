@@ -3,8 +3,8 @@
 Euler's equations I Ω' + Ω × I Ω = τ are solved by the implicit midpoint rule in the body's axes.
 Without a torque, Ωᵀ I Ω and |I Ω| stay constant at any speed, because the rule keeps quadratic
 invariants ([Hairer et al. 2006, ch. IV.2]). A body rotates about its own angular velocity, first by
-that before the step and then by that after it. So both have the same components in the body's axes
-at either end as in its axes at the middle of the step, where all is solved.
+that before the step and then by that after it. Both therefore have the same components in the body
+axes at either end as at the midpoint of the step, where the equations are solved.
 
 A tree takes the same rule in its joint velocities: M (v⁺ - v) = h (τ - C(½ (v + v⁺))), with M and
 C of the middle of the step. So bodies that carry rotors keep |I Ω| and their energy as single
@@ -144,9 +144,9 @@ def product(a, b, n):
 def keep_gyrating(rows, const, work, q, v, h, zero, scratch, vdot):
     """Replace v' of rapidly rotating trees with the mean change over the step, a time h apart.
 
-    `work`, q and v' belong to the step's middle and `v` to its start; `zero` (nv,) holds zeros. The
-    velocities at the midpoint solve x = v + h/2 (v' + C'(x) - C'(v)), where C' = -M⁻¹ C, by
-    Newton's method with generalised conjugate residuals ([Eisenstat et al. 1983]). C' is
+    `work`, q and v' refer to the midpoint of the step, and `v` to its start. `zero` (nv,) contains
+    zeros. The velocities at the midpoint solve x = v + h/2 (v' + C'(x) - C'(v)), where C' = -M⁻¹ C,
+    by Newton's method with generalised conjugate residuals ([Eisenstat et al. 1983]). C' is
     quadratic, so that its central differences are its derivatives.
     """
     if not find_gyrating(rows, work, h, scratch):
