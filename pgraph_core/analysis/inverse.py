@@ -187,7 +187,7 @@ def _refuse_forbidden(rows: Rows, basis: Array, vdot: Array) -> None:
     """Raise InputError if the constraints do not permit v'."""
     if not len(basis):
         return
-    allowed, _ = rows.mech.constrained_dynamics(rows.q, rows.v)
+    allowed, _ = rows.mech._constrained_acceleration(rows.q, rows.v)
     mine, theirs = rows.root.T @ vdot, rows.root.T @ allowed
     missed = float(np.linalg.norm(basis @ (mine - theirs)))
     if missed > SOLVED * float(np.linalg.norm(mine) + np.linalg.norm(theirs)):

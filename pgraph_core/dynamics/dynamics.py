@@ -21,7 +21,7 @@ from ..engine.tree import bodies, dynamics
 from ..errors import Called, InputError, Problem, choices, explained, guarded, shown
 from ..model import Model
 from ..packing import Array, Ints, point_in_row
-from ..packing.packed import Joint, Packed
+from ..packing.packed import Joint, Packed, passive
 from ..paper import Operators
 from ..portable import Portable, ReadOnly, keep_unchanged
 from ..rotation import matrix, unit
@@ -63,7 +63,7 @@ class Dynamics(Portable):
     nv: int
     _springs: int
     _free: tuple[Any, ...]  # arguments of `at_once`, empty if the kernel does not suffice
-    _untold: bool  # constraints are active, and no call has said yet that it leaves them out
+    _untold: dict[str, str]  # what calls leave out, of which none has said so yet, and their names
     _bound: tuple[Any, ...] = ()  # arguments of `constrained_at_once`, after a first call
     _slopes: tuple[Any, ...] = ()  # arguments of derivatives, after a first call
     _rest: Array  # (nv,) v = 0
@@ -76,7 +76,7 @@ class Dynamics(Portable):
             raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
         packed = Packed(model)
         nq, nv, work = packed.nq, packed.nv, np.zeros((len(packed.rows), at.WORK))
-        untold, rest = any(c.active for c in model.constraints), np.zeros(nv)
+        untold, rest = _left_out(model), np.zeros(nv)
         direct = DIRECT and not packed.springs and not untold
         free = (nq, nv, packed.rows, packed.const, work, rest) if direct else ()
         vars(self).update(  # at once: setting an attribute is guarded
@@ -313,7 +313,7 @@ class Dynamics(Portable):
         `external` (nb, 6) is [torque, force] on each body at its origin in world axes.
         `external_at` computes it from wrenches at other points.
         """
-        if self._untold:
+        if "active constraints" in self._untold:
             self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 4)
         return self._tree_torque(q, v, vdot, external)
 
@@ -330,11 +330,12 @@ class Dynamics(Portable):
         """Return v' (nv,) of the tree without its constraints, eq. (26), in O(n).
 
         Active constraints are ignored, with a warning at the first call. `constrained_dynamics`
-        imposes them. Springs and dampers of joints and between bodies act. Wrenches, motors and
-        servos act in `simulate` only.
+        imposes them. Springs and dampers of joints and between bodies act. Wrenches, motors, servos
+        and what varies act in `simulate` only, with a warning at the first call.
         """
         if self._untold:
             self._tell("forward_dynamics", "constrained_dynamics(q, v, tau)", 5)
+            self._tell_forces("forward_dynamics", 5)
         return self._tree_acceleration(q, v, tau, external)
 
     def _tree_acceleration(
@@ -355,17 +356,25 @@ class Dynamics(Portable):
         return vdot
 
     def _tell(self, call: str, instead: str, level: int) -> None:
-        """Warn once per mechanism that constraints are ignored.
+        """Warn once per mechanism that constraints are ignored."""
+        text = f"Mechanism.{instead} imposes them"
+        self._warn(call, "active constraints", text, level + 1)
+
+    def _tell_forces(self, call: str, level: int) -> None:
+        """Warn once per mechanism that forces are ignored."""
+        text = "they act in simulate and in a Stepper; give their torques as tau"
+        self._warn(call, "forces", text, level + 1)
+
+    def _warn(self, call: str, what: str, text: str, level: int) -> None:
+        """Warn once per mechanism that a call leaves something out.
 
         Until then, `forward_dynamics` does not use its fast path, so later calls have no overhead.
         """
-        model, packed, own = self.model, self.packed, vars(self)
-        names = choices([f"'{c.name}'" for c in model.constraints if c.active], 3)
-        own["_untold"] = False
-        if DIRECT and not packed.springs:
+        packed, own = self.packed, vars(self)
+        if names := self._untold.pop(what, ""):
+            warnings.warn(f"{call} ignores the {what} {names}; {text}", stacklevel=level)
+        if DIRECT and not packed.springs and not self._untold:
             own["_free"] = self.nq, self.nv, *packed.tree, self._work, self._rest
-        text = f"{call} ignores the active constraints {names}; "
-        warnings.warn(f"{text}Mechanism.{instead} imposes them", stacklevel=level)
 
     def constrained_dynamics(
         self, q: Array, v: Array, tau: Array | None = None
@@ -375,6 +384,14 @@ class Dynamics(Portable):
         Forces are [torque, force] on the constraint's body at its point, world axes. Passive
         forces act, as in `forward_dynamics`.
         """
+        if "forces" in self._untold:
+            self._tell_forces("constrained_dynamics", 5)
+        return self._constrained_acceleration(q, v, tau)
+
+    def _constrained_acceleration(
+        self, q: Array, v: Array, tau: Array | None = None
+    ) -> tuple[Array, dict[str, Array]]:
+        """The same as `constrained_dynamics`, for callers to whom drives do not matter."""
         scene = self._scene
         q, v = self._state(q, v)
         tau = self._rest if tau is None else numbers("tau", tau, self.nv)
@@ -572,6 +589,18 @@ class Dynamics(Portable):
             finite(name, value, *value.shape)
         position(self.packed, given["q"])
         raise InputError(self.packed.singular(code) if code > 0 else OVERFLOW)
+
+
+def _left_out(model: Model) -> dict[str, str]:
+    """Return the names of what acts in runs, and not in the dynamics at a state, by its kind.
+
+    A motor without a torque is only an input.
+    """
+    rows = [c.name for c in model.constraints if c.active]
+    idle = lambda f: f.kind == "motor" and f.torque == 0.0  # noqa: E731
+    forces = [f.name for f in model.forces if not (passive(f) or idle(f))]
+    found = {"active constraints": rows, "forces": forces}
+    return {what: choices([f"'{x}'" for x in names], 3) for what, names in found.items() if names}
 
 
 # -- the calls of a user's own loops ---------------------------------------------------------------

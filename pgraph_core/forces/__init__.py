@@ -22,6 +22,7 @@ from .tendon import Tendon as Tendon
 from .wrench import Wrench as Wrench
 from .spring import BetweenPoints as BetweenPoints
 from .spring import Spring as Spring
+from .spring import points_of as points_of
 from .torsion import Torsion as Torsion
 from .drag import Drag as Drag
 from .bushing import Bushing as Bushing

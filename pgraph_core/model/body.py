@@ -134,12 +134,13 @@ class Body(Described):
         help="end point of the body, in body axes; default: the centre of mass",
     )  # fmt: skip
     q: PerMotion = field(
-        "one finite number per position coordinate [rad, m]",
+        "one finite number per position coordinate [rad, m]; of a free joint x, y, z and the "
+        "quaternion w, x, y, z",
         converter=per_motion, default=(), dim=Q, role="joint", label="q",
         help="initial joint position",
     )  # fmt: skip
     v: PerMotion = field(
-        "one finite number per degree of freedom [rad/s, m/s]",
+        "one finite number per degree of freedom [rad/s, m/s]; of a free joint [angular, linear]",
         converter=per_motion, default=(), dim=Q / S, role="joint", label="v",
         help="initial joint velocity",
     )  # fmt: skip

@@ -127,10 +127,11 @@ class PID(Control):
 
     The value is kp e + I + D, limited to the range from `low` to `high`, where e = setpoint -
     signal, I' = ki e, and D is the filtered derivative kd s/(filter s + 1) of e, which is initially
-    0. There are two anti-windup methods for controllers with limits [Astrom, Hagglund 2006, 3.5].
-    With "clamp", I is limited to the same range, and with "back", (value - kp e - I - D)/tracking
-    is added to I'. If `sample` is given, the value is only updated at samples, using the forward
-    Euler rule for I and the backward Euler rule for D. The states are I and the filtered error.
+    0. `filter` has no default, and kd/(10 kp) is common. There are two anti-windup methods for
+    controllers with limits [Astrom, Hagglund 2006, 3.5]. With "clamp", I is limited to the same
+    range, and with "back", (value - kp e - I - D)/tracking is added to I'. If `sample` is given,
+    the value is only updated at samples, using the forward Euler rule for I and the backward Euler
+    rule for D. The states are I and the filtered error.
     """
 
     ABOUT: ClassVar[str] = "a PID controller of a signal, with limits and anti-windup"
@@ -147,7 +148,7 @@ class PID(Control):
     ki: Number = field("a number", default=0.0, since=VERSION, label="ki", help="integral gain")
     kd: Number = field("a number", default=0.0, since=VERSION, label="kd", help="derivative gain")
     filter: Number | None = field(
-        "a time > 0 [s], or None without kd", default=None, gt=0, dim=S, since=VERSION,
+        "a time > 0 [s], which kd needs", default=None, gt=0, dim=S, since=VERSION,
         help="time constant of the derivative filter",
     )  # fmt: skip
     low: Number | None = field(
@@ -176,7 +177,9 @@ class PID(Control):
     def _possible(self) -> Self:
         found = []
         if self.kd and self.filter is None:
-            found.append(("filter", "kd needs the time constant of a filter [s], got none"))
+            usual = f", such as kd/(10 kp) = {self.kd / (10 * self.kp):.3g}" if self.kp else ""
+            text = f"kd needs the time constant of a filter [s]{usual}, got none"
+            found.append(("filter", text))
         if self.windup == "back" and self.tracking is None:
             found.append(("tracking", "windup 'back' needs a time > 0 [s], got none"))
         low, high = self.low, self.high

@@ -261,7 +261,10 @@ class Scenario(Described):
     name: Text = Field(description="a non-empty string")
     description: Text = Field(default="", description="a sentence")
     q: ByName = field("body name -> initial q", converter=by_name, default=EMPTY)
-    v: ByName = field("body name -> initial v", converter=by_name, default=EMPTY)
+    v: ByName = field(
+        "body name -> initial v, of a free joint [angular, linear]", converter=by_name,
+        default=EMPTY,
+    )  # fmt: skip
     forces: tuple[Force, ...] = field(
         "a list of additional forces", converter=parts_of(Force), default=()
     )

@@ -14,7 +14,8 @@ from .exports import ARRAYS
 from .records import KINDS, OF_CONSTRAINTS, ContactRecord, Named
 from .result import Result
 
-ADDED = ("work", "dissipation", "error_at", "state_error_at")  # start from zero in each run
+ADDED = ("work", "dissipation")  # start from zero in each run
+ERRORS = ("error_at", "state_error_at")
 
 
 @explained
@@ -23,8 +24,8 @@ def joined(runs: Sequence[Result], /) -> Result:
 
     The result refers to the mechanism of the last run. The frame that is shared by two runs is
     taken from the later run, so that modified bodies and impacts are visible. Work, dissipation,
-    counters, times and error estimates are added up. Note that the sum of the error estimates is
-    only valid if the motion does not amplify errors.
+    counters and times are added up. The error is known until the end of the first run, because its
+    growth in those that follow is unknown.
 
     Parameters
     ----------
@@ -50,6 +51,11 @@ def joined(runs: Sequence[Result], /) -> Result:
     arrays = {name: _chained([getattr(r, name) for r in runs], keep) for name in ARRAYS}
     for name in ADDED:
         arrays[name] = _summed([getattr(r, name) for r in runs], keep)
+    for name in ERRORS:
+        arrays[name] = _of_first([getattr(r, name) for r in runs], keep)
+    known = np.flatnonzero(np.isfinite(arrays["error_at"]))
+    until = arrays["t"][known[-1]] if len(known) else np.nan
+    text = f"the error of a joined run is known until t = {until:.6g} s, the end of its first part"
     return replace(
         last,
         **arrays,
@@ -64,7 +70,14 @@ def joined(runs: Sequence[Result], /) -> Result:
             "t_start": runs[0].header.get("t_start", 0.0),
             "forces": [force for r in runs for force in r.header.get("forces", ())],
         },
-        notices=tuple(dict.fromkeys(text for r in runs for text in r.notices)),
+        notices=tuple(
+            dict.fromkeys(
+                [
+                    *(text for r in runs for text in r.notices),
+                    *[text] * bool(len(known) and len(runs) > 1),
+                ]
+            )
+        ),
         user_events=tuple(event for r in runs for event in r.user_events),
     )
 
@@ -87,6 +100,15 @@ def _summed(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
     """Concatenate cumulative values, adding to each part the last value of the previous one."""
     so_far = np.cumsum([np.zeros_like(parts[0][-1]), *(part[-1] for part in parts[:-1])], axis=0)
     return _chained([part + offset for part, offset in zip(parts, so_far)], keep)
+
+
+def _of_first(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
+    """Concatenate the errors of the first run, and inf where later ones may have increased them."""
+    unknown = np.where(np.isnan(parts[0][-1]), np.nan, np.inf)
+    later = [np.broadcast_to(unknown, part.shape).copy() for part in parts[1:]]
+    for part in later[:1]:
+        part[0] = parts[0][-1]  # where they meet
+    return _chained([parts[0], *later], keep)
 
 
 def _by_name(parts: Sequence[Any], keep: Sequence[slice], runs: Sequence[Result]) -> dict[str, Any]:

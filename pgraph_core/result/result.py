@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -361,7 +362,9 @@ class Result(Exports, EqualByFields, Portable):
         Returns
         -------
         dict
-            Derivatives by path. They have the same shape as the return value of the function.
+            Derivatives by path. They have the same shape as the return value of the function. They
+            are nan, with a warning, where the derivatives of the run have ended, as at a contact of
+            shapes.
 
         Raises
         ------
@@ -376,7 +379,13 @@ class Result(Exports, EqualByFields, Portable):
         if self.derivatives.source is None:
             text = "the run has no derivatives; give simulate(..., wrt=[paths])"
             raise InputError(Problem("gradient", "", text))
-        return {path: self._slope_along(function, path) for path in self.derivatives}
+        found = {path: self._slope_along(function, path) for path in self.derivatives}
+        lost = [path for path, slope in found.items() if not np.isfinite(slope).all()]
+        if lost and np.isfinite(np.asarray(function(self), float)).all():
+            ends = [text for text in self.notices if "derivatives" in text]
+            why = ends[0] if ends else "impulses and what follows from them have no derivatives"
+            warnings.warn(f"gradient by {choices(lost)} is not finite: {why}", stacklevel=3)
+        return found
 
     def _slope_along(self, function: Callable[[Result], Any], path: str) -> Any:
         source, moves = self.derivatives.source, np.abs(self.sensitivity(path))

@@ -111,7 +111,9 @@ class _Reader:
     def whole(self) -> Node:
         found = self.expression(0, 0)
         if self.next.kind != "end":
-            self.refuse(f"expects an operator or the end, got {_seen(self.next)}")
+            named, name = self.next.text[:1] == ".", self.next.text[1:]
+            do = f'; a name that begins with a digit is written as in q["{name}"]' * named
+            self.refuse(f"expects an operator or the end, got {_seen(self.next)}{do}")
         return found
 
     def made(self, op: str, args: tuple[Node, ...], at: _Token) -> Node:

@@ -22,7 +22,7 @@ from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of
 from .plan import begun_with, plan_of
 from .recording import Recording
-from .start import begun_anew, by_names, given_states, torques_by_names, with_state
+from .start import begun_anew, by_names, directionless, given_states, torques_by_names, with_state
 
 if TYPE_CHECKING:
     from ..packing import Array
@@ -175,6 +175,7 @@ def simulate(
         given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording, wrt)
         record.carried = Carried(given, variables_of(given, wrt))
     record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
+    record.ended.notices += directionless(mech, scenario, forces, state[0])
     record.ended.notices += begun_anew(mech, scenario) if states is not None else []
     built, busy = time.perf_counter(), time.thread_time()
     if progress is None:

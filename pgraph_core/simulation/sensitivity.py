@@ -217,8 +217,11 @@ class Carried:
                     first = min(first, t[(apart > VISIBLE * size).argmax()])
             if worst:
                 text = f"derivatives by {one.path} are {100 * worst:.2g} % apart from those of a "
-                text += f"finer run, above 1 % from t = {first:.6g} s on: give a smaller step or "
-                found.append(f"{text}rtol")
+                text += f"finer run, above 1 % from t = {first:.6g} s on: give "
+                do = "a smaller step or rtol"
+                if first == t[0]:  # both begin there, the finer one in the state of this one
+                    do = "an initial state that meets the constraints, mech.assemble(q, v)"
+                found.append(text + do)
         return found
 
     def of_frames(self, rows: slice | Ints) -> Derivatives:

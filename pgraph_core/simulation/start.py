@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..dynamics.arguments import finite, names_in, numbers, position
 from ..errors import InputError, Problem, choices, nearest_first
+from ..forces import BetweenPoints, Force, points_of
 from ..mechanism import Mechanism
 from ..model import Scenario
 from ..packing import Array
 from ..packing.signals import states_of
+from ..tolerances import ROUNDING
 
 if TYPE_CHECKING:
     from ..gait.controller import Controller
+
+
+# what the numbers of a free joint are
+OF_FREE = {("q", 7): " = [x, y, z, qw, qx, qy, qz]", ("v", 6): " = [angular, linear]"}
 
 
 def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
@@ -103,6 +109,32 @@ def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
     return [f"the states (lag, integral) {text}: {choices(names)}"]
 
 
+def directionless(
+    mech: Mechanism, scenario: str | None, extra: Sequence[Force], q: Array
+) -> list[str]:
+    """Return a notice for each spring and strut whose ends coincide at the start.
+
+    A spring without a rest length needs no direction: it pulls in proportion to the distance.
+    """
+    own = (*mech.model.forces, *(mech.model.scenario(scenario).forces if scenario else ()), *extra)
+    found: list[str] = []
+    for f in own:
+        if isinstance(f, BetweenPoints) and _coincide(mech, f, q[: mech.nq]):
+            rest = getattr(f, "rest", np.inf)
+            if rest != 0.0 and not (rest is None and _coincide(mech, f, mech.home()[0])):
+                text = "its ends coincide at the start, where it has no direction and exerts no "
+                found.append(f"{f.kind} '{f.name}': {text}force; move one of them")
+    return found
+
+
+def _coincide(mech: Mechanism, f: BetweenPoints, q: Array) -> bool:
+    """Return True if the distance of a force's points is not more than rounding."""
+    points = points_of(f, mech.model.body(f.body))
+    poses = [mech.pose(q, name) for name in (f.body, f.other)]
+    a, b = (place + turn @ np.asarray(x) for (place, turn), x in zip(poses, points))
+    return bool(np.abs(a - b).max() <= ROUNDING * max(np.abs(a).max(), np.abs(b).max()))
+
+
 def torques_by_names(mech: Mechanism, tau: Any) -> Any:
     """Return `tau`, converting {body: value or values} to an array with zeros elsewhere.
 
@@ -141,7 +173,7 @@ def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) 
             text = f"{name!r} is not a body with a moving joint; choose from {near}"
             raise InputError(Problem(kind, "", text))
         place = getattr(joints[name], "q" if kind == "q" else "v")
-        label = f"{kind}['{name}']"
+        label = f"{kind}['{name}']" + OF_FREE.get((kind, place.stop - place.start), "")
         state[place] = numbers(
             label, [values] if np.isscalar(values) else values, place.stop - place.start
         )

@@ -529,18 +529,6 @@ def test_finished_runs_keep_no_memory():
     assert found() is None
 
 
-def test_joined_runs_add_their_errors():
-    mech = model("pendulum")
-    first = pg.simulate(mech, [1.0], t_end=1.0, rtol=1e-5, frames=11)
-    second = pg.simulate(
-        mech, first.q[-1], first.v[-1], t_start=1.0, t_end=2.0, rtol=1e-5, frames=11
-    )
-    both = pg.joined((first, second))
-    assert both.error_at.shape == both.t.shape
-    assert both.error_estimate == first.error_estimate + second.error_estimate
-    assert (np.diff(both.error_at) >= 0.0).all()
-
-
 def test_errors_are_saved_with_the_run(tmp_path):
     run = pg.simulate(model("double_pendulum"), t_end=30.0, rtol=1e-5, frames=61)
     run.save(tmp_path / "run.npz")

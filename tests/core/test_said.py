@@ -1,0 +1,108 @@
+"""What a call leaves out, or cannot know, is said where a newcomer meets it."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+pytestmark = pytest.mark.quick
+
+SLIDER = pg.Body("a", joint="prismatic", axes=(1, 0, 0), mass=1.0)
+TWO = pg.Model.serial(2)
+TABLE = {"x": (0.0, 1.0), "value": (0.0, 100.0)}
+
+
+def notices(force: pg.Force, q: float) -> str:
+    model = pg.Model([SLIDER], gravity=0, forces=[force])
+    return "\n".join(pg.simulate(model, q=[q], t_end=0.1).notices)
+
+
+@pytest.mark.parametrize(
+    ("force", "q", "said"),
+    [
+        (pg.Spring("s", "a", "ground", stiffness=100.0, rest=0.1), 0.0, True),
+        (pg.Spring("s", "a", "ground", stiffness=100.0, rest=0.1, point=(2, 0, 0)), -2.0, True),
+        (pg.Strut("s", "a", "ground", spring=TABLE), 0.0, True),
+        (pg.Spring("s", "a", "ground", stiffness=100.0, rest=0.1), 1e-6, False),
+        (pg.Spring("s", "a", "ground", stiffness=100.0, rest=0.0), 0.0, False),
+        (pg.Spring("s", "a", "ground", stiffness=100.0), 0.0, False),  # at rest there
+        (pg.Spring("s", "a", "ground", stiffness=100.0, other_point=(1, 0, 0)), 1.0, True),
+    ],
+)
+def test_a_spring_or_strut_without_a_direction_at_the_start_is_named(force, q, said):
+    assert ("'s'" in notices(force, q)) == said
+
+
+@pytest.mark.parametrize(
+    ("force", "said"),
+    [
+        (pg.Servo("s", "2", kp=5.0), True),
+        (pg.Motor("s", "2", torque=1.0), True),
+        (pg.Motor("s", "2", torque='=-2*v["2"]'), True),
+        (pg.Motor("s", "2"), False),  # an input
+        (pg.Torsion("s", "2", "1", stiffness=1.0), False),  # acts
+    ],
+)
+@pytest.mark.parametrize("call", ["forward_dynamics", "constrained_dynamics"])
+def test_dynamics_at_a_state_name_the_drives_that_they_leave_out_once(force, said, call):
+    mech = pg.Mechanism(TWO.add(force))
+    at_rest = np.zeros(2), np.zeros(2)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        for _ in range(3):
+            mech.inverse_dynamics(*at_rest, np.zeros(2))
+            getattr(mech, call)(*at_rest)
+    assert ["'s'" in str(one.message) for one in told] == [True] * said
+    assert all(one.filename == __file__ for one in told)
+
+
+def test_a_gradient_beyond_a_contact_of_shapes_says_why_there_is_none():
+    ball = pg.Body("b", joint="free", mass=0.5, shape=pg.Shape("sphere", radius=0.1))
+    model = pg.Model([ball], contacts=[pg.Contact(body="b", restitution=0.5)])
+    run = pg.simulate(model, q=[0, 0, 0.2, 1, 0, 0, 0], t_end=0.4, wrt=["q.b.2"])
+    assert any("derivatives end" in text for text in run.notices)
+    with pytest.warns(UserWarning, match=r"q\.b\.2.*derivatives end"):
+        assert np.isnan(run.gradient(lambda run: run.q[-1, 2])["q.b.2"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert run.gradient(lambda run: run.q[0, 2])["q.b.2"] == pytest.approx(1.0)
+
+
+def test_derivatives_by_a_state_far_from_the_constraints_name_the_remedy():
+    model = pg.load("four_bar")
+    mech = pg.Mechanism(model)
+    path, far = f"q.{mech.names[0]}", mech.home()[0] + [0.3, 0.3, -0.3]
+    run = pg.simulate(model, q=far, t_end=0.1, wrt=[path])
+    assert any("mech.assemble(" in text for text in run.notices)
+    near = pg.simulate(model, q=mech.assemble(far)[0], t_end=0.1, wrt=[path])
+    assert not any("derivatives" in text for text in near.notices)
+
+
+def test_the_error_of_a_joined_run_is_known_for_its_first_part_only():
+    """Of a double pendulum that is pushed to and fro, errors of the start grow."""
+    first = pg.simulate(TWO, q=[2.0, 0.0], t_end=2.0, rtol=1e-4)
+    second = pg.simulate(TWO, first.q[-1], first.v[-1], t_start=2.0, t_end=4.0, rtol=1e-4)
+    third = pg.simulate(TWO, second.q[-1], second.v[-1], t_start=4.0, t_end=5.0, rtol=1e-4)
+    run = pg.joined([pg.joined([first, second]), third])
+    n = len(first.t)
+    np.testing.assert_array_equal(run.error_at[:n], first.error_at[:n])
+    assert np.isinf(run.error_at[n:]).all()
+    assert "2 s" in run.accuracy
+    assert sum("joined" in text for text in run.notices) == 1
+    assert pg.joined([first]).error_estimate == first.error_estimate
+    silent = pg.simulate(TWO, t_end=2.0, estimate=False)
+    assert np.isnan(pg.joined([silent, second]).error_estimate)
+
+
+def test_a_derivative_without_a_filter_is_refused_with_a_usual_one():
+    with pytest.raises(pg.ModelError, match=r"filter.*0\.025"):
+        pg.PID("p", signal="=q.a", kp=2.0, kd=0.5)
+
+
+def test_the_numbers_of_a_free_joint_are_named_where_they_do_not_fit():
+    model = pg.Model([pg.Body("b", joint="free")])
+    for given, form in (({"v": {"b": [1, 2, 3]}}, "angular"), ({"q": {"b": [1]}}, "qw")):
+        with pytest.raises(pg.InputError, match=form):
+            pg.simulate(model, **given)
