@@ -154,13 +154,16 @@ def own_fields(item: Any) -> tuple[str, ...]:
     return tuple(n for n in names if n != "body" or not sums)
 
 
+SELDOM = {"windup", "tracking", "start", "sample"}  # fields of controllers
+
+
 def rare(item: Any, name: str) -> bool:
-    """Return True if a drive's field has its default value, so that a form lists it last."""
-    if not isinstance(item, OnJoint) or name not in OnJoint.model_fields:
-        return False
-    if name in ("kind", "body", "coordinate", item.INPUT):
-        return False
-    return getattr(item, name) == OnJoint.model_fields[name].default
+    """Return True if a field is at its default and seldom needed, so that a form lists it last."""
+    if isinstance(item, OnJoint):
+        seldom = {*OnJoint.model_fields} - {"kind", "body", "coordinate", item.INPUT}
+    else:
+        seldom = SELDOM if isinstance(item, pg.Control) else set()
+    return name in seldom and getattr(item, name) == type(item).model_fields[name].default
 
 
 def takes_other(part: str, kind: str) -> bool:

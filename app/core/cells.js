@@ -42,10 +42,11 @@ pgraph.cells = (() => {
     show(cell, document.activeElement === cell ? cell.dataset.full : settled(cell));
   }
 
-  function commit(cell, send) {
+  // Enter asks again what was refused, as another cell may have made it possible.
+  function commit(cell, send, anew = false) {
     const asked = cell.classList.contains("waiting"); // back to what it was, while another value is on its way
     if (!dirty(cell) && !cell.pgraphAsks && !asked) { if (!cell.classList.contains("refused")) revert(cell); return; }
-    const said = cell.classList.contains("refused") || cell.classList.contains("waiting");
+    const said = asked || (!anew && cell.classList.contains("refused"));
     if (cell.dataset.sent === cell.value && said) return;
     ask(cell, send);
   }
@@ -169,7 +170,7 @@ pgraph.cells = (() => {
     cell.addEventListener("keydown", (event) => {
       if (event.key === "Enter") {
         event.preventDefault(); // a question that this asks must not be answered by the same key
-        commit(cell, send);
+        commit(cell, send, true);
       }
       else if (event.key === "Escape" && leaving) revert(cell);
       else return;

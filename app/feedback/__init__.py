@@ -200,6 +200,8 @@ def answered(model: pg.Model, name: str, how: dict[str, Any]) -> Response:
         np.interp(t, after.t, after.controls[x]) - np.interp(t, before.t, before.controls[x])
         for x in (probe, name)
     )
+    if not u.any():
+        raise Refusal("its value does not change with the setpoint: give it a gain, such as kp")
     y /= size
     read_as = control.signal.strip().removeprefix("=").strip()
     curves = tuple((x, t.tolist(), z.tolist()) for x, z in ((read_as, y), (f"x.{name}", u)))

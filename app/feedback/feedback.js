@@ -36,7 +36,6 @@ pgraph.feedback = (() => {
   }
 
   pgraph.commands("Model", [["State feedback: LQR, pole placement", "", open, "gains from the linearised motion at the pose shown"]]);
-  pgraph.view("feedback", { build: () => pgraph.frame.actions("Matrices", pgraph.button("feedback", "Feedback …", "Gains that hold the pose shown: LQR or pole placement", open)) });
 
   // The response of a controller's signal and value to a step of its setpoint.
   let asked = null;

@@ -7,7 +7,7 @@ import numpy as np
 import pgraph_core as pg
 
 from ..core.cells import Display, cell, choice, field, group, quantity_in, shown
-from ..core.views import NOTHING, Host, Payload, Place, topic
+from ..core.views import NOTHING, Payload, Place, topic
 from ..signals import spoken
 from . import SETTLED, Client, Design, Response, State, coordinates, named, response, unit_of
 
@@ -128,10 +128,7 @@ def _answer(state: State, page: Client) -> Payload:
 VIEWS = (
     Place(
         topic("feedback", lambda _, page: page.design and feedback(page.design, page.display),
-              page=lambda _, page: (page.design, page.display)),
-        70, Host("feedback", "drawer", "Matrices"),
+              page=lambda _, page: (page.design, page.display)), 70,
     ),
-    Place(
-        topic("response", _answer, page=lambda _, page: (page.response,)), 70,
-    ),
+    Place(topic("response", _answer, page=lambda _, page: (page.response,)), 70),
 )  # fmt: skip

@@ -81,11 +81,14 @@
   document.addEventListener("focusout", () => { if (cells.resting()) leave(); });
   document.addEventListener("keydown", (event) => {
     if (cell && event.key === "Escape" && !words.length) setTimeout(() => { if (cell) follow(cell); }); // as it was before
-    if (!cell || event.target !== cell || !words.length || event.ctrlKey || event.metaKey) return;
+    if (!cell || event.target !== cell || event.ctrlKey || event.metaKey) return;
+    const completes = words.length > 0 && at >= 0 && drawn === cell.value;
+    if (event.key === "Enter" && !completes) leave(); // it is taken: what is clicked from now on is not meant for it
+    if (!cell || !words.length) return;
     const n = words.length, to = { ArrowDown: (at + 1) % n, ArrowUp: (Math.max(at, 0) + n - 1) % n }[event.key];
     if (to !== undefined) mark(to);
     else if (event.key === "Escape") { [asked, words] = [0, []]; list.replaceChildren(); mark(-1); place(); } // a late answer does not open it again
-    else if (["Enter", "Tab"].includes(event.key) && at >= 0 && drawn === cell.value) complete(at);
+    else if (["Enter", "Tab"].includes(event.key) && completes) complete(at);
     else return;
     event.preventDefault();
     event.stopImmediatePropagation();

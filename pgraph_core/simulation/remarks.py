@@ -34,7 +34,7 @@ def at_rest(record: Running) -> Iterator[str]:
     if held or acted or not mech.nv or not any(model.gravity):
         return
     rng = np.random.default_rng(0)
-    still, q = np.zeros(mech.nv), record.q.copy()
+    still, q = np.zeros(mech.nv), record.q[: mech.nq].copy()  # without states of controls
     for joint in mech.joints.values():
         if joint.q.stop - joint.q.start == joint.v.stop - joint.v.start:
             q[joint.q] += rng.uniform(0.5, 2.5, joint.q.stop - joint.q.start)

@@ -203,6 +203,13 @@ def test_only_a_pid_has_a_step_response(name):
     assert found.curves == ()
 
 
+def test_a_controller_without_gains_says_so_instead_of_a_flat_response():
+    wheel = pg.Body(name="wheel", axes=[(0, 0, 1)], inertia=(1, 1, 1))
+    model = pg.Model(bodies=[wheel], controls=[pg.PID(name="signal", signal="=q.wheel")])
+    found = answered(begun(model), do.AskResponse(ME, "signal")).clients[ME].response
+    assert "gain" in found.problem
+
+
 def test_states_of_controls_are_fed_back_with_a_deviation_of_their_own():
     body = pg.Body(name="s", joint="prismatic", axes=[(1, 0, 0)], mass=2.0)
     total = pg.State(name="sum", rate="=q.s - 0.5")

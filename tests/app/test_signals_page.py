@@ -71,9 +71,12 @@ def test_names_are_completed_by_keyboard_and_pointer(page, served, torque):
     lists(page, "kick")
     options(page).first.click()
     until(lambda: torque.input_value().endswith("kick"), "the parameter")
+    assert page.locator("#pgraph-words").get_attribute("role") == "listbox"
     page.keyboard.press("Enter")
     until(lambda: torque_of(served) == "=-20*q.pole - 3*v.pole + kick", "the torque")
-    assert page.locator("#pgraph-words").get_attribute("role") == "listbox"
+    row(page, "cart").locator("td.number").click()  # which went into the expression that was taken
+    page.wait_for_function("() => pgraph.latest.properties.bodies.join() === 'cart'")
+    assert torque_of(served) == "=-20*q.pole - 3*v.pole + kick"
 
 
 def test_escape_closes_the_list_and_then_restores_the_cell(page, served, torque):

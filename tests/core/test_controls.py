@@ -223,3 +223,12 @@ def test_controls_run_beside_contacts(method):
         max_step=1e-3,
     ).y[0, -1]  # fmt: skip
     assert abs(run.states[-1, 0] - x) < 2e-3
+
+
+def test_a_controller_that_nothing_follows_rests_with_what_it_controls():
+    """A run at rest looked at the states of the control as positions, and failed."""
+    wheel = pg.Body("wheel", axes=[(0, 0, 1)])
+    control = pg.PID(name="hold", signal="=q.wheel")
+    run = pg.simulate(pg.Model([wheel], controls=[control], up="z"), t_end=0.01)
+    assert run.status.ok
+    assert any("nothing moves" in text for text in run.notices)
