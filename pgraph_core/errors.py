@@ -285,8 +285,7 @@ def _explained(function: Any) -> Any:
         except PgraphError:  # `sweep` passes arguments of other calls on
             if ours := words.renamed(named, _names(function)):
                 return call(*args, **ours)
-            ours = sys._getframe(1).f_globals.get("__name__", "").startswith(f"{__package__}.")
-            if ours or not (states := _states(function, args, named)):
+            if _called_by_us(function.__name__) or not (states := _states(function, args, named)):
                 raise  # our own calls have one state
             return _stacked([call(args[0], **state) for state in states])
         except RecursionError:
@@ -303,6 +302,14 @@ def _explained(function: Any) -> Any:
             raise InputError(found) from (None if found[0].text.startswith("is ") else error)
 
     return call
+
+
+def _called_by_us(name: str) -> bool:
+    """Return True if this package calls the function, other than by a wrapper of the same name."""
+    frame: Any = sys._getframe(2)
+    while frame.f_code.co_name == name and frame.f_back is not None:
+        frame = frame.f_back
+    return frame.f_globals.get("__name__", "").startswith(f"{__package__}.")
 
 
 def _states(function: Any, args: tuple[Any, ...], named: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -394,8 +401,11 @@ def _problems_of_call(
             text = f"is not an argument; {choose}"
             text += example_of(function)
             return [Problem(where, wrong[0], text)]
+        twice = [f"{shown(x)} is in the place of {name}, which is given by name too"
+                 for name, x in zip(parameters, args) if name in named]  # fmt: skip
         takes = ", ".join(str(p).split(":")[0] for p in parameters.values())
-        return [Problem(where, "", f"{error}; it takes ({takes}){example_of(function)}")]
+        text = f"{[*twice, error][0]}; it takes ({takes}){example_of(function)}"
+        return [Problem(where, "", text)]
     return _misfits(where, function, parameters, given)
 
 

@@ -143,6 +143,8 @@ def test_weights_of_a_regulator_may_be_named():
     [
         (lambda model: pg.simulate(model, q=np.zeros((9, 2))), "BatchStepper"),
         (lambda model: pg.simulate(model, forces=lambda t, q, v: 0.0), "tau"),
+        (lambda _: pg.simulate(pg.Model.serial(3), (0, 5), [0.1] * 3), "t_span="),
+        (lambda model: pg.simulate(model, (0, 5), q0=[0.1]), "5] is in the place of q"),
         (lambda model: pg.simulate(model, t_end=0.1).show(fps=30), "fps"),
         (lambda model: pg.PID(name="p", signal="q.arm", kp=1.0), "'=q.arm'"),
     ],

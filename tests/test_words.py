@@ -335,6 +335,8 @@ def test_methods_of_a_state_take_many_and_return_a_row_for_each(number):
     for many, rows in zip(found, zip(*one)):
         np.testing.assert_array_equal(many, rows)
     assert [x.shape for x in found[2]] == [(number, 3), (number, 3, 3)]
+    slopes = mech.forward_derivatives(q, v, vdot), mech.forward_dynamics(q, v)
+    assert [x.shape for x in (*slopes[0], slopes[1])] == [(number, 3, 3)] * 3 + [(number, 3)]
     alike = mech.bias_force(q, v[0])  # one velocity for all
     np.testing.assert_array_equal(alike, [mech.bias_force(x, v[0]) for x in q])
     with pytest.raises(pg.InputError, match="v: must have shape"):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..dynamics.arguments import finite, names_in, numbers, position
-from ..errors import InputError, Problem, choices, nearest_first
+from ..errors import InputError, Problem, choices, nearest_first, shown
 from ..forces import BetweenPoints, Force, points_of
 from ..mechanism import Mechanism
 from ..model import Scenario
@@ -61,6 +61,9 @@ def by_names(
     """
     if isinstance(q, (int, float)):
         text = f"must be {mech.nq} numbers in a list, got {q}; a duration is t_end={q}"
+        raise InputError(Problem("simulate", "q", text))
+    if isinstance(q, tuple) and len(q) == 2 != mech.nq:  # as in SciPy's solve_ivp
+        text = f"must be {mech.nq} numbers, got {shown(q)}; times are given by t_span={shown(q)}"
         raise InputError(Problem("simulate", "q", text))
     _in_order(mech, q=q, v=v)
     named = [names_in(x) if x is not None else None for x in (q, v)]
