@@ -96,7 +96,7 @@ class Suggests:
             if any(name in vars(each) for each in kind.__mro__):
                 return object.__getattribute__(self, name)
             try:
-                return super().__getattr__(name)  # of pydantic
+                return super().__getattr__(name)  # defined by pydantic
             except AttributeError:
                 found = hooks.bound(self, name) if name[0] != "_" else None
                 if found is not None:
@@ -111,8 +111,8 @@ def guarded(**advice: str) -> Callable[[Called], Called]:
     """Make a class reject attempts to set public attributes from outside.
 
     Its own methods write them with `vars(self)`. `advice` maps attribute names (several are joined
-    by "_or_") to a hint. The key "other" applies to all remaining names. Classes of users that
-    inherit add attributes of their own.
+    by "_or_") to a hint. The key "other" applies to all remaining names. Subclasses defined by
+    users add their own attributes.
     """
     told = {name: text for names, text in advice.items() for name in names.split("_or_")}
 

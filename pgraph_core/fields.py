@@ -75,8 +75,8 @@ class Facts(NamedTuple):
 
     The role determines how the value changes under reflection. A `point`, `direction` or `vector`
     is reflected, an `axial` vector the other way round. A `frame` is a quaternion, a `tensor` has 3
-    by 3 numbers, a `screw` 6 by 6. A `joint` depends on the motions of a joint. `parts` have fields
-    of their own. Everything else stays. A file that gives the field a value other than its default
+    by 3 numbers, a `screw` 6 by 6. A `joint` depends on the motions of a joint. `parts` have their
+    own fields. Everything else stays. A file that gives the field a value other than its default
     needs the schema version `since`.
     """
 
@@ -167,7 +167,7 @@ def _ordered(value: Any) -> Any:
 
 
 def _inertia(value: Any) -> Any:
-    """Return an inertia matrix. Three numbers are taken as its diagonal."""
+    """Return an inertia matrix. Three numbers are interpreted as its diagonal."""
     value = _ordered(value)
     if (
         isinstance(value, tuple)

@@ -86,6 +86,6 @@ def kind_of(path: str | PurePath, content: bytes) -> FileKind | None:
         mesh = alike and looks_like(kind.suffixes, content)
         if mesh or root in kind.roots.split() or re.match(kind.sign, begun):
             return kind
-    if json:  # which may be a model of ours, whatever its name
+    if json:  # possibly a Pgraph model, whatever its name
         return None
     return by_suffix or (ARCHIVE if begun.startswith(ZIP) else None)

@@ -62,7 +62,7 @@ def _key_in(folder: Path | None) -> bytes:
             with open(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "wb") as file:
                 file.write(made)
             with suppress(FileExistsError):
-                os.link(draft, path)  # of several processes, the first makes the key
+                os.link(draft, path)  # the first of several processes creates the key
             draft.unlink()
         return path.read_bytes() or made
     except OSError:
@@ -294,8 +294,8 @@ MOST_DIMENSIONS = 8  # lists within lists: no argument has so many dimensions
 def array_of(given: Any) -> NDArray[Any]:
     """Return a value as an array, without copying an existing array. Raises TypeError, ValueError.
 
-    NumPy would follow lists that hold themselves through 64 levels, which takes 2^64 steps where
-    one holds itself twice.
+    NumPy would follow recursive lists through 64 levels, which takes 2^64 steps if a list contains
+    itself twice.
     """
     inner, depth = given, 0
     while isinstance(inner, (list, tuple)) and inner:

@@ -34,7 +34,7 @@ from .terminal import (
 )
 
 SHOWN = 12  # rows of a sweep's table that are printed
-RUN = (  # what goes to `simulate`
+RUN = (  # arguments of `simulate`
     SCENARIO,
     T_END,
     takes("--method", help="integration method; default: the scenario's, else auto"),

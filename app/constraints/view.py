@@ -200,7 +200,7 @@ def _picking(picking: Picking | None) -> Payload | None:
 def form(
     state: State, display: Display, part: Part, item: Any, among: Sequence[Any] = ()
 ) -> list[Payload]:
-    """Return the relevant fields of a part. `among` holds the parts of its scenario."""
+    """Return the relevant fields of a part. `among` contains the parts of its scenario."""
     at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
     cells = state.model.cells(item, part)
     found, more = [field("name", "Name", [cell((), item.name)], kind="text")], []
@@ -304,7 +304,7 @@ def _unit(model: pg.Model, item: Any, given: str) -> str:
 
 
 def _curve(model: pg.Model, item: pg.Motion) -> list[Payload]:
-    """Return fields for the kind of a prescribed motion and its numbers."""
+    """Return fields for the kind and parameters of a prescribed motion."""
     curve = item.q_of_t
     kind = curve.kind if isinstance(curve, (pg.Sine, pg.Polynomial)) else "table"
     kind = "expression" if isinstance(curve, str) else kind

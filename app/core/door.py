@@ -47,7 +47,7 @@ MOST_CONNECTIONS = 256  # limit on connections (a page needs one, and more while
 CONTROL = (Opcode.PING, Opcode.PONG, Opcode.CLOSE)
 LONGEST_TEXT = 500  # limit on the length of values that no person types
 MOST_NUMBERS = 64  # limit on the numbers in a list of a message
-LARGEST_LISTS = 9 * MOST_NUMBERS**2  # [bytes] of lists of lists of numbers in a message
+LARGEST_LISTS = 9 * MOST_NUMBERS**2  # size of nested lists of numbers in a message [bytes]
 HEADERS = {
     "Content-Security-Policy": (  # viser's page runs its own inline scripts and ours by Function
         "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: "

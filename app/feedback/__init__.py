@@ -176,7 +176,7 @@ class Response:
 def answered(model: pg.Model, name: str, how: dict[str, Any]) -> Response:
     """Return the difference of two runs, in one of which the setpoint steps at the start.
 
-    `how` holds arguments of `simulate`. Raises PgraphError, Refusal.
+    `how` contains arguments of `simulate`. Raises PgraphError, Refusal.
     """
     control = next((c for c in model.controls if c.name == name), None)
     if not isinstance(control, pg.PID) or not isinstance(control.signal, str):
@@ -233,7 +233,7 @@ AGAIN = "The model was changed meanwhile; these are its gains now. Check them, t
 
 
 class OpenFeedback(FromPage):
-    """Look for a feedback that holds the pose shown."""
+    """Compute a feedback that holds the current pose."""
 
     def applied(self, state: State) -> State:
         return _begun(state, self.client, Asked())

@@ -52,7 +52,7 @@ class LiveRunner:
             _begin(self._run, live.id)
 
     def _wanted(self, id: int) -> tuple[State, Live] | None:
-        """Return the state as long as this live run continues in it."""
+        """Return the state while this live run continues."""
         state = self._state
         if state is None or state.going is None or state.going.id != id:
             return None
@@ -312,7 +312,7 @@ class Motion:
 
 
 def sewn(before: pg.Result | None, part: pg.Result) -> pg.Result:
-    """Return a part whose first frame is the last one of the part before, also in what acts.
+    """Return a part whose first frame is the last frame of the previous part, including its forces.
 
     The forces of contacts and the accelerations at its start are those of a step before it.
     """

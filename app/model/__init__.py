@@ -71,7 +71,7 @@ class Errand:
 
 @dataclass(frozen=True)
 class Kept:
-    """The model of a session that no longer runs, read from its file."""
+    """The model of a terminated session, read from its file."""
 
     path: Path
     given: str  # the model that the session was started with

@@ -1,4 +1,4 @@
-"""What distinguishes the models and settings of runs that are compared (pure)."""
+"""Differences between the models and settings of compared runs (pure)."""
 
 from __future__ import annotations
 

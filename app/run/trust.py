@@ -181,7 +181,7 @@ def outcome(state: State) -> list[Line] | None:
         return None
     lines = summary(state.plotted)
     if state.plotted.result.status is Status.DONE and not state.plotted.ended:
-        lines = lines[1:]  # that it reached its end
+        lines = lines[1:]  # omit "reached its end"
     if state.earlier is None:
         return lines
     text = "of the model before your last edits; play again, or undo"

@@ -26,7 +26,7 @@ NEEDS = (
     "derived", "request",
     lambda state: None if state.live else state.plotted, lambda state: state.live is None,
 )  # fmt: skip
-PARTS = ("form", "start", "held", "active", "drives", "switches")  # of a scenario
+PARTS = ("form", "start", "held", "active", "drives", "switches")  # parts of a scenario
 
 
 def scenario(state: State, display: Display) -> Payload:

@@ -214,7 +214,7 @@ class MatchColumn(TypedText):
 
 
 class FreeNumber(FromPage):
-    """Let a search change a number, or no longer."""
+    """Select or deselect a parameter of the search."""
 
     path: Text
     on: bool
@@ -320,7 +320,7 @@ class CancelSearch(FromPage):
 
 
 class UseFound(ModelEdit):
-    """Put the numbers that were found into the model, as one undo step."""
+    """Apply the result to the model as one undo step."""
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
         found = state.found
@@ -332,7 +332,7 @@ class UseFound(ModelEdit):
 
 
 def changed(model: pg.Model, numbers: list[tuple[str, float]]) -> pg.Model:
-    """Return a model with other numbers at these paths."""
+    """Return a model with new values at these paths."""
     paths = [Path(model, full(path)) for path, _ in numbers]
     return with_numbers(model, paths, [x for _, x in numbers if math.isfinite(x)])
 

@@ -59,7 +59,7 @@ class Session:
 
 
 def left_behind(folder: Path) -> tuple[Kept, ...]:
-    """Return the models of sessions that no longer run, newest first. Other files are skipped."""
+    """Return the models of terminated sessions, newest first. Other files are skipped."""
     found, sessions = [], dict[str, list[Path]]()
     for path in folder.glob("*.*"):
         sessions.setdefault(path.stem.rpartition("-")[0] or path.stem, []).append(path)

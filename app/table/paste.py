@@ -349,7 +349,7 @@ def _units(body: pg.Body, field: str, at: int) -> dict[str, str]:
     if typed or field == "q":
         return typed
     names = shows(field).unit.split(", ")
-    if len(names) > 1:  # of a rotation, of a translation
+    if len(names) > 1:  # separate units for rotation and translation
         motion = body.sequence[at : at + 1]
         names = list({names[x != "rad"] for m in motion for x in KINDS[m.kind].v})
     return {name: "" for name in names if name and len(names) == 1}

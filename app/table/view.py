@@ -71,7 +71,7 @@ _lanes = lru_cache(maxsize=16)(gutter)
 
 
 VIEWS = (
-    Place(topic("opened", lambda state: state.framed, "framed"), 10),  # what is half typed goes
+    Place(topic("opened", lambda state: state.framed, "framed"), 10),  # discards half-typed text
     Place(topic("table", table, "derived"), 10, Host("table", "left", "Bodies")),
     Place(topic("copied", lines, page=lambda state, page: (page.selected, state.model)), 10),
 )

@@ -212,7 +212,7 @@ def _gap(rows: Rows) -> float:
 def stopped(rows: Rows) -> tuple[Array, float]:
     """Return (v, residual). The velocities satisfy all rows and are nearest in the mass metric.
 
-    `missed` is relative to the speeds at hand.
+    `missed` is relative to the current speeds.
     """
     y = np.linalg.lstsq(rows.scaled, -rows.slip, rcond=ROUNDING)[0].astype(float, copy=False)
     v = rows.v + rows.step(y)

@@ -343,7 +343,8 @@ class _Search:
     def with_states(self) -> Place | None:
         """Find q and states of controls together by Newton's method, or None.
 
-        Steps are halved until less is left, each equation over its largest slope.
+        Steps are halved until the residual decreases, with each equation scaled by its largest
+        slope.
         """
         for _ in range(BALANCE_ROUNDS):
             here, free = self.here, self.free(self.here)

@@ -368,9 +368,9 @@ def _bent(here: Balance, names: list[str]) -> str:
 
 def _is_bent(of: Callable[[float], Array]) -> bool:
     """Return True if a function has a corner or a jump at 0."""
-    step = EPS**0.25  # where rounding and curvature weigh alike in a second difference
+    step = EPS**0.25  # balances rounding and curvature in a second difference
     values = [(of(h), of(-h)) for h in (10.0 * step, step)]
     here = of(0.0)
     far, near = (np.abs(a + b - 2.0 * here).max(initial=0.0) for a, b in values)
     size = max(np.abs(x).max(initial=0.0) for pair in (*values, (here,)) for x in pair)
-    return bool(near > 0.05 * far and near > ROUNDING * size)  # of order 1.3 at most
+    return bool(near > 0.05 * far and near > ROUNDING * size)  # the order is at most 1.3

@@ -189,7 +189,8 @@ def _freed(basis: Array, y: Array) -> Array:
 def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, tuple[Array, ...]]:
     """Return the maximum rank nearby, whether any such position is reachable, and its redundancies.
 
-    And, where the rank is larger around and one way to move is left, the directions to go.
+    If the rank is larger nearby, with one degree of freedom, the branch directions are also
+    returned.
     """
     rank = len(basis)
     if rank == here.nv:

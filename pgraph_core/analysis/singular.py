@@ -212,7 +212,7 @@ def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
 class Stretch(NamedTuple):
     """A part of a run with the same active constraints, and where pivots dipped in it.
 
-    It has arrays of its own, so that the run can be judged when someone reads its notices.
+    It has its own arrays, so that the run can be checked when its notices are read.
     """
 
     forces: tuple[Drives, Loads]

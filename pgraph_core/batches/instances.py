@@ -2,7 +2,7 @@
 
 A row of `states` contains the data that persists between steps, and a row of `numbers` the values
 of the model. A thread copies both into its run, takes the steps and copies the state back, so
-results only depend on these two rows. Of the numbers, tables keep those that differ.
+results only depend on these two rows. The tables only store values that differ.
 """
 
 from __future__ import annotations

@@ -310,7 +310,7 @@ def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
-    """Return the numbers (10,) for PAIR_LAW, with defaults filled in.
+    """Return the parameters (10,) for PAIR_LAW, including defaults.
 
     By default, the weight of the lightest touching tree compresses the contact by 1e-4 of the
     bodies' size, and the damping gives the restitution.
@@ -419,7 +419,7 @@ def loss_of_impact(restitution: float) -> float:
     """Return χ in k d^1.5 (1 + χ d' / V) for this restitution, at least LOWEST, at any impact
     speed.
 
-    V is the speed of an impact with the energy E that is left. With y = |d'| / V it falls by
+    V is the impact speed that corresponds to the remaining energy E. With y = |d'| / V it falls by
     d ln E = -2 χ y² / (1 ± χ y (1 - y²)) dy: + on the way in, from y = 1 to 0; - on the way back,
     to y = 1, or to 1 / χ, where the force ends.
     """

@@ -24,8 +24,8 @@ class Flat(NamedTuple):
     """The numbers of a tuple of arrays in one array."""
 
     words: Array  # (n,) all real numbers
-    begins: Ints  # where those of each array begin
-    fixed: tuple[Any, ...]  # what has no derivatives: sizes and integers
+    begins: Ints  # start index of each array
+    fixed: tuple[Any, ...]  # data without derivatives: sizes and integers
 
 
 def flat(kind: Any, value: Any) -> Flat:

@@ -23,7 +23,7 @@ from ..rotation import unit
 from ..tolerances import EPS
 from ..topology import Topology
 
-REST = float(np.sqrt(EPS))  # what changes by less of its scale is at rest
+REST = float(np.sqrt(EPS))  # relative change below which a coordinate is at rest
 
 
 class Carried(NamedTuple):

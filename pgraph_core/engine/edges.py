@@ -133,7 +133,7 @@ def changed(code, t, keep):
 
 @part
 def compared(op, a, b):
-    """Return 1 if the comparison within an operation holds, else 0."""
+    """Return 1 if the comparison within an operation is true, else 0."""
     if op == AT_MOST:
         return 1.0 if a <= b else 0.0
     return 1.0 if a < (0.0 if op == ABS else b) else 0.0

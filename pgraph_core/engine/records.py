@@ -208,7 +208,7 @@ SHAPE = record(  # its frame in the home axes of its row
     middle=(REAL, 3),  # centre of that box [m]
     reach=REAL,  # from the frame's origin to the farthest point [m]
     moves=INTEGER,  # 1 if the surface moves past the body
-    surface_velocity=(REAL, 3),  # of the surface at the frame's origin, in the frame [m/s]
+    surface_velocity=(REAL, 3),  # surface velocity at the frame origin, in the frame [m/s]
     surface_spin=(REAL, 3),  # [rad/s]
 )
 

@@ -154,7 +154,7 @@ axis_of, set_axis = vector(at.H)
 link_of, set_link = vector(at.L)  # from the parent row's origin, with displacement [m]
 spin_of, set_spin = vector(at.W)  # angular velocity [rad/s]
 origin_of, set_origin = vector(at.X)  # position of the origin [m], after `positions`
-velocity_of, set_velocity = vector(at.VELOCITY)  # of the origin [m/s], as stored by a sweep
+velocity_of, set_velocity = vector(at.VELOCITY)  # origin velocity [m/s], as stored by a sweep
 coriolis_of, set_coriolis, _ = pair(at.A)  # a of eq. (8)
 bias_of, set_bias, add_bias = pair(at.BIAS)  # b of eq. (12), articulated after the inboard sweep
 # V' of eq. (8) with gravity's -g, stored over the bias

@@ -111,6 +111,6 @@ def reader_of(path: str | Path) -> Any:
         with ordinary(path) as file:
             head = file.read(HEAD)
     except (OSError, ValueError):
-        return by_suffix  # which reports why the file cannot be read
+        return by_suffix  # its reader reports why the file cannot be read
     refuse_kind(path, head)
     return ROOTS.get(first_element(head), by_suffix)

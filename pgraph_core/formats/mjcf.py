@@ -156,7 +156,7 @@ class _Files:
             text = f"holds <{root.tag}>, not the <mujoco> of an MJCF file{do}"
             raise FileError(Problem(f"{path.name}, line {root.line}", "", text))
         self.roots = [(path, root)]
-        self.elements = dict[Path, list[Element]]()  # of each file, in its order
+        self.elements = dict[Path, list[Element]]()  # elements by file, in order
         self._include(path, root)
         self.directories = [*dict.fromkeys(file.parent.absolute() for file, _ in self.roots)]
         for file, top in self.roots:
@@ -251,7 +251,9 @@ class _Reader:
         self.taken = {*self.names}
         self.pivot = np.zeros((m.nbody, 3))
         self.groups = [self._grouped(b) for b in range(m.nbody)]
-        self.places = (m.geom_pos - self.pivot[m.geom_bodyid]).tolist()  # of geoms in our bodies
+        self.places = (
+            m.geom_pos - self.pivot[m.geom_bodyid]
+        ).tolist()  # geom positions in our bodies
         self.place_of_joint: dict[int, tuple[str, int]] = {}
         self.freedoms: dict[str, int] = {}
         for group in (group for groups in self.groups for group in groups):
@@ -304,7 +306,7 @@ class _Reader:
             text = f"{beyond} geoms have colours beyond 0 to 1, which are limited to that"
             self.report.add("approximated", self.path.name, text)
         try:
-            fields["bodies"] = [Body(**body) for body in bodies]  # which need no look for formulas
+            fields["bodies"] = [Body(**body) for body in bodies]  # avoids the search for formulas
             model = Model(**fields)
         except ModelError as error:
             found = [

@@ -122,7 +122,7 @@ class Shapes:
         return shape
 
     def _lengths(self, solid: Element, what: str) -> dict[str, Any]:
-        """Return the dimensions of a box, sphere, cylinder or capsule; 0 marks a placeholder."""
+        """Return the dimensions of a box, sphere, cylinder or capsule, with 0 as a placeholder."""
         found: dict[str, Any] = {}
         for field in DIMENSIONS.get(solid.tag, ()):
             count = 3 if field == "size" else 1

@@ -1,8 +1,8 @@
 """Interactive figures: a single HTML file in which the reader runs, changes and pulls the
 mechanism.
 
-It holds the kernels as WebAssembly, the memory of a run at its start, a recorded run for readers
-without WebAssembly, and a small 3D view; nothing is loaded from anywhere.
+It contains the kernels as WebAssembly, the initial memory of a run, a recorded run as a fallback,
+and a small 3D view. No external resources are loaded.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
     except InputError as problem:
         if wanted and not module.stale():
             raise
-        if not module.stale():  # that is for the author; the reader has a recording
+        if not module.stale():  # only shown to the author; readers have a recording
             found["refused"] = f"This scene cannot be computed here: {problem.problems[0].text}."
         return found
     for field, of in follows(mech.model, runs, wanted, make):

@@ -452,7 +452,7 @@ def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None
 def _limits(value: Any, count: int) -> Any:
     """Return one pair or None per motion, expanding a single pair, or () if there are no bounds.
 
-    Anything else is left for the field to refuse.
+    All other values are rejected by the field.
     """
     if not isinstance(value, tuple):
         return value

@@ -508,7 +508,7 @@ def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]
     known_names = (_names(data.get("constraints", ())), _names(data.get("contacts", ())))
     given = data.get("parameters")
     parameters = given if isinstance(given, Mapping) else {}
-    read = ("forces", "outputs", "controls")  # of which expressions read signals
+    read = ("forces", "outputs", "controls")  # parts that expressions read
     lost = {x for key in read for x in _names(data.get(key))} - {
         part.name for key in read for part in valid[key]
     }

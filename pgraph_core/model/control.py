@@ -69,7 +69,7 @@ class Control(OfKinds):
         return Node("signal", signal=(STATE, self.name, k))
 
     def _number(self, name: str) -> Node:
-        """Return a field's number, which keeps an instruction of its own so that it may vary."""
+        """Return the value of a field, with a separate instruction so that it can vary."""
         return Node("name", signal=("", f"{self.name} {name}", 0))
 
     def _read(self, name: str) -> Node:

@@ -42,7 +42,9 @@ def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[s
         moment = DEFAULT_INERTIA[0][0]
         counts = moment > NAMED * arm  # next to the mass at its distance
         radius = math.cbrt(3 * body.mass / (4 * math.pi * DENSEST))
-        dense = 2 / 5 * body.mass * radius**2 > moment  # of a ball, the least of all bodies
+        dense = (
+            2 / 5 * body.mass * radius**2 > moment
+        )  # inertia of a ball, the smallest possible one
         left = body.inertia == DEFAULT_INERTIA and "inertia" not in body.model_fields_set
         if turns and (counts or dense) and body.mass != DEFAULT_MASS and left:
             shape = "" if body.shape else "a shape and "

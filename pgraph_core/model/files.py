@@ -252,7 +252,7 @@ def read(path: str | Path) -> str:
 
 
 def refuse_kind(path: str | Path, content: bytes) -> None:
-    """Raise FileError with advice for a file that holds no model."""
+    """Raise FileError with advice if a file does not contain a model."""
     if kind := kind_of(path, content):
         raise FileError(Problem(shown_path(path), "", kind.text))
 
@@ -482,7 +482,7 @@ def _carried(body: str, file: Path, folder: Path) -> str:
 
 
 def _geometry(file: Path, to: Path) -> tuple[Path, bytes]:
-    """Return the path and content of a mesh copy, which holds only vertices and faces.
+    """Return the path and content of a mesh copy, which only contains vertices and faces.
 
     STL stays STL. Other formats become OBJ, which loses no digit.
     """

@@ -1,6 +1,6 @@
 """Named numbers shared between cells, and the formulas that use them, such as '=thigh/2'.
 
-A model holds numbers everywhere; its formulas are kept separately, each with the place of its cell.
+A model only contains numbers. Its formulas are stored separately, with the location of their cells.
 In a file a formula stands in the cell itself. A cell that gets another number loses its formula.
 """
 
@@ -246,7 +246,7 @@ def formulas_in(
 
 
 def _filled(item: Any, values: Mapping[Path, float]) -> Any:
-    """Return a part with these numbers in its cells, revalidated if it was validated before."""
+    """Return a part with new values in its cells, validated if it was validated before."""
     new = {path: x for path, x in values.items() if not _holds(at(item, path), x)}
     if not new:
         return item
@@ -357,7 +357,7 @@ def ordered(formulas: Iterable[Formula]) -> tuple[Formula, ...]:
 
 
 def _holds(value: Any, number: float) -> bool:
-    """Return True if a cell holds this number, in every entry if it is a tuple."""
+    """Return True if a cell, or every entry of a tuple, has this value."""
     if isinstance(value, tuple) and value:
         return all(x == number for x in value)
     return value == number

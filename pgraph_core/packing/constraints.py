@@ -1,6 +1,6 @@
 """Constraints as blocks of kernel rows, with the columns defined in `engine/layout.py`.
 
-`Endpoints` holds the points and directions of one constraint in the axes of its two bodies. The
+`Endpoints` contains the points and directions of one constraint in the axes of its two bodies. The
 class of each kind makes blocks of them. `blocks` packs all constraints of a model.
 """
 

@@ -47,7 +47,7 @@ class Program:
     ):  # fmt: skip
         """Create an empty program. `places(group, name, k)` returns the readers of a signal.
 
-        Of `forces` with one name the last one counts.
+        If several `forces` have the same name, the last one is used.
         """
         self.rows: list[tuple[float, ...]] = []
         self._numbers: dict[tuple[float, ...], int] = {}
@@ -258,7 +258,7 @@ def measured_rows(code: Array) -> Ints:
 
 
 def contacts_read(code: Array) -> list[int]:
-    """Return the numbers of the contacts whose forces are in a program."""
+    """Return the indices of the contacts whose forces are used in a program."""
     rows = code[measured_rows(code)]
     return rows[rows[:, WHAT] >= CONTACT, FIRST].astype(int).tolist()
 

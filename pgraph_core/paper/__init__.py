@@ -2,7 +2,7 @@
 kernels.
 
 The implementation is not optimised and follows the notation of the paper, including the corrections
-in docs/paper.md. `Operators(model, topology, q, v)` holds them all for one state.
+in docs/paper.md. `Operators(model, topology, q, v)` contains all of them for one state.
 """
 
 from __future__ import annotations
@@ -299,7 +299,7 @@ def _slices(sizes: list[int]) -> list[slice]:
 def frames(model: Model, topology: Topology, q: Sequence[float] | Array) -> tuple[Array, Array]:
     """Return origins (nb, 3) and rotations (nb, 3, 3) of the bodies in the world, by number."""
     bodies = bodies_of(model, topology)
-    found = [Pose(np.zeros(3), np.eye(3))]  # of the ground
+    found = [Pose(np.zeros(3), np.eye(3))]  # pose of the ground
     for body, p, place in zip(bodies, topology.parent.tolist(), q_slices(bodies)):
         found.append(carried(found[p], body, q[place]))
     return _arrays(found[1:])

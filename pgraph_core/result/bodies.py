@@ -48,7 +48,7 @@ def _states(run: Any) -> tuple[Array, Array, Array]:
 def _loads(run: Any) -> Array:
     """Return the wrenches on bodies due to model, scenario and call forces, (n, nb, 6)."""
     mech, own = run.mechanism, acting(run)
-    drives = tuple(f for f in own if isinstance(f, OnJoint))  # which expressions may name
+    drives = tuple(f for f in own if isinstance(f, OnJoint))  # drives that expressions may use
     t, (q, v) = run.t.copy(), run._with_states()  # kernels need writable arrays
     loads = load_wrenches(mech.packed, own, t, q, v)
     for begin, end, given in run.header.get("forces", ()):

@@ -107,7 +107,7 @@ def _of_first(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
     unknown = np.where(np.isnan(parts[0][-1]), np.nan, np.inf)
     later = [np.broadcast_to(unknown, part.shape).copy() for part in parts[1:]]
     for part in later[:1]:
-        part[0] = parts[0][-1]  # where they meet
+        part[0] = parts[0][-1]  # the shared frame
     return _chained([parts[0], *later], keep)
 
 

@@ -254,7 +254,7 @@ class _Task:
     # -- the fit -----------------------------------------------------------------------------------
 
     def fitted(self, sigma: Array | None, priors: Array, loss: str) -> Fit:
-        """Minimise, with noise as given or as it is left."""
+        """Minimise the residuals, with the given or estimated noise."""
         x = self.numbers.present.copy()
         try:
             first = self.runs(x)

@@ -1,4 +1,4 @@
-"""What a search is given: its free numbers, runs with other values of them, measured curves."""
+"""The inputs of a search: free parameters, runs with other values, and measured curves."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ class Numbers:
     # -- runs --------------------------------------------------------------------------------------
 
     def at(self, x: Array) -> Model:
-        """Return the model with other numbers. Raises ModelError if it is not valid."""
+        """Return the model with new parameter values. Raises ModelError if it is not valid."""
         inside = [(p, value) for p, value in zip(self.places, x.tolist()) if isinstance(p, Path)]
         return with_numbers(self.model, [p for p, _ in inside], [value for _, value in inside])
 
@@ -227,7 +227,7 @@ class Numbers:
         return ", ".join([*said, *["..."] * (len(self) > TOLD)])
 
     def of(self, case: Case) -> list[tuple[int, Path | Own]]:
-        """Return the numbers on which a case depends, with their places."""
+        """Return the parameters on which a case depends, with their indices."""
         return [
             (k, place)
             for k, place in enumerate(self.places)
@@ -238,7 +238,7 @@ class Numbers:
         return InputError(Problem(self.call, what, text))
 
     def at_bounds(self, x: Array) -> list[str]:
-        """Return the numbers that are at a bound."""
+        """Return the parameters that are at a bound."""
         near = np.abs(self.bounds - x[:, None]) < 1e-9 * self.size[:, None]
         return [
             f"{name} is at its bound {self.bounds[k, int(np.argmax(near[k]))]:g}"

@@ -274,7 +274,7 @@ class _Search:
         return (None, self.numbers.failed) if runs is None else (runs[0], "")
 
     def _exact(self, u: Array) -> Array:
-        """(goals, free) the exact derivatives of the goals by the numbers.
+        """Return the exact derivatives of the goals, (goals, free).
 
         On a bound beyond which no model is valid, they are those a millionth of the range inside.
         """

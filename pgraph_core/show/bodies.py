@@ -17,7 +17,7 @@ from . import shapes
 if TYPE_CHECKING:
     import viser
 
-MOMENTS = 40  # of a run that pictures must show
+MOMENTS = 40  # number of frames that pictures must contain
 SEPARATE = 50  # bodies up to which each is a node of its own
 Clicked = Callable[[int, int], None]  # client, number of the body
 Dragged = Callable[[int, int, "viser.SceneNodeDragEvent"], None]  # the same, and the drag

@@ -246,7 +246,7 @@ class ContactEvents:
             self._set(s, sliding)
 
     def _slip(self, s: int, before: int) -> None:
-        """Change from stance to slip, against the friction that no longer suffices."""
+        """Change from stance to slip if the friction force is no longer sufficient."""
         f = self.scene.points[s]
         normal = f["normal"]
         force = f["force"]

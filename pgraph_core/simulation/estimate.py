@@ -156,7 +156,7 @@ def _notices(
     for (control, k, _), own, size in zip(states_of(record.mech.model), error[:, 1:].T, sizes[1:]):
         what = f"control '{control.name}': the error of its state x.{control.name}[{k + 1}]"
         same = np.array_equal(np.isfinite(own), np.isfinite(error[:, 0]))
-        until = np.isfinite(own) if same else slice(None)  # what the motion's notice does not say
+        until = np.isfinite(own) if same else slice(None)  # not covered by the notice on the motion
         found += _told(t[until], own[until], size, (what, "", "its range"))
     return tuple(found)
 

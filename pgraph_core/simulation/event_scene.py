@@ -224,7 +224,7 @@ class EventScene(Scene):
         self.arrange()
 
     def _link(self) -> None:
-        """Save the scenes: the tree alone, with held constraints, and with all contact points."""
+        """Store the scenes: tree, active constraints, and all contact points."""
         tree, held = buffer(), buffer()
         nothing = np.zeros(1, dtype=np.int64)
         both = [

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
 FINER_PLAN = "_finer"  # attribute of a plan with its finer one, and what that was made for
-GOLDEN = (3 - math.sqrt(5)) / 2  # where the golden section divides an interval
+GOLDEN = (3 - math.sqrt(5)) / 2  # fraction of the golden section
 STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
 
 
@@ -207,7 +207,7 @@ def _events(record: Recording) -> list[Approach]:
 def _limits(record: Recording, moved: float, off: Array) -> list[Approach]:
     """Return how close coordinates came to limits that they approached without reaching.
 
-    Limits to which neither run can get at or between frames are left out.
+    Limits that neither run can reach are ignored.
     """
     plan, n = record.planned, record.done
     tables = plan.contacts if plan.declared is None else plan.declared

@@ -24,7 +24,7 @@ class Input(NamedTuple):
     knot: int
     start: float
     slope: float
-    follows: Follows  # how the acting value follows it
+    follows: Follows  # dynamics of the effective value
 
 
 class Inputs:

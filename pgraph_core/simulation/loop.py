@@ -341,13 +341,13 @@ class Steps:
 class Workplace(NamedTuple):
     """A scene with its stepping loop and frames, which a short run passes on to the next one.
 
-    Building them takes longer than some tens of steps. A workplace belongs to one run at a time.
+    Creating them takes longer than some tens of steps. A workplace is used by one run at a time.
     """
 
     scene: Scene
     steps: Steps
     out: Frames
-    watch: Watch | None  # of conditions that compiled steps know
+    watch: Watch | None  # conditions that compiled steps know
 
 
 def free(mech: Mechanism, what: Any) -> list[Any]:

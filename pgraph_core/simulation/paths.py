@@ -49,7 +49,7 @@ def counting(
 
 
 def with_numbers(model: Model, paths: Sequence[Path], values: Sequence[float]) -> Model:
-    """The model with other numbers at the paths: one `Model.edit` a part, so nothing else follows.
+    """Return the model with new values at the paths, by one `Model.edit` per part.
 
     All numbers of a part change together, as an inertia or a pair of limits must. Raises
     ModelError.

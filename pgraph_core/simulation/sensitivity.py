@@ -1,7 +1,7 @@
 """Derivatives of a run by numbers of its model, its initial state and its inputs.
 
-A run of numbers decides on all steps. After each one, runs of duals repeat it from the same state,
-each with seven derivatives. Everything after packing is exact.
+All steps are determined by the primal run. After each one, runs of duals repeat it from the same
+state, each with seven derivatives. Everything after packing is exact.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ENDS = {
 
 
 class Lateness(NamedTuple):
-    """How the time of an event changes with each number, and the rates of the state before it."""
+    """The derivatives of an event time, and the rates of the state before the event."""
 
     times: Array
     rates: Array
@@ -121,7 +121,7 @@ class Carried:
         self._ended.append(f"at t = {t:.6g} s derivatives end: {why}")
 
     def switch(self, record: Any, t: float, late: Lateness | None) -> None:
-        """Follow a switch of constraints at t, which the run of numbers has taken.
+        """Differentiate a switch of constraints at t, after the primal run.
 
         `late` are the derivatives of t, if it depends on the state.
         """
@@ -296,7 +296,7 @@ def _advance_run() -> Any:
 # -- runs of duals ---------------------------------------------------------------------------------
 
 
-MOST_ROWS = 3000  # of a run with derivatives: their laws are solved as one dense system
+MOST_ROWS = 3000  # limit for derivatives, whose laws form one dense system
 ROUNDS = 50  # projections of the initial state, as in `assembled`
 
 
@@ -365,7 +365,7 @@ class RunOfDuals:
         y[:n, 0] = np.concatenate((steps.q, steps.v))
         if self._scene.blocks.active[0]:
             duals.place_of_duals(self.address, t, ROUNDS)
-            y[n:, 1:] = np.nan  # of the energy that the impulse takes
+            y[n:, 1:] = np.nan  # derivative of the energy lost in the impulse
         y[:n, 0] = np.concatenate((steps.q, steps.v))
         if len(late):
             y[:, 1 : 1 + len(late)] -= np.outer(after, late)

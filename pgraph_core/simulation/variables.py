@@ -59,7 +59,7 @@ class Variable:
     present: float
     made: Callable[[float], tuple[Mechanism, RunPlan]]  # the run for another value
     seed: tuple[int, int] | None = None  # 0 or 1, and the place in the initial q or v
-    place: Path | None = None  # of a number of the model
+    place: Path | None = None  # path of the value in the model
 
     def step(self) -> float:
         """Step of the differences."""
@@ -173,7 +173,7 @@ class Slopes:
 
     def __init__(self, given: Given):
         self._given, (q, v) = given, given.plan.start
-        self._end = -len(q) - len(v)  # of the words of a scene
+        self._end = -len(q) - len(v)  # end of the words of a scene
         self._nv = len(v)
         self._here = cache(lambda: self._flat(given.mech, given.plan))  # the same for all numbers
 

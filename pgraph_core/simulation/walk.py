@@ -62,7 +62,7 @@ class Walk(Portable):
         start = self.controller.start()
         self.t = 0.0
         self.q, self.v = start[0] if q is None else q, start[1] if v is None else v
-        self.states: Array | None = None  # of the model's controls, None before the first piece
+        self.states: Array | None = None  # control states, None before the first piece
         self.fell = False
         self._options: dict[str, Any] = {"step": step, "method": method}
         self._pushes: list[tuple[float, Force]] = []  # when each is over

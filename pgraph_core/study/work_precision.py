@@ -207,7 +207,7 @@ class Work:
     def _compile(self, asked: bool) -> None:
         """Run each method briefly, so that later runs need no compilation.
 
-        Methods that do not support the scene are left out, with a note.
+        Methods that do not support the scene are omitted, with a note.
         """
         kept = []
         for name in self.names:

@@ -1,6 +1,6 @@
 """Sources of kernel machine code, and loading it with llvmlite alone.
 
-The archive holds kernels in pieces. A piece has the functions that the same kernels reach. Its
+The archive contains kernels in pieces. A piece has the functions that the same kernels reach. Its
 machine code comes from the package (in wheels), else from the user's cache, else it is generated
 from the archive's bitcode. numba compiles a kernel that the archive lacks.
 """
@@ -105,7 +105,7 @@ def keep(key: str, code: bytes) -> None:
 
 @cache  # once per process, which adds little
 def _tidy(folder: Path) -> None:
-    """Remove the least recently used entries until the cache holds at most LARGEST_CACHE."""
+    """Remove the least recently used entries until the cache size is at most LARGEST_CACHE."""
     found = [(one.stat(), one.path) for one in os.scandir(folder) if one.is_file()]
     found.sort(key=lambda entry: entry[0].st_mtime, reverse=True)
     total = 0

@@ -8,8 +8,8 @@ A wrench without effect on a joint, such as a force on the axis of a hinge, leav
 unless the axis is a world axis. Points of a mechanism are known to about 1e-16 of their distances
 from the origin, and loops are closed to 1e-14 of them. So the moment of a unit force about an axis
 counts as zero below 1e-13 of the coordinates whose difference is its arm. The same holds below
-1e-13 of a torque, or of a unit force along a slider. Rounding kept as an entry would be a
-constraint of its own in a row without other entries.
+1e-13 of a torque, or of a unit force along a slider. In a row without other entries, a rounding
+error would act as a constraint.
 """
 
 from ...tolerances import ROUNDING

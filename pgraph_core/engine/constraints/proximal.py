@@ -216,7 +216,7 @@ def solve_proximal(omega, factor, nulls, mu, count, vectors, m, enough):
     """Solve Ω λ = RHS for the minimum-norm λ by proximal refinement. Returns the iterations.
 
     Corrections shrink by a constant ratio, so the one of the size of rounding is not computed. The
-    first solve leaves the residual μ λ and is the last one if that is at most `enough`.
+    residual after the first solve is μ λ. No further solve is needed if it is at most `enough`.
     """
     rhs = vectors[RHS]
     lam = vectors[LAMBDA]

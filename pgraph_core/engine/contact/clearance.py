@@ -27,7 +27,7 @@ from .search import find_contacts, find_gaps
 from .shapes import place
 
 AHEAD = 32.0  # steps' motion: how far a search looks at least
-FARTHER = 4.0  # how far the next search looks, relative to the clearance
+FARTHER = 4.0  # range of the next search, relative to the clearance
 PATH = 1.25  # length of a path over what its ends say
 CLOSE = 0.02  # distance that counts as near, relative to a step's motion
 LOOKS = 24  # along one step

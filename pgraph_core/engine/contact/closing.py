@@ -17,7 +17,7 @@ from .shapes import DEPTH
 
 COORDINATES = 4 * EPS  # rounding of a gap, relative to the coordinates it is the difference of
 HARD = 4.0  # multiple of the speed that weight adds in a step, below which impacts are not located
-PART = 0.2  # of a shape's half thickness: how far a step may lead or bend unseen
+PART = 0.2  # largest unchecked motion per step, relative to half the thickness
 
 
 @part

@@ -23,7 +23,7 @@ from .manifold import CROSSING, clip_polygon, swap, thin
 from .segments import segment_segment
 from .shapes import put
 
-CERTAIN = 4 * ROUNDING  # of a distance relative to the sizes: four projections
+CERTAIN = 4 * ROUNDING  # error of a distance relative to the sizes: four projections
 FACE_A, FACE_B, EDGES, CORNER, CAPSULE_EDGE = 1, 2, 3, 4, 5  # kinds of touch
 
 

@@ -153,7 +153,7 @@ def order_island(scene, n):
     rows = (count + 3) >> 2
     start[0] = 0
     work = 0.0
-    for p in range(rows):  # of 4 x 4 blocks
+    for p in range(rows):  # blocks of 4 x 4
         last[p] = last[min(4 * p + 3, count - 1)] >> 2
         start[p + 1] = start[p] + last[p] - p + 1
         work += 64.0 * float(last[p] - p) ** 2

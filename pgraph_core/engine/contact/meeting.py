@@ -304,10 +304,10 @@ def time_to_close(way, closing, curving):
 def next_ground(scene, meeting, h, left):
     """Return `next_landing` for one feature of a shape above the ground.
 
-    Soft arrivals are left to the middle of the step, such as a standing foot that has drifted off:
-    its later motion without impulses has no meaning. Leaving features are still followed, because
-    the features of a cylinder's rim change places as it tips over. Any other point that cannot
-    become fast in the remaining time is no longer followed.
+    Slow impacts are handled at the midpoint of the step, for example of a standing foot that has
+    drifted off, because its motion without impulses is not meaningful. Leaving features are still
+    followed, because the features of a cylinder's rim change places as it tips over. Other points
+    that cannot become fast in the remaining time are ignored.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)

@@ -424,9 +424,9 @@ def note_settled(scene, n, settled):
 def converge(scene, n, size):
     """Take Newton steps from λ on until no row misses its law by more than TOLERANCE or rounding.
 
-    Points of a patch that friction just holds may pass impulses on to each other for ever, each at
-    its rim. If the residual no longer decreases, any value below NOTABLE is accepted. Return
-    (residual divided by `size`, number of steps, True if no contact state has changed).
+    Contact points at the friction limit may exchange impulses indefinitely. If the residual no
+    longer decreases, any value below NOTABLE is accepted. Return (residual divided by `size`,
+    number of steps, True if no contact state has changed).
     """
     islands = contacts_at(opened(scene).links.contacts).islands
     respond(scene, n)

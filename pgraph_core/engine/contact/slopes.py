@@ -34,7 +34,7 @@ from ..constraints.blocks import (
 from ..vec import dot, load
 from .newton import gather, rows_of
 
-OPEN, BOUND, HELD, UNCLEAR = 0, 1, 2, 3  # what a block's law says
+OPEN, BOUND, HELD, UNCLEAR = 0, 1, 2, 3  # state of a block according to its law
 
 
 @sweep

@@ -1,8 +1,8 @@
-"""Derivatives of a run: after each step of numbers, the same step of duals from the same state.
+"""Derivatives of a run. Each primal step is followed by the same step with dual numbers.
 
-The run of numbers is the one that has no derivatives, and decides on everything: widths, frames,
-rejected steps. A run of duals has a scene, stages and a control of its own, and takes its values
-from the run of numbers after each step.
+The primal run has no derivatives and makes all decisions, such as step sizes, frames and rejected
+steps. A dual run has its own scene, stages and control, and copies its values from the primal run
+after each step.
 """
 
 import math
@@ -72,7 +72,7 @@ def place_of_duals(run, t, rounds):
 
 @sweep
 def take_values(run, numbers, row, source):
-    """Give the state in `row` the values of row `source` of the run of numbers."""
+    """Copy the values of row `source` of the primal run to the state in `row`."""
     stages, given = opened_run(run).stages, opened_run(numbers).stages
     for i in range(stages.shape[1]):
         stages[row, i] = revalued(stages[row, i], given[source, i])
@@ -89,14 +89,14 @@ def go_back(run, numbers):
 
 @part
 def width_of_step(numbers):
-    """Return the width of the last step of numbers, which an event may have cut short."""
+    """Return the width of the last primal step, which an event may have cut short."""
     given = opened_run(numbers).control[0]
     return given.time - given.old_time if given.fired == REACHED else given.old_width
 
 
 @sweep
 def begin_step(run, numbers):
-    """Go back to the start of the last step of numbers, with v' there."""
+    """Go back to the start of the last primal step, with v' there."""
     go_back(run, numbers)
     control = opened_run(run).control[0]
     if control.fresh == 0:
@@ -151,12 +151,12 @@ def explicit_of_duals(run, numbers):
     end_step(run, numbers)
 
 
-# -- frames within a step, projected by the factors of the run of numbers --------------------------
+# -- frames within a step, projected by the factors of the primal run --------------------------
 
 
 @sweep
 def copied_values(out, given, first, rows, columns):
-    """Copy this part of a table of numbers to duals without derivatives."""
+    """Copy this part of a primal table to duals without derivatives."""
     for i in range(first, first + rows):
         for j in range(columns):
             out[i, j] = given[i, j]
@@ -164,7 +164,7 @@ def copied_values(out, given, first, rows, columns):
 
 @sweep
 def take_factors(scene, numbers, q, v, m):
-    """Give a scene of duals the factors of the last acceleration of numbers, which had m rows.
+    """Copy the factors of the last primal acceleration, with m rows, to a dual scene.
 
     Those of the tree are computed again, because the energies took the place of a part.
     """
@@ -192,7 +192,7 @@ def take_factors(scene, numbers, q, v, m):
 def improves(lam, change, before, end):
     """Return True if corrections of some derivatives are above rounding and all others shrink.
 
-    `before` (WIDTH) holds the size of the last corrections.
+    `before` (WIDTH) contains the size of the last corrections.
     """
     impulses, corrections = parted(lam), parted(change)
     found = False
@@ -240,7 +240,7 @@ def corrected(scene, count, m):
 def frame_onto_constraints(run, numbers, t, row):
     """Move the derivatives of a frame onto the constraints.
 
-    The run of numbers has its state there and its factors. By the implicit function theorem the
+    The primal run has its state there and its factors. By the implicit function theorem the
     derivatives of factors do not enter where g and g' are zero.
     """
     data, other = opened_run(run), opened_run(numbers)
@@ -271,7 +271,7 @@ def frame_onto_constraints(run, numbers, t, row):
 
 @kernel(NOTE, nogil=True, later=True)
 def note_duals(run, numbers, i, out):
-    """Write q and v of frame i, which the run of numbers has recorded, into `out`."""
+    """Write q and v of frame i, which the primal run has recorded, into `out`."""
     data = opened_run(run)
     control, stages, t = data.control[0], data.stages, opened_run(numbers).times[i]
     row = at.Y

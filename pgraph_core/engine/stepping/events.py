@@ -59,7 +59,7 @@ WIDER = 8  # growth of the interval after an instant at which a value is and sta
 
 @kernel(PROJECTION, nogil=True, later=True)
 def event_projection(scene, t, q, v, rounds):
-    """Run `projection` onto the held constraints. Returns the iterations, or -1."""
+    """Run `projection` onto the active constraints. Returns the iterations, or -1."""
     links = opened_events(scene).contact.links
     return call_projection(links.project, (links.held, t, q, v, rounds))
 

@@ -2,7 +2,7 @@
 
 The stages z solve r(z, p) = 0. The simplified Newton's method that found them also finds their
 derivatives: it evaluates r of duals at the values of z, and corrects the derivatives alone with the
-factors of the run of numbers. They converge at the rate of the values ([Griewank & Walther 2008,
+factors of the primal run. They converge at the rate of the values ([Griewank & Walther 2008,
 section 15.3]).
 """
 
@@ -22,8 +22,8 @@ from .duals import STEP_OF_DUALS, end_step, go_back, width_of_step
 from .implicit import finish_local, local_slope
 from .state import copied, size_of_state
 
-ROUNDS = 60  # of corrections: a rate of 0.6 is to reach ROUNDING
-CHANGED, BEFORE, SIZE = 0, 1, 2  # of each derivative: its correction, the one before, its size
+ROUNDS = 60  # maximum number of corrections: reaches ROUNDING at a rate of 0.6
+CHANGED, BEFORE, SIZE = 0, 1, 2  # columns per derivative: correction, previous one, size
 REPORT = by_gauss.WANTED + 1  # row of these in Gauss' collocation
 
 
@@ -165,7 +165,7 @@ def correct_gauss(run, numbers, h, report):
 def finish_gauss(run, numbers, h):
     """Compute q and v of CANDIDATE from the rates of the stages.
 
-    The mass matrix at its end, which the run of numbers has factored, gives the derivatives of v
+    The mass matrix at its end, which the primal run has factored, gives the derivatives of v
     from those of the momentum less those that it has at the values of v.
     """
     data, given = opened_run(run), opened_run(numbers)

@@ -40,7 +40,7 @@ def measures(signals, t, near):
 
 @sweep
 def measure(scene, accelerate, t, q, v, vdot, flow, forces):
-    """Write the forces at a state into the program; `vdot`, `flow` and `forces` are overwritten."""
+    """Write the forces at a state into the program, overwriting `vdot`, `flow` and `forces`."""
     data = opened(scene)
     tau = data.space.vectors[TAU, : v.shape[0]]
     call_acceleration(accelerate, (scene, t, q, v, tau, vdot, flow))

@@ -1,6 +1,6 @@
 """Derivatives of time stepping: the parts of a step are repeated in duals as they are taken.
 
-An impact ends a part at a time that depends on all numbers. The last derivative of a dual is
+An impact ends a sub-step at a time that depends on all parameters. The last derivative of a dual is
 therefore by the width of the part that ends there. Since the gap is zero at the impact, the
 derivatives of the sub-step width follow from the derivatives of the gap. They determine the jump of
 the state derivatives, which is also known as saltation ([Müller 1995]).
@@ -227,7 +227,7 @@ def differ_in_time(run, t, shift):
 
 @sweep
 def set_rows(scene, numbers, first, width, q, v):
-    """Write the unilateral rows, from block `first` on, as the run of numbers has chosen them."""
+    """Write the unilateral rows, from block `first` on, as the primal run has chosen them."""
     blocks, given = opened(scene).blocks, opened(numbers).blocks.blocks_f
     blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
     for j in range(first, active[0] + 1):

@@ -140,7 +140,7 @@ def sampled(run):
     signals = opened(data.scene).loads.signals
     if measures(signals, t, nearby(t)):
         accelerate, i = data.links.accelerate, control.frame
-        forces, vdot = data.out[3][i], data.out[2][i]  # of a frame that is not recorded yet
+        forces, vdot = data.out[3][i], data.out[2][i]  # a frame that is not recorded yet
         measure(data.scene, accelerate, t, y[:nq], y[nq : nq + nv], vdot, data.flow, forces)
     if take_samples(signals, t, nearby(t), y[:nq], y[nq : nq + nv]) > 0:
         control.fresh = 0

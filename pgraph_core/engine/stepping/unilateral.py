@@ -125,8 +125,8 @@ def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
 
     The joint gets the permitted speed with which it is at the limit at the end of the sub-step. It
     rebounds in an impact, which has no width, or where the `rest` of a step is taken at once. It
-    stays where all its rebounds, each `e` times as long as the one before, would be over in the
-    time left of the step.
+    stays at the limit if all rebounds, each `e` times as long as the previous one, would end within
+    the step.
     """
     blocks_f, closed = blocks.blocks_f, closed_limit(blocks, i)
     gap = limit_gap(blocks, i, q)
@@ -188,7 +188,7 @@ def span_reaches(scene, i, w, v):
 
     Its block then gets the permitted speed: to be at the bound at the end of the sub-step, or to
     move along it there. A transverse speed u lengthens it by w² u² / (8 length) in half a sub-step,
-    and turns it. So a body that swings on a held length keeps its energy.
+    and turns it. A body that swings at a fixed length therefore conserves its energy.
     """
     data = opened(scene)
     blocks, work, linear = data.blocks, data.work, data.space.linear

@@ -49,7 +49,7 @@ def weigh(rows, size, stages, control):
     """Write 1 / tolerance for every entry of y, except the ledger, into WEIGHT.
 
     The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
-    least one scale per run. A state of a control has a scale of its own, its largest value so far
+    least one scale per run. Each control state has its own scale, which is its largest value so far
     and in CANDIDATE. The former stands in place of the weight of its integral: steps that will be
     rejected may end anywhere.
     """

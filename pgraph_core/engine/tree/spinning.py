@@ -375,8 +375,8 @@ def rate_after(inertia, before, alpha, h):
     """Return the angular velocity after a step of size h, from its initial value and the explicit
     ω' [1/s²].
 
-    In substeps of at most TURN. Where they are too many, or fail, the gyroscopic torque is left
-    out, which keeps the energy too.
+    In substeps of at most TURN. If there are too many, or if they fail, the gyroscopic torque is
+    omitted, which also conserves the energy.
     """
     momentum = sym_mul(inertia, before)
     gyroscopic = cross(before, momentum)

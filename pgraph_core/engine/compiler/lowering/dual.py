@@ -242,7 +242,7 @@ def value_of(typingctx: Any, x: Any) -> Any:
 
 @intrinsic
 def chained(typingctx: Any, x: Any, value: Any, slope: Any) -> Any:
-    """f(x) of a dual from f and its slope there; of a number a dual without derivatives."""
+    """Apply f to a dual, given its slope, or to a number without derivatives."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         if not isinstance(x, Dual):
@@ -273,7 +273,7 @@ def revalued(typingctx: Any, x: Any, value: Any) -> Any:
 
 
 def carries(x: Any) -> bool:
-    """Return whether an array holds duals."""
+    """Return True if an array contains duals."""
     return False
 
 

@@ -123,7 +123,7 @@ _unary(abs, lambda builder, x: llvm(builder, "fabs", x))
 
 
 def _clamp(function: Any, relation: str) -> None:
-    """Lower min and max of a lane and a lane or number. The first is chosen if `relation` holds."""
+    """Lower min and max of a lane and a lane or number, where `relation` selects the first."""
 
     def typed(args: Any) -> Any:
         lane = _lane(args, types.Float)
