@@ -465,3 +465,14 @@ def test_a_run_names_what_its_file_has_and_the_model_lacks(tmp_path):
         assert any("odd" in line for line in pg.simulate(changed, t_end=0.1).notices)
     again = pg.load(tmp_path / "model.xml")
     assert again.lost == model.lost
+
+
+@pytest.mark.parametrize(("scale", "kind"), [("0", "point"), ("1", "weld"), ("0.5", "weld")])
+def test_a_weld_without_torques_holds_a_point(scale, kind, tmp_path):
+    """In MuJoCo the error of its orientation is multiplied by the scale."""
+    pytest.importorskip("mujoco")
+    (tmp_path / "a.xml").write_text(
+        '<mujoco><worldbody><body name="b" pos="0 0 1"><freejoint/><geom size="0.1"/></body>'
+        f'</worldbody><equality><weld body1="b" torquescale="{scale}"/></equality></mujoco>'
+    )
+    assert [c.kind for c in pg.load(tmp_path / "a.xml").constraints] == [kind]

@@ -116,6 +116,8 @@ class Parts(Forces):
         if ends[0][0] == GROUND:
             ends.reverse()
         (body, point), (other, other_point) = ends
+        if kind == WELD and data[10] == 0.0:  # a weld whose torques are scaled to nothing
+            kind = CONNECT
         if kind == WELD and not self._as_at_first(one, two, turn):
             text = (
                 "the orientation of a weld that is not met at first: it holds the one at first here"
