@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -63,10 +64,13 @@ def lifted(kind: Any, value: Any, slopes: Array) -> Any:
         words = _words(value)
         out = np.zeros((*words.shape, WIDTH))
         out[..., 0].view(np.int64)[...] = words.view(np.int64)
-        real = np.broadcast_to(_is_real(kind.dtype) if kind.dtype.names else True, words.shape)
-        end = begin + np.count_nonzero(real)
-        out[real, 1 : 1 + len(slopes)] = slopes[:, begin:end].T
-        begin = end
+        if kind.dtype.names:
+            real = np.broadcast_to(_is_real(kind.dtype), words.shape)
+            first, begin = begin, begin + np.count_nonzero(real)
+            out[real, 1 : 1 + len(slopes)] = slopes[:, first:begin].T
+        elif words.size:
+            first, begin = begin, begin + words.size
+            out.reshape(-1, WIDTH)[:, 1 : 1 + len(slopes)] = slopes[:, first:begin].T
         return out
 
     return of(kind, value)
@@ -107,7 +111,7 @@ def laid_out(kind: Any, value: Any) -> list[int]:
         return [value.ctypes.data, len(value)]
     ndim, size = kind.ndim, value.itemsize * (WIDTH if kind.duals else 1)
     shape, strides = value.shape[:ndim], value.strides[:ndim]
-    return [0, 0, int(np.prod(shape)), size, value.ctypes.data, *shape, *strides]
+    return [0, 0, math.prod(shape), size, value.ctypes.data, *shape, *strides]
 
 
 def weighted(values: Sequence[Array], weights: Sequence[float]) -> Array:

@@ -172,7 +172,9 @@ def simulate(
         from .sensitivity import Carried
         from .variables import Given, variables_of
 
-        given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording, wrt)
+        alone = mech.packed.run is mech.packed  # the start of a control may depend on q and v
+        kept = plan.__dict__.setdefault("_slopes", {}) if alone else None
+        given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording, wrt, kept)
         record.carried = Carried(given, variables_of(given, wrt))
     record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
     record.ended.notices += directionless(mech, scenario, forces, state[0])

@@ -93,7 +93,7 @@ class Carried:
 
     def take_plan(self, plan: RunPlan) -> None:
         """Differentiate a run that continues with another plan. Raises InputError."""
-        given = self.given._replace(plan=replace(plan, start=self.given.plan.start))
+        given = self.given._replace(plan=replace(plan, start=self.given.plan.start), kept=None)
         refuse(given)
         self.given, self.slopes = given, []
         self.variables = variables_of(given, given.wrt)

@@ -30,6 +30,7 @@ from .plan import RunPlan, varied
 # weights of f(x + k h) for h f'(x), k = -3 ... 3, and on one side, k = 0 ... 6
 CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
+MOST_KEPT = 32_768  # numbers in the slopes that a plan keeps
 SHARE = step_of_differences(6)  # step of differences over the size of a number
 SCENE_AND_START = group(SCENE_OF_DUALS, carrying(F1), carrying(F1))
 
@@ -45,6 +46,7 @@ class Given(NamedTuple):
     v: Any
     recording: Any  # the class of recordings, which imports this module
     wrt: Any = ()  # as given
+    kept: dict[str, Slope] | None = None  # by numbers of the model, of former runs by this plan
 
     def at(self, mech: Mechanism, options: Options) -> RunPlan:
         """The plan for another mechanism of the same structure."""
@@ -183,10 +185,11 @@ class Slopes:
         Numbers of the model that change different words are changed together: it takes one scene a
         number, and one for all of them, to tell that the words are on lines.
         """
-        found, groups = dict[int, Slope](), list[dict[int, Any]]()
-        ends = dict[int, Flat]()
+        kept = {} if self._given.kept is None else self._given.kept
+        found = {n: kept[x.path] for n, x in enumerate(variables) if x.place and x.path in kept}
+        groups, ends = list[dict[int, Any]](), dict[int, Flat]()
         for n, one in enumerate(variables):
-            if one.place is None:
+            if one.place is None or n in found:
                 continue
             try:
                 ends[n] = self._flat(*one.made(one.present + one.step()))
@@ -202,7 +205,12 @@ class Slopes:
         for group in groups:
             if len(group) > 1:
                 found |= self._together(variables, ends, group)
-        return [found[n] if n in found else self.of(one) for n, one in enumerate(variables)]
+        for n, one in enumerate(variables):
+            if n not in found:
+                found[n] = self.of(one, ends.get(n))
+            if one.place is not None and (1 + len(kept)) * len(found[n].scene) <= MOST_KEPT:
+                kept[one.path] = found[n]
+        return [found[n] for n in range(len(variables))]
 
     def _together(
         self, variables: Sequence[Variable], ends: dict[int, Flat], group: dict[int, Any]
@@ -228,8 +236,11 @@ class Slopes:
             for n, changed in group.items()
         }
 
-    def of(self, variable: Variable) -> Slope:
-        """Return the derivatives by a number. Raises InputError and ModelError."""
+    def of(self, variable: Variable, end: Flat | None = None) -> Slope:
+        """Return the derivatives by a number, of which a step ends at `end` if that is known.
+
+        Raises InputError and ModelError.
+        """
         if variable.seed is not None:
             found = np.zeros(len(self._here().words))
             kind, place = variable.seed
@@ -239,13 +250,15 @@ class Slopes:
 
         @cache
         def built(k: int) -> Flat:
+            if k == 1 and end is not None:
+                return end
             return self._flat(*variable.made(variable.present + k * h)) if k else self._here()
 
         try:
             three = [built(k) for k in (0, 1, -2)]
-            slope = slope_of(three, (0.0, 1.0 / (3.0 * h), -1.0 / (3.0 * h)))
+            slope = slope_of(three, (0.0, 1.0 / 3.0, -1.0 / 3.0))
             if are_on_lines(three):
-                return self._parts(slope)
+                return self._parts(slope / h)
         except (ModelError, Differs):
             pass  # at one of the ends: one side is left
         for side, weights in ((1, CENTRAL), (1, ONE_SIDED), (-1, ONE_SIDED)):

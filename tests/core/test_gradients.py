@@ -81,6 +81,18 @@ def test_numbers_have_the_same_derivatives_together_and_alone(name, backwards):
         assert missed(run.sensitivity(path), alone) < 1e-11, path
 
 
+def test_runs_of_one_mechanism_have_the_derivatives_of_their_own():
+    """What a mechanism keeps of numbers neither depends on a state nor on other numbers."""
+    model, paths = described("double_pendulum"), SEVERAL["double_pendulum"]
+    used, states = pg.Mechanism(model), np.random.default_rng(3).normal(size=(3, 2, 2))
+    for some, (q, v) in zip((paths[:1], paths[1:], paths), states, strict=True):
+        again, fresh = (
+            pg.simulate(mech, q, v, **STEPS, wrt=list(some)) for mech in (used, pg.Mechanism(model))
+        )
+        for path in some:
+            assert np.array_equal(again.sensitivity(path), fresh.sensitivity(path)), path
+
+
 def test_a_number_at_the_end_of_its_range_leaves_the_others_as_they_are():
     """No body has the larger moment of inertia that the step to one side would need."""
     rod = pg.Body(
