@@ -83,14 +83,14 @@ def drag_of(one, turn, spin, speed):
     churn = -one.density / 64.0
     x4, y4, z4 = x * x * x * x, y * y * y * y, z * z * z * z
     force = (
-        (viscous + press * y * z * math.sqrt(u[0] * u[0])) * u[0],
-        (viscous + press * z * x * math.sqrt(u[1] * u[1])) * u[1],
-        (viscous + press * x * y * math.sqrt(u[2] * u[2])) * u[2],
+        (viscous + press * y * z * abs(u[0])) * u[0],
+        (viscous + press * z * x * abs(u[1])) * u[1],
+        (viscous + press * x * y * abs(u[2])) * u[2],
     )
     torque = (
-        (swirl + churn * x * (y4 + z4) * math.sqrt(w[0] * w[0])) * w[0],
-        (swirl + churn * y * (z4 + x4) * math.sqrt(w[1] * w[1])) * w[1],
-        (swirl + churn * z * (x4 + y4) * math.sqrt(w[2] * w[2])) * w[2],
+        (swirl + churn * x * (y4 + z4) * abs(w[0])) * w[0],
+        (swirl + churn * y * (z4 + x4) * abs(w[1])) * w[1],
+        (swirl + churn * z * (x4 + y4) * abs(w[2])) * w[2],
     )
     return mul(turn, mul(axes, torque)), mul(turn, mul(axes, force))
 

@@ -106,3 +106,14 @@ def test_the_numbers_of_a_free_joint_are_named_where_they_do_not_fit():
     for given, form in (({"v": {"b": [1, 2, 3]}}, "angular"), ({"q": {"b": [1]}}, "qw")):
         with pytest.raises(pg.InputError, match=form):
             pg.simulate(model, **given)
+
+
+def test_a_drag_has_derivatives_where_the_body_is_at_rest_along_an_edge():
+    """|u| u has the slope 0 at rest. The derivative of x = ln(1 + k v t) / k is by k."""
+    model = pg.Model([SLIDER], gravity=0).add(pg.Drag("d", "a", size=(0.1, 0.1, 0.1), density=50.0))
+    run = pg.simulate(model, v=[2.0], t_end=1.0, wrt=["forces.d.density"], rtol=1e-11)
+    k = 0.5 * 50.0 * 0.01
+    slope = 2.0 / (k * (1 + 2.0 * k)) - np.log(1 + 2.0 * k) / k**2
+    found = run.sensitivity("forces.d.density")[-1, 0]
+    assert found == pytest.approx(slope * k / 50.0, rel=1e-8)
+    assert not run.notices
