@@ -219,23 +219,22 @@ def solve_island(scene, n):
     contacts = contacts_at(opened(scene).links.contacts)
     islands, fine = contacts.islands, contacts.tally[0].fine
     count = islands.first[n + 1] - islands.first[n]
-    left = math.inf
-    if unique(scene, n):
-        left = gauss_seidel(scene, n, size, FEW_SWEEPS, TOLERANCE * fine)
-        if left <= TOLERANCE * fine:
+    heaviest = weigh(scene, n)
+    alone = unique(scene, n)
+    if not alone:
+        done, left = stays(scene, n, size)
+        if done:
             note_left(report, left, size)
             return
-    heaviest = weigh(scene, n)
-    done, rest = stays(scene, n, size)
-    if done:
-        note_left(report, rest, size)
-        return
     work, room = order_island(scene, n)
-    if room and work <= SWEPT * count:
+    small = room and work <= SWEPT * count
+    tolerance = fine * (TOLERANCE if small else CROWD)
+    left = math.inf
+    if alone or not small:
+        left = gauss_seidel(scene, n, size, FEW_SWEEPS if small else SWEEPS, tolerance)
+    if small and left > tolerance:
         left, taken = solve_exact(scene, n, size, heaviest)
         report[STEPS_DONE] += taken
-    elif left > CROWD * fine:
-        left = gauss_seidel(scene, n, size, SWEEPS, CROWD * fine)
     if left > NOTABLE:
         report[HARD] += 1.0
     forget_order(islands)
