@@ -45,7 +45,7 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
     low, high = bounds(mech)
     search = _Search(here, low, high)
     if len(here.s):
-        found = search.with_states()
+        found = search.balanced()
     elif here.has_energy:
         found = search.downhill()
     else:
@@ -338,10 +338,10 @@ class _Search:
             share, self.stopper = share / 2, -1
         return None
 
-    # -- with states of controls -----------------------------------------------------------------
+    # -- with states of controls, or without an energy -------------------------------------------
 
-    def with_states(self) -> Place | None:
-        """Find q and states of controls together by Newton's method, or None.
+    def balanced(self) -> Place | None:
+        """Find q and states of controls together by Newton's method, or None. It may be unstable.
 
         Steps are halved until the residual decreases, with each equation scaled by its largest
         slope.
@@ -358,13 +358,14 @@ class _Search:
             step: Any = -np.linalg.lstsq(slope / scale[:, None], left, rcond=ROUNDING)[0]
             moves, change = free @ step[: free.shape[1]], step[free.shape[1] :]
             longest = float(np.max(np.abs(moves) / here.reach, initial=0.0))
-            far = max(longest, float(np.abs(change).max() / max(np.abs(here.s).max(), 1.0)))
+            state = max(float(np.abs(here.s).max(initial=0.0)), 1.0)
+            far = max(longest, float(np.abs(change).max(initial=0.0)) / state)
             share = self.share(moves) if longest > ROUNDING else 1.0
             for _ in range(HALVINGS):
                 new = self.moved(here, share * moves).with_states(here.s + share * change)
                 other = self.left_of(new, self.free(new)) / scale
                 if len(other) == len(left) and np.linalg.norm(other) < np.linalg.norm(left):
-                    self.here = self.best = new
+                    self.here = self.best = self.taken(new)
                     break
                 share *= 0.5
             else:
@@ -407,25 +408,3 @@ class _Search:
             step = -free @ np.linalg.lstsq(np.eye(len(K)) / h + K, slope, rcond=ROUNDING)[0]
             self.here = self.taken(self.moved(here, self.share(step) * step))
         return self.best if least <= SOLVED else None
-
-    def balanced(self) -> Place | None:
-        """Balance the forces by damped least squares. The result may be unstable, or None."""
-        damping, least = 1e-3, np.inf
-        for _ in range(BALANCE_ROUNDS):
-            here, free = self.here, self.free(self.here)
-            slope = self.slope(here, free)
-            norm = float(np.linalg.norm(slope))
-            if norm / self.size <= SOLVED and norm >= least / 2:
-                return here
-            K, least = free.T @ here.stiffness @ free, norm
-            scale = float(np.max(np.sum(K**2, axis=0), initial=0.0))
-            wanted = K.T @ K + damping * scale * np.eye(len(K))
-            step = -free @ np.linalg.lstsq(wanted, K.T @ slope, rcond=ROUNDING)[0]
-            new = self.moved(here, self.share(step) * step)
-            if np.linalg.norm(self.slope(new, self.free(new))) < norm:
-                self.here, damping = self.taken(new), damping / 10
-            elif norm / self.size <= SOLVED:
-                return here
-            elif (damping := damping * 10) > 1e8:
-                break
-        return None
