@@ -339,6 +339,7 @@ class RunLinks(NamedTuple):
     look_back: Any = 0  # for events within the last step
     events: Any = 0  # values of a user's events
     watch: Any = 0  # whether something has come near
+    cross: Any = 0  # where comparisons of the motion end the step
 
 
 class Tableau(NamedTuple):
@@ -424,7 +425,7 @@ EVENT_CONTACTS = named(
 )
 EVENT_SCENE = named(EventData, SCENE, EVENT_CONTACTS)
 RUN = named(
-    Run, i8, named(RunLinks, *[i8] * 7), named(Tableau, F2, F1, F1, F2, F2), array_of(METHOD), F1,
+    Run, i8, named(RunLinks, *[i8] * 8), named(Tableau, F2, F1, F1, F2, F2), array_of(METHOD), F1,
     I1, F1, F1, F2, F2, C2, array_of(STEP_CONTROL), array_of(COUNTERS), F1, F2, I1, I1, F1, OUT,
 )  # fmt: skip
 

@@ -20,6 +20,7 @@ from .signals import (
     ASIN,
     AT_MOST,
     ATAN,
+    BLEND,
     CHOOSE,
     COS,
     DIV,
@@ -200,7 +201,9 @@ def range_of(op, a, b, c):
         return min(a[0], b[0]), min(a[1], b[1])
     if op == MAX:
         return max(a[0], b[0]), max(a[1], b[1])
-    if op == CHOOSE:
+    if op == CHOOSE or op == BLEND:
+        if op == BLEND and 0.0 < a[0] < 1.0:
+            return min(b[0], c[0]), max(b[1], c[1])
         if a[0] > 0.0 or a[1] < 0.0:
             return b
         if a[0] == 0.0 and a[1] == 0.0:

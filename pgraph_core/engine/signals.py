@@ -12,13 +12,17 @@ from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, I2, f8, void
 from .loads import put_in_knots
 
-COLUMNS = 5
+COLUMNS, OWN_COLUMNS = 5, 2
 (
     NUMBER, TIME, Q, V, ADD, SUB, MUL, DIV, MIN, MAX, CHOOSE, LESS, AT_MOST, ABS, SQRT, SIN, COS,
-    TAN, EXP, LOG, ASIN, ACOS, ATAN, POW,
-) = range(24)  # fmt: skip
+    TAN, EXP, LOG, ASIN, ACOS, ATAN, POW, BLEND,
+) = range(25)  # fmt: skip
 COMPARING = MIN, MAX, LESS, AT_MOST, ABS
-JUMPING = CHOOSE, LESS, AT_MOST  # operations whose value jumps
+HELD = 25  # added to a comparison of the motion: a run holds its result within a step
+JUMPING = CHOOSE, LESS, AT_MOST, HELD + LESS, HELD + AT_MOST  # operations whose value jumps
+# in the second row of a held comparison: 1 if it is true, -1 if not, 0 if not held; in between the
+# motion slides along its margin, with a share of both sides
+SIDE = 1
 # where a value goes: the instruction, DRIVE or a kind of load, counted from 1, the first knot, how
 # many knots, the column; the number of its force, and 1 once the value was not finite
 DRIVE = 0
@@ -45,7 +49,22 @@ def evaluate(code, first, count, t, q, v):
             a = code[first + 2 * int(code[i, 1]) + 1, 0]
             b = code[first + 2 * int(code[i, 2]) + 1, 0]
             c = code[first + 2 * int(code[i, 3]) + 1, 0]
-            code[i + 1, 0] = value_of(op, a, b, c)
+            if op < HELD:
+                code[i + 1, 0] = value_of(op, a, b, c)
+            else:
+                code[i + 1, 0] = held(op - HELD, code[i + 1, SIDE], a, b)
+
+
+@part
+def held(op, side, a, b):
+    """Return the value of a comparison whose result is held, or as it is if none is."""
+    if side == 0.0:
+        return value_of(op, a, b, b)
+    if op == LESS or op == AT_MOST:
+        return 0.5 + 0.5 * side
+    if op == ABS:
+        return -a if side > 0.0 else a
+    return a if (side > 0.0) == (op == MIN) else b
 
 
 @kernel(void(F2, f8, F1, F1), later=True)
@@ -79,6 +98,10 @@ def value_of(op, a, b, c):
         return abs(a)
     if op == SQRT:
         return math.sqrt(a) if a >= 0.0 else math.nan
+    if op == BLEND and 0.0 < a < 1.0:
+        return a * b + (1.0 - a) * c
+    if op == BLEND:
+        return b if a != 0.0 else c
     return function_of(op, a, b)
 
 

@@ -21,6 +21,7 @@ KERNELS: dict[str, tuple[str, ...]] = {
     "stepping.run": ("advance_run",),
     "motion": ("acceleration", "projection", "record", "constrain", "constrained_dynamics"),
     "stepping.explicit": ("semi_implicit", "runge_kutta"),
+    "stepping.crossings": ("cross",),
     "stepping.moreau": ("moreau_jean",),
     "contact.contacts": ("find", "contact_forces", "record_contacts", "settle_contacts"),
     "contact.approach": ("bound_step",),

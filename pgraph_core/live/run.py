@@ -19,6 +19,7 @@ from ..engine.arrays import CONTACTS, RUN, SCENE, Links, RunLinks
 from ..engine.compiler.address import address_of
 from ..engine.compiler.kinds import Array, Group
 from ..engine.records import CHOSEN, STEP_CONTROL, WIDEST, table
+from ..engine.stepping import crossings
 from ..errors import InputError, Problem, choices
 from ..forces import spring
 from ..integrators import METHODS
@@ -385,7 +386,7 @@ def _check(plan: Any) -> None:
 def _kernels(method: str) -> Mapping[int, str]:
     """Return {address: name} of the compiled kernels that runs call by address."""
     names = [motion.acceleration, motion.projection, motion.record, motion.constrain]
-    names.append(METHODS[method].kernel)
+    names += [METHODS[method].kernel, crossings.cross]
     if method == "moreau_jean":
         from ..engine.contact import approach, contacts
         from ..engine.gait import walking

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
@@ -209,21 +209,23 @@ class Packed:
         return kept[2] if kept is not None and kept[1] is drives else bends(drives)
 
     def loads(
-        self, forces: tuple[Force, ...], *, states: bool = False, named: tuple[Force, ...] = ()
-    ) -> Loads:
+        self, forces: tuple[Force, ...], *, states: bool = False, named: tuple[Force, ...] = (),
+        watched: Sequence[str] = (),
+    ) -> Loads:  # fmt: skip
         """Return the given wrenches, springs between bodies, and expressions of all forces.
 
         With `states`, the states of controls are included even if no force reads them. Expressions
-        may name further drives, `named`.
+        may name further drives, `named`. Steps end where comparisons in `watched` change.
         """
         found = NO_LOADS
         if on_bodies(forces):
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
-        if not (any(f._varies for f in forces) or (states and self.model.controls)):
+        acts = any(f._varies for f in forces) or (states and self.model.controls)
+        if not (acts or watched):
             return found
         places = Places(self.model, self.topology, self.system)
         given = self.model, forces, self.drives(forces), found
-        return found._replace(signals=signals(places, *given, named))
+        return found._replace(signals=signals(places, *given, named, watched))
 
     @cached_property
     def passive_loads(self) -> Loads:

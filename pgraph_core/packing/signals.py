@@ -11,13 +11,14 @@ from .. import joints
 from ..curves import Table, VectorTable
 from ..engine import signals as kernels
 from ..engine.edges import COMPARES, MARK, NEEDED
-from ..engine.signals import DRIVE, STATES, TARGET
+from ..engine.signals import DRIVE, HELD, STATES, TARGET
 from ..engine.stepping.measured import CONSTRAINT, CONTACT, COUNT, FIRST, WHAT
 from ..fields import EMPTY
 from ..forces import LOADS, OnBody, OnJoint, Wrench
 from ..model import Control, Force, Model
 from ..model.control import STATE, Own
 from ..signals import Node, parsed
+from ..signals.grammar import COMPARISONS, walk
 from ..signals.meaning import CONSTANTS
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates
@@ -43,17 +44,19 @@ class Program:
 
     def __init__(
         self, parameters: Mapping[str, float], places: Any = None,
-        controls: Mapping[str, Control] = EMPTY, forces: Sequence[Force] = (),
+        controls: Mapping[str, Control] = EMPTY, forces: Sequence[Force] = (), holds: bool = False,
     ):  # fmt: skip
         """Create an empty program. `places(group, name, k)` returns the readers of a signal.
 
-        If several `forces` have the same name, the last one is used.
+        If several `forces` have the same name, the last one is used. A run `holds` the results of
+        comparisons of the motion within a step.
         """
         self.rows: list[tuple[float, ...]] = []
         self._numbers: dict[tuple[float, ...], int] = {}
         self._named: dict[str, int] = {}
         self._parameters, self._places = {**CONSTANTS, **parameters}, places
         self._controls, self._values = controls, dict[str, Operand]()
+        self._holds = holds
         self._drives = {f.name: f for f in forces if isinstance(f, OnJoint)}
         for control in controls.values():
             self._parameters |= control.numbers
@@ -208,6 +211,15 @@ class Program:
         rises = node.op in ("less", "at_most")
         return self.put(kernels.SUB, b, a) if rises else self.put(kernels.SUB, a, b)
 
+    def watch(self, node: Node) -> None:
+        """Let steps end where a comparison in a condition changes, if the state tells it."""
+        nodes = list(walk(node))
+        if any(n.signal[0] == "force" for n in nodes):
+            return
+        for n in nodes:
+            if n.op in COMPARISONS:
+                self.put(kernels.ABS, self.put(kernels.SUB, *map(self.of, n.args)))
+
     def table(self, x: Operand, knots: Sequence[Operand]) -> Operand:
         """Interpolate linearly between knots (position, value, ...), constant outside."""
         found = knots[1]
@@ -219,18 +231,22 @@ class Program:
         return found
 
     def code(self) -> Array:
-        """Return the instructions and their values, not yet known, as (2 n, COLUMNS)."""
-        found = np.zeros((2 * len(self.rows), kernels.COLUMNS))
+        """Return the instructions and their values, not yet known, as (2 n, COLUMNS).
+
+        What a run holds has OWN_COLUMNS more, for bounds of rates.
+        """
+        more = kernels.OWN_COLUMNS if self._holds else 0
+        found = np.zeros((2 * len(self.rows), kernels.COLUMNS + more))
         if self.rows:
-            found[::2] = self.rows
+            found[::2, : kernels.COLUMNS] = self.rows
             self._mark(found[::2])
         return found
 
     def _mark(self, rows: Array) -> None:
         """Mark the comparisons of times, and the operations that they need."""
-        moves = list[bool]()  # an instruction reads the motion, or the time
-        timed = list[bool]()
-        for op, *operands, _ in rows.tolist():
+        moves = list[bool]()  # an instruction reads the motion, or the time, or is true or not
+        timed, true = list[bool](), list[bool]()
+        for op, *operands, number in rows[:, : kernels.COLUMNS].tolist():
             reads = [int(k) for k in operands[: _operands(int(op))]]
             own = op in (kernels.Q, kernels.V) or (op == kernels.NUMBER and operands[0] != 0.0)
             moves.append(own or any(moves[k] for k in reads))
@@ -238,6 +254,13 @@ class Program:
             k = len(timed) - 1
             if op in kernels.COMPARING and timed[k] and not moves[k]:
                 rows[k, MARK] = COMPARES
+            true.append(op in kernels.JUMPING or (op == kernels.NUMBER and number in (0.0, 1.0)))
+            if op == kernels.CHOOSE:
+                true[k] = all(true[i] for i in reads)
+            if op == kernels.CHOOSE and moves[k] and true[reads[0]] and self._holds:
+                rows[k, 0] = kernels.BLEND
+            if op in kernels.COMPARING and moves[k] and self._holds:
+                rows[k, 0] += HELD
         for k in range(len(rows) - 1, -1, -1):
             if (op := int(rows[k, 0])) > kernels.V and rows[k, MARK]:
                 for i in map(int, rows[k, 1 : 1 + _operands(op)]):
@@ -285,6 +308,11 @@ def count_of_edges(code: Array) -> int:
     return int(np.count_nonzero((rows[:, 0] > kernels.V) & (rows[:, MARK] == COMPARES)))
 
 
+def count_of_held(code: Array) -> int:
+    """Return how many comparisons of the motion a program has."""
+    return int(np.count_nonzero(code[::2, 0] >= HELD))
+
+
 def of_time(text: str, parameters: Mapping[str, float]) -> Array:
     """Return the program for a prescribed motion. Its last instruction is the value."""
     program = Program(parameters)
@@ -321,7 +349,7 @@ class Places:
             return kernels.V, at_v[k][0]
         place = joints.places(self._model.body(name).sequence)[k]
         assert place is not None
-        return kernels.Q, self._first(number) + place
+        return kernels.Q, self._first(number) + place, at_v[k][0]
 
     def of_load(self, program: Program, f: OnBody) -> Iterator[tuple[Operand, int]]:
         """Yield (value, column of the knots) for each expression in a load."""
@@ -357,7 +385,7 @@ def begun_from(loads: Loads, states: Array) -> Loads:
     code, targets, own = loads.signals
     known, own = np.flatnonzero(~np.isnan(states)), own.copy()
     own[known, kernels.START] = len(code) // 2 + np.arange(len(known))
-    rows = np.zeros((2 * len(known), kernels.COLUMNS))
+    rows = np.zeros((2 * len(known), code.shape[1]))
     rows[::2, 0], rows[::2, 4] = kernels.NUMBER, states[known]
     return loads._replace(signals=(np.vstack((code, rows)), targets, own))
 
@@ -374,13 +402,14 @@ def signals(
     drives: Drives,
     loads: Loads,
     named: Sequence[Force] = (),
+    watched: Sequence[str] = (),
 ) -> tuple[Array, Ints, Ints]:
     """Return (code, targets, states) for all expressions in these forces, for their drives and
-    loads, and in the controls.
+    loads, and in the controls. Conditions are `watched`.
     """
     controls = {c.name: c for c in model.controls}
     known = (*known_forces(model), *named, *forces)
-    program = Program(model.parameters, places, controls, known)
+    program = Program(model.parameters, places, controls, known, holds=True)
     targets = list[tuple[int, ...]]()
     rows = iter(drives.table[drives.passive :])
     tables = {kind.part: (n, iter(loads[n][0])) for n, kind in enumerate(LOADS)}
@@ -405,6 +434,8 @@ def signals(
     owners, own = (
         np.array(x, np.int64).reshape(-1, n) for x, n in ((targets, TARGET), (states, STATES))
     )
+    for text in watched:
+        program.watch(parsed(text))
     return program.code(), owners, own
 
 

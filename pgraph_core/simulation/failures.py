@@ -12,7 +12,7 @@ from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine.arrays import Frames
 from ..engine.records import SWING
-from ..engine.signals import CONTROL, FAILED, JUMPING, LOST, OWNER, values
+from ..engine.signals import CONTROL, FAILED, LOST, OWNER, values
 from ..mechanism import Mechanism
 from ..model import Control, Force
 from ..model.expressions import expressions_of
@@ -54,8 +54,6 @@ def _advice(record: Running, status: Status) -> str:
         case Status.STEP_TOO_SMALL:
             text = "forces may jump there, or the tolerance may be too small: try a larger one"
             return _steep(record, float(record.steps.control["failed"])) or text
-        case Status.NOT_SOLVED if np.isin(record.scene.loads.signals[0][::2, 0], JUMPING).any():
-            return "an expression that compares, or a clamped integral, jumps there; give rtol"
         case Status.TOO_MANY_STEPS:
             return "give a larger max_steps or rtol, or try radau5 if it is stiff"
     if given is not None and not given.fixed:

@@ -30,7 +30,7 @@ from ..engine.stepping import run
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
-from ..packing.signals import count_of_edges
+from ..packing.signals import count_of_edges, count_of_held
 from ..result import Status
 from ..result.records import Event
 from ..tolerances import SOLVED
@@ -115,6 +115,10 @@ class Steps:
         self.control["due"] = ALWAYS if always else 0
         plan, method = self.plan, self.plan.method
         matrices = _matrices(len(self.v)) if method.implicit else NO_MATRICES
+        if method.starts and count_of_held(plan.loads.signals[0]):
+            from ..engine.stepping.crossings import cross
+
+            links = links._replace(cross=address_of(cross))
         self.links = links
         if len(self._signs) != len(wanted):
             self._signs = np.zeros(len(wanted), dtype=np.int64)

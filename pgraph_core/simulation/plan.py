@@ -300,7 +300,8 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     """A plan with the forces and the initial state of another mechanism of the same structure."""
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
     begin, contacts = o.span(given)[0], plan.contacts
-    _, drives, loads = _forces(mech, o, given, begin, o.checked_forces(mech))
+    forces = _forces(mech, o, given, begin, o.checked_forces(mech))
+    drives, loads = mech.packed.drives(forces), _loads(mech, forces, plan.conditions)
     start = initial_state(mech, given, q, v, tau, begin)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
@@ -350,13 +351,13 @@ def _what_acts(
 
     Conditions of switches may ask for `contacts`.
     """
-    forces, drives, loads = _forces(mech, o, given, span[0], extra)
+    forces = _forces(mech, o, given, span[0], extra)
     now = active_constraints(mech, given)
     active, changes = switch_changes(mech, given, o.switches, now, span)
     switches = switches_of(mech, given, o.switches, span)
     conditions = conditions_of(mech, switches, contacts, forces)
     return RunPlan(
-        drives=drives, loads=loads, active=active,
+        drives=mech.packed.drives(forces), loads=_loads(mech, forces, conditions), active=active,
         varying=tuple(f for f in forces if f._varies and exerts(f)),
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,
@@ -365,14 +366,21 @@ def _what_acts(
 
 def _forces(
     mech: Mechanism, o: Options, given: Scenario | None, begin: float, extra: tuple[Force, ...]
-) -> tuple[tuple[Force, ...], Drives, Loads]:
-    """Return all forces of a run, in joints and as loads."""
+) -> tuple[Force, ...]:
+    """Return all forces of a run."""
     forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
     if o.inputs:
         forces = driven(forces, o.inputs, "simulate", begin)
-    forces = begun(forces, begin)
-    loads = mech.packed.loads(tuple(filter(exerts, forces)), states=True)
-    return forces, mech.packed.drives(forces), loads
+    return begun(forces, begin)
+
+
+def _loads(
+    mech: Mechanism, forces: tuple[Force, ...], conditions: tuple[ConditionOf, ...]
+) -> Loads:
+    """Return the forces of a run as loads, with the comparisons of its conditions."""
+    watched = [text for c in conditions if (text := c.when.holds)]
+    exerted = tuple(filter(exerts, forces))
+    return mech.packed.loads(exerted, states=True, watched=watched)
 
 
 def _with_method(

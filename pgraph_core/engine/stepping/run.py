@@ -18,6 +18,7 @@ from ..rows import v_of
 from ..signals import take_samples
 from ..tree.moving import normalise_all
 from ..vec import finite
+from .crossings import within_ranges
 from .explicit import dense_output, last_stage, turn_spins
 from .measured import measure, measures
 from .state import acceleration_of, call_step, copied, onto_constraints, size_of_state
@@ -57,6 +58,7 @@ def advance_run(run, budget):
     """
     data = opened_run(run)
     control, counters, times = data.control[0], data.counters[0], data.times
+    control.sided = 0
     for _ in range(budget):
         i = control.frame
         if i == control.last:
@@ -93,6 +95,7 @@ def step_once(run):
         pass_corners(run)
     if control.edges > 0:
         pass_edges(run)
+    take_sides_here(run)
     if method.starts == 1 and control.fresh == 0:
         acceleration_of(run, control.time, at.Y, at.SLOPE)
         control.fresh = 1
@@ -103,6 +106,10 @@ def step_once(run):
     h, end, corner = next_width(run)
     error = call_step(links.step, (run, h))
     good = error >= 0.0 and error < math.inf
+    if not good and links.cross != 0:  # a side may have no value beyond its margin
+        call_step(links.cross, (run, -h))
+        error = call_step(links.step, (run, h))
+        good = error >= 0.0 and error < math.inf
     cornered = data.corners.shape[0] > 0 or control.edges > 0
     if good and error > 1.0 and control.widths == CHOSEN and cornered:
         error = 1.0 if error <= blurred(run, h) else error
@@ -112,6 +119,10 @@ def step_once(run):
         widen(control, method, min(error, 1.0), h)
         if data.tableau.dense.shape[0] == 0 and h < control.width < WORTH_FACTORING * h:
             control.width = h
+    if links.cross != 0 and not within_ranges(run, opened(data.scene).loads.signals[0], h):
+        w = call_step(links.cross, (run, h))
+        if w < h:
+            h, end, corner = w, control.time + w, control.sided == 0
     code = accept(run, h, end, corner)
     if code == at.DONE and links.watch != 0 and is_due(run):
         call_look_back(links.watch, (run,))
@@ -131,6 +142,14 @@ def step_once(run):
 
 
 @sweep
+def take_sides_here(run):
+    """Hold comparisons of the motion with their results at Y, unless they are held already."""
+    data = opened_run(run)
+    if data.links.cross != 0 and data.control[0].sided == 0:
+        call_step(data.links.cross, (run, 0.0))
+
+
+@sweep
 def sampled(run):
     """Take the samples of controls at the end of a step, after all events within it."""
     data = opened_run(run)
@@ -143,7 +162,7 @@ def sampled(run):
         forces, vdot = data.out[3][i], data.out[2][i]  # a frame that is not recorded yet
         measure(data.scene, accelerate, t, y[:nq], y[nq : nq + nv], vdot, data.flow, forces)
     if take_samples(signals, t, nearby(t), y[:nq], y[nq : nq + nv]) > 0:
-        control.fresh = 0
+        control.fresh = control.sided = 0
 
 
 @sweep
@@ -229,6 +248,8 @@ def frame(run, i):
         dense_output(run, (t - control.old_time) / control.old_width)
         row = at.TRIAL
         onto_constraints(run, t, row)
+    else:
+        take_sides_here(run)
     q = stages[row, :nq]
     v = stages[row, nq : nq + nv]
     ledger = stages[row, nq + nv :]

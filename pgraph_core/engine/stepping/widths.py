@@ -319,13 +319,8 @@ def step_taken(run):
     """Count a given step, or record the completed part if it was cut short."""
     control = opened_run(run).control[0]
     left = control.widest - control.done
-    if control.fired != 0:
-        gone = control.time - control.old_time
-        over = left - gone <= nearby(control.time)
-    else:
-        gone = control.old_width
-        over = gone >= left
-    if not over:
+    gone = control.time - control.old_time if control.fired != 0 else control.old_width
+    if left - gone > nearby(control.time):
         control.done += gone
         return
     control.done = 0.0

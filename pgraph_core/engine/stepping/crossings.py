@@ -1,0 +1,602 @@
+"""Comparisons of the motion end steps, as comparisons of time do.
+
+A step is taken with the results that all comparisons in expressions have at its start, those within
+min, max and abs too, and ends where the margin of one, its left side minus its right one, changes
+its sign. So each step is smooth, and each side is evaluated on its own side.
+
+Margins and their rates are bounded by interval arithmetic [Moore 1966] over the states on the way:
+those at both ends, and what their rates permit in between. A part of the step in which a margin may
+change its sign, and may turn, is taken shorter.
+"""
+
+import math
+
+from ...tolerances import EPS, ROUNDING
+from .. import layout as at
+from ..arrays import opened_run
+from ..compiler.jit import kernel, part, sweep
+from ..edges import DEEPEST, LEAST, MOST, compared, hull, range_at, range_of
+from ..motion import opened
+from ..records import CHOSEN
+from ..signals import (
+    ABS,
+    ADD,
+    AT_MOST,
+    BLEND,
+    CHOOSE,
+    COS,
+    DIV,
+    EXP,
+    HELD,
+    LESS,
+    MAX,
+    MIN,
+    MUL,
+    NUMBER,
+    SIDE,
+    SIN,
+    SQRT,
+    SUB,
+    TIME,
+    Q,
+    V,
+    evaluate,
+)
+from .state import STEP, call_step, size_of_state
+from .widths import size_of
+
+# of a second row: of a coordinate or velocity, what bends its way; the value, or the margin, where
+# a part begins; the margin where a part ends, and how much it changes
+BEND, BEGIN, END, CHANGE = 1, 2, 3, 4
+SLOWEST, FASTEST = 5, 6  # range of the rate
+CLEAR, CHANGED, OPEN = 0, 1, 2
+SHORTEST = 1.0 / (1 << DEEPEST)  # part of a step: what changes twice within it changes nothing
+MOST_LOOKS = 256  # parts of a step: for a margin that is at its bound all the way
+TRIALS = 80  # bisections alone need 52
+AHEAD = 16  # steps of this way within which nothing can change: later ones need no look
+ROUNDED = 4 * EPS  # width of an instant, relative to the step or the time
+GROWTH = 16  # of the least width of a step, while one side leads to the other at once
+
+
+@kernel(STEP, nogil=True, later=True)
+def cross(run, h):
+    """Return the width of the step in CANDIDATE, shortened if a comparison changes before h.
+
+    With h = 0 the results are those at Y from now on; with h < 0 they are not held in this step.
+    """
+    data = opened_run(run)
+    control, code = data.control[0], opened(data.scene).loads.signals[0]
+    if h <= 0.0:
+        control.sided = 0
+        release(code)
+        if h == 0.0:
+            take_sides(run, code)
+        return 0.0
+    see(run, code, at.Y, control.time)
+    keep(code)
+    see(run, code, at.CANDIDATE, control.time + h)
+    bend(run, code, h)
+    control.clear = -math.inf
+    if control.slid > 0:
+        h = slide(run, code, h)
+    if judged(code, 1.0, h) == CLEAR:
+        if control.slid == 0:
+            look_ahead(run, code, h)
+        return h
+    begin, end = first_change(run, code, h)
+    if end == 0.0:
+        calm(control)
+        control.pieces = 0
+        return h
+    return ended(run, h, located(run, code, h, begin, end))
+
+
+@sweep
+def see(run, code, row, t):
+    """Evaluate the program at a state."""
+    nq, nv = size_of_state(run)
+    stages = opened_run(run).stages
+    evaluate(code, 0, code.shape[0] // 2, t, stages[row, :nq], stages[row, nq : nq + nv])
+
+
+@sweep
+def release(code):
+    """Let comparisons have the results that the state gives."""
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] >= HELD:
+            code[i + 1, SIDE] = 0.0
+
+
+@sweep
+def take_sides(run, code):
+    """Take the results of comparisons at Y, and forget the states within which they hold."""
+    control = opened_run(run).control[0]
+    see(run, code, at.Y, control.time)
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] >= HELD:
+            code[i + 1, SIDE] = side_of(code, i)
+    if control.slid > 0:
+        blend(code, control.slid, control.share)
+    control.sided = 1
+    control.clear = -math.inf
+
+
+@part
+def operand(code, i, k):
+    """Return the value of an operand."""
+    return code[2 * int(code[i, k]) + 1, 0]
+
+
+@part
+def side_of(code, i):
+    """Return 1 if a held comparison is true, else -1."""
+    op = int(code[i, 0]) - HELD
+    return 2.0 * compared(op, operand(code, i, 1), operand(code, i, 2)) - 1.0
+
+
+@part
+def margin_of(code, i):
+    """Return the left side of a held comparison minus its right side."""
+    a = operand(code, i, 1)
+    return a if code[i, 0] == HELD + ABS else a - operand(code, i, 2)
+
+
+@sweep
+def keep(code):
+    """Let the next part of the step begin at the state that was evaluated last."""
+    for i in range(0, code.shape[0], 2):
+        code[i + 1, BEGIN] = margin_of(code, i) if code[i, 0] >= HELD else code[i + 1, 0]
+
+
+@part
+def has_changed(code, i):
+    """Return True if a held comparison has another result than at the start of the step."""
+    return abs(code[i + 1, SIDE]) == 1.0 and side_of(code, i) != code[i + 1, SIDE]
+
+
+@sweep
+def any_changed(code):
+    """Return True if a comparison has changed."""
+    found = False
+    for i in range(0, code.shape[0], 2):
+        found = found or (code[i, 0] >= HELD and has_changed(code, i))
+    return found
+
+
+# -- bounds ---------------------------------------------------------------------------------------
+
+
+@part
+def rate_in(run, row, k):
+    """Return v of coordinate k or v' of velocity k, as far as the step knows it, else 0."""
+    data = opened_run(run)
+    starts = row == at.Y and data.method[0].starts == 1
+    return data.stages[at.SLOPE, k] if starts else 0.0
+
+
+@sweep
+def bend(run, code, h):
+    """Store how far each coordinate and velocity of the program can leave the chord of the step.
+
+    A cubic through both positions with both velocities leaves it by less than its velocities
+    times h differ from the chord, a parabola by less than its first rate does. Parts of a step
+    leave theirs by the square of their share.
+    """
+    stages = opened_run(run).stages
+    nq, _ = size_of_state(run)
+    for i in range(0, code.shape[0], 2):
+        op, k = int(code[i, 0]), int(code[i, 1])
+        way = code[i + 1, 0] - code[i + 1, BEGIN]
+        if op == Q:
+            j = nq + int(code[i, 2])
+            first, last = h * stages[at.Y, j] - way, h * stages[at.CANDIDATE, j] - way
+            code[i + 1, BEND] = max(abs(first), abs(last))
+        elif op == V:
+            slope = h * rate_in(run, at.Y, nq + k)
+            code[i + 1, BEND] = abs(slope - way) if slope != 0.0 else 0.0
+
+
+@sweep
+def judged(code, share, width):
+    """Return CLEAR if no comparison changes in a part of the step, CHANGED if one has at its end,
+    or OPEN.
+
+    The part has this share of the step and this width [s]. A margin without a known range is judged
+    by its ends, as one that does not turn.
+    """
+    found = CLEAR
+    for i in range(0, code.shape[0], 2):
+        op = int(code[i, 0])
+        if op <= V:
+            put_signal(code, i, op, share, width)
+            continue
+        a, b = range_at(code, i, 1), range_at(code, i, 2)
+        by_a, by_b = rate_at(code, i, 1), rate_at(code, i, 2)
+        if op < HELD:
+            x = range_of(op, a, b, range_at(code, i, 3))
+            put_range(code, i, x, rate_range(op, x, a, b, by_a, by_b, rate_at(code, i, 3)))
+            continue
+        side = code[i + 1, SIDE]
+        if not certain(op - HELD, side, a, b):
+            least, most = by_a if op == HELD + ABS else (by_a[0] - by_b[1], by_a[1] - by_b[0])
+            known = most - least < math.inf
+            if share == 0.0 or (known and least <= 0.0 <= most):
+                found = OPEN
+            elif found == CLEAR and has_changed(code, i):
+                found = CHANGED
+        put_range(
+            code, i, range_held(op - HELD, side, a, b), rate_held(op - HELD, side, by_a, by_b)
+        )
+    return found
+
+
+@sweep
+def put_signal(code, i, op, share, width):
+    """Store the range of a signal and of its rate, in a part of the step."""
+    a, b = code[i + 1, BEGIN], code[i + 1, 0]
+    off = code[i + 1, BEND] * share if op == Q or op == V else 0.0
+    code[i + 1, LEAST], code[i + 1, MOST] = min(a, b) - off * share, max(a, b) + off * share
+    slope, off = 0.0, 3.0 * off
+    if op == TIME:
+        slope = 1.0
+    elif op != NUMBER and width > 0.0:
+        slope, off = (b - a) / width, off * share / width
+    code[i + 1, SLOWEST], code[i + 1, FASTEST] = slope - off, slope + off
+
+
+@part
+def put_range(code, i, x, rate):
+    """Store the range of a value and of its rate."""
+    code[i + 1, LEAST], code[i + 1, MOST] = x
+    code[i + 1, SLOWEST], code[i + 1, FASTEST] = rate
+
+
+@part
+def rate_at(code, i, k):
+    """Return the (least, largest) rate of an operand."""
+    row = 2 * int(code[i, k]) + 1
+    return code[row, SLOWEST], code[row, FASTEST]
+
+
+@part
+def product(a, b):
+    """Return the range of a product."""
+    return hull(a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1])
+
+
+@sweep
+def rate_range(op, x, a, b, by_a, by_b, by_c):
+    """Return the (least, largest) rate of an operation of range x, infinite if it is not known."""
+    if op == ADD:
+        return by_a[0] + by_b[0], by_a[1] + by_b[1]
+    if op == SUB:
+        return by_a[0] - by_b[1], by_a[1] - by_b[0]
+    if op == MUL:
+        one, two = product(by_a, b), product(a, by_b)
+        return one[0] + two[0], one[1] + two[1]
+    if op == DIV and not b[0] <= 0.0 <= b[1]:
+        two = product(x, by_b)
+        return product((by_a[0] - two[1], by_a[1] - two[0]), (1.0 / b[1], 1.0 / b[0]))
+    if op == MIN or op == MAX:
+        return min(by_a[0], by_b[0]), max(by_a[1], by_b[1])
+    if op == CHOOSE or op == BLEND:
+        return min(by_b[0], by_c[0]), max(by_b[1], by_c[1])
+    if op == ABS:
+        return product(by_a, (-1.0, 1.0))
+    if op == SIN:
+        return product(by_a, range_of(COS, a, a, a))
+    if op == COS:
+        low, high = range_of(SIN, a, a, a)
+        return product(by_a, (-high, -low))
+    if op == EXP:
+        return product(by_a, x)
+    if op == SQRT and x[0] > 0.0:
+        return product(by_a, (0.5 / x[1], 0.5 / x[0]))
+    if op == LESS or op == AT_MOST:
+        return 0.0, 0.0
+    return -math.inf, math.inf
+
+
+@part
+def rate_held(op, side, by_a, by_b):
+    """Return the (least, largest) rate of a held comparison."""
+    if op == LESS or op == AT_MOST:
+        return 0.0, 0.0
+    if op == ABS:
+        return (-by_a[1], -by_a[0]) if side > 0.0 else by_a
+    return by_a if (side > 0.0) == (op == MIN) else by_b
+
+
+@part
+def certain(op, side, a, b):
+    """Return True if a comparison has its result for all values in two ranges."""
+    if op == ABS:
+        b = (0.0, 0.0)
+    if abs(side) < 1.0:
+        return True
+    if side > 0.0:
+        return a[1] <= b[0] if op == AT_MOST else a[1] < b[0]
+    return a[0] > b[1] if op == AT_MOST else a[0] >= b[1]
+
+
+@part
+def range_held(op, side, a, b):
+    """Return the (least, largest) value of a held comparison."""
+    if op == LESS or op == AT_MOST:
+        return 0.5 + 0.5 * side, 0.5 + 0.5 * side
+    if op == ABS:
+        return (-a[1], -a[0]) if side > 0.0 else a
+    return a if (side > 0.0) == (op == MIN) else b
+
+
+@sweep
+def look_ahead(run, code, h):
+    """Widen the ranges in which no comparison can change, so that next steps need no look."""
+    for i in range(0, code.shape[0], 2):
+        op = int(code[i, 0])
+        if op <= V and op != NUMBER:
+            room = AHEAD * way_of(run, code, i, h)
+            code[i + 1, BEGIN], code[i + 1, 0] = code[i + 1, 0] - room, code[i + 1, 0] + room
+    if judged(code, 0.0, 0.0) == CLEAR:
+        control = opened_run(run).control[0]
+        control.clear = control.time + (1.0 + AHEAD) * h
+
+
+@part
+def way_of(run, code, i, h):
+    """Return how far a signal can go within a step, from what it does at both ends."""
+    stages = opened_run(run).stages
+    nq, _ = size_of_state(run)
+    op, k = int(code[i, 0]), int(code[i, 1])
+    if op == TIME:
+        return h
+    j = nq + (k if op == V else int(code[i, 2]))
+    change = max(abs(stages[at.CANDIDATE, j] - stages[at.Y, j]), h * abs(rate_in(run, at.Y, j)))
+    if op == V:
+        return change
+    return h * (max(abs(stages[at.Y, j]), abs(stages[at.CANDIDATE, j])) + change)
+
+
+@sweep
+def within_ranges(run, code, h):
+    """Return True if the step in CANDIDATE stays where no comparison changes."""
+    data = opened_run(run)
+    stages, t = data.stages, data.control[0].time
+    nq, _ = size_of_state(run)
+    if not t + h <= data.control[0].clear:
+        return False
+    inside = True
+    for i in range(0, code.shape[0], 2):
+        op = int(code[i, 0])
+        if op == Q or op == V:
+            j = int(code[i, 1]) + (nq if op == V else 0)
+            x, y = stages[at.Y, j], stages[at.CANDIDATE, j]
+            room = way_of(run, code, i, h)
+            low, high = min(x, y) - room, max(x, y) + room
+            inside = inside and code[i + 1, LEAST] <= low and high <= code[i + 1, MOST]
+    return inside
+
+
+# -- location -------------------------------------------------------------------------------------
+
+
+@sweep
+def step_to(run, code, w):
+    """Take the step with width w into CANDIDATE and evaluate the program there."""
+    call_step(opened_run(run).links.step, (run, w))
+    see(run, code, at.CANDIDATE, opened_run(run).control[0].time + w)
+
+
+@sweep
+def first_change(run, code, h):
+    """Return (begin, end) of the first part of the step in which a comparison changes, or (0, 0).
+
+    The program is evaluated at its end.
+    """
+    begin, end, share = 0.0, h, 1.0
+    looks = 0
+    while begin < h:
+        looks += 1
+        found = judged(code, (end - begin) / h, end - begin)
+        if found == OPEN and share > SHORTEST and looks < MOST_LOOKS:
+            share *= 0.5
+        else:
+            if found == CHANGED or (found == OPEN and any_changed(code)):
+                return begin, end
+            keep(code)
+            begin = end
+            share = 1.0 if looks >= MOST_LOOKS else min(2.0 * share, 1.0)
+        if begin < h:
+            end = min(begin + share * h, h)
+            step_to(run, code, end)
+    return 0.0, 0.0
+
+
+@sweep
+def located(run, code, h, begin, end):
+    """Return the width at which the first comparison has changed, in the part from begin to end.
+
+    Secants [Illinois, Dowell and Jarratt 1971] and bisection end where margins that have changed
+    are zero up to rounding.
+    """
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] >= HELD:
+            code[i + 1, END] = margin_of(code, i)
+            code[i + 1, CHANGE] = abs(code[i + 1, END] - code[i + 1, BEGIN])
+    low, high, last = begin, end, end
+    left, right, apart = 1.0, 1.0, instant(opened_run(run).control[0], h)
+    for n in range(TRIALS):
+        if high - low <= apart or (last == high and reached(code)):
+            break
+        w = high
+        for i in range(0, code.shape[0], 2):
+            if code[i, 0] >= HELD and code[i + 1, SIDE] * code[i + 1, END] >= 0.0:
+                a, b = left * abs(code[i + 1, BEGIN]), right * abs(code[i + 1, END])
+                w = min(w, low + (high - low) * (a / (a + b) if a + b > 0.0 else 0.0))
+        w += 0.5 * apart
+        if n % 4 == 3 or not low < w < high:
+            w = 0.5 * (low + high)
+        step_to(run, code, w)
+        last = w
+        if any_changed(code):
+            for i in range(0, code.shape[0], 2):
+                if code[i, 0] >= HELD:
+                    code[i + 1, END] = margin_of(code, i)
+            left, right = (0.5 * left if high < end else 1.0), 1.0
+            high = w
+        else:
+            keep(code)
+            left, right = 1.0, (0.5 * right if low > begin else 1.0)
+            low = w
+    return high
+
+
+@sweep
+def reached(code):
+    """Return True if every margin that has changed its sign is zero up to rounding."""
+    found = True
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] >= HELD and has_changed(code, i):
+            sides = abs(operand(code, i, 1)) + abs(operand(code, i, 2))
+            least = ROUNDED * max(code[i + 1, CHANGE], sides)
+            found = found and abs(margin_of(code, i)) <= least
+    return found
+
+
+# -- steps ----------------------------------------------------------------------------------------
+
+
+@sweep
+def ended(run, h, w):
+    """End the step at width w, or later where each side leads to the other at once. Returns its
+    width.
+
+    Steps then get wider, to the step itself or its part within the tolerance. A finer run divides
+    the way to w into its parts.
+    """
+    control, code = opened_run(run).control[0], opened(opened_run(run).scene).loads.signals[0]
+    control.pieces = (control.pieces if control.pieces > 0 else control.parts) - 1
+    if control.pieces > 0:
+        w /= control.pieces + 1
+        step_to(run, code, w)
+        return w
+    least = max(instant(control, h), control.shut)
+    at_once = w <= max(least, ROUNDING * h) and control.slid == 0
+    if at_once and begins_to_slide(run, code, h):
+        return slide(run, code, SHORTEST * h)
+    if w <= least:
+        w = min(least, h)
+        control.shut = min(GROWTH * least, control.rtol * h if control.widths == CHOSEN else h)
+    else:
+        calm(control)
+    step_to(run, code, w)
+    control.sided = 0
+    return w
+
+
+@part
+def instant(control, h):
+    """Return the least difference [s] of two widths of a step."""
+    return ROUNDED * max(h, abs(control.time))
+
+
+@part
+def calm(control):
+    """Make steps narrower again after one that was not the least."""
+    control.shut = control.shut / GROWTH
+
+
+# -- sliding --------------------------------------------------------------------------------------
+
+
+@part
+def blend(code, i, share):
+    """Give the comparison in row i this share of its true side."""
+    side = 2.0 * share - 1.0
+    code[i + 1, SIDE] = side if side != 0.0 else EPS
+
+
+@sweep
+def beyond(run, code, i, share, w):
+    """Take the step of width w with this share. Returns how far it ends on the true side."""
+    blend(code, i, share)
+    step_to(run, code, w)
+    return -margin_of(code, i)
+
+
+@sweep
+def begins_to_slide(run, code, h):
+    """Return True if a comparison that has changed leads to its other side from both."""
+    control = opened_run(run).control[0]
+    for i in range(0, code.shape[0], 2):
+        jumps = code[i, 0] == HELD + LESS or code[i, 0] == HELD + AT_MOST
+        if jumps and has_changed(code, i):
+            side = code[i + 1, SIDE]
+            share = kept_on(run, code, i, SHORTEST * h)
+            if 0.0 < share < 1.0:
+                control.slid = i
+                control.share = share
+                return True
+            code[i + 1, SIDE] = side
+    return False
+
+
+@sweep
+def kept_on(run, code, i, w):
+    """Return the share of the true side with which the margin is zero at width w, 0 or 1 if one
+    side leads away from it.
+
+    Its step is taken, and END gets the difference between the states of both sides.
+    """
+    stages = opened_run(run).stages
+    below = beyond(run, code, i, 0.0, w)
+    for j in range(stages.shape[1]):
+        stages[at.END, j] = stages[at.CANDIDATE, j]
+    above = beyond(run, code, i, 1.0, w)
+    for j in range(stages.shape[1]):
+        stages[at.END, j] -= stages[at.CANDIDATE, j]
+    if above >= 0.0:
+        return 1.0
+    if below < 0.0:
+        beyond(run, code, i, 0.0, w)
+        return 0.0
+    low, high, least = 0.0, 1.0, ROUNDING * (below - above)
+    share = 0.0
+    for _ in range(TRIALS):
+        share = low + (high - low) * below / (below - above)
+        found = beyond(run, code, i, share, w)
+        if abs(found) <= least or not low < share < high:
+            break
+        if found > 0.0:
+            above = 0.5 * above if low > 0.0 else above
+            low, below = share, found
+        else:
+            below = 0.5 * below if high < 1.0 else below
+            high, above = share, found
+    return share
+
+
+@sweep
+def slide(run, code, h):
+    """Take the step along the margin, in CANDIDATE, or that which leaves it. Returns its width.
+
+    The share of both sides is constant within a step, so that the state leaves the margin by an
+    eighth of what the change of the share makes.
+    """
+    data = opened_run(run)
+    control, stages, i = data.control[0], data.stages, data.control[0].slid
+    rows, size = opened(data.scene).rows, size_of_state(run)
+    while True:
+        share = kept_on(run, code, i, h)
+        for j in range(stages.shape[1]):
+            stages[at.ERROR, j] = 0.125 * (share - control.share) * stages[at.END, j]
+        if control.widths != CHOSEN or size_of(rows, size, stages, at.ERROR) <= 1.0:
+            break
+        h *= 0.5
+        control.width = h
+    control.share = share
+    if share == 0.0 or share == 1.0:
+        code[i + 1, SIDE] *= 1.0 - EPS  # judged again from the next step on
+        control.slid = 0
+        control.sided = 0
+    return h
