@@ -26,7 +26,7 @@ class Flat(NamedTuple):
 
     words: Array  # (n,) all real numbers
     begins: Ints  # start index of each array
-    fixed: tuple[Any, ...]  # data without derivatives: sizes and integers
+    fixed: tuple[Any, ...]  # data without derivatives: sizes, integers, places of zeros in records
 
 
 def flat(kind: Any, value: Any) -> Flat:
@@ -41,6 +41,7 @@ def flat(kind: Any, value: Any) -> Flat:
             words, real = _words(array), _is_real(own.dtype)
             fixed.append(words[:, ~real].tobytes())
             found.append(words[:, real].ravel())
+            fixed.append((found[-1] == 0.0).tobytes())  # laws leave out what is 0
         else:
             found.append(array.ravel())
     begins = np.cumsum([0, *(x.size for x in found if x.size)])

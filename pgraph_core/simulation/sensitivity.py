@@ -53,6 +53,7 @@ class Carried:
         self._ended: list[str] = []
         self._parts: Parts | None = None
         self.slopes: list[Slope] = []
+        self._beside: Given | None = None  # the run of which they are, if not of this one
         self._late: dict[int, Array] = {}  # derivatives of when constraints were switched last
         self._most = MOST
         self.out = np.zeros((0, 0, 0, WIDTH))  # empty until a run starts
@@ -67,15 +68,20 @@ class Carried:
 
         n = len(record.plan.times)
         if not self.slopes:
-            self.slopes = Slopes(self.given).by(self.variables)
+            slopes = Slopes(self.given)
+            self.slopes = slopes.by(self.variables)
+            self._beside = slopes.beside
         if record.steps.carried is not self:
-            self._begun = self.given, self.variables, self.slopes
+            self._begun = self.given, self.variables, self.slopes, self._beside
         slopes, stepped = self.slopes, record.plan.contacts is not None
         most = self._most = MOST - stepped  # the last derivative is by the time of an impact there
         size = -(-len(slopes) // most)
         self.out = np.full((size, n, record.steps.stages.shape[1], WIDTH), np.nan)
         groups = [slopes[k : k + most] for k in range(0, len(slopes), most)]
-        self._runs = [RunOfDuals(record, start, group) for group in groups]
+        acting = record.scene
+        if (beside := self._beside) is not None:
+            acting = beside.recording.scene_of(beside.mech, beside.plan)
+        self._runs = [RunOfDuals(record, acting, start, group) for group in groups]
         self._addresses = np.array([run.address for run in self._runs])
         self._step, self._note = map(address_of, (record.plan.method.of_duals, duals.note_duals))
         self._advance = address_of(_advance_run())
@@ -95,7 +101,7 @@ class Carried:
         """Differentiate a run that continues with another plan. Raises InputError."""
         given = self.given._replace(plan=replace(plan, start=self.given.plan.start), kept=None)
         refuse(given)
-        self.given, self.slopes = given, []
+        self.given, self.slopes, self._beside = given, [], None
         self.variables = variables_of(given, given.wrt)
 
     def go_on(self, record: Any) -> None:
@@ -193,9 +199,9 @@ class Carried:
 
     def finer(self) -> Carried:
         """The same derivatives, for a finer run of the same motion."""
-        given, variables, slopes = self._begun
+        given, variables, slopes, beside = self._begun
         other = Carried(given, variables)
-        other.slopes = slopes
+        other.slopes, other._beside = slopes, beside
         return other
 
     def unlike(self, finer: Carried, t: Array, rows: Ints, others: Ints) -> list[str]:
@@ -303,11 +309,15 @@ ROUNDS = 50  # projections of the initial state, as in `assembled`
 class RunOfDuals:
     """The scene, the stages and the control of a run with up to seven derivatives."""
 
-    def __init__(self, record: Any, start: tuple[Array, Array], slopes: Sequence[Slope]):
+    def __init__(
+        self, record: Any, acting: Any, start: tuple[Array, Array], slopes: Sequence[Slope]
+    ):
+        """`acting` is the scene of the recording, or one in which more parts act."""
         from ..engine.stepping import duals
 
-        steps = record.steps
-        scene = record.scene.arrays
+        steps, own, self._acting = record.steps, record.scene.arrays, acting
+        blocks = acting.arrays.blocks._replace(active=own.blocks.active)
+        scene = acting.arrays._replace(blocks=blocks, given=own.given, links=own.links)
         constrain = address_of(duals.constrain_duals) if len(record.scene.active) > 1 else 0
         links = scene.links._replace(constraints=constrain)
         if record.scene.touching is not None:

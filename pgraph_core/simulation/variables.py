@@ -22,7 +22,7 @@ from ..forces import OnJoint
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..packing.forces import times_at_bounds
-from ..tolerances import step_of_differences
+from ..tolerances import EPS, NOTABLE, step_of_differences
 from .options import Options
 from .paths import Path, distinct, with_numbers
 from .plan import RunPlan, varied
@@ -32,6 +32,7 @@ CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
 MOST_KEPT = 32_768  # numbers in the slopes that a plan keeps
 SHARE = step_of_differences(6)  # step of differences over the size of a number
+FINER = 3  # steps of differences, each a sixteenth of the last, that are tried beside idle parts
 SCENE_AND_START = group(SCENE_OF_DUALS, carrying(F1), carrying(F1))
 
 
@@ -62,10 +63,11 @@ class Variable:
     made: Callable[[float], tuple[Mechanism, RunPlan]]  # the run for another value
     seed: tuple[int, int] | None = None  # 0 or 1, and the place in the initial q or v
     place: Path | None = None  # path of the value in the model
+    idle: float | None = None  # the value that it leaves, if its part does not act there
 
     def step(self) -> float:
         """Step of the differences."""
-        return SHARE * (abs(self.present) or 1.0)
+        return SHARE * (abs(self.present if self.idle is None else self.idle) or 1.0)
 
 
 def variables_of(given: Given, wrt: Any, call: str = "simulate") -> list[Variable]:
@@ -170,10 +172,26 @@ class Slope(NamedTuple):
     v: Array
 
 
+class Differences(NamedTuple):
+    """The slope of the words of a scene and a start, and whether they are on lines."""
+
+    slope: Array
+    straight: bool
+
+
 class Slopes:
-    """Derivatives of the scene and of the initial state of a run."""
+    """Derivatives of the scene and of the initial state of a run.
+
+    A part may be packed as idle at the value of a number, as at a friction of 0 or a gear of 1. The
+    derivatives are then those of a run beside it, in which the part acts.
+    """
+
+    beside: Given | None = None  # that run, if one is needed
 
     def __init__(self, given: Given):
+        self._take(given)
+
+    def _take(self, given: Given) -> None:
         self._given, (q, v) = given, given.plan.start
         self._end = -len(q) - len(v)  # end of the words of a scene
         self._nv = len(v)
@@ -188,6 +206,7 @@ class Slopes:
         kept = {} if self._given.kept is None else self._given.kept
         found = {n: kept[x.path] for n, x in enumerate(variables) if x.place and x.path in kept}
         groups, ends = list[dict[int, Any]](), dict[int, Flat]()
+        idle = list[Variable]()
         for n, one in enumerate(variables):
             if one.place is None or n in found:
                 continue
@@ -202,6 +221,14 @@ class Slopes:
                 if group is None:
                     groups.append(group := {})
                 group[n] = changed
+            else:
+                idle.append(one)
+        if idle and self.beside is None:
+            self.beside = self._beside(idle)
+            self._take(self.beside)
+            again = variables_of(self.beside, self.beside.wrt)
+            pairs = zip(variables, again)
+            return self.by([replace(b, idle=a.present) if a in idle else b for a, b in pairs])
         for group in groups:
             if len(group) > 1:
                 found |= self._together(variables, ends, group)
@@ -211,6 +238,18 @@ class Slopes:
             if one.place is not None and (1 + len(kept)) * len(found[n].scene) <= MOST_KEPT:
                 kept[one.path] = found[n]
         return [found[n] for n in range(len(variables))]
+
+    def _beside(self, idle: Sequence[Variable]) -> Given:
+        """Return the run in which these numbers are two roundings larger. Raises InputError."""
+        given = self._given
+        values = [one.present + 2.0 * EPS * (abs(one.present) or 1.0) for one in idle]
+        places = [one.place for one in idle if one.place is not None]
+        mech = Mechanism(with_numbers(given.mech.model, places, values))
+        plan = given.at(mech, given.options)
+        start, other = plan.start, given.plan.start
+        if given.plan.contacts is not None or any(len(a) != len(b) for a, b in zip(start, other)):
+            raise _idle(idle[0])  # another number of states, or of laws of contact
+        return given._replace(mech=mech, plan=plan, kept=None)
 
     def _together(
         self, variables: Sequence[Variable], ends: dict[int, Flat], group: dict[int, Any]
@@ -246,7 +285,22 @@ class Slopes:
             kind, place = variable.seed
             found[(-self._nv if kind else self._end) + place] = 1.0
             return self._parts(found)
-        h, refused = variable.step(), dict[type, PgraphError]()
+        found = self._by_differences(variable, h := variable.step(), end)
+        if variable.idle is None or found.straight:
+            return self._parts(found.slope)
+        for _ in range(FINER):  # no size says how far the packed numbers go on smoothly
+            before, h = found.slope, h / 16.0
+            found = self._by_differences(variable, h)
+            size = max(1.0, float(np.abs(found.slope).max()))
+            if np.abs(found.slope - before).max() <= NOTABLE * size:
+                return self._parts(found.slope)
+        raise _idle(variable)
+
+    def _by_differences(
+        self, variable: Variable, h: float, end: Flat | None = None
+    ) -> Differences:
+        """Return the slope of the words over steps of h. Raises InputError and ModelError."""
+        refused = dict[type, PgraphError]()
 
         @cache
         def built(k: int) -> Flat:
@@ -258,21 +312,18 @@ class Slopes:
             three = [built(k) for k in (0, 1, -2)]
             slope = slope_of(three, (0.0, 1.0 / 3.0, -1.0 / 3.0))
             if are_on_lines(three):
-                return self._parts(slope / h)
+                return Differences(slope / h, True)
         except (ModelError, Differs):
             pass  # at one of the ends: one side is left
         for side, weights in ((1, CENTRAL), (1, ONE_SIDED), (-1, ONE_SIDED)):
             try:
-                found = [built(side * k) for k in weights]
-                scale = [side * weight / h for weight in weights.values()]
-                return self._parts(slope_of(found, scale))
+                found = [self._here(), *(built(side * k) for k in weights)]
+                scale = [0.0, *(side * weight / h for weight in weights.values())]
+                return Differences(slope_of(found, scale), False)
             except ModelError as error:
                 refused[ModelError] = error
             except Differs:
-                text = (
-                    "changes which parts act when it leaves its value, so that no derivative exists"
-                )
-                refused[Differs] = InputError(Problem("simulate", variable.path, text))
+                refused[Differs] = _idle(variable)
         raise refused.get(Differs) or refused[ModelError]
 
     def _flat(self, mech: Mechanism, plan: RunPlan) -> Flat:
@@ -281,6 +332,11 @@ class Slopes:
 
     def _parts(self, found: Array) -> Slope:
         return Slope(found[: self._end], *np.split(found[self._end :], [-self._nv]))
+
+
+def _idle(variable: Variable) -> InputError:
+    text = "changes which parts act when it leaves its value: give another value, beside it"
+    return InputError(Problem("simulate", variable.path, text))
 
 
 # -- runs without derivatives ----------------------------------------------------------------------

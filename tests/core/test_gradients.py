@@ -540,3 +540,39 @@ def test_errors_cover_the_truth_in_95_of_100_noise_seeds():
             covered[path] += abs(found.values[path] - true) < 2.0 * found.errors[path]
     # 95.4 are expected of a normal variable: fewer than 90 come by chance in 1 of 100 cases
     assert min(covered.values()) >= 90, covered
+
+
+def test_a_number_at_which_its_part_is_packed_as_idle_has_its_derivative():
+    """Of a torque g u: S = u ∂/∂τ. The derivative by another number beside it is as alone."""
+    arm = pg.Body(name="r", axes=(0, 1, 0), mass=1.0, com=(0.3, 0, 0), inertia=(0.05, 0.06, 0.02))
+    model = pg.Model(bodies=[arm], forces=[pg.Motor(name="s", body="r", torque=2.0)])
+    wrt = ["forces.s.gear", "forces.s.torque", "bodies.r.mass"]
+    run, plain = pg.simulate(model, wrt=wrt, **STEPS), pg.simulate(model, **STEPS)
+    assert run == plain
+    assert missed(run.sensitivity(wrt[0]), 2.0 * run.sensitivity(wrt[1])) < 1e-12
+    alone = pg.simulate(model, wrt=wrt[2], **STEPS).sensitivity(wrt[2])
+    assert missed(run.sensitivity(wrt[2]), alone) < 1e-12
+
+
+@pytest.mark.parametrize("number", ["friction.0", "damping.0", "stiffness.0"])
+def test_a_joint_without_a_law_has_the_derivative_to_its_first(number):
+    """They are those to one side, of a smooth law that starts at 0."""
+    arm = pg.Body(name="r", axes=(0, 1, 0), com=(0.3, 0, 0), inertia=(0.05, 0.06, 0.02), v=[-4.0])
+    model, path = pg.Model(bodies=[arm]), f"bodies.r.{number}"
+    field, h = number.partition(".")[0], 1e-4
+    given = STEPS | {"t_end": 0.1}
+    runs = [state(pg.simulate(model.edit("r", **{field: (k * h,)}), **given)) for k in range(3)]
+    slope = (4.0 * runs[1] - runs[2] - 3.0 * runs[0]) / (2.0 * h)
+    assert missed(pg.simulate(model, wrt=path, **given).sensitivity(path), slope) < 1e-5
+
+
+def test_a_box_that_moves_along_an_axis_has_derivatives_by_its_drag():
+    """Pressure c v² on one side alone, with v' = -c v² / m and v = v0 / (1 + c v0 t / m)."""
+    box = pg.Body(name="b", joint="prismatic", axes=[(0, 0, 1)], mass=2.0, v=[3.0])
+    drag = pg.Drag(name="d", body="b", size=(0.2, 0.3, 0.1), density=50.0)
+    model = pg.Model(bodies=[box], forces=[drag], gravity=(0, 0, 0))
+    run = pg.simulate(model, wrt=["forces.d.density", "v.b"], **STEPS)
+    c, speed, t = 0.5 * 50.0 * 0.2 * 0.3 / 2.0, 3.0, run.t
+    by_c = -speed * speed * t / (1 + c * speed * t) ** 2
+    assert missed(run.sensitivity("forces.d.density")[:, 1], by_c * c / 50.0) < 1e-9
+    assert missed(run.sensitivity("v.b")[:, 1], 1 / (1 + c * speed * t) ** 2) < 1e-9
