@@ -25,7 +25,7 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Result
 from ..result.records import Derivatives
-from ..tolerances import VISIBLE
+from ..tolerances import NOTABLE, VISIBLE
 from .plan import RunPlan
 from .variables import CENTRAL, SHARE, Given, Slope, Slopes, Variable, refuse, variables_of
 
@@ -52,6 +52,8 @@ class Carried:
         self.given, self.variables = given, variables
         self._ended: list[str] = []
         self._parts: Parts | None = None
+        self._corners: Corners | None = None
+        self._strayed = False
         self.slopes: list[Slope] = []
         self._beside: Given | None = None  # the run of which they are, if not of this one
         self._late: dict[int, Array] = {}  # derivatives of when constraints were switched last
@@ -82,6 +84,7 @@ class Carried:
         if (beside := self._beside) is not None:
             acting = beside.recording.scene_of(beside.mech, beside.plan)
         self._runs = [RunOfDuals(record, acting, start, group) for group in groups]
+        self._strayed |= any(run.strayed for run in self._runs)
         self._addresses = np.array([run.address for run in self._runs])
         self._step, self._note = map(address_of, (record.plan.method.of_duals, duals.note_duals))
         self._advance = address_of(_advance_run())
@@ -91,11 +94,25 @@ class Carried:
             record.steps.control["carried"] = self._parts.address
         record.steps.carried = self
         record._reused = False  # nobody else steps it
+        corners = Corners(record)
+        self._corners = corners if corners.laws else None
 
     def advance(self, run: int, budget: int) -> int:
         """`advance_run`, with derivatives."""
-        given = self._addresses, self._step, self._note, self.out, budget
-        return self._kernel(run, self._advance, *given)
+        given, corners = (self._addresses, self._step, self._note, self.out), self._corners
+        if corners is None:
+            return self._kernel(run, self._advance, *given, budget)
+        code, control = at.RUNNING, corners.record.steps.control
+        while budget > 0 and code == at.RUNNING:
+            ahead = corners.next - float(control["time"])
+            part = max(1, int(min(0.5 * ahead / (float(control["old_width"]) or np.inf), budget)))
+            budget -= part
+            code = self._kernel(run, self._advance, *given, part)
+            if float(control["time"]) >= corners.next and (why := corners.passed()):
+                self.out[:, corners.frame :] = np.nan
+                self.stop(corners.record, why)
+                break
+        return code
 
     def take_plan(self, plan: RunPlan) -> None:
         """Differentiate a run that continues with another plan. Raises InputError."""
@@ -177,6 +194,10 @@ class Carried:
         idle = [one.path for one, d in zip(self.variables, self._each()) if not d.any()]
         ended = self.ended
         found = ended + [f"{path} has no influence on the motion" for path in idle]
+        if self._strayed:
+            text = "derivatives are of another start, because the given one is far from its "
+            text += "constraints: give one that meets them, mech.assemble(q, v)"
+            found.append(text)
         for one, d in zip(self.variables, self._each()):
             if not ended and not np.isfinite(d).all():
                 found.append(f"derivatives by {one.path} are not finite: a slope was infinite")
@@ -212,11 +233,15 @@ class Carried:
         t = t[rows]
         found, nq = [], len(self.given.plan.start[0])
         nv = len(self.given.plan.start[1])
+        values = self.out[0, ..., 0]
         for one, mine, other in zip(self.variables, self._each(), finer._each()):
+            path = one.path
             worst, first = 0.0, t[-1]
             for part in (slice(0, nq), slice(nq, nq + nv)):
                 a, b = mine[rows, part], other[others, part]
-                size = np.nanmax(np.abs(b), initial=0.0)
+                # below this, a change of the number by itself is not visible in the state
+                least = NOTABLE * np.abs(values[rows, part]).max(initial=0.0) / self.scale_of(path)
+                size = max(float(np.nanmax(np.abs(b), initial=0.0)), least)
                 apart = np.nan_to_num(np.abs(a - b)).max(axis=1, initial=0.0)
                 if size > 0.0 and (share := float(apart.max() / size)) > VISIBLE:
                     worst = max(worst, share)
@@ -349,9 +374,12 @@ class RunOfDuals:
         y[: nq + nv, 0] = np.concatenate(start)
         for k, slope in enumerate(slopes, start=1):
             y[: nq + nv, k] = np.concatenate((slope.q, slope.v))
+        self.strayed = False  # whether the start is another than that of the primal run
         if constrain and record.plan.project:
             t = float(record.plan.times[0])
             duals.place_of_duals(self.address, t, ROUNDS)
+            apart = np.abs(y[: record.mech.nq, 0] - steps.q[: record.mech.nq])
+            self.strayed = bool((apart > NOTABLE).any())
         y[: nq + nv, 0] = np.concatenate((steps.q, steps.v))
         stages[at.CANDIDATE] = y
 
@@ -381,6 +409,99 @@ class RunOfDuals:
             y[:, 1 : 1 + len(late)] -= np.outer(after, late)
         self._run.stages[at.CANDIDATE] = y
         self._run.control["fresh"] = self._run.control["filled"] = 0
+
+
+class Corners:
+    """Where forces jump: lengths of 0 of springs and struts, half turns of torsions and bushings.
+
+    The derivatives of a run miss what the time of such a jump adds.
+    """
+
+    def __init__(self, record: Any):
+        self.record, loads = record, record.scene.loads
+        spring, strut, torsion, bushing = (
+            getattr(loads, kind)[0] for kind in ("spring", "strut", "torsion", "bushing")
+        )
+        line = strut["spring"]
+        pulls = line[:, 1] - line[:, 0] * line[:, 2]  # at a length of 0, as below
+        stops = strut["bump_length"] * strut["bump_stiffness"]
+        turns = bushing["stiffness"].reshape(-1, 6, 6)[:, 3:].any(axis=(1, 2))
+        stiff = (spring["stiffness"] > 0.0) | (spring["knots"] > 0)
+        found = [
+            ("spring", spring[stiff & (spring["rest"] != 0.0)], self._lengths),
+            ("strut", strut[(pulls != 0.0) | (stops != 0.0)], self._lengths),
+            ("torsion", torsion, self._twists),
+            ("bushing", bushing[turns], self._turns),
+        ]
+        self.laws = [one for one in found if len(one[1])]
+        # times of the next and the last look [s]
+        self.next = self._time = float(record.steps.control["time"])
+        self.frame = int(record.steps.control["frame"])  # the next one at the last look
+        self._last: list[Array] = []
+        if self.laws:  # the scene of the run keeps its memory
+            plan = replace(record.plan, contacts=None)
+            self._scene = record.scene_of(record.mech, plan)
+            motion.energy(self._scene.address, record.q, record.v)
+            self._last = [of(loads)[0] for _, loads, of in self.laws]
+
+    def passed(self) -> str:
+        """Return a sentence on a force that has jumped since the last look, or "".
+
+        The next look is after half the time to a corner at the present rate, and at most
+        after twice the last interval.
+        """
+        record = self.record
+        motion.energy(self._scene.address, record.q, record.v)
+        t = float(record.steps.control["time"])
+        ahead, since = np.inf, max(t - self._time, np.finfo(float).tiny)
+        for i, (kind, loads, of) in enumerate(self.laws):
+            now, margin = of(loads)
+            before, self._last[i] = self._last[i], now
+            step = np.linalg.norm(now - before, axis=1)
+            if kind in ("torsion", "bushing"):
+                flips = step > np.pi
+            else:  # between both lies a point that is within 1 % of the step from a length of 0
+                height = np.linalg.norm(np.cross(now, before), axis=1)
+                flips = ((now * before).sum(1) < 0.0) & (height < VISIBLE * step * step)
+            if flips.any():
+                row = record.mech.topology.names[int(loads["body_a"][flips.argmax()]) - 1]
+                where = "half a turn" if kind in ("torsion", "bushing") else "a length of 0"
+                return f"the {kind} on body '{row}' passes {where}, where its force jumps"
+            rate = step / since
+            ahead = min(ahead, float((margin / np.maximum(rate, np.finfo(float).tiny)).min()))
+        self.next, self._time = t + min(0.5 * ahead, 2.0 * since), t
+        self.frame = int(record.steps.control["frame"])
+        return ""
+
+    def _points(self, table: Any, end: str) -> Array:
+        work, row = self._scene.work, table[f"row_{end}"]
+        turned = np.einsum("nij,nj->ni", self._rows(table, end), table[f"point_{end}"])
+        return work[row, at.X : at.X + 3] + turned
+
+    def _rows(self, table: Any, end: str) -> Array:
+        return self._scene.work[table[f"row_{end}"], at.R : at.R + 9].reshape(-1, 3, 3)
+
+    def _lengths(self, table: Any) -> tuple[Array, Array]:
+        apart = self._points(table, "a") - self._points(table, "b")
+        return apart, np.linalg.norm(apart, axis=1)
+
+    def _twists(self, table: Any) -> tuple[Array, Array]:
+        axis, mine, other = (
+            np.einsum("nij,nj->ni", self._rows(table, end), table[name])
+            for end, name in (("a", "axis"), ("a", "reference_a"), ("b", "reference_b"))
+        )
+        angle = np.arctan2((axis * np.cross(other, mine)).sum(1), (other * mine).sum(1))
+        angle = np.remainder(angle - table["rest"] + np.pi, 2.0 * np.pi) - np.pi
+        return angle[:, None], np.pi - np.abs(angle)
+
+    def _turns(self, table: Any) -> tuple[Array, Array]:
+        mine, other = (
+            self._rows(table, end) @ table[f"axes_{end}"].reshape(-1, 3, 3) for end in "ab"
+        )
+        from scipy.spatial.transform import Rotation
+
+        turn = Rotation.from_matrix(other.transpose(0, 2, 1) @ mine).as_rotvec()
+        return turn, np.pi - np.linalg.norm(turn, axis=1)
 
 
 class Parts:

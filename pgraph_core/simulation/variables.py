@@ -296,9 +296,7 @@ class Slopes:
                 return self._parts(found.slope)
         raise _idle(variable)
 
-    def _by_differences(
-        self, variable: Variable, h: float, end: Flat | None = None
-    ) -> Differences:
+    def _by_differences(self, variable: Variable, h: float, end: Flat | None = None) -> Differences:
         """Return the slope of the words over steps of h. Raises InputError and ModelError."""
         refused = dict[type, PgraphError]()
 

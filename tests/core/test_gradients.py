@@ -576,3 +576,71 @@ def test_a_box_that_moves_along_an_axis_has_derivatives_by_its_drag():
     by_c = -speed * speed * t / (1 + c * speed * t) ** 2
     assert missed(run.sensitivity("forces.d.density")[:, 1], by_c * c / 50.0) < 1e-9
     assert missed(run.sensitivity("v.b")[:, 1], 1 / (1 + c * speed * t) ** 2) < 1e-9
+
+
+WHEEL = pg.Body(name="r", axes=(0, 0, 1), inertia=(1, 1, 0.2), v=[12.0])
+BLOCK = pg.Body(name="r", joint="prismatic", axes=[(1, 0, 0)], q=[1.0])
+AT_ORIGIN = {"name": "f", "body": "r", "point": (0, 0, 0), "other_point": (0, 0, 0)}
+PULLS = pg.Lines(x=[0.0, 0.4, 1.0], value=[-8.0, 0.0, 12.0])
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-3}])
+@pytest.mark.parametrize(
+    ("body", "force", "jump"),
+    [
+        (WHEEL, pg.Torsion(name="f", body="r", stiffness=2.0), 0.3086),
+        (WHEEL, pg.Torsion(name="f", body="r", stiffness=2.0, rest=1.0), 0.3756),
+        (WHEEL, pg.Bushing(**AT_ORIGIN, stiffness=np.diag([1, 1, 1, 1, 1, 2.0])), 0.3086),
+        (BLOCK, pg.Spring(**AT_ORIGIN, stiffness=20.0, rest=0.4), 0.5144),
+        (BLOCK, pg.Strut(**AT_ORIGIN, spring=PULLS), 0.5144),
+    ],
+)
+def test_derivatives_end_where_a_force_jumps(body, force, jump, options):
+    """The force jumps at half a turn and at a length of 0, at a time that depends on v and mass."""
+    model, wrt = pg.Model(bodies=[body], forces=[force], gravity=(0, 0, 0)), "bodies.r.mass"
+    wrt = "v.r" if body is WHEEL else wrt
+    run = pg.simulate(model, wrt=wrt, t_end=0.8, frames=801, **options)
+    assert np.array_equal(run.q, pg.simulate(model, t_end=0.8, frames=801, **options).q)
+    known = np.isfinite(run.sensitivity(wrt)).all(axis=1)
+    assert not known[run.t > jump].any()
+    assert known[run.t < 0.5 * jump].all()
+    assert any("derivatives end" in text and "'r'" in text for text in run.notices)
+
+
+def test_springs_that_pass_no_corner_keep_their_derivatives():
+    """A spring turns about a point that it does not reach, and a torsion turns back in time."""
+    spring = pg.Spring(**AT_ORIGIN | {"other_point": (0, 0.2, 0)}, stiffness=20.0, rest=0.4)
+    for body, force in ((BLOCK, spring), (WHEEL, pg.Torsion(name="f", body="r", stiffness=9.0))):
+        model = pg.Model(bodies=[body.model_copy(update={"v": (9.0,)})], forces=[force])
+        run = pg.simulate(model.replace(gravity=(0, 0, 0)), wrt="q.r", t_end=2.0, rtol=1e-9)
+        assert np.isfinite(run.sensitivity("q.r")).all()
+        assert not any("derivatives" in text for text in run.notices)
+
+
+def test_rounding_of_derivatives_that_are_zero_is_no_difference():
+    """A prescribed motion and a law leave no freedom: velocities do not depend on `value`."""
+    inertia = (0.1, 0.1, 0.1)
+    bodies = [
+        pg.Body(name="a", axes=(0, 0, 1), inertia=inertia, q=[0.3]),
+        pg.Body(name="b", axes=(0, 1, 0), link=(1, 0, 0), inertia=inertia, q=[-0.35]),
+    ]
+    laws = [
+        pg.Motion(name="g", body="a", q_of_t="=0.3+0.5*sin(2*t)"),
+        pg.Coupling(name="c", coefficients={"a": [0.3], "b": [1.0]}, value=-0.2),
+    ]
+    model, path = pg.Model(bodies=bodies, constraints=laws), "constraints.c.value"
+    run = pg.simulate(model, wrt=path, rtol=1e-10)
+    assert np.allclose(run.sensitivity(path), [0.0, 1.0, 0.0, 0.0], rtol=0, atol=1e-9)
+    assert not any("apart" in text for text in run.notices)
+
+
+def test_a_start_far_from_its_constraints_is_named():
+    arms = [pg.Body(name=name, axes=(0, 1, 0), com=(0.3, 0, 0), q=[0.4]) for name in "ab"]
+    arms[1] = arms[1].model_copy(update={"parent": "a", "link": (0.5, 0, 0)})
+    law = pg.Coupling(name="c", coefficients={"a": [1.0], "b": [0.5]}, value=-1.5)
+    model, path = pg.Model(bodies=arms, constraints=[law]), "constraints.c.coefficients.b.0"
+    run = pg.simulate(model, wrt=path, **STEPS)
+    near = dict(zip(("q", "v"), pg.Mechanism(model).assemble(*pg.Mechanism(model).home())[:2]))
+    close = pg.simulate(model, wrt=path, **near, **STEPS)
+    assert any("assemble" in text for text in run.notices)
+    assert not any("derivatives" in text for text in close.notices)
