@@ -323,7 +323,7 @@ def _states(function: Any, args: tuple[Any, ...], named: Mapping[str, Any]) -> l
         return []
     given = {**dict(zip((p.name for p in parameters), args[1:])), **named}
     shape = getattr(given.get("q"), "shape", ())
-    if len(shape) != 2 or not shape[0]:
+    if len(shape) != 2 or not shape[0] or not hasattr(given["q"], "__array__"):
         return []
     rows = [name for name, x in given.items() if getattr(x, "shape", ())[:1] == shape[:1]]
     rows = [name for name in rows if name in STATE]
