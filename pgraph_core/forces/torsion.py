@@ -47,34 +47,30 @@ class Torsion(Sprung):
 
 
 def pack(f: Torsion, one: Any, at: Places) -> Array | None:
-    """Write the axis, stiffness, damping and rest angle."""
-    axis = at.home(f.body) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
-    one["axis"] = axis
+    """Write two normals of the axis, the stiffness, the damping and the rest angle."""
     # at q = 0 all rows have the world's axes
-    one["reference_a"] = one["reference_b"] = normals_of(axis)[0]
+    one["first"], one["second"] = normals_of(at.home(f.body) @ unit_vector(f.axis or (0, 0, 1)))
     one["rest"] = f.rest
     return pack_rates(f, one)
 
 
 @part
 def twist(one, work):
-    """Return (angle of A from rest about its axis, within ±π, gradient of the angle).
+    """Return (angle of A relative to B about the axis minus rest, gradient of the angle).
 
-    The angle leads from B's reference to A's, seen along the axis. Its gradient is the axis
-    while both share it; elsewhere it makes the torque the slope of ½ k angle².
+    The angle is that of the twist if the rotation is split into a swing and a twist about the axis.
+    It is within ±π. The sine and cosine are those of both normals, added.
     """
-    turn_a = rotation_of(work, one.row_a)
-    h = mul(turn_a, xyz(one.axis))
-    mine = mul(turn_a, xyz(one.reference_a))
-    other = mul(rotation_of(work, one.row_b), xyz(one.reference_b))
-    n = cross(other, mine)
-    y = dot(h, n)
-    x = dot(other, mine)
-    angle = atan2(y, x) - one.rest
+    turn_a, turn_b = rotation_of(work, one.row_a), rotation_of(work, one.row_b)
+    a1, a2 = mul(turn_a, xyz(one.first)), mul(turn_a, xyz(one.second))
+    b1, b2 = mul(turn_b, xyz(one.first)), mul(turn_b, xyz(one.second))
+    sine, cosine = dot(a1, b2) - dot(a2, b1), dot(a1, b1) + dot(a2, b2)
+    angle = atan2(sine, cosine) - one.rest
     angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
-    across = add(add(cross(h, n), scale(x, h)), scale(-dot(h, mine), other))
-    slope = scale(1.0 / (x * x + y * y), add_scaled(scale(x, across), y, n))
-    return angle, slope
+    of_sine = sub(cross(a1, b2), cross(a2, b1))
+    of_cosine = add(cross(a1, b1), cross(a2, b2))
+    slope = add_scaled(scale(cosine, of_sine), -sine, of_cosine)
+    return angle, scale(1.0 / (sine * sine + cosine * cosine), slope)
 
 
 @part
@@ -100,9 +96,8 @@ def energy(one, knots, work):
 
 
 ROW = row(
-    axis=(REAL, 3),  # axes of A
-    reference_a=(REAL, 3),  # perpendicular to it: where the angle is measured
-    reference_b=(REAL, 3),
+    first=(REAL, 3),  # unit normals of the axis, fixed in both bodies
+    second=(REAL, 3),
     stiffness=REAL,  # [N m/rad]
     damping=REAL,  # [N m s/rad]
     rest=REAL,  # [rad]

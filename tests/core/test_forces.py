@@ -153,3 +153,18 @@ def test_a_slider_crank_driven_by_a_sine():
     power = run.constraint_force["drive"][:, 2] * run.v[:, 0]
     slope = (run.energy[2:] - run.energy[:-2]) / (run.t[2:] - run.t[:-2])
     np.testing.assert_allclose(power[1:-1], slope, atol=1e-4 * np.max(np.abs(slope)))
+
+
+@pytest.mark.parametrize("what", [name for name in ACTING if "ground" not in name])
+def test_a_mechanism_turned_in_the_world_moves_alike(what):
+    """Without gravity, forces between bodies or in their axes know no direction of the world."""
+    force = ACTING[what]
+    if what in ("constant wrench", "wrench table"):
+        force = force.model_copy(update={"frame": "body"})
+    model = chain().replace(forces=(force,), gravity=(0, 0, 0)).edit("2", v=0.5)
+    first = model.bodies[0].name
+    runs = [
+        pg.simulate(m, t_end=1.0, rtol=1e-10)
+        for m in (model, model.edit(first, rotation=(0.3, -0.5, 0.7, 0.2)))
+    ]
+    np.testing.assert_allclose(runs[1].q, runs[0].q, atol=1e-8)

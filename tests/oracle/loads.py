@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pgraph_core.joints import home
 from pgraph_core.model import Force, VectorTable
@@ -67,22 +68,15 @@ def _end(op: Operators, name: str, point: Array) -> tuple[Array, Array]:
 
 
 def _torsion(op: Operators, f: Any, _: float) -> Load:
-    """The angle about `axis` from r as it would be fixed in `other` to r as it is in `body`.
-
-    r is normal to the axis; at q = 0 the angle is zero. Its slope is the axis as long as both
-    bodies share it.
-    """
+    """The twist of `body` about `axis`, from the quaternion (w, v) of its rotation from `other`."""
     a, b = op.topology.number(f.body), op.topology.number(f.other)
     origin = np.zeros(3)
     turn_a, turn_b = (_turn_since_zero(op, n) for n in (a, b))
     axis = _turn_at_zero(op, a) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
-    least = np.eye(3)[np.argmin(np.abs(axis))]
-    r = unit_vector(np.cross(least, axis).astype(float))
-    h, mine, other = turn_a @ axis, turn_a @ r, turn_b @ r
-    third = np.cross(h, mine)
-    x, y, z = other @ mine, other @ third, other @ h
-    slope = h - z * (x * mine + y * third) / (x * x + y * y)
-    angle = np.arctan2(-y, x) - (f.rest)
+    *v, w = Rotation.from_matrix(turn_b.T @ turn_a).as_quat()
+    u = axis @ v
+    slope = turn_b @ (w * w * axis + w * np.cross(v, axis) + u * np.array(v)) / (w * w + u * u)
+    angle = 2.0 * np.arctan2(u, w) - f.rest
     angle = float((angle + np.pi) % (2 * np.pi) - np.pi)
     J = _end(op, f.body, origin)[1][:3] - _end(op, f.other, origin)[1][:3]
     return _law(f, angle, slope @ J, op.speeds)
