@@ -220,9 +220,10 @@ class Mechanism(Dynamics):
         """Find an equilibrium near q.
 
         All forces of a run at t = 0 are included, as well as active constraints, joint limits, and
-        control states such as the integral of a PID controller. Contacts and limits of tendons and
-        springs are ignored, so bodies may end up inside the ground. If all forces are conservative,
-        the energy is minimised, so the result is stable unless q is already an equilibrium.
+        control states such as the integral of a PID controller. Lagging inputs have reached their
+        values. Contacts and limits of tendons and springs are ignored, so bodies may end up inside
+        the ground. If all forces are conservative, the energy is minimised, so the result is stable
+        unless q is already an equilibrium.
 
         Parameters
         ----------

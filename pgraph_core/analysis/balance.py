@@ -97,6 +97,26 @@ class Balance:
             return self.free
         return self.rows.step(complement(judged(self.rows, groups)[0], self.mech.nv))
 
+    @cached_property
+    def size(self) -> float:
+        """The extent of the mechanism [m]."""
+        apart = float(np.ptp(self.rows.poses[0], axis=0).max(initial=0.0))
+        return max(apart, self.rows.length) or 1.0
+
+    @cached_property
+    def weights(self) -> Array:
+        """The weight carried by each joint (nv,), times the mechanism's size for rotations."""
+        packed, topology = self.mech.packed, self.mech.topology
+        carried = np.array([b.mass for b in packed.model.bodies])[topology.row]
+        for n in range(len(carried), 0, -1):
+            if (parent := int(topology.parent[n - 1])) > 0:
+                carried[parent - 1] += carried[n - 1]
+        found = np.zeros(self.mech.nv)
+        for name, joint in self.mech.joints.items():
+            found[joint.v] = carried[topology.number(name) - 1]
+        gravity = float(np.linalg.norm(packed.model.gravity))
+        return found * gravity * np.where(self.rows.turns, self.size, 1.0)
+
     def torque(self, q: Array, v: Array) -> Array:
         """Return the torque τ (nv,) from all drives and loads at t = 0."""
         tau = np.zeros(self.mech.nv + len(self.s))
@@ -257,15 +277,20 @@ def whole(q: Array, v: Array, s: Array) -> tuple[Array, Array]:
 
 
 def acting(mech: Dynamics, scenario: str | None) -> tuple[tuple[Force, ...], Ints]:
-    """Return (forces, active constraint indices) for a run of the scenario."""
+    """Return (forces whose lags are over, active constraint indices) for a run of the scenario."""
     model, forces, active = mech.model, mech.model.forces, mech.packed.active
     if scenario is None:
-        return forces, active
+        return tuple(map(_without_lag, forces)), active
     chosen = model.scenario(scenario)
     if chosen.constraints is not None:
         names = [c.name for c in model.constraints]
         active = np.array(sorted(names.index(n) for n in chosen.constraints), dtype=np.int64)
-    return (*forces, *chosen.forces), active
+    return tuple(map(_without_lag, (*forces, *chosen.forces))), active
+
+
+def _without_lag(f: Force) -> Force:
+    """Return a force as it acts once the lag of its input, which knows no motion, is over."""
+    return f.model_copy(update={"lag": 0.0, "start": None}) if getattr(f, "lag", 0.0) else f
 
 
 def touching(mech: Dynamics, scenario: str | None) -> tuple[Contact, ...]:

@@ -127,30 +127,10 @@ class Place(Balance):
         vars(other)["size"] = self.size
         return other
 
-    @cached_property
-    def size(self) -> float:
-        """The extent of the mechanism [m]."""
-        apart = float(np.ptp(self.rows.poses[0], axis=0).max(initial=0.0))
-        return max(apart, self.rows.length) or 1.0
-
     @property
     def reach(self) -> Array:
         """The step scale of each coordinate (nv,): 1 rad of rotations, or the mechanism's size."""
         return np.where(self.rows.turns, 1.0, self.size)
-
-    @cached_property
-    def weights(self) -> Array:
-        """The weight carried by each joint (nv,), times the mechanism's size for rotations."""
-        packed, topology = self.mech.packed, self.mech.topology
-        carried = np.array([b.mass for b in packed.model.bodies])[topology.row]
-        for n in range(len(carried), 0, -1):
-            if (parent := int(topology.parent[n - 1])) > 0:
-                carried[parent - 1] += carried[n - 1]
-        found = np.zeros(self.mech.nv)
-        for name, joint in self.mech.joints.items():
-            found[joint.v] = carried[topology.number(name) - 1]
-        gravity = float(np.linalg.norm(packed.model.gravity))
-        return found * gravity * np.where(self.rows.turns, self.size, 1.0)
 
     @cached_property
     def force(self) -> float:

@@ -20,12 +20,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
 
+from ..curves import Table, VectorTable
 from ..dynamics import Dynamics
 from ..dynamics.arguments import numbers
 from ..engine import motion
 from ..engine.records import CREEP
 from ..engine.signals import TIME
 from ..errors import Suggests, choices
+from ..model import Force
 from ..packing import Array, Ints
 from ..packing.signals import states_of
 from ..rotation import skew
@@ -326,12 +328,14 @@ def notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[s
     if len(here.loads.signals[1]) and (bent := _bent(here, names)):
         text = "a force has a corner or a jump here, where the slopes of its sides differ"
         found.append(f"{bent}: {text}")
-    if (here.loads.signals[0][::2, 0] == TIME).any():
-        found.append("expressions of time have their values at t = 0")
+    timed = ["expressions"] if (here.loads.signals[0][::2, 0] == TIME).any() else []
+    timed += [f"'{f.name}'" for f in here.forces if _is_timed(f)]
+    if timed:
+        found.append(f"varying in time, taken at t = 0: {', '.join(timed)}")
     vdot = here.vdot
     forces = np.abs(here.M) @ np.abs(vdot)
     whole, load = here.torque(here.q, here.v), here.load_torque(here.q, here.v)
-    size = np.abs(here.mech.bias_force(here.q, here.v)) + np.abs(whole - load) + np.abs(load)
+    size = here.weights + np.abs(whole - load) + np.abs(load)
     if not np.any(here.v) and forces.max(initial=0.0) > NOTABLE * size.max(initial=1e-300):
         k = int(np.argmax(np.abs(vdot)))
         text = f"no equilibrium: v' of '{names[k]}' is {vdot[k]:.3g}, and `drift` is x' there; "
@@ -342,6 +346,13 @@ def notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[s
         text = f"no equilibrium: {states[k]} changes at {here.unrest[0][k]:.3g}/s, and `drift` is "
         found.append(f"{text}x' there")
     return tuple(found)
+
+
+def _is_timed(f: Force) -> bool:
+    """Return True if a force follows a table over time, or integrates its input over time."""
+    given = (getattr(f, name) for name in type(f).model_fields)
+    tables = any(isinstance(x, (Table, VectorTable)) for x in given)
+    return tables or getattr(f, "integrates", False)
 
 
 def _bent(here: Balance, names: list[str]) -> str:

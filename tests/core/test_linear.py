@@ -275,3 +275,23 @@ def test_inverse_kinematics_keeps_loops_closed():
     found = mech.inverse_kinematics({mech.names[1]: target})
     np.testing.assert_allclose(mech.pose(found, mech.names[1])[0], target, atol=1e-8)
     assert mech.assemble(found)[2].moved < 1e-8
+
+
+def test_an_equilibrium_has_lags_behind_it_and_forces_over_time_are_named():
+    rod = pg.Body(name="rod", axes=(0, 1, 0), mass=1.2, com=(0.3, 0, 0), inertia=(0.05, 0.06, 0.02))
+    servo = pg.Servo(name="s", body="rod", kp=50, target=1.0, lag=0.1, start=0.0)
+    model = pg.Model(bodies=[rod], forces=[servo])
+    lagging, direct = (pg.Mechanism(m) for m in (model, model.edit("s", lag=0.0, start=None)))
+    np.testing.assert_array_equal(lagging.equilibrium(), direct.equilibrium())
+    run = pg.simulate(lagging, direct.equilibrium(), t_end=20.0, tau=lambda t, q, v: -2.0 * v)
+    np.testing.assert_allclose(run.q[-1], direct.equilibrium(), atol=1e-6)
+    for torque in (pg.Table(t=(0, 1), value=(1, 3)), "=1 + 2*t"):
+        driven = pg.Mechanism(pg.Model(bodies=[rod], forces=[pg.Motor(body="rod", torque=torque)]))
+        assert driven.linearise(driven.equilibrium()).notices
+
+
+@pytest.mark.parametrize("n", [1, 8])
+def test_an_equilibrium_that_rounding_alone_disturbs_gets_no_notice(n):
+    mech = pg.Mechanism(pg.Model.serial(n))
+    assert not mech.linearise(mech.equilibrium()).notices
+    assert mech.linearise(mech.equilibrium() + 1e-5).notices
