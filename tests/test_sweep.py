@@ -12,6 +12,7 @@ import sys
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.integrate import trapezoid
 
 import pgraph_core as pg
 import pgraph_models
@@ -55,7 +56,8 @@ def test_points_have_the_bits_of_single_runs(options, path, joint):
     for i, k in ((0, 0), (2, 1), (3, 2)):
         run = pg.simulate(model.edit(part, **{field: values[i]}), **options)
         speed = run.columns()[f"v.{joint}"]
-        found = [run[joint][-1], speed.max(), np.mean(run[joint]), run.counters["steps"], run.t[-1]]
+        mean = trapezoid(run[joint], run.t) / (run.t[-1] - run.t[0])
+        found = [run[joint][-1], speed.max(), mean, run.counters["steps"], run.t[-1]]
         assert [x[i] for x in table.values.values()] == found
         assert [x[k] for x in wide.values.values()] == found
 
@@ -348,6 +350,20 @@ def test_metrics_see_an_oscillation_of_one_frame_per_period():
     table = pg.sweep(*given, t_end=100.0, frames=1001)
     assert table.status == ("DONE",)
     assert "frames=" in table.reason[0]
+
+
+def test_means_are_over_time_and_names_mean_what_they_mean_in_a_run():
+    """A speed e^(-10 t) over 10 s has the mean 0.01, and the root mean square sqrt(0.005)."""
+    damped = pg.Body(name="x", axes=(0, 0, 1), inertia=np.eye(3), damping=10.0, v=1.0)
+    other = pg.Body(name="v.x", axes=(0, 0, 1), inertia=np.eye(3), q=0.3)
+    given = {"bodies.x.inertia.2.2": [1.0]}, ["mean q.v.x", "final v.x", "final x"]
+    run = pg.simulate(pg.Model(bodies=(damped, other)), t_end=10.0)
+    table = pg.sweep(run.mechanism.model, *given, t_end=10.0)
+    assert table.values["final v.x"][0] == run["v.x"][-1] == 0.3
+    alone = pg.Model(bodies=(damped,))
+    table = pg.sweep(alone, given[0], ["mean v.x", "rms v.x"], t_end=10.0)
+    assert table.values["mean v.x"][0] == pytest.approx(0.1 / 10.0, rel=1e-3)
+    assert table.values["rms v.x"][0] == pytest.approx(np.sqrt(0.05 / 10.0), rel=5e-3)
 
 
 def killed_when_heavy(run: pg.Result) -> float:

@@ -10,10 +10,11 @@ from types import CodeType, FunctionType
 from typing import Any
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from ..errors import InputError, Problem, choices, nearest, shown
 from ..result import Result
-from ..result.columns import meant, no_column
+from ..result.columns import meant
 
 Array = np.ndarray
 SETTLED = 0.02  # share of the way to its end within which a curve has settled
@@ -21,8 +22,8 @@ WAYS: dict[str, Callable[[Array, Array], Any]] = {  # functions of times and val
     "final": lambda t, x: x[-1],
     "max": lambda t, x: np.max(x),
     "min": lambda t, x: np.min(x),
-    "mean": lambda t, x: np.mean(x),
-    "rms": lambda t, x: np.sqrt(np.mean(np.square(x))),
+    "mean": lambda t, x: _mean(t, x),
+    "rms": lambda t, x: np.sqrt(_mean(t, np.square(x))),
     "peak": lambda t, x: np.max(np.abs(x)),
     "range": lambda t, x: np.ptp(x),
     "settle": lambda t, x: _settling_time(t, x),
@@ -129,6 +130,11 @@ def measured(run: Result, metric: Metric | str) -> float:
     return float(WAYS[way](run.t, column_of(run, what)))
 
 
+def _mean(t: Array, x: Array) -> float:
+    """Return the mean over time of a curve that is straight between frames."""
+    return float(trapezoid(x, t) / (t[-1] - t[0])) if t[-1] > t[0] else float(x[-1])
+
+
 def _settling_time(t: Array, x: Array) -> float:
     """Return the time after which a curve stays near its last value, between frames too [s]."""
     band = SETTLED * abs(x[-1] - x[0])
@@ -161,14 +167,15 @@ def words(metric: str) -> tuple[str, str]:
 
 
 def column_of(run: Result, what: str) -> Array:
-    """Return the column named `what` from `Result.columns`. Raises InputError."""
-    columns = run.columns()
-    found = meant(columns, what)
-    if not found:
-        raise _refused(no_column(columns, what))
-    if len(found) > 1:
-        raise _refused(f"{what!r} has {len(found)} columns; choose one of {choices(found)}")
-    return np.asarray(columns[found[0]])
+    """Return what `run[what]` is, if that is one column. Raises InputError."""
+    try:
+        found = run[what]
+    except InputError as problem:
+        raise _refused(problem.problems[0].text) from None
+    if found.ndim > 1:
+        names = meant(run.columns(bodies=True), what)
+        raise _refused(f"{what!r} has {found.shape[1]} columns; choose one of {choices(names)}")
+    return found
 
 
 def _refused(text: str) -> InputError:
