@@ -21,7 +21,7 @@ from ..engine.records import CONTACT, RIGID, table
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..packing.forces import NO_LOADS
-from ..tolerances import NOTABLE, SOLVED
+from ..tolerances import NOTABLE, SOLVED, VISIBLE
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -64,8 +64,8 @@ def spun_faces(
 ) -> list[str]:
     """Return a notice about a face that spins on another, at the frames (t, q, v) and `pairs`.
 
-    It has three points or more and turns faster than its middle slides. Each pair is examined where
-    it slips fastest, up to LISTED of these frames.
+    It has three points or more, whose slip visibly differs from that of its middle. Each pair is
+    examined where it slips fastest, up to LISTED of these frames.
     """
     t, q, v = times
     slides = (pairs["slip"] > SLIDING) & pairs["force"].any(axis=-1)
@@ -80,12 +80,13 @@ def spun_faces(
                 continue
             slip = np.array([_slip(mech, p, q[i], v[i]) for p in own])
             middle = slip.mean(axis=0)
-            if np.linalg.norm(slip - middle, axis=1).min() > np.linalg.norm(middle):
+            spin = np.linalg.norm(slip - middle, axis=1).min()
+            if spin > VISIBLE * np.linalg.norm(middle):
                 return [
                     f"at t = {t[i]:.6g} s {_named(mech, a, b)} spins on a flat face. Its friction "
-                    "torque is computed from the outer contact points, and is about 1.5 (disc) to "
-                    "1.9 (square) times the torque of a uniform pressure; to change it, use "
-                    "spinning_friction or a smaller face"
+                    "torque is computed from the outer contact points, and is 1.5 (disc) to 1.9 "
+                    "(square) times the torque of a uniform pressure, or 2 to 3 times while it "
+                    "mainly slides; to change it, use spinning_friction or a smaller face"
                 ]
     return []
 

@@ -112,7 +112,8 @@ def test_an_impact_of_several_that_touch_is_named(gap, e, told):
     [
         ({"kind": "cylinder", "radius": 0.1, "length": 0.2}, 5.0, 0.0, True),
         (BOX, 5.0, 0.0, True),
-        (BOX, 5.0, 2.0, False),
+        (BOX, 5.0, 2.0, True),
+        (BOX, 0.5, 2.0, True),
         (BOX, 0.0, 1.0, False),
         ({"kind": "sphere", "radius": 0.1}, 5.0, 0.0, False),
     ],
