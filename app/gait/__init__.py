@@ -168,6 +168,14 @@ class State(scene.State):
     def opened(self, before: Any) -> Self:
         return replace(super().opened(before), walking=Walking())
 
+    @property
+    def set_gait(self) -> pg.Gait | None:
+        offer = offered(self.model, self.walking)
+        if offer is None or offer.scenario != self.request.scenario:
+            return None
+        own = self.model.scenario(offer.scenario).gait
+        return None if offer.gait == own else offer.gait
+
 
 # -- walking: the gait, its speed, pushes, and the ground (pure) -----------------------------------
 
@@ -219,7 +227,7 @@ class Simulate(FromPage):
     """Simulate the current model. A walk uses the speed and turning rate set here."""
 
     def applied(self, state: State) -> State:
-        return asked(state, None, set_gait(state)) if idle(state) else state
+        return asked(state, None) if idle(state) else state
 
 
 class Continue(FromPage):
@@ -228,15 +236,7 @@ class Continue(FromPage):
     def applied(self, state: State) -> State:
         if not idle(state) or state.live is not None or state.run is None:
             return state
-        return asked(state, state.run.result, set_gait(state))
-
-
-def set_gait(state: State) -> pg.Gait | None:
-    """Return the gait of the scenario to simulate, if its settings were changed here."""
-    offer = offered(state.model, state.walking)
-    if offer is None or not state.walking.changes or offer.scenario != state.request.scenario:
-        return None
-    return offer.gait
+        return asked(state, state.run.result)
 
 
 def begun(state: State) -> State | None:

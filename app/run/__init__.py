@@ -67,7 +67,7 @@ class Simulation(Job):
         return replace(
             state,
             live=None,
-            last_run=Run(self.model, self.request, result),
+            last_run=Run(self.model, self.request, result, gait=self.gait),
             run_framed=self.framed,
             playback=playback,
             run_problem="" if self.model is state.model else stale,
@@ -83,6 +83,7 @@ class Run:
     result: Any  # pgraph_core's result
     walked: tuple[Change, ...] | None = None  # changes of its feet, if known
     ended: str = ""  # end of a live run
+    gait: pg.Gait | None = None  # in place of that of its scenario
 
     @cached_property
     def falls(self) -> tuple[Change, ...]:
@@ -251,12 +252,18 @@ class State(state.State):
         return None if gone or self.run_framed != self.framed else last
 
     @property
+    def set_gait(self) -> pg.Gait | None:
+        """The gait that was set on the page in place of that of the scenario, if any."""
+        return None
+
+    @property
     def outdated(self) -> str:
         """Why Play computes another run than the last one, or "" if it plays that one."""
         if self.earlier is not None:
             return "The model was edited since this run"
         run = None if self.live is not None else self.run
-        if run is None or (run.request == self.request and not run.ended):
+        asked = self.request, self.set_gait
+        if run is None or ((run.request, run.gait) == asked and not run.ended):
             return ""
         return "This is a live run" if run.ended else "The settings of the run were changed"
 
@@ -434,11 +441,11 @@ def idle(state: State) -> bool:
     return state.job is None and state.going is None
 
 
-def asked(state: S, before: Any, gait: pg.Gait | None = None) -> S:
-    """Start a simulation, optionally from the end of `before` or with another gait."""
+def asked(state: S, before: Any) -> S:
+    """Start a simulation, optionally from the end of `before`."""
     paused = replace(state.playback, playing=False, preview=False)
     state = replace(state, playback=paused)
-    return started(state, Simulation, state.request, before, gait, state.framed)
+    return started(state, Simulation, state.request, before, state.set_gait, state.framed)
 
 
 class Cancel(FromPage):

@@ -486,11 +486,12 @@ class Corners:
         return apart, np.linalg.norm(apart, axis=1)
 
     def _twists(self, table: Any) -> tuple[Array, Array]:
-        axis, mine, other = (
-            np.einsum("nij,nj->ni", self._rows(table, end), table[name])
-            for end, name in (("a", "axis"), ("a", "reference_a"), ("b", "reference_b"))
+        (a1, a2), (b1, b2) = (
+            [np.einsum("nij,nj->ni", self._rows(table, end), table[x]) for x in ("first", "second")]
+            for end in "ab"
         )
-        angle = np.arctan2((axis * np.cross(other, mine)).sum(1), (other * mine).sum(1))
+        sine, cosine = ((a1 * b2 - a2 * b1).sum(1), (a1 * b1 + a2 * b2).sum(1))
+        angle = np.arctan2(sine, cosine)
         angle = np.remainder(angle - table["rest"] + np.pi, 2.0 * np.pi) - np.pi
         return angle[:, None], np.pi - np.abs(angle)
 

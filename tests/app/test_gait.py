@@ -2,6 +2,7 @@
 
 import csv
 import io
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from pgraph_app.gait import SHOWN, has_feet
 from pgraph_app.gait.live import Motion
 from pgraph_app.gait.view import gait, phases
 from pgraph_app.pose import poses
-from pgraph_app.run import joined
+from pgraph_app.run import Run, joined
 from pgraph_app.run.footfalls import changes, prints
 from pgraph_app.scene import marks
 from pgraph_core.result.records import PHASES
@@ -67,6 +68,19 @@ def test_simulate_walks_as_fast_as_is_set():
     assert after(faster, do.Simulate(ME)).job.gait.speed == 0.9
     other = after(faster, do.SetScenario(ME, 4, "crawl"), do.Simulate(ME))
     assert other.job.gait is None  # what is set is of the trot
+    gallop = after(chosen, do.SetGait(ME, 5, "bound"), do.Simulate(ME)).job.gait
+    assert gallop.name == "bound"
+
+
+def test_a_run_of_another_speed_is_not_played_as_that_of_this_one():
+    state = after(ready(), do.SetScenario(ME, 1, "trot"))
+    ended = replace(state, last_run=Run(state.model, state.request, None))
+    assert not ended.outdated
+    faster = after(ended, do.SetWalk(ME, 2, "speed", "0.9"))
+    assert faster.outdated
+    again = Run(state.model, state.request, None, gait=faster.set_gait)
+    assert not replace(faster, last_run=again).outdated
+    assert after(replace(faster, last_run=again), do.SetWalk(ME, 3, "speed", "0.6")).outdated
 
 
 def test_parts_of_a_walk_make_one_walk(trotted):
