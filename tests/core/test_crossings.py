@@ -100,6 +100,14 @@ def test_steps_from_outside_meet_what_a_run_meets(width):
     assert np.array_equal(batch.q, np.tile(run.q[-1], (3, 1)))
 
 
+@pytest.mark.parametrize("way", WAYS)
+def test_a_motion_slides_at_a_speed_that_both_sides_lead_to(way):
+    """The sides push up to 0.5 m/s at 0.01 m/s² and down to it at 1 m/s²."""
+    run = pg.simulate(mass("if(v.m > 0.5, -1, 0.01)"), t_end=3.0, frames=4, **WAYS[way])
+    off = np.abs(run.q[1:, 0] - (0.375 + 0.5 * (run.t[1:] - 0.5))).max()
+    assert off < max(5.0 * run.error_estimate, 1e-10)
+
+
 @pytest.mark.parametrize("options", [{"step": 0.01}, {"rtol": 1e-4, "max_steps": 20000}])
 def test_a_motion_that_both_sides_push_back_ends_with_a_status(options):
     """Dry friction that holds the mass: the sides follow each other at once."""

@@ -481,11 +481,12 @@ def ended(run, h, w):
         step_to(run, code, w)
         return w
     least = max(instant(control, h), control.shut)
-    at_once = w <= max(least, ROUNDING * h) and control.slid == 0
-    if at_once and begins_to_slide(run, code, h):
+    soon = w <= max(least, SHORTEST * h)
+    step_to(run, code, w)
+    if soon and control.slid == 0 and begins_to_slide(run, code, h):
         return slide(run, code, SHORTEST * h)
-    if w <= least:
-        w = min(least, h)
+    if soon:
+        w = max(w, min(least, h))
         control.shut = min(GROWTH * least, control.rtol * h if control.widths == CHOSEN else h)
     else:
         calm(control)
@@ -590,7 +591,8 @@ def slide(run, code, h):
         share = kept_on(run, code, i, h)
         for j in range(stages.shape[1]):
             stages[at.ERROR, j] = 0.125 * (share - control.share) * stages[at.END, j]
-        if control.widths != CHOSEN or size_of(rows, size, stages, at.ERROR) <= 1.0:
+        known = size_of(rows, size, stages, at.ERROR)
+        if control.widths != CHOSEN or not known > 1.0 or h <= instant(control, h):
             break
         h *= 0.5
         control.width = h
