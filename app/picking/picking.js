@@ -45,9 +45,8 @@ pgraph.picking = (() => {
   window.addEventListener("pointerdown", (event) => { down = inView(event.target) ? [event.clientX, event.clientY, event.button] : null; }, true);
   const still = (event) => down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) <= CLICK;
   window.addEventListener("pointerup", (event) => {
-    if (!aim || event.button !== 0 || !still(event)) return;
-    const at = ray(event.clientX, event.clientY);
-    if (at) send("ClickSpot", { ...at, rate: event.shiftKey });
+    const at = event.button === 0 && still(event) && ray(event.clientX, event.clientY);
+    if (at) send(...(aim ? ["ClickSpot", { ...at, rate: event.shiftKey }] : ["ClickView", at]));
   }, true);
   // The right button moves the view; where it has not moved, it asks for the menu of what is there.
   window.addEventListener("contextmenu", (event) => {

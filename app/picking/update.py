@@ -105,6 +105,16 @@ class AskBody(Pointed):
         return with_client(state, self.client, asked=MenuOf(self.client, name, self.at))
 
 
+class ClickView(Pointed):
+    """A click in the view, which clears the selection where there is no body."""
+
+    def applied(self, state: State) -> State:
+        page, found = state.clients.get(self.client), spot_of(state, self)
+        if page is None or page.picking is not None or (found and found.body != GROUND):
+            return state
+        return selected(state, self.client, None, ())
+
+
 class MenuOf(OfServer, Request):
     """The menu of a body, or of the view, is wanted at a place on the page [px]."""
 

@@ -165,3 +165,10 @@ def test_a_measure_is_the_distance_its_components_and_the_angle_of_the_faces(box
                     "Δz": "0 m", "angle": f"{math.pi / 2:.6g} rad"}  # fmt: skip
     again = click(twice, towards((0.15, 0.2, 0.05), (0, 1, 0)))
     assert len(again.clients[ME].aim.spots) == 1
+
+
+@pytest.mark.parametrize(("at", "kept"), [((0.1, 0.2, 0.15), ("a",)), ((5.0, 0.2, 5.0), ())])
+def test_a_click_beside_all_bodies_clears_the_selection(boxes, at, kept):
+    chosen = after(boxes, do.Select(ME, "a"))
+    o, d = (tuple(v.tolist()) for v in towards(at, (0, 1, 0))[:2])
+    assert after(chosen, do.ClickView(ME, o, d, 0.0)).clients[ME].selected == kept
