@@ -49,6 +49,8 @@ class CameraView:
         if another and (self._framed < 0 or any(page.aspect for page in new.clients.values())):
             self._framed, self._up = new.framed, new.model.up
             self._start(new)
+        if (at := followed(new)) != tuple(self._along.position):
+            self._along.position = at  # before cameras are set, which pages shift by its moves
         for client, page in new.clients.items():
             handle, before = handles.get(client), old.clients.get(client, Client())
             which, chosen = self._views.get(client, ("start", ()))
@@ -68,8 +70,6 @@ class CameraView:
             if page.follow != self._follows.get(client):
                 self._follows[client] = page.follow
                 self._bridge.send(client, "follow", page.follow)
-        if (at := followed(new)) != tuple(self._along.position):
-            self._along.position = at
         for known in (self._follows, self._views):
             for gone in known.keys() - new.clients.keys():
                 del known[gone]
