@@ -381,9 +381,6 @@ def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, se
     page.wait_for_function(at, arg=8)
     at_rest(page)
     until(lambda: within(page, served), "the body where it goes on")
-    opened(page, served, pg.Model.serial(2))
-    at_rest(page)
-    until(lambda: within(page, served), "the next model where it is")
 
 
 # -- picking and measuring -------------------------------------------------------------------------
