@@ -9,7 +9,7 @@ import os
 import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +46,7 @@ FOREIGN = {
     ".mjcf": "mjcf",
 }  # suffixes of other formats
 
+BUILT_IN = "pgraph.models"  # group of the entry point of the package of built-in models
 NOT_OURS = "is not a Pgraph file; read it with pg.load, which converts it"
 LARGEST = 64_000_000  # bytes of a file
 MOST_VALUES = 5_000_000
@@ -226,10 +227,8 @@ def found(path: str | Path) -> str | Path:
 
 def _built_in(path: str | Path) -> Any:
     """Return the package of built-in models if `path` may be a name, and None if it is lacking."""
-    try:
-        return import_module("pgraph_models") if str(path).isidentifier() else None
-    except ImportError:
-        return None
+    points = entry_points(group=BUILT_IN) if str(path).isidentifier() else ()
+    return next((point.load() for point in points), None)
 
 
 def read(path: str | Path) -> str:
