@@ -1,4 +1,4 @@
-"""Measures for studies: differences between motions, orders of convergence, and run times."""
+"""Measures for studies: differences between motions, and run times."""
 
 from __future__ import annotations
 
@@ -19,12 +19,8 @@ from ..dynamics.states import angles, bodies_over, turned
 from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..packing import Array
-from ..tolerances import EPS, SOLVED, VISIBLE
 
 TRUST = 10.0  # factor within which error estimates and resolved errors are trusted
-SLOPE_POINTS = 3  # points of a slope
-ALIKE = 0.75  # least ratio of two slopes or times that are about the same
-MOST_STEPS_OF_ORDER = 2048
 
 
 class Errors(NamedTuple):
@@ -135,51 +131,7 @@ def _distances(x: Array, y: Array, size: float) -> Array:
         return np.linalg.norm(x - y, axis=1) / (scale or 1.0)
 
 
-# -- order of convergence --------------------------------------------------------------------------
-
-
-def step_counts() -> list[int]:
-    """Return numbers of steps, each about a fifth larger than the last, all multiples of four."""
-    found = {4 * round(2.0 ** (1.0 + k / 4.0)) for k in range(40)}
-    return sorted(n for n in found if n <= MOST_STEPS_OF_ORDER)
-
-
-def levelled(errors: Sequence[float]) -> bool:
-    """Return True if smaller steps no longer help, because of rounding or an inner tolerance."""
-    return len(errors) > 4 and min(errors) < SOLVED and errors[-1] > 0.7 * min(errors[-5:-3])
-
-
-def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) -> float | None:
-    """Return -d log E / d log n over the points (n steps, E) between the asymptotic start and
-    rounding.
-
-    Those are the points in a row, three or more, whose slopes from one to the next agree and over
-    which the error shrinks most. Errors near `limit`, or near the smallest useful step, are
-    ignored. None if there are fewer than three.
-    """
-    ordered = sorted((n, e) for n, e in points if n > 0)
-    errors = [e for _, e in ordered]
-    floor = 2 * TRUST * max(limit, min(errors, default=0.0) if levelled(errors) else 0.0)
-    usable = [(n, e) for n, e in ordered if max(8 * EPS, floor) < e < TRUST * VISIBLE]
-    best, most = None, 1.0
-    for first in range(len(usable)):
-        for last in range(first + SLOPE_POINTS, len(usable) + 1):
-            shrunk = usable[first][1] / usable[last - 1][1]
-            if shrunk > most and _steady(usable[first:last]):
-                best, most = (first, last), shrunk
-    if best is None:
-        return None
-    n, e = np.log(np.array(usable[best[0] : best[1]])).T
-    return float(-np.polyfit(n, e, 1)[0])
-
-
-def _steady(points: Sequence[tuple[float, float]]) -> bool:
-    """Return True if slopes over two intervals (one interval for three points) are similar."""
-    n, e = np.log(np.array(points)).T
-    apart = 2 if len(points) > SLOPE_POINTS else 1
-    slopes = -(e[apart:] - e[:-apart]) / (n[apart:] - n[:-apart])
-    return bool(slopes.min() > 0.0 and slopes.min() >= ALIKE * slopes.max())
-
+# -- run times ------------------------------------------------------------------------------------
 
 Spread = tuple[float, float, float]  # lower quartile, median, upper quartile
 SHORTEST_SAMPLE = 2e-3  # [s] a sample of a shorter run is the median of several runs

@@ -34,8 +34,6 @@ Candidate = tuple[str, Setting]  # a method and a setting
 LATE = "it took too long"
 SHORTER = 4  # factor by which a motion is shortened if no reference is found in time
 MOST_DIVISIONS = 5  # limit on such divisions
-GROWN = (1e-12, 0.1)  # differences between which their growth is fitted
-FOLDS = 6 * np.log(2.0)  # e-folds of t^6 in the second half of the time: more is exponential
 
 
 @explained
@@ -48,7 +46,7 @@ class Reference(Suggests):
     accuracy: float  # error of the reference itself
     source: str  # origin of the reference, in words
     margin: float = GIVEN
-    growth: float = 0.0  # growth rate of errors in chaotic motion [1/s], 0 in regular motion
+    parted: bool = False  # it ends where two references of a longer motion part
 
     @property
     def limit(self) -> float:
@@ -172,14 +170,13 @@ def finest(
     if best is None:
         return _of_a_part(task, rate, step, watch, failures)
     own, motion, apart, source = best
-    growth = growth_of(task.t, apart)
     until = float(task.t[horizon(apart) - 1])
     if own > NOTABLE and 0 < until < task.t_end:
         part = replace(task, t=np.linspace(0.0, until, len(task.t)))
         found, task = finest(part, rate, step, watch)
-        return replace(found, growth=growth), task
+        return replace(found, parted=True), task
     known = Reference.of_motion(task, task.t, motion, own, source)
-    return replace(known, margin=MADE, growth=growth), task
+    return replace(known, margin=MADE), task
 
 
 def _of_a_part(
@@ -192,23 +189,6 @@ def _of_a_part(
         text = f"no method reached the end at its finest setting: {why}"
         raise refusal("work_precision", "reference", text)
     return finest(replace(task, t=np.linspace(0.0, shorter, len(task.t))), rate, step, watch)
-
-
-def growth_of(t: Array, apart: Array) -> float:
-    """Return the Lyapunov exponent, the rate at which two runs separate [1/s], or 0 if not chaotic.
-
-    `apart` (n, m) are their differences. Growth as a power of time is not chaos.
-    """
-    largest = np.maximum.accumulate(apart.max(axis=1, initial=0.0))
-    some = (largest > GROWN[0]) & (largest < GROWN[1])
-    if not some.any():
-        return 0.0
-    half = 0.5 * t[some][-1]
-    late = some & (t >= half)
-    if late.sum() < STATES:
-        return 0.0
-    rate, last = (float(np.polyfit(t[each], np.log(largest[each]), 1)[0]) for each in (some, late))
-    return rate if last * half > FOLDS else 0.0
 
 
 def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Candidate]]:

@@ -131,7 +131,6 @@ class Study(Saved):
     t_end: float  # [s] duration of the compared motion
     frames: int  # number of compared times
     rows: tuple[Row, ...]
-    orders: Mapping[str, tuple[float | None, float]]  # (observed, nominal)
     reference: Mapping[str, Any]  # source, accuracy, limit
     target: float | None
     rounds: int
@@ -139,7 +138,6 @@ class Study(Saved):
     notes: tuple[str, ...]  # missing peers, a shortened motion, ...
     cancelled: bool = False
     asked: float = 0.0  # duration of the run that was asked about [s]
-    growth: float = 0.0  # rate at which errors grow in chaotic motion [1/s], Lyapunov's exponent
 
     def __str__(self) -> str:
         cells, peers = [HEADER, *(row.cells for row in self.rows)], self.peer_table()
@@ -243,13 +241,8 @@ class Study(Saved):
         )
 
     def _foot(self) -> tuple[str, ...]:
-        """Return the footer: observed orders, recommendation and notes."""
-        orders = (
-            f"{name} {'none observed' if seen is None else f'{seen:.2f}'} ({nominal:g})"
-            for name, (seen, nominal) in self.orders.items()
-        )
+        """Return the footer: recommendation and notes."""
         return (
-            f"observed orders  {', '.join(orders)}",
             f"recommended      {self.answer}",
             *(f"note             {line}" for line in self.notes),
             *(["CANCELLED: rows that were not measured are missing"] if self.cancelled else []),
@@ -314,9 +307,7 @@ class Study(Saved):
         curves = []
         for name in self.methods:
             rows = self.of(name)
-            order = self.orders.get(name, (None, 0.0))[0]
-            label = name if order is None else f"{name}, order {order:.1f}"
-            label = label if rows else f"{label} (no run)"
+            label = name if rows else f"{name} (no run)"
             points = [row.point for row in rows]
             curves.append(Curve(label, points, dashed=bool(rows and rows[0].peer)))
         label = f"error against run time of {self.name}"

@@ -15,17 +15,13 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..simulation.options import positive
-from ..tolerances import EPS, SOLVED
+from ..tolerances import SOLVED
 from . import reference as references
 from .measures import (
     Errors,
     least,
-    levelled,
     machine,
     measured,
-    observed_order,
-    rms,
-    step_counts,
 )
 from .reference import Reference
 from .report import LEFT_OUT, Row, Study
@@ -45,7 +41,6 @@ from .task import (
 )
 
 USUAL_FRAMES = 101  # default number of times at which motions are compared
-DIVIDED = "narrower ones were taken"  # part of the notice of a run with divided steps
 SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # progress at the end of each part
 
 
@@ -158,7 +153,6 @@ class Work:
         self.progress, self.longest, self.rounds = progress, longest, rounds
         self.fraction = 0.0
         self.notes: list[str] = []
-        self.orders: dict[str, tuple[float | None, float]] = {}
         self.rows: list[Row] = []
 
     def study(
@@ -178,9 +172,6 @@ class Work:
                 )
                 self._shorten(task, known)
             runs = self._first_runs(self._participants(), known)
-            for name in self.names:
-                self.orders[name] = self._order(name, known), float(METHODS[name].order)
-                self._explain(name, rate)
             self._time(runs)
         except Stopped:
             cancelled = True
@@ -226,19 +217,12 @@ class Work:
     def _shorten(self, task: Task, known: Reference) -> None:
         """Continue with the motion up to the horizon of the reference."""
         whole_time, self.task = self.task.t_end, task
-        if known.growth > 0.0:
-            self.notes.append(
-                f"errors grow e-fold about every {1.0 / known.growth:.2g} s (Lyapunov time), so "
-                f"that rounding of 1e-16 becomes 1 after about {-np.log(EPS) / known.growth:.2g} s"
-            )
         if task.t_end < whole_time:
             why = "a reference for the whole run would take too long"
-            if known.growth > 0.0:
+            if known.parted:
                 why = f"where two references still agree to {SOLVED:g}"
-            chaotic = "chaotic: " if known.growth > 0.0 else ""
-            self.notes.insert(
-                0, f"{chaotic}compared up to t = {task.t_end:.4g} s of {whole_time:.4g} s, {why}"
-            )
+            text = f"compared up to t = {task.t_end:.4g} s of {whole_time:.4g} s, {why}"
+            self.notes.insert(0, text)
 
     def _participants(self) -> list[Participant]:
         ladder = self.ladder
@@ -288,67 +272,6 @@ class Work:
             return Row.of(one, setting, done, None, 0.0)
         return Row.of(one, setting, done, reached, known.limit)
 
-    def _order(self, name: str, known: Reference) -> float | None:
-        """Return the observed order of one of our methods, from its rows or from more runs."""
-        points = [
-            (self.task.t_end / row.step, row.error)
-            for row in self.rows
-            if row.method == name and row.step and row.error and not row.limited
-        ]
-        found = observed_order(points, known.accuracy) if points else None
-        if found is None or round(found) != METHODS[name].order:
-            found = observed_order(self._order_runs(name, known), known.accuracy) or found
-        return found
-
-    def _explain(self, name: str, rate: float) -> None:
-        """Add a note that explains why the observed order differs from the nominal one."""
-        seen, order = self.orders[name]
-        if seen is not None and round(seen) == order:
-            return
-        shown = "no order" if seen is None else f"order {seen:.1f}"
-        self.notes.append(f"{name} shows {shown}, not {order:g}: {self._why(name, seen, rate)}")
-
-    def _why(self, name: str, seen: float | None, rate: float) -> str:
-        method = METHODS[name]
-        if self.task.impulses and method.eventful:
-            return "impacts and changes of contact occur within its steps"
-        if self.task.touching:
-            return "contact forces change slope within its steps"
-        if any(any(b.friction) for b in self.task.mech.model.bodies):
-            return "joint friction changes slope within its steps"
-        if seen is None:
-            return "too few steps lie between those that are too large and the limit of rounding"
-        if method.implicit and rate * self.ladder.steps[-1] > 1.0:
-            return "its steps do not resolve the fastest motion, which is stiff"
-        if seen > method.order:
-            return "terms of higher order still lead at these steps"
-        return "terms of other orders, constraints or rounding still matter at these steps"
-
-    def _order_runs(self, name: str, known: Reference) -> list[tuple[float, float]]:
-        """Return (steps, error) for decreasing steps, down to the reference limit or until time
-        runs out.
-
-        They are compared at quarters of the motion, so that frames do not end steps.
-        """
-        points: list[tuple[float, float]] = []
-        longest = self.longest / references.REFERENCE_BUDGET
-        last = len(known.t) - 1
-        at = np.arange(0, last + 1, last // 4 if last % 4 == 0 else last)
-        quarters = replace(self.task, t=self.task.t[at])
-        for count in step_counts():
-            began = time.perf_counter()
-            setting = Setting(step=self.task.t_end / count)
-            run = quarters.run(name, setting, self.watch())
-            divided = any(DIVIDED in text for text in run.notices)
-            if run.status.ok and not divided:
-                places = np.searchsorted(at, np.arange(last + 1)).clip(0, len(at) - 1)
-                points.append((count, rms(known.errors(run.q[places])[at])))
-            reached = [error for _, error in points]
-            below = bool(reached) and reached[-1] < known.limit
-            if below or levelled(reached) or time.perf_counter() - began > longest:
-                break
-        return points
-
     def _time(self, runs: list[tuple[Callable[[], float], float]]) -> None:
         """Store the measured times in `rows`."""
         chosen = [i for i, row in enumerate(self.rows) if row.ok]
@@ -373,7 +296,6 @@ class Work:
             task.t_end,
             len(task.t),
             tuple(self.rows),
-            self.orders,
             reference,
             target,
             self.rounds,
@@ -381,7 +303,6 @@ class Work:
             tuple(self.notes),
             cancelled,
             task.asked,
-            0.0 if known is None else known.growth,
         )
 
 

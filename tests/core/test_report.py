@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.study.measures import Errors, angles, measured, observed_order, spread
-from pgraph_core.study.reference import growth_of, horizon
+from pgraph_core.study.measures import Errors, angles, measured, spread
+from pgraph_core.study.reference import horizon
 from pgraph_core.study.report import seconds_at
 
 from ..worlds import ball, built_in, on_ground
-from .test_orders import heavy_top, tumbling_body
 
 ONE = {"methods": "rk4", "steps": 0.01, "rounds": 1}  # a study of one run
 
@@ -72,53 +71,12 @@ def test_angles_between_rotations_and_norms_of_errors():
     assert Errors.of(np.array([[np.nan]])).rms == np.inf
 
 
-def top_held_by_a_constraint() -> pg.Model:
-    (top,) = heavy_top().bodies
-    free = pg.Body(
-        name="top", joint="free", mass=top.mass, com=top.com, inertia=top.inertia,
-        q=(0, 0, 0, *top.q), v=(*top.v, 0, 0, 0),
-    )  # fmt: skip
-    held = pg.Constraint(name="pivot", body="top", point=(0, 0, 0))
-    return pg.Model(bodies=(free,), constraints=(held,))
-
-
-@pytest.mark.parametrize(
-    ("make", "method", "t_end", "counts"),  # durations [s] at which the order shows
-    [
-        (heavy_top, "semi_implicit_euler", 0.25, (100, 200, 400, 800)),
-        (top_held_by_a_constraint, "rk4", 0.25, (24, 48, 100, 200)),
-        (tumbling_body, "dop853", 3.0, (32, 40, 48, 64)),
-        (top_held_by_a_constraint, "radau5", 0.25, (8, 12, 18, 28)),
-    ],
-)
-def test_observed_orders_are_the_claimed_ones(make, method, t_end, counts):
-    """Within 0.3, on a free body, a ball and with a constraint, also of adaptive methods."""
-    options = {"tolerances": 1e-3, "rounds": 1, "frames": 3, "steps": [t_end / n for n in counts]}
-    found = pg.work_precision(make(), t_end=t_end, methods=method, **options)
-    seen, claimed = found.orders[method]
-    assert seen == pytest.approx(claimed, abs=0.3), [row.error for row in found.rows]
-
-
-def test_an_order_is_the_slope_between_the_start_and_rounding():
-    """Coarse runs, whose errors follow no order yet, and rounding do not count."""
-    n = 4.0 * 2.0 ** np.arange(10)
-    errors = np.maximum(0.09 * (n / 4) ** -4, 1e-14)
-    errors[0] = 7.0
-    assert observed_order(list(zip(n, errors))) == pytest.approx(4, abs=1e-6)
-    assert observed_order([(1, 1e-3), (2, 1e-4)]) is None
-    floor = np.maximum(1e-2 * (n / 4) ** -5, 3e-12)
-    assert observed_order(list(zip(n, floor))) == pytest.approx(5, abs=0.01)
-    wild = [5e-2, 9e-2, 4e-2, *(0.5 * (n[3:] / 4) ** -4)]
-    assert observed_order(list(zip(n, wild))) == pytest.approx(4, abs=0.01)
-
-
 def test_corners_of_tables_inside_steps_cost_no_order():
     pull = pg.Motor(name="pull", body="1", torque=pg.Table(t=(0.0, 0.33, 0.55), value=(0, 5, -5)))
-    options = {**ONE, "frames": 3, "steps": [1 / n for n in (16, 32, 64, 128)]}
+    options = {**ONE, "frames": 3, "steps": [1 / n for n in (32, 64, 128, 256)]}
     found = pg.work_precision(pg.Model.serial(1).add(pull), t_end=1.0, **options)
-    seen, order = found.orders["rk4"]
-    assert seen == pytest.approx(order, abs=0.5)
-    assert not any("rk4" in note for note in found.notes)
+    steps, errors = np.log([(row.step, row.error) for row in found.rows]).T
+    assert np.polyfit(steps, errors, 1)[0] == pytest.approx(4, abs=0.5)
 
 
 def test_errors_below_the_limit_of_the_reference_are_marked():
@@ -131,22 +89,14 @@ def test_errors_below_the_limit_of_the_reference_are_marked():
 
 
 def test_chaotic_motion_is_cut_where_two_references_part():
-    """The rate of growth is the one of two runs that begin 1e-10 apart."""
     apart = np.full((50, 2), 1e-12)
     apart[30:] = 1e-3
     assert horizon(apart) == 30
     assert horizon(apart[:20]) == 20
-    t = np.linspace(0.0, 20.0, 201)
-    assert growth_of(t, 1e-11 * np.exp(1.5 * t)[:, None]) == pytest.approx(1.5, rel=1e-3)
-    assert growth_of(t, 1e-9 * t[:, None] ** 2) == 0.0
     mech = built_in("double_pendulum").edit("upper", q=3.0)
     found = pg.work_precision(mech, t_end=30.0, **{**ONE, "steps": 0.3})
     assert found.t_end < found.asked == 30.0
-    q, t = np.array(mech.home()[0]), np.linspace(0.0, 15.0, 151)
-    options = {"t_end": 15.0, "frames": 151, "rtol": 1e-13, "estimate": False}
-    near, far = (pg.simulate(mech, x, **options).q for x in (q, q + 1e-10))
-    rate = np.polyfit(t, np.log(np.abs(near - far).max(axis=1)), 1)[0]
-    assert 0.4 * rate < found.growth < 2.5 * rate  # rates over a finite time scatter
+    assert any("two references still agree" in note for note in found.notes)
 
 
 def test_a_motion_that_is_impossible_is_refused_with_its_cause():
