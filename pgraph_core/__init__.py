@@ -184,11 +184,11 @@ def _taken(name: str) -> str:
     return ""
 
 
-def _page(run: Any, fields: Any = ()) -> str:
-    """Return the page for a live figure, which reruns the mechanism."""
+def _page(run: Any, fields: Any = (), live: bool = True) -> str:
+    """Return the page of a figure, which reruns the mechanism if it is live."""
     from .live.export import page
 
-    return page(run, fields)
+    return page(run, fields, live)
 
 
 hooks.page = _page

@@ -5,7 +5,7 @@ sets them.
 from collections.abc import Callable, Mapping
 from typing import Any
 
-page: Callable[..., str]  # (run, fields that stay open) -> the HTML of a living figure
+page: Callable[..., str]  # (run, fields that stay open, live) -> the HTML of a figure
 elsewhere: Callable[[], Mapping[str, str]]  # public name -> what stands before it: "run.", "pg."
 bound: Callable[[Any, str], Any]  # (model or mechanism, name) -> what takes it first, or None
 taken: Callable[[str], str]  # name of a field or an argument -> "pg.Model(..., sites=...)", or ""

@@ -85,7 +85,7 @@ def run(args: Namespace) -> Answer:
 def _writable(output: str | None) -> None:
     """Check the output path in advance. Raises FileError if the suffix is unknown."""
     if output and not output.lower().endswith((".npz", ".csv", ".html")):
-        text = "must end in .npz (the whole run), .csv (a table) or .html (an animation)"
+        text = "must end in .npz (the whole run), .csv (a table) or .html (a figure that plays it)"
         raise FileError(Problem(output, "", text))
 
 
@@ -260,7 +260,7 @@ TAKES = {  # the options that each kind of file accepts
 
 @command(
     "export",
-    "write an animation, with --live a figure that the reader can change; a picture or a film",
+    "write a figure that plays, with --live one that the reader can change; a picture or a film",
     *MODEL, SCENARIO, T_END,
     takes("--live", action="store_true", help="a figure that the reader can run, pull and change"),
     takes(

@@ -9,7 +9,6 @@ from .. import gait
 from ..core.events import FromPage
 from ..gait import Client as Client
 from ..run import Run
-from ..scene import SHOWN_AT_FIRST
 
 
 @dataclass(frozen=True)
@@ -19,7 +18,6 @@ class Exporting:
     client: int
     what: str
     run: Run
-    shown: frozenset[str] = SHOWN_AT_FIRST  # on the page that asks
     time: float = 0.0  # time that the page shows [s]
 
 
@@ -34,12 +32,12 @@ class State(gait.State):
 class Export(FromPage):
     """Export the run as a file."""
 
-    what: Literal["csv", "npz", "html", "live", "png", "mp4", "gif"]
+    what: Literal["csv", "npz", "live", "png", "mp4", "gif"]
 
     def applied(self, state: State) -> State:
         if state.plotted is None or state.live is not None:
             return state
-        asked = Exporting(self.client, self.what, state.plotted, state.shown, state.playback.time)
+        asked = Exporting(self.client, self.what, state.plotted, state.playback.time)
         return replace(state, exporting=asked)
 
 

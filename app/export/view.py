@@ -7,23 +7,16 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import viser
 
-from pgraph_core import InputError, show
-from pgraph_core.show.notebook import Extra
+from pgraph_core import InputError
 
 from ..core.bridge import Bridge
 from ..core.views import Host, Place
-from ..gait.view import MOST, FootprintsView
 from ..model.archive import zipped
-from ..run import Playback, Run
-from ..run.footfalls import prints
-from ..scene import SHOWN_AT_FIRST
-from ..scene.overlays import Overlays
+from ..run import Run
 from . import Exporting, State
 
 OFTEN = 0.2  # [s] between reports of how far a film is
@@ -99,7 +92,7 @@ def made(
             return "live.html", living(asked.run)
         case "png" | "mp4" | "gif":
             return asked.what, drawn(asked, progress)
-    return "html", animation(asked.run, asked.shown)
+    raise ValueError(asked.what)
 
 
 def table(run: Run) -> bytes:
@@ -118,14 +111,6 @@ def arrays(run: Run) -> tuple[str, bytes]:
         if any(file.is_dir() for file in path.parent.iterdir()):
             return "zip", zipped(path.parent)
         return "npz", path.read_bytes()
-
-
-def animation(run: Run, shown: frozenset[str] = SHOWN_AT_FIRST) -> bytes:
-    """Return a standalone HTML file that plays the run.
-
-    Forces, friction cones, footprints and marks of bodies are in it where they are `shown`.
-    """
-    return show.animation_html(run.result, lambda server: overlays(server, run, shown)).encode()
 
 
 def living(run: Run) -> bytes:
@@ -159,20 +144,6 @@ def drawn(asked: Exporting, progress: Callable[[float], bool]) -> bytes:
         else:
             run.to_image(path, t=float(np.clip(asked.time, run.t[0], run.t[-1])))
         return path.read_bytes() if path.exists() else b""
-
-
-def overlays(server: viser.ViserServer, run: Run, shown: frozenset[str]) -> Extra:
-    """Draws the overlays in `shown` on top of the bodies of one picture."""
-    state = State(run.model, request=run.request, last_run=run, shown=shown)
-    marks, feet = Overlays(server), FootprintsView(server)
-
-    def draw(time: float, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray) -> None:
-        now = replace(state, playback=Playback(time))
-        marks.render(now, positions, wxyz, gone)
-        if "footprints" in shown:
-            feet.show(now, prints(run.falls, time, MOST) - gone)
-
-    return draw
 
 
 VIEWS = (Place(lambda desk: ExportView(desk.bridge), 74, Host("export", "top", order=55)),)

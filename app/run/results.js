@@ -27,7 +27,7 @@
   }
 
   // -- export -----------------------------------------------------------------------------------------
-  const FILES = [["Share", "html", "HTML", "A page that plays the run in 3D in any browser"], ["Share", "live", "Interactive figure", "A page in which the reader runs the model and changes its masses"],
+  const FILES = [["Share", "live", "Interactive figure", "A page that plays the run in any browser, in which the reader runs the model and changes its masses"],
     ["Picture and film", "png", "Picture", "PNG of the pose shown, from the standard view"],
     ["Picture and film", "mp4", "Film", "MP4 of the run, which any player shows"], ["Picture and film", "gif", "GIF", "The run as a small film for slides and mails"],
     ["Numbers", "csv", "CSV", "Table of all numbers over time, for a spreadsheet"], ["Numbers", "npz", "NPZ", "The run with its model, to open in Python; with meshes a zip, to be unpacked first"]];

@@ -39,8 +39,9 @@ from .opened import Opened, follows, opened
 from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
-PICTURES = 600  # recorded pictures
-USUAL_DURATION = PICTURES / 60  # [s] default duration of motion: 60 pictures a second
+USUAL_DURATION = 10.0  # [s] of motion
+PICTURES = 60  # recorded pictures a second
+MOST_PICTURES = 3000
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
 DIGITS = 6  # digits of the numbers of the drawing
 
@@ -72,11 +73,14 @@ def exported(
     return run, why_recorded(run)
 
 
-def page(run: Result, fields: Sequence[str] = ()) -> str:
-    """Return the HTML page of a run. Raises InputError for fields that cannot stay open."""
+def page(run: Result, fields: Sequence[str] = (), live: bool = True) -> str:
+    """Return the HTML page of a run, which only plays it unless it is `live`.
+
+    Raises InputError for fields that cannot stay open.
+    """
     model = run.mechanism.model
     wanted = [opened(model, one) for one in fields]
-    engine = _engine(run, wanted)
+    engine = _engine(run, wanted) if live else _recording(run)
     drawn = _Drawing(run, wanted if engine["methods"] else ())
     given = {"engine": engine, "scene": drawn.scene(), "recording": drawn.recording()}
     facts = _facts(run, engine)
@@ -103,12 +107,7 @@ SCRIPTS = ("engine.js", "view.js", "figure.js")
 
 def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
     """Return the data for the scripts to compute with, or no runs and the reason."""
-    header, mech = run.header, run.mechanism
-    found: dict[str, Any] = {
-        "t_start": float(run.t[0]), "t_end": float(run.t[-1]), "step": header["step"] or STEP,
-        "methods": [], "runs": {}, "open": [], "kernels": module.NAMES, "wasm": "", "refused": "",
-        "how": "",
-    }  # fmt: skip
+    header, mech, found = run.header, run.mechanism, _recording(run)
     try:
         if refused := why_recorded(run):
             raise InputError(Problem("export", "", refused))
@@ -141,6 +140,15 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
     }
     found["how"] = _how(run, methods[0])
     return found
+
+
+def _recording(run: Result) -> dict[str, Any]:
+    """Return the data of a figure that computes nothing."""
+    return {
+        "t_start": float(run.t[0]), "t_end": float(run.t[-1]), "step": run.header["step"] or STEP,
+        "methods": [], "runs": {}, "open": [], "kernels": module.NAMES, "wasm": "", "refused": "",
+        "how": "",
+    }  # fmt: skip
 
 
 def usual(run: Result, method: str) -> dict[str, float]:
@@ -204,7 +212,8 @@ class _Drawing:
     def __init__(self, run: Result, wanted: Sequence[Opened]):
         self.run, self.wanted, self.mech = run, wanted, run.mechanism
         names, model = self.mech.names, self.mech.model
-        rows = np.linspace(0, len(run.t) - 1, min(len(run.t), PICTURES + 1)).round().astype(int)
+        most = int(np.clip(PICTURES * (run.t[-1] - run.t[0]), PICTURES, MOST_PICTURES)) + 1
+        rows = np.linspace(0, len(run.t) - 1, min(len(run.t), most)).round().astype(int)
         self.rows = np.unique(rows)
         self.pose = np.asarray(run.body_pose)[self.rows]
         self.turns = shapes.to_matrix(self.pose[..., 3:])

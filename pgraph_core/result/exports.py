@@ -109,14 +109,15 @@ class Exports:
     def to_html(
         self, path: str | Path | None = None, /, *, live: bool = False, open: Sequence[str] = ()
     ) -> str | None:
-        """Write the run as a 3D animation in one self-contained HTML file, or return its text.
+        """Write the run as a 3D figure in one self-contained HTML file, or return its text.
 
         Parameters
         ----------
         path : str or path, optional
             The file to write. Without one the text is returned.
         live : bool
-            Whether readers can run the mechanism and pull on it (docs/gallery.md).
+            Whether readers can run the mechanism and pull on it (docs/gallery.md). Otherwise the
+            figure plays the run.
         open : iterable of str
             Fields that readers can change in a live figure, PATH or PATH=low:high, such as
             "bodies.lower.mass=0.2:5".
@@ -131,7 +132,7 @@ class Exports:
         if path is not None and Path(path).suffix.lower() not in (".html", ".htm"):
             text = "is not a web page; give a name that ends in .html"
             raise FileError(Problem(str(path), "", text))
-        page = hooks.page(self, open) if live or open else _show().animation_html(self)
+        page = hooks.page(self, open, live or bool(open))
         return page if path is None else write_atomic(path, page)
 
     def to_image(
@@ -227,11 +228,11 @@ class Exports:
             write_atomic(path, made)
 
     def show(self) -> Any:
-        """Show the animation. Returns an object to display in a notebook, or opens a browser."""
-        return _show().opened(_show().animation_html(self))
+        """Show the figure. Returns an object to display in a notebook, or opens a browser."""
+        return _show().opened(hooks.page(self))
 
     def _repr_html_(self) -> str:
-        """Return the summary with a live figure if the browser can compute it, or an animation."""
+        """Return the summary with a figure, which is live if the browser can compute it."""
         facts = _show().run_html(self)
         if not len(self.t) or not self.mechanism.names:
             return facts
@@ -261,7 +262,7 @@ class Exports:
             write_atomic(path, matlab(columns_of(self)))
             return
         if suffix != ".npz":
-            text = "must end in .npz (the whole run), .csv or .mat (tables); to_html animates"
+            text = "must end in .npz (the whole run), .csv or .mat (tables); to_html makes a figure"
             raise FileError(Problem(str(path), "", text))
         write_atomic(path, file_of(self, Path(path).parent))
 

@@ -5,7 +5,7 @@ the kernels of pictures are imported when first needed; `MissingPackage` names w
 
 * `model_html(model)`, `mechanism_html(mech)`, `run_html(run)`: `_repr_html_` in a notebook
 * `figure(t, columns, title)`: matplotlib
-* `animation_html(run)`: a standalone HTML page; `opened(page)` shows it in a notebook or browser
+* `opened(page)` shows an HTML page in a notebook or browser
 * `digraph_svg(names, parent, loops)`; `shapes`: bodies as simple pieces and meshes
 * `pictures`: PNG, SVG, MP4, GIF without a screen; `drawing`: camera, light and ground; `raster`:
   triangles as pixels; `vector`: SVG
@@ -14,7 +14,6 @@ the kernels of pictures are imported when first needed; `MissingPackage` names w
 from ..errors import MissingPackage as MissingPackage
 from .digraph import digraph_svg as digraph_svg
 from .notebook import Embedded as Embedded
-from .notebook import animation_html as animation_html
 from .notebook import figure as figure
 from .notebook import mechanism_html as mechanism_html
 from .notebook import model_html as model_html

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import re
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..errors import counted, needed
 from . import bodies, shapes, stage
-from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, Track, looks
 from .digraph import digraph_svg
-from .shapes import branch_colors, children_of
-from .stage import FRAMING, GRID, depth, fitted, floor, light, steps, towards, unlit
-
-if TYPE_CHECKING:
-    import viser
+from .stage import GRID
 
 # -- HTML ------------------------------------------------------------------------------------------
 
@@ -249,71 +241,7 @@ def _plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-# -- animations ------------------------------------------------------------------------------------
-
-
-PICTURES = 30  # a second
-SHOWN = 3000
-ASPECT = 1.2  # aspect of the narrowest usual window, in which everything must be visible
-QUIET = "<style>.mantine-Notification-root { display: none; }</style>"  # viser's on software GL
-
-# Draws more into a picture: (time [s], positions, quaternions, shift of the picture [m])
-Extra = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]
-
-
-def animation_html(run: Any, extra: Callable[[viser.ViserServer], Extra] | None = None) -> str:
-    """Return the HTML page for a `pg.Result`. Needs viser. `extra` adds drawing to every frame."""
-    viser = needed("viser")
-    with contextlib.redirect_stdout(io.StringIO()):  # viser's banner
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    try:
-        serializer = server.get_scene_serializer()
-        draw(server, run, serializer.insert_sleep, extra(server) if extra else None)
-        page = serializer.as_html()
-        head = f"<title>{escape(run.mechanism.model.name)}</title>{QUIET}"
-        return re.sub("<title>.*?</title>", lambda _: head, page, count=1)
-    finally:
-        with contextlib.redirect_stdout(io.StringIO()):
-            server.stop()
-
-
-def draw(
-    server: viser.ViserServer, run: Any, wait: Callable[[float], None], extra: Extra | None = None
-) -> None:
-    """Draw every frame of the run in turn, calling `wait` [s] in between.
-
-    A model that travels further than its size stays in the middle, and the ground moves.
-    """
-    model, names = run.mechanism.model, run.mechanism.names
-    bodies, parent = [model.body(name) for name in names], run.mechanism.topology.parent.tolist()
-    t, pose = np.asarray(run.t), np.asarray(run.body_pose)
-    up = np.array(GRID[model.up][1])
-    found = looks(bodies, children_of(parent), branch_colors(parent))
-    track = Track(found, pose, up)
-    scene, camera = server.scene, server.initial_camera
-    scene.set_up_direction(up)
-    low = depth(model, bodies, parent, pose[0, :, :3], track.size)
-    planes = (floor(scene, model, track.size, False, low), steps(scene, model))
-    under = [node for node in planes if node is not None]
-    ground = [(node, node.position) for node in under]
-    camera.position, camera.look_at = fitted(track.corners, up, towards(model.up, "start"), ASPECT)
-    camera.up, camera.fov = up, FRAMING.field_of_view
-    unlit(scene)
-    light(scene, False, model.up)
-    kind = SeparateBodies if len(names) <= SEPARATE else BatchedBodies
-    drawn: Bodies = kind(server, lambda *_: None, lambda *_: None)
-    drawn.show(found)
-    count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, SHOWN))
-    times = np.linspace(t[0], t[-1], count)
-    for time in times:
-        positions, wxyz = between(t, pose, float(time))
-        gone = track.gone(positions)
-        drawn.place(positions - gone, wxyz)
-        if extra is not None:
-            extra(float(time), positions, wxyz, gone)
-        for node, at in ground:
-            node.position = at - gone
-        wait(float(times[1] - times[0]))
+# -- motion and pages ------------------------------------------------------------------------------
 
 
 def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,10 +1,11 @@
-"""Runs as files: tables, arrays, animations, figures and pictures."""
+"""Runs as files: tables, arrays, figures and pictures."""
 
 import csv
 import io
 import json
 import re
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,8 +15,11 @@ import viser
 import pgraph_core as pg
 from pgraph_app.export import Exporting, view
 from pgraph_app.features import State
-from pgraph_app.run import Request, Run
+from pgraph_app.gait.view import MOST, FootprintsView
+from pgraph_app.run import Playback, Request, Run
+from pgraph_app.run.footfalls import prints
 from pgraph_app.scene import marks
+from pgraph_app.scene.overlays import Overlays
 from pgraph_core.live import module
 from pgraph_core.show import notebook
 
@@ -54,12 +58,6 @@ def test_the_arrays_of_a_run_with_meshes_come_with_them(tmp_path):
     assert again.file == str(away / "meshes" / "part.stl")
 
 
-def test_the_animation_is_one_page_that_asks_for_nothing_else(run):
-    page = view.animation(run).decode()
-    assert page.lstrip().lower().startswith("<!doctype html")
-    assert not re.search(r'<(script|link|img)[^>]+(src|href)="https?://', page)
-
-
 @pytest.mark.skipif(bool(module.stale()), reason="the module is older than the kernels")
 def test_a_living_figure_opens_the_masses(run):
     page = view.living(run).decode()
@@ -95,18 +93,19 @@ def walk():
 
 
 def drawn(run, *shown):
-    """Return which of a run's marks stand in the scene at each picture of its animation."""
+    """Return which of a run's marks stand in the scene at each of some times."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    pictures = []
-
-    def taken(_):
-        nodes = server.scene._handle_from_node_name
-        there = {name: field for name, field in MARKS.items() if name in nodes}
-        pictures.append({n: np.array(getattr(nodes[n], field)) for n, field in there.items()})
-
+    state = State(run.model, request=run.request, last_run=run, shown=frozenset(("shapes", *shown)))
+    pictures, still, nodes = [], np.zeros(3), server.scene._handle_from_node_name
     try:
-        overlays = view.overlays(server, run, frozenset(("shapes", *shown)))
-        notebook.draw(server, run.result, taken, overlays)
+        overlays, feet = Overlays(server), FootprintsView(server)
+        for t in np.linspace(run.result.t[0], run.result.t[-1], 12):
+            now = replace(state, playback=Playback(float(t)))
+            overlays.render(now, *notebook.between(run.result.t, run.result.body_pose, t), still)
+            if "footprints" in shown:
+                feet.show(now, prints(run.falls, t, MOST))
+            there = {name: field for name, field in MARKS.items() if name in nodes}
+            pictures.append({n: np.array(getattr(nodes[n], field)) for n, field in there.items()})
     finally:
         server.stop()
     return pictures
@@ -115,7 +114,7 @@ def drawn(run, *shown):
 MARKS = {"/forces": "points", "/cones": "batched_positions", "/footprints": "batched_positions"}
 
 
-def test_an_animation_shows_forces_and_footprints_where_the_page_does(walk):
+def test_forces_and_footprints_are_drawn_where_they_are_shown(walk):
     """No arrow is longer than the largest force, and feet leave more prints on the ground."""
     pictures = drawn(walk, "forces", "cones", "footprints")
     assert all(set(MARKS) == set(picture) for picture in pictures[1:])
@@ -131,12 +130,11 @@ def test_an_animation_shows_forces_and_footprints_where_the_page_does(walk):
     assert not any(drawn(walk))  # a page that shows no marks
 
 
-def test_a_finished_run_is_exported_with_what_the_page_shows(run):
+def test_a_finished_run_is_exported(run):
     state = begun(run.model)
     assert after(state, do.Export(ME, "csv")) is state
-    state = after(ran(state, run.result), do.Show(ME, "footprints", True), do.Export(ME, "csv"))
+    state = after(ran(state, run.result), do.Export(ME, "csv"))
     assert state.exporting.what == "csv"
-    assert "footprints" in state.exporting.shown
     _, table = view.made(state.exporting)
     heads = table.decode().partition("\n")[0].split(",")
     assert [
