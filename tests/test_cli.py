@@ -104,18 +104,6 @@ def test_maps_and_reports_for_programs(capsys, tmp_path):
     assert (data["t_end"], data["frames"]) == (2.0, 41)
 
 
-def test_new_prints_the_default_table_or_writes_a_file_but_never_over_one(capsys, tmp_path):
-    assert answered(capsys, "new", "3") == json.loads(printed(capsys, "new", "3")[0])
-    file = tmp_path / "m.json"
-    assert str(file) in printed(capsys, "new", "4", "-o", file)[0]
-    assert pg.Model.load(file) == pg.Model.serial(4)
-    assert str(file) in printed(capsys, "new", "5", "-o", file, code=1)[1]
-    assert pg.Model.load(file) == pg.Model.serial(4)
-    for name in ("x", "x.urdf", "x.csv"):
-        assert ".json" in printed(capsys, "new", "2", "-o", tmp_path / name, code=1)[1]
-    assert list(tmp_path.iterdir()) == [file]
-
-
 def test_models_lists_all(capsys):
     models = answered(capsys, "models")["models"]
     assert tuple(m["name"] for m in models) == pgraph_models.names()
@@ -169,7 +157,7 @@ def test_progress_is_shown_on_a_terminal_only(capsys, monkeypatch):
 
 SWEEP = ("sweep", "pendulum", "--metric", "t_end", "--t-end", "0.1")
 USAGE = [  # exit code 2: the words, and facts of the answer
-    *((("new", "--", n), ["argument N", f"'{n}'", "100000"])
+    *((("report", "pendulum", f"--rounds={n}"), ["argument --rounds", f"'{n}'", "100000"])
       for n in ("0", "-3", "x", "1.5", "1e3", "", "100001", "9" * 5000)),
     *((("run", "pendulum", f"{option}={value}"), [f"argument {option}", f"'{value}'"])
       for option, values in {"--t-end": ("0", "nan", "-1"), "--step": ("inf", "1s")}.items()
@@ -258,10 +246,11 @@ def test_json_has_no_nan_and_no_arrays_and_tables_line_up():
     assert table == "name   n    x\na      1  0.5\nlong  20   10"
 
 
-def test_a_reader_that_has_seen_enough_ends_the_command():
-    words = [sys.executable, "-m", "app", "new", "5000"]
+def test_a_reader_that_has_seen_enough_ends_the_command(tmp_path):
+    pg.Model.serial(5000).save(tmp_path / "long.json")
+    words = [sys.executable, "-m", "app", "info", str(tmp_path / "long.json")]
     writer = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert writer.stdout.readline() == b"{\n"
+    assert b"5000 bodies" in writer.stdout.readline()
     writer.stdout.close()
     assert writer.stderr.read() == b""
     writer.stderr.close()

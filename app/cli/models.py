@@ -1,8 +1,7 @@
-"""Commands for models: `pgraph new`, `models`, `info`, `check`, `convert`."""
+"""Commands for models: `pgraph models`, `info`, `check`, `convert`."""
 
 from __future__ import annotations
 
-import json
 import math
 from argparse import Namespace
 from pathlib import Path
@@ -20,35 +19,11 @@ from .terminal import (
     Answer,
     aligned,
     command,
-    count,
     model_path,
     open_model,
     read_file,
     takes,
 )
-
-# -- new -------------------------------------------------------------------------------------------
-
-
-@command(
-    "new",
-    "write a model of N bodies: a serial chain of hinges",
-    takes("n", metavar="N", type=count, help="number of bodies"),
-    takes("-o", "--output", metavar="FILE", help="write to FILE instead"),
-)
-def new(args: Namespace) -> Answer:
-    model = pg.Model.serial(args.n)
-    if args.output is None:
-        text = model.to_json().rstrip("\n")
-        return Answer(json.loads(text), text)
-    if Path(args.output).suffix.lower() != ".json":
-        raise FileError(Problem(args.output, "", "must end in .json"))
-    if Path(args.output).exists():
-        raise FileError(Problem(args.output, "", "exists already; choose another name"))
-    model.save(args.output)
-    data = {"path": args.output, "name": model.name, "nb": len(model.bodies)}
-    return Answer(data, f"Wrote {args.output}: {len(model.bodies)} bodies in a row.")
-
 
 # -- models ----------------------------------------------------------------------------------------
 

@@ -21,7 +21,6 @@ from ..errors import InputError
 from ..packing import Array
 from ..packing.signals import states_of
 from ..tolerances import EPS, SOLVED, VISIBLE
-from .balance import passed_over, unbalanced
 from .finer import (
     apart,
     finer_plan,
@@ -34,6 +33,7 @@ from .finer import (
 )
 from .plan import RunPlan
 from .recording import Recording
+from .remarks import passed_over, unbalanced
 
 MORE = 1.25  # least number of steps of a finer run relative to the run
 PARTED = 0.3  # rad, or of the motion's size: beyond it, errors no longer add up

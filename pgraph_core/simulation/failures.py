@@ -141,6 +141,7 @@ class Running:
     held: set[int]  # constraints that are active now
     events: ContactEvents | None = None  # decisions at events of contact points
     ended: Outcome
+    met = ""  # description of the run until something came near
 
     @property
     def done(self) -> int:

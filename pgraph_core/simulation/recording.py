@@ -65,7 +65,6 @@ class Recording(Running):
     watch: Watch | None = None  # conditions of switches, then a user's events
     _crawls = ""  # the warning that the run would take very many steps
     carried: Carried | None = None  # derivatives
-    met = ""  # description of the run until something came near
 
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,

@@ -8,11 +8,17 @@ from contextlib import suppress
 import numpy as np
 
 from ..dynamics.arguments import positions
+from ..engine import layout as at
+from ..engine.records import CREEP
 from ..errors import InputError, choices
+from ..mechanism import Mechanism
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
-from ..packing import Array
-from ..tolerances import NAMED, VISIBLE
+from ..packing import Array, Drives, row_of_velocity
+from ..packing.forces import acting_on
+from ..result.records import energy_drift
+from ..tolerances import NAMED, NOTABLE, SOLVED, VISIBLE
 from .failures import Running
+from .rates import fastest_rate, fastest_swings
 
 
 def remarks(record: Running) -> Iterator[str]:
@@ -96,8 +102,6 @@ def turns_unseen(record: Running, frames: tuple[Array, Array, Array, Array]) -> 
 
 def creeping(record: Running) -> Iterator[str]:
     """Yield notices about joints that friction should hold and that creep."""
-    from .creep import crept
-
     n = record.done
     yield from crept(record.mech, record.scene.drives, record.steps.times[:n], record.out.v[:n])
 
@@ -141,3 +145,80 @@ def _oriented(record: Running) -> int:
             positions(record.mech.packed, record.out.q[n - 1 : n])
             return n
     return 0
+
+
+def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
+    """Return a notice about the joint that moves farthest at a steady speed that friction should
+    stop.
+
+    `t` (n,) and `v` (n, nv) are the frames. Time stepping gives drives without friction.
+    """
+    worst, text = NOTABLE, ""
+    slow = CREEP / np.sqrt(2.0 * VISIBLE)  # below it, friction is visibly less than Coulomb's
+    system = mech.packed.system
+    for one in drives.table[drives.table["friction"] > 0.0]:
+        own, factors = acting_on(drives, one)
+        row = row_of_velocity(system.rows, int(own[0]))
+        slides = system.rows[row, at.KIND] == at.TRANSLATE
+        speed = v[:, own] @ factors
+        mean = 0.5 * (speed[:-1] + speed[1:])
+        steady = (np.abs(mean) <= slow) & (np.abs(np.diff(speed)) <= np.abs(mean))
+        way = float(np.abs(steady * mean * np.diff(t)).sum())
+        size = way / mech.packed.length if slides and mech.packed.length else way
+        if size > worst:
+            body, unit = mech.topology.names[system.body_of_row[row] - 1], "m" if slides else "rad"
+            worst = size
+            text = (
+                f"the joint of '{body}' creeps by {way:.3g} {unit}, although its friction should "
+                f"hold it, because this method regularises friction below {CREEP:g} {unit}/s; "
+                "use method 'moreau_jean' for sticking"
+            )
+    return [text] if text else []
+
+
+# -- energies and vibrations ----------------------------------------------------------------------
+
+
+def unbalanced(record: Running, n: int) -> tuple[str, ...]:
+    """Return a message about energies that miss the work done, where the motion is accurate.
+
+    Steps suit the motion alone. A prescribed one takes the widest, whatever power it needs, and a
+    force that begins and ends within a step is not met. Impulses and methods of first order make
+    errors of first order in energies.
+    """
+    plan, parts = record.plan.onward() if record.met else record.plan, record.out.energies[:n].T
+    if plan.impulses or plan.method.order < 2:
+        return ()
+    drift, scale = energy_drift(parts)
+    if drift <= VISIBLE or not scale > SOLVED * np.abs(parts).max():
+        return ()
+    return (
+        f"the energies and the work of the run disagree by {100 * drift:.2g} % of their range: "
+        "steps that suit the motion are too wide for its power, or pass a force; give a step",
+    )
+
+
+def passed_over(record: Running, error: float) -> tuple[str, ...]:
+    """Return a message about vibrations that implicit steps damp out at any size, if they may
+    matter.
+
+    They are missing from both runs. The energy that the ledger misses bounds their amplitude.
+    """
+    plan, given, n = record.plan, record.plan.tolerance, record.done
+    if given is None or not (given.fixed and plan.method.implicit) or record.steps.divided:
+        return ()
+    acts = (record.mech, (plan.drives, plan.loads), plan.active, *record.began)
+    rate = fastest_rate(*acts)
+    if rate * given.widest <= 1.0 or not fastest_swings(*acts):
+        return ()
+    kinetic, potential, work, lost = record.out.energies[:n].T
+    balance = kinetic + potential - work + lost
+    inertia = np.diag(record.mech.mass_matrix(record.began[0]))
+    most = float(np.sqrt(2.0 * np.ptp(balance) / inertia[inertia > 0.0]).max(initial=0.0)) / rate
+    if most <= error:
+        return ()
+    return (
+        f"the error excludes vibrations of {rate:.3g} rad/s, which {plan.method.name} damps "
+        f"with steps of {given.widest:.3g} s (up to {most:.2g} rad or m). To resolve them, use a "
+        f"step below {1.0 / rate:.2g} s",
+    )
