@@ -344,7 +344,7 @@ FILES: list[tuple[bytes, str, *tuple[str, ...]]] = [  # content, place in the fi
     (b"", "line 1", "JSON", "column 1"),
     (b'{\n  "name": "a",\n  "bodies": [}\n', "line 3", "JSON", "column 14"),
     (b"[]", "", "JSON object", "[]"),
-    (b'{"schema_version": 99, "later": 1}', "schema_version", "99", "8"),
+    (b'{"schema_version": 99, "later": 1}', "schema_version", "99", "9"),
     (b'{"schema_version": "1"}', "schema_version", "'1'", ">= 1"),
     (b'{"bodies": [{"name": "a", "mass": 1, "mass": 2}]}', "", "'mass'", "twice", "'a'"),
     (b"\x89PNG\r\n\x1a\n\x00", "", "UTF-8", "byte 0"),

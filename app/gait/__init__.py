@@ -116,8 +116,8 @@ def feet_of(model: pg.Model) -> list[pg.Contact]:
 
 def friction(model: pg.Model) -> float:
     """Return the friction coefficient of the feet."""
-    given = [c.friction for c in feet_of(model) if c.friction is not None]
-    return given[0] if given else model.ground.friction
+    given = [c for c in feet_of(model) if c.friction is not None]
+    return given[0].frictions(model.ground).kinetic if given else model.ground.friction
 
 
 def law(model: pg.Model) -> str:

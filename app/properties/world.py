@@ -102,7 +102,7 @@ def _parameters(state: State) -> Payload:
     model = state.model
     used = dict.fromkeys(model.parameters, 0)
     texts = [f.text for f in model.formulas]
-    texts += texts_of(model.forces, model.constraints, model.controls, model.scenarios)
+    texts += texts_of(model)
     for text in texts:
         for name in names_in(text):
             if name in used:

@@ -37,6 +37,7 @@ def on_feet(stepper: Stepper) -> bool:
     among = len(may.pairs) + len(may.members) + len(contacts.ground.patches) + scene.loads.number
     if (
         among
+        or len(scene.loads.signals[0])
         or tally["limits"]
         or tally["frictions"]
         or tally["first_turn"] >= 0

@@ -34,6 +34,7 @@ from ..engine.records import (
     WATCH,
     table,
 )
+from ..engine.signals import LAW
 from ..engine.stepping.measured import measured
 from ..joints import SIZE
 from ..model import Contact, Force
@@ -41,7 +42,7 @@ from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
 from ..packing.forces import on_bodies
 from ..packing.packed import Packed
-from ..packing.signals import locate_forces, measured_rows
+from ..packing.signals import locate_forces, measured_rows, with_pairs
 from ..portable import Unportable
 
 if TYPE_CHECKING:
@@ -86,11 +87,14 @@ class Scene(Unportable):
         if (own.blocks_i[:, at.B_KNOTS] < at.SINE).any():
             own = own._replace(curves=own.curves.copy())
         self.blocks: Blocks = _extended(own, contacts) if contacts else own
-        if len(measured_rows(loads.signals[0])):
+        code, targets, states = loads.signals
+        if len(measured_rows(code)) or (targets[:, 1] == LAW).any():
             numbers = {c.name: i for i, c in enumerate(packed.model.contacts)}
             touches = contacts.touches if contacts else ()
             pairs = [numbers.get(pair.contact.name, -1) for pair in touches]
-            locate_forces(loads.signals[0], own.first.tolist(), pairs)
+            locate_forces(code, own.first.tolist(), pairs)
+            loads = self.loads = loads._replace(signals=(code, with_pairs(targets, pairs), states))
+            contacts = contacts and contacts._replace(laws=contacts.laws.copy())
         self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
         self.given = np.zeros(packed.nv)
         self.user, self.gains = user, gains

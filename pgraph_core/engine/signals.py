@@ -10,7 +10,7 @@ import math
 from .compiler.elementary import acos, asin, atan, cos, exp, log, power, sin, tan
 from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, I2, f8, void
-from .loads import put_in_knots
+from .loads import LOADS, put_in_knots
 
 COLUMNS, OWN_COLUMNS = 5, 2
 (
@@ -23,9 +23,9 @@ JUMPING = CHOOSE, LESS, AT_MOST, HELD + LESS, HELD + AT_MOST  # operations whose
 # in the second row of a held comparison: 1 if it is true, -1 if not, 0 if not held; in between the
 # motion slides along its margin, with a share of both sides
 SIDE = 1
-# where a value goes: the instruction, DRIVE or a kind of load, counted from 1, the first knot, how
-# many knots, the column; the number of its force, and 1 once the value was not finite
-DRIVE = 0
+# where a value goes: the instruction, DRIVE, a kind of load, counted from 1, or LAW, the first knot
+# or pair, how many, the column; the number of its part, and 1 once the value was not valid
+DRIVE, LAW = 0, 1 + len(LOADS)
 OWNER, FAILED, TARGET = 5, 6, 7
 # states of controls: the instruction of the rate or the new value, that of the time between samples
 # or -1, that of the first value, the number of the control, and 1 once the value was not finite
@@ -224,14 +224,15 @@ def slopes_of(op, a, x):
 def follow_signals(signals, drives, loads, t, q, v):
     """Write the values of all expressions to the knots of drives and loads.
 
-    Returns 0, or -1 where one of them is not finite: a bound would hide it.
+    Returns 0, or -1 where one of them is not finite, as a bound would hide it, or where a friction
+    is negative.
     """
     code, targets, states = signals
     evaluate(code, 0, code.shape[0] // 2, t, q, v)
     failed = 0
     for n in range(targets.shape[0]):
         value = code[2 * targets[n, 0] + 1, 0]
-        if not abs(value) < math.inf:
+        if not abs(value) < math.inf or (targets[n, 1] == LAW and value < 0.0):
             failed = -1
             targets[n, FAILED] = 1
         first, column = targets[n, 2], targets[n, 4]
@@ -246,6 +247,17 @@ def follow_signals(signals, drives, loads, t, q, v):
             failed = -1
             states[n, LOST] = 1
     return failed
+
+
+@sweep
+def follow_frictions(signals, laws):
+    """Write the friction of contacts to their laws, after `follow_signals`."""
+    code, targets, _ = signals
+    for n in range(targets.shape[0]):
+        if targets[n, 1] == LAW:
+            for k in range(targets[n, 2], targets[n, 2] + targets[n, 3]):
+                laws[k].friction = code[2 * targets[n, 0] + 1, 0]
+                laws[k].static_friction = laws[k].friction
 
 
 @sweep

@@ -89,8 +89,11 @@ class ContactsOut:
         return True
 
     def _friction(self, c: Contact) -> Law:
-        mu = self.model.ground.friction if c.friction is None else c.friction
-        return mu, c.spinning_friction or 0.0, c.rolling_friction or 0.0
+        return (
+            c.frictions(self.model.ground).kinetic,
+            c.spinning_friction or 0.0,
+            c.rolling_friction or 0.0,
+        )
 
     def _excluded(self, bodies: Sequence[Body]) -> Iterator[Tag]:
         """Yield exclusions for pairs of bodies that would touch in MuJoCo but do not touch here."""
@@ -98,6 +101,8 @@ class ContactsOut:
         for c in (*self.floor.values(), *self.touch):
             if c.points:
                 self.out(f"contact '{c.name}'", "its points")
+            if c._varies:
+                self.out(f"contact '{c.name}'", f"its friction {c.friction!r}")
             if c.law != "complementarity":
                 text = f"law {c.law} is MuJoCo's own soft contact"
                 self.report.add("approximated", f"contact '{c.name}'", text)

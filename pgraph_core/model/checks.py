@@ -354,7 +354,7 @@ def reference_problems(
         *unique("control", [c.name for c in controls]),
         *loop_problems(controls, forces, ""),
         *varying_problems(
-            (constraints, forces, controls), scenarios,
+            (constraints, contacts, forces, controls), scenarios,
             Known(bodies, outputs, controls, parameters, forces, names, lost),
         ),
         *(

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from ..fields import EVERY, GROUND, Acting, Flag, Number, Text, Vec3s, field, refuse, vectors
+from ..errors import shown
+from ..fields import (
+    EVERY,
+    GROUND,
+    Acting,
+    Expression,
+    Flag,
+    NotNegative,
+    Number,
+    Text,
+    Vec3s,
+    field,
+    listed,
+    refuse,
+    vectors,
+)
 from ..units import NONE, Dim, M, N, S
 from .world import Ground, below_kinetic
 
+_number_or_law: Callable[[float | str | None], NotNegative | Expression | None] = listed
 PAIRED = 20  # number of bodies up to which every two are a separate contact pair
 
 
@@ -35,6 +51,7 @@ class Contact(Acting):
     normal force.
     """
 
+    VARIES_SINCE: ClassVar[int] = 9
     ABOUT: ClassVar[Mapping[str, str]] = {  # one line a law, for who chooses
         "complementarity": "rigid: no depth, impulses in the friction cone, restitution",
         "soft": "Hunt and Crossley: k d^1.5 (1 + c d'), smooth friction",
@@ -51,9 +68,10 @@ class Contact(Acting):
         "one of soft, penalty, complementarity",
         default="complementarity", label="Law", help="contact law",
     )  # fmt: skip
-    friction: Number | None = field(
-        "a Coulomb friction coefficient >= 0; default: as for the ground",
-        default=None, dim=NONE, ge=0, help="Coulomb coefficient; by default as for the ground",
+    friction: NotNegative | Expression | None = field(
+        "a Coulomb friction coefficient >= 0, or an expression; default: as for the ground",
+        converter=_number_or_law, default=None, dim=NONE,
+        help="Coulomb coefficient; by default as for the ground",
     )  # fmt: skip
     static_friction: Number | None = field(
         "a friction coefficient >= friction for sticking; default: friction, or as for the ground",
@@ -94,9 +112,18 @@ class Contact(Acting):
         soft = {"stiffness": N / M**1.5, "damping": S / M} if self.law == "soft" else {}
         return soft.get(name) or super()._dim_of(name)
 
+    @property
+    def _varies(self) -> bool:
+        """Return True if its friction is an expression in time and the motion."""
+        return type(self.friction) is str
+
     def frictions(self, ground: Ground) -> Frictions:
-        """Return the four coefficients of friction, with the ground's values as defaults."""
-        kinetic = ground.friction if self.friction is None else self.friction
+        """Return the four coefficients of friction, with the ground's values as defaults.
+
+        The ground's value stands for an expression until a run evaluates it.
+        """
+        own = None if isinstance(self.friction, str) else self.friction
+        kinetic = ground.friction if own is None else own
         static = self.static_friction
         if static is None:
             static = ground.least_to_slide if self.friction is None else kinetic
@@ -129,7 +156,11 @@ class Contact(Acting):
         if self.law == "soft" and self.damping is not None and self.restitution is not None:
             text = "damping also determines the restitution; give one of the two"
             found.append(("restitution", text))
-        if self.friction is not None and self.static_friction is not None:
+        if isinstance(self.friction, str):
+            if self.static_friction is not None:
+                text = "needs a friction that is a number, not an expression"
+                found.append(("static_friction", f"{text}, got {shown(self.friction)}"))
+        elif self.friction is not None and self.static_friction is not None:
             found += below_kinetic("static_friction", self.static_friction, self.friction)
         if self.body == EVERY and self.points:
             found.append(("points", "belong to one body; name it instead of '*' (every body)"))

@@ -137,7 +137,7 @@ class _Copy:
         if self.names.keys().isdisjoint(part.touches):
             return None
         copy = renamed(part, self.names)
-        if isinstance(part, Force):
+        if isinstance(part, (Contact, Force)):
             if self._shared(part):
                 text = "was not copied: it reads a control or a drive of the original"
                 self.lost.append(f"{part.word()} '{part.name}' {text}")
@@ -153,8 +153,8 @@ class _Copy:
             copy = copy.unchecked_copy(change)
         return copy
 
-    def _shared(self, part: Force) -> bool:
-        """Return True if a force reads a drive, or a control that follows the original branch."""
+    def _shared(self, part: Contact | Force) -> bool:
+        """Return True if a part reads a drive, or a control that follows the original branch."""
         if drives_read(part):
             return True
         through = read_through(part, self.controls)
@@ -238,7 +238,7 @@ class _Copy:
             used = [(part.body, part.coordinate)]
             if isinstance(part, Gear):
                 used.append((part.other, part.other_coordinate))
-        if isinstance(part, Force):
+        if isinstance(part, (Contact, Force)):
             read = read_by(part, self.outputs)
             if any(name not in self.names for name, _ in read):
                 return False  # a coordinate outside the branch, whose image may have another sign

@@ -96,6 +96,11 @@ class Description(World):
         )
 
     @cached_property
+    def rubbing(self) -> tuple[Contact, ...]:
+        """The contacts whose friction is an expression."""
+        return tuple(c for c in self.contacts if c._varies)
+
+    @cached_property
     def notices(self) -> tuple[str, ...]:
         """Notices of additional changes from the last edit or from reading a file.
 

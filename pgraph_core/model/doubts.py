@@ -268,7 +268,7 @@ def _overlap(a: str, b: str) -> bool:
 def _idle_parameters(model: Any) -> Iterator[str]:
     """Yield warnings about parameters that no formula or expression uses."""
     texts = [f.text for f in model.formulas]
-    texts += texts_of(model.forces, model.constraints, model.controls, model.scenarios)
+    texts += texts_of(model)
     used = set[str]().union(*map(names_in, texts))
     for name in model.parameters:
         if name not in used:

@@ -202,7 +202,7 @@ def renamed(part: T, names: Mapping[str, str]) -> T:
     update: dict[str, Any] = {field: names[name] for field, name in old.items() if name in names}
     if isinstance(part, OfSums) and not names.keys().isdisjoint(part.coefficients):
         update["coefficients"] = {names.get(k, k): x for k, x in part.coefficients.items()}
-    if isinstance(part, (Force, Constraint, Control)):
+    if isinstance(part, (Force, Constraint, Contact, Control)):
         update |= renamed_in(part, names, "q", "v")
     return part.unchecked_copy(update) if update else part
 
@@ -238,7 +238,8 @@ def in_expressions(
         update = renamed_in(part, names, *groups)
         return part.unchecked_copy(update) if update else part
 
-    found = {key: tuple(map(new, parts[key])) for key in ("forces", "constraints", "controls")}
+    kinds = ("forces", "constraints", "contacts", "controls")
+    found = {key: tuple(map(new, parts[key])) for key in kinds}
     scenarios = list[Scenario]()
     for s in parts["scenarios"]:
         switches = followed(s.switches, ("holds",), lambda x: with_names(x, names, groups))
@@ -361,14 +362,14 @@ def without(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the parts without the bodies `names`, and notices of the removed parts."""
 
-    def reads(part: Force | Control) -> bool:
+    def reads(part: Contact | Force | Control) -> bool:
         read = {x for x, _ in read_by(part, parts["outputs"])}
         named = (controls_read(part), drives_read(part), named_in(part, "force"))
         lost = (lost_controls, lost_drives, exerting)
         return bool(names & read) or any(a & b for a, b in zip(named, lost))
 
     def touched(part: Constraint | Contact | Force | Site | Output | Control) -> bool:
-        if isinstance(part, (Force, Control)) and reads(part):
+        if isinstance(part, (Contact, Force, Control)) and reads(part):
             return True
         return not names.isdisjoint(part.touches)
 

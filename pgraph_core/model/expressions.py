@@ -19,7 +19,6 @@ from .body import Body
 from .constraint import Motion
 from .control import PID, Control
 from .output import OF_JOINT, OF_LOAD, Output
-from .scenario import Scenario
 
 Bodies = Mapping[str, Body | None]
 DRIVEN = ("u", "f")  # groups of signals of drives
@@ -310,13 +309,11 @@ def drives_read(part: Described) -> set[str]:
     return named_in(part, *DRIVEN)
 
 
-def texts_of(
-    forces: Iterable[Force], constraints: Iterable[Described], controls: Iterable[Control],
-    scenarios: Iterable[Scenario],
-) -> list[str]:  # fmt: skip
+def texts_of(model: Any) -> list[str]:
     """Return the expressions in the parts of a model, also of scenarios."""
-    parts = [*forces, *constraints, *controls, *(f for s in scenarios for f in s.forces)]
-    holds = [x.when.holds for s in scenarios for x in s.switches if x.when and x.when.holds]
+    parts = [*model.forces, *model.constraints, *model.contacts, *model.controls]
+    parts += [f for s in model.scenarios for f in s.forces]
+    holds = [x.when.holds for s in model.scenarios for x in s.switches if x.when and x.when.holds]
     return [text for part in parts for _, _, text in expressions_of(part)] + holds
 
 

@@ -34,8 +34,8 @@ from .world import Ground
 
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
 # 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces;
-# 7: without expressions in springs
-SCHEMA_VERSION = 8
+# 7: without expressions in springs; 8: without expressions in contacts
+SCHEMA_VERSION = 9
 EXPRESSIONS = 6
 SCHEMA = "pgraph-model"
 
@@ -112,16 +112,16 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
     yield 3 if data["sites"] or data["outputs"] else 2 if data["parameters"] else 1
     yield 4 if any("step" not in scenario for scenario in data["scenarios"]) else 1
     parts = [(Ground, data["ground"])]
-    parts += [(Body, x) for x in data["bodies"]] + [(Contact, x) for x in data["contacts"]]
+    parts += [(Body, x) for x in data["bodies"]]
     shaped = (x.get("shapes") or [x.get("shape")] for x in data["bodies"])
     parts += [(Shape, shape) for shapes in shaped for shape in shapes if shape]
     named = data["parameters"]
-    for holder, name, kinds in _of_kinds(data):
-        parts += (own := [(kinds.class_for(x), x) for x in holder[name]])
-        for kind, part in own:
-            texts = texts_in(part) if holds_formula(part) else ()
-            if isinstance(part.get(CURVE), str) or any(varies(x, named) for x in texts):
-                yield getattr(kind, "VARIES_SINCE", EXPRESSIONS)
+    own = [(kinds.class_for(x), x) for holder, name, kinds in _of_kinds(data) for x in holder[name]]
+    parts += (own := own + [(Contact, x) for x in data["contacts"]])
+    for kind, part in own:
+        texts = texts_in(part) if holds_formula(part) else ()
+        if isinstance(part.get(CURVE), str) or any(varies(x, named) for x in texts):
+            yield getattr(kind, "VARIES_SINCE", EXPRESSIONS)
     if any(holds_formula(f) for scenario in data["scenarios"] for f in scenario["forces"]):
         yield EXPRESSIONS
     conditions = (x.get("when") or {} for s in data["scenarios"] for x in s.get("switches", ()))

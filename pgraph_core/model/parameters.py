@@ -191,7 +191,7 @@ def _name(item: Any) -> str:
 
 def _inline(kind: PartKind, items: Any, parameters: Container[str]) -> Iterator[Formula]:
     for item in items if isinstance(items, (list, tuple)) else ():
-        if isinstance(item, Frozen) and kind in ("forces", "constraints", "controls"):
+        if isinstance(item, Frozen) and kind != "bodies":
             fields: Any = fields_of(item)
         else:
             fields = item

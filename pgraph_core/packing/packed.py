@@ -214,18 +214,20 @@ class Packed:
     ) -> Loads:  # fmt: skip
         """Return the given wrenches, springs between bodies, and expressions of all forces.
 
-        With `states`, the states of controls are included even if no force reads them. Expressions
-        may name further drives, `named`. Steps end where comparisons in `watched` change.
+        With `states`, the friction of contacts and the states of controls are included, even if no
+        force reads them. Expressions may name further drives, `named`. Steps end where comparisons
+        in `watched` change.
         """
         found = NO_LOADS
         if on_bodies(forces):
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
-        acts = any(f._varies for f in forces) or (states and self.model.controls)
+        rubbing = self.model.rubbing if states else ()
+        acts = any(f._varies for f in forces) or rubbing or (states and self.model.controls)
         if not (acts or watched):
             return found
         places = Places(self.model, self.topology, self.system)
         given = self.model, forces, self.drives(forces), found
-        return found._replace(signals=signals(places, *given, named, watched))
+        return found._replace(signals=signals(places, *given, named, watched, rubbing))
 
     @cached_property
     def passive_loads(self) -> Loads:

@@ -11,11 +11,11 @@ from .. import joints
 from ..curves import Table, VectorTable
 from ..engine import signals as kernels
 from ..engine.edges import COMPARES, MARK, NEEDED
-from ..engine.signals import DRIVE, HELD, STATES, TARGET
+from ..engine.signals import DRIVE, HELD, LAW, STATES, TARGET
 from ..engine.stepping.measured import CONSTRAINT, CONTACT, COUNT, FIRST, WHAT
 from ..fields import EMPTY
 from ..forces import LOADS, OnBody, OnJoint, Wrench
-from ..model import Control, Force, Model
+from ..model import Contact, Control, Force, Model
 from ..model.control import STATE, Own
 from ..signals import Node, parsed
 from ..signals.grammar import COMPARISONS, walk
@@ -286,6 +286,18 @@ def contacts_read(code: Array) -> list[int]:
     return rows[rows[:, WHAT] >= CONTACT, FIRST].astype(int).tolist()
 
 
+def with_pairs(targets: Ints, pairs: Sequence[int]) -> Ints:
+    """Return the targets with the pairs of contacts, given by index, and without other contacts.
+
+    `pairs` contains the contact index of each pair.
+    """
+    targets = targets[(targets[:, 1] != LAW) | np.isin(targets[:, 2], pairs)]
+    for one in targets:
+        if one[1] == LAW:
+            one[2:4] = pairs.index(one[2]), pairs.count(one[2])
+    return targets
+
+
 def locate_forces(code: Array, first: Sequence[int], pairs: Sequence[int]) -> None:
     """Write the blocks of constraints and the pairs of contacts into a program of their numbers.
 
@@ -403,9 +415,10 @@ def signals(
     loads: Loads,
     named: Sequence[Force] = (),
     watched: Sequence[str] = (),
+    rubbing: Sequence[Contact] = (),
 ) -> tuple[Array, Ints, Ints]:
     """Return (code, targets, states) for all expressions in these forces, for their drives and
-    loads, and in the controls. Conditions are `watched`.
+    loads, in the friction of contacts and in the controls. Conditions are `watched`.
     """
     controls = {c.name: c for c in model.controls}
     known = (*known_forces(model), *named, *forces)
@@ -426,6 +439,8 @@ def signals(
         if f._varies:
             targets += [(*x, owner, 0) for x in found]
             owner += 1
+    for k, c in enumerate(rubbing, start=owner):
+        targets.append((program.value(c.friction), LAW, model.contacts.index(c), 0, 0, k, 0))
     numbers = {name: i for i, name in enumerate(controls)}
     states = list[tuple[int, ...]]()
     for c, _, own in states_of(model):

@@ -78,6 +78,10 @@ def _points(model: Model, pair: ContactPair) -> Iterator[ContactPoint]:
         raise _refused(contact, "other", "events are located on a ground without steps")
     if any(shape.moves for shape in model.body(pair.body).touching) and not contact.points:
         raise _refused(contact, "body", "events are located for surfaces that do not move")
+    if contact._varies:
+        raise _refused(
+            contact, "friction", "events are located with a coefficient that is a number"
+        )
     all_kinds = contact.frictions(ground)
     friction = all_kinds.kinetic
     if all_kinds.static != friction or all_kinds.rolling or all_kinds.spinning:

@@ -14,7 +14,7 @@ from ..engine.arrays import Frames
 from ..engine.records import SWING
 from ..engine.signals import CONTROL, FAILED, LOST, OWNER, values
 from ..mechanism import Mechanism
-from ..model import Control, Force
+from ..model import Contact, Control, Force
 from ..model.expressions import expressions_of
 from ..packing import Array, Ints
 from ..result import Status
@@ -68,7 +68,8 @@ def trouble(record: Running, t: float) -> str:
     _, targets, states = record.scene.loads.signals
     owners = targets[targets[:, FAILED] > 0, OWNER], states[states[:, LOST] > 0, CONTROL]
     for part in _parts(record, *owners):  # a control is the cause of what reads it
-        text = f"{part.word()} '{part.name}' has no finite value there: {_texts(part)}"
+        value = "friction >= 0" if isinstance(part, Contact) else "finite value"
+        text = f"{part.word()} '{part.name}' has no {value} there: {_texts(part)}"
     return f": {text}" if text else ""
 
 
@@ -89,10 +90,12 @@ def _steep(record: Running, t: float) -> str:
     return ""
 
 
-def _parts(record: Running, owners: Ints, controls: Ints) -> list[Force | Control]:
-    """Return the forces and controls whose expressions have these numbers."""
-    forces = [record.plan.varying[i] for i in np.unique(owners).tolist()]
-    return forces + [record.mech.model.controls[i] for i in np.unique(controls).tolist()]
+def _parts(record: Running, owners: Ints, controls: Ints) -> list[Force | Contact | Control]:
+    """Return the parts whose expressions have these numbers."""
+    parts: list[Force | Contact | Control] = [
+        record.plan.varying[i] for i in np.unique(owners).tolist()
+    ]
+    return parts + [record.mech.model.controls[i] for i in np.unique(controls).tolist()]
 
 
 def _contradicted(record: Running) -> str:
@@ -118,7 +121,7 @@ def _blocking(record: Running) -> str:
     return blocked(record.mech, record.active, t, q, v)
 
 
-def _texts(part: Force | Control) -> str:
+def _texts(part: Force | Contact | Control) -> str:
     return " and ".join(repr(text) for _, _, text in expressions_of(part))
 
 

@@ -151,7 +151,7 @@ class RunPlan(Way):
 
     drives: Drives
     loads: Loads
-    varying: tuple[Force, ...] = ()  # forces with expressions, by the numbers of their owners
+    varying: tuple[Force | Contact, ...] = ()  # parts with expressions, by their numbers
     active: Ints  # indices of the constraints active at the start
     idle: Idle | None = None  # contacts of bodies that nothing keeps above the ground
     conditions: tuple[ConditionOf, ...] = ()  # under which constraints go on and off
@@ -358,7 +358,7 @@ def _what_acts(
     conditions = conditions_of(mech, switches, contacts, forces)
     return RunPlan(
         drives=mech.packed.drives(forces), loads=_loads(mech, forces, conditions), active=active,
-        varying=tuple(f for f in forces if f._varies and exerts(f)),
+        varying=tuple(f for f in forces if f._varies and exerts(f)) + mech.model.rubbing,
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,
     )  # fmt: skip

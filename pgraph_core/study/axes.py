@@ -163,7 +163,7 @@ TABLE = (
          own=lambda model: max((abs(x) for b in model.bodies for x in b.v), default=0.0) or None),
     Axis("friction", "Coulomb friction coefficient of all contacts", "",
          (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10), friction,
-         own=lambda model: _shared(c.friction for c in model.contacts)),
+         own=lambda model: _shared(None if c._varies else c.friction for c in model.contacts)),
     Axis("step", "step of the run", "s",
          (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), of_steps=True),
 )

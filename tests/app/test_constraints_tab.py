@@ -460,6 +460,21 @@ def test_expressions_are_typed_where_a_number_may_vary():
         parts.changed(model, "forces", "drive", "torque", (((), "=2*t t"),), Display(), {})
 
 
+def test_the_friction_of_a_contact_is_typed_as_an_expression():
+    floor = pg.Contact(name="floor", body="3", points=[(0, 0, 0)])
+    model = pg.Model.serial(3).replace(contacts=[floor])
+    typed = parts.changed(
+        model, "contacts", "floor", "friction", (((), "=0.5 - 0.1*sin(t)"),), Display(), {}
+    )
+    assert typed.contacts[0].friction == "=0.5 - 0.1*sin(t)"
+    rows = form(begun(typed), Display(), "contacts", typed.contacts[0])
+    (cell,) = (f for group in rows for f in group["fields"] if f["field"] == "friction")
+    assert cell["expression"]
+    assert "=0.5 - 0.1*sin(t)" in str(cell)
+    back = parts.changed(typed, "contacts", "floor", "friction", (((), ""),), Display(), {})
+    assert back.contacts[0].friction is None
+
+
 @pytest.mark.parametrize("kind", pg.Control.KINDS)
 @pytest.mark.parametrize("body", ["two", None])
 def test_a_control_is_added_edited_changed_and_taken_away_by_clicks(kind, body):

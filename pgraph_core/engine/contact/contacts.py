@@ -13,6 +13,7 @@ from ..loads import apply
 from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
 from ..records import ACCEPTANCE, CREEP, PENALTY, RIGID, SLIP, SOFT, STANCE, SWING
 from ..rows import offset_of, origin_of, rotation_of
+from ..signals import follow_frictions
 from ..tree.kinematics import outboard, positions
 from ..vec import (
     add,
@@ -285,6 +286,7 @@ def contact_forces(scene, v, tau, flow):
     contacts = contacts_at(data.links.contacts)
     laws, wrenches = contacts.laws, contacts.wrenches
     bodies_i, limit_tau = contacts.bodies_i, contacts.limit_tau
+    follow_frictions(data.loads.signals, laws)
     if contacts.tally[0].frozen == FROZEN:
         positions(rows, work)
         for j in range(limit_tau.shape[0]):
