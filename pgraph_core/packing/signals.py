@@ -325,6 +325,35 @@ def count_of_held(code: Array) -> int:
     return int(np.count_nonzero(code[::2, 0] >= HELD))
 
 
+def unlocated(code: Array) -> bool:
+    """Return True if a value jumps where no comparison changes: at 0 of a number that chooses."""
+    true = list[bool]()  # an instruction is true or not
+    for op, *operands, number in code[::2, : kernels.COLUMNS].tolist():
+        chooses = op in (kernels.CHOOSE, kernels.BLEND)
+        if chooses and not true[int(operands[0])]:
+            return True
+        plain = op in kernels.JUMPING or (op == kernels.NUMBER and number in (0.0, 1.0))
+        true.append(all(true[int(k)] for k in operands) if chooses else plain)
+    return False
+
+
+def edges_moved(code: Array) -> list[int]:
+    """Return by which derivatives, counted from 0, a comparison of times changes at another time.
+
+    `code` is a program of duals.
+    """
+    moved = np.zeros((len(code) // 2, code.shape[2] - 1), bool)
+    found = np.zeros(code.shape[2] - 1, bool)
+    for k, row in enumerate(code[::2]):
+        op, *operands = row[:4, 0].astype(int).tolist()
+        moved[k] = row[4, 1:] != 0.0
+        for i in operands[: _operands(op)]:
+            moved[k] |= moved[i]
+        if op in (kernels.LESS, kernels.AT_MOST):
+            found |= moved[k]
+    return np.flatnonzero(found).tolist()
+
+
 def of_time(text: str, parameters: Mapping[str, float]) -> Array:
     """Return the program for a prescribed motion. Its last instruction is the value."""
     program = Program(parameters)
@@ -440,7 +469,7 @@ def signals(
             targets += [(*x, owner, 0) for x in found]
             owner += 1
     for k, c in enumerate(rubbing, start=owner):
-        targets.append((program.value(c.friction), LAW, model.contacts.index(c), 0, 0, k, 0))
+        targets.append((program.value(str(c.friction)), LAW, model.contacts.index(c), 0, 0, k, 0))
     numbers = {name: i for i, name in enumerate(controls)}
     states = list[tuple[int, ...]]()
     for c, _, own in states_of(model):

@@ -20,9 +20,11 @@ from ..engine.arrays import CARRIED, FACTORED, RUN_OF_DUALS, SCENE_OF_DUALS, Run
 from ..engine.compiler.address import address_of, address_of_array, buffer
 from ..engine.compiler.dual import WIDTH
 from ..engine.records import CHOSEN, COUNTERS, STEP_CONTROL, table
+from ..engine.signals import AT_MOST, HELD, LESS, SIDE, values
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
+from ..packing.signals import edges_moved
 from ..result import Result
 from ..result.records import Derivatives
 from ..tolerances import NOTABLE, VISIBLE
@@ -44,6 +46,13 @@ class Lateness(NamedTuple):
     rates: Array
 
 
+class Jump(NamedTuple):
+    """A force that jumps where a step ended, at a time with these derivatives (runs, MOST)."""
+
+    times: list[Array]
+    rates: Array  # of the state, before the jump minus after it
+
+
 class Carried:
     """The derivatives of a run in progress."""
 
@@ -56,6 +65,7 @@ class Carried:
         self._strayed = False
         self.slopes: list[Slope] = []
         self._beside: Given | None = None  # the run of which they are, if not of this one
+        self._jump: Jump | None = None  # awaits the frames of the step that ended there
         self._late: dict[int, Array] = {}  # derivatives of when constraints were switched last
         self._most = MOST
         self.out = np.zeros((0, 0, 0, WIDTH))  # empty until a run starts
@@ -96,9 +106,77 @@ class Carried:
         record._reused = False  # nobody else steps it
         corners = Corners(record)
         self._corners = corners if corners.laws else None
+        self._record, self._aside = record, None
+        self._refuse_moved_edges()
+
+    def _refuse_moved_edges(self) -> None:
+        """Raise InputError for a number that moves a jump in time, at which no step tells it."""
+        for n, run in enumerate(self._runs):
+            for k in edges_moved(run.code):
+                path = self.variables[n * self._most + k].path
+                text = (
+                    "moves the time of a jump of an expression, which has no derivatives; give a "
+                )
+                text += "smoothstep, or a comparison of the motion"
+                raise InputError(Problem("simulate", path, text))
 
     def advance(self, run: int, budget: int) -> int:
         """`advance_run`, with derivatives."""
+        control = self._record.steps.control
+        if self._jump is not None:
+            later = np.searchsorted(self._record.steps.times, control["time"], side="right")
+            if later > control["frame"]:
+                return self._advanced(run, min(budget, int(later - control["frame"])))
+            for one, late in zip(self._runs, self._jump.times):
+                one.shift(np.outer(self._jump.rates, late))
+            self._jump = None
+        before = int(self._record.steps.counters["steps"])
+        code = self._advanced(run, budget)
+        if code == at.RUNNING and int(self._record.steps.counters["steps"]) > before:
+            self._look_for_jump()
+        return code
+
+    def _look_for_jump(self) -> None:
+        """Differentiate the time at which a comparison has changed at the end of the last step.
+
+        At a given time later on, the state has then moved at other rates for that difference.
+        """
+        record, nq = self._record, len(self._record.q)
+        t, sliding = (record.steps.control[x] for x in ("time", "slid"))
+        if record.steps.links.cross == 0 or record.steps.carried is not self:
+            return
+        if sliding:
+            self.stop(record, "the motion slides along the threshold of an expression")
+            return
+        if self._aside is None:  # the scene of the run keeps its memory
+            self._aside = record.scene_of(record.mech, replace(record.plan, contacts=None))
+        scene = self._aside
+        code, given = scene.loads.signals[0], record.scene.loads.signals[0]
+        scene.activate(record.active)
+        code[:] = given
+        before, held = rates(record, t, scene), code.copy()
+        code[1::2, SIDE] = 0.0
+        after = rates(record, t, scene)
+        jumps = np.isin(held[::2, 0], (HELD + LESS, HELD + AT_MOST))
+        changed = jumps & (code[1::2, 0] != held[1::2, 0])
+        self._jump = None
+        for k in np.flatnonzero(changed).tolist():
+            a, b = (2 * held[2 * k, 1:3]).astype(int) + 1
+
+            def margin(t: float, q: Array, v: Array, a: int = a, b: int = b) -> float:
+                values(held, t, q, v)
+                return float(held[a, 0] - held[b, 0])
+
+            y = np.concatenate((record.q, record.v))
+            rate = slope_along(margin, t, y, nq, before[: len(y)], 1.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                times = [-run.margin(t, a, b) / rate for run in self._runs]
+            if self._jump and not np.allclose(times, self._jump.times, NOTABLE, 0.0):
+                self.stop(record, "two comparisons change at once that would not for other values")
+                break
+            self._jump = Jump(times, before - after)
+
+    def _advanced(self, run: int, budget: int) -> int:
         given, corners = (self._addresses, self._step, self._note, self.out), self._corners
         if corners is None:
             return self._kernel(run, self._advance, *given, budget)
@@ -160,19 +238,11 @@ class Carried:
             known = self._late.get(condition.given.place)
             return Lateness(np.zeros(len(self.slopes)) if known is None else known, before)
         nq, nv = len(record.q), len(record.v)
-        y = np.concatenate((record.q, record.v))
-
-        def along(way: Array, dt: float) -> float:
-            h = SHARE / max(float(np.abs(way).max(initial=0.0)), 1.0)
-            total = 0.0
-            for k, weight in CENTRAL.items():
-                x = y + k * h * way
-                total += weight * condition(t + k * h * dt, x[:nq].copy(), x[nq:].copy())
-            return total / h
-
-        rate = along(before[: nq + nv], 1.0)
+        given = condition, t, np.concatenate((record.q, record.v)), nq
+        rate = slope_along(*given, before[: nq + nv], 1.0)
         ways = [run.derivatives(nq + nv) for run in self._runs]
-        found = [along(d, 0.0) for run in ways for d in run[: self._most]][: len(self.slopes)]
+        found = [slope_along(*given, d, 0.0) for run in ways for d in run[: self._most]]
+        found = found[: len(self.slopes)]
         with np.errstate(divide="ignore", invalid="ignore"):
             return Lateness(-np.array(found) / rate, before)
 
@@ -308,14 +378,27 @@ def directions(mech: Mechanism, q: Array) -> Array:
     return found
 
 
-def rates(record: Any, t: float) -> Array:
+def rates(record: Any, t: float, scene: Any = None) -> Array:
     """The rates of the state of a run: q', v', and the power put in and dissipated."""
-    flow, vdot = np.zeros(3), np.zeros(len(record.v))
+    flow, vdot, scene = np.zeros(3), np.zeros(len(record.v)), scene or record.scene
     motion.constrained_dynamics(
-        record.scene.address, record.steps.links.accelerate, t, record.q, record.v,
-        record.scene.given, flow, vdot, np.empty_like(record.out.wrenches[0]),
+        scene.address, record.steps.links.accelerate, t, record.q, record.v,
+        scene.given, flow, vdot, np.empty_like(record.out.wrenches[0]),
     )  # fmt: skip
-    return np.concatenate((directions(record.mech, record.q) @ record.v, vdot, flow[:2]))
+    nv = record.mech.nv
+    return np.concatenate(
+        (directions(record.mech, record.q) @ record.v[:nv], record.v[nv:], vdot, flow[:2])
+    )
+
+
+def slope_along(function: Any, t: float, y: Array, nq: int, way: Array, dt: float) -> float:
+    """Return the derivative of a function of (t, q, v) along (dt, way), by central differences."""
+    h = SHARE / max(float(np.abs(way).max(initial=0.0)), 1.0)
+    total = 0.0
+    for k, weight in CENTRAL.items():
+        x = y + k * h * way
+        total += weight * function(t + k * h * dt, x[:nq].copy(), x[nq:].copy())
+    return total / h
 
 
 def _advance_run() -> Any:
@@ -391,6 +474,24 @@ class RunOfDuals:
     def derivatives(self, n: int | None) -> Array:
         """(MOST, n) of the first n entries of the state, or of all."""
         return self._run.stages[at.Y, :n, 1:].T.copy()
+
+    @property
+    def code(self) -> Array:
+        """The program of the expressions, (2 n, columns, WIDTH)."""
+        return self._scene.loads.signals[0]
+
+    def margin(self, t: float, a: int, b: int) -> Array:
+        """Return the derivatives (MOST,) of the difference of two values of the program at t."""
+        from ..engine.stepping import duals
+
+        duals.see_duals(self.address, t)
+        return self.code[a, 0, 1:] - self.code[b, 0, 1:]
+
+    def shift(self, derivatives: Array) -> None:
+        """Add to the derivatives of the state."""
+        self._run.stages[at.Y, :, 1:] += derivatives
+        self._run.stages[at.CANDIDATE] = self._run.stages[at.Y]
+        self._run.control["fresh"] = self._run.control["filled"] = 0
 
     def switch(self, t: float, steps: Any, late: Array, before: Any, after: Any) -> None:
         """Project the state onto other constraints at t, whose derivatives are `late`."""

@@ -22,6 +22,7 @@ from ..forces import OnJoint
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..packing.forces import times_at_bounds
+from ..packing.signals import unlocated
 from ..tolerances import EPS, NOTABLE, step_of_differences
 from .options import Options
 from .paths import Path, distinct, with_numbers
@@ -360,9 +361,10 @@ def refuse(given: Given) -> None:
     if not plan.method.implicit:
         _refuse_bounded(given)
     code = plan.loads.signals[0]
-    if np.isin(code[::2, 0], JUMPING).any():
-        text = "an expression that compares has no derivatives yet, because its value jumps; "
-        text += "smoothstep, min and max have them"
+    located = plan.method.starts and not unlocated(code)
+    if not located and np.isin(code[::2, 0], JUMPING).any():
+        text = "a value that jumps has derivatives where steps end at its comparisons: give a "
+        text += "method other than moreau_jean, and comparisons as conditions"
         raise InputError(Problem("simulate", "wrt", text))
 
 

@@ -335,14 +335,6 @@ def test_what_has_no_derivative_is_refused(wrt, options):
         pg.simulate(described("double_pendulum"), wrt=wrt, **STEPS | options)
 
 
-@pytest.mark.parametrize("torque", ["=if(q.upper > 0.5, -1, 1)", "=t > 0.5", "=2*(v.lower <= 0)"])
-def test_expressions_that_jump_have_no_derivatives(torque):
-    """A difference of the run has what the jump adds. Derivatives of its steps would not."""
-    motor = pg.Motor(name="drive", body="upper", torque=torque)
-    with pytest.raises(pg.InputError):
-        pg.simulate(described("double_pendulum").add(motor), wrt="q.upper", **STEPS)
-
-
 def test_slopes_that_are_infinite_are_named():
     slider = pg.Body(name="a", joint="prismatic", axes=[(1, 0, 0)])
     motor = pg.Motor(name="f", body="a", torque="=g*sqrt(max(q.a-0.1,0))+1")

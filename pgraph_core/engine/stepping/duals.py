@@ -16,8 +16,17 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, F3, I1, carrying, f8, i8, of_duals, void
 from ..constraints.constraints import gaps, located, number_rows, respond, speeds
 from ..constraints.proximal import REFINEMENTS, remainder, solve_factor, take_out, whole_blocks
-from ..motion import acceleration, call_projection, call_record, constrain, opened, projection
+from ..motion import (
+    acceleration,
+    call_projection,
+    call_record,
+    constrain,
+    follow,
+    opened,
+    projection,
+)
 from ..records import REACHED
+from ..signals import SIDE
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard
 from ..tree.moving import advance, normalise_all
@@ -70,6 +79,24 @@ def place_of_duals(run, t, rounds):
     call_projection(data.links.project, (data.scene, t, y[:nq], y[nq : nq + nv], rounds))
 
 
+@kernel(void(of_duals, f8), nogil=True, later=True)
+def see_duals(run, t):
+    """Evaluate the expressions at the state Y."""
+    data = opened_run(run)
+    nq, nv = size_of_state(run)
+    y = data.stages[at.Y]
+    follow(opened(data.scene), t, y[:nq], y[nq : nq + nv])
+
+
+@sweep
+def take_sides(run, numbers):
+    """Give comparisons of the motion the results that the primal run holds."""
+    code = opened(opened_run(run).scene).loads.signals[0]
+    given = opened(opened_run(numbers).scene).loads.signals[0]
+    for i in range(1, given.shape[0], 2):
+        code[i, SIDE] = revalued(code[i, SIDE], given[i, SIDE])
+
+
 @sweep
 def take_values(run, numbers, row, source):
     """Copy the values of row `source` of the primal run to the state in `row`."""
@@ -85,6 +112,8 @@ def go_back(run, numbers):
     take_values(run, numbers, at.Y, at.Y_OLD)
     control.time = given.old_time
     control.clip = given.clip
+    if opened_run(numbers).links.cross != 0:
+        take_sides(run, numbers)
 
 
 @part
@@ -288,9 +317,11 @@ def note_duals(run, numbers, i, out):
 def advance_with_duals(run, advance, others, step, note, out, budget):
     """`advance_run` with the runs of duals at the addresses `others`. Returns its status code.
 
-    `out` (others, frames, nq + nv, WIDTH) gets their states at the frames.
+    It returns after a step that ends where a comparison of the motion changes, or that slides along
+    its margin. `out` (others, frames, nq + nv, WIDTH) gets their states at the frames.
     """
     control, counters = opened_run(run).control[0], opened_run(run).counters[0]
+    crosses = opened_run(run).links.cross != 0
     for _ in range(budget):
         frame, steps = control.frame, counters.steps
         code = call_advance(advance, (run, 1))
@@ -302,4 +333,6 @@ def advance_with_duals(run, advance, others, step, note, out, budget):
                 call_note(note, (others[k], run, frame, out[k]))
         if code != at.RUNNING:
             return code
+        if crosses and counters.steps > steps and (control.sided == 0 or control.slid > 0):
+            break
     return at.RUNNING
