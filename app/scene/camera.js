@@ -85,12 +85,12 @@ pgraph.camera = (() => {
 
   // The model moved, and a node with it: the camera and what it looks at move by as much, so that
   // a page that turns its view meanwhile loses nothing.
-  let last = null, follows = true;
+  let followed = null, last = null, follows = true;
   pgraph.on("follow", (on) => { follows = on; });
   viser.frame(() => {
-    const at = window.__viserMutable?.nodeRefFromName["/along"]?.position.toArray();
+    const at = window.__viserMutable?.nodeRefFromName[followed]?.position.toArray();
     if (!at || !viser.controls()) return;
-    const way = at.map((x, k) => x - (last ?? at)[k]);
+    const way = at.map((x, k) => x - last[k]);
     if (follows && way.some(Boolean)) viser.shift(way);
     last = at;
   });
@@ -108,7 +108,7 @@ pgraph.camera = (() => {
     turned = by;
     pgraph.tellView();
   }
-  // A camera that is set anew is set for where the model is now.
-  pgraph.on("framed", (at) => { last = at; if (turned) turn(false); });
+  // A camera that is set anew is set for where the model is now: a node of an older model moves it no longer.
+  pgraph.on("framed", ([node, at]) => { [followed, last] = [node, at]; if (turned) turn(false); });
   return { look, measure, turned: () => turned };
 })();

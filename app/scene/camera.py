@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 import viser
 
@@ -14,7 +16,7 @@ from ..pose import poses
 from . import Client, State, View, marks
 from .marks import looks
 
-ALONG = "/along"  # the node that a page's camera follows
+ALONG = "/along/{}"  # the node that cameras follow, one of its own for each model that is opened
 IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed
 CLEAR = 0.02  # height of a camera above the ground over the model's size
 FILLS = 0.6  # least share of the picture's width or height that a model and its motion fill
@@ -30,7 +32,8 @@ class CameraView:
         self._server, self._bridge = bridge.server, bridge
         self._framed = -1
         self._up = ""
-        self._along = bridge.server.scene.add_frame(ALONG, show_axes=False)
+        self._names = map(ALONG.format, count())
+        self._along = bridge.server.scene.add_frame(next(self._names), show_axes=False)
         self._follows: dict[int, bool] = {}  # by page: whether its camera goes along
         self._views: dict[
             int, tuple[str, tuple[str, ...]]
@@ -49,8 +52,6 @@ class CameraView:
         if another and (self._framed < 0 or any(page.aspect for page in new.clients.values())):
             self._framed, self._up = new.framed, new.model.up
             self._start(new)
-        if (at := followed(new)) != tuple(self._along.position):
-            self._along.position = at  # before cameras are set, which pages shift by its moves
         for client, page in new.clients.items():
             handle, before = handles.get(client), old.clients.get(client, Client())
             which, chosen = self._views.get(client, ("start", ()))
@@ -70,6 +71,8 @@ class CameraView:
             if page.follow != self._follows.get(client):
                 self._follows[client] = page.follow
                 self._bridge.send(client, "follow", page.follow)
+        if (at := followed(new)) != tuple(self._along.position):
+            self._along.position = at
         for known in (self._follows, self._views):
             for gone in known.keys() - new.clients.keys():
                 del known[gone]
@@ -81,13 +84,17 @@ class CameraView:
         """Set a camera, and again after each resize of the view until a person moves the camera."""
         self._views[handle.client_id] = which, selected
         with handle.atomic():  # the page hears of both at once: its camera moves in each picture
-            self._bridge.send(handle.client_id, "framed", followed(state))
+            self._bridge.send(handle.client_id, "framed", [self._along.name, followed(state)])
             look(handle, state, page, which, selected)
 
     def _start(self, state: State) -> None:
         """Set the up direction and the initial camera of new pages for another model."""
         up, size = GRID[state.model.up][1], state.derived.size
         self._server.scene.set_up_direction(up)
+        self._along.remove()  # pages shift no camera of this model by moves of the last one
+        self._along = self._server.scene.add_frame(
+            next(self._names), show_axes=False, position=followed(state)
+        )
         start = self._server.initial_camera
         # viser returns to this after a change of `up`, so it has to suit the pages that are open
         known = (page.aspect for page in state.clients.values() if page.aspect is not None)

@@ -338,7 +338,10 @@ def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, se
     until(lambda: served.store.state.run, "the flight")
     for event in (Pause(client), Scrub(client, 0.0), Show(client, "follow", True)):
         served.send(event)
-    at = "(x) => Math.abs(__viserMutable.nodeRefFromName['/along'].position.x - x) < 1e-5"
+    at = """(x) => {
+      const nodes = Object.entries(__viserMutable.nodeRefFromName); // null where one was removed
+      const found = nodes.find(([name, node]) => node && name.startsWith("/along/"));
+      return Math.abs(found?.[1].position.x - x) < 1e-5; }"""
     page.wait_for_function(at, arg=0)
     before = steady(page, served)
     page.evaluate("""() => {
@@ -381,6 +384,9 @@ def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, se
     page.wait_for_function(at, arg=8)
     at_rest(page)
     until(lambda: within(page, served), "the body where it goes on")
+    opened(page, served, pg.Model.serial(2))
+    at_rest(page)
+    until(lambda: within(page, served), "the next model where it is")
 
 
 # -- picking and measuring -------------------------------------------------------------------------
