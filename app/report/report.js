@@ -13,13 +13,13 @@
     const field = (label, unit, cell, help) => make("div", { className: "field", title: help },
       make("div", { className: "what" }, make("span", { textContent: label }), make("span", { className: "unit", textContent: unit })), cell);
     host.replaceChildren(
-      make("div", { className: "report-settings" },
-        field("Error goal", "", target, "The cheapest setting that reaches it is recommended"),
-        field("Duration", "s", t_end, "Length of the motion that is measured; empty: the whole run as simulated, of a map its first second")),
       make("div", { className: "asks bar" },
         button("precision", "Compare methods", "Runs this motion with every method at many settings and shows which one reaches the wanted error in the least time", () => send("Analyse", { kind: "precision" })),
         button("stability", "Stability map", "Shows the step sizes at which each method stays accurate while one quantity of the model grows", () => send("Analyse", { kind: "stability" })),
         axis),
+      make("details", {}, make("summary", { textContent: "Settings" }), make("div", { className: "report-settings" },
+        field("Error goal", "", target, "The cheapest setting that reaches it is recommended"),
+        field("Duration", "s", t_end, "Length of the motion that is measured; empty: the whole run as simulated, of a map its first second"))),
       make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), make("span", { className: "said" }),
         button("cancel-report", "Cancel", "Stop, and keep what there is", () => send("CancelAnalysis"))),
       make("div", { className: "problem sentence", role: "alert", hidden: true }),

@@ -35,18 +35,20 @@
   }
 
   function outcome(host, data) {
-    const line = ([what, value, good]) => [make("dt", { textContent: what }), make("dd", { className: good ? "" : "bad" }, folded(value))];
+    const line = (brief) => ([what, value, good]) => [make("dt", { textContent: what }), make("dd", { className: good ? "" : "bad" }, ...(brief && good ? value.split(/[:;] /, 1) : folded(value)))];
     host.hidden = data.summary === null;
     const key = JSON.stringify(data.summary);
     if (host.dataset.key === key) return;
     host.dataset.key = key;
-    host.replaceChildren(make("dl", { className: "summary" }, ...(data.summary ?? []).flatMap(line)));
+    const notes = (data.summary ?? []).filter(([what]) => what === "Note"), lines = (data.summary ?? []).filter(([what]) => what !== "Note");
+    host.replaceChildren(make("dl", { className: "summary" }, ...lines.flatMap(line(true)), ...notes.flatMap(line(false))),
+      make("details", {}, make("summary", { textContent: "Details" }), make("dl", { className: "summary" }, ...lines.flatMap(line(false)))));
   }
   // A long list is one line until it is asked for.
   function folded(value) {
     const items = value.split("; ");
-    if (items.length < 4) return value;
-    return make("details", {}, make("summary", { textContent: `${items.length} in all` }), ...items.map((item) => make("div", { textContent: item })));
+    if (items.length < 4) return [value];
+    return [make("details", {}, make("summary", { textContent: `${items.length} in all` }), ...items.map((item) => make("div", { textContent: item })))];
   }
 
   pgraph.view("trust", { build, run: draw });

@@ -176,7 +176,10 @@ def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
 
 
 def outcome(state: State) -> list[Line] | None:
-    """Return the lines about the last run, which may belong to an earlier model."""
+    """Return the lines about the last run, which may belong to an earlier model.
+
+    What is good has its main value before a colon or semicolon, and reasons after it.
+    """
     if state.live is not None or state.plotted is None:
         return None
     lines = summary(state.plotted)
@@ -216,7 +219,7 @@ def _accuracy(run: Run) -> str:
     """Return the error estimate in lengths and angles, and as a part of the motion."""
     if math.isinf(float(run.result.error_estimate)):
         return f"known {_until(run.result)} only"
-    return ", ".join(filter(None, (felt(run), run.result.accuracy.partition(", ")[2])))
+    return ": ".join(filter(None, (felt(run), run.result.accuracy.partition(", ")[2])))
 
 
 def why(error: float, first: bool = False) -> str:
@@ -224,13 +227,14 @@ def why(error: float, first: bool = False) -> str:
     if not error >= POOR:
         return ""
     if first:
-        return ", of first order: half the step halves it"
+        return "; of first order: half the step halves it"
     return "; a smaller step makes it smaller"
 
 
 def cost(result: Any) -> str:
-    """Return the cost of a run, such as '250 steps, 1000 evaluations, 12.3 ms'."""
+    """Return the cost of a run, such as '12.3 ms: 250 steps, 1000 evaluations'."""
     counters = dict(result.counters).items()
     counts = [f"{int(n)} {WORDS.get(name, name.replace('_', ' '))}" for name, n in counters if n]
     seconds = sum(float(s) for s in dict(result.timing).values())
-    return ", ".join([*counts, f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"])
+    took = f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
+    return ": ".join(filter(None, (took, ", ".join(counts))))

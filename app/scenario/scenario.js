@@ -100,28 +100,35 @@
     forms.draw(el.querySelector(".form"), item.form, { edit, owner: { part: "forces", name: item.name } }, "drive");
   }
 
-  // -- what happened in the run: a click looks there, and the list follows the time --------------------
+  // -- what happened in the run, by part: how each is now, and when it changed. A click looks there -----
   function log(host, events) {
-    host.pgraphShown = -1;
     if (!events.length) { host.replaceChildren(text("p", "muted", "No constraint or contact went on or off in this run.")); return; }
-    const look = (at) => { if (events[at]) send("Scrub", { time: events[at].t }); };
-    const line = ({ t, part, before, after, cause }, i) => make("li", { className: "fall", role: "option", title: `${part}: ${before} to ${after}; ${cause}`, onclick: () => look(i) },
-      text("span", "t", t.toFixed(4)), text("span", "part", part), text("span", "", after));
-    const keyed = (event) => {
+    const parts = Map.groupBy(events, ({ part }) => part), open = new Set([...host.querySelectorAll("details[open]")].map((one) => one.dataset.part));
+    const look = (event) => { if (event) send("Scrub", { time: event.t }); };
+    const line = (event) => make("li", { className: "fall", role: "option", title: `${event.before} to ${event.after}; ${event.cause}`, onclick: () => look(event) }, text("span", "t", event.t.toFixed(4)), text("span", "", event.after));
+    const keyed = (log) => (event) => {
       const by = { ArrowDown: 1, ArrowUp: -1 }[event.key];
-      if (by) { event.preventDefault(); look(host.pgraphShown + by); }
+      if (by) { event.preventDefault(); look(log.pgraphEvents[log.pgraphShown + by]); }
     };
-    host.replaceChildren(make("ol", { className: "falls", role: "listbox", tabIndex: 0, "aria-label": "events", onkeydown: keyed }, ...events.map(line)));
+    host.replaceChildren(...[...parts].map(([part, its]) => {
+      const log = make("details", { "data-part": part, open: parts.size === 1 || open.has(part), pgraphEvents: its },
+        make("summary", { className: "fall", title: `${its.length} changes` }, text("span", "part", part), text("span", "now")));
+      log.append(make("ol", { className: "falls", role: "listbox", tabIndex: 0, "aria-label": `events of ${part}`, onkeydown: keyed(log) }, ...its.map(line)));
+      return log;
+    }));
     follow(host);
   }
-  // The last event so far is marked, in the middle of the list.
+  // The last event of each part so far is marked, in sight where the part is open.
   function follow(host) {
-    const events = pgraph.latest.events ?? [], [now] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0], pane = host.closest(".pane");
-    const at = events.findLastIndex(({ t }) => t <= now + 1e-9), lines = host.querySelectorAll(".fall");
-    if (at === host.pgraphShown || !lines.length) return;
-    host.pgraphShown = at;
-    lines.forEach((line, i) => line.setAttribute("aria-selected", i === at));
-    pane.scrollTop = (at + 0.5) * lines[0].offsetHeight - pane.clientHeight / 2;
+    const [now] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0];
+    for (const log of host.querySelectorAll("details[data-part]")) {
+      const events = log.pgraphEvents, at = events.findLastIndex(({ t }) => t <= now + 1e-9);
+      if (at === log.pgraphShown) continue;
+      log.pgraphShown = at;
+      log.querySelector(".now").textContent = events[at]?.after ?? events[0].before;
+      log.querySelectorAll("li").forEach((line, i) => line.setAttribute("aria-selected", i === at));
+      if (log.open) log.querySelectorAll("li")[at]?.scrollIntoView({ block: "nearest" });
+    }
   }
 
   pgraph.view("scenario", { build, scenario: draw });

@@ -3,7 +3,6 @@
   const { make, button, cells, send } = pgraph;
   const KINDS = [["fit", "Fit to data"], ["optimise", "Optimise"], ["matters", "What matters"]];
   const LARGEST = 20e6; // [bytes]
-  const FEW = 4; // numbers at first: what the drawer has room for
   const asked = () => pgraph.latest.search;
   const signals = () => [["", "not used"], ...asked().signals.map((name) => [name, name])];
   const ways = () => asked().ways.map((name) => [name, name]);
@@ -12,23 +11,22 @@
   const unitOf = (path) => asked().numbers.find(({ name }) => name === path)?.unit ?? "";
 
   function build(host) {
-    const kinds = make("div", { className: "bar kinds", role: "group" }, ...KINDS.map(([kind, text]) => Object.assign(button(`kind-${kind}`, text, "", () => send("AskSearch", { kind })), { pgraphKind: kind })));
+    const kind = make("select", { className: "cell", "aria-label": "kind of search", onchange: () => send("AskSearch", { kind: kind.value }) }, ...KINDS.map(([value, textContent]) => make("option", { value, textContent })));
     const file = make("input", { type: "file", accept: ".csv,text/csv", hidden: true, onchange: () => { read(file.files[0]); file.value = ""; } });
     const way = cells.choice(ways, (serial, text) => send("SetGoal", { serial, field: "way", text }), { label: "way of the goal" });
     const signal = cells.choice(signals, (serial, text) => send("SetGoal", { serial, field: "signal", text }), { label: "curve of the goal" });
-    const filter = make("input", { type: "text", className: "cell filter", placeholder: "Find a number", "aria-label": "find a number", oninput: () => draw(host, asked()) });
-    host.pgraphCells = { way, signal, filter };
-    kinds.append(make("span", { className: "spring" }), make("progress", { className: "busy" }), make("span", { className: "said muted" }),
+    const filter = make("input", { type: "text", className: "cell filter", placeholder: "Numbers to find", title: "All numbers of the model, to be ticked", "aria-label": "numbers to find", onfocus: () => { host.pgraphAll = true; draw(host, asked()); }, oninput: () => draw(host, asked()) });
+    host.pgraphCells = { kind, way, signal, filter };
+    const head = make("div", { className: "bar" }, kind, make("span", { className: "spring" }), make("progress", { className: "busy" }), make("span", { className: "said muted" }),
       button("cancel-search", "Stop", "Stop, and keep the best numbers", () => send("CancelSearch", {})), button("start-search primary", "Search", "Search in the background", () => send("StartSearch", {})));
-    host.replaceChildren(kinds, make("div", { className: "problem sentence", role: "alert", hidden: true }), make("div", { className: "search-body" },
+    host.replaceChildren(head, make("div", { className: "problem sentence", role: "alert", hidden: true }), make("div", { className: "search-body" },
       make("div", {},
         make("div", { className: "of-data" }, make("div", { className: "bar" }, button("choose-data", "Choose a CSV…", "Columns t and signals, or drop the file here", () => file.click()), file, make("span", { className: "muted file" })),
           make("div", { className: "columns" })),
         make("div", { className: "bar of-goal" }, make("span", { className: "muted goal-word", textContent: "Least" }), way, signal),
         make("div", { className: "of-limits" }, make("div", { className: "limits" }),
           button("add-limit", "Add a limit", "Bounds that the run keeps", () => { host.pgraphAdds = true; draw(host, asked()); })),
-        make("div", { className: "bar" }, make("span", { className: "muted", textContent: "Free numbers" }), filter),
-        make("div", { className: "numbers" }), make("button", { className: "link all-numbers", onclick: () => { host.pgraphAll = true; draw(host, asked()); } })),
+        make("div", { className: "bar" }, filter), make("div", { className: "numbers" })),
       make("div", {}, make("div", { className: "search-curves" }), make("div", { className: "search-result" }))));
     host.addEventListener("dragover", (event) => event.preventDefault());
     host.addEventListener("drop", (event) => {
@@ -81,14 +79,14 @@
 
   function draw(host, data) {
     const $ = (selector) => host.querySelector(selector);
-    const { way, signal, filter } = host.pgraphCells;
-    for (const one of host.querySelectorAll(".kinds button")) one.setAttribute("aria-pressed", one.pgraphKind === data.kind);
+    const { kind, way, signal, filter } = host.pgraphCells;
+    kind.value = data.kind;
     $(".of-data").hidden = data.kind !== "fit";
     $(".of-goal").hidden = data.kind === "fit";
     $(".of-limits").hidden = data.kind !== "optimise";
     way.hidden = data.kind === "matters";
     $(".goal-word").textContent = data.kind === "matters" ? "Curve" : "Least";
-    $(".file").textContent = data.file || "with columns t and signals";
+    $(".file").textContent = data.file;
     cells.choose(way, data.way);
     cells.choose(signal, data.signal);
     pgraph.keyed($(".columns"), data.columns.map(([name, of]) => ({ name, of })), column, (el, { of }) => cells.choose(el.pgraphCell, of));
@@ -103,10 +101,7 @@
       cells.set(el.parts.high, high ?? "");
     });
     const word = filter.value.trim().toLowerCase();
-    const numbers = data.numbers.filter((one) => one.free || one.name.toLowerCase().includes(word)), some = word || host.pgraphAll ? numbers : numbers.filter((one, i) => one.free || i < FEW);
-    pgraph.keyed($(".numbers"), some, number, fillNumber);
-    $(".all-numbers").hidden = some.length === numbers.length;
-    $(".all-numbers").textContent = `Show all ${numbers.length}`;
+    pgraph.keyed($(".numbers"), data.numbers.filter((one) => one.free || (host.pgraphAll && one.name.toLowerCase().includes(word))), number, fillNumber);
     $(".start-search").disabled = data.job !== null;
     $(".cancel-search").hidden = $(".busy").hidden = data.job === null;
     $(".said").textContent = data.job ? `${data.job.trials} runs${data.job.said ? `, ${data.job.said}` : ""}` : "";
