@@ -19,9 +19,8 @@ from .marks import looks
 ALONG = "/along/{}"  # the node that cameras follow, one of its own for each model that is opened
 IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed
 CLEAR = 0.02  # height of a camera above the ground over the model's size
-FILLS = 0.6  # least share of the picture's width or height that a model and its motion fill
+FILLS = 0.6  # least share of the picture that a model and its motion fill, in one direction
 MOMENTS, FEW = 48, 100  # moments of a run, and most bodies, for a view of all corners
-PLANAR = np.sqrt(np.finfo(float).eps)  # sine between axes with eight digits
 TYPICAL_ASPECT = 1.0  # width over height of the view at 1280 x 800
 
 
@@ -115,8 +114,6 @@ def look(
         way = way / np.linalg.norm(way)
         if np.linalg.norm(np.cross(up, way)) < FRAMING.lean / 2:
             way = stage.towards(state.model.up, "top")
-    elif which == "start":
-        way = first_way(state)
     else:
         way = stage.towards(state.model.up, which)
     aspect = TYPICAL_ASPECT if page.aspect is None else page.aspect
@@ -178,33 +175,14 @@ def holds(
 def viewpoint(state: State, aspect: float) -> Viewpoint:
     """Return positions of the camera and its target for which the model fills the view."""
     up = np.array(GRID[state.model.up][1])
-    return stage.fitted(extent(state), up, first_way(state), aspect)
-
-
-def first_way(state: State) -> np.ndarray:
-    """Return the initial unit vector (3,) to the camera, normal to the plane of a planar motion."""
-    way, d = stage.towards(state.model.up, "start"), state.derived
-    axes = [
-        (motion.kind, rotation @ motion.axis)
-        for name, rotation in zip(d.names, shapes.to_matrix(d.wxyz))
-        for motion in state.model.body(name).sequence
-    ]
-    turns = [axis for kind, axis in axes if kind == "rotate"]
-    if not turns or not {kind for kind, _ in axes} <= {"rotate", "translate"}:
-        return way
-    normal = turns[0] / np.linalg.norm(turns[0])
-    sines = [
-        np.linalg.norm(np.cross(normal, axis)) if kind == "rotate" else abs(normal @ axis)
-        for kind, axis in axes
-    ]
-    upright = abs(normal @ np.array(GRID[state.model.up][1]))
-    if max(sines) > PLANAR or upright > PLANAR:
-        return way
-    return normal * np.copysign(1.0, normal @ way)
+    return stage.fitted(extent(state), up, stage.towards(state.model.up, "start"), aspect)
 
 
 def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
-    """Return the corners (n, 3) of these bodies as drawn, or of everything that is drawn [m]."""
+    """Return the corners (n, 3) of these bodies as drawn, or of everything that is drawn [m].
+
+    That is with a point of the floor below, unless it is so deep that the bodies would be small.
+    """
     d = state.derived
     positions, wxyz = poses(state)
     k = [d.number[name] - 1 for name in names if name in d.number] or list(range(len(d.names)))
@@ -214,7 +192,10 @@ def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
     if names:
         return corners
     joining = [found.ends.reshape(-1, 3) for found in marks.joinings(state, positions, R)]
-    return np.concatenate([corners, *joining, passed(state)])
+    drawn = np.concatenate([corners, *joining, passed(state)])
+    middle, up = (drawn.min(axis=0) + drawn.max(axis=0)) / 2, np.asarray(state.model.ground_normal)
+    whole = np.vstack((drawn, middle - (middle @ up + d.low) * up))
+    return whole if shapes.diagonal(drawn) > FILLS * shapes.diagonal(whole) else drawn
 
 
 def passed(state: State) -> np.ndarray:

@@ -82,22 +82,22 @@ pgraph.stage = (() => {
 
   // Bodies are matte porcelain; what is selected is seen through others.
   for (const name of ["/bodies", "/selected"]) viser.materials(name, (material) => { if (material.roughness === 1) material.roughness = 0.5; });
-  // In the accent: where something else is before it, fainter, and over that the body itself, which hides its own inside.
-  const ORDER = { behind: 1, fill: 2 }; // arrows come after them
+  // In its colour with a part of the accent, fainter where something else is before it, and over all of it its mass centre.
+  const ORDER = { behind: 1, fill: 2, centre: 3 }, TINT = 0.45; // arrows come after them
   viser.frame(() => {
-    for (let k = 0, body; (body = node(`/selected/${k}`)); k++) {
-      for (const part of ["outline", "behind", "fill"]) {
-        node(`/selected/${k}/${part}`)?.traverse((mesh) => {
-          const { material } = mesh;
-          if (!material?.color) return;
-          if (part === "outline") { outline(material); return; }
-          mesh.renderOrder = ORDER[part];
-          material.color.set(tone("--accent"));
-          if (!material.transparent || (part === "behind" && material.depthFunc !== GREATER)) Object.assign(material, part === "fill" ? { transparent: true, needsUpdate: true } : { depthFunc: GREATER, depthWrite: false });
-        });
-      }
-    }
+    for (let k = 0; node(`/selected/${k}`); k++) for (const part of ["outline", "behind", "fill", "centre"]) node(`/selected/${k}/${part}`)?.traverse((mesh) => paint(part, mesh));
   });
+  function paint(part, mesh) {
+    const { material } = mesh;
+    if (!material?.color) return;
+    if (part === "outline") { outline(material); return; }
+    mesh.renderOrder = ORDER[part];
+    const own = material.userData.own ??= material.color.clone();
+    material.color.set(tone(part === "centre" ? "--ink" : "--accent"));
+    if (part === "fill") material.color.lerp(own, 1 - TINT);
+    if (part === "behind") Object.assign(material, { depthFunc: GREATER, depthWrite: false });
+    else if (!material.transparent) Object.assign(material, { transparent: true, depthTest: part === "fill", needsUpdate: true });
+  }
   // The back of a body, as many pixels larger on all sides.
   const WIDTH = 2; // [px]
   const canvas = { value: [1, 1] };
@@ -105,7 +105,7 @@ pgraph.stage = (() => {
     const { clientWidth, clientHeight } = document.querySelector("canvas:not(.pgraph *)");
     canvas.value = [2 * WIDTH / clientWidth, 2 * WIDTH / clientHeight];
     material.color.setScalar(0);
-    material.emissive.set(tone("--ink"));
+    material.emissive.set(tone("--accent"));
     if (material.userData.outline) return;
     material.userData.outline = true;
     Object.assign(material, { toneMapped: false, needsUpdate: true });

@@ -20,6 +20,7 @@ from pgraph_core.show.bodies import (
     Look,
     SeparateBodies,
     at_rest,
+    parts_of,
 )
 from pgraph_core.show.notebook import between
 
@@ -40,6 +41,8 @@ from .overlays import Overlays
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 MOST_FILLED = 30  # bodies of a page
 ABOVE = 0.02  # height of a fill over the size of bodies: clear of its neighbours' facets
+BEHIND = 0.4  # opacity of what is selected where something is before it
+CENTRE = 0.015  # radius of the mark of a mass centre over the size of bodies
 
 
 class SceneView:
@@ -172,27 +175,36 @@ class SceneView:
         """Return everything on which the fill depends."""
         d, body = state.derived, state.model.body(name)
         links = self._looks[d.number[name] - 1].links
-        return body.shapes, links, body.tip, body.com, body.mass, d.grain
+        return self._looks[d.number[name] - 1].color, links, d.grain, body
 
     def _fill(
         self, client: viser.ClientHandle, state: State, name: str, at: int
     ) -> viser.FrameHandle:
-        """Fill one body, fainter if occluded by others, and outline it. The page colours it."""
-        size, k = state.derived.grain, state.derived.number[name] - 1
-        solid = shapes.mesh(self._looks[k].pieces)
+        """Outline and tint one body, and mark its mass centre. The page colours all of it."""
+        size, look = state.derived.grain, self._looks[state.derived.number[name] - 1]
         node = f"/selected/{at}"
         frame = client.scene.add_frame(node, show_axes=False)
-        for part in ("outline", "fill", "behind"):
+        drawn = [(part, look.color, look.pieces) for part in ("outline", "behind")]
+        for i, ((color, _), pieces) in enumerate(parts_of(look).items()):
+            drawn.append((f"fill/{i}" if i else "fill", color, tuple(pieces)))
+        for part, color, pieces in drawn:
+            solid = shapes.mesh(pieces)
             client.scene.add_mesh_simple(
                 f"{node}/{part}",
                 solid.vertices + ABOVE * size * solid.vertex_normals,
                 solid.faces,
-                opacity=0.4 if part == "behind" else None,
+                color=color,
+                opacity=BEHIND if part == "behind" else None,
                 flat_shading=len(solid.faces) < FLAT and part != "outline",
                 side="back" if part == "outline" else "front",
                 cast_shadow=False,
                 receive_shadow=False,
             )
+        body = state.model.body(name)
+        client.scene.add_icosphere(
+            f"{node}/centre", radius=CENTRE * size, position=body.com, visible=body.mass > 0,
+            cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
         return at_rest(frame)
 
 

@@ -165,11 +165,8 @@ class Paste(FromPage):
 
 
 def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
-    """Return a slender rod at the tip of `parent`. The first rod on the ground has a free joint."""
-    root, new = pg.Model.serial(2).bodies
-    if not model.bodies:
-        free = pg.Model(bodies=(root,)).edit(root.name, joint="free").bodies[0]
-        return free.unchecked_copy({"name": name})
+    """Return a slender rod that swings at the tip of `parent`."""
+    new = pg.Model.serial(2).bodies[1]
     link = (0.0, 0.0, 0.0) if parent == GROUND else model.body(parent).tip or new.link
     return new.unchecked_copy({"name": name, "parent": parent, "link": link})
 

@@ -153,7 +153,7 @@ class SeparateBodies:
 
     def _nodes(self, look: Look, number: int) -> list[viser.MeshHandle]:
         """Return the body's node and its children."""
-        parts = _parts(look)
+        parts = parts_of(look)
         names = [f"/bodies/{number}", *(f"/bodies/{number}/{i}" for i in range(1, len(parts)))]
         return [self._node(name, *part, number) for name, part in zip(names, parts.items())]
 
@@ -192,7 +192,7 @@ class SeparateBodies:
 
     def fade(self, opacity: float | None, visible: bool) -> None:
         for look, nodes in self._drawn:
-            for node, (_, own) in zip(nodes, _parts(look)):
+            for node, (_, own) in zip(nodes, parts_of(look)):
                 node.opacity = _faded(own, opacity) if visible else 0.0  # overlays hang on it
                 node.cast_shadow = visible
 
@@ -202,7 +202,7 @@ class SeparateBodies:
         self._drawn = []
 
 
-def _parts(look: Look) -> dict[tuple[shapes.Color, float], list[shapes.Piece]]:
+def parts_of(look: Look) -> dict[tuple[shapes.Color, float], list[shapes.Piece]]:
     """Group the pieces of a body by colour and opacity."""
     found: dict[tuple[shapes.Color, float], list[shapes.Piece]] = defaultdict(list)
     for piece in look.pieces:

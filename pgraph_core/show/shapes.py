@@ -38,7 +38,9 @@ COAT, RUBBER, TINT = (
 LUMA = (0.299, 0.587, 0.114)  # weights of red, green and blue (ITU-R BT.601)
 LARGEST = float(np.finfo(float).max ** 0.5) / 10  # [m] squares of it can be added
 STAND_IN: Color = (214, 51, 132)  # magenta, which no branch has
-SLENDER, THINNEST = 0.13, 0.004  # radius of a link relative to its length, least radius [m]
+# radii relative to the length of a link: of its hub, and of the rod and of the bob at a mass centre
+# relative to the hub's; least radius [m]
+SLENDER, ROD, BOB, THINNEST = 0.11, 0.65, 1.3, 0.004
 SHORTEST = 10 * THINNEST  # [m] a shorter link is drawn as a box, as large as which a model is shown
 
 
@@ -74,7 +76,7 @@ def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
     if len(own) < len(seen):
         rods = _links(body, links)
         return own + tuple(replace(rod, color=STAND_IN, opacity=0.5) for rod in rods)
-    return own if body.shapes else _links(body, links)
+    return own if body.shapes else _with_bob(body, _links(body, links))
 
 
 def _missing(shape: Any) -> bool:
@@ -93,7 +95,33 @@ def _links(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
         edge = 0.4 * max(body.mass, 0.1) ** (1 / 3) * 0.2
         return (Piece("box", (edge, edge, edge), (0.0, 0.0, 0.0), np.eye(3)),)
     radius = max(SLENDER * longest, THINNEST)
-    return tuple(_rod(end, radius) for end in ends if np.linalg.norm(end) > radius / 2)
+    long = [end for end in ends if np.linalg.norm(end) > radius / 2]
+    return (*(_rod(end, max(ROD * radius, THINNEST)) for end in long), *_hub(body, radius))
+
+
+def _hub(body: Any, radius: float) -> tuple[Piece, ...]:
+    """Return what the rods of a body are fixed to at its joint: a bushing, a carriage or a ball."""
+    if not body.sequence:
+        return ()
+    kind, axis, edge = body.sequence[-1].kind, body.sequence[-1].axis, 2 * radius
+    if kind not in ("rotate", "translate"):
+        return (Piece("sphere", (edge, edge, edge), (0.0, 0.0, 0.0), np.eye(3)),)
+    along = frame_of(np.asarray(axis) / np.linalg.norm(axis))
+    if kind == "rotate":
+        return (Piece("cylinder", (edge, edge, edge), (0.0, 0.0, 0.0), along),)
+    return (Piece("box", (edge, edge, 2 * edge), (0.0, 0.0, 0.0), along),)
+
+
+def _with_bob(body: Any, rods: tuple[Piece, ...]) -> tuple[Piece, ...]:
+    """Return rods, and one with a bob to a mass centre that is outside of them."""
+    com = np.asarray(body.com)
+    inside = (np.abs(p.rotation.T @ (com - p.position)) <= np.array(p.size) / 2 for p in rods)
+    if not body.mass or any(map(np.all, inside)):
+        return rods
+    far = float(np.linalg.norm(com))
+    edge = 2 * BOB * max(SLENDER * far, THINNEST)
+    bob = Piece("sphere", (edge, edge, edge), body.com, np.eye(3))
+    return (*rods, _rod(com, max(ROD * SLENDER * far / 2, THINNEST)), bob)
 
 
 def _rod(end: np.ndarray, radius: float) -> Piece:

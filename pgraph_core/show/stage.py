@@ -116,10 +116,10 @@ def depth(
 ) -> float:
     """Return the depth [m] below the ground plane at which the ground is drawn.
 
-    It is 0 if something may touch the ground. Otherwise bodies that hang from their roots must not
+    It is 0 if something may touch the ground. Otherwise bodies whose roots are at rest must not
     reach the drawn ground, up to a few sizes of the model.
     """
-    used = model.contacts or model.ground.steps or any(b.joint == "free" for b in bodies)
+    used = model.contacts or model.ground.steps
     up = np.array(GRID[model.up][1])
     if used or len(positions) == 0 or np.asarray(model.ground_normal) @ up < 1.0:
         return 0.0
@@ -171,11 +171,11 @@ Which = Literal["front", "side", "top", "isometric", "start"]
 # From the model to the camera, by the axis that is up. Models look along x (along y if x is up).
 TOWARDS: dict[str, dict[Which, tuple[float, float, float]]] = {
     "x": {"front": (0, 1, 0), "side": (0, 0, -1), "top": (1, 0, 0), "isometric": (1, 1, -1),
-          "start": (0.3, 0.6, -1.0)},
+          "start": (0.45, 0.6, -1.0)},
     "y": {"front": (1, 0, 0), "side": (0, 0, 1), "top": (0, 1, 0), "isometric": (1, 1, 1),
-          "start": (0.6, 0.3, 1.0)},
+          "start": (0.6, 0.45, 1.0)},
     "z": {"front": (1, 0, 0), "side": (0, -1, 0), "top": (0, 0, 1), "isometric": (1, -1, 1),
-          "start": (0.6, -1.0, 0.3)},
+          "start": (0.6, -1.0, 0.45)},
 }  # fmt: skip
 
 

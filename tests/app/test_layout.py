@@ -97,6 +97,9 @@ def test_a_body_without_a_shape_reaches_to_its_children():
     bounds = shapes.mesh(pieces).bounds
     assert bounds[1][:2] == pytest.approx((1.0, 2.0), abs=1e-6)
     assert shapes.mesh(shapes.pieces(pg.Body(name="a"), ())).volume > 0  # without any extent
+    for com, high in (((0.0, 0.5, 0.0), 0.5), ((0.5, 0.0, 0.0), 0.2)):  # beside the rod, and in it
+        body = pg.Body(name="a", tip=(1, 0, 0), com=com)
+        assert (shapes.mesh(shapes.pieces(body, ())).bounds[1][1] > high) == (high == 0.5)
     for kind in ("box", "sphere", "cylinder", "capsule"):
         assert np.ptp(shapes.unit(kind).bounds, axis=0) == pytest.approx((1, 1, 1), rel=0.02)
 

@@ -338,6 +338,15 @@ def test_a_view_holds_the_whole_run_unless_the_mechanism_leaves(speed, whole):
     assert len(camera.passed(state)) > 0 or not whole
 
 
+@pytest.mark.parametrize(("height", "whole"), [(0.0, True), (50.0, False)])
+def test_the_floor_below_a_model_is_in_the_first_view_unless_it_is_deep(height, whole):
+    model = pg.Model.serial(2)
+    state = begun(model.edit("1", link=(0, 0, height)))
+    floor = -state.derived.low
+    assert floor <= height - 0.4  # m: two rods reach so far down
+    assert (camera.extent(state)[:, 2].min() == pytest.approx(floor)) == whole
+
+
 def test_arrows_of_resting_bodies_stay_visible_after_an_impact():
     state = simulated(touching(ball(q=(0, 0, 0.6, 1, 0, 0, 0))), 2.0)
     assert state.run.result.contact_force["c[ball]"][:, 5].max() > 50 * 2 * 9.81
