@@ -15,8 +15,11 @@ from pgraph_core.fields import PAIR
 from pgraph_core.forces import BetweenPoints
 from pgraph_core.joints import SIZE
 from pgraph_core.model.editing import free_name
+from pgraph_core.model.expressions import Known
 from pgraph_core.rotation import matrix
-from pgraph_core.signals import is_expression, written
+from pgraph_core.signals import is_expression, parsed, written
+from pgraph_core.signals.meaning import dim_of
+from pgraph_core.units import NONE, UNITS
 
 from ..core.cells import (
     Display,
@@ -55,9 +58,30 @@ def kind_of(part: Part, item: Item) -> str:
     return "site" if part == "sites" else getattr(item, KIND_FIELD[part])
 
 
-def quantity_of(item: Item, field: str) -> Quantity:
-    """Return the physical quantity of a field."""
-    return quantity_in(about(item, field).unit)
+def quantity_of(model: pg.Model, item: Item, field: str) -> Quantity:
+    """Return the physical quantity of a field. A setpoint has that of its signal."""
+    return quantity_in(unit_of(model, item, field))
+
+
+def unit_of(model: pg.Model, item: Item, field: str) -> str:
+    """Return the unit of a field. "angle" and "length" follow the units of the page."""
+    if isinstance(item, pg.PID) and field == "setpoint" and is_expression(item.signal):
+        return unit_of_signal(model, str(item.signal))
+    return about(item, field).unit
+
+
+def unit_of_signal(model: pg.Model, text: str) -> str:
+    """Return the unit of an expression. "angle" and "length" follow the units of the page."""
+    dim = dim_of(parsed(text), known_of(model).dim)
+    return UNITS.get(NONE if dim is None else dim, "")
+
+
+def known_of(model: pg.Model) -> Known:
+    """Return the names that expressions in a model may use."""
+    bodies = {b.name: b for b in model.bodies}
+    exerting = [c.name for c in model.constraints], [c.name for c in model.contacts]
+    known = model.outputs, model.controls, model.parameters, model.forces
+    return Known(bodies, *known, exerting)
 
 
 # -- making ------------------------------------------------------------------------------------
@@ -324,7 +348,7 @@ def _typed(
     display: Display,
     at: Places,
 ) -> dict[str, Any]:
-    of = quantity_of(item, field)
+    of = quantity_of(model, item, field)
     form, bounds = typed_as(item, field)
     match field:
         case _ if form == "whole":
@@ -362,6 +386,8 @@ def _typed(
     if not text.strip():
         return {**data, field: None}
     new = content(text, of, display)
+    if field == "kd" and data["filter"] is None and data["kp"]:
+        data["filter"] = abs(float(new) / (10 * data["kp"])) or None  # kd needs one: a common value
     if not index:
         return {**data, field: new}
     old = data.get(field) or implied(model, item, field, at) or (0.0, 0.0, 0.0)

@@ -278,11 +278,11 @@ def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
 
 def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, at: Any) -> Payload:
     """Return a number or a vector, or the default if the field is not given."""
-    shows, of = about(item, name), parts.quantity_of(item, name)
+    shows, of = about(item, name), parts.quantity_of(model, item, name)
     value, implied = cells.get(name), False
     if value is None:
         value, implied = parts.implied(model, item, name, at), True
-    unit = _unit(model, item, shows.unit)
+    unit = _unit(model, item, parts.unit_of(model, item, name))
     unit = display.unit(of) if unit in ("length", "angle") else unit
     if typed_as(item, name)[0] == "vector":
         found = value if value is not None else (None, None, None)

@@ -6,13 +6,16 @@ pgraph.svg = (tag, attributes = {}, ...children) => {
   return el;
 };
 // Lines over one axis, each {t, y, style, dots}, in a picture that is as wide as its place; `zero`: the axis is in it.
-pgraph.chart = (label, lines, zero = false) => {
+// The ends of both axes stand next to it with `axes`.
+pgraph.chart = (label, lines, zero = false, axes = zero) => {
   const W = 1000, H = 1000, all = lines.flatMap(({ y }) => y).concat(zero ? [0] : []), times = lines.flatMap(({ t }) => [t[0], t.at(-1)]);
   const [low, high, first, last] = [Math.min(...all), Math.max(...all), Math.min(...times), Math.max(...times)];
   const at = (t, y) => `${(W * (t - first) / (last - first || 1)).toFixed(1)},${(0.97 * H - 0.94 * H * (y - low) / (high - low || 1)).toFixed(1)}`;
   const line = ({ t, y, style = "", dots = false }) => pgraph.svg("path", { class: dots ? "dots" : "line", style, d: t.map((x, i) => `${dots || !i ? "M" : "L"}${at(x, y[i])}${dots ? "h0" : ""}`).join("") });
-  return pgraph.svg("svg", { class: "line-chart", viewBox: `0 0 ${W} ${H}`, preserveAspectRatio: "none", role: "img", "aria-label": label },
+  const picture = pgraph.svg("svg", { class: "line-chart", viewBox: `0 0 ${W} ${H}`, preserveAspectRatio: "none", role: "img", "aria-label": label },
     ...(zero ? [pgraph.svg("path", { class: "zero", d: `M${at(first, 0)}L${at(last, 0)}` })] : []), ...lines.map(line));
+  const end = (className, x, unit = "") => pgraph.text("span", className, `${Number(x.toPrecision(3))}${unit}`);
+  return axes ? pgraph.make("div", { className: "axed muted" }, end("", high), picture, end("low", low), end("", first), end("last", last, " s")) : picture;
 };
 
 // One family of icons: 16 px, lines of 1.5 px with round ends; `play`, `pause` and `stop` are filled.

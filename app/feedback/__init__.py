@@ -19,11 +19,11 @@ from pgraph_core.forces import OnJoint
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.expressions import wanted
 from pgraph_core.signals import parsed, written
-from pgraph_core.signals.meaning import dim_of, unit
-from pgraph_core.units import NONE, UNITS
+from pgraph_core.signals.meaning import unit
 
 from .. import model as model_
 from .. import pose
+from ..constraints.parts import unit_of_signal
 from ..core.cells import Display, Refusal, quantity, quantity_in
 from ..core.edit import edited
 from ..core.events import Entries, FromPage, Text, TypedText
@@ -96,6 +96,23 @@ def computed(design: Design) -> Design:
     return replace(design, largest=largest, found=found, problem="", busy=False)
 
 
+def in_words(error: pg.InputError) -> str:
+    """Return what is wrong in words of the page: the call's advice is for programs."""
+    field, fact = error.problems[0].field, error.problems[0].text.partition("; ")[0]
+    match field:
+        case "inputs":
+            return (
+                "No input is allowed: add a motor, servo or actuator in Connections, or allow one."
+            )
+        case "q":
+            return (
+                f"{fact[0].upper()}{fact[1:]}. Pose the bodies where they can stay at rest first."
+            )
+        case "Q, R":
+            return f"The allowed values {fact}."
+    return f"{field.capitalize()}: {fact}."
+
+
 def usual(plain: pg.Feedback, model: pg.Model) -> dict[str, float]:
     """Return the largest deviations and inputs to begin with.
 
@@ -120,8 +137,7 @@ def unit_of(model: pg.Model, name: str) -> str:
     if isinstance(force, OnJoint):
         dim = wanted(force, force.INPUT, known.bodies)
         return "" if dim is None else unit(dim)
-    dim = known.dim(parsed(name))
-    return "" if dim is None else UNITS.get(dim, "")
+    return unit_of_signal(model, name)
 
 
 def response(design: Design) -> list[tuple[str, list[float], list[float]]]:
@@ -181,8 +197,7 @@ def answered(model: pg.Model, name: str, how: dict[str, Any]) -> Response:
     control = next((c for c in model.controls if c.name == name), None)
     if not isinstance(control, pg.PID) or not isinstance(control.signal, str):
         raise Refusal("only a PID controller of a signal has a setpoint that can step")
-    dim = dim_of(parsed(control.signal), known_of(model).dim)
-    unit = UNITS.get(NONE if dim is None else dim, "")
+    unit = unit_of_signal(model, control.signal)
     size = NEAR.get(unit, 1.0)
     names = [c.name for c in model.controls]
     probe, jump = free_name("signal", names), free_name("step", names)
@@ -326,7 +341,10 @@ def _begun(state: State, client: int, asked: Asked, before: Design | None = None
     state = with_client(state, client, design=design)
 
     def work(_: pg.Model) -> Found:
-        return Found(value=computed(design))
+        try:
+            return Found(value=computed(design))
+        except pg.InputError as error:
+            raise Refusal(in_words(error)) from None
 
     def then(now: State, done: ErrandDone) -> State:
         page = now.clients.get(client)

@@ -31,7 +31,7 @@ pgraph.feedback = (() => {
   function chart(curves, title) {
     if (!curves.length) return [];
     const lines = curves.map(([, t, y], i) => ({ t, y, style: `stroke: var(--s${i % 8})` }));
-    return [text("h4", "", title ?? `Response to a step over ${digits(curves[0][1].at(-1))} s, each as a part of the largest`), pgraph.chart("response to a step", lines, true),
+    return [text("h4", "", title ?? "Response to a step, each as a part of the largest"), pgraph.chart("response to a step", lines, true),
       make("div", { className: "legend muted" }, ...curves.map(([name], i) => { const one = text("span", "", name); one.style.setProperty("--hue", `var(--s${i % 8})`); return one; }))];
   }
 
@@ -39,14 +39,13 @@ pgraph.feedback = (() => {
 
   // The response of a controller's signal and value to a step of its setpoint.
   let asked = null;
-  const range = ([, t, y]) => `${[Math.min(...y), Math.max(...y)].map((x) => Number(x.toPrecision(3))).join(" to ")} within ${digits(t.at(-1))} s`;
   function step(name) {
     asked = pgraph.dialog(`Step response of ${name}`, "pgraph-feedback", text("div", "found"));
     asked.addEventListener("close", () => { asked = null; });
     send("AskResponse", { name });
   }
   pgraph.on("response", ({ busy, problem, curves, size, texts }) => {
-    asked?.querySelector(".found").replaceChildren(...(busy ? [text("p", "muted", "Computing …")] : problem ? [make("div", { className: "sentence", role: "alert", textContent: problem })] : [...curves.flatMap((one, i) => chart([one], `Change of ${one[0]}${i ? "" : ` over the step of ${size}`}: ${range(one)}`).slice(0, 2)), ...texts.map((one) => text("div", "response", one))]));
+    asked?.querySelector(".found").replaceChildren(...(busy ? [text("p", "muted", "Computing …")] : problem ? [make("div", { className: "sentence", role: "alert", textContent: problem })] : [...curves.flatMap((one, i) => chart([one], `Change of ${one[0]}${i ? "" : ` over the step of ${size}`}`).slice(0, 2)), ...texts.map((one) => text("div", "response", one))]));
   });
   return { open, step };
 })();

@@ -72,7 +72,7 @@ def hint(state: State, rows: list[Payload]) -> str:
         return "Showing the joints from the ground to the selection."
     if state.derived.dof > MOST:
         return f"{state.derived.dof} degrees of freedom are too many to list: select a body."
-    return "" if rows else "Nothing here moves."
+    return ""
 
 
 def path(state: State, selection: str | None) -> frozenset[str]:

@@ -17,6 +17,7 @@ from . import Run, State
 
 POOR = 1e-2  # relative error or drift above which a run is rough
 WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
+LOADING = "Its fast code is being loaded. For a new kind of model it is compiled, up to a minute."
 ERROR, ENERGY, LOOPS = "Error estimate", "Energy drift", "Constraint drift"
 FEWEST_METRES, FEWEST_DEGREES = 1e-6, 1e-3  # nobody feels less: it is shown as "within" these
 Line = tuple[str, str, bool]  # label, value, True if it is good
@@ -29,9 +30,8 @@ def trust(
     if state.job is not None:
         job, waits = job or {}, kernels is not None
         said = "Preparing" if waits else "Computing"
-        return _told(
-            "busy", said, kernels["text"] if kernels and waits else "", fraction=job.get("fraction")
-        )
+        text = kernels["text"] if kernels and waits else "" if job.get("fraction") else LOADING
+        return _told("busy", said, text, fraction=job.get("fraction"))
     if live is not None:
         return _told("", f"Live, {live['text']}", state.run_problem)
     run = state.plotted
@@ -155,7 +155,7 @@ def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
     result, lines = run.result, {what: (value, good) for what, value, good in summary(run)}
     error, label = float(result.error_estimate), "Joint error"
     if not math.isfinite(error):
-        short = "none" if math.isnan(error) else f"known {_until(result)}"
+        short = f"known {_until(result)}"
     elif all(good for _, good in lines.values()):  # the verdict says how much it is
         label, short = "Relative error", percent(float(result.relative_error[-1:].sum()))
     else:
@@ -164,6 +164,7 @@ def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
     off = f"{percent(result.energy_drift)}{', first order' if first else ''}"
     found = [(label, short, ERROR), (ENERGY, off, ENERGY)]
     found = [one for one in found if lines.get(one[2], ("", True))[1] or not math.isfinite(error)]
+    found = found[math.isnan(error) :]  # the verdict says that it is not known
     method, step = str(result.header.get("method")), result.header.get("step")
     size = f", {1e3 * step:.3g} ms" if isinstance(step, float) else ""
     name = METHOD_NAMES.get(method, method).partition(" (")[0]

@@ -13,8 +13,8 @@ import pgraph_core as pg
 from pgraph_core.model.scenario import coordinates, known_names
 from pgraph_core.signals import Node, parsed, written
 from pgraph_core.signals.meaning import TIME
-from pgraph_core.units import UNITS, S
 
+from ..constraints.parts import unit_of_signal
 from ..core import cells
 from ..core.cells import (
     Display,
@@ -44,6 +44,7 @@ WAITS = {  # labels of triggers of switches
 OF_VALUE = {TIME: "s", "gap": "length", "force": "N"}  # units; those of coordinates differ
 SIDES = {"above": ">", "below": "<"}
 OF_OPERATION = {"more": "above", "at_least": "above", "less": "below", "at_most": "below"}
+REPEATS = "It goes {} again whenever this holds. “And …” adds a limit, such as t below 1."
 DELAY = 0.1  # part of the run after which a constraint that went on goes off again
 BACK = 0.2  # part of its value by which a switch back lies on the other side
 
@@ -152,16 +153,20 @@ def _signals(model: pg.Model) -> list[str]:
 
 def _unit_of_signal(model: pg.Model, signal: str) -> str:
     """Return the unit of a signal. "angle" and "length" follow the units of the page."""
-    node = parsed(signal)
-    dim = known_of(model).dim(node) if node.op == "signal" else S
-    return "" if dim is None else UNITS.get(dim, "")
+    return OF_VALUE[TIME] if signal == TIME else unit_of_signal(model, signal)
 
 
 # -- forms -----------------------------------------------------------------------------------------
 
 
-def form(model: pg.Model, switch: pg.Switch, display: Display) -> list[Payload]:
-    """Return the fields of a switch, including its constraint and its condition."""
+def form(
+    model: pg.Model, switch: pg.Switch, display: Display, among: Sequence[pg.Switch] = ()
+) -> list[Payload]:
+    """Return the fields of a switch, including its constraint and its condition.
+
+    `among` contains the switches of its scenario. A switch acts whenever its condition holds, which
+    is explained if another one undoes it after a time.
+    """
     what, watched = waits_of(switch)
     names = [c.name for c in model.constraints]
     out = button("×", "DeleteSwitch", "Delete this switch")
@@ -194,7 +199,13 @@ def form(model: pg.Model, switch: pg.Switch, display: Display) -> list[Payload]:
     if what == "coordinate":
         more.insert(0, _press("And …", "and", "Waits for another comparison too"))
     value = _row("value", "is", [side, amount], unit=unit)
-    return [*found, value, field("more", "", [], buttons=more)]
+    undone = any(
+        (x.constraint, x.active) == (switch.constraint, not switch.active)
+        and waits_of(x)[0] in (TIME, "constraint")
+        for x in among
+    )
+    note = REPEATS.format(ON if switch.active else OFF) if undone and what == "coordinate" else ""
+    return [*found, value, field("more", "", [], buttons=more, note=note)]
 
 
 def _row(name: str, label: str, each: list[Payload], **more: Any) -> Payload:

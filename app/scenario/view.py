@@ -57,7 +57,11 @@ def scenario(state: State, display: Display) -> Payload:
         "active": by_number(_acting(model, s), state.rows, model, "scenario"),
         "drives": _drives(state, s, display),
         "switches": [
-            {"id": number, "name": "", "form": [group("", conditions.form(model, x, display))]}
+            {
+                "id": number,
+                "name": "",
+                "form": [group("", conditions.form(model, x, display, s.switches))],
+            }
             for number, x in zip(inner(state, s, "switches"), s.switches)
         ],
     }

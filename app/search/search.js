@@ -117,7 +117,7 @@
   // The data as dots, and the curve of the run that was tried last.
   function curve({ name, t, y, data }) {
     const measured = data.t.length ? [{ ...data, dots: true }] : [];
-    return make("figure", {}, make("figcaption", { textContent: name }), pgraph.chart(`${name}: the run${measured.length ? " and the data" : ""}`, [...measured, { t, y }]));
+    return make("figure", {}, make("figcaption", { textContent: name }), pgraph.chart(`${name}: the run${measured.length ? " and the data" : ""}`, [...measured, { t, y }], false, true));
   }
 
   function result({ kind, title, stale, rows, notes }) {

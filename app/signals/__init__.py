@@ -25,6 +25,7 @@ from pgraph_core.units import Dim
 
 from .. import constraints
 from ..constraints import Part
+from ..constraints.parts import known_of as known_of
 from ..core.events import FromPage, Text
 from ..core.state import with_client
 from ..pose.solving import shown_q, shown_v
@@ -185,14 +186,6 @@ class Vocabulary:
             yield Word(name, f"{value:.6g}")
         else:
             yield Word(name, f"time, now {self._moment.t:.4g} s")
-
-
-def known_of(model: pg.Model) -> Known:
-    """Return the names that expressions in a model may use."""
-    bodies = {b.name: b for b in model.bodies}
-    exerting = [c.name for c in model.constraints], [c.name for c in model.contacts]
-    known = model.outputs, model.controls, model.parameters, model.forces
-    return Known(bodies, *known, exerting)
 
 
 def _measured(known: Known) -> Iterator[tuple[str, str]]:

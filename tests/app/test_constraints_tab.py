@@ -238,6 +238,21 @@ def test_points_directions_and_numbers_are_set(state, part, kind, field, entries
     assert len(now.undo) == 2
 
 
+def test_a_setpoint_is_typed_in_the_unit_of_its_signal_and_kd_brings_its_filter(state):
+    state = after(state, do.AddPart(ME, "controls", "pid", "3"))
+    (pid,) = state.model.controls
+    row = next(
+        f for f in form(state, Display(), "controls", pid)[0]["fields"] if f["field"] == "setpoint"
+    )
+    assert row["unit"] == "rad"
+    state = after(state, do.SetDisplay(ME, "angle", "deg"))
+    for field, text in (("setpoint", "90"), ("kp", "4"), ("kd", "2")):
+        state = edit(state, "controls", pid.name, field, ((), text))
+    (pid,) = state.model.controls
+    assert pid.setpoint == pytest.approx(math.pi / 2)
+    assert (pid.kd, pid.filter) == (2.0, 2 / 40)
+
+
 def test_an_output_follows_its_site(state):
     state = add(state, "sites", "site")
     state = edit(state, "sites", "site", "name", ((), "imu"))

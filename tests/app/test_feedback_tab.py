@@ -49,6 +49,27 @@ def test_gains_are_scipys_and_one_click_balances_the_model(plant):
     assert np.abs(run.q[-1]).max() < 1e-3
 
 
+def without_motor():
+    return pg.Model.serial(2)
+
+
+def horizontal():
+    return pg.Model.serial(2).add(pg.Motor(name="m", body="1"))
+
+
+def uncontrolled():
+    slide = {"joint": "prismatic", "axes": ((1, 0, 0),)}
+    bodies = pg.Body(name="a", **slide), pg.Body(name="b", **slide)
+    return pg.Model(bodies=bodies, forces=(pg.Motor(name="m", body="a"),))
+
+
+@pytest.mark.parametrize("model", [without_motor, horizontal, uncontrolled])
+def test_why_there_is_no_feedback_is_said_without_names_of_python(model):
+    problem = design(answered(begun(model()), do.OpenFeedback(ME))).problem
+    assert problem
+    assert not any(word in problem for word in ("lqr", "mech", "model.", "pg.", "Q, R"))
+
+
 def test_the_dialog_calls_states_by_words():
     model, *_ = cart_pole()
     now = design(answered(begun(model), do.OpenFeedback(ME)))

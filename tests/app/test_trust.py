@@ -112,6 +112,7 @@ def test_up_to_three_short_rows_stand_below_each_verdict(error, drift, loops):
     known = {"energy_drift": drift, "constraint_drift": np.array(loops).reshape(-1, 2)}
     rows = _lines(estimated(model, error, accuracy="a sentence of many words, and more", **known))
     assert 1 <= len(rows) <= 3
+    assert any("error" in row[0] for row in rows) <= (not math.isnan(error))
     assert all(0 < len(value) < 28 for _, value, _, _ in rows)
 
 
