@@ -106,7 +106,8 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     ]  # fmt: skip
     frame = [form.text("name"), form.vector(turn, names), form.follows(form.tip())]
     mass = [form.follows(form.vector("mass")) | {"heads": True}, form.follows(form.vector("com"))]
-    inertia = [form.material(), form.follows(form.inertia())]
+    inertia = [form.follows(form.inertia())]
+    (mass if "mass" in body.derived else inertia).append(form.material())
     state = [form.vector("q", Q_NAMES.get(body.joint, ())),
              form.vector("v", V_NAMES.get(body.joint, ()))]  # fmt: skip
     shape = form.shape(0)

@@ -35,14 +35,14 @@
   }
 
   function outcome(host, data) {
-    const line = (brief) => ([what, value, good]) => [make("dt", { textContent: what }), make("dd", { className: good ? "" : "bad" }, ...(brief && good ? value.split(/[:;] /, 1) : folded(value)))];
+    const line = (at) => (row) => [make("dt", { textContent: row[0] }), make("dd", { className: row[2] ? "" : "bad" }, ...folded(row[at]))];
     host.hidden = data.summary === null;
     const key = JSON.stringify(data.summary);
     if (host.dataset.key === key) return;
     host.dataset.key = key;
-    const notes = (data.summary ?? []).filter(([what]) => what === "Note"), lines = (data.summary ?? []).filter(([what]) => what !== "Note");
-    host.replaceChildren(make("dl", { className: "summary" }, ...lines.flatMap(line(true)), ...notes.flatMap(line(false))),
-      make("details", {}, make("summary", { textContent: "Details" }), make("dl", { className: "summary" }, ...lines.flatMap(line(false)))));
+    const lines = data.summary ?? [], fuller = lines.filter(([, brief, , whole]) => brief !== whole);
+    host.replaceChildren(make("dl", { className: "summary" }, ...lines.flatMap(line(1))),
+      make("details", {}, make("summary", { textContent: "Details" }), make("dl", { className: "summary" }, ...fuller.flatMap(line(3)))));
   }
   // A long list is one line until it is asked for.
   function folded(value) {

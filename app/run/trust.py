@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ POOR = 1e-2  # relative error or drift above which a run is rough
 WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
 LOADING = "Its fast code is being loaded. For a new kind of model it is compiled, up to a minute."
 ERROR, ENERGY, LOOPS = "Error estimate", "Energy drift", "Constraint drift"
+METHOD, NOTE = "Method", "Note"
 FEWEST_METRES, FEWEST_DEGREES = 1e-6, 1e-3  # nobody feels less: it is shown as "within" these
 Line = tuple[str, str, bool]  # label, value, True if it is good
 
@@ -52,7 +54,7 @@ def trust(
             report=True,
         )
     level, said, why = verdict(run)
-    lines = [] if level == "failed" else _lines(run)  # the reason stands in their place
+    lines = [] if level == "failed" else below(run, level)  # the reason stands in their place
     better = remedy(run) if level == "rough" else None
     return _told(level, said, why, lines, report=True, better=better)
 
@@ -84,7 +86,7 @@ def verdict(run: Run) -> tuple[str, str, str]:
     bad = {what: value for what, value, fine in summary(run) if not fine}
     if not bad:
         return "good", f"Good {amount if amount.startswith('within') else f'to {amount}'}", ""
-    words = {ERROR: f"off by {amount}", ENERGY: f"energy drifts {percent(result.energy_drift)}"}
+    words = {ERROR: f"off by {amount}", ENERGY: f"energy drifts {drift(result)}"}
     if LOOPS in bad:
         words[LOOPS] = f"loops open by {length(float(result.constraint_drift[:, 0].max()))}"
     said = "; ".join(words.get(what, value) for what, value in bad.items())
@@ -114,15 +116,10 @@ def _first_order(result: Any) -> bool:
     return method is not None and method.order == 1
 
 
-def percent(part: float) -> str:
-    """Return a percentage such as '4.9 %', or "none" if it is unknown."""
-    return "none" if math.isnan(part) else f"{float(f'{100 * part:.2g}'):g} %"
-
-
 def drift(result: Any) -> str:
-    """Return the energy drift, such as '4.9 % of its range', or "" if it is unknown."""
+    """Return the energy drift as a part of its range, such as '4.9 %', or "" if it is unknown."""
     part = float(result.energy_drift)
-    return "" if math.isnan(part) else f"{percent(part)} of its range"
+    return "" if math.isnan(part) else f"{float(f'{100 * part:.2g}'):g} %"
 
 
 def felt(run: Run) -> str:
@@ -147,49 +144,34 @@ def length(metres: float) -> str:
     return f"{float(f'{metres / scale:.0e}'):g} {unit}"
 
 
-def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
-    """Return (label, short value, ok, full text) for the lines below the verdict.
+def below(run: Run, level: str) -> list[tuple[str, str, bool, str]]:
+    """Return the lines below a verdict of that level: facts that are good and not part of it."""
+    shown = (METHOD, ENERGY, *[ERROR] * (level != "good"))
+    return brief([line for line in summary(run) if line[0] in shown and line[2]])
 
-    They contain facts that are not part of the verdict.
+
+def brief(lines: list[Line]) -> list[tuple[str, str, bool, str]]:
+    """Return lines with their main value and their whole text. What is bad is told as a whole.
+
+    Reasons come after a colon or a semicolon.
     """
-    result, lines = run.result, {what: (value, good) for what, value, good in summary(run)}
-    error, label = float(result.error_estimate), "Joint error"
-    if not math.isfinite(error):
-        short = f"known {_until(result)}"
-    elif all(good for _, good in lines.values()):  # the verdict says how much it is
-        label, short = "Relative error", percent(float(result.relative_error[-1:].sum()))
-    else:
-        short = felt(run)
-    first = result.energy_drift >= POOR and _first_order(result)
-    off = f"{percent(result.energy_drift)}{', first order' if first else ''}"
-    found = [(label, short, ERROR), (ENERGY, off, ENERGY)]
-    found = [one for one in found if lines.get(one[2], ("", True))[1] or not math.isfinite(error)]
-    found = found[math.isnan(error) :]  # the verdict says that it is not known
-    method, step = str(result.header.get("method")), result.header.get("step")
-    size = f", {1e3 * step:.3g} ms" if isinstance(step, float) else ""
-    name = METHOD_NAMES.get(method, method).partition(" (")[0]
-    found.append(("Method", f"{name}{size}", "Method"))
     return [
-        (label, value, good, about or value)
-        for label, value, of in found
-        for about, good in [lines.get(of, ("", True))]
+        (what, re.split("[:;] ", text)[0] if good and what != NOTE else text, good, text)
+        for what, text, good in lines
     ]
 
 
-def outcome(state: State) -> list[Line] | None:
-    """Return the lines about the last run, which may belong to an earlier model.
-
-    What is good has its main value before a colon or semicolon, and reasons after it.
-    """
+def outcome(state: State) -> list[tuple[str, str, bool, str]] | None:
+    """Return the lines about the last run, which may belong to an earlier model."""
     if state.live is not None or state.plotted is None:
         return None
     lines = summary(state.plotted)
     if state.plotted.result.status is Status.DONE and not state.plotted.ended:
         lines = lines[1:]  # omit "reached its end"
     if state.earlier is None:
-        return lines
+        return brief(lines)
     text = "of the model before your last edits; play again, or undo"
-    return [("This run is", text, False), *lines]
+    return brief([("This run is", text, False), *lines])
 
 
 def summary(run: Run) -> list[Line]:
@@ -199,7 +181,7 @@ def summary(run: Run) -> list[Line]:
     estimated, first = not math.isnan(estimate), _first_order(result)
     lines = [
         ("Status", run.ended or result.message or result.status.value, result.status.ok),
-        ("Method", str(result.header.get("why", "")), True),
+        (METHOD, method(result), True),
         (
             ERROR,
             f"{_accuracy(run)}{why(estimate)}" if estimated else "",
@@ -212,8 +194,16 @@ def summary(run: Run) -> list[Line]:
         value = f"{position:.2g} m, {velocity:.2g} m/s"
         lines.append((LOOPS, value, bool(position < POOR)))
     lines.append(("Cost", cost(result), True))
-    lines += [("Note", text, True) for text in result.notices]
+    lines += [(NOTE, text, True) for text in result.notices]
     return [line for line in lines if line[1] and not line[1].startswith("nan")]
+
+
+def method(result: Any) -> str:
+    """Return the method with its step, and why it was chosen."""
+    name, step = str(result.header.get("method")), result.header.get("step")
+    size = f", {1e3 * step:.3g} ms" if isinstance(step, float) else ""
+    reason = str(result.header.get("why", "")).partition(": ")[2]
+    return f"{METHOD_NAMES.get(name, name).partition(' (')[0]}{size}{': ' * bool(reason)}{reason}"
 
 
 def _accuracy(run: Run) -> str:
@@ -228,7 +218,7 @@ def why(error: float, first: bool = False) -> str:
     if not error >= POOR:
         return ""
     if first:
-        return "; of first order: half the step halves it"
+        return ", first order: half the step halves it"
     return "; a smaller step makes it smaller"
 
 

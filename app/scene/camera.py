@@ -64,7 +64,8 @@ class CameraView:
                 if (over or edited) and not seen(handle, new, page).any():
                     self._look(handle, new, page, "fit")
             elif page.aspect != before.aspect or (
-                (changed or page.follow != before.follow) and not fits(handle, new, page)
+                (changed or page.follow != before.follow or typed(old, new, client))
+                and not fits(handle, new, page)
             ):
                 self._look(handle, new, page, which, chosen)
             if page.follow != self._follows.get(client):
@@ -96,10 +97,17 @@ class CameraView:
         )
         start = self._server.initial_camera
         # viser returns to this after a change of `up`, so it has to suit the pages that are open
-        known = (page.aspect for page in state.clients.values() if page.aspect is not None)
-        start.position, start.look_at = viewpoint(state, min(known, default=TYPICAL_ASPECT))
+        known = [(page.aspect, page.free) for page in state.clients.values() if page.aspect]
+        least = np.min(known or [(TYPICAL_ASPECT, 1.0)], axis=0)
+        start.position, start.look_at = viewpoint(state, *least.tolist())
         start.up, start.fov = up, FRAMING.field_of_view
         start.near, start.far = size / 100, 1000 * size
+
+
+def typed(old: State, new: State, client: int) -> bool:
+    """Return True if a page has typed a pose. A camera that moved under a drag would disturb it."""
+    before = old.clients.get(client, Client())
+    return new.pose is not old.pose and new.clients[client].reply is not before.reply
 
 
 def look(
@@ -172,10 +180,10 @@ def holds(
     return in_picture(positions, up, at, page.aspect)
 
 
-def viewpoint(state: State, aspect: float) -> Viewpoint:
+def viewpoint(state: State, aspect: float, free: float = 1.0) -> Viewpoint:
     """Return positions of the camera and its target for which the model fills the view."""
     up = np.array(GRID[state.model.up][1])
-    return stage.fitted(extent(state), up, stage.towards(state.model.up, "start"), aspect)
+    return stage.fitted(extent(state), up, stage.towards(state.model.up, "start"), aspect, free)
 
 
 def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:

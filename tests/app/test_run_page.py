@@ -68,7 +68,7 @@ def test_a_run_is_simulated_played_scrubbed_hidden_by_an_edit_and_exported(rods,
     assert "Energy drift" in trust.inner_text()
     assert "Cost" not in trust.inner_text()  # but in the report
     trust.get_by_role("button", name="Report").click()
-    assert "Cost" in page.locator(".summary").inner_text()
+    assert "Cost" in page.locator(".summary").first.inner_text()
 
     until(lambda: served.store.state.playback.time > 0, "the run is shown once")
     page.locator("button.back").click()
@@ -338,7 +338,7 @@ def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compil
     when("above 0.5")
     simulate(page)
     page.evaluate("pgraph.front('Events')")
-    page.locator("[data-view=events] .fall").first.click()
+    page.locator("[data-view=events] li.fall").first.click()
     event = store.state.run.result.events[0]
     assert (event.contact, event.after) == ("tie", "off")
     until(lambda: store.state.playback.time == pytest.approx(event.t), "the time of the event")

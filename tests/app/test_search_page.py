@@ -14,6 +14,7 @@ def test_data_are_dropped_matched_fitted_and_used(page: Any, served: Any, compil
         {"name": "swing.csv", "mimeType": "text/csv", "buffer": curves().encode()}
     )
     chosen(page.get_by_label("signal of angle", exact=True), "rod")
+    page.get_by_label("numbers to find").click()
     for path in ("bodies.rod.damping", "q.rod"):
         page.get_by_label(f"{path} is free", exact=True).check()
     page.locator("button.start-search").click()
