@@ -35,6 +35,11 @@ from ..signals import known_of
 NEAR = {"angle": 0.2, "length": 0.1}  # [rad], [m] deviations that a person means by small
 CONSTANTS_OF_TIME, POINTS = 5.0, 120  # span of a response, and its points
 Method = Literal["lqr", "poles"]
+WORDS = {  # about the arguments of a call
+    "inputs": "No input is allowed: add a motor, servo or actuator in Connections, or allow one.",
+    "q": "At this pose {}. Pose the bodies where they can stay at rest first.",
+    "Q, R": "The allowed values {}.", "poles": "Poles: {}.",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -98,19 +103,8 @@ def computed(design: Design) -> Design:
 
 def in_words(error: pg.InputError) -> str:
     """Return what is wrong in words of the page: the call's advice is for programs."""
-    field, fact = error.problems[0].field, error.problems[0].text.partition("; ")[0]
-    match field:
-        case "inputs":
-            return (
-                "No input is allowed: add a motor, servo or actuator in Connections, or allow one."
-            )
-        case "q":
-            return (
-                f"{fact[0].upper()}{fact[1:]}. Pose the bodies where they can stay at rest first."
-            )
-        case "Q, R":
-            return f"The allowed values {fact}."
-    return f"{field.capitalize()}: {fact}."
+    problem = error.problems[0]
+    return WORDS.get(problem.field, "{}.").format(problem.text.partition("; ")[0])
 
 
 def usual(plain: pg.Feedback, model: pg.Model) -> dict[str, float]:

@@ -17,14 +17,7 @@
 
   // An archive of several models: a button each; the page still has the archive.
   pgraph.on("members", ({ file, names }) => {
-    document.querySelector("dialog.pgraph-members")?.remove();
-    const sheet = make("dialog", { className: "pgraph pgraph-members", "aria-label": "models of the archive", onclose: () => sheet.remove() },
-      make("strong", { textContent: `${file} holds ${names.length} models. Which one?` }),
-      ...names.map((name) => make("button", { className: "action member", textContent: name, onclick: () => { pgraph.files.member(file, name); sheet.close(); } })),
-      make("button", { className: "action close", textContent: "None", onclick: () => sheet.close() }));
-    document.body.append(sheet);
-    sheet.show();
-    sheet.querySelector("button").focus();
+    const sheet = pgraph.dialog(`${file}: which of its ${names.length} models?`, "pgraph-members", ...names.map((name) => pgraph.button("member", name, "", () => { pgraph.files.member(file, name); sheet.close(); })));
   });
 
   function shown(line) {

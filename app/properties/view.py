@@ -337,21 +337,6 @@ class _Form:
                      options=DENSITIES, help=help)  # fmt: skip
 
 
-SLIM, WIDE = 0.02, 1.5  # radius of gyration over the body's length: beyond, it is doubted
-
-
-def implausible(body: pg.Body) -> str:
-    """Return a remark if the radius of gyration does not fit the body's length."""
-    ends = [body.tip_point, body.com, *(s.position for s in body.shapes)]
-    sizes = [s.size or ((s.length or 0.0) + 2 * (s.radius or 0.0),) for s in body.shapes]
-    length = max([math.hypot(*end) for end in ends] + [math.hypot(*size) for size in sizes])
-    gyration = math.sqrt(moments(body.inertia)[2] / body.mass) if body.mass > 0 else 0.0
-    if length <= 0 or gyration == 0 or SLIM <= gyration / length <= WIDE:
-        return ""
-    size = "small" if gyration < length else "large"
-    return f"; far too {size} for a body of {length:.3g} m: is the mass or the inertia meant?"
-
-
 NOISE = 1e-12  # rounding of a zero relative to the largest entry
 
 
@@ -373,7 +358,7 @@ def physical(body: pg.Body) -> str:
         f"as if all mass were {math.sqrt(c / body.mass):.3g} m from the axis" if body.mass else ""
     )
     gyration = near and f"; the largest is {near}"
-    return f"principal moments {a:.4g}, {b:.4g}, {c:.4g}{gyration}{implausible(body)}"
+    return f"principal moments {a:.4g}, {b:.4g}, {c:.4g}{gyration}"
 
 
 VIEWS = (

@@ -82,8 +82,7 @@
       cell.closest(".field").title = about;
       cell.disabled = !acts;
     }
-    box.querySelector(".keep").hidden = !data.kept;
-    box.querySelector(".keep").title = data.kept;
+    box.querySelector(".keep").hidden = !data.keeps;
     box.querySelector(".continue").hidden = !data.continues;
     $(".method .said").textContent = `Method: ${data.method}`;
     $(".stop").hidden = !live;

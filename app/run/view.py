@@ -28,7 +28,7 @@ def run(state: State) -> Payload:
         "methods": list(METHOD_NAMES.items()),
         "request": vars(request),
         "hints": hints(request),
-        "kept": kept(state),
+        "keeps": keeps(state),
         "method": METHOD_NAMES[request.method].partition(" (")[0],
         "empty": not state.model.bodies,
         "kernels": kernels(state),
@@ -56,24 +56,18 @@ def hints(request: Request) -> dict[str, tuple[str, str, bool]]:
         return {"step": ("auto", step, True), "rtol": ("none", rtol, request.rtol is not None)}
     step = f"{called} chooses its steps by the tolerance; a number here is the largest one"
     rtol = "Largest relative error of a step; empty: 1e-8"
-    if request.step is not None and request.rtol is None:
+    fixed = request.step is not None and request.rtol is None
+    if fixed:
         step = f"All steps of {called} are this long; empty: it chooses them by the tolerance"
         rtol = "Not used while a step is given; with both, the step is the largest one"
-    fixed = request.step is not None and request.rtol is None
-    hint = "not used" if fixed else "1e-8"
-    return {"step": ("by error", step, True), "rtol": (hint, rtol, True)}
+    return {"step": ("by error", step, True), "rtol": ("not used" if fixed else "1e-8", rtol, True)}
 
 
-def kept(state: State) -> str:
-    """Return the scenario's own settings if the run's settings differ from them."""
-    request = state.request
-    for s in state.model.scenarios:
-        own = Request(s.name, s.t_end, s.step, s.method)
-        if s.name == request.scenario and replace(request, rtol=None) != own:
-            step = "no step" if s.step is None else f"a step of {s.step:g} s"
-            keeps = f"{s.t_end:g} s, {step}, {METHOD_NAMES[s.method]}"
-            return f"For this run only; '{s.name}' keeps {keeps}."
-    return ""
+def keeps(state: State) -> bool:
+    """Return True if the run has other settings than its scenario, which may keep them."""
+    request = replace(state.request, rtol=None)
+    own = (Request(s.name, s.t_end, s.step, s.method) for s in state.model.scenarios)
+    return any(one.scenario == request.scenario and one != request for one in own)
 
 
 def kernels(state: State) -> Payload | None:

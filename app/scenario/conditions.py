@@ -151,11 +151,6 @@ def _signals(model: pg.Model) -> list[str]:
     return [*all_signals(known_of(model)), TIME]
 
 
-def _unit_of_signal(model: pg.Model, signal: str) -> str:
-    """Return the unit of a signal. "angle" and "length" follow the units of the page."""
-    return OF_VALUE[TIME] if signal == TIME else unit_of_signal(model, signal)
-
-
 # -- forms -----------------------------------------------------------------------------------------
 
 
@@ -223,7 +218,7 @@ def _comparisons(model: pg.Model, text: str, display: Display) -> list[Payload]:
     joiner, known = clauses(model, text)
     options, rows = _signals(model) if known else [], []
     for k, one in enumerate(known):
-        unit = _unit_of_signal(model, one.signal)
+        unit = OF_VALUE.get(one.signal) or unit_of_signal(model, one.signal)
         value = shown(one.value, quantity_in(unit), display)
         row = [
             cell((k, 0), one.signal, called="signal", options=options, span=2),
@@ -332,7 +327,7 @@ def _compared(
         case _, (1,) if text in SIDES:
             changed = [one._replace(side=text)]
         case _:
-            of = quantity_in(_unit_of_signal(model, one.signal))
+            of = quantity_in(OF_VALUE.get(one.signal) or unit_of_signal(model, one.signal))
             changed = [one._replace(value=_number("value", text, of, display))]
     return text_of(joiner, [*found[:k], *changed, *found[k + 1 :]])
 

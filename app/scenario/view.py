@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pgraph_core as pg
 
 from ..constraints import KINDS, parts
@@ -48,6 +50,7 @@ def scenario(state: State, display: Display) -> Payload:
     s = next((s for s in model.scenarios if s.name == name), None)
     if s is None:
         return found | {"none": True, "id": None} | {part: [] for part in PARTS}
+    switch = partial(conditions.form, model, display=display, among=s.switches)
     return found | {
         "none": False,
         "id": number[name],
@@ -57,11 +60,7 @@ def scenario(state: State, display: Display) -> Payload:
         "active": by_number(_acting(model, s), state.rows, model, "scenario"),
         "drives": _drives(state, s, display),
         "switches": [
-            {
-                "id": number,
-                "name": "",
-                "form": [group("", conditions.form(model, x, display, s.switches))],
-            }
+            {"id": number, "name": "", "form": [group("", switch(x))]}
             for number, x in zip(inner(state, s, "switches"), s.switches)
         ],
     }

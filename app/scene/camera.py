@@ -42,6 +42,7 @@ class CameraView:
         another = new.framed != self._framed or new.model.up != self._up
         over = old.playback.moves and not new.playback.moves
         edited = new.derived is not old.derived and not new.playback.moves
+        posed = new.pose is not old.pose  # a camera that moves under a drag would disturb it
         grown = len(new.derived.names) > len(old.derived.names)
         changed = new.last_run is not old.last_run or (
             edited and (grown or len(new.derived.names) <= FEW)
@@ -64,7 +65,7 @@ class CameraView:
                 if (over or edited) and not seen(handle, new, page).any():
                     self._look(handle, new, page, "fit")
             elif page.aspect != before.aspect or (
-                (changed or page.follow != before.follow or typed(old, new, client))
+                (changed or page.follow != before.follow or (posed and page.reply != before.reply))
                 and not fits(handle, new, page)
             ):
                 self._look(handle, new, page, which, chosen)
@@ -102,12 +103,6 @@ class CameraView:
         start.position, start.look_at = viewpoint(state, *least.tolist())
         start.up, start.fov = up, FRAMING.field_of_view
         start.near, start.far = size / 100, 1000 * size
-
-
-def typed(old: State, new: State, client: int) -> bool:
-    """Return True if a page has typed a pose. A camera that moved under a drag would disturb it."""
-    before = old.clients.get(client, Client())
-    return new.pose is not old.pose and new.clients[client].reply is not before.reply
 
 
 def look(
@@ -217,17 +212,10 @@ def passed(state: State) -> np.ndarray:
     if len(state.derived.names) > FEW:
         corners = at[few].reshape(-1, 3)
     else:
-        drawn, chosen = looks(state), np.unique([*few, *extremes(at)])
-        turned = shapes.to_matrix(found[:, :, 3:][chosen])
-        corners = np.concatenate([bodies.extent(drawn, at[k], R) for k, R in zip(chosen, turned)])
+        drawn, turned = looks(state), shapes.to_matrix(found[few, :, 3:])
+        corners = np.concatenate([bodies.extent(drawn, at[k], R) for k, R in zip(few, turned)])
     span = np.ptp(corners, axis=0).max(initial=0.0)
     return corners if np.isfinite(corners).all() and span <= IN_PLACE * state.run.size else none
-
-
-def extremes(at: np.ndarray) -> list[int]:
-    """Return the frames of positions (nt, nb, 3) at which a body is extreme on an axis."""
-    axes = np.moveaxis(at, -1, 0)
-    return [int(k) for axis in axes for k in (axis.min(axis=1).argmin(), axis.max(axis=1).argmax())]
 
 
 def frames(state: State) -> np.ndarray | None:

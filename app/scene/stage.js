@@ -166,24 +166,18 @@ pgraph.stage = (() => {
     else hover(hovered, true);
   }, { passive: true });
   viser.frame(() => {
+    const lit = names().indexOf(hovered) + 1;
     let under = 0;
     for (let k = 1, body; (body = node(`/bodies/${k}`)); k++) {
-      body.traverse((one) => { // viser's own outline says what is under the pointer, and is not drawn
-        if (!one.material?.uniforms?.thickness) return;
-        one.material.visible = false;
-        if (one.parent.visible) under = k;
+      body.traverse(({ material, parent }) => {
+        if (material?.uniforms?.thickness) { // viser's own outline says what is under the pointer, and is not drawn
+          material.visible = false;
+          if (parent.visible) under = k;
+        } else if (material?.emissive) Object.assign(material, { emissiveIntensity: HOVERED }).emissive.set(k === lit ? tone("--accent") : 0);
       });
     }
     if (under && overView) hover(names()[under - 1] ?? null, true);
     else if (inView) hover(null);
-    const lit = names().indexOf(hovered) + 1;
-    for (let k = 1, body; (body = node(`/bodies/${k}`)); k++) {
-      body.traverse(({ material }) => {
-        if (!material?.emissive) return;
-        material.emissive.set(k === lit ? tone("--accent") : 0);
-        material.emissiveIntensity = HOVERED;
-      });
-    }
   });
   viser.materials("/bodies", ({ uniforms }) => { // of a batch the outline of the instance is drawn
     if (!uniforms?.thickness) return;

@@ -159,7 +159,8 @@ class SceneView:
             chosen = _filled(now)
             if not rebuilt and _filled(before) == chosen:
                 continue
-            made_from = [self._drawn_of(new, name) for name in chosen]
+            drawn = [self._looks[new.derived.number[name] - 1] for name in chosen]
+            made_from = [(one.body, one.links, one.color, new.derived.grain) for one in drawn]
             if client in self._selected and made_from == self._made_from.get(client):
                 continue  # moves with its body
             self._made_from[client] = made_from
@@ -168,44 +169,35 @@ class SceneView:
             handle = self._server.get_clients().get(client)
             if chosen and handle is not None:
                 self._selected[client] = [
-                    self._fill(handle, new, name, k) for k, name in enumerate(chosen)
+                    _filling(handle, look, new.derived.grain, k) for k, look in enumerate(drawn)
                 ]
 
-    def _drawn_of(self, state: State, name: str) -> Any:
-        """Return everything on which the fill depends."""
-        d, body = state.derived, state.model.body(name)
-        links = self._looks[d.number[name] - 1].links
-        return self._looks[d.number[name] - 1].color, links, d.grain, body
 
-    def _fill(
-        self, client: viser.ClientHandle, state: State, name: str, at: int
-    ) -> viser.FrameHandle:
-        """Outline and tint one body, and mark its mass centre. The page colours all of it."""
-        size, look = state.derived.grain, self._looks[state.derived.number[name] - 1]
-        node = f"/selected/{at}"
-        frame = client.scene.add_frame(node, show_axes=False)
-        drawn = [(part, look.color, look.pieces) for part in ("outline", "behind")]
-        for i, ((color, _), pieces) in enumerate(parts_of(look).items()):
-            drawn.append((f"fill/{i}" if i else "fill", color, tuple(pieces)))
-        for part, color, pieces in drawn:
-            solid = shapes.mesh(pieces)
-            client.scene.add_mesh_simple(
-                f"{node}/{part}",
-                solid.vertices + ABOVE * size * solid.vertex_normals,
-                solid.faces,
-                color=color,
-                opacity=BEHIND if part == "behind" else None,
-                flat_shading=len(solid.faces) < FLAT and part != "outline",
-                side="back" if part == "outline" else "front",
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-        body = state.model.body(name)
-        client.scene.add_icosphere(
-            f"{node}/centre", radius=CENTRE * size, position=body.com, visible=body.mass > 0,
-            cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip
-        return at_rest(frame)
+def _filling(client: viser.ClientHandle, look: Look, size: float, at: int) -> viser.FrameHandle:
+    """Outline and tint one body, and mark its mass centre. The page colours all of it."""
+    node = f"/selected/{at}"
+    frame = client.scene.add_frame(node, show_axes=False)
+    drawn = [(part, look.color, look.pieces) for part in ("outline", "behind")]
+    for i, ((color, _), pieces) in enumerate(parts_of(look).items()):
+        drawn.append((f"fill/{i}" if i else "fill", color, tuple(pieces)))
+    for part, color, pieces in drawn:
+        solid = shapes.mesh(pieces)
+        client.scene.add_mesh_simple(
+            f"{node}/{part}",
+            solid.vertices + ABOVE * size * solid.vertex_normals,
+            solid.faces,
+            color=color,
+            opacity=BEHIND if part == "behind" else None,
+            flat_shading=len(solid.faces) < FLAT and part != "outline",
+            side="back" if part == "outline" else "front",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+    client.scene.add_icosphere(
+        f"{node}/centre", radius=CENTRE * size, position=look.body.com, visible=look.body.mass > 0,
+        cast_shadow=False, receive_shadow=False,
+    )  # fmt: skip
+    return at_rest(frame)
 
 
 def _filled(page: Client) -> tuple[str, ...]:

@@ -212,7 +212,7 @@ def test_a_reading_is_cancelled_and_a_model_of_an_archive_is_chosen(
     robots = [(f"{name}/{name}.urdf", ARM.replace("upper", name).encode()) for name in ("a", "z")]
     content = base64.b64encode(zipped(*robots)).decode()
     drop(page, "two.zip", f"[Uint8Array.from(atob('{content}'), (c) => c.charCodeAt(0))]")
-    sheet = page.get_by_role("dialog", name="models of the archive")
+    sheet = page.locator("dialog.pgraph-members")
     sheet.get_by_role("button", name="z/z.urdf").click()
     row(page, "z").wait_for()
     assert not sheet.count()

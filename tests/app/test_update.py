@@ -19,7 +19,7 @@ from pgraph_app.pose import poses
 from pgraph_app.report import Report
 from pgraph_app.run import FREE_RUN, Playback, Request, Run
 from pgraph_app.run.trust import summary
-from pgraph_app.run.view import hints, kept
+from pgraph_app.run.view import hints, keeps
 from pgraph_core.show.notebook import between
 
 from .store import ME, OTHER, after, begun, do, notice, reply, seven, until
@@ -211,12 +211,11 @@ def test_a_scenario_brings_its_settings_and_changes_of_them_are_shown():
     state = begun(pg.Model.serial(2).replace(scenarios=(scenario,)))
     assert after(state, do.SetScenario(ME, 1, FREE_RUN)).request.scenario == FREE_RUN
     state = after(state, do.SetScenario(ME, 1, "short"))
-    assert (state.request, kept(state)) == (Request("short", 0.25, 1e-3, "rk4"), "")
+    assert (state.request, keeps(state)) == (Request("short", 0.25, 1e-3, "rk4"), False)
     changed = after(state, do.SetRun(ME, 2, "t_end", "3"))
-    assert "'short'" in kept(changed)
-    assert "0.25 s" in kept(changed)
+    assert keeps(changed)
     assert changed.model.scenarios == (scenario,)
-    assert kept(after(changed, do.SetRun(ME, 3, "t_end", "0.25"))) == ""
+    assert not keeps(after(changed, do.SetRun(ME, 3, "t_end", "0.25")))
     assert after(state, do.NewModel(ME, 1, "3")).request.scenario == FREE_RUN
 
 
