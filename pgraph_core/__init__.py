@@ -2,11 +2,15 @@
 
 A name's module is imported when the name is first used: describing, checking and numbering a model
 starts no compiler, and a pendulum loads no contact, gait or study module.
+
+Each method of a model or a mechanism is a function too: `pg.mass_matrix(model, q)` is the same as
+`pg.Mechanism(model).mass_matrix(q)`.
 """
 
 import inspect
-from functools import partial
+from functools import partial, wraps
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from . import hooks
@@ -97,6 +101,7 @@ if TYPE_CHECKING:
     from .search.optimise import Optimum as Optimum
     from .search.optimise import optimise as optimise
     from .simulation import simulate as simulate
+    from .simulation import simulate_batch as simulate_batch
     from .simulation.stepper import Stepper as Stepper
     from .simulation.walk import Walk as Walk
     from .study.map import StabilityMap as StabilityMap
@@ -137,11 +142,53 @@ def __getattr__(name: str) -> Any:
     else:
         from .words import SAME_ATTRIBUTES, NoAttribute
 
-        if (ours := SAME_ATTRIBUTES.get(name)) not in _HOME:
+        ours = SAME_ATTRIBUTES.get(name, name)
+        value = __getattr__(ours) if ours in _HOME else _of_method(ours) or _of_shape(name)
+        if not value:
             raise NoAttribute("module 'pgraph_core'", name, lambda: _HOME)
-        value = __getattr__(ours)
     globals()[name] = value
     return value
+
+
+def _of_method(name: str) -> Any:
+    """Return a method of models or mechanisms as a function that takes one first, or None."""
+    if name[0] == "_" or find_spec(f"{__name__}.{name}"):
+        return None  # an import asks for its module here
+    kinds = (__getattr__("Model"), __getattr__("Mechanism"))
+    methods = [each for kind in kinds if inspect.isfunction(each := getattr(kind, name, None))]
+    if not methods:
+        return None
+
+    @wraps(methods[0])
+    def call(model: Any, /, *args: Any, **named: Any) -> Any:
+        own = type(model) is kinds[0] and hasattr(kinds[0], name)
+        return getattr(model if own else _mechanism(model, name), name)(*args, **named)
+
+    return call
+
+
+def _of_shape(name: str) -> Any:
+    """Return a function that makes the shape of a kind, such as Sphere, or None."""
+    if not name[0].isupper():
+        return None
+    from .contact.solids import KINDS
+    from .words import chosen
+
+    kind = chosen(name, KINDS)
+    return partial(__getattr__("Shape"), kind) if kind else None
+
+
+_LAST: list[tuple[Any, Any]] = [(None, None)]  # model and mechanism of the last call
+
+
+def _mechanism(model: Any, call: str) -> Any:
+    """Return the mechanism of a model, the same for the same model in a row of calls."""
+    from .mechanism import mechanism_of
+
+    last = _LAST[0]
+    if last[0] is not model or model is None:
+        _LAST[0] = last = (model, mechanism_of(model, call))
+    return last[1]
 
 
 def _elsewhere() -> dict[str, str]:

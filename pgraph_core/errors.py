@@ -175,13 +175,17 @@ def nearest(name: str, known: Iterable[str], about: Callable[[str], str] = lambd
     `about` returns the accepted values of a suggested name.
     """
     names = list(known)
-    close = words.hint(name, names)
+    return f"{meant(name, names, about)}choose from {choices(names)}"
+
+
+def meant(name: str, known: Iterable[str], about: Callable[[str], str] = lambda _: "") -> str:
+    """Return 'did you mean mass? mass takes ...; ' for a mistyped name, or ""."""
+    close = words.hint(name, known)
     meaning = about(close) if close else ""
     suggested = f"did you mean {close}? " if close else ""
     if not close and (taken := hooks.taken(name)):
         suggested = f"it belongs to {taken}; "
-    suggested += f"{close} takes {meaning}; " if meaning else ""
-    return f"{suggested}choose from {choices(names)}"
+    return suggested + (f"{close} takes {meaning}; " if meaning else "")
 
 
 def no_method(name: Any, known: Iterable[str]) -> str:
@@ -397,10 +401,13 @@ def _problems_of_call(
         wrong = [name for name in named if name not in known]
         if wrong and known:
             about = functools.partial(meaning_of, function)
-            choose = nearest(wrong[0], parameters, about) if parameters else "there is none to give"
-            text = f"is not an argument; {choose}"
-            text += example_of(function)
-            return [Problem(where, wrong[0], text)]
+            texts = [meant(name, parameters, about) for name in wrong]
+            left = f"choose from {choices(parameters)}" if parameters else "there is none to give"
+            texts[-1] += left + example_of(function)
+            return [
+                Problem(where, name, f"is not an argument; {text}".removesuffix("; "))
+                for name, text in zip(wrong, texts)
+            ]
         twice = [f"{shown(x)} is in the place of {name}, which is given by name too"
                  for name, x in zip(parameters, args) if name in named]  # fmt: skip
         takes = ", ".join(str(p).split(":")[0] for p in parameters.values())

@@ -544,6 +544,8 @@ class Described(Frozen):
 class Acting(Described):
     """A part acting on `body` and, if given, on `other`."""
 
+    ALIKE: ClassVar[bool] = False  # whether its ends may be exchanged, with their points and axes
+
     @property
     def pair(self) -> tuple[str, str]:
         """Return the names of `body` and `other`, with "ground" for a kind without `other`."""

@@ -184,6 +184,8 @@ def _same(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
 def _ours(fields: Mapping[str, FieldInfo], data: Mapping[str, Any]) -> dict[str, Any]:
     found = words.renamed(data, fields) or dict(data)
     for name, value in found.items():
+        if name in (*PAIR, "parent") and isinstance(value, BaseModel):
+            value = found[name] = getattr(value, "name", value)  # a body for its name
         annotation = fields[name].annotation if name in fields else None
         if isinstance(value, Mapping) and (parts := _parts_of(annotation)):
             inner = _ours(parts, value)

@@ -1,8 +1,8 @@
 """Vocabulary of other programs: synonyms for our names, and names that get a hint.
 
 A name of an argument, a field or an attribute is accepted if its meaning and form are the same:
-`dt` is the step, and `qpos` is q. If the form differs, the message gives a hint: `duration` is a
-length of time, but `t_end` is an instant. The tables of `words.txt` are used only after something
+`dt` is the step, and `qpos` is q. If the form differs, the message gives a hint: `x0` is the whole
+state, but `q` is half of it. The tables of `words.txt` are used only after something
 was refused, so that a call in our own words costs nothing.
 """
 
@@ -21,13 +21,16 @@ PAIRS = {
     "t_span": ("t_start", "t_end"), "tspan": ("t_start", "t_end"),
     "forcerange": ("torque_low", "torque_limit"), "ctrlrange": ("input_low", "input_high"),
 }  # fmt: skip
+SPANS = ("t0", "t_span", "tspan")  # with a start of time, a duration does not end at its number
+FLAGS = {"ground": ("other", "ground")}  # what is True elsewhere is a name here
 CHOICES = {  # choices by the words of other programs
     "hinge": ("revolute",), "pin": ("revolute",), "continuous": ("revolute",),
     "ball": ("spherical", "sphere", "point"), "fixed": ("weld",), "slide": ("prismatic",),
-    "slider": ("prismatic",), "floating": ("free",), "freejoint": ("free",), "cube": ("box",),
+    "slider": ("prismatic",), "floating": ("free",), "freejoint": ("free",), "6dof": ("free",),
+    "cube": ("box",),
     "rk45": ("dopri5",), "ode45": ("dopri5",), "radau": ("radau5",),
     "local": ("body",), "local_world_aligned": ("world",), "world": ("ground",),
-    "earth": ("ground",), "inertial": ("ground",),
+    "earth": ("ground",), "inertial": ("ground",), "floor": ("ground",), "plane": ("ground",),
 }  # fmt: skip
 NEAR_CHOICES = {
     "plate": ("box",), "rod": ("capsule", "distance"), "euler": ("semi_implicit_euler",),
@@ -64,10 +67,15 @@ def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
     """Return arguments under Pgraph names, or {} if none is renamed or two have the same
     meaning."""
     names = list(known)
+    if "duration" in given and not {"t_start", *SPANS}.isdisjoint(given):
+        return {}
     pairs: list[tuple[str, Any]] = []
+    true = [name for name, value in given.items() if value is True]
     for name, value in given.items():
-        two = PAIRS.get(name, ("",))
-        if {*two} <= {*names} and len(value if hasattr(value, "__len__") else ()) == 2:
+        two, flag = PAIRS.get(name, ("",)), FLAGS.get(name, ("", ""))
+        if name in true and name not in names and flag[0] in names:
+            pairs.append(flag)
+        elif {*two} <= {*names} and len(value if hasattr(value, "__len__") else ()) == 2:
             pairs += zip(two, value)
         else:
             pairs.append((ours(name, names) or name, value))

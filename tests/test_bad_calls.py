@@ -84,7 +84,7 @@ EDITS = [
     (lambda: pg.Body("a", "b", "free"), "pg.Body", "name", "first", "parent"),
     (lambda: pg.Model(BASE.bodies, BASE.forces), "pg.Model", "bodies", "first", "forces"),
     (lambda: pg.Ground(True), "pg.Ground", "slope"),
-    (lambda: pg.Model(constraints=[SPRING]), "Spring", "forces=["),
+    (lambda: pg.Model(constraints=[SPRING]), "force 's'", "no body is named '1'"),
     (lambda: pg.Body(name="a", com=("=l", 0, 0)), "body 'a', com", "model.edit(name"),
     (lambda: pg.Body(name="a", rotation=np.eye(3)), "body 'a', rotation", "as_quat(scalar_first"),
     (lambda: setattr(BASE.bodies[0], "masss", 0), "did you mean mass"),

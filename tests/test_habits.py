@@ -118,12 +118,8 @@ def test_a_run_goes_to_xarray_with_its_units():
 @pytest.mark.parametrize(
     ("name", "ours"),
     [
-        ("forward_kinematics", r"Mechanism\(model\).pose"),
-        ("mass_matrix", r"\(model\).mass_matrix"),
-        ("simulate_batch", "BatchStepper"),
-        ("modes", "linearise"),
         ("gradient", "run.gradient"),
-        ("Loop", "Revolute"),
+        ("Simulator", r"Stepper\(model\)"),
     ],
 )
 def test_a_function_of_another_program_is_answered_with_ours(name, ours):
@@ -141,7 +137,7 @@ def test_weights_of_a_regulator_may_be_named():
 @pytest.mark.parametrize(
     ("call", "named"),
     [
-        (lambda model: pg.simulate(model, q=np.zeros((9, 2))), "BatchStepper"),
+        (lambda model: pg.simulate(model, q=np.zeros((9, 2))), r"pg\.simulate_batch\(model, q, v"),
         (lambda model: pg.simulate(model, forces=lambda t, q, v: 0.0), "tau"),
         (lambda _: pg.simulate(pg.Model.serial(3), (0, 5), [0.1] * 3), "t_span="),
         (lambda model: pg.simulate(model, (0, 5), q0=[0.1]), "5] is in the place of q"),
@@ -168,3 +164,151 @@ def test_a_loose_body_that_touches_nothing_is_doubted(change, falls):
     body = pg.Body(name="b", joint="free", shape=box, derived=("inertia",))
     doubts = pg.Model(bodies=[body], **change).doubts
     assert any("contact" in text for text in doubts) == falls
+
+
+@pytest.mark.parametrize(
+    ("call", "same"),
+    [
+        (lambda m, q: pg.mass_matrix(m, q), lambda mech, q: mech.mass_matrix(q)),
+        (lambda m, q: pg.crba(m, q), lambda mech, q: mech.mass_matrix(q)),
+        (lambda m, q: pg.rnea(m, q, v=q, vdot=q), lambda mech, q: mech.inverse_dynamics(q, q, q)),
+        (lambda m, q: pg.fk(m, q, "2")[0], lambda mech, q: mech.pose(q, "2")[0]),
+        (lambda m, q: pg.linearize(m, q).A, lambda mech, q: mech.linearise(q).A),
+        (lambda m, q: pg.modes(m, q).modes, lambda mech, q: mech.linearise(q).modes),
+        (lambda m, q: pg.jacobian(m, q, "2"), lambda mech, q: mech.jacobian(q, "2")),
+    ],
+)
+def test_a_method_of_a_mechanism_is_a_function_of_a_model(call, same):
+    model, q = pg.Model.serial(2), np.array([0.1, -0.2])
+    mech = pg.Mechanism(model)
+    np.testing.assert_array_equal(call(model, q), same(mech, q))
+    np.testing.assert_array_equal(call(mech, q), same(mech, q))
+    assert call.__name__ not in dir(pg)
+
+
+def test_a_method_of_a_model_is_a_function_of_it():
+    model = pg.Model.serial(2)
+    assert pg.edit(model, "1", mass=3.0) == model.edit("1", mass=3.0)
+    for wrong in (3, None, np.zeros(2)):
+        with pytest.raises(pg.InputError, match=r"pg\.Model, got"):
+            pg.mass_matrix(wrong, [0.1, 0.2])
+
+
+ARM = pg.Body("arm", axis="y", mass=2.0, com=(0, 0, -0.5), inertia=(0.1, 0.1, 0.01))
+HAND = pg.Body("hand", "arm", axis="y", com=(0, 0, -0.5), inertia=(0.1, 0.1, 0.01), link=(0, 0, -1))
+TWO = pg.Model(bodies=[ARM, HAND])
+Y, Z = (0, 1, 0), (0, 0, 1)
+SPHERE = pg.Shape("sphere", radius=0.1)
+LOOSE = pg.Body("ball", joint="free", shape=SPHERE, derived=("inertia",))
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"),
+    [
+        (lambda: pg.Body("a", parent=ARM), lambda: pg.Body("a", parent="arm")),
+        (lambda: pg.Body("a", offset=(0, 0, 1)), lambda: pg.Body("a", link=(0, 0, 1))),
+        (lambda: pg.RigidBody("a", joint="6dof"), lambda: pg.Body("a", joint="free")),
+        (lambda: pg.Sphere(radius=0.1), lambda: SPHERE),
+        (lambda: pg.Cube(size=(1, 1, 1)), lambda: pg.Shape("box", size=(1, 1, 1))),
+        (lambda: pg.Loop(body_a="hand", point_a=(0, 0, -1), body_b="arm", point_b=(1, 0, 0)),
+         lambda: pg.Point(body="hand", point=(0, 0, -1), other="arm", other_point=(1, 0, 0))),
+        (lambda: pg.Contact(body="ball", ground=True, mu=0.1),
+         lambda: pg.Contact(body="ball", friction=0.1)),
+        (lambda: pg.Model([ARM], springs=[pg.Spring(body_a="ground", body_b=ARM, point_b=Z, k=9)]),
+         lambda: pg.Model([ARM], forces=[pg.Spring(body="arm", point=Z, stiffness=9)])),
+        (lambda: pg.Model([ARM], dampers=pg.Damper("s", "world", "arm", point_a=Z, c=9)),
+         lambda: pg.Model([ARM], forces=[pg.Spring("s", body="arm", other_point=Z, damping=9)])),
+        (lambda: pg.Model([ARM], joints=[pg.Revolute("r", "world", "arm", axis_a=(0, 1, 0))]),
+         lambda: pg.Model([ARM], constraints=[pg.Revolute("r", body="arm", other_axis=Y)])),
+        (lambda: pg.Model([LOOSE], contacts=[pg.Contact("c", "floor", "ball")]),
+         lambda: pg.Model([LOOSE], contacts=[pg.Contact("c", "ball", "ground")])),
+        (lambda: pg.Model([ARM, HAND], gears=[pg.Gear("g", "arm", "hand", ratio=2)],
+                          motors=[pg.Motor("m", "arm")]),
+         lambda: pg.Model([ARM, HAND], constraints=[pg.Gear("g", "arm", "hand", ratio=2)],
+                          forces=[pg.Motor("m", "arm")])),
+        (lambda: pg.Model([ARM, pg.Motor("m", "arm"), HAND]),
+         lambda: pg.Model([ARM, HAND], forces=[pg.Motor("m", "arm")])),
+    ],
+)  # fmt: skip
+def test_a_part_by_other_names_is_the_same_part(theirs, ours):
+    assert theirs() == ours()
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        pg.Plane("p", "ground", "arm", axis=(0, 0, 1)),
+        pg.Universal("p", "ground", "arm"),
+        pg.Torsion("p", "ground", "arm", stiffness=1.0),
+        pg.Contact("p", "ground", "arm", points=((0, 0, 0),)),
+    ],
+)
+def test_a_part_whose_ends_differ_is_not_turned_round(part):
+    with pytest.raises(pg.ModelError, match=r"'p', body.*ground"):
+        pg.Model([ARM], parts=[part])
+
+
+SWING = {"t_end": 0.3, "q0": [0.4, 0.0]}
+
+
+@pytest.mark.parametrize(
+    "tau",
+    [
+        {"arm": lambda t, q, v: np.sin(t) - v[0], "hand": 0.5},
+        {"arm": lambda t, x: [np.sin(t) - x[2]], "hand": 0.5},
+        [lambda t, q, v: np.sin(t) - v[0], 0.5],
+    ],
+)
+def test_functions_and_numbers_may_be_mixed_in_torques(tau):
+    one = pg.simulate(TWO, tau=lambda t, q, v: [np.sin(t) - v[0], 0.5], **SWING)
+    np.testing.assert_array_equal(pg.simulate(TWO, control=tau, **SWING).q, one.q)
+
+
+def test_a_function_of_one_joint_may_return_a_number():
+    runs = [pg.simulate(pg.Model([ARM]), t_end=0.1, tau=f)
+            for f in (lambda t, q, v: 2.0 * t, lambda t, q, v: [2.0 * t])]  # fmt: skip
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)
+
+
+def test_a_drive_in_the_place_of_torques_drives():
+    servo = pg.Servo("s", "arm", kp=20.0, kd=2.0, target=1.0)
+    one = pg.simulate(TWO.add(servo), **SWING)
+    for tau in (servo, [servo]):
+        np.testing.assert_array_equal(pg.simulate(TWO, control=tau, **SWING).q, one.q)
+
+
+def test_the_place_of_a_free_joint_leaves_its_rotation():
+    turned = LOOSE.model_copy(update={"q": (0, 0, 2, 0, 1, 0, 0)})
+    run = pg.simulate(pg.Model([turned], gravity=0), t_end=0.1, q0={"ball": (1, 2, 3)})
+    np.testing.assert_array_equal(run.q[0], (1, 2, 3, 0, 1, 0, 0))
+
+
+def test_a_duration_from_zero_is_the_end():
+    runs = [pg.simulate(TWO, **{name: 0.1}) for name in ("duration", "t_end")]
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)
+
+
+@pytest.mark.parametrize("name", ["simulate_batch", "rollout", "batch", "simulate_many"])
+def test_a_run_for_each_row_of_initial_states(name):
+    q0, v0 = np.random.default_rng(0).normal(size=(2, 3, 2))
+    many = getattr(pg, name)(TWO, q0=q0, v0=v0, t_end=0.1, dt=0.01)
+    for run, q, v in zip(many, q0, v0, strict=True):
+        one = pg.simulate(TWO, q, v, t_end=0.1, step=0.01)
+        np.testing.assert_array_equal(run.q, one.q)
+    assert [run.v[0, 0] for run in pg.simulate_batch(TWO, None, v0, t_end=0.1)] == [*v0[:, 0]]
+    alike = pg.simulate_batch(TWO, q0, v0[0], t_end=0.1)
+    assert [(*run.q[0], *run.v[0]) for run in alike] == [(*q, *v0[0]) for q in q0]
+
+
+@pytest.mark.parametrize(
+    "given", [{"q": np.zeros((3, 3))}, {"v": np.zeros(1)}, {"q": "a"}, {"q": np.zeros((2, 2, 2))}]
+)
+def test_rows_that_are_no_states_are_refused(given):
+    with pytest.raises(pg.InputError, match=r"simulate_batch, [qv]: must have"):
+        pg.simulate_batch(TWO, **given, t_end=0.1)
+
+
+def test_all_wrong_arguments_of_a_call_are_named_at_once():
+    with pytest.raises(pg.InputError) as refused:
+        pg.simulate(TWO, stop=1.0, speeds=[1.0], initial=[0.0])
+    assert [problem.field for problem in refused.value.problems] == ["stop", "speeds", "initial"]

@@ -234,8 +234,11 @@ class UserTorque(Unportable):
             given = self.function(t, self._q.copy(), self._v.copy())
         except Exception as error:
             text = f"the function raised {type(error).__name__}: {error} (at t = {t:.6g} s)"
+            text += "; it is called as f(t, q, v)" * isinstance(error, TypeError)
             raise InputError(Problem("simulate", "tau", text)) from error
         found = np.asarray(given)
+        if self._v.shape == (1,) and not found.shape:
+            found = found.reshape(1)
         if found.dtype.kind in "fiu" and found.shape != self._v.shape:
             text = f"the function returned shape {found.shape}; it must return {self._v.shape}"
             raise InputError(Problem("simulate", "tau", f"{text}, a torque for each of v"))

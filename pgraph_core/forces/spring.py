@@ -34,6 +34,8 @@ from .base import (
 class BetweenPoints(AtPoint, Between):
     """A force between a point on `body` and one on `other`, along the line joining them."""
 
+    ALIKE: ClassVar[bool] = True
+
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; default: its origin",
         converter=maybe_vector, default=None, dim=M, role="point",

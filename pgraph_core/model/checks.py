@@ -450,27 +450,59 @@ def model_problems(
     ]
 
 
-def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
-    """Return bodies, constraints and forces with synonyms of "ground" replaced.
+def by_class(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a model with each part in the list of its class, or {} if all are.
 
-    A body keeps its name "world". The result is empty if nothing changes.
+    So `springs=[...]` are forces, and `joints=[...]` may be bodies and constraints.
+    """
+
+    def home(part: Any) -> str:
+        return next((key for key, kind in PARTS.items() if isinstance(part, kind)), "")
+
+    found, moved = dict(data), False
+    for key, value in data.items():
+        parts = value if isinstance(value, (list, tuple)) else (value,)
+        homes = [home(part) for part in parts]
+        if parts and all(homes) and not (parts is value and {*homes} == {key}):
+            found = {name: x for name, x in found.items() if name != key or parts is not value}
+            found.pop(key, None)
+            for name, part in zip(homes, parts):
+                found[name] = (*found.get(name, ()), part)
+            moved = True
+    return found if moved else {}
+
+
+def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
+    """Return bodies and parts with the ground under its name and as their second end.
+
+    A body keeps its name "world". Only parts that act alike on both ends are turned round. The
+    result is empty if nothing changes.
     """
     bodies = {body.name for body in parts["bodies"]}
 
     def renamed(part: Any, fields: Sequence[str]) -> Any:
         named = {x: getattr(part, x) for x in fields if x in type(part).model_fields}
         new = {x: GROUND for x, name in named.items() if name not in bodies and _is_ground(name)}
+        now = {**named, **new}
+        alike = getattr(part, "ALIKE", False) and not getattr(part, "points", ())
+        if alike and now["body"] == GROUND != now["other"]:
+            new = {}
+            for own, other in ENDS:
+                if own in type(part).model_fields:
+                    ends = now.get(own, getattr(part, own)), now.get(other, getattr(part, other))
+                    new |= {other: ends[0], own: ends[1]}
         return part.model_copy(update=new) if new else part
 
-    ends = {"bodies": ("parent",), "constraints": PAIR, "forces": PAIR}
+    ends = {"bodies": ("parent",), "constraints": PAIR, "forces": PAIR, "contacts": PAIR}
     found = {key: [renamed(part, fields) for part in parts[key]] for key, fields in ends.items()}
     return found if any(list(parts[key]) != each for key, each in found.items()) else {}
 
 
 def _is_ground(name: Any) -> bool:
-    return bool(words.chosen(name, (GROUND,)))
+    return name == GROUND or bool(words.chosen(name, (GROUND,)))
 
 
+ENDS = (PAIR, ("point", "other_point"), ("axis", "other_axis"))  # fields of the first and second
 PARTS: dict[str, type[Described]] = {
     "bodies": Body,
     "constraints": Constraint,

@@ -78,6 +78,8 @@ class ToOther(WithOther, Constraint):
 class AtPoints(AtPoint, ToOther):
     """A constraint between a point on `body` and a point on `other`."""
 
+    ALIKE: ClassVar[bool] = True
+
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; default: the initial position "
         "of `point`",
@@ -177,6 +179,7 @@ class Universal(AlongAxes):
 
     ROWS: ClassVar[int] = 4
     ABOUT: ClassVar[str] = "point, and two axes at a right angle: 4 rows"
+    ALIKE: ClassVar[bool] = False
     kind: Literal["universal"] = field(KIND, default="universal")
 
     @model_validator(mode="after")
@@ -221,6 +224,7 @@ class OneDirection(AlongAxes):
     """A constraint for which only one of two directions is given."""
 
     OF: ClassVar[str] = ""
+    ALIKE: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _one_direction(self) -> Self:
@@ -347,6 +351,7 @@ class Rolling(AlongAxes):
 
     ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "a sphere or disc rolls without slip (nonholonomic)"
+    ALIKE: ClassVar[bool] = False
     kind: Literal["rolling"] = field(KIND, default="rolling")
     radius: Number | None = field(
         "a radius > 0 [m]; default: that of the body's shape",

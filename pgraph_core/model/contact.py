@@ -58,6 +58,8 @@ class Contact(Acting):
         "penalty": "spring and damper: k d + c d', friction that sticks",
     }
 
+    ALIKE: ClassVar[bool] = True
+
     name: Text = field("a non-empty string", label="Name")
     body: Text = field("the name of a body, or '*' for every body that has a shape", label="Body")
     other: Text = field(

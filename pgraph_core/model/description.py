@@ -15,7 +15,7 @@ from ..forces import Force, ends_of
 from ..sentences import in_our_words
 from . import files
 from .body import Body
-from .checks import PARTS, grounded, model_problems, problems
+from .checks import PARTS, by_class, grounded, model_problems, problems
 from .constraint import AtPoints, Constraint, Rolling, Skate
 from .contact import Contact
 from .control import Control
@@ -64,6 +64,9 @@ class Description(World):
             try:
                 super(World, self).__init__(**data)
             except (ValidationError, ModelError):
+                if ours := by_class(data):
+                    self.__init__(**ours)
+                    return
                 if ours := in_our_words(type(self), data):
                     self.__init__(**ours)
                     return

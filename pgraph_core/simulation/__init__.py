@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
+from .. import words
 from ..dynamics.arguments import stretched
 from ..errors import explained
 from ..mechanism import Mechanism, mechanism_of
@@ -22,7 +23,16 @@ from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of
 from .plan import begun_with, plan_of
 from .recording import Recording
-from .start import begun_anew, by_names, directionless, given_states, torques_by_names, with_state
+from .start import (
+    begun_anew,
+    by_names,
+    directionless,
+    drives_in,
+    given_states,
+    rows_of,
+    torques_by_names,
+    with_state,
+)
 
 if TYPE_CHECKING:
     from ..packing import Array
@@ -154,6 +164,8 @@ def simulate(
     """
     began = time.perf_counter()
     mech = mechanism_of(mechanism, "simulate")
+    if own := drives_in(tau):
+        forces, tau = (*forces, *own), None
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
         forces, switches, estimate,
@@ -198,3 +210,41 @@ def simulate(
     result = record.result(error.error, error.notices, timing)
     record.leave()
     return result
+
+
+@explained
+def simulate_batch(
+    mechanism: Mechanism | Model, q: Any = None, v: Any = None, **options: Any
+) -> list[Result]:
+    """Simulate a mechanism or a model from each of several initial states.
+
+    A `pg.BatchStepper` steps many states at once, and `pg.sweep` varies the model.
+
+    Parameters
+    ----------
+    mechanism : Mechanism or Model
+        The system to simulate.
+    q, v : (n, nq) and (n, nv) arrays
+        Initial states, one in each row. One of them may be None, or a single row for all runs.
+    **options
+        Other arguments of `simulate`.
+
+    Returns
+    -------
+    list of Result
+        The runs, in the order of the rows.
+
+    Raises
+    ------
+    InputError
+        If an argument is invalid.
+
+    Examples
+    --------
+    >>> model = pg.Model.serial(2)
+    >>> runs = pg.simulate_batch(model, q=[[0.1, 0.0], [0.2, 0.0]], t_end=1.0)
+    """
+    mech = mechanism_of(mechanism, "simulate_batch")
+    options = words.renamed(options, ("q", "v")) or options
+    q, v = options.pop("q", q), options.pop("v", v)
+    return [simulate(mech, *state, **options) for state in rows_of(mech, q, v)]

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dynamics.arguments import finite, names_in, numbers, position
+from ..dynamics.arguments import finite, names_in, numbers, of_state, position
 from ..errors import InputError, Problem, choices, nearest_first, shown
 from ..forces import BetweenPoints, Force, points_of
 from ..mechanism import Mechanism
-from ..model import Scenario
+from ..model import Control, Scenario
 from ..packing import Array
 from ..packing.signals import states_of
+from ..portable import array_of
 from ..tolerances import ROUNDING
 
 if TYPE_CHECKING:
@@ -65,6 +66,12 @@ def by_names(
     if isinstance(q, tuple) and len(q) == 2 != mech.nq:  # as in SciPy's solve_ivp
         text = f"must be {mech.nq} numbers, got {shown(q)}; times are given by t_span={shown(q)}"
         raise InputError(Problem("simulate", "q", text))
+    if max(getattr(q, "ndim", 1), getattr(v, "ndim", 1)) == 2:
+        text = (
+            "has a row for each of several runs: runs = pg.simulate_batch(model, q, v, t_end=...)"
+        )
+        name = "q" if getattr(q, "ndim", 1) == 2 else "v"
+        raise InputError(Problem("simulate", name, f"{text}; a pg.BatchStepper steps them at once"))
     _in_order(mech, q=q, v=v)
     named = [names_in(x) if x is not None else None for x in (q, v)]
     if named == [None, None]:
@@ -78,6 +85,31 @@ def by_names(
             _fill(mech, state, entries, "qv"[k])
             found[k] = state
     return found[0], found[1]
+
+
+def rows_of(mech: Mechanism, q: Any, v: Any) -> list[tuple[Any, Any]]:
+    """Return (q, v) of each run, from an array with a row for each or one row for all.
+
+    Raises InputError.
+    """
+    many = {"q": (q, mech.nq), "v": (v, mech.nv)}
+    rows = {}
+    for name, (given, width) in many.items():
+        if given is not None:
+            array = array_of(given)
+            array = array[None] if array.ndim == 1 else array
+            if array.ndim != 2 or array.shape[1] != width:
+                text = f"must have a row of {width} numbers for each run, got {array.shape}"
+                raise InputError(Problem("simulate_batch", name, text))
+            rows[name] = array
+    number = max(map(len, rows.values()), default=1)
+    for name, array in rows.items():
+        if len(array) not in (1, number):
+            text = f"must have {number} rows, as the other, or one for all, got {len(array)}"
+            raise InputError(Problem("simulate_batch", name, text))
+    rows = {name: np.broadcast_to(array, (number, array.shape[1])) for name, array in rows.items()}
+    of = lambda name, i: rows[name][i] if name in rows else None  # noqa: E731
+    return [(of("q", i), of("v", i)) for i in range(number)]
 
 
 def given_states(mech: Mechanism, states: Any) -> Array | None:
@@ -138,6 +170,12 @@ def _coincide(mech: Mechanism, f: BetweenPoints, q: Array) -> bool:
     return bool(np.abs(a - b).max() <= ROUNDING * max(np.abs(a).max(), np.abs(b).max()))
 
 
+def drives_in(tau: Any) -> tuple[Force, ...]:
+    """Return the drives that are given in place of torques, such as a servo, or ()."""
+    given = tau if isinstance(tau, (list, tuple)) else (tau,)
+    return tuple(given) if given and all(isinstance(x, Force) for x in given) else ()
+
+
 def torques_by_names(mech: Mechanism, tau: Any) -> Any:
     """Return `tau`, converting {body: value or values} to an array with zeros elsewhere.
 
@@ -145,11 +183,42 @@ def torques_by_names(mech: Mechanism, tau: Any) -> Any:
     """
     _in_order(mech, tau=tau)
     entries = None if tau is None or callable(tau) else names_in(tau)
+    given = entries.values() if entries else tau if isinstance(tau, (list, tuple)) else ()
+    if any(map(callable, given)):
+        return _of_functions(mech, tau)
+    if isinstance(tau, Control):
+        raise InputError(Problem("simulate", "tau", _of_control(mech, tau)))
     if entries is None:
         return tau
     found = np.zeros(mech.nv)
     _fill(mech, found, entries, "tau")
     return found
+
+
+def _of_functions(mech: Mechanism, tau: Any) -> Any:
+    """Return a function of (t, q, v) for torques of which some are functions of it."""
+    named = names_in(tau)
+    given: dict[Any, Any] = dict(named if named is not None else enumerate(tau))
+    given = {name: of_state(x) if callable(x) else x for name, x in given.items()}
+
+    def torques(t: float, q: Array, v: Array) -> Array:
+        now = {name: x(t, q, v) if callable(x) else x for name, x in given.items()}
+        if named is None:
+            return finite("tau", list(now.values()), mech.nv)
+        found = np.zeros(mech.nv)
+        _fill(mech, found, now, "tau")
+        return found
+
+    return torques
+
+
+def _of_control(mech: Mechanism, control: Control) -> str:
+    """Return what makes a control act, as it is written."""
+    body = next(iter(mech.joints), "arm")
+    return (
+        f"a {type(control).__name__} has a value and acts on no joint; to apply it to '{body}': "
+        f"model = model.add(control).add(pg.Motor(body={body!r}, torque='=x.{control.name}'))"
+    )
 
 
 def _in_order(mech: Mechanism, **given: Any) -> None:
@@ -174,8 +243,12 @@ def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) 
         if name not in joints:
             near = choices(nearest_first(str(name), joints))
             text = f"{name!r} is not a body with a moving joint; choose from {near}"
+            if any(f.name == name for f in mech.model.forces):
+                text = f"{name!r} is a force; give inputs={{{name!r}: ...}}"
             raise InputError(Problem(kind, "", text))
         place = getattr(joints[name], "q" if kind == "q" else "v")
+        if (kind, place.stop - place.start, np.size(values)) == ("q", 7, 3):
+            place = slice(place.start, place.start + 3)  # of a free joint: it keeps its rotation
         label = f"{kind}['{name}']" + OF_FREE.get((kind, place.stop - place.start), "")
         state[place] = numbers(
             label, [values] if np.isscalar(values) else values, place.stop - place.start
