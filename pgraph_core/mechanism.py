@@ -248,9 +248,12 @@ class Mechanism(Dynamics):
 
     def inverse_kinematics(
         self,
-        targets: Mapping[str, Any],
+        targets: Mapping[str, Any] | str,
         q: Array | None = None,
         *,
+        position: Array | None = None,
+        rotation: Array | None = None,
+        point: Array | None = None,
         scenario: str | None = None,
         starts: int = 32,
     ) -> Array:
@@ -267,8 +270,11 @@ class Mechanism(Dynamics):
             [m], or a pair of a position and a rotation, which is a matrix (3, 3) or a quaternion
             [w, x, y, z]. Alternatively, use a dictionary with the keys "place", "rotation" and
             "point", where "point" is the point in body axes that should be moved to "place".
+            For a single target, give its name, and position, rotation and point as arguments.
         q : (nq,) array, optional
             Configuration to start from, by default the initial one.
+        position, rotation, point : arrays, optional
+            Target of a single body or site, whose name is `targets`.
         scenario : str, optional
             Name of a scenario. It determines the initial state and the active constraints.
         starts : int
@@ -289,10 +295,13 @@ class Mechanism(Dynamics):
         --------
         >>> mech = pg.Mechanism(pg.Model.serial(3))
         >>> q = mech.inverse_kinematics({"3": (0.2, 0.0, -0.2)})
+        >>> q = mech.inverse_kinematics("3", position=(0.2, 0.0, -0.2), point=(0.0, 0.0, 0.0))
         """
         from .analysis.inverse import inverse_kinematics
 
-        return inverse_kinematics(self, targets, q, scenario, starts)
+        alone = {"place": position, "rotation": rotation, "point": point}
+        alone = {name: value for name, value in alone.items() if value is not None}
+        return inverse_kinematics(self, targets, q, scenario, starts, alone)
 
     linearize = linearise
     center_of_mass = Dynamics.centre_of_mass

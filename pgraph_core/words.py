@@ -22,7 +22,11 @@ PAIRS = {
     "forcerange": ("torque_low", "torque_limit"), "ctrlrange": ("input_low", "input_high"),
 }  # fmt: skip
 SPANS = ("t0", "t_span", "tspan")  # with a start of time, a duration does not end at its number
-FLAGS = {"ground": ("other", "ground")}  # what is True elsewhere is a name here
+FLAGS = {  # what is True or False elsewhere is a name here
+    ("ground", True): ("other", "ground"), ("floating", True): ("base", "free"),
+    ("floating_base", True): ("base", "free"), ("free_base", True): ("base", "free"),
+    ("fixed_base", False): ("base", "free"), ("useFixedBase", False): ("base", "free"),
+}  # fmt: skip
 CHOICES = {  # choices by the words of other programs
     "hinge": ("revolute",), "pin": ("revolute",), "continuous": ("revolute",),
     "ball": ("spherical", "sphere", "point"), "fixed": ("weld",), "slide": ("prismatic",),
@@ -70,10 +74,11 @@ def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
     if "duration" in given and not {"t_start", *SPANS}.isdisjoint(given):
         return {}
     pairs: list[tuple[str, Any]] = []
-    true = [name for name, value in given.items() if value is True]
+    said = ((name, FLAGS.get((name, x))) for name, x in given.items() if isinstance(x, bool))
+    flags = {name: flag for name, flag in said if flag}
     for name, value in given.items():
-        two, flag = PAIRS.get(name, ("",)), FLAGS.get(name, ("", ""))
-        if name in true and name not in names and flag[0] in names:
+        two, flag = PAIRS.get(name, ("",)), flags.get(name, ("", ""))
+        if name not in names and flag[0] in names:
             pairs.append(flag)
         elif {*two} <= {*names} and len(value if hasattr(value, "__len__") else ()) == 2:
             pairs += zip(two, value)

@@ -312,3 +312,103 @@ def test_all_wrong_arguments_of_a_call_are_named_at_once():
     with pytest.raises(pg.InputError) as refused:
         pg.simulate(TWO, stop=1.0, speeds=[1.0], initial=[0.0])
     assert [problem.field for problem in refused.value.problems] == ["stop", "speeds", "initial"]
+
+
+def test_the_target_of_one_body_is_given_by_arguments():
+    mech, q = arm(), np.full(6, 0.4)
+    place, turn = mech.pose(q, "j6")
+    tip = place + turn @ (0.1, 0, 0)
+    same = mech.inverse_kinematics({"j6": {"place": tip, "rotation": turn, "point": (0.1, 0, 0)}})
+    for words in ({"position": tip}, {"place": tip}, {"target": tip}):
+        found = mech.inverse_kinematics("j6", **words, rotation=turn, point=(0.1, 0, 0))
+        np.testing.assert_array_equal(found, same)
+    found = pg.inverse_kinematics(mech.model, body="j6", position=tip, quat=turn, point=(0.1, 0, 0))
+    np.testing.assert_array_equal(found, same)
+    with pytest.raises(pg.InputError, match=r"inverse_kinematics, position"):
+        mech.inverse_kinematics({"j6": tip}, position=tip)
+
+
+def test_the_position_of_a_point_is_that_of_its_body_turned():
+    top = pg.Body("top", joint="spherical", com=(0, 0, 0.1), inertia=(0.1, 0.2, 0.15))
+    run = pg.simulate(pg.Model([top]), t_end=0.3, v=[1, 2, 3])
+    point = np.array((0.1, -0.2, 0.3))
+    for q, found in zip(run.q, run.position("top", point=point)):
+        place, turn = run.mechanism.pose(q, "top")
+        np.testing.assert_allclose(found, place + turn @ point, atol=1e-14)
+    with pytest.raises(pg.InputError, match=r"run\.velocity, point"):
+        run.velocity("top", point=point)
+
+
+URDF = """<robot name="r"><link name="base"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+
+
+@pytest.mark.parametrize(
+    "words", [{"base": "free"}, {"floating": True}, {"fixed_base": False}, {"useFixedBase": False}]
+)
+def test_the_root_of_a_urdf_file_floats_if_it_shall(words, tmp_path):
+    (tmp_path / "r.urdf").write_text(URDF)
+    model = pg.load(tmp_path / "r.urdf", **words)
+    assert (model.body("base").joint, pg.load(tmp_path / "r.urdf").body("base").joint) == (
+        "free",
+        "weld",
+    )
+    with pytest.raises(pg.InputError, match="free"):
+        pg.load("double_pendulum", **words)
+    for roots in ("free", {"base": "free"}, [tmp_path / "r.urdf"]):
+        with pytest.raises(pg.InputError, match="roots"):
+            pg.load(tmp_path / "r.urdf", roots=roots)
+
+
+def test_a_ground_that_is_added_replaces_that_of_the_model():
+    assert TWO.add(pg.Ground(friction=0.3)) == TWO.replace(ground=pg.Ground(friction=0.3))
+
+
+GAINS = {"kp": 30.0, "kd": 4.0, "target": 0.5}
+
+
+def pasted(error, name):
+    """Return the list that a message gives for an argument, as if it were pasted."""
+    text = str(error.value)
+    start = text.rindex(f"{name}=[") + len(name) + 1
+    return eval(text[start : text.index(")]", start) + 2], {"pg": pg})
+
+
+@pytest.mark.parametrize("ki", [0.0, 7.0])
+@pytest.mark.parametrize("word", ["joint", "body"])
+def test_a_pid_of_a_joint_is_answered_with_parts_of_the_same_law(word, ki):
+    with pytest.raises(pg.ModelError) as refused:
+        pg.PID(**{word: "arm"}, **GAINS, ki=ki)
+    assert len(refused.value.problems) == 1
+    controls = pasted(refused, "controls") if ki else ()
+    model = pg.Model([ARM], controls=controls, forces=pasted(refused, "forces"))
+    run = pg.simulate(model, t_end=1.0, rtol=1e-10)
+    missed = np.cumsum((0.5 - run["arm"])[:-1] * np.diff(run.t))
+    wanted = 30.0 * (0.5 - run["arm"]) - 4.0 * run.v["arm"]
+    wanted[1:] += ki * missed
+    given = run.mechanism.inverse_dynamics(run.q, run.v, run.vdot)
+    np.testing.assert_allclose(given[:, 0], wanted, atol=0.02)
+
+
+def test_a_pid_in_the_place_of_torques_is_answered_with_what_applies_it():
+    pid = pg.PID("p", signal="=q.arm", setpoint=0.5, kp=30.0)
+    with pytest.raises(pg.InputError, match="tau") as refused:
+        pg.simulate(pg.Model([ARM]), tau=pid, t_end=0.1)
+    line = str(refused.value).partition("model = ")[2]
+    driven = eval(line, {"pg": pg, "model": pg.Model([ARM]), "control": pid})
+    assert pg.simulate(driven, t_end=1.0)["arm"][-1] != 0.0
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_loose_shapes_are_doubted_until_the_contacts_of_the_message_hold_them(number):
+    bodies = [LOOSE.model_copy(update={"name": f"b{k}", "link": (k, 0, 1)}) for k in range(number)]
+    said = next(text for text in pg.Model(bodies).doubts if "would fall" in text)
+    contacts = eval(said.partition("contacts=")[2], {"pg": pg})
+    assert pg.Model(bodies, contacts=contacts).doubts == ()
+    for some in ([contacts[0]], contacts[1:]):
+        assert bool(pg.Model(bodies, contacts=some).doubts) == (number > 1 or not some)
+    limb = pg.Body("limb", "b0", shape=SPHERE)
+    assert pg.Model([*bodies[:1], limb], contacts=[pg.Contact(body="limb")]).doubts == ()
+    table = pg.Body("table", joint="weld", shape=SPHERE)
+    held = pg.Model([*bodies, table], contacts=[pg.Contact(body="*", other="*")])
+    assert held.doubts == ()

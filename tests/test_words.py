@@ -130,10 +130,9 @@ def test_no_word_is_both_taken_and_a_name_of_ours_in_the_same_place():
 @pytest.mark.parametrize(
     ("call", "example"),
     [
-        (lambda m: m.inverse_kinematics("rod", position=(0, 0, 1)), "mech.inverse_kinematics({"),
         (lambda m: m.inverse_kinematics(position=(0, 0, 1)), "mech.inverse_kinematics({"),
-        (lambda m: m.inverse_kinematics("rod"), "mech.inverse_kinematics({"),
-        (lambda m: m.inverse_kinematics("rod", (0, 0, 1)), "mech.inverse_kinematics({"),
+        (lambda m: m.inverse_kinematics("rod"), "mech.inverse_kinematics('rod', position="),
+        (lambda m: m.inverse_kinematics("rod", (0, 0, 1)), "mech.inverse_kinematics('rod', pos"),
         (lambda m: pg.simulate(m, t_end=1, u=lambda t: 0.0), "f(t, q, v)"),
         (lambda m: pg.fit(m, {}, parameter={}), "pg.fit("),
         (lambda m: pg.Force("f", body="rod", force=(0, 0, 1), stop=1.0), "torque, force, frame"),

@@ -236,9 +236,29 @@ class Target(NamedTuple):
 
 
 def inverse_kinematics(
-    mech: Dynamics, targets: Mapping[str, Any], q: Array | None, scenario: str | None, starts: int
+    mech: Dynamics,
+    targets: Mapping[str, Any] | str,
+    q: Array | None,
+    scenario: str | None,
+    starts: int,
+    alone: Mapping[str, Any],
 ) -> Array:
-    """Return q (nq,) near q. See `Mechanism.inverse_kinematics`."""
+    """Return q (nq,) near q. See `Mechanism.inverse_kinematics`.
+
+    `alone` has the target of a single body.
+    """
+    if isinstance(targets, str):
+        if alone.keys() <= {"point"}:
+            form = (
+                f"mech.inverse_kinematics({targets!r}, position=(x, y, z), rotation=(w, x, y, z))"
+            )
+            text = f"of '{targets}' has no place and no rotation; for example: q = {form}"
+            raise InputError(Problem(KINEMATICS, "targets", f"the target {text}"))
+        targets = {targets: alone}
+    elif alone:
+        name = next(iter(alone)).replace("place", "position")
+        text = f"belongs to a target; give its name: mech.inverse_kinematics('hand', {name}=...)"
+        raise InputError(Problem(KINEMATICS, name, text))
     items = targets.items()  # before q: a call by position gives a body and its place
     starts = whole_number(KINEMATICS, "starts", starts, 1, MOST_STARTS)
     q, _ = state_of(mech, q, None, scenario)

@@ -207,6 +207,11 @@ class Motor(OnJoint):
     def _foreign(cls, field: str, value: Any) -> str:
         if field in ("kp", "kd"):
             return "a motor has no kp and kd; use kind 'servo'"
+        if field == "speed":
+            to = f"{value!r}*t" if isinstance(value, (int, float)) else "..."
+            servo = f"pg.SpeedServo(..., speed={shown(value)}, kd=10.0) with a kd > 0"
+            motion = f"for exactly this speed the constraint pg.Motion(..., q_of_t='={to}')"
+            return f"a motor has a torque; use kind 'speed_servo': {servo}, or {motion}"
         return super()._foreign(field, value)
 
     @classmethod

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from ..errors import FileError, Problem, explained
+from ..errors import FileError, InputError, Problem, explained, shown
 from ..file_kinds import HEAD, first_element
 from ..markup import ordinary
 from ..model import Model
@@ -30,7 +30,8 @@ def load(
     path: str | Path,
     /,
     *,
-    roots: Iterable[str | Path] = (),
+    roots: str | Path | Iterable[str | Path] = (),
+    base: Literal["fixed", "free"] = "fixed",
     arguments: Mapping[str, Any] | None = None,
 ) -> Model:
     """Load a built-in model by its name, or a file in Pgraph JSON, URDF, xacro or MJCF format.
@@ -43,8 +44,10 @@ def load(
     path : path
         The file, or the name of a built-in model. Mesh paths are relative to the folder of the
         file.
-    roots : iterable of paths, optional
+    roots : path or iterable of paths, optional
         Additional folders from which meshes may be loaded.
+    base : {"fixed", "free"}
+        Whether the root link of a URDF file is welded to the ground or floats.
     arguments : dict, optional
         Arguments of a xacro file. Since xacro files can execute code, only load files that you
         trust.
@@ -58,12 +61,19 @@ def load(
     InputError
         If the suffix or an argument is unknown.
     """
-    model, report = read_model(path, roots, arguments)
+    roots = [roots] if isinstance(roots, (str, Path)) else [*roots]
+    for root in roots:
+        if not Path(root).is_dir():
+            raise InputError(Problem("load", "roots", f"no folder is named {shown(root)}"))
+    model, report = read_model(path, roots, arguments, base)
     return report.noted(model)
 
 
 def read_model(
-    path: str | Path, roots: Iterable[str | Path] = (), arguments: Mapping[str, Any] | None = None
+    path: str | Path,
+    roots: Iterable[str | Path] = (),
+    arguments: Mapping[str, Any] | None = None,
+    base: Literal["fixed", "free"] = "fixed",
 ) -> tuple[Model, Report]:
     """Read (model, report) from a file, by its suffix. Raises FileError, ModelError or InputError.
 
@@ -72,10 +82,16 @@ def read_model(
     """
     suffix = Path(path).suffix.lower()
     if suffix == SUFFIX:
-        return read_urdf(path, roots, arguments=arguments)
+        return read_urdf(path, roots, arguments=arguments, base=base)
     if arguments:
         raise no_arguments(Path(path))
-    if reader := reader_of(path):
+    reader = reader_of(path)
+    if reader == read_urdf:
+        return read_urdf(path, roots, base=base)
+    if base != "fixed":
+        text = "is for URDF files; of others write model = pg.load(path).edit(NAME, joint='free')"
+        raise InputError(Problem("load", "base", text))
+    if reader:
         return reader(path, roots)
     model, report = Model.load(path, roots=roots), Report(Path(path).name)
     for body in model.bodies:

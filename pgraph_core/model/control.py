@@ -7,8 +7,8 @@ jumps to a new value at its samples; both are expressions. The kinds differ in t
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
-from typing import ClassVar, Literal, NamedTuple, Self
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
@@ -138,7 +138,9 @@ class PID(Control):
 
     kind: Literal["pid"] = field(KIND, default="pid")
     signal: Number | Expression = field(
-        "an expression", converter=varying, help="controlled signal, such as =q.arm"
+        "an expression, such as '=q.arm'",
+        converter=varying,
+        help="controlled signal, such as =q.arm",
     )
     setpoint: Number | Expression = field(
         "a number or an expression", converter=varying, default=0.0, since=VERSION,
@@ -172,6 +174,27 @@ class PID(Control):
         "a time > 0 [s], or None: it acts at all times", default=None, gt=0, dim=S,
         since=VERSION, help="sample time; default: continuous",
     )  # fmt: skip
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_joint(cls, data: Any) -> Any:
+        """Refuse a joint, with the servo that acts on one."""
+        for name in {"joint", "body"} & {*data}:
+            joint = data[name]
+            gains = "".join(f", {k}={data[k]!r}" for k in ("kp", "kd") if data.get(k))
+            target = data.get("setpoint", 0.0)
+            servo = f"pg.Servo(body={joint!r}{gains}, target={target!r}"
+            text = f"a PID has a value and acts on no joint; forces=[{servo})] does"
+            if data.get("ki"):
+                pid = f"pg.PID('i', signal='=q.{joint}', setpoint={target!r}, ki={data['ki']!r})"
+                text += f", with an integral controls=[{pid}], forces=[{servo}, torque='=x.i')]"
+            refuse([(name, text)])
+        return data
+
+    @classmethod
+    def _followers(cls) -> Mapping[str, tuple[str, ...]]:
+        moot = (*cls.model_fields, "joint", "body", "target")
+        return {**super()._followers(), "joint": moot, "body": moot}
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

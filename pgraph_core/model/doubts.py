@@ -30,7 +30,7 @@ def doubts(model: Any) -> list[str]:
         *(f"body '{name}': {text}" for name, text in wide(bodies)), *_starts(bodies),
         *_shapes(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
         *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
-        *_idle_ground(model),
+        *_untouched(model),
     ]  # fmt: skip
 
 
@@ -275,18 +275,47 @@ def _idle_parameters(model: Any) -> Iterator[str]:
             yield f"parameter '{name}': no formula uses it"
 
 
-def _idle_ground(model: Any) -> Iterator[str]:
-    """Yield a warning about a loose body with a shape that falls through the ground."""
+def _untouched(model: Any) -> Iterator[str]:
+    """Yield a warning about loose bodies with shapes that no contact holds up or keeps apart.
+
+    A body stands for all that hang on it. Contacts that are off count, since switches close them.
+    """
+    root = _roots(model.bodies)
     parts = (*model.constraints, *model.forces)
-    held = {getattr(part, end, "") for part in parts for end in ("body", "other")}
-    for body in model.bodies:
-        loose = body.dof == 6 and body.parent == GROUND and body.name not in held
-        if loose and body.shape and any(model.gravity) and not model.contacts:
-            text = "falls through the ground: shapes touch where a contact names them, as "
-            yield f"body '{body.name}': {text}contacts=[pg.Contact(body='*')]"
-            return
+    held = {root.get(getattr(part, end, "")) for part in parts for end in ("body", "other")}
+    solid = {root[body.name] for body in model.bodies if body.shape}
+    loose = [body.name for body in model.bodies if body.dof == 6 and body.parent == GROUND]
+    loose = [name for name in loose if name in solid and name not in held]
+    meets = [
+        set[str]().union(*(solid if end == EVERY else {root.get(end, GROUND)} for end in c.pair))
+        for c in model.contacts
+    ]  # fmt: skip
+    stands = {GROUND, *root.values()}.difference(loose)
+    while more := [each for each in meets if not stands.isdisjoint(each) and not each <= stands]:
+        stands = stands.union(*more)
+    falling = [name for name in loose if name not in stands]
+    if falling and any(model.gravity):
+        text = "no contact holds it, so that it would fall through the ground; shapes touch where "
+        lines = "pg.Contact(body='*')" + f", {EACH_OTHER}" * (len(loose) > 1)
+        yield f"body '{falling[0]}': {text}a contact names them: contacts=[{lines}]"
+    apart = not any(len(each.intersection(loose)) > 1 for each in meets if GROUND not in each)
+    if not falling and apart and meets and len(loose) > 1:
+        text = f"they pass through each other; to let them touch add {EACH_OTHER} to contacts"
+        yield f"bodies '{loose[0]}' and '{loose[1]}': {text}"
 
 
+def _roots(bodies: Sequence[Body]) -> dict[str, str]:
+    """Return {body: the body on the ground that carries it}."""
+    parent, found = {body.name: body.parent for body in bodies}, dict[str, str]()
+    for name in parent:
+        path = [name]
+        while path[-1] not in found and parent[path[-1]] != GROUND:
+            path.append(parent[path[-1]])
+        found |= dict.fromkeys(path, found.get(path[-1], path[-1]))
+    return found
+
+
+EACH_OTHER = "pg.Contact(body='*', other='*')"  # all bodies but the ground
 MILLI = math.sqrt(1000.0)  # a length so much larger than another is nearer to it in mm
 MOST_ANGLE = 8 * math.pi  # four turns: limit of a joint that is plausible in degrees, not in rad
 Z = (0.0, 0.0, 1.0)

@@ -29,7 +29,7 @@ from .editing import (
 from .expressions import SIGNALS_OF
 from .parameters import Formula, cells_of, followed, formulas_in, still_true
 from .poses import poses
-from .world import DOWN
+from .world import DOWN, Ground
 
 # fields of a body that nothing else in a model depends on, but for the tree
 OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "armature", "damping"}
@@ -260,13 +260,13 @@ class Editable(Description):
             model = model.close_loop(changes.get("name", name), parent)
         return model
 
-    def add(self, part: Part, /, *, after: str | None = None) -> Self:
+    def add(self, part: Part | Ground, /, *, after: str | None = None) -> Self:
         """Return a new model with one additional part.
 
         Parameters
         ----------
         part : Body, Constraint, Contact, Force, Scenario, Site, Output or Control
-            The part to add.
+            The part to add. A Ground replaces that of the model.
         after : str, optional
             Name of the part of the same kind that it follows. By default it becomes the last.
 
@@ -280,6 +280,8 @@ class Editable(Description):
         ModelError
             If the part does not fit the model.
         """
+        if isinstance(part, Ground):
+            return self.replace(ground=part)
         if not isinstance(part, Part):
             given = f"given {shown(part)} ({type(part).__name__})"
             if isinstance(part, type) and issubclass(part, Part):

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import NameLookupError, Problem, choices, needed
+from ..dynamics.arguments import finite
+from ..errors import InputError, NameLookupError, Problem, choices, needed
 from ..joints import KINDS
 from ..packing import Array
 from ..packing.signals import states_of
@@ -299,9 +300,22 @@ class Labelled(np.ndarray[Any, np.dtype[Any]]):
             key = places[key]
         return self.view(np.ndarray)[key]
 
-    def __call__(self, name: str) -> Any:
-        """Return the columns of a name, like `array[name]`."""
-        return self[name]
+    _poses: Any = None  # poses of bodies, of which these are the positions
+
+    def __call__(self, name: str, point: Any = None) -> Any:
+        """Return the columns of a name, like `array[name]`.
+
+        `point` is a point in body axes, whose position is returned in place of the origin's.
+        """
+        if point is None:
+            return self[name]
+        word = f"run.{self._names[0]}"
+        if self._poses is None:
+            raise InputError(Problem(word, "point", "is for run.position(name, point)"))
+        pose, point = self._poses[name], finite(f"{word}, point", point, 3)
+        turned = np.cross(pose[:, 4:], point)  # by the quaternion (w, u): p + 2 u x (u x p + w p)
+        turned = 2 * np.cross(pose[:, 4:], turned + pose[:, 3:4] * point)
+        return pose[:, :3] + point + turned
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
         return array[()] if return_scalar else array.view(np.ndarray)

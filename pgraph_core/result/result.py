@@ -68,7 +68,9 @@ def _vector(kind: str, what: str) -> Any:
     unit, attribute, first = OF_BODIES[kind]
 
     def read(run: Any) -> Labelled:
-        return run._of_bodies(kind, getattr(run, attribute)[..., first : first + 3])
+        found = run._of_bodies(kind, getattr(run, attribute)[..., first : first + 3])
+        found._poses = run.body_pose if kind == "position" else None
+        return found
 
     return property(
         read, doc=f"The {what} in world axes [{unit}], (n, nb, 3), or (n, 3) by name of body."
