@@ -101,7 +101,6 @@ CALLS = [
     (lambda: MECH.forward_dynamics(Q, V, external=np.full((3, 6), INF)), "external", "finite"),
     (lambda: NEEDLE.forward_dynamics([0, 0], [0, 0]), "'needle', inertia"),
     (lambda: MECH.external_at(Q, "3", [1, 2, 3]), "wrench", "(6,)"),
-    (lambda: MECH.external_at_tips(Q, np.zeros(6)), "wrench", "(1, 6)"),
     (lambda: MECH.jacobian(Q, "4"), "'4'", EVERY),
     (lambda: MECH.jacobian(Q, "3", (0, 0)), "point", "3", "2"),
     (lambda: MECH.mobility(active="loop"), "['loop']"),

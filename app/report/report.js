@@ -1,7 +1,6 @@
 // Reports: error against run time and the stability map, with progress, figure and rows.
 (() => {
   const { make, button, cells, send } = pgraph;
-  const ROOM = 640; // [px] from which on the wide figure is shown
 
   function build(host) {
     const edit = (field) => (serial, value) => send("SetReport", { serial, field, text: value });
@@ -25,7 +24,6 @@
       make("div", { className: "problem sentence", role: "alert", hidden: true }),
       make("div", { className: "outcomes" }));
     pgraph.inSight(host, "reports");
-    new ResizeObserver(() => picture(host, pgraph.latest.figure ?? {})).observe(host);
   }
 
   // One report: its answer, figure, rows and notes.
@@ -95,14 +93,13 @@
   }
 
   function picture(host, figures) {
-    for (const [kind, [narrow, wide]] of Object.entries(figures)) {
-      const figure = host.querySelector(`.outcome.${kind} .figure`), svg = (host.clientWidth > ROOM ? wide : narrow) ?? "";
+    for (const [kind, svg] of Object.entries(figures)) {
+      const figure = host.querySelector(`.outcome.${kind} .figure`);
       if (!figure || figure.pgraphDrawn === svg) continue;
       figure.pgraphDrawn = svg;
       const parsed = new DOMParser().parseFromString(svg || "<svg xmlns='http://www.w3.org/2000/svg'/>", "image/svg+xml");
       for (const script of parsed.querySelectorAll("script")) script.remove();
       figure.replaceChildren(document.importNode(parsed.documentElement, true));
-      figure.scrollLeft = 0;
     }
   }
 

@@ -33,13 +33,10 @@ def page(report: Report) -> str:
     return report.result.html()
 
 
-def drawn(state: State) -> dict[str, list[str]]:
-    """Return the figures of the latest report of each kind, at tab width and enlarged."""
+def drawn(state: State) -> dict[str, str]:
+    """Return the figure of the latest report of each kind, or ""."""
     found = {kind: latest(state.report, kind) for kind in KINDS}
-    return {
-        kind: [] if one is None else [one.result.figure(narrow=narrow) for narrow in (True, False)]
-        for kind, one in found.items()
-    }
+    return {kind: "" if one is None else one.result.figure() for kind, one in found.items()}
 
 
 def _measured(state: State, page: Client) -> tuple[object, ...]:

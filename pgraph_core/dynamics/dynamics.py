@@ -452,20 +452,6 @@ class Dynamics(Portable):
             external[number - 1] = shifted(wrench, arm)
         return external
 
-    def external_at_tips(self, q: Array, wrench: Array) -> Array:
-        """Return `external` (nb, 6) for wrenches (n_t, 6) on the tips, in the order of `tips`.
-
-        At the bodies' `tip` points, in world axes: -F_T of eqs. (22)-(26), which acts *from* the
-        tips (R10).
-        """
-        wrench = finite("wrench", wrench, len(self.tips), 6)
-        tips = self.tips - 1
-        points = np.array([self.model.body(self.names[k]).tip_point for k in tips])
-        arm = np.einsum("tij,tj->ti", self.poses(q)[1][tips], points.reshape(-1, 3))
-        external = np.zeros((self.nb, 6))
-        external[tips] = shifted(wrench, arm)
-        return external
-
     # -- Jacobians -------------------------------------------------------------------------------
 
     def jacobian(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -224,7 +223,6 @@ def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> 
 
 
 OWN = "◂"  # marks the model's own value
-COLUMN = 420  # width of a narrow figure [px]
 LOOK = {  # letter of the text map, colour and ink of the figure, meaning
     Verdict.OK: Look(".", "#2e9e5b", "#ffffff", "as accurate as asked for"),
     Verdict.INACCURATE: Look(
@@ -375,8 +373,8 @@ class StabilityMap(Saved):
             found.append(f"{method} {status}{more}, as at {where}: {cells[0].text}")
         return found
 
-    def figure(self, *, narrow: bool = False) -> str:
-        """Return the figure as standalone SVG text, as wide as a column if `narrow`."""
+    def figure(self) -> str:
+        """Return the figure as standalone SVG text."""
         there = {c.status for c in self.cells}
         looks = {  # without a letter where all is well
             v: look._replace(letter="" if v is Verdict.OK else look.letter)
@@ -392,8 +390,7 @@ class StabilityMap(Saved):
         axis = self.axis.replace("_", " ") + (f" [{self.unit}]" if self.unit else "")
         if self.own is not None:
             axis += f"; {OWN}: the model as it is"
-        wide = COLUMN if narrow else math.inf
-        return heat_map(self.title, axis, values, self.methods, steps, squares, legend, wide)
+        return heat_map(self.title, axis, values, self.methods, steps, squares, legend)
 
     def _column(self, cell: Cell) -> int:
         """Return the index of the requested step, which times in other units change."""

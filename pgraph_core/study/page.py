@@ -132,20 +132,16 @@ def error_diagram(
     curves: Sequence[Curve],
     titles: tuple[str, str],
     *,
-    narrow: bool = False,
     limit: float = math.nan,
     target: float | None = None,
 ) -> str:
     """Return a diagram of log error over log run time, with one curve per method.
 
-    The legend is on the right, or below in a `narrow` one for a column of 400 to 500 pixels.
-    Without points it is a sentence. `titles` are the titles of the axes. Errors below `limit`, the
-    limit of the reference, are shaded. `target` is a dashed line.
+    The legend is below. Without points it is a sentence. `titles` are the titles of the axes.
+    Errors below `limit`, the limit of the reference, are shaded. `target` is a dashed line.
     """
-    right, bottom = (470.0, 350.0) if narrow else (690.0, 472.0)
-    width, height = 900.0, 520.0
-    if narrow:
-        width, height = 480.0, bottom + FOOT + math.ceil(len(curves) / 2) * LEGEND
+    width, right, bottom = 480.0, 452.0, 350.0
+    height = bottom + FOOT + math.ceil(len(curves) / 2) * LEGEND
     points = [point for curve in curves for point in curve.points]
     inside = _text(LEFT, 40, "no run reached the end", "start")
     if points:
@@ -155,9 +151,7 @@ def error_diagram(
         inside += "".join(_curve(x, y, curve, i) for i, curve in enumerate(curves))
         for i, curve in enumerate(curves):
             line, column = divmod(i, 2)
-            place = right + 18, TOP + 14 + LEGEND * i
-            if narrow:
-                place = 20 + (width - 20) / 2 * column, bottom + FOOT + 14 + LEGEND * line
+            place = 20 + (width - 20) / 2 * column, bottom + FOOT + 14 + LEGEND * line
             inside += _mark(place[0], place[1] - 4, i)
             inside += _text(place[0] + 12, place[1], curve.name, "start")
     return (
@@ -237,7 +231,7 @@ def _text(
 # -- heat map --------------------------------------------------------------------------------------
 
 CELL, CELL_HIGH, GAP = 26, 24, 12  # size of a heat map's cell [px], and between groups
-MAP_LEFT, MAP_TOP = 84, 64
+MAP_LEFT, MAP_TOP, WIDE = 84, 64, 560.0
 LETTER_WIDE, HEAD_WIDE = 6.8, 4.2  # width of a letter of a group's name and of a slanted head
 
 
@@ -268,19 +262,17 @@ def heat_map(
     columns: Sequence[str],
     squares: Sequence[Square],
     legend: Sequence[Look],
-    wide: float = math.inf,
 ) -> str:
     """Draw coloured cells in rows below their legend, with one group of columns per method.
 
-    Groups that do not fit into `wide` pixels go below the others.
+    Groups that do not fit into WIDE pixels go below the others.
     """
     high = MAP_TOP + len(rows) * CELL_HIGH
     beyond = HEAD_WIDE * max(map(len, columns), default=0) - CELL / 2  # the last head, turned
     group = len(columns) * CELL + max(beyond, GAP)
-    places = _places([max(group, LETTER_WIDE * len(x) + GAP) for x in groups], wide)
+    places = _places([max(group, LETTER_WIDE * len(x) + GAP) for x in groups])
     bands = max((band for _, band in places), default=0) + 1
-    width = max((x for x, _ in places), default=0.0) + group
-    width = max(width, min(wide, 640.0))
+    width = max(WIDE, max((x for x, _ in places), default=0.0) + group)
     keys, top = _keys(legend, width)
     parts = [_text(4, top + 12, axis, "start", 11)]
     for name, (x, band) in zip(groups, places):
@@ -295,7 +287,7 @@ def heat_map(
         inside = _box(x + each.column * CELL, y, CELL - 2, CELL_HIGH - 2, each.look)
         parts.append(f'<g tabindex="0"><title>{escape(each.text)}</title>{inside}</g>')
     tall = f"{top + bands * high:.0f}"
-    size = f'viewBox="0 0 {width:.0f} {tall}" width="{width:.0f}" height="{tall}"'
+    size = f'viewBox="0 0 {width:.0f} {tall}"'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" '
         'font-family="system-ui, sans-serif" font-size="11">'
@@ -303,11 +295,11 @@ def heat_map(
     )
 
 
-def _places(widths: Sequence[float], wide: float) -> list[tuple[float, int]]:
+def _places(widths: Sequence[float]) -> list[tuple[float, int]]:
     """Return (left end, band) for groups with these widths, placed side by side while they fit."""
     found, x, band = [], float(MAP_LEFT), 0
     for width in widths:
-        if x > MAP_LEFT and x + width > wide:
+        if x > MAP_LEFT and x + width > WIDE:
             x, band = float(MAP_LEFT), band + 1
         found.append((x, band))
         x += width
@@ -352,8 +344,8 @@ class Saved(Portable, ABC):
     SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # files
 
     @abstractmethod
-    def figure(self, *, narrow: bool = False) -> str:
-        """Return the figure as standalone SVG text, as wide as a column if `narrow`."""
+    def figure(self) -> str:
+        """Return the figure as standalone SVG text."""
 
     def html(self) -> str:
         """Return the text and the figure as a standalone HTML page."""

@@ -302,8 +302,8 @@ class Study(Saved):
             cells.append([f"{level:.0e}", ours["ours"], duration(ours["seconds"]), *theirs])
         return cells
 
-    def figure(self, *, narrow: bool = False) -> str:
-        """Return the figure as standalone SVG text, as wide as a column if `narrow`."""
+    def figure(self) -> str:
+        """Return the figure as standalone SVG text."""
         curves = []
         for name in self.methods:
             rows = self.of(name)
@@ -313,7 +313,7 @@ class Study(Saved):
         label = f"error against run time of {self.name}"
         titles = "run time of a whole call (processor)", "error of the position, rms, without unit"
         limit = self.reference["limit"]
-        return error_diagram(label, curves, titles, narrow=narrow, limit=limit, target=self.target)
+        return error_diagram(label, curves, titles, limit=limit, target=self.target)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, with None for numbers that are not finite."""

@@ -254,7 +254,6 @@ class Outcome(NamedTuple):
     energy_drift: float = np.nan
     drift: tuple[float, float] = (np.nan, np.nan)  # constraint drift of positions, velocities
     cancelled: bool = False
-    notices: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, run: Result, seconds: float) -> Outcome:
@@ -271,7 +270,6 @@ class Outcome(NamedTuple):
             run.energy_drift if ok else np.nan,
             (float(drift[0]), float(drift[1])),
             run.status is Status.CANCELLED,
-            run.notices,
         )
 
     @classmethod

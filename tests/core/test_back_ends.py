@@ -50,7 +50,8 @@ def test_wrenches_on_tips_enter_as_j_transposed_f_t(seed):
     s = random_case(seed)
     mech = pg.Mechanism(s.model)
     F_T = np.random.default_rng(seed).normal(0, 3, (len(mech.tips), 6))
-    external = mech.external_at_tips(s.q, -F_T)
+    tips = zip((mech.names[k - 1] for k in mech.tips), F_T)
+    external = sum(mech.external_at(s.q, name, -wrench) for name, wrench in tips)
     load = mech.tip_jacobian(s.q).T @ F_T.reshape(-1)
     tau = mech.mass_matrix(s.q) @ s.vdot + mech.bias_force(s.q, s.v) + load
     assert scaled_error(mech.inverse_dynamics(s.q, s.v, s.vdot, external), tau) < ROUNDING
@@ -76,5 +77,6 @@ def test_a_wrench_without_a_point_acts_at_the_tip():
     mech = pg.Mechanism(pg.Model.serial(3))
     q, _ = mech.home()
     wrench = np.arange(6.0)
-    assert np.array_equal(mech.external_at(q, "3", wrench), mech.external_at_tips(q, wrench[None]))
+    at_tip = mech.external_at(q, "3", wrench, mech.model.body("3").tip_point)
+    assert np.array_equal(mech.external_at(q, "3", wrench), at_tip)
     assert not mech.external_at(q, "ground", wrench).any()
