@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -136,24 +136,20 @@ def work_precision(
     return work.study(known, rate, target, asked=methods is not None)
 
 
+@dataclass
 class Work:
     """A study in progress, which the caller's progress function can stop at any call."""
 
-    def __init__(
-        self,
-        task: Task,
-        ladder: Ladder,
-        names: tuple[str, ...],
-        peers: tuple[str, ...],
-        progress: Callable[[float], Any] | None,
-        longest: float,
-        rounds: int,
-    ):
-        self.task, self.ladder, self.names, self.peers = task, ladder, names, peers
-        self.progress, self.longest, self.rounds = progress, longest, rounds
-        self.fraction = 0.0
-        self.notes: list[str] = []
-        self.rows: list[Row] = []
+    task: Task
+    ladder: Ladder
+    names: tuple[str, ...]
+    peers: tuple[str, ...]
+    progress: Callable[[float], Any] | None
+    longest: float
+    rounds: int
+    fraction: float = 0.0
+    notes: list[str] = field(default_factory=list[str])
+    rows: list[Row] = field(default_factory=list[Row])
 
     def study(
         self, known: Reference | None, rate: float, target: float | None, *, asked: bool
