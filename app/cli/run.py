@@ -13,6 +13,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.errors import FileError, Problem
+from pgraph_core.model.files import write_atomic
 
 from .terminal import (
     MODEL,
@@ -297,6 +298,8 @@ def export(args: Namespace) -> Answer:
 
 def _drawn(args: Namespace, film: bool) -> Answer:
     """Render an image or a video."""
+    from pgraph_core.show import pictures  # other commands need none of it
+
     model, bar = open_model(args), progress_bar()
     scenario = first_scenario(model, args.scenario)
     look = {"view": args.view, "dark": args.dark}
@@ -311,7 +314,7 @@ def _drawn(args: Namespace, film: bool) -> Answer:
     else:
         run = pg.simulate(model, scenario=scenario, **_options(args))
         if args.what == "plot":
-            run.to_plot(args.output, *args.columns, **sized)
+            write_atomic(args.output, pictures.plot(run, args.output, args.columns, **sized))
         elif film:
             told = lambda fraction: bar("drawing", fraction)  # noqa: E731
             run.to_film(args.output, fps=args.fps, speed=args.speed, progress=told, **sized, **look)

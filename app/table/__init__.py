@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 import pgraph_core as pg
+from pgraph_core.model.editing import free_name
 
 from ..core import cells
 from ..core.cells import Refusal
@@ -51,7 +51,8 @@ class AddBody(Growth):
 
     def grown(self, model: pg.Model) -> tuple[pg.Model, str]:
         parent = self.parent if self.parent in model.row else None
-        return model.add(rod(model, free_number(model.row), parent or GROUND)), "add a body"
+        name = free_name(str(len(model.row) + 1), model.row)
+        return model.add(rod(model, name, parent or GROUND)), "add a body"
 
 
 class Duplicate(Growth):
@@ -171,12 +172,6 @@ def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
     return new.unchecked_copy({"name": name, "parent": parent, "link": link})
 
 
-def free_number(taken: Iterable[str]) -> str:
-    """Return the next unused whole number as a name."""
-    names = set(taken)
-    return next(str(k) for k in range(len(names) + 1, 2 * len(names) + 2) if str(k) not in names)
-
-
 def _tops(model: pg.Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return the bodies that are not carried by another body in the list."""
     chosen = set(names)
@@ -201,7 +196,7 @@ def sized(model: pg.Model, n: int) -> pg.Model:
     rows, names = list(model.bodies), set(model.row)
     while len(rows) < n:
         parent = rows[-1] if rows else None
-        name = free_number(names)
+        name = free_name(str(len(names) + 1), names)
         new = rod(model, name, GROUND)
         if parent is not None:
             new = new.unchecked_copy({"parent": parent.name, "link": parent.tip or new.link})

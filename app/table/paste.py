@@ -12,7 +12,7 @@ from typing import Any, get_args
 import pgraph_core as pg
 from pgraph_core.errors import choices, nearest
 from pgraph_core.joints import KINDS, PER_MOTION
-from pgraph_core.model.copies import free_name
+from pgraph_core.model.editing import free_name
 from pgraph_core.model.shape import mass_properties_of
 
 from ..core import cells

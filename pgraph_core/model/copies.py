@@ -14,7 +14,7 @@ from .body import Body, Shape
 from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
 from .contact import Contact
-from .editing import renamed
+from .editing import free_name, renamed
 from .expressions import (
     drives_read,
     expressions_of,
@@ -42,21 +42,6 @@ def branch(rows: Sequence[Body], roots: Iterable[str]) -> list[str]:
             found.add(name)
             stack += children.get(name, ())
     return [body.name for body in rows if body.name in found]
-
-
-def free_name(name: str, taken: Iterable[str]) -> str:
-    """Return `name`, or the next free numbered name, such as femur, femur_2 or 7, 8."""
-    taken = set(taken)
-    if name not in taken:
-        return name
-    if re.fullmatch(r"[0-9]{1,9}", name):
-        stem, number = "", int(name)
-    else:
-        match = re.fullmatch(r"(.*_)(\d{1,9})", name)
-        stem, number = (match[1], int(match[2])) if match else (f"{name}_", 1)
-    while f"{stem}{number}" in taken or number < 2:
-        number += 1
-    return f"{stem}{number}"
 
 
 def names_of_copies(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from .. import joints, words
@@ -465,7 +466,16 @@ def cut_joint(
     return Constraint(name=name, kind=CUT[joint], body=body.name, other=parent, **given)
 
 
-def free_name(name: str, taken: Sequence[str]) -> str:
-    """Return the name, with a numeric suffix if it is taken."""
-    numbered = (f"{name} {k}" for k in range(2, len(taken) + 3))
-    return next(free for free in (name, *numbered) if free not in taken)
+def free_name(name: str, taken: Iterable[str]) -> str:
+    """Return `name`, or the next free numbered name, such as femur, femur_2 or 7, 8."""
+    taken = set(taken)
+    if name not in taken:
+        return name
+    if re.fullmatch(r"[0-9]{1,9}", name):
+        stem, number = "", int(name)
+    else:
+        match = re.fullmatch(r"(.*_)(\d{1,9})", name)
+        stem, number = (match[1], int(match[2])) if match else (f"{name}_", 1)
+    while f"{stem}{number}" in taken or number < 2:
+        number += 1
+    return f"{stem}{number}"

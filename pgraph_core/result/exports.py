@@ -163,31 +163,6 @@ class Exports:
 
         write_atomic(path, pictures.moment(self, path, t, size=size, view=view, dark=dark))
 
-    def to_plot(self, path: str | Path, /, *names: str, size: tuple[int, int] = (900, 600)) -> None:
-        """Write the plot of `plot` to an image file.
-
-        Parameters
-        ----------
-        path : path
-            The file, .png or .svg.
-        *names : str
-            Quantities, as for `plot`.
-        size : (int, int), optional
-            Width and height [pixels].
-
-        Raises
-        ------
-        InputError
-            If a quantity does not exist.
-        FileError
-            If the file cannot be written.
-        MissingPackage
-            If Matplotlib is not installed.
-        """
-        from ..show import pictures
-
-        write_atomic(path, pictures.plot(self, path, names, size=size))
-
     def to_film(
         self, path: str | Path, /, *, size: tuple[int, int] = (960, 540), fps: float = 30,
         speed: float = 1.0, view: str = "start", dark: bool = False,

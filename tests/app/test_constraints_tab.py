@@ -310,7 +310,7 @@ def test_names_are_followed_by_scenarios_and_duplicates_are_free():
     name = quadruped.constraints[0].name
     now = edit(begun(quadruped), "constraints", name, "name", ((), "sole"))
     copied = after(now, do.DuplicatePart(ME, "constraints", "sole"))
-    assert copied.model.constraints[1].name == "sole 2"
+    assert copied.model.constraints[1].name == "sole_2"
     gone = after(copied, do.DeletePart(ME, "constraints", "sole"))
     for state, there in ((now, True), (gone, False)):
         users = [s for s in state.model.scenarios if "sole" in (s.constraints or ())]

@@ -74,7 +74,7 @@ def test_a_scenario_is_made_named_set_copied_and_taken_away(slider):
     assert (state.request.t_end, state.model.scenario("throw").v) == (1.5, {"b": (1.5,)})
     assert run_of(state).q[-1, 0] == pytest.approx(1.5 * 1.5)
     copied = after(state, do.CopyScenario(ME))
-    assert copied.request.scenario == "throw 2"
+    assert copied.request.scenario == "throw_2"
     left = after(copied, do.DeleteScenario(ME))
     assert left.request.scenario == "throw"
     assert after(left, do.DeleteScenario(ME)).model.scenarios == ()
