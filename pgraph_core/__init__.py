@@ -174,8 +174,17 @@ def _of_shape(name: str) -> Any:
     from .contact.solids import KINDS
     from .words import chosen
 
-    kind = chosen(name, KINDS)
-    return partial(__getattr__("Shape"), kind) if kind else None
+    if not (kind := chosen(name, KINDS)):
+        return None
+    sizes = {"sphere": ("radius",), "box": ("size",), "ellipsoid": ("radii",)}
+    names = sizes.get(kind, ("radius", "length"))
+
+    def shape(*size: Any, **fields: Any) -> Any:
+        """Return the shape of this kind, with its size by position or by name."""
+        size = (size,) if len(names) == 1 and len(size) == 3 else size
+        return __getattr__("Shape")(kind, **dict(zip(names, size, strict=False)), **fields)
+
+    return shape
 
 
 _LAST: list[tuple[Any, Any]] = [(None, None)]  # model and mechanism of the last call
@@ -231,6 +240,14 @@ def _taken(name: str) -> str:
     return ""
 
 
+def _passed(name: str) -> bool:
+    """Return True if a function that passes arguments on to `simulate` takes this one."""
+    from .words import ours
+
+    known = inspect.signature(__getattr__("simulate")).parameters
+    return name in known or bool(ours(name, known))
+
+
 def _page(run: Any, fields: Any = (), live: bool = True) -> str:
     """Return the page of a figure, which reruns the mechanism if it is live."""
     from .live.export import page
@@ -242,6 +259,7 @@ hooks.page = _page
 hooks.elsewhere = _elsewhere
 hooks.bound = _bound
 hooks.taken = _taken
+hooks.passed = _passed
 
 
 def __dir__() -> list[str]:

@@ -399,6 +399,8 @@ def _problems_of_call(
     except TypeError as error:
         known = _names(function)
         wrong = [name for name in named if name not in known]
+        if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+            wrong = [name for name in wrong if not hooks.passed(name)]
         if wrong and known:
             about = functools.partial(meaning_of, function)
             texts = [meant(name, parameters, about) for name in wrong]

@@ -319,6 +319,10 @@ else:
                 words_only = all(isinstance(x, str) for x in args) and not data.keys() & places
                 if words_only and len(args) == len(places) > 1:  # a name and all bodies
                     return cls(**dict(zip(places, args)), **data)
+                ends = [getattr(x, "name", x) for x in args]
+                both = len(ends) == 2 and places[1:] == [*PAIR] and not data.keys() & {*places}
+                if both and all(isinstance(x, str) for x in ends):
+                    return cls(**dict(zip(PAIR, ends)), **data)
                 if len(args) > 1 or not first:
                     own = ", ".join(x for x in cls.model_fields if x != first)
                     text = f"takes {first or 'no field'} first, then fields by name; fields: {own}"

@@ -8,4 +8,5 @@ from typing import Any
 page: Callable[..., str]  # (run, fields that stay open, live) -> the HTML of a figure
 elsewhere: Callable[[], Mapping[str, str]]  # public name -> what stands before it: "run.", "pg."
 bound: Callable[[Any, str], Any]  # (model or mechanism, name) -> what takes it first, or None
+passed: Callable[[str], bool]  # name of an argument -> whether simulate takes it
 taken: Callable[[str], str]  # name of a field or an argument -> "pg.Model(..., sites=...)", or ""

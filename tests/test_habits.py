@@ -412,3 +412,26 @@ def test_loose_shapes_are_doubted_until_the_contacts_of_the_message_hold_them(nu
     table = pg.Body("table", joint="weld", shape=SPHERE)
     held = pg.Model([*bodies, table], contacts=[pg.Contact(body="*", other="*")])
     assert held.doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"),
+    [
+        (lambda: pg.Gear("arm", HAND, ratio=2), lambda: pg.Gear(body="arm", other="hand", ratio=2)),
+        (lambda: pg.Point("arm", "hand", p1=(0, 0, 1)),
+         lambda: pg.Point(body="arm", other="hand", point=(0, 0, 1))),
+        (lambda: pg.Spring("a", "b", length=1.0), lambda: pg.Spring(body="a", other="b", rest=1.0)),
+        (lambda: pg.Sphere(0.1), lambda: SPHERE),
+        (lambda: pg.Box(1, 2, 3), lambda: pg.Shape("box", size=(1, 2, 3))),
+        (lambda: pg.Box((1, 2, 3)), lambda: pg.Shape("box", size=(1, 2, 3))),
+        (lambda: pg.Cylinder(0.1, 2.0), lambda: pg.Shape("cylinder", radius=0.1, length=2.0)),
+    ],
+)  # fmt: skip
+def test_bodies_and_sizes_may_be_given_by_position(theirs, ours):
+    assert theirs() == ours()
+
+
+def test_arguments_that_are_passed_on_are_not_called_unknown():
+    with pytest.raises(pg.InputError, match="positional") as refused:
+        pg.fit(TWO, {}, {}, 1.0, 2.0, q0=[0.0])
+    assert "q0" not in str(refused.value)
