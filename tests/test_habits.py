@@ -435,3 +435,31 @@ def test_arguments_that_are_passed_on_are_not_called_unknown():
     with pytest.raises(pg.InputError, match="positional") as refused:
         pg.fit(TWO, {}, {}, 1.0, 2.0, q0=[0.0])
     assert "q0" not in str(refused.value)
+
+
+def test_a_regulator_of_a_model_without_drives_acts_on_all_joints_and_is_its_gains():
+    motors = [pg.Motor(f"{name} motor", body=name) for name in ("arm", "hand")]
+    K = pg.lqr(TWO, 1.0, 0.1)
+    same = pg.lqr(TWO.add(motors[0]).add(motors[1]), 1.0, 0.1)
+    np.testing.assert_array_equal(K.K, same.K)
+    np.testing.assert_array_equal(np.asarray(K), K.K)
+    run = pg.simulate(TWO, t_end=0.3, q0=[0.1, 0], tau=lambda t, x: -K @ x, rtol=1e-10)
+    np.testing.assert_allclose(run.q, pg.simulate(K.model, t_end=0.3, q0=[0.1, 0]).q, atol=1e-7)
+
+
+def test_a_sweep_is_an_array_of_its_values():
+    paths = {"bodies.arm.mass": [1.0, 2.0, 3.0]}
+    one = pg.sweep(TWO, paths, "final arm", t_end=0.1, q0=[0.1, 0], workers=1)
+    np.testing.assert_array_equal(np.asarray(one), one["final arm"])
+    np.testing.assert_array_equal(np.asarray(one.values), one["final arm"])
+    two = pg.sweep(TWO, paths, ["final arm", "max hand"], t_end=0.1, q0=[0.1, 0], workers=1)
+    np.testing.assert_array_equal(np.asarray(two)[:, 1], two["max hand"])
+
+
+def test_times_of_measured_data_may_be_an_argument():
+    run = pg.simulate(TWO, t_end=0.5, q0=[0.4, 0], frames=50)
+    free, options = {"bodies.arm.mass": (1.0, 4.0)}, {"q0": [0.4, 0]}
+    found = pg.fit(TWO, {"arm": run["arm"]}, free, t=run.t, **options)
+    assert found.values == pg.fit(TWO, {"t": run.t, "arm": run["arm"]}, free, **options).values
+    found = pg.identify(TWO, parameters=free, data={"arm": run["arm"]}, times=run.t, **options)
+    assert found.values["bodies.arm.mass"] == pytest.approx(2.0, rel=1e-6)

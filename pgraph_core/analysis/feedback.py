@@ -14,7 +14,7 @@ from scipy.signal import place_poles as placed
 from .. import joints
 from ..dynamics import Dynamics
 from ..errors import InputError, Problem, Suggests, explained, nearest, shown
-from ..forces import OnJoint
+from ..forces import Motor, OnJoint
 from ..model import Model
 from ..packing import Array
 from ..signals import written
@@ -25,7 +25,10 @@ from .linear import Linearisation, linearise
 
 @dataclass(frozen=True, eq=False)
 class Feedback(Suggests):
-    """The gains for a state feedback u = hold - K (x - at), and the model that uses it."""
+    """The gains for a state feedback u = hold - K (x - at), and the model that uses it.
+
+    As an array, it is K.
+    """
 
     K: Array  # (m, n) [input per rad, m, rad/s, m/s, or unit of a state]
     states: tuple[str, ...]  # (n,) names of x: q.cart, q.pole, v.cart, v.pole, x.sum[1]
@@ -37,6 +40,15 @@ class Feedback(Suggests):
     poles: Array  # (n,) eigenvalues of A - B K [1/s]
     model: Model  # the drives have the feedback as their expressions
     notices: tuple[str, ...] = ()  # warnings, as of `Linearisation`
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return np.array(self.K, dtype)
+
+    def __neg__(self) -> Array:
+        return -self.K
+
+    def __matmul__(self, x: Any) -> Array:
+        return self.K @ x
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -76,7 +88,8 @@ def lqr(
     R : number, (m,), (m, m) or dict
         Weights of the inputs, in the same form.
     inputs : list of str, optional
-        Names of motors, servos and actuators. By default, all of them are used.
+        Names of motors, servos and actuators. By default, all of them are used, and the torques of
+        all joints if the model has none.
     states : list of str, optional
         Bodies whose coordinates are used as states, one per degree of freedom, if constraints
         couple the coordinates. By default, the best conditioned ones are selected.
@@ -228,7 +241,13 @@ class _Plant:
 def _closed(
     call: str, model: Model, inputs: Any, states: Any, q: Any, gains: Callable[[_Plant], Array]
 ) -> Feedback:
-    """Build the feedback about a state at rest, using the gains returned by `gains`."""
+    """Build the feedback about a state at rest, using the gains returned by `gains`.
+
+    A model without drives gets a motor for each degree of freedom, like torques of `simulate`.
+    """
+    if inputs is None and not any(isinstance(f, OnJoint) for f in model.forces):
+        for label, body, k, _ in _degrees(Dynamics(model)):
+            model = model.add(Motor(name=f"{label} motor", body=body, coordinate=k))
     drives = _drives(call, model, inputs)
     model = _with_inputs(model, drives, [0.0] * len(drives))
     plain = Dynamics(model)

@@ -92,6 +92,7 @@ def fit(
     data: Any,
     free: Mapping[Any, Sequence[float]],
     *,
+    t: Any = None,
     scenario: str | None = None,
     sigma: Mapping[str, float] | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
@@ -119,6 +120,8 @@ def fit(
         Bounds (low, high) by path, as for `sweep`, for example {"bodies.arm.mass": (0.1, 2.0)}. Use
         "q.arm" and "v.arm" for the initial state of a body, and "q.arm@NAME" for its initial state
         in a single measurement.
+    t : (n,) array, optional
+        Times of the data [s], for a dictionary without a column "t".
     scenario : str, optional
         Name of the scenario to run.
     sigma : dict, optional
@@ -149,6 +152,7 @@ def fit(
         best = pg.fit(model, "swing.csv", {"bodies.arm.mass": (0.1, 2.0)})
     """
     base = described("fit", model)
+    data = data if t is None or not isinstance(data, Mapping) else {**data, "t": t}
     given = options if scenario is None else {"scenario": scenario, **options}
     task = _Task(base, data, free, given, progress)
     sigmas, known = _noise(task, sigma), _priors(task.numbers, priors)

@@ -37,10 +37,18 @@ FORMATS = (".csv", ".parquet")
 TRIED = 100  # points of which one must be a model for a look before the first run
 
 
+class Measured(dict[str, Array]):
+    """Values by metric, as an array (n,) if there is one metric and (n, k) if there are k."""
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        columns = [*self.values()]
+        return np.array(columns[0] if len(columns) == 1 else np.transpose(columns), dtype)
+
+
 @explained
 @dataclass(frozen=True, eq=False)
 class Sweep(Portable):
-    """The results of `sweep`, with one entry per point.
+    """The results of `sweep`, with one entry per point. As an array, it is its values.
 
     `points` (n, k) contains the values of `paths`, and `values` one array (n,) per metric, which is
     nan if the run failed. In this case, `status` and `reason` (n,) contain the cause.
@@ -51,6 +59,12 @@ class Sweep(Portable):
     values: Mapping[str, Array]
     status: tuple[str, ...]
     reason: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        vars(self)["values"] = Measured(self.values)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return np.array(self.values, dtype)
 
     @property
     def failed(self) -> Array:
