@@ -22,9 +22,12 @@ def knot_after(knots, first, count, t, rate):
 
 @part
 def lookup(knots, first, count, t):
-    """Return the value of a table at time t: linear between knots, constant outside them."""
+    """Return the value of a table at time t: linear between knots, constant outside them.
+
+    At a knot the piece after it holds, because a step that begins there goes along that piece.
+    """
     last = first + count - 1
-    if t <= knots[first, 0]:
+    if t < knots[first, 0]:
         return knots[first, 1]
     if not t < knots[last, 0]:
         return knots[last, 1]
@@ -74,7 +77,7 @@ def acting(one, knots, first, count, t):
     """
     if one.lag == 0.0 and one.integrates == 0:
         return lookup(knots, first, count, t)
-    if t <= knots[first, 0]:
+    if t < knots[first, 0]:
         return knots[first, 3]
     n, slope = piece_of(knots, first, count, t)
     ahead = t - knots[n, 0]

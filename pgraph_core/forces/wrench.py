@@ -74,7 +74,7 @@ def pack(f: Wrench, one: Any, at: Places) -> Array:
 def between(knots, first, count, t, column):
     """Interpolate three table columns linearly at time t, constant outside the knots."""
     last = first + count - 1
-    if t <= knots[first, 0]:
+    if t < knots[first, 0]:
         return load(knots, first, column)
     if not t < knots[last, 0]:
         return load(knots, last, column)

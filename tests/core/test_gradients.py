@@ -218,6 +218,47 @@ def test_a_ramp_meets_the_limit_of_its_drive(method):
     assert np.isclose(run(2 * u).sensitivity(wrt[0])[-1, 1], 0.5)  # a limit that it never meets
 
 
+CORNERS = {"t": (0.1, 0.3, 0.5, 0.8), "value": (0.5, 2.0, -1.0, 1.5)}
+
+
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "rk4", "radau5", "gauss6"])
+@pytest.mark.parametrize("kind", [pg.Motor, pg.Wrench])
+def test_each_knot_of_a_table_has_the_slopes_of_both_its_sides(kind, method):
+    """The end speed is the area under the table, which stays constant beyond its outer knots."""
+    t, x = (np.array(CORNERS[name]) for name in ("t", "value"))
+    block = pg.Body(name="s", joint="prismatic", axes=[(1, 0, 0)], mass=1.0)
+    given, field, last = {"torque": pg.Table(**CORNERS)}, "torque", ""
+    if kind is pg.Wrench:
+        forces = np.outer(x, (1.0, 0.3, -0.2))
+        given, field, last = {"force": pg.VectorTable(t=t, value=forces)}, "force", ".0"
+    model = pg.Model(bodies=[block], forces=[kind(name="f", body="s", **given)], gravity=(0, 0, 0))
+    wrt = [f"forces.f.{field}.t.{k}" for k in range(4)]
+    wrt += [f"forces.f.{field}.value.{k}{last}" for k in range(4)]
+    run = pg.simulate(model, t_end=1.0, method=method, estimate=False, wrt=wrt)
+    outside = np.concatenate((x[:1], x, x[-1:]))
+    around = np.concatenate(([-t[0]], t, [2.0 - t[-1]]))  # as far outside again as the run goes
+    exact = np.concatenate((outside[:-2] - outside[2:], around[2:] - around[:-2])) / 2.0
+    assert np.allclose([run.sensitivity(path)[-1, 1] for path in wrt], exact, rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "rk4", "radau5", "gauss6"])
+@pytest.mark.parametrize("brake", ["=-max(a, 3*v.s)", "=-min(max(-3*v.s, a), 3*v.s)"])
+def test_a_clamp_of_the_motion_has_the_slopes_of_both_its_sides(brake, method):
+    """A slider decays at a rate of 3 until 3 v = a and then brakes evenly, or the reverse."""
+    block = pg.Body(name="s", joint="prismatic", axes=[(1, 0, 0)], mass=1.0)
+    drive = pg.Actuator(name="f", body="s", input=brake)  # a gain beside 1 makes another program
+    model = pg.Model(bodies=[block], parameters={"a": 1.2}, gravity=(0, 0, 0)).add(drive)
+    begin, end, fixed = 1.0, 1.0, brake.startswith("=-max")
+    meets = np.log(3 * begin / 1.2) / 3 if fixed else (begin - 0.4) / 1.2
+    wrt = ["a", "v.s", "forces.f.gain"]  # the gain makes time go faster
+    run = pg.simulate(model, t_end=end, method=method, v=[begin], estimate=False, wrt=wrt)
+    exact = meets - end, 1.2 / (3 * begin), -1.2 * end
+    if not fixed:
+        left = np.exp(-3 * (end - meets))
+        exact = -meets * left, left, -3 * 0.4 * left * end
+    assert np.allclose([run.sensitivity(path)[-1, 1] for path in wrt], exact, rtol=1e-5)
+
+
 def test_adaptive_methods_agree():
     options = {
         "t_end": 1.0,

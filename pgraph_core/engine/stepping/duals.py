@@ -26,7 +26,7 @@ from ..motion import (
     projection,
 )
 from ..records import REACHED
-from ..signals import SIDE
+from ..signals import HELD, SIDE
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard
 from ..tree.moving import advance, normalise_all
@@ -90,11 +90,19 @@ def see_duals(run, t):
 
 @sweep
 def take_sides(run, numbers):
-    """Give comparisons of the motion the results that the primal run holds."""
+    """Give comparisons of the motion the results that the primal run holds.
+
+    Their places may differ, because a factor of 1 takes no instruction.
+    """
     code = opened(opened_run(run).scene).loads.signals[0]
     given = opened(opened_run(numbers).scene).loads.signals[0]
-    for i in range(1, given.shape[0], 2):
-        code[i, SIDE] = revalued(code[i, SIDE], given[i, SIDE])
+    n = 0
+    for i in range(0, given.shape[0], 2):
+        if given[i, 0] >= HELD:
+            while code[n, 0] < HELD:
+                n += 2
+            code[n + 1, SIDE] = revalued(code[n + 1, SIDE], given[i + 1, SIDE])
+            n += 2
 
 
 @sweep
