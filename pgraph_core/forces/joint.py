@@ -182,6 +182,16 @@ class OnJoint(Force, OfSums):
         return tuple((name, k, self.gear * x) for name, k, x in super().terms)
 
     @property
+    def aims(self) -> bool:
+        """Return True if the input moves the target of a spring, else it is a part of the torque.
+
+        An input that is no target itself is one at gain u / kp, of which kp = 0 has no limit. So it
+        is a part of the torque, unless a lag or a table of torque needs the table that this leaves.
+        """
+        own = self.has_state or not isinstance(self.law.torque, float)
+        return self.law.kp != 0.0 and (own or self.INPUT == "target")
+
+    @property
     @abstractmethod
     def law(self) -> Law:
         """The torque at an input u: torque + gain u - kp length - kd rate."""

@@ -145,13 +145,13 @@ def _drives(model: Model, topology: Topology, packed: System, forces: tuple[Forc
     passive = len(rows)
     for f in forces:
         if isinstance(f, OnJoint):
-            gain, torque, kp, kd = f.law
+            _, _, kp, kd = f.law
             target, torque = input_tables(f)
             place = _placed(terms_of(f, topology, packed), kp != 0, terms)
             spans = *knots.put(target), *knots.put(torque)
             follows = AT_ONCE
             if f.has_state:
-                follows = _following(knots.own(spans[0] if kp else spans[2]), f)
+                follows = _following(knots.own(spans[0] if f.aims else spans[2]), f)
             rows.append((*place[:2], kp, kd, *f.torques, 0.0, *spans, *place[2:], *follows))
         elif not isinstance(f, (OnBody, Tendon)):
             raise TypeError(f"a force of kind '{f.kind}' has no row in any table")
@@ -192,18 +192,18 @@ def _placed(
 def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
     """Return (target, torque) in kernel form, with the law torque + kp (target - q) - kd v.
 
-    The input u adds gain u to the torque; with a kp it is part of the target. If the input is
+    The input u adds gain u to the torque, or gain u / kp to the target if it aims. If the input is
     integrated, `torque` is part of the initial value.
     """
     gain, torque, kp, _ = f.law
     u: Any = getattr(f, f.INPUT)
-    if not kp and str in (type(u), type(torque)):
+    if not f.aims and str in (type(u), type(torque)):
         return 0.0, 0.0  # their sum comes from the expressions
     u, torque = (0.0 if isinstance(x, str) else x for x in (u, torque))
     if f.integrates:
         u = _parted(u) if isinstance(u, Table) else u
-        torque = torque if kp else 0.0
-    if kp:
+        torque = torque if f.aims else 0.0
+    if f.aims:
         return _scaled(u, gain / kp), torque
     if isinstance(torque, Table) and isinstance(u, Table):
         t = np.union1d(torque.t, u.t)
@@ -332,7 +332,9 @@ AT_ONCE: Follows = (0.0, 0, -np.inf, np.inf)
 def _following(knots: Array, f: OnJoint) -> Follows:
     """Write the active value at each knot into the last column. Return the response."""
     gain, torque, kp, _ = f.law
-    scale, shift = (gain / kp, 0.0) if kp else (gain, torque if isinstance(torque, float) else 0.0)
+    scale, shift = (
+        (gain / kp, 0.0) if f.aims else (gain, torque if isinstance(torque, float) else 0.0)
+    )
     least, most = sorted(shift + scale * x if scale else shift for x in f.states)
     follows = f.lag, int(f.integrates), least, most
     begin = 0.0 if f.integrates else None

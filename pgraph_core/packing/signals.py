@@ -506,11 +506,11 @@ def _of_drive(program: Program, f: OnJoint) -> tuple[Operand | None, Operand | N
     """Return (target, torque) for a drive in kernel form, with None for constant values.
 
     torque + gain u - kp length - kd rate is torque + kp (target - length) - kd rate with the target
-    gain u / kp, or without a kp torque + gain u.
+    gain u / kp if the input aims, else with torque + gain u.
     """
     gain, torque, kp, _ = f.law
     u = program.input(f)
-    if kp:
+    if f.aims:
         varies = isinstance(getattr(f, f.INPUT), str)
         target = program.times(gain / kp, u) if varies else None
         return target, program.value(torque) if isinstance(torque, str) else None

@@ -45,9 +45,9 @@ class Inputs:
             if isinstance(f, Servo) and targets == 1 and not f.has_state:
                 self.servos[f.name] = first_target
             gain, kp, torque = f.law.gain, f.law.kp, f.law.torque
-            if kp and targets == 1:
+            if f.aims and targets == 1:
                 self.known[f.name] = Input(f, first_target, 0.0, gain / kp, tuple(follows))
-            elif not kp and torques == 1 and not isinstance(torque, Table):
+            elif not f.aims and torques == 1 and not isinstance(torque, Table):
                 start: Any = 0.0 if f.integrates else torque
                 self.known[f.name] = Input(f, first_torque, start, gain, tuple(follows))
 

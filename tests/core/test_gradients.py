@@ -259,6 +259,21 @@ def test_a_clamp_of_the_motion_has_the_slopes_of_both_its_sides(brake, method):
     assert np.allclose([run.sensitivity(path)[-1, 1] for path in wrt], exact, rtol=1e-5)
 
 
+def test_a_gain_of_zero_is_a_number_as_any_other():
+    """Of an actuator that pushes with u at t = 1: v = u t - kp u t^3 / 6 to first order in kp."""
+    block = pg.Body(name="s", joint="prismatic", axes=[(1, 0, 0)], mass=1.0)
+    drive = pg.Actuator(name="f", body="s", input=3.0, kp=0.0)
+    model = pg.Model(bodies=[block], forces=[drive], gravity=(0, 0, 0))
+    for u in (3.0, "=3"):
+        given = model.edit("f", input=u)
+        run = pg.simulate(given, t_end=1.0, method="dop853", wrt=["forces.f.kp"])
+        assert np.isclose(run.sensitivity("forces.f.kp")[-1, 1], -3.0 / 6.0, rtol=1e-9)
+        small, none = (
+            pg.simulate(given.edit("f", kp=kp), t_end=1.0, method="dop853") for kp in (1e-9, 0.0)
+        )
+        assert np.isclose(small.v[-1, 0] - none.v[-1, 0], -0.5e-9, rtol=1e-5)
+
+
 def test_adaptive_methods_agree():
     options = {
         "t_end": 1.0,
