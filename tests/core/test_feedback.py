@@ -177,7 +177,7 @@ def test_an_arm_is_held_where_gravity_pulls():
         (lambda m: pg.lqr(m, [1.0, 2.0]), ("Q", "4 numbers")),
         (lambda m: pg.lqr(m, 1.0, "much"), ("R", "'much'")),
         (lambda m: pg.lqr(m, 1.0, inputs=["pull"]), ("inputs", "'pull'", "push")),
-        (lambda m: pg.lqr(m.replace(forces=[]), 1.0), ("inputs", "motor")),
+        (lambda m: pg.lqr(m.replace(forces=[]), 1.0, inputs=[]), ("inputs", "motor")),
         (lambda m: pg.lqr(m, 1.0, q=[0.0, 0.5]), ("q", "equilibrium")),
         (lambda m: pg.lqr(m, 1.0, states=["pole"]), ("states", "2 coordinates", "cart, pole")),
         (lambda m: pg.lqr(m, 1.0, states=["pole", "car"]), ("states", "'car'", "cart")),
