@@ -27,11 +27,13 @@ from ..core.cells import (
     Refusal,
     content,
     number,
+    quantity,
     quantity_in,
     replaced,
     valid_name,
     whole,
 )
+from ..pose.solving import degrees
 from . import KINDS, WORD, Part, about, own_fields, takes_other, typed_as
 from .gains import EVERY, GROUND, gains
 
@@ -41,6 +43,7 @@ Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, r
 
 FLAG = ("no", "yes")  # texts of false and true in a form
 CURVES = ("polynomial", "sine", "table", "expression")
+FRICTIONS = ("friction", "static_friction", "rolling_friction", "spinning_friction")
 KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outputs": "kind",
               "controls": "kind"}  # fmt: skip
 
@@ -209,6 +212,10 @@ def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
             other = item.other_point or (0.0, 0.0, 0.0)
             here, there = p + R @ np.asarray(point), o + turn @ np.asarray(other)
             return float(np.linalg.norm(here - there))
+        case pg.Contact(), "restitution":
+            return model.ground.restitution
+        case pg.Contact(), _ if field in FRICTIONS:
+            return item.frictions(model.ground)[FRICTIONS.index(field)]
         case pg.Torsion(), "axis":
             return (0.0, 0.0, 1.0)
         case _, "rotation":
@@ -362,10 +369,12 @@ def _typed(
             return {**data, "q_of_t": text.strip() if typed else table_of(text, 1)}
         case "sine":
             key = ("mean", "amplitude", "frequency", "phase")[index[0]]
-            return {**data, "q_of_t": {**dict(_dict(data["q_of_t"])), key: number(text)}}
+            value = number(text) if index[0] > 1 else _moved_by(model, item, text)
+            return {**data, "q_of_t": {**dict(_dict(data["q_of_t"])), key: value}}
         case "polynomial":
-            old = (*item.q_of_t.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]
-            new = replaced(old, index, number(text))
+            old = (*_dict(data["q_of_t"])["coefficients"], 0.0, 0.0, 0.0, 0.0)[:4]
+            value = number(text) if index[0] > 1 else _moved_by(model, item, text, index[0] == 1)
+            new = replaced(old, index, value)
             return {**data, "q_of_t": {"kind": "polynomial", "coefficients": new}}
         case "torque_over" | "force_over":
             return {**data, field[:-5]: _over(getattr(item, field[:-5]), text)}
@@ -392,6 +401,14 @@ def _typed(
         return {**data, field: new}
     old = data.get(field) or implied(model, item, field, at) or (0.0, 0.0, 0.0)
     return {**data, field: replaced(tuple(old), index, new)}
+
+
+def _moved_by(model: pg.Model, item: pg.Motion, text: str, rate: bool = False) -> float:
+    """Return a coordinate, or a rate, in SI units unless it is typed as 30 deg or 1500 rpm."""
+    slides = (
+        dict(enumerate(degrees(model.body(item.body)))).get(item.coordinate, ("", ""))[1] == "m"
+    )
+    return quantity(text, "length" if slides else "angle", Display(), rate)
 
 
 def _dict(value: Any) -> dict[str, Any]:

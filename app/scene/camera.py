@@ -62,7 +62,7 @@ class CameraView:
             elif client in asked:
                 self._look(handle, new, page, asked[client], page.selected)
             elif page.turned or (chosen and page.aspect == before.aspect):
-                if (over or edited) and not seen(handle, new, page).any():
+                if (over or edited) and not holds(handle, new, page, poses(new)[0]).any():
                     self._look(handle, new, page, "fit")
             elif page.aspect != before.aspect or (
                 (changed or page.follow != before.follow or (posed and page.reply != before.reply))
@@ -156,11 +156,6 @@ def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     near, far = (np.linalg.norm(x - middle) for x in (nearest.position, np.asarray(at.position)))
     return bool(FILLS * far < FRAMING.margin * near)
-
-
-def seen(handle: viser.ClientHandle, state: State, page: Client) -> np.ndarray:
-    """Return a mask (nb,) of the bodies in a page's picture, all False in vertical views."""
-    return holds(handle, state, page, poses(state)[0])
 
 
 def holds(

@@ -253,6 +253,14 @@ def test_a_setpoint_is_typed_in_the_unit_of_its_signal_and_kd_brings_its_filter(
     assert (pid.kd, pid.filter) == (2.0, 2 / 40)
 
 
+def test_a_contact_shows_the_friction_of_the_ground_that_it_has():
+    contact = pg.Contact(name="heel", body="1", points=((0, 0, 0),), law="soft")
+    model = pg.Model.serial(1).replace(contacts=(contact,), ground=pg.Ground(friction=0.2))
+    (found, *_) = form(begun(model), Display(), "contacts", contact)
+    (friction,) = [f for f in found["fields"] if f["field"] == "friction"]
+    assert friction["cells"][0]["value"] == 0.2
+
+
 def test_an_output_follows_its_site(state):
     state = add(state, "sites", "site")
     state = edit(state, "sites", "site", "name", ((), "imu"))
@@ -272,6 +280,9 @@ def test_motions_over_time(state):
     state = edit(state, "constraints", "motion", "curve", ((), "polynomial"))
     state = edit(state, "constraints", "motion", "polynomial", ((1,), "2"))
     assert state.model.constraints[0].q_of_t.coefficients[:2] == (0.0, 2.0)
+    turns = edit(state, "constraints", "motion", "polynomial", ((0,), "30 deg"), ((1,), "1500 rpm"))
+    found = turns.model.constraints[0].q_of_t.coefficients[:2]
+    assert found == pytest.approx((math.pi / 6, 50 * math.pi))
     state = edit(state, "constraints", "motion", "curve", ((), "table"))
     state = edit(state, "constraints", "motion", "table", ((), "0 0; 1 0.5; 2 0"))
     assert state.model.constraints[0].q_of_t.value == (0.0, 0.5, 0.0)
