@@ -167,8 +167,10 @@ def _ordered(value: Any) -> Any:
 
 
 def _inertia(value: Any) -> Any:
-    """Return an inertia matrix. Three numbers are interpreted as its diagonal."""
+    """Return an inertia matrix. Three numbers are its diagonal, and 0 is that of a point mass."""
     value = _ordered(value)
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and value == 0:
+        value = (0.0, 0.0, 0.0)
     if (
         isinstance(value, tuple)
         and len(value) == 3

@@ -130,7 +130,7 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
     if name == "gravity" and isinstance(given, float | int) and 0 < abs(given) < math.inf:
         return f"; write (0, 0, {-abs(given)}) if z is up"
     if name == "ground" and isinstance(given, bool):
-        return "; the plane is always there, and contacts=[pg.Contact(body=...)] rest on it"
+        return "; the plane is always there, and contacts=[pg.Contact(body='*')] rest on it"
     if name in ("axis", "other_axis", "axes"):
         return along(given)
     if name == "rotation" and getattr(given, "shape", ()) == (3, 3):

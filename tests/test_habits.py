@@ -463,3 +463,37 @@ def test_times_of_measured_data_may_be_an_argument():
     assert found.values == pg.fit(TWO, {"t": run.t, "arm": run["arm"]}, free, **options).values
     found = pg.identify(TWO, parameters=free, data={"arm": run["arm"]}, times=run.t, **options)
     assert found.values["bodies.arm.mass"] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_an_inertia_of_zero_is_that_of_a_point_mass():
+    for zero in (0, 0.0):
+        assert pg.Body("a", inertia=zero) == pg.Body("a", inertia=(0, 0, 0))
+    for wrong in (1.0, False):
+        with pytest.raises(pg.ModelError, match="inertia"):
+            pg.Body("a", inertia=wrong)
+
+
+def test_velocities_of_loose_joints_are_in_the_axes_of_the_parent():
+    """The rotation of the body turns an angular velocity in its axes, as other programs take it."""
+    half, w = 0.2, np.array((0.3, -0.5, 2.0))
+    turn = (np.cos(half), np.sin(half), 0.0, 0.0)
+    top = {"inertia": (0.1, 0.1, 0.1), "com": (0, 0, 0.1)}
+    for joint, q, rest in (("spherical", turn, ()), ("free", (0, 0, 0, *turn), (0, 0, 0))):
+        mech = pg.Mechanism(pg.Model([pg.Body("top", joint=joint, **top)]))
+        v = (*(mech.pose(q, "top")[1] @ w), *rest)
+        np.testing.assert_allclose(mech.velocity(q, v, "top", frame="body")[:3], w, atol=1e-14)
+
+
+def test_contacts_of_the_message_are_those_of_all_shapes():
+    with pytest.raises(pg.ModelError) as refused:
+        pg.Model([LOOSE], contacts="all")
+    line = str(refused.value).partition("contacts=")[2]
+    assert pg.Model([LOOSE], contacts=eval(line, {"pg": pg})).doubts == ()
+
+
+def test_the_axis_of_the_message_is_that_of_the_joint():
+    loop = pg.Revolute("loop", body="hand", point=(0, 0, -1))
+    said = next(text for text in TWO.add(loop).doubts if "'loop'" in text)
+    axis = eval(said.rpartition("axis=")[2])
+    aligned = loop.model_copy(update={"axis": axis})
+    assert TWO.add(aligned).doubts == ()

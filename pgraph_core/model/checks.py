@@ -524,7 +524,11 @@ def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]
     for key, kind in PARTS.items():
         items = data.get(key, ())
         if not isinstance(items, (list, tuple)):
-            found.append(Problem("model", key, f"must be a list, got {shown(items)}"))
+            text = f"must be a list, got {shown(items)}"
+            if key == "contacts":
+                both = "pg.Contact(body='*'), pg.Contact(body='*', other='*')"
+                text += f"; all shapes touch the ground and each other by contacts=[{both}]"
+            found.append(Problem("model", key, text))
             items = ()
         valid[key] = []
         for i, item in enumerate(items):

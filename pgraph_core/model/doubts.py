@@ -92,9 +92,10 @@ def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Ite
             continue
         own = {m.axis for m in body.sequence if m.kind in AXIAL}
         if c.kind != "universal" and len(own) == 1 and not {Z, (0.0, 0.0, -1.0)} & own:
+            along = shown(next(iter(own)))
             yield (
                 f"constraint '{c.name}': without axis it is along z of '{c.body}', whose own joint "
-                f"is along {shown(next(iter(own)))}; give axis (in '{c.body}') or other_axis"
+                f"is along {along}; for the same give axis={along}"
             )
 
 

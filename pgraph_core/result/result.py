@@ -19,7 +19,7 @@ from ..dynamics.states import (
     size_of_motion,
     sizes_of_states,
 )
-from ..errors import InputError, ModelError, Problem, choices, explained, guarded
+from ..errors import InputError, ModelError, Problem, choices, counted, explained, guarded
 from ..packing import Array
 from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly
@@ -191,7 +191,7 @@ class Result(Exports, EqualByFields, Portable):
         error = f"error {self.error_estimate:.1e}"
         if not np.isfinite(self.error_estimate):
             error = f"error {self.accuracy}"
-        text = f"<Result: {len(self.t)} frames over {span} by {method}, {error}"
+        text = f"<Result: {counted(len(self.t), 'frame')} over {span} by {method}, {error}"
         if self.notices:
             text += f", {len(self.notices)} notice{'s'[: len(self.notices) > 1]}"
         return f"{text}>" if self.status.ok else f"{text};\n {self.message}>"
