@@ -222,28 +222,42 @@ def accelerate(run, t, h, w):
     tau = stages[at.TORQUE, :nv]
     vdot = stages[at.SLOPE, nq : nq + nv]
     data = opened(scene)
-    rows, const, work = data.rows, data.const, data.work
-    vectors, active = data.space.vectors, data.blocks.active
+    active = data.blocks.active
     bilateral = active[0]
     active[0] = 0  # constraints come in with the impulses
     if data.loads.signals[2].shape[0] > 0:
         move_states(scene, t, 0.5 * w, q, v, before, v, tau)
-    advance(rows, q, v, 0.5 * w)
+    advance(data.rows, q, v, 0.5 * w)
     stiffen(scene, t + 0.5 * w, w, q, v)
     contacts_at(data.links.contacts).tally[0].share = w / h
     call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, v, tau, vdot, this.flow))
     this.counters[0].evaluations += 1
+    end_acceleration(run, w, w)
+    active[0] = bilateral
+
+
+@sweep
+def end_acceleration(run, w, width):
+    """Let spinning bodies keep their energy over a part, and take what `stiffen` added back.
+
+    The width of a part is w, and `width` in the number type of the run.
+    """
+    this = opened_run(run)
+    stages, data = this.stages, opened(this.scene)
+    nq, nv = size_of_state(run)
+    q, before = stages[at.CANDIDATE, :nq], stages[at.TRIAL, nq : nq + nv]
+    vdot, vectors = stages[at.SLOPE, nq : nq + nv], data.space.vectors
+    rows, const, work = data.rows, data.const, data.work
     if w > 0.0:
         for j in range(nv):
             vectors[ZERO, j] = 0.0
         gyre = vectors[GYRE : GYRE + GYRE_ROWS]
-        keep_gyrating(rows, const, work, q, before, w, vectors[ZERO], gyre, vdot)
-        keep_spinning(rows, const, work, before, w, vectors[STEP], vdot)
+        keep_gyrating(rows, const, work, q, before, width, vectors[ZERO], gyre, vdot)
+        keep_spinning(rows, const, work, before, width, vectors[STEP], vdot)
     relax(rows, const, vectors, data.given)
     for j in range(nv):
         stages[at.ERROR, j] = vectors[DAMPING, j]
     positions(rows, work)
-    active[0] = bilateral
 
 
 @sweep
@@ -335,8 +349,10 @@ def book_drives(rows, drives, tau, before, extra, h, v, ledger):
 
 
 @sweep
-def set_velocities(scene, t, h, v, vdot):
-    """Write J v into BEFORE and J (v + h v') into RHS, less the prescribed velocities of rows."""
+def set_velocities(scene, t, end, h, v, vdot):
+    """Write J v at t into BEFORE and J (v + h v') at the time `end` into RHS, less the prescribed
+    velocities of rows.
+    """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors, linear = space.vectors, space.linear
@@ -348,10 +364,7 @@ def set_velocities(scene, t, h, v, vdot):
         vectors[STEP, j] = v[j] + h * vdot[j]
     turn_rates(rows, const, work, vectors[STEP])
     velocities(rows, const, work, vectors[STEP], linear)
-    residual_velocity(blocks, work, space, t + h, vectors[STEP], vectors[RHS])
-    for j in range(v.shape[0]):
-        vectors[SPEEDS, j] = vectors[STEP, j]
-    unspread(rows, const, work, vectors[SPEEDS])
+    residual_velocity(blocks, work, space, end, vectors[STEP], vectors[RHS])
 
 
 @sweep
@@ -405,7 +418,10 @@ def solve_part(scene, own, q, v, vdot, ledger):
     taken = 0
     while True:
         m = number_rows(blocks, space.slots)
-        set_velocities(scene, t, w, v, vdot)
+        set_velocities(scene, t, t + w, w, v, vdot)
+        for j in range(v.shape[0]):
+            space.vectors[SPEEDS, j] = space.vectors[STEP, j]
+        unspread(rows, const, work, space.vectors[SPEEDS])
         unit_responses(rows, const, blocks, work, space)
         warm_start(scene, first, m)
         solve_impulses(scene, m, first)

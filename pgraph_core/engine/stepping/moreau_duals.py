@@ -13,14 +13,11 @@ from .. import layout as at
 from ..arrays import (
     BEFORE,
     CHANGE,
-    DAMPING,
     DINV,
-    GYRE,
     LAMBDA,
     OTHER,
     RHS,
     STEP,
-    ZERO,
     carried_at,
     opened_run,
 )
@@ -31,27 +28,21 @@ from ..compiler.kinds import f8, i8, of_duals, void
 from ..constraints.blocks import (
     ends_of,
     first_of,
-    locate,
-    one_sided,
     residual_velocity,
-    size_of,
     span,
     type_of,
-    velocities,
 )
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread
 from ..contact.contacts import contacts_at
 from ..contact.meeting import limit_gap
-from ..contact.newton import gather
 from ..contact.slopes import impulses_of_duals
 from ..contact.sweeps import own_block
 from ..motion import call_acceleration, opened
 from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
-from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
 from .duals import D1, STEP_OF_DUALS, end_step, take_values
-from .moreau import REPEAT, book_drives, relax, stiffen, turn_rates
+from .moreau import REPEAT, book_drives, end_acceleration, relax, set_velocities, stiffen
 from .state import copied, size_of_state
 from .unilateral import push_out, span_reaches
 
@@ -111,14 +102,13 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
         space.vectors[STEP, k] = 0.0
     if own.blocks.active[0] > 0:
         m = number_rows(own.blocks, space.slots)
-        set_rates(run, t, w)
+        set_velocities(scene, t, t + w, width, v, vdot)
         if w < h and first > 1:
             follow_width(run, t + w, h, m)
         unit_responses(own.rows, own.const, own.blocks, own.work, space)
         given = carried_at(carried)
         if impulses_of_duals(scene, scene_of_numbers, given, first, m):
             end_derivatives(carried, t, NO_SLOPE)
-        ledger[at.DISSIPATED] -= gained(scene, scene_of_numbers, first)
         spread(own.rows, own.const, own.work, space.vectors[STEP])
     for j in range(nv):
         v[j] += width * vdot[j] + space.vectors[STEP, j]
@@ -167,32 +157,21 @@ def move_freely(run, t, h, w):
     scene, stages, flow = data.scene, data.stages, data.flow
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
-    before, vdot = stages[at.TRIAL, nq : nq + nv], stages[at.SLOPE, nq : nq + nv]
-    own = opened(scene)
-    active, vectors, width = own.blocks.active, own.space.vectors, stages[at.END, TAKEN]
+    vdot, own = stages[at.SLOPE, nq : nq + nv], opened(scene)
+    active, width = own.blocks.active, stages[at.END, TAKEN]
     count = active[0]
     active[0] = 0
     advance(own.rows, q, v, 0.5 * width)
     if 0.0 < w < h:
         differ_in_time(run, t + 0.5 * w, SHIFT * h)
     accelerate(run, t + 0.5 * w)
-    if w > 0.0:
-        if w < h:
-            late = stages[at.END, BEGUN] + 0.5 * width
-            late = revalued(late, 0.0)
-            for j in range(nv):
-                vdot[j] += stages[at.FROM, nq + j] * late
-            flow[0] += stages[at.FROM, nq + nv] * late
-            flow[1] += stages[at.FROM, nq + nv + 1] * late
+    if 0.0 < w < h:
+        late = revalued(stages[at.END, BEGUN] + 0.5 * width, 0.0)
         for j in range(nv):
-            vectors[ZERO, j] = 0.0
-        gyre = vectors[GYRE : GYRE + GYRE_ROWS]
-        keep_gyrating(own.rows, own.const, own.work, q, before, width, vectors[ZERO], gyre, vdot)
-        keep_spinning(own.rows, own.const, own.work, before, width, vectors[STEP], vdot)
-    relax(own.rows, own.const, vectors, own.given)
-    for j in range(nv):
-        stages[at.ERROR, j] = vectors[DAMPING, j]
-    positions(own.rows, own.work)
+            vdot[j] += stages[at.FROM, nq + j] * late
+        flow[0] += stages[at.FROM, nq + nv] * late
+        flow[1] += stages[at.FROM, nq + nv + 1] * late
+    end_acceleration(run, w, width)
     active[0] = count
 
 
@@ -247,25 +226,6 @@ def set_rows(scene, numbers, first, width, q, v):
 
 
 @sweep
-def set_rates(run, t, w):
-    """Write J v into BEFORE and J (v + w v') into RHS, as `moreau.set_velocities` does."""
-    data = opened_run(run)
-    stages, own = data.stages, opened(data.scene)
-    rows, const, work, space = own.rows, own.const, own.work, own.space
-    nq, nv = size_of_state(run)
-    v, vdot = stages[at.CANDIDATE, nq : nq + nv], stages[at.SLOPE, nq : nq + nv]
-    vectors, width = space.vectors, stages[at.END, TAKEN]
-    locate(own.blocks, work, space.place)
-    velocities(rows, const, work, v, space.linear)
-    residual_velocity(own.blocks, work, space, t, v, vectors[BEFORE])
-    for j in range(nv):
-        vectors[STEP, j] = v[j] + width * vdot[j]
-    turn_rates(rows, const, work, vectors[STEP])
-    velocities(rows, const, work, vectors[STEP], space.linear)
-    residual_velocity(own.blocks, work, space, t + w, vectors[STEP], vectors[RHS])
-
-
-@sweep
 def follow_width(run, t, h, m):
     """Add the change in speed of prescribed motions if the sub-step ends later, at t."""
     data = opened_run(run)
@@ -279,26 +239,6 @@ def follow_width(run, t, h, m):
     for r in range(m):
         slope = (vectors[OTHER, r] - vectors[CHANGE, r]) / (2.0 * SHIFT * h)
         vectors[RHS, r] += slope * end
-
-
-@sweep
-def gained(scene, numbers, first):
-    """Return the energy that unilateral impulses add [J], as `impulse.gained`."""
-    own, given = opened(scene), opened(numbers).space.vectors[LAMBDA]
-    blocks, space = own.blocks, own.space
-    blocks_i, blocks_f, vectors = blocks.blocks_i, blocks.blocks_f, space.vectors
-    gain = 0.0 * vectors[STEP, 0]
-    for j in range(first, blocks.active[0] + 1):
-        i = blocks.active[j]
-        r = first_of(space.slots, i)
-        u = gather(space.y, space.slots, i, vectors[STEP])
-        for c in range(size_of(blocks_i, i)):
-            if given[r + c] != 0.0:
-                mean = vectors[BEFORE, r + c] + vectors[RHS, r + c] + u[c]
-                if one_sided(type_of(blocks_i, i)):
-                    mean -= blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
-                gain += vectors[LAMBDA, r + c] * 0.5 * mean
-    return gain
 
 
 # -- the time of an impact -------------------------------------------------------------------------
