@@ -19,6 +19,7 @@ from .scene import INTEGRATED, NONE, KnownRun, Rng, numbers, scale, without_grav
 Margin = Callable[[float, float, float], float]  # of t, q, v
 AT_ONCE = 1e-11  # of a run: changes that follow each other within it make no motion to judge
 MOST_CHANGES = 400
+PLACES = 9  # of a step at which margins are looked at
 
 
 class Law(NamedTuple):
@@ -96,7 +97,7 @@ def by_sides(
     t: Array,
 ) -> Array:  # fmt: skip
     """Return (q, v) at times t (n, 2), nan from where sides change again at once."""
-    from scipy.integrate import solve_ivp
+    from scipy.integrate import DOP853, solve_ivp
 
     margins = [m for law in chosen for m in law.margins]
     found = np.full((len(t), 2), np.nan)
@@ -114,35 +115,56 @@ def by_sides(
 
         return rate
 
-    def ending(m: Margin) -> Any:
-        def margin(t: float, y: Array) -> float:
-            return m(t, y[0], y[1])
-
-        margin.terminal = True  # type: ignore[attr-defined]
-        return margin
-
-    ends = list(map(ending, margins))
-    given: dict[str, Any] = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
+    given: dict[str, Any] = {"rtol": 1e-13, "atol": 1e-14}
     on = [m(now, *y) > 0 for m in margins]
     for _ in range(MOST_CHANGES):
-        rate = rates(on)  # past the change, where it is certain on which side the motion is
-        past = solve_ivp(rate, (now, now + soon), y, **given).y[:, -1]
+        rate, begun = rates(on), now  # past the change, where it is certain which side it is on
+        y = solve_ivp(rate, (now, now + soon), y, method="DOP853", **given).y[:, -1]
         now += soon
-        on = [m(now, *past) > 0 for m in margins]
-        part = solve_ivp(
-            rates(on), (now, t[-1]), past, events=ends, max_step=0.02, dense_output=True, **given
-        )
-        end = float(part.t[-1])
-        mine = (t >= now - soon) & (t <= end)
-        if mine.any():
-            found[mine] = part.sol(t[mine]).T
-        if part.status != 1 or end - now < soon:
+        on = [m(now, *y) > 0 for m in margins]
+        solver: Any = DOP853(rates(on), now, y, t[-1], max_step=0.02, **given)
+        met, way = None, solver
+        while solver.status == "running" and met is None:
+            solver.step()
+            way = solver.dense_output()
+            met = first_change(margins, on, way)
+            end = solver.t if met is None else met[0]
+            mine = (t >= (begun if way.t_old == now else way.t_old)) & (t <= end)
+            found[mine] = way(t[mine]).T
+        if met is None or met[0] - now < soon:
             return found
-        y, now = part.y[:, -1], end
-        on = [
-            (not side) if len(event) else side for side, event in zip(on, part.t_events)
-        ]  # fmt: skip
+        y, now = way(met[0]), met[0]
+        on = [side != (i == met[1]) for i, side in enumerate(on)]
     return found
+
+
+def first_change(
+    margins: Sequence[Margin], on: Sequence[bool], way: Any
+) -> tuple[float, int] | None:
+    """Return (time, number) of the first margin that changes its sign on the way of a step.
+
+    A margin is at its least between two of PLACES, where it may be negative for a short time.
+    """
+    from scipy.optimize import brentq, minimize_scalar
+
+    places, changes = np.linspace(way.t_old, way.t, PLACES), []
+    for i, (margin, side) in enumerate(zip(margins, on)):
+
+        def beyond(t: Any, margin: Margin = margin, side: bool = side) -> Any:
+            return (1.0 if side else -1.0) * margin(t, *way(t))
+
+        at, values = list(places), beyond(places)
+        falls = np.diff(values) < 0.0
+        for k in np.flatnonzero(np.append(True, falls) & ~np.append(falls, False)).tolist():
+            bounds = places[max(k - 1, 0)], places[min(k + 1, PLACES - 1)]
+            exact: Any = {"bounds": bounds, "method": "bounded", "options": {"xatol": 1e-12}}
+            least: Any = minimize_scalar(beyond, **exact)
+            at.append(float(least.x))
+        at.sort()
+        k = int((beyond(np.array(at)) < 0.0).argmax())
+        if beyond(at[k]) < 0.0:
+            changes.append((brentq(beyond, at[k - 1], at[k], xtol=1e-15) if k else at[0], i))
+    return min(changes, default=None)
 
 
 FAMILIES: dict[str, Callable[[Rng], KnownRun]] = {"comparing": comparing}
