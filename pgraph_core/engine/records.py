@@ -120,6 +120,7 @@ STEP_CONTROL = record(
     corner=INTEGER,  # the next corner of a table
     edges=INTEGER,  # comparisons of times in expressions, at whose changes steps end
     edge=REAL,  # time of the last corner or edge at which a step ended [s]
+    change=REAL,  # time of the last event, or change of a comparison of the motion [s]
     sided=INTEGER,  # 1: comparisons of the motion are held with their results at Y
     clear=REAL,  # until then they stay, as long as the state stays within its ranges [s]
     slid=INTEGER,  # row of the comparison along whose margin the motion slides, 0 for none

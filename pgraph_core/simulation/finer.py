@@ -8,7 +8,8 @@ finds acts from its start, its middle or its end on, and no two of these meet.
 
 Steps of its own choice take the rest before an end at once or in two equal ones, so that a finer
 run with an end in the middle of an interval may repeat them. No equal parts of an interval end at
-its golden section.
+its golden section. What ends a step of both runs, as an impact or a change of a comparison does, is
+followed by such a step.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 from ..dynamics.scene import contact_tables
 from ..dynamics.states import differences
 from ..engine import layout as at
+from ..engine.stepping.widths import GOLDEN
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 from .options import FINER
@@ -34,7 +36,6 @@ if TYPE_CHECKING:
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
 FINER_PLAN = "_finer"  # attribute of a plan with its finer one, and what that was made for
-GOLDEN = (3 - math.sqrt(5)) / 2  # fraction of the golden section
 STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
 
 

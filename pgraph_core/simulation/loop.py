@@ -83,7 +83,7 @@ class Steps:
         control["time"] = control["origin"] = self.times[0]
         control["last"], control["project"] = len(self.times), plan.project
         control["length"], control["last_error"] = plan.length, 1e-4
-        control["bound"], control["clock"] = np.inf, -np.inf
+        control["bound"], control["clock"], control["change"] = np.inf, -np.inf, -np.inf
         control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
         control["span"] = self.times[-1] - self.times[0]
         lags = plan.drives.table["lag"]

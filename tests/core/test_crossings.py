@@ -127,3 +127,15 @@ def test_a_side_may_have_no_value_beyond_its_bound(options):
     assert run.status.ok
     speed = np.sqrt(4.0 - 4.0 / 3.0)
     assert abs(run.v[-1, 0] - speed) < max(10.0 * run.error_estimate, 1e-6)
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
+def test_a_finer_run_takes_other_steps_after_a_change(rtol):
+    """A spring, beyond a threshold with a force too: the rest of the run is a step or two."""
+    for a in np.linspace(0.3, 0.8, 9):
+        model = mass(f"if(q.m > {a}, -0.2, 0)", stiffness=(1.0,))
+        run = pg.simulate(model, t_end=1.9, frames=101, method="dop853", rtol=rtol)
+        met = np.arcsin(a)
+        after = -0.2 + (a + 0.2) * np.cos(run.t - met) + np.cos(met) * np.sin(run.t - met)
+        error = np.abs(run.q[:, 0] - np.where(run.t < met, np.sin(run.t), after)).max()
+        assert error < 10.0 * run.error_estimate + 1e-13

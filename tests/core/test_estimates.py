@@ -600,3 +600,17 @@ def test_steps_that_halve_the_rest_are_not_repeated(scale, method, rtol):
         fine = pg.simulate(mech, t_end=t_end, frames=101, method="dop853", rtol=1e-13)
         off = np.abs(run.q - fine.q).max()
         assert 0.2 * off - 1e-13 < run.error_estimate < 10 * off + 1e-13, t_end
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4, 1e-6])
+def test_steps_after_an_impact_are_not_repeated(rtol):
+    """A mass on a spring bounces off its limit. The rest of the run is a step or two."""
+    for bound in np.linspace(0.3, 0.8, 9):
+        limit: dict[str, Any] = {"limits": ((None, bound),), "limit_restitution": (0.9,)}
+        body = pg.Body(name="m", joint="prismatic", stiffness=(1.0,), v=(1.0,), **limit)
+        mech = pg.Mechanism(pg.Model(bodies=(body,), gravity=(0, 0, 0)))
+        run = pg.simulate(mech, t_end=1.9, frames=101, method="dop853", rtol=rtol)
+        met = np.arcsin(bound)
+        back = bound * np.cos(run.t - met) - 0.9 * np.cos(met) * np.sin(run.t - met)
+        error = np.abs(run.q[:, 0] - np.where(run.t < met, np.sin(run.t), back)).max()
+        assert error < 10.0 * run.error_estimate + 1e-13

@@ -41,6 +41,7 @@ from ..tree.moving import normalise_all
 from .explicit import dense_output
 from .run import LOOK_BACK
 from .state import call_step, copied, onto_constraints, size_of_state
+from .widths import GOLDEN
 
 # scene, t, q, v; one number an event, which happens where it changes sign
 EVENT = void(i8, f8, F1, F1, F1)
@@ -53,7 +54,6 @@ PARTS = 4  # parts of a step with dense output that are examined separately
 DIPS = 60  # evaluations for the minimum of an event near zero
 DEEP = 0.25  # plausible error of a parabola through three values, relative to their fall
 HALVINGS = 40  # halvings of a part that starts at an event
-GOLDEN = (3 - math.sqrt(5)) / 2  # part of the longer side if parabolas converge slowly
 WIDER = 8  # growth of the interval after an instant at which a value is and stays zero
 
 
@@ -341,7 +341,7 @@ def dip(run, low, width, i):
                 return 0.0, 0.0
             break
         if k % 3 == 2 or abs(w - x[1]) < SOLVED * SOLVED:
-            left, right = x[1] - x[0], x[2] - x[1]
+            left, right = x[1] - x[0], x[2] - x[1]  # parabolas converge slowly
             w = x[1] - GOLDEN * left if left > right else x[1] + GOLDEN * right
         look(run, low, w * width)
         value = sign * values[i]

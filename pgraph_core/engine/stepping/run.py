@@ -123,12 +123,14 @@ def step_once(run):
         w = call_step(links.cross, (run, h))
         if w < h:
             h, end, corner = w, control.time + w, control.sided == 0
+            control.change = end if corner else control.change
     code = accept(run, h, end, corner)
     if code == at.DONE and links.watch != 0 and is_due(run):
         call_look_back(links.watch, (run,))
     if code == at.DONE and control.due != 0 and control.fired == 0:
         call_look_back(links.look_back, (run,))
         if control.fired == REACHED:
+            control.change = control.time
             onto_constraints(run, control.time, at.Y)
     if corner and control.time == end:  # no event ended the step before
         control.edge = end

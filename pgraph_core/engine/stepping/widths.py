@@ -19,6 +19,8 @@ from ..signals import next_sample
 from ..vec import finite
 from .state import NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
 
+GOLDEN = (3 - math.sqrt(5)) / 2  # fraction of the golden section
+
 
 @sweep
 def extremes(rows, size, stages, row, spin, speed, length):
@@ -262,6 +264,8 @@ def next_width(run):
         h = min(control.width, h)
         if control.parts > 1 and edge < math.inf:
             h = min(h, (edge - control.edge) / control.parts)
+        if control.parts > 1 and t == control.change:  # which the run and its finer one share
+            h = min(h, GOLDEN * left)
     if h * (1.0 + 1e-9) >= left:
         if corner:
             control.clip = bend - 2.0 * EPS * abs(bend)
