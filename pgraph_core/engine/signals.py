@@ -23,6 +23,8 @@ JUMPING = CHOOSE, LESS, AT_MOST, HELD + LESS, HELD + AT_MOST  # operations whose
 # in the second row of a held comparison: 1 if it is true, -1 if not, 0 if not held; in between the
 # motion slides along its margin, with a share of both sides
 SIDE = 1
+# in the first one: how close to zero the margin was where it may have turned, and when
+NEAREST, WHEN = 5, 6
 # where a value goes: the instruction, DRIVE, a kind of load, counted from 1, or LAW, the first knot
 # or pair, how many, the column; the number of its part, and 1 once the value was not valid
 DRIVE, LAW = 0, 1 + len(LOADS)

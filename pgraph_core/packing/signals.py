@@ -11,7 +11,7 @@ from .. import joints
 from ..curves import Table, VectorTable
 from ..engine import signals as kernels
 from ..engine.edges import COMPARES, MARK, NEEDED
-from ..engine.signals import DRIVE, HELD, LAW, STATES, TARGET
+from ..engine.signals import DRIVE, HELD, LAW, NEAREST, STATES, TARGET
 from ..engine.stepping.measured import CONSTRAINT, CONTACT, COUNT, FIRST, WHAT
 from ..fields import EMPTY
 from ..forces import LOADS, OnBody, OnJoint, Wrench
@@ -261,6 +261,7 @@ class Program:
                 rows[k, 0] = kernels.BLEND
             if op in kernels.COMPARING and moves[k] and self._holds:
                 rows[k, 0] += HELD
+                rows[k, NEAREST] = np.inf
         for k in range(len(rows) - 1, -1, -1):
             if (op := int(rows[k, 0])) > kernels.V and rows[k, MARK]:
                 for i in map(int, rows[k, 1 : 1 + _operands(op)]):

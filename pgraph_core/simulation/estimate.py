@@ -24,6 +24,7 @@ from ..tolerances import EPS, SOLVED, VISIBLE
 from .finer import (
     apart,
     finer_plan,
+    grazed,
     limits_on_coordinates,
     may_jump,
     no_wider,
@@ -79,11 +80,12 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     n, mech, rows = len(plan.times), record.mech, record.mech.packed.rows
     if n < 2 or plan.times[-1] == plan.times[0]:
         return Estimate(np.zeros((n, 1 + len(states_of(mech.model)))))
+    grazes = grazed(record)  # a finer run in the same scene has its own
     finer = _finer_run(record, plan)
     if isinstance(finer, str):
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
     off, (turned, slid) = apart(record, finer, n), ranges_of_motion(rows, record.out.q[:n])
-    record.ended.notices += undecided(record, finer, max(turned, slid), off)
+    record.ended.notices += undecided(record, finer, max(turned, slid), off, grazes)
     if record.carried is not None and finer.carried is not None:
         record.ended.notices += record.carried.unlike(
             finer.carried, plan.times, *shared(record, finer, n)

@@ -12,7 +12,7 @@ from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine.arrays import Frames
 from ..engine.records import SWING
-from ..engine.signals import CONTROL, FAILED, LOST, OWNER, values
+from ..engine.signals import CONTROL, FAILED, LOST, OWNER, V, values
 from ..mechanism import Mechanism
 from ..model import Contact, Control, Force
 from ..model.expressions import expressions_of
@@ -88,6 +88,18 @@ def _steep(record: Running, t: float) -> str:
     for part in _parts(record, *owners)[-1:]:
         return f"{part.word()} '{part.name}' jumps or grows without end there: {_texts(part)}"
     return ""
+
+
+def readers(record: Running, row: int) -> list[Force | Contact | Control]:
+    """Return the parts whose expressions need the instruction in a row."""
+    code, targets, states = record.scene.loads.signals
+    needs = np.zeros(len(code) // 2, dtype=bool)
+    needs[row // 2] = True
+    for k in range(row // 2 + 1, len(needs)):
+        needs[k] = code[2 * k, 0] > V and needs[code[2 * k, 1:4].astype(int)].any()
+    return _parts(
+        record, targets[needs[targets[:, 0]], OWNER], states[needs[states[:, 0]], CONTROL]
+    )
 
 
 def _parts(record: Running, owners: Ints, controls: Ints) -> list[Force | Contact | Control]:

@@ -15,7 +15,7 @@ followed by such a step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -24,9 +24,11 @@ import numpy as np
 from ..dynamics.scene import contact_tables
 from ..dynamics.states import differences
 from ..engine import layout as at
+from ..engine.signals import AT_MOST, HELD, LESS, NEAREST, SIDE, WHEN, values
 from ..engine.stepping.widths import GOLDEN
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
+from .failures import readers
 from .options import FINER
 from .plan import NO_PLAN, RunPlan
 from .recording import Recording
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
 FINER_PLAN = "_finer"  # attribute of a plan with its finer one, and what that was made for
+LIMITS = "_limits"  # attribute of a plan with its limits on coordinates
 STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
 
 
@@ -165,12 +168,16 @@ class Approach(NamedTuple):
     watched: Callable[[float, Array, Array], float]  # function of (t, q, v), zero at the event
 
 
-def undecided(record: Recording, other: Recording, moved: float, off: Array) -> tuple[str, ...]:
-    """Return a notice for each limit and event that a run misses by less than its error.
+def undecided(
+    record: Recording, other: Recording, moved: float, off: Array, grazes: Sequence[Approach]
+) -> tuple[str, ...]:
+    """Return a notice for each limit, event and comparison that a run misses by less than its
+    error.
 
-    `moved` is the largest change of a joint at a frame, and `off` the result of `apart`.
+    `moved` is the largest change of a joint at a frame, `off` the result of `apart`, and `grazes`
+    that of `grazed` before the other run.
     """
-    approaches = [*_limits(record, moved, off), *_events(record)]
+    approaches = [*_limits(record, moved, off), *_events(record), *grazes]
     if not approaches:
         return ()
     i, j = shared(record, other, record.done)
@@ -184,11 +191,11 @@ def undecided(record: Recording, other: Recording, moved: float, off: Array) -> 
             )
             for n in (k - 1, k)
         )
-        if near.value <= error:
+        if near.value < error:
             found.append(
-                f"at t = {near.t:.6g} s {near.name} misses it by {near.value:.2g}, and the error "
-                f"there is about {error:.2g}, so it is not decided whether it occurs; try a "
-                "smaller step or rtol"
+                f"at t = {near.t:.6g} s the motion comes within {near.value:.2g} of {near.name}, "
+                f"and the error there is about {error:.2g}, so it is not decided whether it "
+                "occurs; try a smaller step or rtol"
             )
     return tuple(found)
 
@@ -197,12 +204,32 @@ def _events(record: Recording) -> list[Approach]:
     """Return how close switch conditions and user events came to triggering."""
     if record.watch is None:
         return []
-    from ..engine.contact.points import NEAREST, WHEN
+    from ..engine.contact import points
 
     monitors = record.watch.monitors
     watched = record.steps.watched[:, record.steps.watched.shape[1] - len(monitors) :]
-    parts = zip(monitors, watched[NEAREST].tolist(), watched[WHEN].tolist(), strict=True)
+    parts = zip(monitors, *watched[[points.NEAREST, points.WHEN]].tolist(), strict=True)
     return [Approach(f"event '{m.name}'", x, t, m) for m, x, t in parts if math.isfinite(x)]
+
+
+def grazed(record: Recording) -> list[Approach]:
+    """Return how close the motion came to thresholds from which it may have turned back."""
+    code, found = record.scene.loads.signals[0].copy(), list[Approach]()
+    if record.steps.links.cross == 0:
+        return found
+    code[1::2, SIDE] = 0.0
+    for i in (2 * np.flatnonzero(np.isin(code[::2, 0], (HELD + LESS, HELD + AT_MOST)))).tolist():
+        value, t = code[i, [NEAREST, WHEN]].tolist()
+        if math.isfinite(value) and (read := readers(record, i)):
+
+            def margin(t: float, q: Array, v: Array, i: int = i) -> float:
+                values(code, t, q, v)
+                left, right = code[2 * code[i, 1:3].astype(int) + 1, 0]
+                return float(left - right)
+
+            name = f"a threshold in the expression of '{read[0].name}'"
+            found.append(Approach(name, value, t, margin))
+    return found
 
 
 def _limits(record: Recording, moved: float, off: Array) -> list[Approach]:
@@ -211,15 +238,18 @@ def _limits(record: Recording, moved: float, off: Array) -> list[Approach]:
     Limits that neither run can reach are ignored.
     """
     plan, n = record.planned, record.done
-    tables = plan.contacts if plan.declared is None else plan.declared
-    if tables is None:
-        tables = contact_tables(record.mech.packed, ())
-    if tables is None or not tables.limits or n < 2:
+    if LIMITS not in plan.__dict__:  # runs of this plan ask again and again
+        tables = plan.contacts if plan.declared is None else plan.declared
+        if tables is None:
+            tables = contact_tables(record.mech.packed, ())
+        plan.__dict__[LIMITS] = () if tables is None else tuple(limits_on_coordinates(tables))
+    limits: tuple[LimitGap, ...] = plan.__dict__[LIMITS]
+    if not limits or n < 2:
         return []
     out, t, found = record.out, record.steps.times[:n], list[Approach]()
     between = float((t[1:] - t[:-1]).max()) * float(np.abs(out.v[:n]).max())
     within = moved + between + 2.0 * float(off[:, :2].max())
-    for limit in limits_on_coordinates(tables):
+    for limit in limits:
         if limit.gap(out.q[0]) > within * sum(map(abs, limit.weights.tolist())):
             continue
         rates, curves = (x[:n, limit.at_v] @ limit.weights for x in (out.v, out.vdot))

@@ -95,3 +95,21 @@ def test_what_stays_clear_is_not_told(options):
     run = pg.simulate(model, t_end=20.0, events=[lambda t, q, v: q[0] - 1.002], **options)
     assert not any("not decided" in text for text in run.notices)
     assert not run.user_events
+
+
+@pytest.mark.parametrize("options", [*SWITCHED[:5], {"method": "gauss6", "step": 0.2}], ids=label)
+@pytest.mark.parametrize("short", [*SHORT, *(-x for x in SHORT)])
+def test_a_comparison_at_the_turning_point_is_met_or_told(options, short):
+    """The spring is gone beyond a threshold, which is met where `short` is positive."""
+    threshold = 1.0 - short
+    motor = pg.Motor(name="f", body="b", torque=f"=if(q.b > {threshold!r}, 1*q.b, 0)")
+    model = pg.Model(bodies=(oscillator(),), gravity=(0, 0, 0), forces=(motor,))
+    run = pg.simulate(model, t_end=3.0, **options)
+    exact = np.sin(run.t)
+    if short > 0.0:
+        met = math.asin(threshold)
+        exact = np.where(run.t < met, exact, threshold + math.cos(met) * (run.t - met))
+    told = [text for text in run.notices if "not decided" in text]
+    assert right_or_told(run, exact[:, None])
+    assert all("'f'" in text for text in told)
+    assert not told or abs(short) < 1e-2

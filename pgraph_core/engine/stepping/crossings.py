@@ -32,12 +32,14 @@ from ..signals import (
     MAX,
     MIN,
     MUL,
+    NEAREST,
     NUMBER,
     SIDE,
     SIN,
     SQRT,
     SUB,
     TIME,
+    WHEN,
     Q,
     V,
     evaluate,
@@ -79,7 +81,7 @@ def cross(run, h):
     control.clear = -math.inf
     if control.slid > 0:
         h = slide(run, code, h)
-    if judged(code, 1.0, h) == CLEAR:
+    if judged(code, control.time, 1.0, h) == CLEAR:
         if control.slid == 0:
             look_ahead(run, code, h)
         return h
@@ -115,6 +117,8 @@ def take_sides(run, code):
     for i in range(0, code.shape[0], 2):
         if code[i, 0] >= HELD:
             code[i + 1, SIDE] = side_of(code, i)
+            if opened_run(run).counters[0].steps == 0:
+                code[i, NEAREST] = math.inf
     if control.slid > 0:
         blend(code, control.slid, control.share)
     control.sided = 1
@@ -197,12 +201,13 @@ def bend(run, code, h):
 
 
 @sweep
-def judged(code, share, width):
+def judged(code, t, share, width):
     """Return CLEAR if no comparison changes in a part of the step, CHANGED if one has at its end,
     or OPEN.
 
-    The part has this share of the step and this width [s]. A margin without a known range is judged
-    by its ends, as one that does not turn.
+    The part from t [s] has this share of the step and this width [s]. A margin without a known
+    range is judged by its ends, as one that does not turn. How close one came that may turn is
+    kept.
     """
     found = CLEAR
     for i in range(0, code.shape[0], 2):
@@ -217,13 +222,18 @@ def judged(code, share, width):
             put_range(code, i, x, rate_range(op, x, a, b, by_a, by_b, rate_at(code, i, 3)))
             continue
         side = code[i + 1, SIDE]
-        if not certain(op - HELD, side, a, b):
-            least, most = by_a if op == HELD + ABS else (by_a[0] - by_b[1], by_a[1] - by_b[0])
-            known = most - least < math.inf
-            if share == 0.0 or (known and least <= 0.0 <= most):
-                found = OPEN
-            elif found == CLEAR and has_changed(code, i):
-                found = CHANGED
+        least, most = by_a if op == HELD + ABS else (by_a[0] - by_b[1], by_a[1] - by_b[0])
+        turns = most - least < math.inf and least <= 0.0 <= most
+        sure = certain(op - HELD, side, a, b)
+        if not sure and (turns or share == 0.0):
+            found = OPEN
+        elif not sure and found == CLEAR and has_changed(code, i):
+            found = CHANGED
+        if turns and abs(side) == 1.0 and share > 0.0 and (sure or share < 2.0 * SHORTEST):
+            near = max(b[0] - a[1] if side > 0.0 else a[0] - b[1], 0.0)
+            ends = min(abs(code[i + 1, BEGIN]), abs(margin_of(code, i)))
+            if near < min(ends, code[i, NEAREST]):  # else it turns away from zero
+                code[i, NEAREST], code[i, WHEN] = near, t
         put_range(
             code, i, range_held(op - HELD, side, a, b), rate_held(op - HELD, side, by_a, by_b)
         )
@@ -337,8 +347,8 @@ def look_ahead(run, code, h):
         if op <= V and op != NUMBER:
             room = AHEAD * way_of(run, code, i, h)
             code[i + 1, BEGIN], code[i + 1, 0] = code[i + 1, 0] - room, code[i + 1, 0] + room
-    if judged(code, 0.0, 0.0) == CLEAR:
-        control = opened_run(run).control[0]
+    control = opened_run(run).control[0]
+    if judged(code, control.time, 0.0, 0.0) == CLEAR:
         control.clear = control.time + (1.0 + AHEAD) * h
 
 
@@ -394,10 +404,10 @@ def first_change(run, code, h):
     The program is evaluated at its end.
     """
     begin, end, share = 0.0, h, 1.0
-    looks = 0
+    looks, t = 0, opened_run(run).control[0].time
     while begin < h:
         looks += 1
-        found = judged(code, (end - begin) / h, end - begin)
+        found = judged(code, t + begin, (end - begin) / h, end - begin)
         if found == OPEN and share > SHORTEST and looks < MOST_LOOKS:
             share *= 0.5
         else:
