@@ -113,3 +113,14 @@ def test_a_comparison_at_the_turning_point_is_met_or_told(options, short):
     assert right_or_told(run, exact[:, None])
     assert all("'f'" in text for text in told)
     assert not told or abs(short) < 1e-2
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "dopri5", "rtol": 1e-6}], ids=label)
+def test_a_threshold_that_ends_a_slide_is_not_told(options):
+    """The mass slides along a speed until the way has a force, well beyond its error."""
+    text = "=if(v.b > 0.02, -0.84, 0) + if(sin(29*q.b) > 0.85, 0.97, 0)"
+    body = pg.Body(name="b", joint="prismatic", stiffness=(1.0,), damping=(0.1,), q=(0.33,))
+    motor = pg.Motor(name="f", body="b", torque=text)
+    model = pg.Model(bodies=(body,), gravity=(0, 0, 0), forces=(motor,))
+    run = pg.simulate(model, t_end=2.9, frames=31, **options)
+    assert not any("not decided" in text for text in run.notices)

@@ -77,10 +77,10 @@ def cross(run, h):
     see(run, code, at.Y, control.time)
     keep(code)
     see(run, code, at.CANDIDATE, control.time + h)
-    bend(run, code, h)
     control.clear = -math.inf
     if control.slid > 0:
         h = slide(run, code, h)
+    bend(run, code, h)
     if judged(code, control.time, 1.0, h) == CLEAR:
         if control.slid == 0:
             look_ahead(run, code, h)
