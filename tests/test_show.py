@@ -27,14 +27,6 @@ def run() -> pg.Result:
     return pg.simulate(mech, t_end=0.2)
 
 
-@pytest.fixture
-def server():
-    viser = pytest.importorskip("viser")
-    served = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield served
-    served.stop()
-
-
 def test_a_digraph_shows_every_body_once_and_every_loop():
     svg = show.digraph_svg(["crank", "rod <1>", "rocker"], [0, 1, 0], [(2, 3)])
     tree = ElementTree.fromstring(svg)
@@ -145,25 +137,6 @@ def test_a_figure_is_one_page_with_bodies_where_the_run_has_them(run: pg.Result)
         np.testing.assert_allclose(places[k], run.body_pose[k, :, :3], atol=1e-6)
     t = np.frombuffer(data, np.float64, count)
     assert (t[0], t[-1]) == (run.t[0], run.t[-1])
-
-
-def test_shapes_are_drawn_in_their_own_colours(server):
-    plain, own = (1, 2, 3), (255, 0, 0)
-    box = {"kind": "box", "size": (0.1, 0.1, 0.1)}
-    ball = {"kind": "sphere", "radius": 0.1, "colour": "#ff0000"}
-    nodes = server.scene._handle_from_node_name
-    drawn = bodies.SeparateBodies(server, lambda *_: None, lambda *_: None)
-    first = bodies.looks([pg.Body(name="1", shapes=(box, ball))], ((1,), ()), [plain])
-    drawn.show(first)
-    assert [nodes[name].color for name in ("/bodies/1", "/bodies/1/1")] == [plain, own]
-    other = pg.Body(name="1", shapes=({**box, "colour": "#00ff00"},))
-    drawn.show(bodies.looks([other], ((1,), ()), [plain]))
-    assert nodes["/bodies/1"].color == (0, 255, 0)
-    assert "/bodies/1/1" not in nodes
-    drawn.remove()
-    bodies.BatchedBodies(server, lambda *_: None, lambda *_: None).show(first)
-    np.testing.assert_array_equal(nodes["/bodies/box"].batched_colors, [plain])
-    np.testing.assert_array_equal(nodes["/bodies/sphere"].batched_colors, [own])
 
 
 def test_the_camera_is_as_near_as_it_can_be_and_sees_every_point():

@@ -18,7 +18,7 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import viser
 from viser._messages import RunJavascriptMessage
@@ -36,6 +36,20 @@ Receive = Callable[[int, str], None]
 PICTURE, SHOWN = "time", '{"event":"Shown"'  # topic of pictures, and a page's acknowledgement
 MOST_BEHIND = 2  # pictures that a page has not shown yet
 PATIENCE = 1.0  # [s] between pictures for a page that does not answer: it holds up nobody
+Node = TypeVar("Node", bound=viser.SceneNodeHandle)
+
+
+def at_rest(node: Node) -> Node:
+    """Return `node` at its default pose, which is also sent to clients.
+
+    viser 1.1.1 sends no pose that is the default, so a node removed and added under the same name
+    would keep the pose of the old one.
+    """
+    for pose in ("wxyz", "position"):
+        value = getattr(node, pose).copy()
+        setattr(node, pose, value[::-1] + 1.0)
+        setattr(node, pose, value)
+    return node
 
 
 def open_server(host: str, port: int, token: str | None) -> viser.ViserServer:

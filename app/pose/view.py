@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import viser
 
-from pgraph_core.show.bodies import at_rest
-
+from ..core.bridge import at_rest
 from ..core.cells import Display, Quantity
 from ..core.events import Event
 from ..core.views import Host, Payload, Place, hue, topic

@@ -10,21 +10,11 @@ from typing import Any
 import numpy as np
 import viser
 
-from pgraph_core.show import shapes, stage
-from pgraph_core.show.bodies import (
-    FLAT,
-    PULLING,
-    SEPARATE,
-    BatchedBodies,
-    Bodies,
-    Look,
-    SeparateBodies,
-    at_rest,
-    parts_of,
-)
+from pgraph_core.show import shapes
+from pgraph_core.show.bodies import SEPARATE, Look
 from pgraph_core.show.notebook import between
 
-from ..core.bridge import Bridge
+from ..core.bridge import Bridge, at_rest
 from ..core.events import Event
 from ..core.views import Host, Payload, Place, topic
 from ..pose import poses
@@ -32,10 +22,18 @@ from ..pose.update import DragBody, Pull
 from ..pose.view import Gizmos
 from ..run import GoLiveHere, Run
 from ..session import Select
-from . import Client, State, Unreadable, marks
+from . import Client, State, Unreadable, marks, nodes
 from .camera import CameraView
 from .camera import viewpoint as viewpoint
 from .marks import looks
+from .nodes import (
+    FLAT,
+    PULLING,
+    BatchedBodies,
+    Bodies,
+    SeparateBodies,
+    parts_of,
+)
 from .overlays import Overlays
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
@@ -282,7 +280,8 @@ class StageView:
         self._floors: dict[int, object] = {}  # source of each floor
         self._ground: object = None  # source of the steps
         self._steps: Any = None
-        stage.unlit(server.scene)
+        server.scene.configure_default_lights(False)
+        server.scene.configure_environment_map(None)  # viser's city
 
     def render(self, old: State, new: State) -> None:
         for gone in self._lit.keys() - new.clients.keys():
@@ -293,7 +292,7 @@ class StageView:
             self._ground = model.ground, model.up
             if self._steps is not None:
                 self._steps.remove()
-            self._steps = stage.steps(self._server.scene, model)
+            self._steps = nodes.steps(self._server.scene, model)
         for client, page in new.clients.items():
             lit = page.dark, model.up
             floor = lit, model.ground_normal, new.framed, new.derived.low
@@ -303,8 +302,8 @@ class StageView:
             if page.aspect is None or (handle := handles.get(client)) is None:
                 continue
             if self._lit.get(client) != lit:
-                stage.light(handle.scene, page.dark, model.up, shadows=False)
-            stage.floor(handle.scene, model, new.derived.size, page.dark, new.derived.low)
+                nodes.light(handle.scene, page.dark, model.up)
+            nodes.floor(handle.scene, model, new.derived.size, page.dark, new.derived.low)
             self._lit[client], self._floors[client] = lit, floor
 
 

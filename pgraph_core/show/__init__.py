@@ -1,6 +1,6 @@
 """Pictures and tables of models and runs for notebooks, files and web pages.
 
-It lies below models and runs and draws whatever has their fields. viser, trimesh, matplotlib and
+It lies below models and runs and draws whatever has their fields. trimesh, matplotlib and
 the kernels of pictures are imported when first needed; `MissingPackage` names what to install.
 
 * `model_html(model)`, `mechanism_html(mech)`, `run_html(run)`: `_repr_html_` in a notebook
@@ -8,7 +8,7 @@ the kernels of pictures are imported when first needed; `MissingPackage` names w
 * `opened(page)` shows an HTML page in a notebook or browser
 * `digraph_svg(names, parent, loops)`; `shapes`: bodies as simple pieces and meshes
 * `pictures`: PNG, SVG, MP4, GIF without a screen; `drawing`: camera, light and ground; `raster`:
-  triangles as pixels; `vector`: SVG
+  triangles as pixels
 """
 
 from ..errors import MissingPackage as MissingPackage

@@ -1,29 +1,18 @@
-"""Bodies in 3D, drawn by viser. Small models use one node per body, large ones batched unit
-solids.
-"""
+"""What is seen of bodies: their shapes and colours, and how far they reach."""
 
 from __future__ import annotations
 
 import itertools
-from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from . import shapes
 
-if TYPE_CHECKING:
-    import viser
-
 MOMENTS = 40  # number of frames that pictures must contain
 SEPARATE = 50  # bodies up to which each is a node of its own
-Clicked = Callable[[int, int], None]  # client, number of the body
-Dragged = Callable[[int, int, "viser.SceneNodeDragEvent"], None]  # the same, and the drag
-FLAT = 200  # faces: boxes and cylinders keep their edges
-PULLING = "cmd/ctrl"  # held while the mouse pulls on a body; else it poses it
-Node = TypeVar("Node", bound="viser.SceneNodeHandle")
 
 
 class Look(NamedTuple):
@@ -109,189 +98,3 @@ class Track:
     def gone(self, pose: np.ndarray) -> np.ndarray:
         """Return how far a picture of bodies at `pose` (nb, 7) has followed them, (3,) [m]."""
         return (pose[0, :3] - self.start) * self.across if self.travels else np.zeros(3)
-
-
-class Bodies(Protocol):
-    """The drawn bodies for one model."""
-
-    def show(self, looks: Sequence[Look]) -> None: ...
-    def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None: ...
-    def fade(self, opacity: float | None, visible: bool) -> None: ...
-    def remove(self) -> None: ...
-
-
-def at_rest(node: Node) -> Node:
-    """Return `node` at its default pose, which is also sent to clients.
-
-    viser 1.1.1 sends no pose that is the default, so a node removed and added under the same name
-    would keep the pose of the old one.
-    """
-    for pose in ("wxyz", "position"):
-        value = getattr(node, pose).copy()
-        setattr(node, pose, value[::-1] + 1.0)
-        setattr(node, pose, value)
-    return node
-
-
-class SeparateBodies:
-    """One node per body, with a child for each additional colour. Only changes are sent."""
-
-    def __init__(self, server: viser.ViserServer, clicked: Clicked, dragged: Dragged):
-        self._server = server
-        self._clicked, self._dragged = clicked, dragged
-        self._drawn: list[tuple[Look, list[viser.MeshHandle]]] = []  # by number
-
-    def show(self, looks: Sequence[Look]) -> None:
-        for _, nodes in self._drawn[len(looks) :]:
-            _remove(nodes)
-        del self._drawn[len(looks) :]
-        for k, look in enumerate(looks, 1):
-            if k > len(self._drawn) or not self._drawn[k - 1][0].alike(look):
-                if k <= len(self._drawn):
-                    _remove(self._drawn[k - 1][1][1:])
-                self._drawn[k - 1 : k] = [(look, self._nodes(look, k))]
-
-    def _nodes(self, look: Look, number: int) -> list[viser.MeshHandle]:
-        """Return the body's node and its children."""
-        parts = parts_of(look)
-        names = [f"/bodies/{number}", *(f"/bodies/{number}/{i}" for i in range(1, len(parts)))]
-        return [self._node(name, *part, number) for name, part in zip(names, parts.items())]
-
-    def _node(
-        self,
-        name: str,
-        paint: tuple[shapes.Color, float],
-        pieces: Sequence[shapes.Piece],
-        number: int,
-    ) -> viser.MeshHandle:
-        solid, (color, opacity) = shapes.mesh(pieces), paint
-        node = self._server.scene.add_mesh_simple(
-            name,
-            solid.vertices,
-            solid.faces,
-            color=color,
-            opacity=_faded(opacity, None),
-            flat_shading=len(solid.faces) < FLAT,
-        )
-        at_rest(node)
-
-        @node.on_click
-        async def _(event: viser.SceneNodePointerEvent) -> None:
-            self._clicked(event.client_id, number)
-
-        @node.on_drag("left")
-        @node.on_drag("left", modifier=PULLING)
-        async def _(event: viser.SceneNodeDragEvent) -> None:
-            self._dragged(event.client_id, number, event)
-
-        return node
-
-    def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None:
-        for (_, nodes), p, quaternion in zip(self._drawn, positions, wxyz):
-            nodes[0].position, nodes[0].wxyz = p, quaternion
-
-    def fade(self, opacity: float | None, visible: bool) -> None:
-        for look, nodes in self._drawn:
-            for node, (_, own) in zip(nodes, parts_of(look)):
-                node.opacity = _faded(own, opacity) if visible else 0.0  # overlays hang on it
-                node.cast_shadow = visible
-
-    def remove(self) -> None:
-        for _, nodes in self._drawn:
-            _remove(nodes)
-        self._drawn = []
-
-
-def parts_of(look: Look) -> dict[tuple[shapes.Color, float], list[shapes.Piece]]:
-    """Group the pieces of a body by colour and opacity."""
-    found: dict[tuple[shapes.Color, float], list[shapes.Piece]] = defaultdict(list)
-    for piece in look.pieces:
-        found[piece.color or look.color, piece.opacity].append(piece)
-    return found or {(look.color, 1.0): []}
-
-
-def _faded(own: float, opacity: float | None) -> float | None:
-    """Return a piece's `own` opacity multiplied by the fading, or None for 1."""
-    return None if opacity is None and own == 1.0 else own * (1.0 if opacity is None else opacity)
-
-
-def _remove(nodes: Sequence[viser.MeshHandle]) -> None:
-    """Remove nodes, starting with the children."""
-    for node in reversed(nodes):
-        node.remove()
-
-
-class BatchedBodies:
-    """One node per kind of solid, with scaled and positioned unit solids as instances."""
-
-    def __init__(self, server: viser.ViserServer, clicked: Clicked, dragged: Dragged):
-        self._server = server
-        self._clicked, self._dragged = clicked, dragged
-        self._batches: list[tuple[np.ndarray, np.ndarray, np.ndarray, float, Any]] = []
-        self._looks: list[Look] = []  # by number
-
-    def show(self, looks: Sequence[Look]) -> None:
-        before, self._looks = self._looks, list(looks)
-        same = len(before) == len(looks) and all(map(Look.alike, before, looks))
-        if self._batches and same:
-            return
-        self.remove()
-        found: dict[Any, list[tuple[int, shapes.Piece]]] = defaultdict(list)
-        for k, look in enumerate(looks, 1):
-            for piece in look.pieces:
-                solid = piece.kind, piece.file, round(piece.taper, 2), piece.opacity
-                found[solid].append((k, piece))
-        for i, ((kind, file, taper, opacity), parts) in enumerate(found.items()):
-            plain = not file and taper == opacity == 1.0
-            name = f"/bodies/{kind}" if plain else f"/bodies/{kind} {i}"
-            self._batches.append(self._batch(name, shapes.unit(kind, file, taper), parts))
-
-    def _batch(self, name: str, solid: Any, parts: list[tuple[int, shapes.Piece]]) -> Any:
-        owner = np.array([k for k, _ in parts])
-        local = np.array([piece.position for _, piece in parts])
-        turned = shapes.to_wxyz(np.array([piece.rotation for _, piece in parts]))
-        node = self._server.scene.add_batched_meshes_simple(
-            name,
-            solid.vertices,
-            solid.faces,
-            batched_wxyzs=turned,
-            batched_positions=local,
-            batched_scales=np.array([piece.size for _, piece in parts]),
-            batched_colors=np.array([p.color or self._looks[k - 1].color for k, p in parts]),
-            opacity=_faded(parts[0][1].opacity, None),
-            flat_shading=len(solid.faces) < FLAT,
-            lod="off",
-        )
-
-        @node.on_click
-        async def _(event: viser.SceneNodePointerEvent) -> None:
-            if event.instance_index is not None:
-                self._clicked(event.client_id, int(owner[event.instance_index]))
-
-        @node.on_drag("left")
-        @node.on_drag("left", modifier=PULLING)
-        async def _(event: viser.SceneNodeDragEvent) -> None:
-            if event.instance_index is not None:
-                self._dragged(event.client_id, int(owner[event.instance_index]), event)
-
-        return owner, local, turned, parts[0][1].opacity, node
-
-    def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None:
-        R = shapes.to_matrix(wxyz)
-        for owner, local, turned, _, node in self._batches:
-            k = owner - 1
-            at = (positions[k] + np.einsum("nij,nj->ni", R[k], local)).astype(np.float32)
-            facing = shapes.times(wxyz[k], turned).astype(np.float32)
-            if not np.array_equal(node.batched_positions, at):
-                node.batched_positions = at
-            if not np.array_equal(node.batched_wxyzs, facing):
-                node.batched_wxyzs = facing
-
-    def fade(self, opacity: float | None, visible: bool) -> None:
-        for *_, own, node in self._batches:
-            node.opacity, node.visible = _faded(own, opacity), visible
-
-    def remove(self) -> None:
-        for *_, node in self._batches:
-            node.remove()
-        self._batches = []

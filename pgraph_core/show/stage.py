@@ -1,4 +1,4 @@
-"""The scene around the bodies, drawn by viser: lights, background, floor and steps."""
+"""The scene around the bodies, lights, background, floor and steps, and the camera."""
 
 from __future__ import annotations
 
@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from . import shapes
-
 if TYPE_CHECKING:
-    import viser
-
     from .shapes import Color
 
 # by what is up: the plane whose upper side viser draws, and the direction
@@ -54,60 +50,6 @@ def turned(direction: Sequence[float], up: str) -> tuple[float, float, float]:
     return {"x": (z, x, y), "y": (x, z, -y), "z": (x, y, z)}[up]
 
 
-def unlit(scene: viser.SceneApi) -> None:
-    """Remove viser's default lights and its city environment map."""
-    scene.configure_default_lights(False)
-    scene.configure_environment_map(None)
-
-
-def light(scene: viser.SceneApi, dark: bool, up: str, shadows: bool = True) -> None:
-    """Add a key light, sky light and cool rim light from behind, on a plain background.
-
-    Without `shadows` the page casts them itself, with one shadow map per light instead of three.
-    """
-    tones = DARK if dark else LIGHT
-    lights = (
-        ("key", KEY, WARM, tones.key),
-        ("sky", SKY, WARM, tones.sky),
-        ("rim", RIM, COOL, tones.rim),
-    )
-    for name, towards, color, intensity in lights:
-        scene.add_light_directional(
-            f"/light/{name}", color=color, intensity=intensity, position=turned(towards, up),
-            cast_shadow=shadows and name == "key",
-        )  # fmt: skip
-    scene.add_light_hemisphere(
-        "/light/around", sky_color=tones.above, ground_color=tones.below, intensity=tones.around,
-        position=GRID[up][1],
-    )  # fmt: skip
-    scene.set_background_image(np.full((16, 16, 3), tones.canvas, np.uint8), format="png")
-
-
-def floor(
-    scene: viser.SceneApi, model: Any, size: float, dark: bool, low: float = 0.0
-) -> viser.GridHandle:
-    """Add the ground plane, drawn `low` [m] below it, with lines and shadows that fade out."""
-    plane, up = GRID[model.up]
-    tones, cell = DARK if dark else LIGHT, shapes.spaced(size)
-    return scene.add_grid(
-        "/floor",
-        plane=plane,
-        infinite_grid=True,
-        cell_size=cell / 5,
-        section_size=cell,
-        cell_color=tones.line,
-        section_color=tones.line,
-        section_thickness=1.2,
-        plane_color=tones.floor,
-        plane_opacity=1.0,
-        shadow_opacity=tones.shadow,
-        fade_distance=12 * size,
-        fade_strength=size,  # the page's own shader takes it for the size of the model
-        position=-low * np.asarray(model.ground_normal),
-        wxyz=tilt(np.array(up), np.asarray(model.ground_normal)),
-    )
-
-
 # -- the ground ------------------------------------------------------------------------------------
 
 
@@ -131,17 +73,6 @@ def depth(
     roots = [k for k, p in enumerate(parent) if p == 0]
     lowest = min(height[k] - reach[k] for k in roots)
     return float(np.clip(-lowest, 0.0, max(3 * size - height.mean(), 0.0)))
-
-
-def steps(scene: viser.SceneApi, model: Any) -> Any:
-    """Add the steps as solids on the plane, or return None if there are none."""
-    if not model.ground.steps:
-        return None
-    corners = np.concatenate([solid(model, step) for step in model.ground.steps])
-    faces = (np.array(BOX) + 8 * np.arange(len(model.ground.steps))[:, None, None]).reshape(-1, 3)
-    return scene.add_mesh_simple(
-        "/steps", corners, faces, color=STEP, side="double", flat_shading=True, cast_shadow=False
-    )
 
 
 def solid(model: Any, step: Any) -> np.ndarray:

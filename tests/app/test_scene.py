@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
+import viser
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,9 +19,10 @@ from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import rounded
 from pgraph_app.run import TRAVELS
 from pgraph_app.scene import camera, marks
+from pgraph_app.scene.nodes import BatchedBodies, SeparateBodies
 from pgraph_app.table.view import table
 from pgraph_core.show import shapes, stage
-from pgraph_core.show.bodies import BatchedBodies, SeparateBodies, extent, looks
+from pgraph_core.show.bodies import extent, looks
 
 from .store import ME, after, begun, built_in, do, notice, ran
 
@@ -457,3 +459,29 @@ def test_what_is_transparent_is_so_among_faded_bodies_too(kind, opacity):
     assert [node.opacity for node in scene.nodes] == [0.5 * (x or 1.0) for x in expected]
     drawn.fade(None, True)
     assert [node.opacity for node in scene.nodes] == expected
+
+
+@pytest.fixture
+def server():
+    served = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield served
+    served.stop()
+
+
+def test_shapes_are_drawn_in_their_own_colours(server):
+    plain, own = (1, 2, 3), (255, 0, 0)
+    box = {"kind": "box", "size": (0.1, 0.1, 0.1)}
+    ball = {"kind": "sphere", "radius": 0.1, "colour": "#ff0000"}
+    nodes = server.scene._handle_from_node_name
+    drawn = SeparateBodies(server, lambda *_: None, lambda *_: None)
+    first = looks([pg.Body(name="1", shapes=(box, ball))], ((1,), ()), [plain])
+    drawn.show(first)
+    assert [nodes[name].color for name in ("/bodies/1", "/bodies/1/1")] == [plain, own]
+    other = pg.Body(name="1", shapes=({**box, "colour": "#00ff00"},))
+    drawn.show(looks([other], ((1,), ()), [plain]))
+    assert nodes["/bodies/1"].color == (0, 255, 0)
+    assert "/bodies/1/1" not in nodes
+    drawn.remove()
+    BatchedBodies(server, lambda *_: None, lambda *_: None).show(first)
+    np.testing.assert_array_equal(nodes["/bodies/box"].batched_colors, [plain])
+    np.testing.assert_array_equal(nodes["/bodies/sphere"].batched_colors, [own])
