@@ -468,9 +468,8 @@ def test_times_of_measured_data_may_be_an_argument():
 def test_an_inertia_of_zero_is_that_of_a_point_mass():
     for zero in (0, 0.0):
         assert pg.Body("a", inertia=zero) == pg.Body("a", inertia=(0, 0, 0))
-    for wrong in (1.0, False):
-        with pytest.raises(pg.ModelError, match="inertia"):
-            pg.Body("a", inertia=wrong)
+    with pytest.raises(pg.ModelError, match="inertia"):
+        pg.Body("a", inertia=False)  # pyright: ignore[reportArgumentType]
 
 
 def test_velocities_of_loose_joints_are_in_the_axes_of_the_parent():
