@@ -29,7 +29,7 @@ ball = {
     "reference": {"z": [0.0, -1.22625, -4.905]},
     "cases": [
         {
-            "model": {"bodies": [{"name": "ball", "joint": "free"}]},
+            "model": {"bodies": [{"name": "ball", "joint": "free", "inertia": [1, 1, 1]}]},
             "run": {"method": "dopri5"},
             "observables": [
                 {"kind": "point", "body": "ball", "axes": "z", "reference": "z", "target": 1e-12}

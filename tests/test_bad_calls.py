@@ -267,7 +267,7 @@ def test_velocities_that_a_switch_contradicts_end_the_run():
 
 
 def test_a_loop_that_does_not_close_names_joints_left_at_the_parents_origin():
-    turn = {"axes": (0, 0, 1), "tip": (1, 0, 0)}
+    turn = {"axes": (0, 0, 1), "tip": (1, 0, 0), "inertia": (0.01,) * 3}
     bodies = [pg.Body(name="a", **turn), pg.Body(name="b", parent="a", **turn)]
     far = pg.Point(name="far", body="b", point=(0.2, 0, 0), other_point=(1.1, 0, 0))
     model = pg.Model(bodies=bodies, constraints=[far])

@@ -135,7 +135,7 @@ def test_other_motions_of_a_compound_joint_are_another_joint():
 LINKS = pg.Model(
     bodies=[
         pg.Body(name="upper", axes=(0, 1, 0), tip=(0, 0, -1)),
-        pg.Body(name="lower", parent="upper", link=(0, 0, -1), axes=(0, 1, 0)),
+        pg.Body(name="lower", parent="upper", link=(0, 0, -1), axes=(0, 1, 0), inertia=(1, 1, 1)),
     ]
 )
 

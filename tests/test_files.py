@@ -117,6 +117,7 @@ def test_a_file_of_version_1_is_read():
         ("arm", "base", 1),
     ]
     assert model.body("arm").stiffness == (2.0,)
+    assert model.body("arm").inertia == ((0.01, 0, 0), (0, 0.01, 0), (0, 0, 0.01))
     (servo,) = model.scenario("go").forces
     assert isinstance(servo, pg.Servo)
     assert servo.target == pg.Table(t=(0.0, 1.0), value=(0.0, 0.5))

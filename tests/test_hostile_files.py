@@ -87,7 +87,7 @@ def good_files(kind: str, folder: Path) -> list[bytes]:
         pg.simulate(pg.Model.serial(2), t_end=0.01).save(folder / "run.npz")
     elif kind == "zip":
         trimesh.creation.box((1, 1, 1)).export(folder / "box.stl")
-        cup = {"name": "cup", "shape": {"kind": "mesh", "file": "box.stl"}}
+        cup = {"name": "cup", "inertia": [1, 1, 1], "shape": {"kind": "mesh", "file": "box.stl"}}
         (folder / "model.json").write_text(json.dumps({"bodies": [cup]}), "utf-8")
         return [archive.zipped(folder)]
     table = b"Body\tParent\tDoF\tMass\tlink x\na\tground\t1 hinge\t1.5\t0.2\nb\ta\t3\t2\t0.1\n"

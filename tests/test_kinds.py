@@ -191,7 +191,7 @@ def test_a_site_is_a_frame_of_its_body_and_follows_edits():
         mech.pose(q, "tol")
 
 
-ARM = {"name": "arm", "axes": (0, 1, 0), "tip": (1, 0, 0)}
+ARM = {"name": "arm", "axes": (0, 1, 0), "tip": (1, 0, 0), "inertia": (0.01,) * 3}
 SPRING = {"name": "s", "body": "arm", "stiffness": 1.0}
 BALL = pg.Shape(kind="sphere", radius=0.1)
 MESH = pg.Shape(kind="mesh", file="nowhere.stl")
@@ -235,7 +235,6 @@ def test_a_force_that_does_nothing_is_a_warning(force, fact, mended):
         (with_arm(parameters={"k": 1.0}), ("formula",)),
         (with_arm(contacts=[pg.Contact(name=n, body="arm") for n in "ab"]), ("both",)),
         (with_arm({"shape": MESH}), ("nowhere.stl",)),
-        (with_arm({"mass": 1200}), ("'arm'", "1200 kg", "0.01", "inertia")),
         (with_arm({"mass": 1e5, "com": (0, 0, 200), "inertia": 1e9 * np.eye(3)}), ()),
     ],
 )
@@ -246,15 +245,13 @@ def test_fields_without_effect_or_sense_are_warnings(model, facts):
 
 
 def test_warnings_go_with_their_reason_and_are_notices_of_a_run():
-    arm = pg.Body(name="arm", mass=1200, axes=(0, 1, 0), tip=(0, 0, -1))
-    model = pg.Model(bodies=[arm, pg.Body(name="fore", parent="arm", com=(0, 0, -0.2))])
-    *_, hung = model.doubts
+    arm = pg.Body(name="arm", axes=(0, 1, 0), com=(0, 0, -1), tip=(0, 0, -1))
+    fore = pg.Body(name="fore", parent="arm", axes=(0, 1, 0), com=(0, 0, -0.2))
+    model = pg.Model(bodies=[arm, fore])
+    (hung,) = model.doubts
     assert [x for x in ("'fore'", "link", "'arm'", "[0.0, 0.0, -1.0]") if x not in hung] == []
-    assert pg.simulate(model, t_end=0.01).notices[:3] == model.doubts
-    mended = model.edit("arm", inertia=np.eye(3) * 100).edit(
-        "fore", link=(0, 0, -1), inertia=(0, 0, 0)
-    )
-    assert mended.doubts == ()
+    assert pg.simulate(model, t_end=0.01).notices[:1] == model.doubts
+    assert model.edit("fore", link=(0, 0, -1)).doubts == ()
     assert not any(pg.Model.load(pgraph_models.path(n)).doubts for n in pgraph_models.names())
 
 

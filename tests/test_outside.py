@@ -111,7 +111,8 @@ def shape(name: str) -> dict:
 
 
 def text(name: str) -> str:
-    return json.dumps({"bodies": [{"name": "a"}, {"name": "cup", "shape": shape(name)}]})
+    cup = {"name": "cup", "inertia": [1, 1, 1], "shape": shape(name)}
+    return json.dumps({"bodies": [{"name": "a"}, cup]})
 
 
 def of_a_file(name: str, folder: Path) -> pg.Model:
@@ -227,7 +228,7 @@ def mesh_of(model: pg.Model) -> str:
 
 
 def cup(file: Path) -> pg.Model:
-    return pg.Model(bodies=[{"name": "cup", "shape": shape(str(file))}])
+    return pg.Model(bodies=[{"name": "cup", "inertia": (0.01,) * 3, "shape": shape(str(file))}])
 
 
 def test_a_saved_run_carries_its_meshes(folders):

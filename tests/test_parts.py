@@ -156,14 +156,3 @@ def test_names_are_text_and_coordinates_whole_numbers():
         with pytest.raises(pg.ModelError, match="name"):
             pg.Body(name=given)
     assert pg.Motor(name="m", body="a", coordinate=np.int64(2)).coordinate == 2
-
-
-@pytest.mark.parametrize(
-    ("mass", "arm", "doubted"),
-    [(1.0, 0.1, True), (1.0, 0.5, True), (0.5, 0.5, True), (2.0, 2.0, False)],
-)
-def test_a_default_inertia_that_shows_is_doubted(mass, arm, doubted):
-    """The period of a point mass is off by half of the share that the default has: 0.5 %."""
-    bob = pg.Body(name="bob", axes=(0, 1, 0), mass=mass, com=(arm, 0, 0))
-    assert bool(pg.Model(bodies=[bob]).doubts) == doubted
-    assert not pg.Model(bodies=[bob.model_copy(update={"inertia": (0, 0, 0)})]).doubts

@@ -15,7 +15,7 @@ BALL = {"kind": "sphere", "radius": 0.3, "position": (1.0, 0.0, 0.0)}
 
 
 def body(**fields):
-    return pg.Body(name="arm", **fields)
+    return pg.Body(**{"name": "arm", "inertia": (0.01,) * 3, **fields})
 
 
 def version(model: pg.Model) -> int:
@@ -86,7 +86,11 @@ def test_every_shape_that_touches_carries():
 
 def test_mass_follows_from_shapes_and_density_until_it_is_given():
     model = pg.Model(
-        bodies=[body(shape=BOX, density=1000.0, derived=["mass", "com", "inertia", "tip"])]
+        bodies=[
+            pg.Body(
+                name="arm", shape=BOX, density=1000.0, derived=["mass", "com", "inertia", "tip"]
+            )
+        ]
     )
     arm = model.body("arm")
     assert arm.mass == pytest.approx(40.0)

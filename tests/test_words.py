@@ -168,18 +168,6 @@ def test_a_force_without_a_kind_is_the_only_one_that_has_its_fields(fields, kind
     assert MODEL.add(pg.Force(**fields)).forces == (kind(**fields),)
 
 
-@pytest.mark.parametrize("mass", [0.02, 2.0, 10.0, 11.0, 50.0, 1000.0, 1e6])
-@pytest.mark.parametrize("com", [0.0, 0.5, 50.0, -500.0])
-@pytest.mark.parametrize("joint", ["revolute", "spherical", "free"])
-def test_a_default_inertia_that_no_solid_has_is_doubted(mass, com, joint):
-    """A ball of osmium with 10.7 kg has 0.01 kg m^2, the least of all bodies of its mass."""
-    body = pg.Body("a", joint=joint, mass=mass, com=(0, 0, com))
-    doubts = pg.Model([body]).doubts
-    assert any("solid" in text for text in doubts) == (mass > 10.7)
-    assert any("default inertia" in text for text in doubts) >= (mass > 10.7 or com == 0.0)
-    assert pg.Model([body.model_copy(update={"inertia": (0.01,) * 3})]).doubts == ()
-
-
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_an_inertia_in_square_millimetres_is_doubted_at_any_size(scale: float):
     """The radius of gyration is a length of the model: only their ratio counts."""

@@ -12,6 +12,7 @@ from typing import Any, get_args
 import pgraph_core as pg
 from pgraph_core.errors import choices, nearest
 from pgraph_core.joints import KINDS, PER_MOTION
+from pgraph_core.model.body import following
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.shape import mass_properties_of
 
@@ -78,6 +79,9 @@ def rows_of(
             change["name"] = names[k - len(rows)][1]
             parent = change.get("parent", above)
             change["parent"] = renamed.get(parent, parent)
+            if change.get("shape") or change.get("shapes"):
+                follow = [x for x in following(change) if x != "com"]  # `_centred` tells of it
+                change.setdefault("derived", tuple(follow))
         above = change.get("name", body.name)
         changes[body.name] = change
     try:

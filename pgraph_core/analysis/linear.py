@@ -114,6 +114,7 @@ def linearise(
 ) -> Linearisation:
     """Return the linearised dynamics at (q, v). See `Mechanism.linearise`."""
     q, v = state_of(mech, q, v, scenario)
+    mech._tree_acceleration(q, v)  # refuses a singular mass matrix by the name of its body
     here = Balance(mech, q, v, scenario)
     forces, near = (here.drives, here.loads), touching(mech, scenario)
     here.touching = Touching(mech, near, forces, (q, v), here.s)

@@ -104,7 +104,7 @@ def size_of_motion(turned: float, moved: float, length: float) -> float:
 
     Coordinates that move by less than the rounding of the mechanism's length are at rest.
     """
-    return max(turned, moved, REST * (length or 1.0))
+    return max(turned, moved, REST * length)
 
 
 def sizes_of_states(x: Array, length: float) -> Array:
@@ -113,7 +113,7 @@ def sizes_of_states(x: Array, length: float) -> Array:
     A coordinate is considered at rest if its change is within rounding error of its value or of the
     length of the mechanism, as in `size_of_motion`.
     """
-    least = np.maximum(np.abs(x).max(axis=0, initial=0.0), length or 1.0)
+    least = np.maximum(np.abs(x).max(axis=0, initial=0.0), length)
     return np.maximum(np.ptp(x, axis=0) if len(x) else 0.0, REST * least)
 
 

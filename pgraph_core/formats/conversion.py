@@ -17,7 +17,7 @@ from ..fields import GROUND
 from ..model import Gear, Model
 from ..model.body import inertia_problems
 from ..model.description import LOST
-from ..model.doubts import DENSEST, MILLI, limits_in_degrees, wide
+from ..model.doubts import MILLI, limits_in_degrees, wide
 from ..model.files import ALLOW
 from ..tolerances import ROUNDING, SOLVED
 
@@ -224,6 +224,7 @@ NO_LIMIT = 1e9  # m, rad, N, rad/s: stands for no limit if a format asks for a n
 # -- units -----------------------------------------------------------------------------------------
 
 TALL = 100.0  # m between two bodies
+DENSEST = 22_590.0  # kg/m³, osmium: no solid is denser (CRC Handbook of Chemistry and Physics)
 HEAVY = 4 / 3 * math.pi * DENSEST  # kg of one body: a ball of osmium with a radius of 1 m
 
 

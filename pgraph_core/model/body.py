@@ -66,6 +66,7 @@ Limits = tuple[tuple[Number | None, Number | None] | None, ...]
 _motions_in: Callable[[Sequence[tuple[str, npt.ArrayLike]]], Motions] = listed
 _limits_in: Callable[[Limit | Sequence[Limit]], Limits] = listed
 Derived = Literal["mass", "com", "inertia", "tip"]
+POINT = ((0.0, 0.0, 0.0),) * 3  # inertia of a point mass
 
 
 _derived_in: Callable[[Sequence[Derived]], tuple[Derived, ...]] = listed
@@ -125,8 +126,8 @@ class Body(Described):
     inertia: Mat3 = field(
         "a symmetric 3x3 matrix of finite numbers about the centre of mass, or three principal "
         "moments [kg m^2]",
-        converter=inertia_matrix, default=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
-        dim=KG * M**2, role="tensor", help="in body axes; symmetric",
+        converter=inertia_matrix, default=POINT, dim=KG * M**2, role="tensor",
+        help="in body axes; default: of the shapes, or of a point mass",
     )  # fmt: skip
     tip: Vec3 | None = field(
         "three finite numbers [x, y, z] in body axes [m], or None",
@@ -231,8 +232,8 @@ class Body(Described):
             for key, value in data.items()
             if value is not None or key in ("name", "mass", "com", "inertia")  # these refuse None
         }
-        if "density" in data and "derived" not in data and {"shape", "shapes"} & data.keys():
-            data["derived"] = tuple(x for x in ("mass", "com", "inertia") if x not in data)
+        if "derived" not in data and (data.get("shape") or data.get("shapes")):
+            data["derived"] = following(data)
         dof = data.pop("dof", None)
         if dof is not None:
             _pick_joint(data, dof)
@@ -290,7 +291,9 @@ class Body(Described):
             if "tip" in self.derived:
                 fields["tip"] = tip_of(self.shapes)
         except PgraphError as error:
-            return [("derived", str(problem)) for problem in error.problems]
+            names = " and ".join(self.derived)
+            text = f"{names} cannot follow from it: {error.problems[0]}; give numbers"
+            return [("shape", text)]
         if any(shape.kind == "mesh" for shape in self.shapes):
             return []  # a file that has changed since
         return [
@@ -329,7 +332,9 @@ class Body(Described):
         kept = super()._kept(update)
         if "shape" in update or "shapes" in update:
             kept |= {"shape": None, "shapes": ()}
-        gone = {*self.derived, *update.get("derived", ())}
+            if not (update.get("shape") or update.get("shapes")):
+                kept |= {"derived": (), "density": None}
+        gone = {*kept["derived"], *update.get("derived", ())}
         if "motions" in update:
             gone.add("axes")
         elif "axes" in update or "joint" in update:
@@ -345,6 +350,13 @@ class Body(Described):
             return {"shape": shapes[0] if shapes else None}
         shape = update["shape"]
         return {"shapes": () if shape is None else (shape, *self.shapes[1:])}
+
+
+def following(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the fields that follow from the shapes: those that a mass or an inertia lacks."""
+    mass = ("mass",) * ("density" in data)
+    lacking = mass or "inertia" not in data
+    return tuple(x for x in (*mass, "com", "inertia") if lacking and x not in data)
 
 
 def _alike(a: Any, b: Any) -> bool:

@@ -14,7 +14,7 @@ from ..fields import EVERY, GROUND, Vec3
 from ..forces import OnJoint, Servo, Spring, Torsion
 from ..joints import AXIAL, beyond
 from ..signals.grammar import names_in
-from ..tolerances import SOLVED, VISIBLE
+from ..tolerances import SOLVED
 from .body import Body
 from .constraint import AlongAxes, Constraint
 from .expressions import texts_of
@@ -26,37 +26,13 @@ def doubts(model: Any) -> list[str]:
     bodies = model.bodies
     by_name = {body.name: body for body in bodies}
     return [
-        *_units(model), *_gravity(model), *_defaults(bodies, by_name),
+        *_units(model), *_gravity(model),
+        *(f"body '{body}': its {text}" for body, text in unlinked(bodies, by_name)),
         *(f"body '{name}': {text}" for name, text in wide(bodies)), *_starts(bodies),
         *_shapes(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
         *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
         *_untouched(model),
     ]  # fmt: skip
-
-
-def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[str]:
-    """Yield warnings about inertias and links that still have their default values."""
-    for body in bodies:
-        turns = any(m.kind != "translate" for m in body.sequence)
-        arm = body.mass * sum(x * x for x in body.com)
-        moment = DEFAULT_INERTIA[0][0]
-        counts = moment > VISIBLE * arm  # next to the mass at its distance
-        given = not {"mass", "com"}.isdisjoint(body.model_fields_set)
-        radius = math.cbrt(3 * body.mass / (4 * math.pi * DENSEST))
-        dense = (
-            2 / 5 * body.mass * radius**2 > moment
-        )  # inertia of a ball, the smallest possible one
-        left = body.inertia == DEFAULT_INERTIA and "inertia" not in body.model_fields_set
-        if turns and (counts or dense) and given and left:
-            shape = "" if body.shape else "a shape and "
-            why = ", too little for a solid of any material: masses are in kg, lengths in m" * dense
-            yield (
-                f"body '{body.name}': with {body.mass:g} kg it has the default inertia, 0.01 kg m² "
-                f"about each axis{why}; give its inertia, which is 0 for a point mass, or "
-                f"{shape}derived=('inertia',)"
-            )
-    for body, text in unlinked(bodies, by_name):
-        yield f"body '{body}': its {text}"
 
 
 def unlinked(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[tuple[str, str]]:
@@ -320,6 +296,4 @@ EACH_OTHER = "pg.Contact(body='*', other='*')"  # all bodies but the ground
 MILLI = math.sqrt(1000.0)  # a length so much larger than another is nearer to it in mm
 MOST_ANGLE = 8 * math.pi  # four turns: limit of a joint that is plausible in degrees, not in rad
 Z = (0.0, 0.0, 1.0)
-DENSEST = 22_590.0  # kg/m³, osmium: no solid is denser (CRC Handbook of Chemistry and Physics)
-DEFAULT_INERTIA = Body.model_fields["inertia"].default
 MANY = 300  # contacts that are compared with each other

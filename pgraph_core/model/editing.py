@@ -42,12 +42,13 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     data = fields_of(old)
     if "shape" in changes or "shapes" in changes:  # `shape` means one
         data |= {"shape": None, "shapes": ()}
-    if "derived" not in changes:  # given values are no longer derived
-        changes = {**changes, "derived": tuple(x for x in old.derived if x not in changes)}
-        if "mass" in old.derived and "mass" in changes:
-            changes = {"density": None, **changes}
-    follows = {*old.derived, *changes["derived"]}
-    data = {key: value for key, value in data.items() if key not in follows or key in changes}
+    if "derived" not in changes:  # given values are no longer derived, nor those without shapes
+        shaped = changes.get("shapes") or changes.get("shape") or data["shapes"]
+        left = tuple(x for x in old.derived if shaped and x not in changes)
+        changes = {**changes, "derived": left}
+    if "mass" in old.derived and "mass" not in changes["derived"]:
+        changes = {"density": None, **changes}
+    data = {k: x for k, x in data.items() if k not in changes["derived"] or k in changes}
     kind, dof = changes.get("joint", old.joint), changes.get("dof", old.dof)
     new_joint = kind != old.joint or dof != old.dof or _moves_otherwise(old, changes)
     if new_joint:

@@ -34,7 +34,8 @@ from .world import Ground
 
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
 # 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces;
-# 7: without expressions in springs; 8: without expressions in contacts
+# 7: without expressions in springs; 8: without expressions in contacts, and 0.01 kg m^2 for bodies
+# without inertia
 SCHEMA_VERSION = 9
 EXPRESSIONS = 6
 SCHEMA = "pgraph-model"
@@ -212,6 +213,12 @@ def parse(text: str, source: str) -> dict[str, Any]:
     if version > SCHEMA_VERSION:
         text = f"is {version}, newer than {SCHEMA_VERSION}, the newest known; update Pgraph"
         raise FileError(Problem(source, "schema_version", text))
+    bodies = data.get("bodies") if version < 9 else None
+    for body in bodies if isinstance(bodies, list) else ():
+        if isinstance(body, dict):
+            follow = body.get("derived", ["inertia"] if "density" in body else [])
+            if not (isinstance(follow, list) and "inertia" in follow):
+                body.setdefault("inertia", [0.01, 0.01, 0.01])
     scenarios = data.get("scenarios") if version < 4 else None  # they had a step of their own
     for scenario in scenarios if isinstance(scenarios, list) else ():
         if isinstance(scenario, dict):

@@ -251,6 +251,8 @@ def _filled(item: Any, values: Mapping[Path, float]) -> Any:
     if not new:
         return item
     data = item if isinstance(item, Mapping) else fields_of(item)
+    if derived := set(() if data is item else data.get("derived", ())) - {p[0] for p in new}:
+        data = {key: value for key, value in data.items() if key not in derived}
     if data.get("shape") is not None and data.get("shapes"):  # `shape` is the first of `shapes`
         data = {key: value for key, value in data.items() if key != "shape"}
         new = {("shapes", 0, *p[1:]) if p[0] == "shape" else p: x for p, x in new.items()}

@@ -15,7 +15,7 @@ from ..engine import packing
 from ..engine.packing import pack
 from ..engine.signals import first_values
 from ..engine.tree import bodies
-from ..errors import Problem
+from ..errors import Problem, shown
 from ..fields import GROUND
 from ..joints import AXIAL, CODES
 from ..model import Body, Force, Model
@@ -156,9 +156,21 @@ class Packed:
 
     def singular(self, row: int) -> Problem:
         """Return the error for a row whose motion does not move any inertia."""
-        name = self.body_of(row)
-        text = f"singular mass matrix: no inertia about the joint of '{name}'"
-        return Problem(f"body '{name}'", "inertia", f"{text}; give it mass, inertia or armature")
+        body = self.model.body(self.body_of(row))
+        number = self.system.body_of_row
+        motion = body.sequence[row - int(np.argmax(number == number[row]))]
+        kind, axis = motion.kind, shown(motion.axis)
+        where, text = f"body '{body.name}'", "so that the mass matrix is singular; give"
+        if kind == "translate":
+            return Problem(where, "mass", f"nothing has mass along its axis {axis}, {text} mass")
+        about, remedy = f"its axis {axis}", ", armature or a com that is not on the axis"
+        if kind not in AXIAL:
+            about, remedy = f"some axis of its {body.joint} joint", " or another joint"
+        point = "" if any(map(any, body.inertia)) else (
+            f": without inertia and shape it is a point mass at com {shown(body.com)}"
+        )  # fmt: skip
+        text = f"there is none about {about}{point}, {text} inertia, a shape{remedy}"
+        return Problem(where, "inertia", text)
 
     # -- forces and constraints ------------------------------------------------------------------
 

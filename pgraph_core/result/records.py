@@ -28,7 +28,6 @@ class Status(Enum):
     DONE = "the run reached its end"
     STOPPED = "an event stopped the run"
     NOT_FINITE = "the motion stopped being finite"
-    SINGULAR = "singular mass matrix: no inertia about the axis of a joint"
     CANNOT_CLOSE = "the constraints cannot all be met"
     STEP_TOO_SMALL = "the step that the tolerance requires fell below the resolution of time"
     TOO_MANY_STEPS = "the run reached its largest number of steps"

@@ -366,7 +366,7 @@ class Recording(Running):
         if code and self.user is not None:
             self._raise_user_error()
         if code > 0:
-            self.ended.stop(Status.SINGULAR, str(mech.packed.singular(code)))
+            raise InputError(mech.packed.singular(code))
         elif code < 0:
             text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s{trouble(self, self.start)}"
             self.ended.stop(Status.NOT_FINITE, text)

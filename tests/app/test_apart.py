@@ -118,7 +118,7 @@ def test_a_mesh_that_fills_the_memory_is_refused_before_it_is_drawn(
 ):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     mesh = ("meshes/m.glb", glb(nodes, triangles))
-    body = {"name": "a", "shape": {"kind": "mesh", "file": "meshes/m.glb"}}
+    body = {"name": "a", "inertia": [1, 1, 1], "shape": {"kind": "mesh", "file": "meshes/m.glb"}}
     model = ("m.json", json.dumps({"bodies": [body]}).encode())
     sent = base64.b64encode(zipped(model, mesh)).decode()
     reader = Reader(work_of(do.OpenArchive(ME, "x.zip", sent)))

@@ -95,7 +95,7 @@ def test_curves_and_their_unit_are_in_the_units_of_the_page(joint, angle, length
     outputs = [pg.Output(name=kind, kind=kind, at="a") for kind in kinds]
     outputs += [pg.Output(name=kind, kind=kind, at="a") for kind in ("gyro", "force", "rotation")]
     bodies = (
-        pg.Body(name="a", joint=joint, link=(0.1, 0, 0), com=(0.1, 0.2, 0)),
+        pg.Body(name="a", joint=joint, link=(0.1, 0, 0), com=(0.1, 0.2, 0), inertia=(1, 1, 1)),
         pg.Body(name="b", parent="a", joint="prismatic", link=(0, 0, 1)),
     )
     result = pg.simulate(pg.Model(bodies=bodies, outputs=outputs), t_end=0.05, estimate=False)

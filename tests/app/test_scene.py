@@ -372,7 +372,8 @@ def test_the_ellipsoid_of_a_solid_ellipsoid_is_itself(half):
 def test_a_mesh_that_cannot_be_read_has_a_stand_in_and_is_reported(tmp_path, name):
     if name != "none.stl":
         (tmp_path / name).write_bytes(b"solid \xff\x00 this is no mesh")
-    body = pg.Body(name="a", shape=pg.Shape(kind="mesh", file=str(tmp_path / name)))
+    mesh = pg.Shape(kind="mesh", file=str(tmp_path / name))
+    body = pg.Body(name="a", shape=mesh, inertia=(1, 1, 1))
     (piece,) = shapes.pieces(body, ())
     (own,) = shapes.pieces(pg.Body(name="a"), ())
     assert shapes.mesh((piece,)).volume == shapes.mesh((own,)).volume

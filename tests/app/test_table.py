@@ -225,6 +225,8 @@ def test_what_a_pasted_line_leaves_out_has_the_default_of_a_model_file(state):
     text = f'name\tdensity\tderived\tshape\na\t100\t"[""mass"", ""com""]"\t{sphere(0.5)}'
     steel = after(state, paste(text)).model.body("a")
     assert steel.com == pytest.approx((0.5, 0, 0), abs=1e-15)
+    solid = after(state, paste(f"name\tmass\tshape\na\t2\t{sphere(0.5)}")).model.body("a")
+    assert solid.inertia == pg.Body(name="a", mass=2.0, shape=solid.shape).inertia != steel.inertia
 
 
 @pytest.mark.parametrize("event", [do.NewModel(ME, 1, "4"), paste("a\nb\nc\nd"),

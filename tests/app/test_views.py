@@ -46,7 +46,9 @@ def test_the_summary_says_how_a_run_ended_how_well_and_at_what_cost(stood):
 
 
 def test_two_runs_are_compared_in_numbers():
-    ball = pg.Body(name="ball", mass=2.0, joint="free", v=(0, 0, 0, 3.0, 0, 4.0))
+    ball = pg.Body(
+        name="ball", mass=2.0, joint="free", v=(0, 0, 0, 3.0, 0, 4.0), inertia=(0.01,) * 3
+    )
     model = pg.Model(bodies=(ball,), gravity=(0, 0, 0), up="z")
     long, short = (pg.simulate(model, t_end=t_end, step=0.1) for t_end in (2.0, 1.0))
     state = ran(begun(model), long)

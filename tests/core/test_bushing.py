@@ -41,8 +41,8 @@ def test_what_it_exerts_is_the_slope_of_what_it_stores(angle):
     K, n = psd(rng), rng.normal(size=3)
     n /= np.linalg.norm(n)
     bodies = [
-        pg.Body(name="a", joint="free"),
-        pg.Body(name="b", joint="free", com=(0.1, 0.2, 0.3)),
+        pg.Body(name="a", joint="free", inertia=(0.01,) * 3),
+        pg.Body(name="b", joint="free", com=(0.1, 0.2, 0.3), inertia=(0.01,) * 3),
     ]
     turn = Rotation.random(random_state=5)
     f = pg.Bushing(
@@ -99,7 +99,9 @@ def test_what_a_run_loses_is_what_the_damping_takes(method):
 
 def test_a_mirror_image_moves_as_the_mirror_image():
     """A bushing on the left, copied to the right: displacements are reflected."""
-    left = pg.Body(name="left", joint="free", link=(0, 1, 0), com=(0.1, 0.2, 0.3))
+    left = pg.Body(
+        name="left", joint="free", link=(0, 1, 0), com=(0.1, 0.2, 0.3), inertia=(0.01,) * 3
+    )  # fmt: skip
     rubber = pg.Bushing(
         name="left rubber", body="left", point=(0.1, 0.1, 0.2), other_point=(0.1, 1.1, 0.2),
         other_rotation=(0.5, 0.5, 0.5, 0.5), rotation=(0.5, 0.5, 0.5, 0.5), stiffness=psd(RNG),

@@ -68,7 +68,7 @@ def test_a_chain_of_five_thousand_columns():
     """A comb upside down, whose rows stand before their parents."""
     n = 5_000
     parent = np.append(np.arange(2, n + 1), 0)
-    mech = pg.Mechanism(pg.Model.from_columns(parent, link=(0.01, 0, 0)))
+    mech = pg.Mechanism(pg.Model.from_columns(parent, link=(0.01, 0, 0), com=(0.01, 0, 0)))
     assert (mech.nb, mech.pgraph[:3].tolist()) == (n, [1, 2, 3])
     assert np.isfinite(mech.forward_dynamics(*mech.home())).all()
 

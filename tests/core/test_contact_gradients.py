@@ -40,8 +40,8 @@ def apart(make, numbers, paths, share=1e-5, **options):
 
 def pendulum(q, v, g, top, e):
     arm = pg.Body(
-        name="arm", axes=(0, 1, 0), com=(1, 0, 0), mass=1.0, q=[q], v=[v], limits=[(-1.0, top)],
-        limit_restitution=(e,),
+        name="arm", axes=(0, 1, 0), com=(1, 0, 0), inertia=(0.01,) * 3, q=[q], v=[v],
+        limits=[(-1.0, top)], limit_restitution=(e,),
     )  # fmt: skip
     return pg.Model(bodies=[arm], gravity=(0, 0, g))
 
@@ -175,7 +175,8 @@ def swing_free():
 @pytest.mark.parametrize("method", ["rk4", "dop853", "radau5"])
 def test_a_release_at_a_place_has_the_derivatives_of_its_time(method):
     """Driven at 1 m/s to 0.5 m, then free on a spring: starting farther on is being later."""
-    body = pg.Body(name="b", joint="prismatic", axes=(1, 0, 0), mass=2.0, q=[0.1], v=[1.0])
+    fields: dict[str, Any] = {"axes": (1, 0, 0), "mass": 2.0, "inertia": (0.01,) * 3}
+    body = pg.Body(name="b", joint="prismatic", q=[0.1], v=[1.0], **fields)
     drive = pg.Constraint(name="drive", kind="velocity", coefficients={"b": (1.0,)}, value=1.0)
     spring = pg.Spring(name="s", body="b", other="ground", stiffness=30.0, rest=0.0)
     model = pg.Model(bodies=[body], constraints=[drive], forces=[spring], gravity=(0, 0, 0))

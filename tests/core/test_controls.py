@@ -191,7 +191,9 @@ def test_conditions_may_name_controls():
 def test_a_loop_with_constraints_keeps_its_states():
     slider = pg.Body(name="slider", joint="prismatic", axes=[(1, 0, 0)], mass=1.0)
     crank = pg.Body(name="crank", axes=[Z], mass=1.0, com=(0.1, 0, 0), tip=(0.3, 0, 0))
-    rod = pg.Body(name="rod", parent="crank", link=(0.3, 0, 0), axes=[Z], mass=1.0, tip=(1, 0, 0))
+    rod = pg.Body(
+        name="rod", parent="crank", link=(0.3, 0, 0), axes=[Z], inertia=(0.01,) * 3, tip=(1, 0, 0)
+    )  # fmt: skip
     tie = pg.Point(name="pin", body="rod", other="slider")
     model = pg.Model(
         bodies=[slider, crank, rod], gravity=(0, -9.81, 0), constraints=[tie],
@@ -227,7 +229,7 @@ def test_controls_run_beside_contacts(method):
 
 def test_a_controller_that_nothing_follows_rests_with_what_it_controls():
     """A run at rest looked at the states of the control as positions, and failed."""
-    wheel = pg.Body("wheel", axes=[(0, 0, 1)])
+    wheel = pg.Body("wheel", axes=[(0, 0, 1)], inertia=(0.01,) * 3)
     control = pg.PID(name="hold", signal="=q.wheel")
     run = pg.simulate(pg.Model([wheel], controls=[control], up="z"), t_end=0.01)
     assert run.status.ok

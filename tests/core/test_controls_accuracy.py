@@ -15,7 +15,7 @@ def noted(run, name):
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("v", [0.0, 0.3])
 def test_an_error_of_a_state_that_no_force_reads_is_told(size, v):
-    rod = pg.Body(name="rod", axes=[Z], v=[v])
+    rod = pg.Body(name="rod", axes=[Z], v=[v], inertia=(0.01,) * 3)
     state = pg.State(name="s", rate=f"=100*({size!r}*sin(50*t) - x.s)")
     model = pg.Model(bodies=[rod], gravity=(0, 0, 0), controls=[state])
     coarse, fine = (pg.simulate(model, t_end=1.0, method="rk4", step=step) for step in (2e-2, 2e-3))
@@ -102,7 +102,7 @@ def test_frames_between_steps_are_as_good_as_their_ends(method, rtol, lag):
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 def test_a_state_that_begins_at_zero_is_as_accurate_as_others(method, rtol):
     """Its scale is that of accepted steps; SciPy's DOP853 is off by 2 rtol here."""
-    rod = pg.Body(name="rod", axes=[Z], v=[0.3])
+    rod = pg.Body(name="rod", axes=[Z], v=[0.3], inertia=(0.01,) * 3)
     state = pg.State(name="s", rate="=100*(sin(50*t) - x.s)")
     model = pg.Model(bodies=[rod], gravity=(0, 0, 0), controls=[state])
     run = pg.simulate(model, t_end=1.0, method=method, rtol=rtol, frames=1001)

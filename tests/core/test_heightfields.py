@@ -139,7 +139,7 @@ def test_where_steps_overlap_the_last_one_counts():
     for step in steps:
         heights[((step.low <= places) & (places <= step.high)).all(axis=1)] = step.height
     bodies = [
-        pg.Body(name=f"b{k}", joint="free", link=(*place, height + 0.005))
+        pg.Body(name=f"b{k}", joint="free", link=(*place, height + 0.005), inertia=(0.01,) * 3)
         for k, (place, height) in enumerate(zip(places, heights))
     ]
     contacts = [pg.Contact(name=b.name, body=b.name, points=[(0, 0, 0)]) for b in bodies]

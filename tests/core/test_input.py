@@ -8,7 +8,7 @@ import pytest
 import pgraph_core as pg
 
 MECH = pg.Mechanism(pg.Model.serial(3))
-TOP = pg.Mechanism(pg.Model(bodies=(pg.Body(name="top", joint="spherical"),)))
+TOP = pg.Mechanism(pg.Model(bodies=(pg.Body(name="top", joint="spherical", inertia=(0.01,) * 3),)))
 
 
 def run(**options):
@@ -51,7 +51,7 @@ def test_a_joint_that_moves_no_inertia_is_named():
 MODEL = pg.Model(
     bodies=(
         pg.Body(name="a", axes=((0, 1, 0),), shape={"kind": "sphere", "radius": 0.1}),
-        pg.Body(name="b", parent="a", link=(1, 0, 0), axes=((0, 1, 0),), tip=(1, 0, 0)),
+        pg.Body(name="b", parent="a", link=(1, 0, 0), axes=((0, 1, 0),), com=(1, 0, 0)),
     ),
     constraints=(pg.Point(name="loop", body="b", active=False),),
     contacts=(pg.Contact(name="floor", body="a"),),

@@ -38,9 +38,9 @@ def test_forward_and_inverse_dynamics_of_random_forests(seed):
 
 
 def balls():
-    free = pg.Body(name="a", dof=6, com=(0.1, 0, 0))
+    free = pg.Body(name="a", dof=6, com=(0.1, 0, 0), inertia=(0.01,) * 3)
     return pg.Model(
-        bodies=(free, pg.Body(name="3", parent="a", dof=3, link=(0.2, 0, 0), com=(0.1, 0.05, 0)))
+        bodies=(free, pg.Body(name="3", parent="a", dof=3, link=(0.2, 0, 0), inertia=(0.01,) * 3))
     )
 
 

@@ -160,7 +160,9 @@ def test_an_open_mesh_touches_by_its_hull_on_request(tmp_path):
     rests = np.zeros(6)
     for hull in (None, "convex"):
         shape = pg.Shape(kind="mesh", file=str(file), hull=hull)
-        body = pg.Body(name="part", joint="free", q=(0, 0, 0.5, 1, 0, 0, 0), shape=shape)
+        body = pg.Body(
+            name="part", joint="free", q=(0, 0, 0.5, 1, 0, 0, 0), shape=shape, inertia=(0.01,) * 3
+        )  # fmt: skip
         model = pg.Model(bodies=(body,), contacts=(pg.Contact(name="floor", body="part"),))
         mech = pg.Mechanism(model)
         if hull is None:

@@ -225,7 +225,7 @@ def test_positions_that_are_regular_are_not_called_singular(name):
 
 def test_a_constraint_that_no_joint_can_change_leaves_the_motion_as_it_is():
     """All rows of Ω are zero: a distance between two points that move together."""
-    held = {"parent": "upper", "link": (0.5, 0, 0)}
+    held = {"parent": "upper", "link": (0.5, 0, 0), "inertia": (0.01,) * 3}
     bodies = (
         pg.Body(name="upper", tip=(0.5, 0, 0), axes=(0, 1, 0)),
         pg.Body(name="lower", tip=(0.3, 0, 0), axes=(0, 1, 0), **held),

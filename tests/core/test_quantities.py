@@ -27,7 +27,9 @@ def test_body_motion_equals_the_operators(seed):
 
 def test_momentum_of_a_free_mechanism_is_kept_without_gravity():
     """Angular about the centre of mass, and linear: 1e-9 over RK4's error at 1 ms."""
-    trunk = pg.Body(name="trunk", dof=6, com=(0.1, 0.02, 0), v=(1, 2, 3, 0.1, 0.2, 0.3))
+    trunk = pg.Body(
+        name="trunk", dof=6, com=(0.1, 0.02, 0), inertia=(0.01,) * 3, v=(1, 2, 3, 0.1, 0.2, 0.3)
+    )  # fmt: skip
     arm = pg.Body(name="arm", parent="trunk", link=(0.3, 0, 0), com=(0.1, 0, 0), v=(4.0,))
     mech = pg.Mechanism(pg.Model(bodies=(trunk, arm), gravity=(0, 0, 0)))
     run = pg.simulate(mech, t_end=1.0, step=1e-3)

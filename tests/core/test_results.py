@@ -54,7 +54,7 @@ def test_a_result_prints_its_facts_and_notices(run):
     assert all(part in text for part in ("1001 frames", "0 to 2 s", "dop853"))
     failed = pg.simulate(double_pendulum(), t_end=5.0, method="dopri5", max_steps=20)
     assert failed.message in repr(failed)
-    heavy = pg.Body(name="b", mass=3.0, com=(0.1, 0, 0), axes=(0, 1, 0))
+    heavy = pg.Body(name="b", com=(0.1, 0, 0), axes=(0, 1, 0), rest=(0.5,))
     warned = pg.simulate(pg.Model(bodies=[heavy]), t_end=0.1)
     assert "1 notice" in repr(warned)
     assert warned.notices[0] in str(warned)
@@ -157,7 +157,7 @@ def test_columns_of_bodies_are_the_motion_of_their_frames():
 
 def test_a_joint_s_name_means_all_its_columns():
     pd = pytest.importorskip("pandas")
-    body = pg.Body(name="energy", joint="free", mass=1.0)  # the name of a column
+    body = pg.Body(name="energy", joint="free", inertia=(0.01,) * 3)  # the name of a column
     still = pg.Body(name="post", joint="weld")
     out = pg.Output(name="spin", kind="gyro", at="energy")
     run = pg.simulate(pg.Model(bodies=[body, still], outputs=[out]), t_end=0.1, v=[1.0] * 6)
@@ -175,17 +175,20 @@ def test_a_joint_s_name_means_all_its_columns():
 
 
 def test_columns_of_bodies_named_like_columns_stay_apart():
-    bodies = [pg.Body(name=name, v=v) for name, v in (("b.0", 3), ("v.b.0", 4))]
-    bodies.insert(0, pg.Body(name="b", joint="universal", v=(1, 2)))
+    solid = {"inertia": (0.01, 0.01, 0.01)}
+    bodies = [pg.Body(name=name, v=v, **solid) for name, v in (("b.0", 3), ("v.b.0", 4))]
+    bodies.insert(0, pg.Body(name="b", joint="universal", v=(1, 2), **solid))
     run = pg.simulate(pg.Model(bodies=bodies, gravity=(0, 0, 0)), t_end=0.1)
     columns = run.columns()
     assert len(columns) == 1 + 3 * 4 + 5
     for name, column in (("b.0", "v.b.0"), ("v.b.0", "v.v.b.0")):
         np.testing.assert_array_equal(columns[column], run.v[:, run.mechanism.joints[name].v][:, 0])
     np.testing.assert_array_equal(columns["q.v.b.0"], run["v.b.0"])
-    paw = pg.Body(name="contact_gap.paw", tip=(1, 0, 0), q=0.25)
+    paw = pg.Body(name="contact_gap.paw", tip=(1, 0, 0), q=0.25, inertia=(0.01,) * 3)
     floor = pg.Contact(name="paw", body="contact_gap.paw", points=[(1, 0, 0)])
-    model = pg.Model(bodies=[paw, pg.Body(name="phases.paw", q=0.5)], contacts=[floor])
+    model = pg.Model(
+        bodies=[paw, pg.Body(name="phases.paw", q=0.5, inertia=(0.01,) * 3)], contacts=[floor]
+    )
     columns = pg.simulate(model, t_end=0.01, estimate=False).columns()
     assert columns["q.contact_gap.paw"][0] == 0.25
     assert columns["q.phases.paw"][0] == 0.5
@@ -195,7 +198,7 @@ def test_columns_of_bodies_named_like_columns_stay_apart():
 @pytest.mark.parametrize("name", ["=cmd('calc')", r"a $\frac{ $ b"])
 def test_names_are_neither_formulas_nor_mathematics(name):
     pytest.importorskip("matplotlib")
-    model = pg.Model(name=name, bodies=[pg.Body(name=n, tip=(1, 0, 0)) for n in (name, "_a")])
+    model = pg.Model(name=name, bodies=[pg.Body(name=n, com=(1, 0, 0)) for n in (name, "_a")])
     run = pg.simulate(model, t_end=0.01)
     heads = next(csv.reader(io.StringIO(run.to_csv())))
     assert f"{name} [rad]" in [head.removeprefix("'") for head in heads]

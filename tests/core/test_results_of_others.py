@@ -15,7 +15,7 @@ from pgraph_core import show
 
 pytestmark = pytest.mark.quick
 
-ROD = pg.Model(bodies=[pg.Body(name="rod", tip=(1, 0, 0))])
+ROD = pg.Model(bodies=[pg.Body(name="rod", com=(1, 0, 0), tip=(1, 0, 0))])
 
 
 @pytest.fixture(scope="module")

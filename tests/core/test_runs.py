@@ -174,7 +174,10 @@ def test_bodies_motion_and_joint_forces_equal_the_operators():
 
 
 def test_csv_names_every_column_with_its_unit():
-    bodies = (pg.Body(name="trunk", dof=6), pg.Body(name="slide", joint="prismatic"))
+    bodies = (
+        pg.Body(name="trunk", dof=6, inertia=(0.01,) * 3),
+        pg.Body(name="slide", joint="prismatic"),
+    )
     run = pg.simulate(pg.Model(bodies=bodies), t_end=0.01, step=1e-3)
     header, *rows = run.to_csv().splitlines()
     names = header.split(",")
@@ -189,8 +192,8 @@ def test_csv_names_every_column_with_its_unit():
 @pytest.mark.parametrize("given", ["q", "v", "tau"])
 def test_a_list_is_refused_where_numbers_and_rows_differ_in_order(given):
     """Rows a, b, c where c is a child of a: numbers count a, c, b."""
-    bodies = [pg.Body(name=name, tip=(1, 0, 0)) for name in "ab"]
-    model = pg.Model(bodies=[*bodies, pg.Body(name="c", parent="a", tip=(1, 0, 0))])
+    bodies = [pg.Body(name=name, com=(1, 0, 0)) for name in "ab"]
+    model = pg.Model(bodies=[*bodies, pg.Body(name="c", parent="a", com=(1, 0, 0))])
     with pytest.raises(pg.InputError, match="a, c, b"):
         pg.simulate(model, t_end=0.01, **{given: [0.1, 0.2, 0.3]})
     by_name = pg.simulate(model, t_end=0.01, **{given: {"a": 0.1, "b": 0.2, "c": 0.3}})

@@ -213,7 +213,7 @@ def test_bodies_of_a_tree_part_with_their_restitution(scene, law, e):
 def test_a_restitution_that_is_only_near_is_reported(held, feet, law):
     """It is exact for a tree on one contact, not with constraints or several contacts."""
     bodies = [box("box", (0, 0, 0.06), 3 * (0.1,))]
-    bodies.append(pg.Body(name="arm", parent="box", tip=(0.1, 0, 0), mass=0.5))
+    bodies.append(pg.Body(name="arm", parent="box", com=(0.1, 0, 0), mass=0.5))
     rope = [pg.Distance(name="rod", body="arm", other_point=(1.0, 0, 0.1))] if held else []
     soft = {"body": "box", "law": law, "restitution": 0.5}
     sets = [{"name": "all"}] if feet == 1 else [

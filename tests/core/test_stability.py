@@ -134,7 +134,9 @@ def test_a_refused_run_has_failed_with_a_reason():
     """A penalty contact remembers, which steps to events cannot undo."""
     floor = pg.Contact(name="floor", body="b", law="penalty", points=((0, 0, 0),))
     contacts = floor, pg.Contact(name="rail", body="b", points=((0.1, 0, 0),))
-    model = pg.Model(bodies=(pg.Body(name="b", joint="free"),), contacts=contacts)
+    model = pg.Model(
+        bodies=(pg.Body(name="b", joint="free", inertia=(0.01,) * 3),), contacts=contacts
+    )
     cell = one_cell(model, axis="step", values=[1e-3], methods=["rk4"], t_end=0.01)
     assert cell.status == "FAILED"
     assert "penalty" in cell.text or "floor" in cell.text
@@ -209,7 +211,9 @@ def sprung():
 
 def touching():
     contact = pg.Contact(name="c", body="a", law="soft", points=((0, 0, 0),))
-    return pg.Model(bodies=(pg.Body(name="a", joint="free"),), contacts=(contact,))
+    return pg.Model(
+        bodies=(pg.Body(name="a", joint="free", inertia=(0.01,) * 3),), contacts=(contact,)
+    )  # fmt: skip
 
 
 MODELS = {"contact_stiffness": touching, "friction": touching}

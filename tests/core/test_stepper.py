@@ -289,7 +289,7 @@ def test_snapshots_are_of_one_user_and_pickles_of_any(tmp_path, monkeypatch):
 
 
 def test_inputs_are_taken_together_or_not_at_all_within_bounds():
-    arm = pg.Body(name="arm", tip=(1, 0, 0))
+    arm = pg.Body(name="arm", com=(1, 0, 0))
     servo = pg.Servo(name="servo", body="arm", kp=10.0, kd=1.0, input_low=-1, input_high=1)
     motor = pg.Motor(name="motor", body="arm", torque=1.0, input_low=0, input_high=2)
     model = pg.Model(bodies=[arm], forces=[servo, motor])

@@ -64,7 +64,14 @@ def test_a_string_is_slack_until_it_is_taut():
 def test_two_bodies_share_the_pull_of_a_string():
     """One pulls the other along: momentum is kept, and their speeds along the string are equal."""
     bodies = [
-        pg.Body(name=n, joint="free", mass=m, q=(x, 0, 0, 1, 0, 0, 0), v=(0, 0, 0, v, 0, 0))
+        pg.Body(
+            name=n,
+            joint="free",
+            mass=m,
+            inertia=(0.01,) * 3,
+            q=(x, 0, 0, 1, 0, 0, 0),
+            v=(0, 0, 0, v, 0, 0),
+        )
         for n, m, x, v in (("a", 1.0, 0.0, 0.0), ("b", 3.0, 0.5, 2.0))
     ]
     string = pg.Spring(name="s", body="a", other="b", point=(0, 0, 0), high=1.0)

@@ -110,9 +110,17 @@ def test_a_wall_welded_to_the_ground_has_the_stiffness_of_the_ground(law, mass):
 
 def test_limits_are_named_by_their_coordinates():
     motions = (("ball", (0, 0, 1)), ("translate", (1, 0, 0)), ("rotate", (0, 0, 1)))
+    solid = {"inertia": (0.01, 0.01, 0.01)}
     bodies = (
-        pg.Body(name="a", joint="compound", motions=motions, limits=(None, (0, None), (-1, 2))),
-        pg.Body(name="b", parent="a", limits=(None, 0.5), limit_restitution=0.6),
+        pg.Body(
+            name="a",
+            joint="compound",
+            motions=motions,
+            limits=(None, (0, None), (-1, 2)),
+            armature=(0, 0, 1),
+            **solid,
+        ),
+        pg.Body(name="b", parent="a", limits=(None, 0.5), limit_restitution=0.6, **solid),
     )
     run = pg.simulate(pg.Model(bodies=bodies), t_end=1e-3, step=1e-3, frames=2, estimate=False)
     names = ["a low limit 1", "a low limit 2", "a high limit 2", "b high limit"]

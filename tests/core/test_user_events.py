@@ -107,8 +107,8 @@ def broken(t, q, v):
     ],
 )
 def test_events_that_do_not_fit_are_refused(events, key):
-    body = pg.Body(name="b", mass=1.0, com=(0, 0, -1), q=(1.0,), stiffness=1.0)
-    array = pg.Body(name="c", mass=1.0, com=(0, 0, -1))
+    body = pg.Body(name="b", inertia=(1, 1, 1), q=(1.0,), stiffness=1.0)
+    array = pg.Body(name="c", com=(0, 0, -1), inertia=(1, 1, 1))
     with pytest.raises(pg.InputError, match=key):
         pg.simulate(pg.Model(bodies=(body, array)), t_end=2.0, events=events)
 
