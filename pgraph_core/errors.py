@@ -10,7 +10,6 @@ import math
 import os
 import re
 import struct
-import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -256,8 +255,6 @@ class NameLookupError(InputError, KeyError):
     __str__ = Exception.__str__
 
 
-EMPTY = inspect.Parameter.empty
-STATE = ("q", "v", "vdot", "tau")  # arguments of which a call for many states takes a row for each
 BARE = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, struct.error)
 
 
@@ -289,9 +286,7 @@ def _explained(function: Any) -> Any:
         except PgraphError:  # `sweep` passes arguments of other calls on
             if ours := words.renamed(named, _names(function)):
                 return call(*args, **ours)
-            if _called_by_us(function.__name__) or not (states := _states(function, args, named)):
-                raise  # our own calls have one state
-            return _stacked([call(args[0], **state) for state in states])
+            raise
         except RecursionError:
             if not any(map(is_deep, (*args, *named.values()))):
                 raise
@@ -306,41 +301,6 @@ def _explained(function: Any) -> Any:
             raise InputError(found) from (None if found[0].text.startswith("is ") else error)
 
     return call
-
-
-def _called_by_us(name: str) -> bool:
-    """Return True if this package calls the function, other than by a wrapper of the same name."""
-    frame: Any = sys._getframe(2)
-    while frame.f_code.co_name == name and frame.f_back is not None:
-        frame = frame.f_back
-    return frame.f_globals.get("__name__", "").startswith(f"{__package__}.")
-
-
-def _states(function: Any, args: tuple[Any, ...], named: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the arguments of a call for each row of q (n, nq), or [] if q is no such array.
-
-    Only for methods of a state, which need q first. Other arguments with n rows have one for each
-    state.
-    """
-    parameters = list(inspect.signature(function).parameters.values())[1:]
-    if not parameters or parameters[0].name != "q" or parameters[0].default is not EMPTY:
-        return []
-    given = {**dict(zip((p.name for p in parameters), args[1:])), **named}
-    shape = getattr(given.get("q"), "shape", ())
-    if len(shape) != 2 or not shape[0] or not hasattr(given["q"], "__array__"):
-        return []
-    rows = [name for name, x in given.items() if getattr(x, "shape", ())[:1] == shape[:1]]
-    rows = [name for name in rows if name in STATE]
-    return [{**given, **{name: given[name][i] for name in rows}} for i in range(shape[0])]
-
-
-def _stacked(results: Sequence[Any]) -> Any:
-    """Return results for many states as arrays with a row for each state."""
-    import numpy as np
-
-    if isinstance(results[0], tuple):
-        return tuple(map(_stacked, zip(*results)))
-    return np.array(results)
 
 
 def _called_as(function: Any, args: Sequence[Any]) -> str:
@@ -433,6 +393,7 @@ def _misfits(
         for x in _each(value, form):
             if not _fits(x, kind):
                 hint = to_read(x) if "Model" in str(wanted) else example_of(function)
+                hint = hint or f"; it takes ({', '.join(parameters)})" * (len(parameters) > 1)
                 found.append(Problem(where, name, f"must be {wanted}, got {shown(x)}{hint}"))
     return found
 

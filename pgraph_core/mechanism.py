@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
-from .dynamics.arguments import wrong_type
+from .dynamics.arguments import for_each_state, wrong_type
 from .dynamics.dynamics import EMPTY, UNFIT
 from .errors import Called, explained
 from .model import Model
@@ -116,6 +116,7 @@ class Mechanism(Dynamics):
         """
         return mobility(self, q, v, active)
 
+    @for_each_state
     def constrained_inverse_dynamics(
         self,
         q: Array,
@@ -154,6 +155,7 @@ class Mechanism(Dynamics):
 
         return constrained_inverse_dynamics(self, q, v, vdot, actuated, weights)
 
+    @for_each_state
     def forward_derivatives(
         self, q: Array, v: Array, tau: Array | None = None
     ) -> tuple[Array, Array, Array]:

@@ -489,3 +489,40 @@ def test_the_axis_of_the_message_is_that_of_the_joint():
     axis = eval(said.rpartition("axis=")[2])
     aligned = loop.model_copy(update={"axis": axis})
     assert TWO.add(aligned).doubts == ()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])  # 2 is the number of coordinates
+def test_methods_of_a_state_take_an_array_of_states(count):
+    mech, rng = pg.Mechanism(pg.Model.serial(2)), np.random.default_rng(0)
+    q, v, vdot = rng.normal(size=(3, count, 2))
+    calls: list[tuple[Any, tuple[Any, ...]]] = [
+        (mech.mass_matrix, (q,)), (mech.energy, (q, v)), (mech.pose, (q, "2")),
+        (mech.forward_dynamics, (q, v)), (mech.forward_dynamics, (q, v[0])),
+        (mech.forward_derivatives, (q, v)), (mech.inverse_dynamics, (q, v, vdot)),
+        (mech.constrained_dynamics, (q, v)), (mech.body_motion, (q, v)),
+    ]  # fmt: skip
+    for call, given in calls:
+        several = call(*given)
+        for i in range(count):
+            one = call(*(x[i] if isinstance(x, np.ndarray) and x.ndim == 2 else x for x in given))
+            pairs = zip(several, one) if isinstance(one, tuple) else [(several, one)]
+            assert all(isinstance(x, dict) or np.array_equal(x[i], y) for x, y in pairs)
+    for wrong in (q.tolist(), np.zeros((count, 3)), np.zeros((0, 2)), memoryview(q)):
+        with pytest.raises(pg.InputError, match="q"):
+            mech.mass_matrix(wrong)
+    with pytest.raises(pg.InputError, match="v"):
+        mech.energy(q, np.zeros((count + 1, 2)))
+
+
+@pytest.mark.parametrize("call", ["jacobian", "pose", "velocity", "jacobian_bias"])
+def test_a_name_in_the_place_of_q_is_told_with_the_order_of_the_arguments(call):
+    mech = pg.Mechanism(pg.Model.serial(2))
+    with pytest.raises(pg.InputError, match=rf"{call}, q: .*'2'.*\(q, .*name"):
+        getattr(mech, call)("2", *mech.home())
+
+
+def test_a_velocity_behind_the_name_is_told_with_the_order_of_the_arguments():
+    mech = pg.Mechanism(pg.Model.serial(2))
+    q, v = mech.home()
+    with pytest.raises(pg.InputError, match=r"velocity, v: .*'2'.*\(q, v, name"):
+        mech.velocity(q, "2", v)

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import inspect
 import math
 from collections.abc import Callable, Mapping
 from numbers import Integral
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import made_by_numba
-from ..errors import InputError, Problem, shown, to_read
+from ..errors import Called, InputError, Problem, shown, to_read
 from ..packing import Array
 from ..packing.packed import Packed
 from ..portable import Unportable, array_of
+
+OF_STATES = ("v", "vdot", "tau")  # arguments that may have a row for each of many states
 
 
 def names_in(value: Any) -> Mapping[str, Any] | None:
@@ -68,7 +71,8 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
         raise InputError(Problem(name, "", text))
     if array.shape != shape:
         many = array.shape[1:] == shape and len(array) > 1
-        do = "; a pg.BatchStepper steps many states at once" if many else ""
+        text = "; many states are an array for methods of a Mechanism, a pg.BatchStepper for runs"
+        do = text if many else ""
         raise InputError(Problem(name, "", f"must have shape {shape}, got {array.shape}{do}"))
     return array
 
@@ -115,6 +119,45 @@ def positions(packed: Packed, q: Array) -> None:
         lengths = np.linalg.norm(q[:, i : i + 4], axis=1)
         for row in q[~((lengths > 1e-3) & (lengths < 1e3))]:
             position(packed, row)
+
+
+def for_each_state(method: Called) -> Called:
+    """Let a method of a state q (nq,) take many states q (n, nq), and give a row of results each.
+
+    The arguments v, vdot and tau have a row for each state, or are the same for all.
+    """
+    names = list(inspect.signature(method).parameters)[2:]
+
+    @functools.wraps(method)
+    def call(self: Any, q: Any, *args: Any, **named: Any) -> Any:
+        after_q = args[0] if args and names[0] in OF_STATES else None
+        if isinstance(q, str) or isinstance(after_q, str):
+            field, given = ("q", q) if isinstance(q, str) else (names[0], after_q)
+            text = f"must be numbers, got {shown(given)}; it takes (q, {', '.join(names)})"
+            raise InputError(Problem(f"Mechanism.{method.__name__}", field, text))
+        if getattr(q, "ndim", 1) != 2 or not hasattr(q, "__array__") or not len(q):
+            return method(self, q, *args, **named)
+        states, given = np.asarray(q), {**dict(zip(names, args)), **named}
+        shapes = {k: getattr(given.get(k), "shape", ()) for k in OF_STATES}
+        rows = [k for k, shape in shapes.items() if shape[:-1] == states.shape[:1]]
+        found: list[Any] = []
+        for i, state in enumerate(states):
+            own = {k: np.asarray(given[k])[i] for k in rows}
+            found.append(method(self, state, **{**given, **own}))
+        return _stacked(found)
+
+    return cast("Called", call)
+
+
+def _stacked(results: list[Any]) -> Any:
+    """Return results for many states as arrays with a row for each state."""
+    first = results[0]
+    if isinstance(first, dict):
+        return {name: _stacked([each[name] for each in results]) for name in first}
+    if isinstance(first, tuple):
+        columns = map(_stacked, map(list, zip(*results)))
+        return type(first)(*columns) if hasattr(first, "_fields") else tuple(columns)
+    return np.array(results)
 
 
 def whole_number(call: str, field: str, value: Any, least: int, most: float = math.inf) -> int:

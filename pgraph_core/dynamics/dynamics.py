@@ -26,7 +26,7 @@ from ..paper import Operators
 from ..portable import Portable, ReadOnly, keep_unchanged
 from ..rotation import matrix, unit
 from ..topology import Topology
-from .arguments import finite, numbers, position, wrong_type
+from .arguments import finite, for_each_state, numbers, position, wrong_type
 from .scene import Scene
 from .states import BodyMotion, Carried, bodies_over, carried, mass_points, shifted
 
@@ -204,6 +204,7 @@ class Dynamics(Portable):
         """
         return carried(self.packed, other.packed, position(other.packed, q), other._speed(v))
 
+    @for_each_state
     def poses(self, q: Array) -> tuple[Array, Array]:
         """Return ((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
         place, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
@@ -213,6 +214,7 @@ class Dynamics(Portable):
             bodies.poses(*tables, q, self._rest, self._work, place, rotation)
         return place, rotation.reshape(self.nb, 3, 3)
 
+    @for_each_state
     def pose(self, q: Array, name: str) -> tuple[Array, Array]:
         """Return ((3,) origin [m], (3, 3) rotation) of a body or site frame in the world."""
         number, point, turn = self._frame(name)
@@ -242,6 +244,7 @@ class Dynamics(Portable):
         number, origin, turn = self._frame(name)
         return number, point if turn is None else origin + turn @ point
 
+    @for_each_state
     def body_motion(
         self, q: Array, v: Array, vdot: Array | None = None, external: Array | None = None
     ) -> BodyMotion:
@@ -256,6 +259,7 @@ class Dynamics(Portable):
         found = bodies_over(self.packed.system, *(x[None] for x in (*state, rate, wrench)))
         return BodyMotion(*(x[0] for x in found))
 
+    @for_each_state
     def centre_of_mass(self, q: Array) -> Array:
         """Return the centre of mass of the whole mechanism.
 
@@ -272,6 +276,7 @@ class Dynamics(Portable):
         mass, place, _, _ = mass_points(self._bodies, self.body_motion(q, self._rest))
         return mass @ place / mass.sum()
 
+    @for_each_state
     def momentum(self, q: Array, v: Array) -> Array:
         """Return the momentum (6,) [kg m/s] in world axes, angular about the mass centre first."""
         mass, place, velocity, spin = mass_points(self._bodies, self.body_motion(q, v))
@@ -279,6 +284,7 @@ class Dynamics(Portable):
         angular = spin.sum(axis=0) + np.cross(arm, mass[:, None] * velocity).sum(axis=0)
         return np.concatenate((angular, mass @ velocity))
 
+    @for_each_state
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """Return the (kinetic, potential) energy [J], including all springs."""
         address, q, v = self._scene.address, position(self.packed, q), self._speed(v)
@@ -289,6 +295,7 @@ class Dynamics(Portable):
     # Passive forces act here: springs, dampers and friction of joints, and springs, dampers and
     # drags between bodies. Forces that may depend on time (wrenches, motors, servos) act in runs.
 
+    @for_each_state
     def mass_matrix(self, q: Array) -> Array:
         """Return the mass matrix M (nv, nv) in eq. (25), including armature."""
         m = np.zeros((self.nv, self.nv))
@@ -297,11 +304,13 @@ class Dynamics(Portable):
             dynamics.mass_matrix(*self.packed.tree, q, self._rest, self._work, m)
         return m
 
+    @for_each_state
     def bias_force(self, q: Array, v: Array) -> Array:
         """Return C (nv,) in eq. (25): velocity terms and gravity, without springs and dampers."""
         q, v = self._state(q, v)
         return self._inverse(q, v, self._rest, NO_EXTERNAL)
 
+    @for_each_state
     def inverse_dynamics(
         self, q: Array, v: Array, vdot: Array, external: Array | None = None
     ) -> Array:
@@ -314,7 +323,7 @@ class Dynamics(Portable):
         `external_at` computes it from wrenches at other points.
         """
         if "active constraints" in self._untold:
-            self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 4)
+            self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 5)
         return self._tree_torque(q, v, vdot, external)
 
     def _tree_torque(self, q: Array, v: Array, vdot: Array, external: Array | None = None) -> Array:
@@ -324,6 +333,7 @@ class Dynamics(Portable):
         tau = self._inverse(q, v, vdot, wrench)
         return tau - self._passive(q, v, self._rest) if self._springs else tau
 
+    @for_each_state
     def forward_dynamics(
         self, q: Array, v: Array, tau: Array | None = None, external: Array | None = None
     ) -> Array:
@@ -334,8 +344,8 @@ class Dynamics(Portable):
         and what varies act in `simulate` only, with a warning at the first call.
         """
         if self._untold:
-            self._tell("forward_dynamics", "constrained_dynamics(q, v, tau)", 5)
-            self._tell_forces("forward_dynamics", 5)
+            self._tell("forward_dynamics", "constrained_dynamics(q, v, tau)", 6)
+            self._tell_forces("forward_dynamics", 6)
         return self._tree_acceleration(q, v, tau, external)
 
     def _tree_acceleration(
@@ -376,6 +386,7 @@ class Dynamics(Portable):
         if DIRECT and not packed.springs and not self._untold:
             own["_free"] = self.nq, self.nv, *packed.tree, self._work, self._rest
 
+    @for_each_state
     def constrained_dynamics(
         self, q: Array, v: Array, tau: Array | None = None
     ) -> tuple[Array, dict[str, Array]]:
@@ -385,7 +396,7 @@ class Dynamics(Portable):
         forces act, as in `forward_dynamics`.
         """
         if "forces" in self._untold:
-            self._tell_forces("constrained_dynamics", 5)
+            self._tell_forces("constrained_dynamics", 6)
         return self._constrained_acceleration(q, v, tau)
 
     def _constrained_acceleration(
@@ -418,6 +429,7 @@ class Dynamics(Portable):
 
     # -- wrenches on bodies ----------------------------------------------------------------------
 
+    @for_each_state
     def external_at(
         self,
         q: Array,
@@ -454,6 +466,7 @@ class Dynamics(Portable):
 
     # -- Jacobians -------------------------------------------------------------------------------
 
+    @for_each_state
     def jacobian(
         self, q: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0), *, frame: str = "world"
     ) -> Array:
@@ -488,6 +501,7 @@ class Dynamics(Portable):
             raise InputError(Problem("jacobian", "frame", text))
         return found
 
+    @for_each_state
     def velocity(
         self,
         q: Array,
@@ -503,6 +517,7 @@ class Dynamics(Portable):
         """
         return self.jacobian(q, name, point, frame=frame) @ self._speed(v)
 
+    @for_each_state
     def jacobian_bias(
         self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> Array:
@@ -513,6 +528,7 @@ class Dynamics(Portable):
             dynamics.jacobian_bias(*self.packed.tree, q, v, self._rest, *place, self._work, bias)
         return bias
 
+    @for_each_state
     def tip_jacobian(self, q: Array) -> Array:
         """Return J (6 n_t, nv) of the `tip` points of all tips, eqs. (18)-(20), by `tips`."""
         q = position(self.packed, q)
