@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, wraps
 from typing import TYPE_CHECKING, Any, cast
+from warnings import warn
 
 from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
@@ -42,6 +43,8 @@ class Mechanism(Dynamics):
         mech = pg.Mechanism(pg.Model.serial(2))
         vdot = mech.forward_dynamics(q=[0.1, 0.2], v=[0, 0])
     """
+
+    _spread: bool = False  # a call has warned that all joints are actuated
 
     def __dir__(self) -> Iterable[str]:
         return sorted(set(super().__dir__()) - OF_TOPOLOGY)
@@ -136,7 +139,8 @@ class Mechanism(Dynamics):
         q, v, vdot : (nq,), (nv,) and (nv,) arrays
             State and acceleration. These must satisfy the constraints.
         actuated : sequence of str, optional
-            Names of the bodies whose joints are actuated. By default, all joints are actuated.
+            Names of the bodies whose joints are actuated. By default, all joints are, and a warning
+            says so once if the constraints leave a choice of torques.
         weights : (nv,) array or dict, optional
             Positive weights of the torques, in number order or by name of body.
 
@@ -153,7 +157,15 @@ class Mechanism(Dynamics):
         """
         from .analysis.inverse import constrained_inverse_dynamics
 
-        return constrained_inverse_dynamics(self, q, v, vdot, actuated, weights)
+        tau = constrained_inverse_dynamics(self, q, v, vdot, actuated, weights)
+        if actuated is None and weights is None and len(self.packed.active) and not self._spread:
+            self._spread = True
+            text = "gives every joint a torque, the least in all: name the joints that have a drive"
+            warn(
+                f"constrained_inverse_dynamics {text}, actuated=[...], or give weights",
+                stacklevel=4,
+            )
+        return tau
 
     @for_each_state
     def forward_derivatives(

@@ -1,5 +1,6 @@
 """Words of other tools are understood."""
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,9 @@ def test_three_moments_are_the_diagonal_of_the_inertia(given):
     assert pg.Model(bodies=[body]).edit("a", inertia=given).bodies[0] == body
 
 
-@pytest.mark.parametrize("given", [(1, 2), (1, 2, 3, 4), (1, 2, 4), (1, -1, 1), (1, 2, "x"), 3.0])
+@pytest.mark.parametrize(
+    "given", [(1, 2), (1, 2, 3, 4), (1, 2, 4), (1, -1, 1), (1, 2, "x"), -3.0, True]
+)
 def test_moments_that_no_body_has_are_refused(given):
     with pytest.raises(pg.ModelError, match="inertia"):
         pg.Body(name="a", inertia=given)
@@ -526,3 +529,71 @@ def test_a_velocity_behind_the_name_is_told_with_the_order_of_the_arguments():
     q, v = mech.home()
     with pytest.raises(pg.InputError, match=r"velocity, v: .*'2'.*\(q, v, name"):
         mech.velocity(q, "2", v)
+
+
+def test_one_number_is_an_inertia_about_every_axis():
+    assert pg.Body(name="a", inertia=0).inertia == pg.Body(name="a").inertia
+    assert pg.Body(name="a", inertia=2).inertia == pg.Body(name="a", inertia=(2, 2, 2)).inertia
+
+
+def test_forces_of_a_run_are_called_by_name_as_they_are_indexed():
+    ball = pg.Body(name="ball", joint="free", shape={"kind": "sphere", "radius": 0.1})
+    model = pg.Model(bodies=[ball], contacts=[pg.Contact(name="floor", body="ball")])
+    run = pg.simulate(model, t_end=0.01)
+    for given in (("floor",), ("ball", "ground")):
+        key = given if len(given) > 1 else given[0]
+        np.testing.assert_array_equal(run.contact_force(*given), run.contact_force[key])
+    np.testing.assert_array_equal(run.position("ball"), run.position["ball"])
+    with pytest.raises(pg.InputError, match=r"'roof'.*floor"):
+        run.contact_force("roof")
+    with pytest.raises(pg.InputError, match=r"position, point: .*Site"):
+        run.position("ball", point=(0, 0, 1))
+
+
+def test_an_interval_in_the_place_of_q_is_noticed():
+    """As in SciPy's solve_ivp(f, (0, 5), [1, 0.2])."""
+    model = pg.Model.serial(2)
+    for given, times, told in (
+        (((0, 0.5), [1, 0.2]), {}, True), (((0, 0.5), [1, 0.2]), {"t_end": 0.1}, False),
+        (((0.1, 0.5), [1, 0.2]), {}, False), (([0, 0.5], [1, 0.2]), {}, False),
+    ):  # fmt: skip
+        run = pg.simulate(model, *given, **times)
+        assert any("t_end=0.5" in text for text in run.notices) == told
+
+
+def test_a_run_prints_why_its_error_is_not_estimated():
+    run = pg.simulate(pg.Model.serial(1), t_end=0.1, tau=lambda t, q, v: -v)
+    assert "estimate=True" in str(run)
+    assert len(str(pg.simulate(pg.Model.serial(1), t_end=0.1, estimate=False)).splitlines()) == 1
+
+
+def test_an_argument_that_is_missing_is_told_beside_options():
+    """A name that goes to the runs was called unknown if another argument was missing."""
+    rod: Any = pg.Model.serial(1)
+    calls: list[tuple[Any, str]] = [
+        (lambda: pg.fit(rod, {}, tau=0), "'free'"), (lambda: pg.sweep(rod, {}, t_end=1), "'metric'")
+    ]  # fmt: skip
+    for call, name in calls:
+        with pytest.raises(pg.InputError, match=name):
+            call()
+
+
+def test_torques_of_all_joints_are_warned_of_once_where_a_loop_leaves_a_choice():
+    mech = pg.Mechanism(pg.load("four_bar"))
+    q, v, _ = mech.assemble()
+    vdot, _ = mech.constrained_dynamics(q, v)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mech.constrained_inverse_dynamics(q, v, vdot, actuated=mech.names)
+    with pytest.warns(UserWarning, match="actuated"):
+        mech.constrained_inverse_dynamics(q, v, vdot)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mech.constrained_inverse_dynamics(q, v, vdot)
+
+
+def test_a_run_says_that_a_file_has_an_impossible_inertia():
+    body = pg.Body(name="a", axes="y", com=(0, 0, -1), inertia=(1, 1, 9), any_inertia=True)
+    model = pg.Model.from_json(pg.Model([body]).to_json())
+    assert any("'a'" in text and "inertia" in text for text in model.doubts)
+    assert set(model.doubts) <= set(pg.simulate(model, t_end=0.01).notices)

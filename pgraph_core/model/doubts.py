@@ -15,7 +15,7 @@ from ..forces import OnJoint, Servo, Spring, Torsion
 from ..joints import AXIAL, beyond
 from ..signals.grammar import names_in
 from ..tolerances import SOLVED
-from .body import Body
+from .body import Body, inertia_problems
 from .constraint import AlongAxes, Constraint
 from .expressions import texts_of
 from .world import DOWN
@@ -26,13 +26,21 @@ def doubts(model: Any) -> list[str]:
     bodies = model.bodies
     by_name = {body.name: body for body in bodies}
     return [
-        *_units(model), *_gravity(model),
+        *_units(model), *_gravity(model), *_impossible(bodies),
         *(f"body '{body}': its {text}" for body, text in unlinked(bodies, by_name)),
         *(f"body '{name}': {text}" for name, text in wide(bodies)), *_starts(bodies),
         *_shapes(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
         *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
         *_untouched(model),
     ]  # fmt: skip
+
+
+def _impossible(bodies: Sequence[Body]) -> Iterator[str]:
+    """Yield warnings about inertias that no rigid body has, which files may contain."""
+    for body in bodies:
+        if body.any_inertia:
+            for _, text in inertia_problems(body.inertia):
+                yield f"body '{body.name}': its inertia {text}; runs take it as given"
 
 
 def unlinked(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[tuple[str, str]]:

@@ -226,6 +226,10 @@ class Named(Mapping[str, Any]):
         except (KeyError, TypeError):
             raise NameLookupError(Problem(self._word, "", self._missing(name))) from None
 
+    def __call__(self, *names: Any) -> Any:
+        """Return the array of a name, or of two bodies, like `run.contact_force["a", "b"]`."""
+        return self[names if len(names) > 1 else names[0]] if names else self
+
     def __iter__(self) -> Iterator[str]:
         """Over the names."""
         return iter(self._arrays)

@@ -199,6 +199,8 @@ class Result(Exports, EqualByFields, Portable):
     def __str__(self) -> str:
         """Return the repr, followed by one line per notice."""
         left = [text for text in self.notices if self.status.ok or text not in self.message]
+        if self.status.ok and np.isnan(self.error_estimate):  # the message has the reason
+            left += self.message.split("; ", 1)[1:]
         return "\n".join((repr(self), *(f"  notice: {text}" for text in left)))
 
     @property

@@ -24,6 +24,7 @@ from .options import MOST_CHOSEN, Options, inputs_of
 from .plan import begun_with, plan_of
 from .recording import Recording
 from .start import (
+    as_an_interval,
     begun_anew,
     by_names,
     directionless,
@@ -175,6 +176,7 @@ def simulate(
     )  # fmt: skip
     if tau is not None:
         tau = torques_by_names(mech, tau)
+    told = as_an_interval(q, v, t_end)
     if q is not None or v is not None:
         q, v = by_names(mech, scenario, q, v, tau)
     plan = begun_with(plan_of(mech, options, tau, q, v), given_states(mech, states))
@@ -191,6 +193,7 @@ def simulate(
         given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording, wrt, kept)
         record.carried = Carried(given, variables_of(given, wrt))
     record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
+    record.ended.notices += told
     record.ended.notices += directionless(mech, scenario, forces, state[0])
     record.ended.notices += begun_anew(mech, scenario) if states is not None else []
     built, busy = time.perf_counter(), time.thread_time()

@@ -144,6 +144,16 @@ def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
     return [f"the states (lag, integral) {text}: {choices(names)}"]
 
 
+def as_an_interval(q: Any, v: Any, t_end: float | None) -> list[str]:
+    """Return a notice if q and v look like the interval and the state of SciPy's solve_ivp."""
+    if t_end is not None or v is None or not (isinstance(q, tuple) and len(q) == 2):
+        return []
+    if not (q[0] == 0 < q[1]):
+        return []
+    text = f"q is {shown(q)} and v is {shown(v)} at the start; times are given by t_end={q[1]:g}, a"
+    return [f"{text} start by q and v"]
+
+
 def directionless(
     mech: Mechanism, scenario: str | None, extra: Sequence[Force], q: Array
 ) -> list[str]:
