@@ -39,7 +39,7 @@ def test_a_mass_at_a_distance_swings_as_a_mathematical_pendulum(mass, length):
 @pytest.mark.parametrize(
     ("fields", "facts"),
     [
-        ({}, ["inertia", "[0.0, 0.0, 1.0]", "com", "shape"]),
+        ({}, ["inertia", "[0.0, 0.0, 1.0]", "com", "shape", "1 kg"]),
         ({"axes": (0, 1, 0), "com": (0, 2, 0)}, ["inertia", "[0.0, 1.0, 0.0]", "[0.0, 2.0, 0.0]"]),
         ({"joint": "free"}, ["inertia", "free", "shape"]),
         ({"joint": "spherical", "com": (0, 0, -1)}, ["inertia", "spherical"]),

@@ -167,7 +167,7 @@ class Packed:
         if kind not in AXIAL:
             about, remedy = f"some axis of its {body.joint} joint", " or another joint"
         point = "" if any(map(any, body.inertia)) else (
-            f": without inertia and shape it is a point mass at com {shown(body.com)}"
+            f": without inertia and shape it is a point of {body.mass:g} kg at {shown(body.com)}"
         )  # fmt: skip
         text = f"there is none about {about}{point}, {text} inertia, a shape{remedy}"
         return Problem(where, "inertia", text)
