@@ -111,7 +111,8 @@ def _first(solid, ray):
 def test_the_ground_is_met_where_something_may_touch_it(boxes):
     assert spot(boxes, towards((3, 3, 0), (0, 0, 1))) is None
     free = pg.Body(name="a", joint="free", shape=STEP, mass=1.0)
-    found = spot(begun(pg.Model(bodies=(free,))), towards((3, 3, 0), (1, 0, 1)))
+    model = pg.Model(bodies=(free,), contacts=(pg.Contact(name="c", body="a"),))
+    found = spot(begun(model), towards((3, 3, 0), (1, 0, 1)))
     assert (found.body, found.point, found.direction) == (GROUND, (3.0, 3.0, 0.0), (0.0, 0.0, 1.0))
 
 
