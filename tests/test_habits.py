@@ -546,8 +546,6 @@ def test_forces_of_a_run_are_called_by_name_as_they_are_indexed():
     np.testing.assert_array_equal(run.position("ball"), run.position["ball"])
     with pytest.raises(pg.InputError, match=r"'roof'.*floor"):
         run.contact_force("roof")
-    with pytest.raises(pg.InputError, match=r"position, point: .*Site"):
-        run.position("ball", point=(0, 0, 1))
 
 
 def test_an_interval_in_the_place_of_q_is_noticed():
