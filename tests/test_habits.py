@@ -19,7 +19,7 @@ def test_three_moments_are_the_diagonal_of_the_inertia(given):
 
 
 @pytest.mark.parametrize(
-    "given", [(1, 2), (1, 2, 3, 4), (1, 2, 4), (1, -1, 1), (1, 2, "x"), -3.0, True]
+    "given", [(1, 2), (1, 2, 3, 4), (1, 2, 4), (1, -1, 1), (1, 2, "x"), 3.0, True]
 )
 def test_moments_that_no_body_has_are_refused(given):
     with pytest.raises(pg.ModelError, match="inertia"):
@@ -529,11 +529,6 @@ def test_a_velocity_behind_the_name_is_told_with_the_order_of_the_arguments():
     q, v = mech.home()
     with pytest.raises(pg.InputError, match=r"velocity, v: .*'2'.*\(q, v, name"):
         mech.velocity(q, "2", v)
-
-
-def test_one_number_is_an_inertia_about_every_axis():
-    assert pg.Body(name="a", inertia=0).inertia == pg.Body(name="a").inertia
-    assert pg.Body(name="a", inertia=2).inertia == pg.Body(name="a", inertia=(2, 2, 2)).inertia
 
 
 def test_forces_of_a_run_are_called_by_name_as_they_are_indexed():

@@ -125,7 +125,7 @@ class Body(Described):
     )  # fmt: skip
     inertia: Mat3 = field(
         "a symmetric 3x3 matrix of finite numbers about the centre of mass, or three principal "
-        "moments, or one number for all axes [kg m^2]",
+        "moments [kg m^2]",
         converter=inertia_matrix, default=POINT, dim=KG * M**2, role="tensor",
         help="in body axes; default: of the shapes, or of a point mass",
     )  # fmt: skip
