@@ -1,4 +1,4 @@
-"""Kinds of files that hold no model that is read, told by their content and then by their suffix.
+"""Kinds of files that hold no readable model, identified by their content and then by suffix.
 
 Readers ask here before they read, so that a mesh or a file of another program is named with a
 remedy, whatever its name.

@@ -92,7 +92,7 @@ NONE = np.zeros((0, 0))
 
 
 def _square(rows: Sequence[Mapping[Any, float]], size: int) -> Array:
-    """Return sparse rows {column: number} as a square array, in which they are the last rows."""
+    """Return a square array whose last rows are the given sparse rows {column: value}."""
     found = np.zeros((size, size))
     for r, row in enumerate(rows, start=size - len(rows)):
         found[r, [int(column) for column in row]] = list(row.values())

@@ -103,7 +103,7 @@ def first_scenario(model: pg.Model, given: str | None) -> str | None:
 
 
 def whole(least: int, most: int | None = None, about: str = "") -> Callable[[str], int]:
-    """Return a parser of whole numbers within these bounds."""
+    """Return an integer parser that enforces these bounds."""
     allowed = f">= {least}" if most is None else f"from {least}{about} to {most}"
 
     def parsed(text: str) -> int:

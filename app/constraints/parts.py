@@ -474,7 +474,7 @@ def _coefficients(
 ) -> dict[str, Any]:
     """Set a coefficient in a sum over joints. Without an index, add or remove a body.
 
-    A part that acts on the joint of its body alone keeps that joint when another one is added.
+    A part that acts on the only joint of its body keeps it when the body gets another joint.
     """
     rows = dict(data["coefficients"])
     if not index:

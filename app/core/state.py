@@ -103,7 +103,7 @@ class Client:
 
     @property
     def aims(self) -> bool:
-        """True if clicks in its 3D view are for something else than the selection."""
+        """True if clicks in its 3D view do something other than select a body."""
         return False
 
     def choosing(self, body: str | None, bodies: tuple[str, ...]) -> Self:

@@ -200,7 +200,7 @@ class OpenData(FromPage):
 
 
 class MatchColumn(TypedText):
-    """Say which signal a column of the data measures."""
+    """Assign a signal to a column of the data."""
 
     column: Text
     text: Text

@@ -125,7 +125,7 @@ class Sees(FromPage):
 class Select(FromPage):
     """A body was clicked, or None for the background or the Escape key.
 
-    A pending pick of a constraint takes it.
+    If a constraint is waiting for a body, the click chooses that body instead.
     """
 
     body: Text | None

@@ -397,7 +397,7 @@ def _value(body: pg.Body, field: str, text: str, unit: str) -> Any:
 
 
 def _read(body: pg.Body, field: str, value: Any, unit: str) -> Any:
-    """Return the SI values of nested numbers and texts. Raises Refusal."""
+    """Convert nested numbers and strings to SI values. Raises Refusal."""
     motions = len(body.sequence)
     among: list[tuple[str, bool]] = []  # numbers whose unit can be typed: text, whether without
 

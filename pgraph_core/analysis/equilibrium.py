@@ -1,8 +1,9 @@
 """Mechanism equilibria: minima of the potential energy, if one exists.
 
-Newton's method runs in the motions that constraints and limits permit. If every force has an
-energy, negative eigenvalues of the Hessian are reversed and a line search only decreases the energy
-(Nocedal and Wright, Numerical Optimization, 2nd ed., section 3.4), so the search leaves saddles.
+Newton's method is restricted to the motions that constraints and limits permit. If every force has
+an energy, negative eigenvalues of the Hessian are reversed and a line search only decreases the
+energy (Nocedal and Wright, Numerical Optimization, 2nd ed., section 3.4), so the search leaves
+saddles.
 Other forces are balanced by pseudo-transient continuation (Kelley and Keyes 1998), which follows
 the flow of the forces, or by damped least squares if that flow is periodic.
 """

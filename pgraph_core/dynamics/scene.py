@@ -232,7 +232,7 @@ def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:
 
 
 class ContactSpace(Unportable):
-    """The contacts in a scene behind a single address, with their memory between steps."""
+    """The contacts in a scene as one record, with the state that they keep between steps."""
 
     def __init__(self, packed: Packed, contacts: Tables, first: int, *, steps: bool):
         """Create the contact space. `first` is the number of blocks preceding those for contacts.

@@ -172,7 +172,7 @@ def range_at(code, i, operand):
 
 @part
 def settled(op, a, b):
-    """Return True if a comparison has one result for all values in two ranges."""
+    """Return True if a comparison has the same result for all values in two ranges."""
     if op == AT_MOST:
         return a[1] <= b[0] or a[0] > b[1]
     if op == ABS:

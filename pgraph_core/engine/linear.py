@@ -142,7 +142,7 @@ def cabs1(x):
 def factor(a, n, pivots):
     """Factor the first n rows of `a` in place as L U with `pivots`. Returns False if singular.
 
-    Rows are scaled by their largest entry, so that units do not choose the pivot.
+    Rows are divided by their largest entry, so that the pivot does not depend on units.
     """
     for r in range(n):
         size = 0.0

@@ -1,8 +1,8 @@
 """Named access to a row of the tree: its indices, its constants and its part of the workspace.
 
-The columns of `rows`, `const` and `work` are in `layout`; no kernel of the tree counts them. All
-functions are inlined, work for numbers and lanes, and cost the same as an index. Columns may be
-overwritten by later sweeps, so names indicate which content is read.
+The columns of `rows`, `const` and `work` are defined in `layout`, and the kernels of the tree only
+use their names. All functions are inlined, work for numbers and lanes, and cost the same as an
+index. Columns may be overwritten by later sweeps, so names indicate which content is read.
 """
 
 from . import layout as at

@@ -23,7 +23,7 @@ GROUPS = 31  # number of actuator groups that MuJoCo can switch off, 0 to 30
 
 
 class Sums(dict[int, float]):
-    """The coefficients in a sum of coordinates, by joint."""
+    """The coefficients of a linear combination of joint coordinates, by joint."""
 
 
 class Forces:

@@ -134,7 +134,7 @@ def underfoot(
     Parameters
     ----------
     model : Model
-        The model, with contacts with the ground.
+        The model with ground contacts.
     law : str, optional
         Contact law, including the stiffness and damping of the soles. With "penalty", explicit
         methods can use steps of up to 0.25 ms. For "soft", an implicit method such as "radau5"

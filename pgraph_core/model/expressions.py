@@ -176,7 +176,7 @@ class Known:
     def problem(
         self, text: str, wanted: Dim | None, *, of_time: bool = False, at_once: str = ""
     ) -> str:
-        """Return why an expression is invalid in a field of dimension `wanted`, or "".
+        """Return the reason why an expression is invalid in a field of dimension `wanted`, or "".
 
         `at_once` is the part that follows from it at the same instant, "" if it acts later.
         """

@@ -76,7 +76,7 @@ class Packed:
 
     @cached_property
     def run(self) -> Packed:
-        """The tree of a run, with a row, a coordinate and a speed for each state of a control.
+        """The tree of a run, extended by a row, a coordinate and a speed for each control state.
 
         A state is the speed, and the coordinate its integral.
         """
@@ -294,7 +294,7 @@ def record_of(body: Body) -> Record:
     """Return the float64 numbers for a row, cached on the body.
 
     Body: link 3, rotation 4, mass, com 3, inertia 6 (xx, yy, zz, xy, xz, yz), number of motions. A
-    motion: kind, axis 3, armature, stiffness, damping, rest, friction, pitch a radian.
+    motion: kind, axis (3), armature, stiffness, damping, rest, friction, pitch per radian.
     """
     own = vars(body)
     known = own.get("record")

@@ -327,7 +327,7 @@ class Labelled(np.ndarray[Any, np.dtype[Any]]):
 def labelled(
     array: Array, word: str, of: Callable[[Any], Mapping[str, Any]], given: Any
 ) -> Labelled:
-    """Return a view of `run.word` that the names in `of(given)`, {name: index}, also index."""
+    """Return a view of `run.word` that can also be indexed by the names in `of(given)`."""
     found = array.view(Labelled)
     found._names = word, of, given  # pyright: ignore[reportPrivateUsage]
     return found

@@ -186,10 +186,10 @@ def _missed(frames: Any, i: Ints, x: Array) -> Array:
     """Estimate the interpolation error in q at times x, in the intervals starting at frames i.
 
     In smooth motion, the error q⁽⁶⁾/720 (t - t_i)³ (t_k - t)³ of a quintic over two intervals is
-    seen at the frame in between: it gives q⁽⁶⁾, and so the error over the interval itself. Else,
-    for example if an impact lies in it, the difference of quintic and cubic. It is inf if that is
-    more than the motion, where two frames alone do not tell, or if frames are so wide that
-    polynomials may agree by chance.
+    seen at the frame in between: it gives q⁽⁶⁾, and so the error over the interval itself.
+    Otherwise, for example if there is an impact, the error is the difference between the quintic
+    and the cubic. It is inf if that exceeds the motion, if there are only two frames, or if frames
+    are so wide that polynomials may agree by chance.
     """
     t, q, rate, bend = frames
     rounding = 4 * np.finfo(float).eps * np.abs(q).max(initial=0.0)

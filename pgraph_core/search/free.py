@@ -259,7 +259,7 @@ def option(call: str, name: str, value: Any, known: Sequence[str]) -> Any:
 
 
 def measured(data: Any) -> tuple[dict[str, Array], dict[str, str]]:
-    """Return {name: (n,)} with "t", and units by name. Raises InputError."""
+    """Return arrays (n,) by name, including "t", and units by name. Raises InputError."""
     if isinstance(data, (str, FilePath)):
         data = _read(data)
     if hasattr(data, "to_dict") and hasattr(data, "columns"):  # a DataFrame

@@ -144,7 +144,7 @@ def apart(record: Recording, finer: Recording, n: int) -> Array:
     """Return the largest angle [rad], the largest distance [m] and the differences of states of
     controls between two runs (n, 2 + nx), at n times of the first.
 
-    If only the first records a time, it is the difference at the next one that both record.
+    At a time that only the first run recorded, it is the difference at the next common time.
     """
     i, j = shared(record, finer, n)
     nv, ours, theirs = record.mech.nv, record.out, finer.out

@@ -34,8 +34,8 @@ def unnamed(value: Any) -> Any:
 def stored(kind: Group, of_duals: Group | None = None) -> tuple[Any, Any]:
     """Return (save, opened) for a named tuple: `save(buffer, value)` and `opened(address)`.
 
-    What is saved is `unnamed`, what is opened has names. A tuple can be opened as its first member.
-    At an address `of_duals` is what its members are there.
+    Tuples are saved without names by `unnamed`, and have names when they are opened. A tuple can be
+    opened as its first member. If `of_duals` is given, the members at an address have its types.
     """
     return (
         late("address", "saving", _keep, kind),

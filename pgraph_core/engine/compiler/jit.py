@@ -196,7 +196,7 @@ def ready(one: Any) -> Any:
 
 
 def closed(one: Any) -> Any:
-    """Keep calls from loading a kernel: until it is `ready`, every call raises TypeError."""
+    """Disable loading in calls. Until a kernel is `ready`, calling it raises TypeError."""
     if JIT:
         one.close()
     return one

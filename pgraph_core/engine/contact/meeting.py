@@ -86,7 +86,7 @@ def is_crowd(contacts):
 
 @sweep
 def look_ahead(scene, h):
-    """Return the closed gap, the search distance [m], and whether anything is fast.
+    """Return the closed gap, the search distance [m], and whether a shape is passed in one step.
 
     Called after `velocities` at the middle of the step and `place`.
     """

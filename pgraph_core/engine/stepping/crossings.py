@@ -319,7 +319,7 @@ def rate_held(op, side, by_a, by_b):
 
 @part
 def certain(op, side, a, b):
-    """Return True if a comparison has its result for all values in two ranges."""
+    """Return True if a comparison has the same result for all values in two ranges."""
     if op == ABS:
         b = (0.0, 0.0)
     if abs(side) < 1.0:

@@ -1,6 +1,7 @@
 """Step sizes: error norms on the machine's own scales, and the error controller.
 
-The scales are one radian, the mechanism's length, and its speeds so far: no tolerance has a unit.
+Errors are divided by one radian, the length of the mechanism or its highest speed so far, so all
+tolerances are dimensionless.
 """
 
 import math
@@ -223,7 +224,7 @@ def edge_ahead(run, stop):
 
 @sweep
 def next_width(run):
-    """Return (size of the next step, its end [s], whether that is a corner or an edge).
+    """Return the size of the next step, its end [s], and whether it ends at a corner or an edge.
 
     Steps end at corners of tables, edges of expressions and transients of lags, and before a body
     could pass through another one.

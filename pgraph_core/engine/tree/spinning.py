@@ -240,9 +240,9 @@ def derivative(rows, const, work, q, h, zero, scratch, way, effect, n):
 def keep_momentum(rows, const, work, q, v, h, scratch, vdot):
     """Enforce momentum balance over the step, under external forces, on floating trees that gyrate.
 
-    The midpoint rule gives its change for the middle's places, and the step ends at others. The
-    whole tree gets the rigid motion that makes up for it, by Newton's method: it also turns the
-    momentum that is there.
+    The midpoint rule gives its change for the middle's places, and the step ends at others. A
+    rigid motion of the whole tree compensates for the difference. It is found by Newton's method,
+    since it also rotates the existing momentum.
     """
     place, middle = scratch[SHIFTED], scratch[MIDDLE]
     for k in range(1, rows.shape[0]):

@@ -1,8 +1,8 @@
 """Dual: a numba type that is a value and its derivatives, so that kernels differentiate themselves.
 
-Kernels are compiled for it by type alone. The value takes the operations of a number, in their
-order, and so has its bits. Comparisons and conversions to integers only use the value. A number is
-a dual without derivatives.
+Kernels are compiled for it by type alone. The operations on the value are those on a number, in the
+same order, so the results are equal bit for bit. Comparisons and conversions to integers only use
+the value. A number is a dual without derivatives.
 """
 
 from __future__ import annotations

@@ -185,7 +185,7 @@ def viewed(context: Any, builder: Any, view: Any, source: Any, start: Any, axes:
 def viewer(element: Any) -> Any:
     """Return a function that views a float64 array (..., width) as an array (...) of elements.
 
-    The caller sees to it that the last axis is as long as an element is wide.
+    The caller ensures that the length of the last axis is the width of an element.
     """
 
     @intrinsic
