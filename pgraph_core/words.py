@@ -85,7 +85,12 @@ def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
         else:
             pairs.append((ours(name, names) or name, value))
     changed = [name for name, _ in pairs] != list(given)
-    return dict(pairs) if changed and len(dict(pairs)) == len(pairs) else {}
+    found = dict(pairs)
+    if len(found) < len(pairs) or not changed:
+        return {}
+    if "body" in names and found.get("other") is not None and found.get("body") is None:
+        found["body"] = "ground"  # what has no first body acts on the ground there
+    return found
 
 
 def chosen(value: Any, known: Iterable[str]) -> str:

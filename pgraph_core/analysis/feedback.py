@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -88,8 +89,8 @@ def lqr(
     R : number, (m,), (m, m) or dict
         Weights of the inputs, in the same form.
     inputs : list of str, optional
-        Names of motors, servos and actuators. By default, all of them are used, and the torques of
-        all joints if the model has none.
+        Names of motors, servos and actuators, or of the bodies whose joints they drive. By default,
+        all of them are used. If the model has none, these are torques of its joints.
     states : list of str, optional
         Bodies whose coordinates are used as states, one per degree of freedom, if constraints
         couple the coordinates. By default, the best conditioned ones are selected.
@@ -243,12 +244,14 @@ def _closed(
 ) -> Feedback:
     """Build the feedback about a state at rest, using the gains returned by `gains`.
 
-    A model without drives gets a motor for each degree of freedom, like torques of `simulate`.
+    A model without drives gets a motor for each degree of freedom that `inputs` names, or for all.
     """
-    if inputs is None and not any(isinstance(f, OnJoint) for f in model.forces):
+    names = [inputs] if isinstance(inputs, str) else inputs
+    if not any(isinstance(f, OnJoint) for f in model.forces):
         for label, body, k, _ in _degrees(Dynamics(model)):
-            model = model.add(Motor(name=f"{label} motor", body=body, coordinate=k))
-    drives = _drives(call, model, inputs)
+            if names is None or not {label, body}.isdisjoint(names):
+                model = model.add(Motor(name=f"{label} motor", body=body, coordinate=k))
+    drives = _drives(call, model, names)
     model = _with_inputs(model, drives, [0.0] * len(drives))
     plain = Dynamics(model)
     loose = linearise(plain, q, None, None)
@@ -315,14 +318,17 @@ def _degrees(mech: Dynamics) -> list[tuple[str, str, int, bool]]:
     return found
 
 
-def _drives(call: str, model: Model, names: Any) -> list[OnJoint]:
-    known = {f.name: f for f in model.forces if isinstance(f, OnJoint)}
-    wanted = list(known) if names is None else [names] if isinstance(names, str) else list(names)
+def _drives(call: str, model: Model, names: Sequence[str] | None) -> list[OnJoint]:
+    """Return drives by their names. The only drive of a body may be named by its body."""
+    drives = [f for f in model.forces if isinstance(f, OnJoint)]
+    bodies = Counter(f.body for f in drives)
+    known = {f.body: f for f in drives if bodies[f.body] == 1} | {f.name: f for f in drives}
+    wanted = [f.name for f in drives] if names is None else list(names)
     for name in wanted:
         if name not in known:
-            do = nearest(str(name), known) if known else "the model has none"
-            text = f"no motor, servo or actuator is named {shown(name)}; {do}"
-            raise InputError(Problem(call, "inputs", text))
+            text = f"no motor, servo, actuator or joint is named {shown(name)}; "
+            near = known or [body.name for body in model.bodies]
+            raise InputError(Problem(call, "inputs", text + nearest(str(name), near)))
     if not wanted:
         text = "needs a motor, servo or actuator; add one with model.add(pg.Motor(...))"
         raise InputError(Problem(call, "inputs", text))

@@ -34,6 +34,7 @@ from .tasks import Row, Task, rows_of
 
 Array = np.ndarray
 FORMATS = (".csv", ".parquet")
+SHOWN = 20  # points that are printed
 TRIED = 100  # points of which one must be a model for a look before the first run
 
 
@@ -80,6 +81,18 @@ class Sweep(Portable):
         over = ", ".join(self.paths)
         missing = f", {len(self.failed)} failed" if len(self.failed) else ""
         return f"<Sweep of {len(self)} points over {over}: {', '.join(self.values)}{missing}>"
+
+    def __str__(self) -> str:
+        columns = {name: x for name, x in self.columns().items() if name != "reason"}
+        rows = zip(*(x[:SHOWN] for x in columns.values()))
+        cells = [
+            [*columns],
+            *([f"{x:.6g}" if isinstance(x, float) else str(x) for x in row] for row in rows),
+        ]
+        wide = [max(len(row[i]) for row in cells) for i in range(len(columns))]
+        lines = ["  ".join(x.rjust(n) for x, n in zip(row, wide)) for row in cells]
+        left = len(self) - SHOWN
+        return "\n".join([repr(self), *lines, *([f"... {left} more points"] if left > 0 else [])])
 
     def __getitem__(self, name: str) -> Any:
         """Return a column by name. Raises InputError."""
