@@ -590,3 +590,32 @@ def test_a_run_says_that_a_file_has_an_impossible_inertia():
     model = pg.Model.from_json(pg.Model([body]).to_json())
     assert any("'a'" in text and "inertia" in text for text in model.doubts)
     assert set(model.doubts) <= set(pg.simulate(model, t_end=0.01).notices)
+
+
+def test_drives_go_by_their_joints_also_where_the_model_has_none():
+    cart = pg.Body(name="cart", joint="prismatic", axes=(1, 0, 0), mass=1)
+    pole = pg.Body(name="pole", parent="cart", axes=(0, 1, 0), mass=0.2, com=(0, 0, 0.5))
+    bare = pg.Model(bodies=[cart, pole])
+    driven = bare.add(pg.Motor(name="drive", body="cart"))
+    found = [
+        pg.lqr(model, np.eye(4), 0.1, inputs=inputs)
+        for model, inputs in ((bare, "cart"), (bare, ["cart"]), (driven, ["cart"]), (driven, None))
+    ]
+    assert all(np.allclose(each.K, found[-1].K, rtol=1e-9) for each in found)
+    assert all(len(each.model.forces) == 1 for each in found)
+    with pytest.raises(pg.InputError, match="pole"):
+        pg.lqr(bare, np.eye(4), inputs=["pol"])
+
+
+def test_a_spring_without_a_first_body_is_fixed_to_the_ground():
+    spring = pg.Spring(body_a=None, body_b="rod", length=0.2)
+    model = pg.Model(bodies=[pg.Body(name="rod", axes=(0, 1, 0), com=(0, 0, -1))])
+    for added in (model.add(spring), model.replace(forces=[spring])):
+        assert (added.forces[0].body, added.forces[0].other) == ("rod", "ground")
+
+
+def test_a_sweep_prints_its_rows():
+    rod = pg.Body(name="rod", axes=(0, 1, 0), com=(0, 0, -1))
+    table = pg.sweep(pg.Model(bodies=[rod]), {"bodies.rod.mass": [1.0, 2.5]}, "max rod", t_end=0.1)
+    head, names, *rows = str(table).splitlines()
+    assert names.split()[0] == "bodies.rod.mass" and [x.split()[0] for x in rows] == ["1", "2.5"]

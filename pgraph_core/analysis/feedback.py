@@ -183,7 +183,10 @@ def place_poles(
     """
 
     def gains(plant: _Plant) -> Array:
-        wanted = np.atleast_1d(np.asarray(poles, dtype=complex))
+        try:
+            wanted = np.atleast_1d(np.asarray(poles, dtype=complex))
+        except (TypeError, ValueError):
+            wanted = np.empty(0)
         if wanted.shape != (len(plant.states),):
             text = f"needs {len(plant.states)} poles, one per state, got {shown(poles)}"
             raise InputError(Problem("place_poles", "poles", text))

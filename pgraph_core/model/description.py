@@ -263,7 +263,10 @@ class Description(World):
         """Return a copy with validated parts replaced, checking only relations between parts."""
         model = self._made(notices, **fields)
         if found := model_problems(model._parts(), model.ground, model.parameters):
-            raise ModelError(found)
+            if not (ours := grounded(model._parts())):
+                raise ModelError(found)
+            turned = {kind: tuple(parts) for kind, parts in ours.items()}
+            return self._with(notices, **{**fields, **turned})
         return model
 
     def _made(self, notices: Iterable[str], **fields: Any) -> Self:
