@@ -232,7 +232,7 @@ def solve_island(scene, n):
     left = math.inf
     if alone or not small:
         left = gauss_seidel(scene, n, size, FEW_SWEEPS if small else SWEEPS, tolerance)
-    if small and left > tolerance:
+    if room and left > (tolerance if small else NOTABLE):
         left, taken = solve_exact(scene, n, size, heaviest)
         report[STEPS_DONE] += taken
     if left > NOTABLE:

@@ -39,6 +39,8 @@ SHORTEST = 0.1  # part of a step: a shorter one leads nowhere
 MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
 MOST_STEPS = 60
 STUCK = 6  # steps that do not halve what is missed: enough where it is not notable
+ESCAPES = 20  # attempts to leave a cycle of steps, each with one more step that presses
+GIVE = (BOLDEST, CAREFUL, CAREFUL * TENFOLD)  # s of the steps that press in them, in turn
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
 MARK = 12  # column behind the three rows of Y in `across`: whether a block reaches these
 # Where the scratch of an island keeps them: columns of a block.
@@ -378,16 +380,17 @@ def solve_exact(scene, n, size, heaviest):
     """Solve the contact laws of island n. Returns (residual over `size`, number of steps).
 
     It starts from λ. If this does not converge, it restarts from zero impulses and determines the
-    contact states with the mass of the heaviest body, which may rest on a light one. If no contact
-    state has changed, the impulses of least norm are computed next. If a contact state changes, the
-    impulses are only transient, and the impulses of least norm usually lead to another change.
+    contact states with the mass of the heaviest body, which may rest on a light one. If this does
+    not help either, contacts are jammed (`press`). If no contact state has changed, the impulses of
+    least norm are computed next. If a contact state changes, the impulses are only transient, and
+    the impulses of least norm usually lead to another change.
     """
-    left, taken, same = converge(scene, n, size)
+    left, taken, same = converge(scene, n, size, NOTABLE)
     if left > NOTABLE:
         copy_impulses(scene, n, LAMBDA, OTHER)
         drop_impulses(scene, n)
         rescale(scene, n, heaviest)
-        _, more, _ = converge(scene, n, size)
+        _, more, _ = converge(scene, n, size, NOTABLE)
         taken += more
         rescale(scene, n, 1.0 / heaviest)
         _, again, _, _ = look(scene, n, 0.0)
@@ -396,6 +399,9 @@ def solve_exact(scene, n, size, heaviest):
         else:
             copy_impulses(scene, n, OTHER, LAMBDA)
             respond(scene, n)
+    if left > NOTABLE:
+        left, more = escape(scene, n, size, left)
+        taken += more
     settle = same or left > TOLERANCE
     note_settled(scene, n, settle)
     if not settle:
@@ -421,11 +427,11 @@ def note_settled(scene, n, settled):
 
 
 @sweep
-def converge(scene, n, size):
+def converge(scene, n, size, accepted):
     """Take Newton steps from λ on until no row misses its law by more than TOLERANCE or rounding.
 
     Contact points at the friction limit may exchange impulses indefinitely. If the residual no
-    longer decreases, any value below NOTABLE is accepted. Return (residual divided by `size`,
+    longer decreases, any value below `accepted` is enough. Return (residual divided by `size`,
     number of steps, True if no contact state has changed).
     """
     islands = contacts_at(opened(scene).links.contacts).islands
@@ -440,7 +446,7 @@ def converge(scene, n, size):
     taken = 0
     same = True
     while taken < MOST_STEPS and left > max(TOLERANCE * size, noise):
-        if stuck >= STUCK and best <= NOTABLE * size:
+        if stuck >= STUCK and best <= accepted * size:
             break
         taken += 1
         soft = min(max(care * math.sqrt(left / size), PROXIMAL), 1.0)
@@ -476,6 +482,52 @@ def converge(scene, n, size):
     copy_impulses(scene, n, BEST, LAMBDA)
     respond(scene, n)
     return best / size, taken, same
+
+
+@sweep
+def escape(scene, n, size, left):
+    """Press and converge in turn, from λ with a notable residual `left` on.
+
+    Return (residual divided by `size`, number of steps). λ is the best one that was found.
+    """
+    copy_impulses(scene, n, LAMBDA, OTHER)
+    best, taken = left, 0
+    for k in range(ESCAPES):
+        press(scene, n, k + 1, GIVE[k % 3])
+        left, more, _ = converge(scene, n, size, math.inf)
+        taken += k + 1 + more
+        if left < best:
+            best = left
+            copy_impulses(scene, n, LAMBDA, OTHER)
+        if best <= NOTABLE:
+            break
+    copy_impulses(scene, n, OTHER, LAMBDA)
+    respond(scene, n)
+    return best, taken
+
+
+@sweep
+def press(scene, n, steps, soft):
+    """Take Newton steps with the friction bounds μ λ_n of the step before, whatever they miss.
+
+    If friction pushes a sliding contact further into the ground, no normal impulse stops it while
+    it slides (a jam). Newton's method then opens and closes it in turn, although there is a larger
+    impulse at which it sticks. With these bounds, the normal impulse and friction increase in turn
+    until it does.
+    """
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    for _ in range(steps):
+        look(scene, n, 0.0)
+        for j in range(islands.first[n], islands.first[n + 1]):
+            i = islands.blocks[j]
+            if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
+                islands.slope[i, SLOPE + 3] = 0.0
+                islands.slope[i, SLOPE + 6] = 0.0
+        start_from_here(scene, n)
+        if not direction(scene, n, soft, True):
+            break
+        go(scene, n, 1.0)
 
 
 @sweep
