@@ -618,4 +618,5 @@ def test_a_sweep_prints_its_rows():
     rod = pg.Body(name="rod", axes=(0, 1, 0), com=(0, 0, -1))
     table = pg.sweep(pg.Model(bodies=[rod]), {"bodies.rod.mass": [1.0, 2.5]}, "max rod", t_end=0.1)
     head, names, *rows = str(table).splitlines()
-    assert names.split()[0] == "bodies.rod.mass" and [x.split()[0] for x in rows] == ["1", "2.5"]
+    assert names.split()[0] == "bodies.rod.mass"
+    assert [x.split()[0] for x in rows] == ["1", "2.5"]
