@@ -45,7 +45,7 @@ def system(arrays: Arrays, nq: int) -> System:
 def length_in(const: Array) -> float:
     """Return the largest characteristic length of a mechanism [m], from the constants in its rows.
 
-    Of links, centres of mass and radii of gyration. Points that slide have none: 1 m then.
+    Of links, centres of mass and radii of gyration. It is 0 for points that slide.
     """
     const = const[1:]
     mass = np.where(const[:, at.MASS] > 0, const[:, at.MASS], np.inf)
@@ -53,7 +53,7 @@ def length_in(const: Array) -> float:
     found = [np.sqrt(gyration.max(initial=0.0))]
     for column in (at.LINK, at.COM):
         found.append(np.linalg.norm(const[:, column : column + 3], axis=1).max(initial=0.0))
-    return float(max(found)) or 1.0
+    return float(max(found))
 
 
 def quaternions(rows: Ints) -> list[tuple[int, int, int]]:

@@ -336,9 +336,12 @@ def dip(run, low, width, i):
     size = max(y[0], y[2])
     for k in range(DIPS):
         w, least = vertex(x, y)
-        if not x[0] + SOLVED < w < x[2] - SOLVED or least > DEEP * (max(y[0], y[2]) - least):
+        within = x[0] + SOLVED < w < x[2] - SOLVED
+        if k == 0 and not within:
+            return 0.0, 0.0
+        if not within or least > DEEP * (max(y[0], y[2]) - least):
             if k == 0:
-                return 0.0, 0.0
+                x, y = (x[0], w, x[2]), (y[0], least, y[2])
             break
         if k % 3 == 2 or abs(w - x[1]) < SOLVED * SOLVED:
             left, right = x[1] - x[0], x[2] - x[1]  # parabolas converge slowly
