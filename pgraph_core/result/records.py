@@ -228,7 +228,8 @@ class Named(Mapping[str, Any]):
 
     def __call__(self, *names: Any) -> Any:
         """Return the array of a name, or of two bodies, like `run.contact_force["a", "b"]`."""
-        return self[names if len(names) > 1 else names[0]] if names else self
+        first, *others = names or (None,)
+        return self if first is None else self[names if others else first]
 
     def __iter__(self) -> Iterator[str]:
         """Over the names."""
