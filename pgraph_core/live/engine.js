@@ -111,7 +111,9 @@ const pgraphEngine = (() => {
           far[i] = Math.max(far[i], Math.sqrt(row[at] * row[at] + row[at + 1] * row[at + 1] + row[at + 2] * row[at + 2]));
         });
       }
-      return Math.max(Math.sqrt(gyration), ...far);
+      const found = Math.max(Math.sqrt(gyration), ...far);
+      if (found > 0) return found;
+      return this.floats("home").subarray(0, this.q.length).reduce((most, x) => Math.max(most, Math.abs(x)), 0) || 1;
     }
 
     begin() {

@@ -42,10 +42,11 @@ def system(arrays: Arrays, nq: int) -> System:
     return System(rows, const, bodies_i, bodies_f, home[:nq], home[nq:], body_of_row)
 
 
-def length_in(const: Array) -> float:
+def length_in(const: Array, home: Array) -> float:
     """Return the largest characteristic length of a mechanism [m], from the constants in its rows.
 
-    Of links, centres of mass and radii of gyration. It is 0 for points that slide.
+    Of links, centres of mass and radii of gyration. Points that slide have none. For these it is
+    the farthest of their initial positions `home`, or 1 m.
     """
     const = const[1:]
     mass = np.where(const[:, at.MASS] > 0, const[:, at.MASS], np.inf)
@@ -53,7 +54,7 @@ def length_in(const: Array) -> float:
     found = [np.sqrt(gyration.max(initial=0.0))]
     for column in (at.LINK, at.COM):
         found.append(np.linalg.norm(const[:, column : column + 3], axis=1).max(initial=0.0))
-    return float(max(found))
+    return float(max(found)) or float(np.abs(home).max(initial=0.0)) or 1.0
 
 
 def quaternions(rows: Ints) -> list[tuple[int, int, int]]:

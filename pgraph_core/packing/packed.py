@@ -118,7 +118,7 @@ class Packed:
     @cached_property
     def length(self) -> float:
         """The largest length among links, centres of mass and radii of gyration [m]."""
-        return length_in(self.const)
+        return length_in(self.const, self._arrays[4][: self.nq])
 
     @cached_property
     def joints(self) -> Mapping[str, Joint]:

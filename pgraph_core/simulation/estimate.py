@@ -102,7 +102,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     touching = record.scene.touching
     if touching is not None:  # drift due to the contact solver's velocity residuals [rad, m]
         error[1:, 0] += float(touching.tally["strayed"])
-    length = plan.length or float(np.abs(record.out.q[:n]).max())  # points that slide have none
+    length = plan.length
     ranges = sizes_of_states(record.out.v[:n, mech.nv :], length)
     known = off <= PARTED * np.array((1.0, max(length, slid) or 1.0, *ranges))
     if not known.all():

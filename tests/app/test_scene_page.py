@@ -330,7 +330,7 @@ def test_named_views_fit_and_centre_by_buttons_keys_and_wheel(page, served):
 def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, served, compiled):
     """A body that flies along x at 5 m/s for 4 s."""
     start = {"q": (2, 0, 0, 1, 0, 0, 0), "v": (0, 0, 0, 5, 0, 0)}  # away from the origin
-    body = pg.Body(name="pelvis", joint="free", **start, tip=(1, 0, 0))
+    body = pg.Body(name="pelvis", joint="free", inertia=(0.01, 0.01, 0.01), **start, tip=(1, 0, 0))
     opened(page, served, pg.Model(bodies=(body,), gravity=(0, 0, 0), up="y", name="flight"))
     client = client_of(served)
     served.send(SetRun(client, 0, "t_end", "4"))

@@ -194,7 +194,7 @@ def test_dynamics_of_the_tree_warn_once_that_constraints_are_left_out():
         warnings.simplefilter("error")
         mech.linearise()
         vdot, _ = mech.constrained_dynamics(q, v)
-        mech.constrained_inverse_dynamics(q, v, vdot)
+        mech.constrained_inverse_dynamics(q, v, vdot, actuated=[mech.names[0]])
         pg.simulate(mech, t_end=0.01)
     with pytest.warns(UserWarning, match=r"'loop'.*constrained_dynamics\(") as warned:
         tree = mech.forward_dynamics(q, v)
