@@ -220,7 +220,7 @@ def grazed(record: Recording) -> list[Approach]:
     code[1::2, SIDE] = 0.0
     for i in (2 * np.flatnonzero(np.isin(code[::2, 0], (HELD + LESS, HELD + AT_MOST)))).tolist():
         value, t = code[i, [NEAREST, WHEN]].tolist()
-        if math.isfinite(value) and (read := readers(record, i)):
+        if 0.0 < value < math.inf and (read := readers(record, i)):  # 0: it stays there
 
             def margin(t: float, q: Array, v: Array, i: int = i) -> float:
                 values(code, t, q, v)
