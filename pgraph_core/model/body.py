@@ -232,8 +232,12 @@ class Body(Described):
             for key, value in data.items()
             if value is not None or key in ("name", "mass", "com", "inertia")  # these refuse None
         }
-        if "derived" not in data and (data.get("shape") or data.get("shapes")):
-            data["derived"] = following(data)
+        if data.get("shape") or data.get("shapes"):
+            named = data.get("derived")
+            if named is None:
+                data["derived"] = following(data)
+            elif named and "inertia" not in data and isinstance(named, (list, tuple)):
+                data["derived"] = tuple(dict.fromkeys((*named, "inertia")))
         dof = data.pop("dof", None)
         if dof is not None:
             _pick_joint(data, dof)
@@ -334,6 +338,8 @@ class Body(Described):
             kept |= {"shape": None, "shapes": ()}
             if not (update.get("shape") or update.get("shapes")):
                 kept |= {"derived": (), "density": None}
+            elif gained := self.gained(update):
+                kept["derived"] = gained
         gone = {*kept["derived"], *update.get("derived", ())}
         if "motions" in update:
             gone.add("axes")
@@ -342,6 +348,14 @@ class Body(Described):
         if update.get("joint", self.joint) != self.joint:
             gone.update(JOINT_FIELDS)
         return {name: value for name, value in kept.items() if name not in gone}
+
+    def gained(self, update: Mapping[str, Any]) -> tuple[Derived, ...]:
+        """Return the fields that a point derives from the first shape that `update` gives it."""
+        shaped = update.get("shapes") or update.get("shape")
+        if self.shapes or not shaped or self.inertia != POINT or "derived" in update:
+            return ()
+        names: tuple[Derived, ...] = ("inertia",) if any(self.com) else ("com", "inertia")
+        return tuple(name for name in names if name not in update)
 
     def _shapes_after(self, update: Mapping[str, Any]) -> dict[str, Any]:
         """Return the updated `shape` and `shapes` if either of them is given."""

@@ -45,7 +45,7 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     if "derived" not in changes:  # given values are no longer derived, nor those without shapes
         shaped = changes.get("shapes") or changes.get("shape") or data["shapes"]
         left = tuple(x for x in old.derived if shaped and x not in changes)
-        changes = {**changes, "derived": left}
+        changes = {**changes, "derived": left or old.gained(changes)}
     if "mass" in old.derived and "mass" not in changes["derived"]:
         changes = {"density": None, **changes}
     data = {k: x for k, x in data.items() if k not in changes["derived"] or k in changes}
