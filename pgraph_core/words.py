@@ -27,6 +27,7 @@ FLAGS = {  # what is True or False elsewhere is a name here
     ("floating_base", True): ("base", "free"), ("free_base", True): ("base", "free"),
     ("fixed_base", False): ("base", "free"), ("useFixedBase", False): ("base", "free"),
 }  # fmt: skip
+OF_JOINTS = ("rest", "friction")  # no length, and no coefficient
 CHOICES = {  # choices by the words of other programs
     "hinge": ("revolute",), "pin": ("revolute",), "continuous": ("revolute",),
     "ball": ("spherical", "sphere", "point"), "fixed": ("weld",), "slide": ("prismatic",),
@@ -63,7 +64,8 @@ SAME_ATTRIBUTES = {theirs: ours for theirs, (ours,) in _TABLES["same_attributes"
 def ours(name: str, known: Iterable[str]) -> str:
     """Return the Pgraph name that corresponds to another program's `name`, or ""."""
     names = set(known)
-    found = [each for each in SAME.get(name, ()) if each in names]
+    other = OF_JOINTS if "joint" in names else ()  # of a body: its own are those of its joint
+    found = [each for each in SAME.get(name, ()) if each in names and each not in other]
     return found[0] if name not in names and len(found) == 1 else ""
 
 

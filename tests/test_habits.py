@@ -620,3 +620,10 @@ def test_a_sweep_prints_its_rows():
     head, names, *rows = str(table).splitlines()
     assert names.split()[0] == "bodies.rod.mass"
     assert [x.split()[0] for x in rows] == ["1", "2.5"]
+
+
+def test_a_part_in_a_dictionary_may_have_words_of_other_programs():
+    bodies = [pg.Body(name=name, com=(1, 0, 0)) for name in "ab"]
+    given = {"name": "x", "type": "gear", "joint1": "a", "joint2": "b", "ratio": 2.0}
+    (gear,) = pg.Model(bodies=bodies, constraints=[given]).constraints
+    assert (gear.kind, gear.body, gear.other) == ("gear", "a", "b")

@@ -123,6 +123,41 @@ def test_files_of_earlier_schemas_keep_their_inertia(version, shape):
     data = {"schema_version": version, "bodies": [{"name": "a", "mass": 2.0, **shape}]}
     read = pg.Model.from_json(json.dumps(data)).body("a")
     old = np.full(3, 0.01)
-    new = 2.0 * MOMENTS * (shape == {"shape": BOX})
+    new = 2.0 * MOMENTS * bool(shape)
     np.testing.assert_allclose(np.diag(read.inertia), old if version < 9 else new, rtol=1e-12)
     assert read.com == ((0.5, 0, 0) if version == 9 and shape == {"shape": BOX} else (0, 0, 0))
+
+
+def test_a_point_that_gets_a_shape_has_its_inertia():
+    box = {"kind": "box", "size": (0.4, 0.3, 0.2)}
+    fields = {"name": "p", "axes": (0, 1, 0), "com": (1.0, 0.0, 0.0), "mass": 2.0}
+    whole = pg.Body(**fields, shape=box)
+    point = pg.Model(bodies=[pg.Body(**fields)])
+    assert point.edit("p", shape=box).body("p").inertia == whole.inertia
+    assert point.body("p").model_copy(update={"shape": box}).inertia == whole.inertia
+    for derived in (("tip",), ("inertia",), ["tip"]):
+        assert pg.Body(**fields, shape=box, derived=derived).inertia == whole.inertia
+    given = point.edit("p", shape=box, inertia=(1.0, 1.0, 1.0)).body("p")
+    assert np.trace(given.inertia) == 3.0
+
+
+@pytest.mark.parametrize("step", [None, 1e-3])
+def test_functions_are_given_what_their_parameters_are_called(step):
+    ball = pg.Body(name="b", axes=(0, 1, 0), com=(1, 0, 0), mass=2.0)
+    model = pg.Model(gravity=0, bodies=[ball])
+    exact = (1 - np.exp(-2.5)) / 2.5
+    for damper in (
+        lambda t, q, v: -5 * v, lambda q, v: -5 * v, lambda q, qd: -5 * qd,
+        lambda t, v: -5 * v, lambda v: -5 * v, lambda q, v, t: -5 * v, lambda t, x: -5 * x[1:],
+        lambda q, v, gain=5.0: -gain * v,
+    ):  # fmt: skip
+        run = pg.simulate(model, v=[1.0], tau=damper, t_end=1.0, step=step, estimate=False)
+        assert run.q[-1, 0] == pytest.approx(exact, abs=1e-6)
+    run = pg.simulate(model, v=[1.0], t_end=1.0, events=[lambda q, v: q[0] - 0.5])
+    assert [event.t for event in run.user_events] == pytest.approx([0.5], abs=1e-9)
+
+
+def test_words_of_other_meaning_are_refused():
+    for word in ({"length": 1.0}, {"rest_length": 1.0}, {"mu": 0.5}, {"qvel": [1.0]}):
+        with pytest.raises(pg.ModelError, match=next(iter(word))):
+            pg.Body(name="b", axes=(0, 1, 0), com=(1, 0, 0), **word)

@@ -133,7 +133,7 @@ def test_no_word_is_both_taken_and_a_name_of_ours_in_the_same_place():
         (lambda m: m.inverse_kinematics(position=(0, 0, 1)), "mech.inverse_kinematics({"),
         (lambda m: m.inverse_kinematics("rod"), "mech.inverse_kinematics('rod', position="),
         (lambda m: m.inverse_kinematics("rod", (0, 0, 1)), "mech.inverse_kinematics('rod', pos"),
-        (lambda m: pg.simulate(m, t_end=1, u=lambda t: 0.0), "f(t, q, v)"),
+        (lambda m: pg.simulate(m, t_end=1, u=lambda s: 0.0), "f(t, q, v)"),
         (lambda m: pg.fit(m, {}, parameter={}), "pg.fit("),
         (lambda m: pg.Force("f", body="rod", force=(0, 0, 1), stop=1.0), "torque, force, frame"),
         (lambda m: pg.Motion("m", body="rod", function="t"), "'=0.5*sin(2*t)'"),
@@ -228,7 +228,7 @@ def test_an_attribute_of_other_programs_is_answered_with_ours(of, theirs, ours):
     [
         (RUN, "qpos", "q"), (RUN, "time", "t"), (RUN, "qacc", "vdot"),
         (RUN, "warnings", "notices"), (pg, "concatenate", "joined"),
-        (pg.Stepper(MODEL), "qvel", "v"), (pg.BatchStepper(MODEL, 2), "qpos", "q"),
+        (pg.Stepper(MODEL), "dq", "v"), (pg.BatchStepper(MODEL, 2), "qpos", "q"),
         (pg.Mechanism(MODEL), "rnea", "inverse_dynamics"),
         (pg.Mechanism(MODEL), "M", "mass_matrix"), (pg.Model, "from_urdf", "load"),
         (pg, "load_urdf", "load"), (RUN, "to_gif", "to_film"), (MODEL, "to_file", "save"),
@@ -280,7 +280,7 @@ def test_functions_of_the_whole_state_are_taken_as_those_of_q_and_v():
     assert a.t[-1] == b.user_events[0].t
     assert np.array_equal(a.q[:100], b.q[:100]) or np.allclose(a.q[-1], 0.0, atol=1e-9)
     with pytest.raises(pg.InputError, match="takes 1 positional"):
-        pg.simulate(MODEL, t_end=0.1, tau=lambda t: [0.0])
+        pg.simulate(MODEL, t_end=0.1, tau=lambda s: [0.0])
 
 
 def test_several_results_given_for_one_are_named():

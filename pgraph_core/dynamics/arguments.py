@@ -177,12 +177,26 @@ def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
     return InputError(Problem(where, field, text))
 
 
+STATE = {  # names of parameters, by what they mean
+    "t": "t", "time": "t", "q": "q", "qpos": "q", "v": "v", "qd": "v", "dq": "v", "qdot": "v",
+}  # fmt: skip
+
+
 def of_state(function: Callable[..., Any]) -> Callable[[float, Array, Array], Any]:
-    """Convert a function of (t, x) with x = [q, v], as in SciPy, to a function of (t, q, v)."""
+    """Convert a function of time or state to a function of (t, q, v).
+
+    Parameters named t, q and v (or qd, dq, qdot) are given by name. Others are given by position,
+    as (t, q, v), or as (t, x) with x = [q, v] as in SciPy.
+    """
     try:
         parameters = inspect.signature(function)
     except ValueError:
         return function  # a builtin function
+    needed = [x.name for x in parameters.parameters.values() if x.default is x.empty]
+    meant = [STATE.get(name, "") for name in needed]
+    if set(meant) <= {"t", "q", "v"} and len(meant) == len(set(meant)) and meant != ["t", "q", "v"]:
+        place = ["tqv".index(name) for name in meant]
+        return lambda *state: function(*(state[i] for i in place))
     if not _takes(parameters, 3) and _takes(parameters, 2):
         return lambda t, q, v: function(t, np.concatenate((q, v)))
     return function

@@ -553,6 +553,16 @@ def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]
     )
 
 
+def made_of(data: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """Return the lists of parts in which some are dictionaries, with these made. All are valid."""
+    listed = {key: data[key] for key in PARTS if data.get(key)}
+    return {
+        key: [_mended(PARTS[key], item, []) for item in items]
+        for key, items in listed.items()
+        if any(isinstance(item, Mapping) for item in items)
+    }
+
+
 def _names(items: Any) -> list[str]:
     return [_text(item, "name", "") for item in items] if isinstance(items, (list, tuple)) else []
 

@@ -15,7 +15,7 @@ from ..forces import Force, ends_of
 from ..sentences import in_our_words
 from . import files
 from .body import Body
-from .checks import PARTS, by_class, grounded, model_problems, problems
+from .checks import PARTS, by_class, grounded, made_of, model_problems, problems
 from .constraint import AtPoints, Constraint, Rolling, Skate
 from .contact import Contact
 from .control import Control
@@ -70,7 +70,11 @@ class Description(World):
                 if ours := in_our_words(type(self), data):
                     self.__init__(**ours)
                     return
-                raise ModelError(problems(data, type(self).model_fields)) from None
+                found = problems(data, type(self).model_fields)
+                if not found and (made := made_of(data)):  # a part in words of other programs
+                    self.__init__(**{**data, **made})
+                    return
+                raise ModelError(found) from None
             if found := model_problems(self._parts(), self.ground, self.parameters):
                 if not (ours := grounded(self._parts())):
                     raise ModelError(found)
