@@ -3,13 +3,12 @@
   const { make, button, forms, send } = pgraph;
 
   function build(host) {
+    pgraph.frame.actions("Connections", pgraph.pictureButton("bare add-tie", "add", "Add a connection", "A constraint, contact, force, limit or loop", () => choose(host)));
     const box = make("div", { className: "ties" },
-      make("div", { className: "top" },
-        button("add-tie", "+ Add", "A constraint, contact, force, limit or loop", () => choose(host)),
-        button("assemble", "Assemble", "Move the initial state onto the constraints", () => { document.activeElement?.blur(); send("AssembleState"); }),
-        make("span", { className: "filter" })),
+      make("div", { className: "filter" }),
       make("div", { className: "chooser", hidden: true }),
-      make("div", { className: "report" }),
+      make("div", { className: "top" }, make("div", { className: "report" }),
+        button("assemble", "Assemble", "Move the initial state onto the constraints", () => { document.activeElement?.blur(); send("AssembleState"); })),
       make("div", { className: "lists" }));
     host.replaceChildren(box);
     pgraph.inSight(host, "constraints");
@@ -37,7 +36,8 @@
     filter(box.querySelector(".filter"), data);
     heading(box.querySelector(".chooser"));
     const assemble = box.querySelector(".assemble");
-    assemble.disabled = data.assembling || !data.lists[0].items.length;
+    assemble.disabled = data.assembling;
+    assemble.hidden = !data.lists[0].items.length;
     report(box.querySelector(".report"), data.mobility);
     const lists = box.querySelector(".lists");
     if (!lists.children.length) lists.append(...[...data.lists, { part: "limits" }].map(({ part }) => make("section", { "data-part": part })));

@@ -29,7 +29,7 @@ def mobility_report(state: State, by_itself: int) -> Payload:
     """Return a headline, lines that each name a constraint, and whether the report is current."""
     active = [c for c in state.model.constraints if c.active]
     if not active:
-        text = f"{counted(state.derived.dof, 'degree')} of freedom; no active constraint takes any."
+        text = f"{counted(state.derived.dof, 'degree')} of freedom, none taken by constraints."
         return {"state": "done", "text": text, "lines": []}
     report = state.mobility
     if report is None or report.model is not state.model:

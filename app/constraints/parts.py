@@ -16,6 +16,7 @@ from pgraph_core.forces import BetweenPoints
 from pgraph_core.joints import SIZE
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.expressions import Known
+from pgraph_core.model.poses import poses
 from pgraph_core.rotation import matrix
 from pgraph_core.signals import is_expression, parsed, written
 from pgraph_core.signals.meaning import dim_of
@@ -130,7 +131,9 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
             return {"axis": axes[0]} if axes else {}
         case _, "distance":
             return {"other_point": (0.0, 0.0, 0.0)}
-        case _, "line" | "plane":
+        case _, "line":
+            return {"other_axis": _towards(model, body, other)}
+        case _, "plane":
             return {"other_axis": tuple(float(axis == model.up) for axis in "xyz")}
         case _, "gear":
             second = model.body(other).q if other != GROUND else ()
@@ -149,6 +152,18 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
         case "forces", _:
             return dict(pg.Force.KINDS[kind].NEW)
     return {}
+
+
+def _towards(model: pg.Model, body: str, other: str) -> tuple[float, ...]:
+    """Return the axis of `other` nearest to the way from its origin to the tip of `body`.
+
+    A slider moves along it, as its first arm turns about that origin. The default is upwards.
+    """
+    found = poses(model.bodies)
+    tip, origin = found[body].place(model.body(body).tip_point), found[other]
+    way = np.abs(origin.rotation.T @ (np.asarray(tip) - origin.position))
+    k = int(np.argmax(way)) if way.any() else "xyz".index(model.up)
+    return tuple(float(i == k) for i in range(3))
 
 
 READS = {"state": "rate", "filter": "input", "pid": "signal", "sampled": "update"}

@@ -257,7 +257,8 @@ window.pgraph = (() => {
       event.stopPropagation();
       pgraph.cells.clear();
       pgraph.send(event.shiftKey || key === "y" ? "Redo" : "Undo");
-    } else if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    } else if (event.ctrlKey || event.metaKey || event.altKey) return;
+    else if (typing) { if (event.key === "Escape" && typing.value === typing.dataset.shown) typing.blur(); } // nothing to take back
     else if (event.key === "Escape") { if (!pgraph.cells.clear() && !pgraph.overlaid() && !pgraph.frame.smaller()) pgraph.send("Select", { body: null }); }
     else if (event.key === " " && !event.target.closest?.("button, dialog")) {
       event.preventDefault();

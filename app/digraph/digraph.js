@@ -1,7 +1,7 @@
 // The digraph as a drawn tree, and the Pgraph and jdof vectors below it; every entry selects its body.
 pgraph.digraph = (() => {
   const { make, svg } = pgraph;
-  const RADIUS = 11, CORNER = 6, GAP = 6; // [px], the last one around a name
+  const RADIUS = 11, CORNER = 6, GAP = 6, EDGE = 8; // [px], the last ones around a name and within the panel
   const pen = document.createElement("canvas").getContext("2d");
   const SPLIT = 1600; // [px] of the window from which the tree is drawn at first
   const select = (name) => pgraph.send("Select", { body: name });
@@ -32,15 +32,17 @@ pgraph.digraph = (() => {
     canvas.addEventListener("focusin", (event) => hover(host, numberAt(event.target)));
     canvas.addEventListener("focusout", () => hover(host, 0));
     pgraph.steps.build(host.pgraphSteps, host);
-    toggle(pgraph.choices.get().graph ?? innerWidth >= SPLIT);
+    const wide = matchMedia(`(min-width: ${SPLIT}px)`);
+    wide.onchange = () => toggle(pgraph.choices.get().graph ?? wide.matches, false);
+    wide.onchange();
     new ResizeObserver(() => pgraph.draw("digraph", "digraph")).observe(host.querySelector(".sheet"));
   }
   // The drawn tree, beside the gutter of the table.
-  function toggle(on = document.documentElement.dataset.graph === undefined) {
+  function toggle(on = document.documentElement.dataset.graph === undefined, chosen = true) {
     if (on) document.documentElement.dataset.graph = "";
     else delete document.documentElement.dataset.graph;
     document.querySelector(".acts .graph")?.setAttribute("aria-pressed", on);
-    pgraph.choices.set({ graph: on });
+    if (chosen) pgraph.choices.set({ graph: on });
   }
 
   // What the signs mean.
@@ -57,12 +59,13 @@ pgraph.digraph = (() => {
 
   // The tree in the width of its panel: columns move together until their nodes nearly touch, letters keep their size.
   function squeezed(host, data) {
-    const room = host.querySelector(".sheet").clientWidth, { x, y, width } = data;
-    if (data.kind !== "tree" || !room) return data;
+    const room = host.querySelector(".sheet").clientWidth - 2 * EDGE, { x, y, width } = data;
+    if (data.kind !== "tree" || room <= 0) return data;
     const next = x.map((at, k) => Math.min(...x.filter((other, j) => y[j] === y[k] && other > at)));
     const by = Math.min(1, Math.max(room / width, (2 * RADIUS + GAP) / Math.min(...next.map((other, k) => other - x[k]))));
     const rooms = x.map((at, k) => by * (Math.min(next[k] - RADIUS, width) - at) - RADIUS - GAP);
-    return { ...data, rooms, x: x.map((at) => at * by), width: width * by, routes: data.routes.map((points) => points.map(([at, high]) => [at * by, high])) };
+    const moved = (at) => EDGE + at * by;
+    return { ...data, rooms, x: x.map(moved), width: width * by + 2 * EDGE, routes: data.routes.map((points) => points.map(([at, high]) => [moved(at), high])) };
   }
   // As much of a name as there is room for.
   function label(name, room) {

@@ -38,7 +38,7 @@ Method = Literal["lqr", "poles"]
 WORDS = {  # about the arguments of a call
     "inputs": "No input is allowed: add a motor, servo or actuator in Connections, or allow one.",
     "q": "At this pose {}. Pose the bodies where they can stay at rest first.",
-    "Q, R": "The allowed values {}.", "poles": "Poles: {}.",
+    "Q, R": "The allowed values {}.", "poles": "The poles {}.", "states": "The coordinates {}.",
 }  # fmt: skip
 
 
@@ -104,7 +104,8 @@ def computed(design: Design) -> Design:
 def in_words(error: pg.InputError) -> str:
     """Return what is wrong in words of the page: the call's advice is for programs."""
     problem = error.problems[0]
-    return WORDS.get(problem.field, "{}.").format(problem.text.partition("; ")[0])
+    text = problem.text.partition("; ")[0].partition(", got ")[0]
+    return WORDS.get(problem.field, "{}.").format(text)
 
 
 def usual(plain: pg.Feedback, model: pg.Model) -> dict[str, float]:

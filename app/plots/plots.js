@@ -10,7 +10,7 @@
   const BAND = 0.02; // of its way within which a curve has settled
   const LAST = 0.2; // of the time in sight: the part in which a settled curve rests; half a cosine varies by 0.1 of its way there
   const LOUD = 1e-3; // of the largest amplitude: smaller ones end a spectrum and count as no swing
-  let zoom = null, charts = [], cursor = 0, measured = false, spectra = false;
+  let zoom = null, charts = [], cursor = 0, measured = false, spectra = false, begun = false;
 
   function build(host) {
     const chooser = make("div", { className: "signals" }, make("div", { className: "chips of-body" }), make("div", { className: "chips of-scene" }), make("div", { className: "muted hint" }));
@@ -21,6 +21,15 @@
     host.pgraphChooser = chooser;
     host.replaceChildren(make("p", { className: "muted none" }), make("div", { className: "charts" }));
     new ResizeObserver(() => paintAll(host)).observe(host.querySelector(".charts"));
+    pgraph.whileVisible(host, () => begin(host));
+  }
+  // The first look at a run shows something: the joint of the selected body, or the energy.
+  function begin(host) {
+    const { hint, of_body, of_scene } = pgraph.latest.signals ?? { hint: "no run" };
+    if (begun || hint || !pgraph.inView(host)) return;
+    begun = true;
+    const [kind, of] = of_body[0] ?? of_scene.find(([kind]) => kind === "energy");
+    if (!charts.length) send("Plot", { kind, of, on: true });
   }
 
   const shown = (kind, of) => charts.some((c) => c.data.kind === kind && c.data.of === of);
@@ -41,6 +50,7 @@
     scene.replaceChildren(...(data.of_scene.length ? [heading("Run:"), ...data.of_scene.map(chip), ...idle] : []));
     box.querySelector(".hint").textContent = data.hint;
     box.querySelector(".hint").hidden = !data.hint;
+    begin(host);
   }
 
   function draw(host, data) {

@@ -50,6 +50,7 @@
       next.focus(); // which takes what is typed
     });
     slider.addEventListener("input", () => later(() => pose(0, slider.value)));
+    slider.addEventListener("change", () => pose(pgraph.nextSerial(), `${slider.value} ${of().si}`)); // let go: the camera may move now
     slider.addEventListener("pointerdown", () => { slider.dataset.held = "1"; });
     slider.addEventListener("pointerup", () => { delete slider.dataset.held; });
     const name = make("button", { className: "of", onclick: () => send("Select", { body: of().body }) }, make("span", { className: "chip" }), make("span"));
@@ -75,7 +76,7 @@
       made.style.rotate = `${-value}rad`;
       slider.dispatchEvent(new Event("input"));
     });
-    made.addEventListener("pointerup", () => { delete slider.dataset.held; });
+    made.addEventListener("pointerup", () => { delete slider.dataset.held; slider.dispatchEvent(new Event("change")); });
     return made;
   }
 

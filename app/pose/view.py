@@ -43,6 +43,7 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
             **vars(c),
             "shown": display.shown(c.value, kinds[c.unit]),
             "unit": display.unit(kinds[c.unit]).replace("deg", "°"),
+            "si": c.unit,
             "color": hue(d.branches[d.number[c.body] - 1]),
         }
         for c in coordinates(state, names)

@@ -6,8 +6,8 @@
   const shown = () => pgraph.latest.scenario, now = () => shown()?.id ?? null; // the one that is shown
 
   function build(host) {
+    pgraph.frame.actions("Scenarios", pgraph.pictureButton("bare add-scenario", "add", "Add to the scenarios", "A scenario, or to this one a start, a switch, a force or a motor", () => add(host)));
     host.replaceChildren(make("div", { className: "scenario" },
-      make("div", { className: "bar" }, button("add-scenario", "+ Add", "A scenario, or to this one a start, a switch, a force or a motor", () => add(host))),
       make("div", { className: "chooser", hidden: true }),
       make("div", { className: "listed" }),
       make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: its initial state, the forces that act, and when constraints switch on or off." }),

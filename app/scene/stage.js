@@ -83,7 +83,7 @@ pgraph.stage = (() => {
   // Bodies are matte porcelain; what is selected is seen through others.
   for (const name of ["/bodies", "/selected"]) viser.materials(name, (material) => { if (material.roughness === 1) material.roughness = 0.5; });
   // In its colour with a part of the accent, fainter where something else is before it, and over all of it its mass centre.
-  const ORDER = { behind: 1, fill: 2, centre: 3 }, TINT = 0.45; // arrows come after them
+  const ORDER = { behind: 1, fill: 2, centre: 3 }, TINT = 0.8; // arrows come after them
   viser.frame(() => {
     for (let k = 0; node(`/selected/${k}`); k++) for (const part of ["outline", "behind", "fill", "centre"]) node(`/selected/${k}/${part}`)?.traverse((mesh) => paint(part, mesh));
   });

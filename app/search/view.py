@@ -74,5 +74,5 @@ def result(found: Found, current: bool) -> Payload:
 
 
 VIEWS = (
-    Place(topic("search", searches, *PARTS, seen="search"), 55, Host("search", "drawer", "Search")),
+    Place(topic("search", searches, *PARTS, seen="search"), 55, Host("search", "drawer", "Fit")),
 )

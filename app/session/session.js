@@ -11,7 +11,7 @@
   pgraph.commands("Bodies", () => (pgraph.latest.table?.rows ?? []).map(({ name, joint, parent }) => [name, "", () => send("Select", { body: name }), `${joint} joint to ${parent}`]));
   pgraph.commands("Page", [
     ["Dark or light", "", turn], ["Keyboard shortcuts", "?", () => pgraph.shortcuts.open()],
-    ...["Bodies", "Connections", "Scenarios", "Plots", "Accuracy", "Search", "Matrices", "Events", "Compare"].map((tab) => [`Show ${tab.toLowerCase()}`, "", () => pgraph.front(tab)]),
+    ...["Bodies", "Connections", "Scenarios", "Plots", "Accuracy", "Fit", "Matrices", "Events", "Compare"].map((tab) => [`Show ${tab.toLowerCase()}`, "", () => pgraph.front(tab)]),
     ["Stability map", "", () => pgraph.front("Accuracy"), "which methods hold where"], ["Show or hide the model", "Ctrl B", () => pgraph.frame.toggle("left")], ["Show or hide the selection", "Ctrl I", () => pgraph.frame.toggle("right")],
   ]);
   pgraph.view("session", { build, theme: draw });

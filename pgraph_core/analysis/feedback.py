@@ -195,8 +195,10 @@ def place_poles(
         try:
             found: Any = placed(plant.A, plant.B, wanted)
             return found.gain_matrix
-        except ValueError as error:
-            raise InputError(Problem("place_poles", "poles", str(error))) from None
+        except ValueError:  # SciPy refuses these two
+            n = len(plant.inputs)
+            text = f"must be real or in conjugate pairs, and each at most {n} times, as often as"
+            raise InputError(Problem("place_poles", "poles", f"{text} there are inputs")) from None
 
     return _closed("place_poles", model, inputs, states, q, gains)
 

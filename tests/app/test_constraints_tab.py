@@ -100,6 +100,14 @@ def test_a_constraint_becomes_another_kind_and_comes_back(state, hub, kind):
         assert (reply(now), now.model.constraints[0].kind) == ("", new)
 
 
+@pytest.mark.parametrize(("turned", "axis"), [(0.0, 0), (np.pi / 2, 1)])
+def test_a_slider_begins_along_the_way_from_its_origin(state, turned, axis):
+    model = pg.Model.serial(2).edit("1", axes=((0, 0, 1),), q=(turned,), com=(0.1, 0, 0))
+    model = model.edit("2", link=(0.2, 0, 0), com=(0.1, 0, 0))
+    new = parts.needed(model, "constraints", "line", "2", "ground")
+    assert new["other_axis"] == tuple(float(k == axis) for k in range(3))
+
+
 @pytest.mark.parametrize("law", list(KINDS["contacts"]))
 def test_d17_d18_contacts_of_every_law_on_ground_and_body(state, law):
     asked = after(state, do.AddPart(ME, "contacts", law, "3"))

@@ -70,6 +70,15 @@ def test_why_there_is_no_feedback_is_said_without_names_of_python(model):
     assert not any(word in problem for word in ("lqr", "mech", "model.", "pg.", "Q, R"))
 
 
+@pytest.mark.parametrize("text", ["-1, -2", "-1, -1, -1, -1", "-1+1i, -1, -1, -1"])
+def test_poles_that_cannot_be_placed_are_refused_in_words(text):
+    model, *_ = cart_pole()
+    state = answered(begun(model), do.OpenFeedback(ME))
+    problem = design(answered(state, edit("method", "poles"), edit("poles", text))).problem
+    assert problem
+    assert not any(word in problem for word in ("rank", "[", "got"))
+
+
 def test_the_dialog_calls_states_by_words():
     model, *_ = cart_pole()
     now = design(answered(begun(model), do.OpenFeedback(ME)))

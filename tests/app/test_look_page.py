@@ -17,7 +17,7 @@ from .conftest import LIMIT, SIZE, opened, until
 from .on_page import ask, choose_body, frames, name_cell, simulate, typed
 
 TABS = (
-    "Bodies", "Connections", "Scenarios", "Plots", "Accuracy", "Search", "Matrices", "Events",
+    "Bodies", "Connections", "Scenarios", "Plots", "Accuracy", "Fit", "Matrices", "Events",
     "Compare",
 )  # fmt: skip
 ASKED = ("new", "open", "save")  # of the menu of the model

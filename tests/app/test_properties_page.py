@@ -84,6 +84,20 @@ def test_an_impossible_inertia_is_refused_with_its_offer_and_repaired(bench, ser
     nothing_refused(bench)
 
 
+def test_escape_leaves_a_cell_before_it_clears_the_selection(bench, served):
+    choose_body(bench, "2")
+    cell = field(bench, "mass")
+    cell.focus()
+    bench.keyboard.type("7")
+    for focused in (True, False):  # what is typed is taken back, then the cell is left
+        bench.keyboard.press("Escape")
+        assert cell.evaluate("(cell) => cell === document.activeElement") == focused
+        assert bench.evaluate("() => pgraph.latest.selection") == "2"
+    assert cell.input_value() == "1"
+    bench.keyboard.press("Escape")
+    until(lambda: not selections(served), "nothing selected")
+
+
 def test_a_shape_gives_the_mass_and_bad_numbers_stay_beside_their_cells(bench, served):
     choose_body(bench, "1")
     unfold(bench, "properties")
