@@ -1,6 +1,6 @@
-// Notices: one kind, at one place above the playback. What viser says in its own is told in ours.
+// Notices: one kind, at one place above the playback. viser's own are not shown.
 (() => {
-  const { make, choices } = pgraph;
+  const { make } = pgraph;
   const MOST = 3; // at once
   const LASTS = { good: 6000, bad: 14000 }; // [ms]
 
@@ -47,25 +47,4 @@
     if (on && !sign) document.body.append(make("div", { className: "pgraph pgraph-lost", role: "alert", textContent: "Connection lost. Trying again; what you typed is kept. If it does not come back, start pgraph again and reload." }));
     else if (!on) sign?.remove();
   }, 1000);
-
-  // -- what viser says: of downloads, of software GL, which is told once in a browser -------------
-  const SLOW = "This browser draws without the graphics card: the 3D view is slow. Its settings have a switch for hardware acceleration.";
-  function mirror(theirs) {
-    const part = (which) => theirs.querySelector(`.mantine-Notification-${which}`)?.textContent.trim() ?? "";
-    const title = part("title"), text = part("description");
-    if (theirs.dataset.told || !(title || text) || title.startsWith("Receiving ")) return; // it says more when it has come
-    theirs.dataset.told = "1";
-    const received = /^Received (.*) \([\d.]+ ?\w+\)$/.exec(title);
-    if (received) tell("", `Downloaded ${received[1]}`, true);
-    else if (!theirs.textContent.startsWith("Software WebGL")) tell(title, text, true);
-    else if (!choices.get().slow) { choices.set({ slow: true }); tell("", SLOW, true); }
-    theirs.querySelector("button")?.click();
-  }
-  (function find() {
-    const portal = document.querySelector(".mantine-Notifications-root")?.parentElement;
-    if (!portal) { setTimeout(find, 200); return; }
-    const look = () => portal.querySelectorAll(".mantine-Notification-root").forEach(mirror);
-    new MutationObserver(look).observe(portal, { childList: true, subtree: true, characterData: true });
-    look();
-  })();
 })();

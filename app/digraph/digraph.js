@@ -16,21 +16,19 @@ pgraph.digraph = (() => {
     const card = make("div", { className: "card", hidden: true });
     host.pgraphSteps = make("div", { className: "steps", hidden: true });
     host.replaceChildren(
-      make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas), pgraph.pictureButton("fit bare", "fit", "Fit", "Show all of it (double click)", () => canvas.fit(true)),
-        card, make("div", { className: "drag-hint", hidden: true })),
+      make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas), card),
       host.pgraphSteps,
       make("h4", {}, make("span", { title: "Pgraph: the order of a walk round the tree. jdof, below it: the degrees of freedom that each entry adds", textContent: "Pgraph, jdof" }),
         make("button", { className: "link walk", textContent: "Steps", title: "The seven steps that make Pgraph, and a frame update", onclick: () => pgraph.steps.toggle() })),
       make("div", { className: "vectors", onclick: (event) => { const entry = event.target.closest(".entry"); if (entry) select(entry.dataset.name || null); } }));
-    pgraph.digraphHand(host, canvas, { offered, drop, hover: (k) => hover(host, k) });
     canvas.addEventListener("click", (event) => {
       const k = numberAt(event.target);
-      if (k && !canvas.dragged) picked(host.graph.data.names[k - 1], event.ctrlKey || event.metaKey);
+      if (k) picked(host.graph.data.names[k - 1], event.ctrlKey || event.metaKey);
       else if (event.target.closest("g.ground") && pgraph.latest.constraints?.picking) pgraph.send("PickName", { name: "ground" });
     });
     canvas.addEventListener("keydown", (event) => keyed(host, event));
-    canvas.addEventListener("focusin", (event) => hover(host, numberAt(event.target)));
-    canvas.addEventListener("focusout", () => hover(host, 0));
+    for (const type of ["focusin", "pointerover"]) canvas.addEventListener(type, (event) => hover(host, numberAt(event.target)));
+    for (const type of ["focusout", "pointerleave"]) canvas.addEventListener(type, () => hover(host, 0));
     pgraph.steps.build(host.pgraphSteps, host);
     const wide = matchMedia(`(min-width: ${SPLIT}px)`);
     wide.onchange = () => toggle(pgraph.choices.get().graph ?? wide.matches, false);
@@ -81,7 +79,6 @@ pgraph.digraph = (() => {
     const canvas = host.querySelector("svg.digraph"), data = squeezed(host, payload);
     const before = host.graph, known = before?.data;
     const focused = canvas.contains(document.activeElement) ? known?.names[numberAt(document.activeElement) - 1] : undefined;
-    canvas.release();
     const tips = new Set(data.tips), separation = new Set(data.separation);
     const children = [[], ...data.names.map(() => [])];
     data.parent.forEach((p, i) => children[p].push(i + 1));
@@ -97,7 +94,7 @@ pgraph.digraph = (() => {
     }
     vectors(host.querySelector(".vectors"), graph, part);
     arrange(canvas, [...graph.edges.slice(1), ...(tree ? loops(data, part) : []), ...graph.nodes]);
-    if (!known || known.names.length !== data.names.length || known.kind !== data.kind || known.width !== data.width) pgraph.beforePicture("digraph size", () => canvas.fit());
+    Object.assign(canvas.style, { width: `${data.width}px`, height: `${data.height}px` });
     mark(host, pgraph.latest.selection);
     const again = focused === undefined ? 0 : data.names.indexOf(focused) + 1;
     if (graph.nodes[again] && again) { reachable(graph, again); graph.nodes[again].focus({ preventScroll: true }); } // before the hover: a focus shows its card
@@ -222,9 +219,10 @@ pgraph.digraph = (() => {
     if (!k) return;
     pgraph.beforePicture("digraph place", () => {
       graph.entries[k][0]?.scrollIntoView({ block: "nearest" });
-      if (graph.nodes[k]) host.querySelector("svg.digraph").reveal(graph.data.x[k], graph.data.y[k]);
+      reveal(graph.nodes[k]);
     });
   }
+  const reveal = (node) => node?.scrollIntoView({ block: "nearest", inline: "nearest" });
   // One node takes part in the order of tabs; arrows lead to the others.
   function reachable(graph, k) {
     if (k === graph.reachable) return;
@@ -273,20 +271,8 @@ pgraph.digraph = (() => {
     const to = next?.();
     if (!to) return;
     reachable(host.graph, to);
-    host.querySelector("svg.digraph").reveal(data.x[to], data.y[to]);
+    reveal(nodes[to]);
     nodes[to].focus({ preventScroll: true });
-  }
-
-  // -- a node dropped onto another --------------------------------------------------------------
-  // The numbers that may become its parent: none that hangs on it, nor the parent it has.
-  function offered(graph, k) {
-    const barred = new Set([k, graph.data.parent[k - 1]]);
-    for (const j of barred) if (j !== graph.data.parent[k - 1]) for (const child of graph.children[j]) barred.add(child);
-    return new Set(graph.nodes.map((_, j) => j).filter((j) => !barred.has(j)));
-  }
-  function drop(graph, k, to, loop) {
-    const names = graph.data.names;
-    pgraph.send("Drop", { serial: pgraph.nextSerial(), body: names[k - 1], parent: to ? names[to - 1] : "ground", loop });
   }
 
   pgraph.view("digraph", { build, digraph: draw, selection: mark,

@@ -111,7 +111,7 @@ pgraph.steps = (() => {
     const graph = box.host.graph;
     mark(graph, k, "current");
     pgraph.gutter.node(k)?.scrollIntoView?.({ block: "nearest" });
-    if (graph.nodes[k]) box.host.querySelector("svg.digraph").reveal(graph.data.x[k], graph.data.y[k]);
+    graph.nodes[k]?.scrollIntoView({ block: "nearest", inline: "nearest" });
   }
   function clear(box) {
     for (const name of ["pending", "fresh", "unmet", "stacked", "carried", "current"]) {

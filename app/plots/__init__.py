@@ -19,6 +19,7 @@ from ..core import state
 from ..core.cells import Display
 from ..core.events import FromPage, Text
 from ..core.state import Names, with_client
+from ..pose.solving import degrees
 
 POINTS = 1200  # pairs of extremes a curve: more than a screen has columns
 XYZ = ("x", "y", "z")
@@ -257,6 +258,8 @@ def curves(run: pg.Result, signal: Signal, display: Display = SI) -> list[Curve]
         try:
             labels, columns = KINDS[signal.quantity].read(run, name)
             each = units(run.mechanism.model, signal, name)
+            if signal.quantity in OF_JOINTS and not signal.component:
+                labels = motions(run.mechanism.model.body(name), labels)
         except (KeyError, pg.PgraphError):
             continue
         for i in range(columns.shape[1]):
@@ -266,6 +269,12 @@ def curves(run: pg.Result, signal: Signal, display: Display = SI) -> list[Curve]
             elif labels[i] == signal.component:
                 found.append(thinned(name, np.asarray(run.t), y))
     return found
+
+
+def motions(body: pg.Body, labels: Sequence[str]) -> Sequence[str]:
+    """Return the columns of a joint by their motions, but those of quaternions by numbers."""
+    found = [label for label, _ in degrees(body)]
+    return found if len(found) == len(labels) else labels
 
 
 def thinned(label: str, t: np.ndarray, y: np.ndarray) -> Curve:

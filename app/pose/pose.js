@@ -55,29 +55,8 @@
     slider.addEventListener("pointerup", () => { delete slider.dataset.held; });
     const name = make("button", { className: "of", onclick: () => send("Select", { body: of().body }) }, make("span", { className: "chip" }), make("span"));
     const plot = make("button", { className: "bare plot", title: "Plot it over time", "aria-label": "plot", onclick: () => { send("Plot", { kind: "q", of: of().body, on: true }); pgraph.front("Plots"); } }, pgraph.icon("plots", 14));
-    line.append(name, make("span", { className: "muted" }, make("span"), make("span", { className: "unit" })), make("span", { className: "move" }, slider, dial(slider)), cell, plot);
+    line.append(name, make("span", { className: "muted" }, make("span"), make("span", { className: "unit" })), slider, cell, plot);
     return line;
-  }
-
-  // Of a joint that turns without limits: over its slider, which takes the keys; turns are counted on.
-  function dial(slider) {
-    const made = make("span", { className: "dial", title: "Drag it round" });
-    const angle = ({ clientX, clientY }) => { const { left, top, width, height } = made.getBoundingClientRect(); return Math.atan2(top + height / 2 - clientY, clientX - left - width / 2); };
-    let last = 0, value = 0;
-    made.addEventListener("pointerdown", (event) => { made.setPointerCapture(event.pointerId); slider.dataset.held = "1"; [last, value] = [angle(event), Number(slider.value)]; });
-    made.addEventListener("pointermove", (event) => {
-      if (!made.hasPointerCapture(event.pointerId)) return;
-      const now = angle(event), by = now - last;
-      value += by - 2 * Math.PI * Math.round(by / (2 * Math.PI));
-      last = now;
-      slider.min = Math.min(slider.min, value);
-      slider.max = Math.max(slider.max, value);
-      slider.value = value;
-      made.style.rotate = `${-value}rad`;
-      slider.dispatchEvent(new Event("input"));
-    });
-    made.addEventListener("pointerup", () => { delete slider.dataset.held; slider.dispatchEvent(new Event("change")); });
-    return made;
   }
 
   function fill(line, { row, again }, selected) {
@@ -88,13 +67,12 @@
     line.querySelector(".muted").firstChild.textContent = `${row.label} `;
     line.querySelector(".unit").textContent = row.unit;
     line.querySelector(".plot").setAttribute("aria-label", `plot ${label}`);
-    line.querySelector(".move").classList.toggle("turns", row.turns);
     slider.setAttribute("aria-label", label);
     line.querySelector(".cell").setAttribute("aria-label", `${label} in ${row.unit}`);
     line.querySelector(".chip").style.setProperty("--body", row.color);
     slider.min = row.low;
     slider.max = row.high;
-    if (!slider.dataset.held) { slider.value = row.value; line.querySelector(".dial").style.rotate = `${-row.value}rad`; }
+    if (!slider.dataset.held) slider.value = row.value;
     cells.set(line.querySelector(".cell"), Math.abs(row.value) < ROUNDING ? 0 : row.shown);
   }
 

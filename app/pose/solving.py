@@ -33,7 +33,6 @@ class Coordinate:
     low: float
     high: float
     unit: str  # rad or m
-    turns: bool  # without limits: a dial
 
 
 def shown_q(state: State) -> np.ndarray:
@@ -80,8 +79,7 @@ def coordinates(state: State, names: Container[str] | None = None) -> list[Coord
             continue
         for i, (label, value, low, high, unit) in enumerate(_of_joint(body, q[place], reach)):
             low, high = min(low, value), max(high, value)
-            turns = body.joint == "revolute" and not any(body.limits)
-            found.append(Coordinate(body.name, i, label, value, low, high, unit, turns))
+            found.append(Coordinate(body.name, i, label, value, low, high, unit))
     return found
 
 

@@ -17,7 +17,7 @@
     const signal = cells.choice(signals, (serial, text) => send("SetGoal", { serial, field: "signal", text }), { label: "curve of the goal" });
     const filter = make("input", { type: "text", className: "cell filter", placeholder: "Numbers to find", title: "All numbers of the model, to be ticked", "aria-label": "numbers to find", onfocus: () => { host.pgraphAll = true; draw(host, asked()); }, oninput: () => draw(host, asked()) });
     host.pgraphCells = { kind, way, signal, filter };
-    const head = make("div", { className: "bar" }, kind, make("span", { className: "spring" }), make("progress", { className: "busy" }), make("span", { className: "said muted" }),
+    const head = make("div", { className: "bar" }, kind, make("progress", { className: "busy" }), make("span", { className: "said muted" }),
       button("cancel-search", "Stop", "Stop, and keep the best numbers", () => send("CancelSearch", {})), button("start-search primary", "Start", "Search in the background", () => send("StartSearch", {})));
     host.replaceChildren(head, make("div", { className: "problem sentence", role: "alert", hidden: true }), make("div", { className: "search-body" },
       make("div", {},

@@ -198,9 +198,6 @@ def test_notices_are_of_one_kind_are_closed_and_are_read_whole(page):
     cut = said.bounding_box()["height"]
     notes.nth(1).get_by_role("button", name="more").click()
     assert said.bounding_box()["height"] > 2 * cut
-    page.evaluate("pgraph.send('Download')")
-    page.locator(".pgraph-toast", has_text="leg.json").wait_for()
-    assert not page.locator(".mantine-Notification-root").first.is_visible()
     above = """() => { const y = document.querySelector(".pgraph-foot")
       .getBoundingClientRect().y; return [...document.querySelectorAll(".pgraph-toast")]
       .every((one) => one.getBoundingClientRect().bottom < y); }"""
@@ -211,29 +208,6 @@ def test_notices_are_of_one_kind_are_closed_and_are_read_whole(page):
     assert notes.count() == 3
     page.evaluate("document.querySelectorAll('.pgraph-toast .close').forEach((x) => x.click())")
     until(lambda: notes.count() == 0, "no notice")
-
-
-def test_what_viser_says_of_software_gl_is_said_once(browser, served):
-    context = browser.new_context(viewport=SIZE)  # nothing was said there yet
-    try:
-        fresh = context.new_page()
-        fresh.set_default_timeout(1000 * LIMIT)
-        fresh.add_init_script(
-            "new MutationObserver(() => { window.said ||= [...document.querySelectorAll("
-            "'.pgraph-toast')].some((one) => one.textContent.includes('graphics card')); })"
-            ".observe(document, { childList: true, subtree: true })"
-        )
-        fresh.goto(served.url)
-        fresh.wait_for_function("window.said === true")
-        theirs = ".mantine-Notification-root"  # viser's own lay over the 3D view
-        shows(fresh, f"!document.querySelector('{theirs}')?.textContent.includes('Software')")
-        fresh.reload()
-        fresh.wait_for_selector("table.bodies tr[data-name]")
-        shows(fresh, "document.querySelector('.mantine-Notifications-root')")
-        shows(fresh, "window.__viserTestpoints?.rendererInfo?.render.frame > 3")
-        assert not fresh.evaluate("window.said")
-    finally:
-        context.close()
 
 
 # -- at night: all built-in models in both themes, at four sizes of the window and three zooms -----
