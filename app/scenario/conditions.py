@@ -44,7 +44,7 @@ WAITS = {  # labels of triggers of switches
 OF_VALUE = {TIME: "s", "gap": "length", "force": "N"}  # units; those of coordinates differ
 SIDES = {"above": ">", "below": "<"}
 OF_OPERATION = {"more": "above", "at_least": "above", "less": "below", "at_most": "below"}
-REPEATS = "It goes {} again whenever this holds. “And …” adds a limit, such as t below 1."
+TIMES = {"": "each time", "once": "the first time only"}  # labels of how often a switch acts
 DELAY = 0.1  # part of the run after which a constraint that went on goes off again
 BACK = 0.2  # part of its value by which a switch back lies on the other side
 
@@ -154,14 +154,8 @@ def _signals(model: pg.Model) -> list[str]:
 # -- forms -----------------------------------------------------------------------------------------
 
 
-def form(
-    model: pg.Model, switch: pg.Switch, display: Display, among: Sequence[pg.Switch] = ()
-) -> list[Payload]:
-    """Return the fields of a switch, including its constraint and its condition.
-
-    `among` contains the switches of its scenario. A switch acts whenever its condition holds, which
-    is explained if another one undoes it after a time.
-    """
+def form(model: pg.Model, switch: pg.Switch, display: Display) -> list[Payload]:
+    """Return the fields of a switch, including its constraint and its condition."""
     what, watched = waits_of(switch)
     names = [c.name for c in model.constraints]
     out = button("×", "DeleteSwitch", "Delete this switch")
@@ -172,6 +166,9 @@ def form(
         ], buttons=[out]),
         _row("what", "when", [cell((), what, options=list(WAITS.items()))]),
     ]  # fmt: skip
+    if switch.when is not None:
+        often = cell((), "once" if switch.when.once else "", options=list(TIMES.items()))
+        found.append(_row("once", "acts", [often]))
     if what == HOLDS:
         return [*found, *_comparisons(model, watched, display)]
     if what != TIME:
@@ -194,13 +191,7 @@ def form(
     if what == "coordinate":
         more.insert(0, _press("And …", "and", "Waits for another comparison too"))
     value = _row("value", "is", [side, amount], unit=unit)
-    undone = any(
-        (x.constraint, x.active) == (switch.constraint, not switch.active)
-        and waits_of(x)[0] in (TIME, "constraint")
-        for x in among
-    )
-    note = REPEATS.format(ON if switch.active else OFF) if undone and what == "coordinate" else ""
-    return [*found, value, field("more", "", [], buttons=more, note=note)]
+    return [*found, value, field("more", "", [], buttons=more)]
 
 
 def _row(name: str, label: str, each: list[Payload], **more: Any) -> Payload:
@@ -278,6 +269,8 @@ def _edited(
     if old.when is None:
         raise Refusal("The switch waits for a time and has no condition: choose a condition first.")
     match what:
+        case "once":
+            return _with(old, when={**_when(old), "once": bool(text) or None})
         case "watched":
             return _with(old, when={**_when(old), waits: text})
         case "side":
@@ -351,6 +344,8 @@ def _with(old: pg.Switch, **fields: Any) -> pg.Switch:
     kept = {"t": old.t, "constraint": old.constraint, "active": old.active, "when": old.when}
     if "when" in fields:
         kept["t"] = None
+        if old.when is not None and old.when.once and fields["when"]:
+            fields["when"] = {"once": True, **fields["when"]}
     return pg.Switch(**{**kept, **fields})
 
 

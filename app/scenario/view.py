@@ -50,7 +50,7 @@ def scenario(state: State, display: Display) -> Payload:
     s = next((s for s in model.scenarios if s.name == name), None)
     if s is None:
         return found | {"none": True, "id": None} | {part: [] for part in PARTS}
-    switch = partial(conditions.form, model, display=display, among=s.switches)
+    switch = partial(conditions.form, model, display=display)
     return found | {
         "none": False,
         "id": number[name],

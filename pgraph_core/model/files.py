@@ -34,10 +34,10 @@ from .world import Ground
 
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
 # 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces;
-# 7: without expressions in springs; 8: without expressions in contacts, and 0.01 kg m^2 for bodies
-# without inertia
+# 7: without expressions in springs; 8: without expressions in contacts and `once` in switches, and
+# 0.01 kg m^2 for bodies without inertia
 SCHEMA_VERSION = 9
-EXPRESSIONS = 6
+EXPRESSIONS, ONCE = 6, 9
 SCHEMA = "pgraph-model"
 
 FOREIGN = {
@@ -125,9 +125,12 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
             yield getattr(kind, "VARIES_SINCE", EXPRESSIONS)
     if any(holds_formula(f) for scenario in data["scenarios"] for f in scenario["forces"]):
         yield EXPRESSIONS
-    conditions = (x.get("when") or {} for s in data["scenarios"] for x in s.get("switches", ()))
+    switches = (x for s in data["scenarios"] for x in s.get("switches", ()))
+    conditions = [x.get("when") or {} for x in switches]
     if any("holds" in when or "after" in when for when in conditions):
         yield EXPRESSIONS
+    if any("once" in when for when in conditions):
+        yield ONCE
     for kind, part in parts:
         yield getattr(kind, "SINCE", 1)
         yield from (facts(info).since for key, info in kind.model_fields.items() if key in part)

@@ -84,6 +84,7 @@ class Recording(Running):
         self.ended = Outcome()
         self.held = set(plan.active.tolist())  # constraints that are active now
         self.since: dict[int, float] = {}  # when constraints were switched last [s]
+        self._spent: set[int] = set()  # conditions that act once and have acted
         self._ahead = deque(plan.changes)
         self._events = monitors
         self._together: list[int] = []  # conditions met at the time of the next change, after it
@@ -460,11 +461,13 @@ class Recording(Running):
         waiting = self.plan.conditions
         left = list(numbers)
         while left and not self.ended.over:
-            given = waiting[left.pop(0)]
-            if (given.constraint in self.held) == given.active:
+            given = waiting[number := left.pop(0)]
+            if (given.constraint in self.held) == given.active or number in self._spent:
                 continue
+            if given.when.once:
+                self._spent.add(number)
             on, off = ([given.constraint], []) if given.active else ([], [given.constraint])
-            by = self.watch.monitors[waiting.index(given)] if self.watch is not None else None
+            by = self.watch.monitors[number] if self.watch is not None else None
             if not self._switch(switched_by(self.held, on, off, t), by=by):
                 return
             left += [

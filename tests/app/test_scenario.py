@@ -226,21 +226,14 @@ def test_a_slider_is_caught_where_it_is_fast_and_another_follows_after_a_time(sl
     np.testing.assert_allclose(run.q[-1, 0], 1.2, rtol=0, atol=1e-9)
 
 
-def test_a_switch_that_another_one_undoes_after_a_time_says_that_it_acts_again(slider):
-    """A pendulum that is caught below -30 degrees and let go later is caught at once again."""
-    value = {"what": "coordinate", "value": "1.5"}
-    state = after(slider, do.AddSwitch(ME, "lock"), *switch(0, **value))
-    state = after(state, do.AddSwitch(ME, "lock"), *switch(1, what="constraint", after="0.2"))
-
-    def note(state):
-        (s,) = state.model.scenarios
-        return [
-            row["note"]
-            for row in conditions.form(state.model, s.switches[0], Display(), s.switches)
-        ]
-
-    assert any(note(state))
-    assert not any(note(after(slider, do.AddSwitch(ME, "lock"), *switch(0, **value))))
+def test_a_switch_that_acts_once_stays_so_while_its_condition_is_edited(slider):
+    state = after(slider, do.AddSwitch(ME, "lock"), *switch(0, what="coordinate", value="1.5"))
+    for event in switch(0, once="once", value="1.25"):
+        state = after(state, event)
+    (made,) = state.model.scenarios[0].switches
+    assert (made.when.once, made.when.above) == (True, 1.25)
+    state = after(state, cell(0, "once", ""))
+    assert not state.model.scenarios[0].switches[0].when.once
 
 
 def test_comparisons_are_joined_turned_and_taken_out_by_clicks(slider):

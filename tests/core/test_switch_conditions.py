@@ -69,6 +69,26 @@ def test_a_constraint_waits_for_another():
     assert [event.contact for event in run.events] == ["latch", "second", "latch"]
 
 
+@pytest.mark.parametrize("options", SETTINGS)
+def test_a_switch_that_acts_once_catches_an_oscillator_once(options):
+    """Let go at its own threshold it comes back there with every period."""
+    when = {"coordinate": "b", "above": 0.5, "once": True}
+    switches = [
+        pg.Switch(constraint="latch", active=True, when=when),
+        pg.Switch(constraint="latch", active=False, when={"constraint": "latch", "active": True,
+                                                         "after": 0.25}),
+    ]  # fmt: skip
+    model = slider(v=3.0).edit("b", stiffness=(20.0,))
+    run = pg.simulate(model, t_end=6.0, switches=switches, **options)
+    assert [event.after for event in run.events] == ["on", "off"]
+    let_go = run.events[1].t
+    exact = 0.5 * np.cos(np.sqrt(10.0) * (6.0 - let_go))
+    np.testing.assert_allclose(run.q[-1, 0], exact, rtol=0, atol=1e-5)
+    scenario = pg.Scenario(name="s", switches=switches)
+    kept = pg.Model.from_json(model.replace(scenarios=(scenario,)).to_json())
+    assert kept.scenarios[0].switches[0].when.once
+
+
 def test_the_force_of_a_contact_switches_a_latch():
     """1 kg on the ground under 10 N/s: 12 N are passed at (12 - 9.80665) / 10 s."""
     table = pg.Table(t=(0.0, 1.0), value=(0.0, -10.0))
