@@ -98,7 +98,8 @@ def _of_joint(
             turns = motion.kind != "translate"
             far = math.pi if turns else reach
             label = f"{'about' if turns else 'along'} {_axis(motion)}"
-            low, high = (-far if low is None else low), (far if high is None else high)
+            near = 2 * math.pi * round(float(x[0]) / (2 * math.pi)) if turns and not limit else 0.0
+            low, high = (near - far if low is None else low), (near + far if high is None else high)
             yield label, float(x[0]), low, high, "rad" if turns else "m"
             continue
         for axis, value in zip("xyz", rotation_vector(np.asarray(x[-4:]))):

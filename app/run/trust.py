@@ -54,7 +54,7 @@ def trust(
             report=True,
         )
     level, said, why = verdict(run)
-    lines = [] if level == "failed" else below(run, level)  # the reason stands in their place
+    lines = [] if level in ("failed", "unknown") else below(run, level)  # or the reason
     better = remedy(run) if level == "rough" else None
     return _told(level, said, why, lines, report=True, better=better)
 
