@@ -3,10 +3,9 @@
   const { make, button, forms, send } = pgraph;
 
   function build(host) {
-    pgraph.frame.actions("Connections", pgraph.pictureButton("bare add-tie", "add", "Add a connection", "A constraint, contact, force, limit or loop", () => choose(host)));
+    pgraph.frame.actions("Connections", pgraph.pictureButton("bare add-tie", "add", "Add a connection", "A constraint, contact, force, limit or loop", choose));
     const box = make("div", { className: "ties" },
       make("div", { className: "filter" }),
-      make("div", { className: "chooser", hidden: true }),
       make("div", { className: "top" }, make("div", { className: "report" }),
         button("assemble", "Assemble", "Move the initial state onto the constraints", () => { document.activeElement?.blur(); send("AssembleState"); })),
       make("div", { className: "lists" }));
@@ -14,27 +13,18 @@
     pgraph.inSight(host, "constraints");
   }
 
-  // One line each: what it is good for; a click asks for its bodies.
-  function choose(host) {
-    const kinds = pgraph.latest.constraints.kinds.map(({ title, kinds }) => [title, kinds.map(({ part, kind, name, about }) =>
-      [name, about, () => send("AddPart", { part, kind, body: target() }), `${part} ${kind}`])]); // the body by then
-    pgraph.choose(host.querySelector(".chooser"), kinds, heading);
-  }
-  const headed = (host) => heading(host.querySelector(".chooser"));
-  const target = () => pgraph.latest.constraints.listed ?? pgraph.latest.selection ?? null;
-
-  // The body that gets the part; all that are selected with it get one each.
-  function heading(box) {
-    const line = box.querySelector(".for");
-    if (!line) return;
+  // On the selected body, and all that are selected with it; otherwise a click asks for it.
+  function choose() {
     const body = target(), { selected = [] } = pgraph.latest, more = selected.includes(body) ? selected.length - 1 : 0;
-    line.textContent = body === null ? "Its body is clicked next" : `On '${body}'${more ? ` and ${more} more selected` : ""}`;
+    const kinds = pgraph.latest.constraints.kinds.map(({ title, kinds }) => [title, kinds.map(({ part, kind, name, about }) =>
+      [name, about, () => send("AddPart", { part, kind, body }), `${part} ${kind}`])]);
+    pgraph.choose(kinds, body === null ? "Add; its body is clicked next" : `Add to '${body}'${more ? ` and ${more} more selected` : ""}`);
   }
+  const target = () => pgraph.latest.constraints.listed ?? pgraph.latest.selection ?? null;
 
   function draw(host, data) {
     const box = host.querySelector(".ties");
     filter(box.querySelector(".filter"), data);
-    heading(box.querySelector(".chooser"));
     const assemble = box.querySelector(".assemble");
     assemble.disabled = data.assembling;
     assemble.hidden = !data.lists[0].items.length;
@@ -170,6 +160,6 @@
 
   pgraph.on("constraints", banner);
   pgraph.on("connectionsFor", (body) => { if (body !== undefined) send("OpenConstraints", { body }); });
-  pgraph.view("constraints", { build, constraints: draw, selection: headed, selected: headed });
+  pgraph.view("constraints", { build, constraints: draw });
   pgraph.view("part", { constraints: inspect });
 })();

@@ -25,35 +25,6 @@ pgraph.pictureButton = (className, icon, label, title, onclick) => {
 };
 pgraph.text = (tag, className, textContent = "") => pgraph.make(tag, { className, textContent });
 
-// What can be added, in a box that this opens or closes: groups of lines [name, about, act, key], filtered
-// by what is typed; Enter takes the first. Of a line without `act` it is said why. `heading(box)` fills the
-// line above, before the focus: what moves later would scroll.
-pgraph.choose = (box, groups, heading) => {
-  const { make } = pgraph;
-  box.hidden = !box.hidden;
-  if (box.hidden) return;
-  const sought = make("input", { className: "cell sought", type: "search", placeholder: "Type to filter, Enter adds the first", "aria-label": "kind to add" });
-  const line = ([name, about, act, key]) => make("button", { "data-kind": key, disabled: !act, onclick: () => { box.hidden = true; act(); } }, make("strong", { textContent: name }), make("span", { textContent: about }));
-  const sections = groups.map(([title, lines]) => make("section", {}, make("h4", { textContent: title }), ...lines.map(line)));
-  const none = make("p", { className: "for muted", textContent: "Nothing is described by that.", hidden: true });
-  sought.oninput = () => {
-    const words = sought.value.toLowerCase().split(/\s+/);
-    for (const section of sections) {
-      const lines = [...section.querySelectorAll("button")];
-      for (const one of lines) one.hidden = !words.every((word) => one.textContent.toLowerCase().includes(word));
-      section.hidden = lines.every((one) => one.hidden);
-    }
-    none.hidden = sections.some((one) => !one.hidden);
-  };
-  box.replaceChildren(make("div", { className: "for muted" }), sought, none, ...sections);
-  heading(box);
-  sought.focus();
-  box.onkeydown = (event) => {
-    if (event.key === "Escape") { box.hidden = true; event.stopPropagation(); }
-    if (event.key === "Enter" && event.target === sought) box.querySelector("section:not([hidden]) button:not([hidden], :disabled)")?.click();
-  };
-};
-
 // The sentence below a row or cell, as cells.js puts it there.
 pgraph.sentenceOf = (el) => (el?.nextElementSibling?.classList.contains("sentence") ? el.nextElementSibling : null);
 

@@ -1,4 +1,5 @@
-// Search of bodies and commands (Ctrl+K, Ctrl+F). A feature declares its commands with `pgraph.commands`.
+// Search of bodies and commands (Ctrl+K, Ctrl+F), or of what can be added. A feature declares its
+// commands with `pgraph.commands`.
 pgraph.palette = (() => {
   const { make } = pgraph;
   const groups = new Map(); // group -> [[text, keys, act, about]]
@@ -8,13 +9,12 @@ pgraph.palette = (() => {
   pgraph.commands = (group, lines) => groups.set(group, [...(groups.get(group) ?? []), lines]);
   const all = () => [...groups].flatMap(([group, parts]) => parts.flatMap((part) => (typeof part === "function" ? part() : part)).map((line) => [group, ...line]));
 
-  function open() {
+  function open(known = all(), asked = "Search bodies and commands") {
     if (document.querySelector("dialog:modal")) return;
-    const input = make("input", { type: "text", role: "combobox", "aria-expanded": "true", "aria-controls": "pgraph-found", placeholder: "Search bodies and commands", "aria-label": "search bodies and commands", spellcheck: false, autocomplete: "off" });
+    const input = make("input", { type: "text", role: "combobox", "aria-expanded": "true", "aria-controls": "pgraph-found", placeholder: asked, "aria-label": asked, spellcheck: false, autocomplete: "off" });
     const found = make("div", { className: "found", id: "pgraph-found", role: "listbox", "aria-label": "found" });
     const box = pgraph.dialog("search", "pgraph-palette", make("div", { className: "ask-line" }, pgraph.icon("search"), input), found);
-    const known = all();
-    const run = (line) => { box.close(); line[3](); };
+    const run = (line) => { if (line[3]) { box.close(); line[3](); } };
     let at = 0, lines = [];
     const mark = (to) => {
       at = Math.min(Math.max(to, 0), lines.length - 1);
@@ -30,7 +30,7 @@ pgraph.palette = (() => {
       lines = [...new Set(lines.map(([group]) => group))].flatMap((group) => lines.filter((line) => line[0] === group));
       found.replaceChildren(...lines.flatMap((line, i) => [
         ...(line[0] !== lines[i - 1]?.[0] ? [make("h4", { textContent: line[0] })] : []),
-        make("div", { role: "option", onclick: () => run(line), onpointermove: () => mark(i) }, make("span", { textContent: line[1] }), make("span", { className: "about", textContent: line[4] ?? "", title: line[4] ?? "" }), make("kbd", { textContent: line[2], hidden: !line[2] }))]),
+        make("div", { role: "option", "data-kind": line[5] ?? "", "aria-disabled": !line[3], onclick: () => run(line), onpointermove: () => mark(i) }, make("span", { textContent: line[1] }), make("span", { className: "about", textContent: line[4] ?? "", title: line[4] ?? "" }), make("kbd", { textContent: line[2], hidden: !line[2] }))]),
       ...(lines.length ? [] : [make("div", { className: "none", textContent: "Nothing found" })]));
       mark(0);
     };
@@ -54,5 +54,7 @@ pgraph.palette = (() => {
     document.activeElement?.blur?.(); // what is typed is taken first
     open();
   }, true);
+  // Groups of lines [name, about, act, key]; of a line without `act` it is said why.
+  pgraph.choose = (groups, asked) => open(groups.flatMap(([group, lines]) => lines.map(([name, about, act, key]) => [group, name, "", act, about, key])), asked);
   return { open };
 })();

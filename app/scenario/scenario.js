@@ -6,9 +6,8 @@
   const shown = () => pgraph.latest.scenario, now = () => shown()?.id ?? null; // the one that is shown
 
   function build(host) {
-    pgraph.frame.actions("Scenarios", pgraph.pictureButton("bare add-scenario", "add", "Add to the scenarios", "A scenario, or to this one a start, a switch, a force or a motor", () => add(host)));
+    pgraph.frame.actions("Scenarios", pgraph.pictureButton("bare add-scenario", "add", "Add to the scenarios", "A scenario, or to this one a start, a switch, a force or a motor", add));
     host.replaceChildren(make("div", { className: "scenario" },
-      make("div", { className: "chooser", hidden: true }),
       make("div", { className: "listed" }),
       make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: its initial state, the forces that act, and when constraints switch on or off." }),
       make("div", { className: "some" },
@@ -19,7 +18,7 @@
   const section = (className, title) => make("section", { className }, make("h4", { textContent: title }), text("div", "rows"));
 
   // On the selected body, or on the first.
-  function add(host) {
+  function add() {
     const { none, kinds, switchable, held } = shown(), scenario = now(), own = pgraph.latest.selection ?? null, body = own ?? pgraph.latest.table.rows[0]?.name;
     const into = none ? [] : [
       ["Start", [["Pose shown", "It becomes the initial state, with its speeds", () => send("TakePose", { scenario, shown: true }), "start pose"],
@@ -28,8 +27,7 @@
       ["During the run", [["Switch", switchable.length ? "A constraint goes on or off: at a time, or when something crosses a value" : "There is no constraint to switch", switchable.length && (() => send("AddSwitch", { constraint: null })), "switch"]]],
       ["Forces and motors", body === undefined ? [] : kinds.map(([kind, about]) => [kind, about, () => { adding = scenario; send("AddDrive", { scenario, kind, body }); }, `force ${kind}`])]];
     const whole = ["Scenario", [["New", "It runs as the run is set now", () => send("NewScenario"), "scenario new"], ...(none ? [] : [["Copy", "This scenario once more", () => send("CopyScenario", { scenario }), "scenario copy"]])]];
-    const said = none ? "" : `In '${shown().name}'${body === undefined ? "" : `, on '${body}'`}`;
-    pgraph.choose(host.querySelector(".chooser"), [whole, ...into], (box) => { box.querySelector(".for").textContent = said; });
+    pgraph.choose([whole, ...into], none ? "Add a scenario" : `Add to '${shown().name}'${body === undefined ? "" : `, on '${body}'`}`);
   }
 
   // A scenario: its name, which of the chosen one is a cell, and how long it is.

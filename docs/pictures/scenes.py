@@ -125,7 +125,7 @@ def live(page: Page) -> None:
 def picking(page: Page) -> None:
     """A new constraint that asks for its bodies."""
     kinds(page)
-    page.locator('button[data-kind="constraints distance"]').click()
+    page.locator('[data-kind="constraints distance"]').click()
     page.locator(".pgraph-banner").wait_for()
 
 
