@@ -65,14 +65,15 @@ pgraph.digraph = (() => {
     const moved = (at) => EDGE + at * by;
     return { ...data, rooms, x: x.map(moved), width: width * by + 2 * EDGE, routes: data.routes.map((points) => points.map(([at, high]) => [moved(at), high])) };
   }
-  // As much of a name as there is room for.
+  // As much of a name as there is room for: of its first word the initial.
   function label(name, room) {
     pen.font = `600 11px ${getComputedStyle(document.querySelector(".pgraph")).fontFamily}`;
     const fits = (text) => pen.measureText(text).width <= room;
-    if (fits(name)) return name;
-    let n = name.length - 1;
-    while (n && !fits(`${name.slice(0, n)}…`)) n--;
-    return n ? `${name.slice(0, n)}…` : "";
+    const short = fits(name) ? name : name.replace(/^(.)[^_ ]+[_ ]/, "$1. ");
+    if (fits(short)) return short;
+    let n = short.length - 1;
+    while (n && !fits(`${short.slice(0, n)}…`)) n--;
+    return n ? `${short.slice(0, n)}…` : "";
   }
 
   function draw(host, payload) {

@@ -40,15 +40,9 @@
       make("ul", { className: "notes muted" }));
   }
 
-  // Over all panels, until a click or Escape.
   function enlarge(figure) {
     const picture = figure.firstElementChild?.cloneNode(true);
-    if (!picture) return;
-    const over = make("div", { className: "pgraph figure-large", role: "dialog", tabIndex: -1, "aria-label": "the figure, larger", title: "Click to close" }, picture);
-    over.onclick = () => over.remove();
-    over.onkeydown = (event) => { if (event.key === "Escape") { event.stopPropagation(); over.remove(); figure.focus(); } };
-    document.body.append(over);
-    over.focus();
+    if (picture) pgraph.dialog("Figure", "figure-large", picture);
   }
 
   function draw(host, data) {
@@ -62,10 +56,13 @@
     if (data.job) {
       $(".job progress").value = data.job.fraction;
       $(".job .said").textContent = `${Math.round(100 * data.job.fraction)} %${left(host, data.job)}`;
-    } else host.pgraphBegan = null;
+    }
+    const ended = !data.job && host.pgraphBegan;
+    if (!data.job) host.pgraphBegan = null;
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     pgraph.keyed($(".outcomes"), data.results.map((one) => ({ ...one, name: one.kind })), outcome, fill);
+    if (ended) $(".outcomes").scrollIntoView({ block: "start" });
     picture(host, pgraph.latest.figure ?? {});
   }
 

@@ -82,7 +82,7 @@ def precision(study: Any) -> Payload:
     source = f"Reference: {known['source']}, accurate to {known['accuracy']:.0e}."
     return {
         "title": f"Error against run time, {study.t_end:.4g} s",
-        "advice": study.answer,
+        "advice": study.answer.replace(": give a larger `longest`", ""),  # an argument of Python
         "use": "" if (row := study.advised()) is None else f"{row.method} at {row.setting}",
         "table": f"All {len(rows)} runs that reached the end",
         "head": ["method", "setting", "error", "time"],
