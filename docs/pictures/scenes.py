@@ -29,7 +29,7 @@ def select(page: Page, name: str) -> None:
 def simulate(page: Page, at: float = 0.6) -> None:
     """The run of the scenario, shown at that part of it."""
     page.locator("button.play").click(modifiers=["Shift"])
-    page.locator("[data-view=trust] .lines dd").first.wait_for(timeout=LONG)
+    page.locator("[data-view=trust] .verdict .link").wait_for(timeout=LONG)
     scrub(page, at)
 
 

@@ -52,7 +52,7 @@ def walked(page: Any, served: Server, compiled: Server) -> Any:
     short = tuple(s.model_copy(update={"t_end": 0.1}) for s in model.scenarios)
     opened(page, served, model.replace(scenarios=short, name="walked"))
     simulate(page)
-    page.locator("[data-view=trust] .lines dd").first.wait_for()
+    page.locator("[data-view=trust] .verdict .link").wait_for()
     choose_body(page, "shoulder_neck_head")
     plots = (("q", "shoulder_neck_head"), ("energy", ""))
     for client in served.store.state.clients:

@@ -45,7 +45,7 @@ def simulated(page: Any, served: Server) -> Any:
     before = served.store.state.last_run
     simulate(page)
     until(lambda: served.store.state.last_run is not before, "a run")
-    page.locator("[data-view=trust] .lines dd").first.wait_for()
+    page.locator("[data-view=trust] .verdict .link").wait_for()
     return served.store.state.last_run.result
 
 
