@@ -95,7 +95,7 @@ def test_escape_leaves_a_cell_before_it_clears_the_selection(bench, served):
         assert bench.evaluate("() => pgraph.latest.selection") == "2"
     assert cell.input_value() == "1"
     bench.keyboard.press("Escape")
-    until(lambda: not selections(served), "nothing selected")
+    until(lambda: not any(selections(served)), "nothing selected")
 
 
 def test_a_shape_gives_the_mass_and_bad_numbers_stay_beside_their_cells(bench, served):
@@ -482,9 +482,8 @@ def test_a_kind_is_found_by_typing_and_its_body_is_named(bench, served):
     choose_body(bench, "3")
     bench.evaluate("() => pgraph.front('Connections')")
     bench.locator("button.add-tie").click()
-    asked = bench.get_by_role("combobox")
+    asked = bench.get_by_role("combobox", name="'3'")
     asked.wait_for()
-    assert "'3'" in asked.get_attribute("placeholder")
     bench.keyboard.type("damp")
     shown = bench.get_by_role("option").all_inner_texts()
     assert all("damp" in text.lower() for text in shown)
