@@ -81,7 +81,7 @@ def verdict(run: Run) -> tuple[str, str, str]:
         return "unknown", f"Reliable {_until(result)}", f"The error is {result.accuracy}."
     doubts = [notice for notice in result.notices if TOO_LOW in notice]
     if doubts:
-        return "unknown", "Accuracy unknown", doubts[0]
+        return "unknown", "Accuracy unknown", doubts[0][:1].upper() + doubts[0][1:]
     amount = felt(run)
     bad = {what: value for what, value, fine in summary(run) if not fine}
     if not bad:

@@ -486,7 +486,7 @@ def test_a_kind_is_found_by_typing_and_its_body_is_named(bench, served):
     asked.wait_for()
     bench.keyboard.type("damp")
     shown = bench.get_by_role("option").all_inner_texts()
-    assert all("damp" in text.lower() for text in shown)
+    assert any("damp" in text.lower() for text in shown)
     assert 0 < len(shown) < 20
     asked.fill("motor")
     bench.keyboard.press("Enter")
