@@ -10,7 +10,7 @@ pgraph.shortcuts = (() => {
       ["drag", "turn the view; with the right button move it"], ["wheel", "nearer or farther"], ["click", "select a body; with the right button its menu"], ["Ctrl drag", "pull on a body while Live runs"],
     ]],
     ["In the digraph", [
-      ["drag", "a node onto its new parent"], ["Shift drag", "onto a second parent: closes a loop"], ["↑ ↓ ← →", "along the tree, Enter selects"],
+      ["drag", "a number of the table onto its new parent"], ["Shift drag", "onto a second parent: closes a loop"], ["↑ ↓ ← →", "along the tree, Enter selects"],
     ]],
     ["In cells", [
       ["0.2/2", "arithmetic: + - * / ^ ( ), pi"], ["50 mm", "a unit with the number: mm, cm, m, deg, rad, g, kg, t"],

@@ -258,10 +258,10 @@ def test_the_ruler_names_a_step_and_a_frequency_only_where_there_is_one(rods):
 def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, served):
     page = rods
     result = simulated(page, served)
-    page.locator("button.plots").click()
     row(page, "1").locator("td").first.click()
+    page.locator("button.plots").click()  # it begins with the joint of the selected body
+    page.locator('figure.plot[data-kind="q"]').wait_for()
     page.locator("button.add-plot").click()
-    page.locator('.chip-button[data-kind="q"][data-of="1"]').click()
     page.locator('.chip-button[data-kind="energy"]').click()
     until(lambda: page.locator("figure.plot").count() == 2, "two charts")
     page.keyboard.press("Escape")
@@ -303,7 +303,7 @@ def test_a_report_is_measured_shown_and_enlarged(rods, served):
     assert page.locator(".outcome .advice").inner_text()
     assert page.locator(".outcome .rows tbody tr").count() > 5
     page.locator(".outcome .figure").click()
-    large = page.locator(".figure-large svg")
+    large = page.locator(".figure-large [role=img]")
     until(lambda: large.bounding_box()["width"] > 600, "the figure over all panels")
     page.keyboard.press("Escape")
     until(lambda: page.locator(".figure-large").count() == 0, "the page again")

@@ -9,7 +9,7 @@ from .test_search import curves, pendulum
 
 def test_data_are_dropped_matched_fitted_and_used(page: Any, served: Any, compiled: Any):
     opened(page, served, pendulum(damping=0.2, q=[1.0]))
-    page.evaluate("pgraph.front('Search')")
+    page.evaluate("pgraph.front('Fit')")
     page.locator("[data-view=search] input[type=file]").set_input_files(
         {"name": "swing.csv", "mimeType": "text/csv", "buffer": curves().encode()}
     )
