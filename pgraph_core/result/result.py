@@ -40,6 +40,7 @@ from .dense import states_at
 from .exports import ARRAYS, Exports
 from .records import (
     NO_DERIVATIVES,
+    NO_FORCES,
     NOTHING,
     ByTouch,
     ContactRecord,
@@ -144,7 +145,8 @@ class Result(Exports, EqualByFields, Portable):
             view = labelled(array, name, places, joints) if places else array.view()
             own[name] = view
             view.setflags(write=False)
-        self.constraint_force.keep_unchanged()
+        if self.constraint_force is not NO_FORCES:
+            self.constraint_force.keep_unchanged()
         if self.contacts is not NOTHING:
             self.contacts.keep_unchanged()
         instead = "a run does not change; dict(...) makes a copy"

@@ -167,19 +167,20 @@ def simulate(
     """
     began = time.perf_counter()
     mech = mechanism_of(mechanism, "simulate")
-    if own := drives_in(tau):
-        forces, tau = (*forces, *own), None
+    if tau is not None:
+        own = drives_in(tau)
+        forces, tau = ((*forces, *own), None) if own else (forces, torques_by_names(mech, tau))
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
         forces, switches, estimate,
         () if inputs is None else inputs_of(inputs, "simulate"),
     )  # fmt: skip
-    if tau is not None:
-        tau = torques_by_names(mech, tau)
-    told = as_an_interval(q, v, t_end)
+    told = as_an_interval(q, v, t_end) if isinstance(q, tuple) else []
     if q is not None or v is not None:
         q, v = by_names(mech, scenario, q, v, tau)
-    plan = begun_with(plan_of(mech, options, tau, q, v), given_states(mech, states))
+    plan = plan_of(mech, options, tau, q, v)
+    if states is not None:
+        plan = begun_with(plan, given_states(mech, states))
     state = with_state(mech, plan.start, q, v, float(plan.times[0]))
     tau = plan.tau if tau is None else tau
     monitors = () if events is NO_EVENTS else monitors_of(events, (mech.nq, mech.nv))

@@ -10,7 +10,7 @@ any p >= 1. The difference is the estimate. No order has to hold, for nothing is
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,9 @@ from .plan import RunPlan
 from .recording import Recording
 from .remarks import passed_over, unbalanced
 
+if TYPE_CHECKING:
+    from ..contact.tables import Tables
+
 MORE = 1.25  # least number of steps of a finer run relative to the run
 PARTED = 0.3  # rad, or of the motion's size: beyond it, errors no longer add up
 BECAUSE = "its error is not estimated, because"
@@ -53,11 +56,6 @@ class Estimate(NamedTuple):
     why: str = ""  # there is none
 
 
-def estimable(tau: object) -> bool:
-    """Return whether torques can be evaluated again, that is, not by a Python function."""
-    return not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
-
-
 def error_estimate(record: Recording, asked: bool | None) -> Estimate:
     """Return the error estimate for a completed run.
 
@@ -66,10 +64,9 @@ def error_estimate(record: Recording, asked: bool | None) -> Estimate:
     """
     if not record.ended.ok or asked is False:
         return Estimate()
-    if asked is None and not estimable(record.tau):
-        found = Estimate(why=UNKNOWN)
-    else:
-        found = _estimated(record, _until_its_end(record))
+    tau, found = record.tau, Estimate(why=UNKNOWN)
+    if asked or not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau):
+        found = _estimated(record, _until_its_end(record) if record.ended.over else record.planned)
     if found.why:
         record.ended.message += f"; {found.why}"
     return found
@@ -80,7 +77,9 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     n, mech, rows = len(plan.times), record.mech, record.mech.packed.rows
     if n < 2 or plan.times[-1] == plan.times[0]:
         return Estimate(np.zeros((n, 1 + len(states_of(mech.model)))))
-    grazes = grazed(record)  # a finer run in the same scene has its own
+    grazes = (
+        grazed(record) if record.steps.links.cross else []
+    )  # a finer run in the same scene has its own
     finer = _finer_run(record, plan)
     if isinstance(finer, str):
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
@@ -96,7 +95,9 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         if not isinstance(third, str):
             off = np.maximum(off, apart(record, third, n))
     error = off[:, 1:].copy()
-    error[:, 0] = np.maximum(np.maximum(off[:, 0], off[:, 1]), _left_open(record, n))
+    np.maximum(off[:, 0], off[:, 1], out=error[:, 0])
+    if (tables := record.plan.contacts) is not None:
+        np.maximum(error[:, 0], _left_open(record, tables, n), out=error[:, 0])
     np.maximum.accumulate(error, out=error)
     error += _rounding(record, plan.times)
     touching = record.scene.touching
@@ -110,7 +111,9 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         error[~np.logical_and.accumulate(known[:, 1:])] = np.inf
     sizes = size_of_motion(turned, slid, length), *ranges
     told = _notices(record, plan.times, error, sizes) or unbalanced(record, n)
-    return Estimate(error, told + passed_over(record, float(error[-1, 0])))
+    if record.plan.method.implicit:
+        told += passed_over(record, float(error[-1, 0]))
+    return Estimate(error, told)
 
 
 def _rounding(record: Recording, t: Array) -> Array:
@@ -129,14 +132,14 @@ def _rounding(record: Recording, t: Array) -> Array:
     return EPS * ((far, *speeds[nv:]) + max(abs(float(t[0])), abs(float(t[-1]))) * rates)
 
 
-def _left_open(record: Recording, n: int) -> Array | float:
+def _left_open(record: Recording, tables: Tables, n: int) -> Array | float:
     """Return the gap or depth (n,) of rigid contacts and limits that are closed [m, rad].
 
     In time stepping, a slow impact may leave a gap, which is a residual of the contact law. A depth
     is one whatever the contact's phase, and so is a gap within the depth that it tolerates.
     """
-    tables, pairs = record.plan.contacts, record.out.pairs[:n]
-    if tables is None or not pairs.size:
+    pairs = record.out.pairs[:n]
+    if not pairs.size:
         return 0.0
     from ..engine.contact.closing import DEPTH
 
@@ -155,7 +158,8 @@ def _notices(
     No error of the motion tells of a state that no force reads.
     """
     found = _told(t, error[:, 0], sizes[0], ("the error", " rad or m", "the motion"))
-    for (control, k, _), own, size in zip(states_of(record.mech.model), error[:, 1:].T, sizes[1:]):
+    states = states_of(record.mech.model) if error.shape[1] > 1 else ()
+    for (control, k, _), own, size in zip(states, error[:, 1:].T, sizes[1:]):
         what = f"control '{control.name}': the error of its state x.{control.name}[{k + 1}]"
         same = np.array_equal(np.isfinite(own), np.isfinite(error[:, 0]))
         until = np.isfinite(own) if same else slice(None)  # not covered by the notice on the motion
@@ -209,19 +213,26 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
 
 
 def _again(record: Recording, plan: RunPlan, carries: bool = True) -> Recording | str:
-    """Return a run of this plan, or the reason why it did not reach its end."""
+    """Return a run of the same motion by this plan, or the reason why it did not reach its end.
+
+    If it `carries` them, it also has the derivatives of the run.
+    """
     try:
-        other = record.finer(plan, carries)
-    except InputError as refused:
+        other = Recording(record.mech, plan, *record.began, record.tau, coarser=record)
+        other.progress = progress = record.progress
+        if carries and record.carried is not None:
+            other.carried = record.carried.finer()
+        if other.begin():
+            other.advance_to_end(progress and (lambda _: progress(1.0)))
+        other.leave()
+    except InputError as refused:  # contacts that come near may not fit the method
         return str(refused)
     return other if other.ended.ok else other.ended.message
 
 
 def _until_its_end(record: Recording) -> RunPlan:
-    """Return the plan of a run with its recorded times, since an event may have ended the run."""
+    """Return the plan of a run that an event has ended, with its recorded times."""
     plan, n = record.planned, record.done
-    if not record.ended.over:
-        return plan
     times, changes = record.steps.times[:n].copy(), plan.changes
     changes = tuple(change for change in changes if n and change.t < times[-1])
     if plan.tolerance is not None or n < 2:

@@ -35,6 +35,7 @@ from .recording import Recording
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
+    from .monitors import Watch
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
 FINER_PLAN = "_finer"  # attribute of a plan with its finer one, and what that was made for
@@ -104,7 +105,11 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
     equal steps, whose differences at a jump do not pass, after √n of n steps.
     """
     frames = np.append(0.0, np.cumsum(plan.substeps))  # [steps of the plan]
-    shared = frames[_shared(plan, STRETCH if parts > 1 else int(np.sqrt(frames[-1])))]
+    stretch = STRETCH if parts > 1 else int(np.sqrt(frames[-1]))
+    steps = np.append(0, np.cumsum(plan.substeps))
+    keep = np.searchsorted(steps, np.arange(0, steps[-1], stretch))
+    switched = np.searchsorted(plan.times, [change.t for change in plan.changes])
+    shared = frames[np.union1d(np.append(keep, len(steps) - 1), switched)]
     near = shared[:-1, None] + FIRST / (3.0 * parts)
     ends = np.unique(np.concatenate((shared, *near.T, near[:, 0] + (np.diff(shared) - 1.0))))
     substeps = np.maximum(np.rint(np.diff(ends)), 1.0).astype(np.int64)
@@ -116,19 +121,6 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
     if finer.tolerance is None:
         finer = replace(finer, substeps=substeps, width=width, parts=parts)
     return replace(finer, times=times, way=offset, shown=None)
-
-
-def _shared(plan: RunPlan, stretch: int) -> Ints:
-    """Return the indices of times in `plan` that divide it into stretches with at least so many
-    steps.
-
-    Those at which constraints are switched, the first and the last are among them. An error that
-    only exists temporarily, such as that of the last bounces before rest, causes no difference.
-    """
-    steps = np.append(0, np.cumsum(plan.substeps))
-    keep = np.searchsorted(steps, np.arange(0, steps[-1], stretch))
-    switched = np.searchsorted(plan.times, [change.t for change in plan.changes])
-    return np.union1d(np.append(keep, len(steps) - 1), switched)
 
 
 def shared(record: Recording, finer: Recording, n: int) -> tuple[Ints, Ints]:
@@ -177,7 +169,9 @@ def undecided(
     `moved` is the largest change of a joint at a frame, `off` the result of `apart`, and `grazes`
     that of `grazed` before the other run.
     """
-    approaches = [*_limits(record, moved, off), *_events(record), *grazes]
+    approaches = [*_limits(record, moved, off), *grazes]
+    if record.watch is not None:
+        approaches += _events(record, record.watch)
     if not approaches:
         return ()
     i, j = shared(record, other, record.done)
@@ -200,13 +194,11 @@ def undecided(
     return tuple(found)
 
 
-def _events(record: Recording) -> list[Approach]:
+def _events(record: Recording, watch: Watch) -> list[Approach]:
     """Return how close switch conditions and user events came to triggering."""
-    if record.watch is None:
-        return []
     from ..engine.contact import points
 
-    monitors = record.watch.monitors
+    monitors = watch.monitors
     watched = record.steps.watched[:, record.steps.watched.shape[1] - len(monitors) :]
     parts = zip(monitors, *watched[[points.NEAREST, points.WHEN]].tolist(), strict=True)
     return [Approach(f"event '{m.name}'", x, t, m) for m, x, t in parts if math.isfinite(x)]
@@ -215,8 +207,6 @@ def _events(record: Recording) -> list[Approach]:
 def grazed(record: Recording) -> list[Approach]:
     """Return how close the motion came to thresholds from which it may have turned back."""
     code, found = record.scene.loads.signals[0].copy(), list[Approach]()
-    if record.steps.links.cross == 0:
-        return found
     code[1::2, SIDE] = 0.0
     for i in (2 * np.flatnonzero(np.isin(code[::2, 0], (HELD + LESS, HELD + AT_MOST)))).tolist():
         value, t = code[i, [NEAREST, WHEN]].tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -38,14 +39,15 @@ from .options import FINER, MOST_CHOSEN, RTOL
 from .plan import MANY_STEPS, RunPlan, Way, keep
 
 if TYPE_CHECKING:
+    from ..dynamics.arguments import UserTorque
     from .clearance import Clearance
+    from .contact_events import ContactEvents
     from .monitors import Watch
     from .sensitivity import Carried
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
 ANY_NUMBER = (1 << 63) - 1  # limit on steps if none is given
-AT_THE_END = Status.DONE.value
 UNCOUNTED = 1 << 62  # steps to the next frame if none is recorded
 TAKEN, FRESH, FRAME = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh", "frame"))
 TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
@@ -160,11 +162,6 @@ class Steps:
         """Return the number of steps of this size since the origin."""
         return self._words[0].item(TAKEN)
 
-    @property
-    def recorded(self) -> int:
-        """Return the number of recorded frames."""
-        return self._words[0].item(FRAME)
-
     def anew(self) -> None:
         """Re-evaluate the acceleration after forces have changed."""
         self._words[0][FRESH] = 0
@@ -230,36 +227,30 @@ class Steps:
 
     def advance(self, budget: int) -> int:
         """Attempt at most `budget` steps and frames. Returns the kernel's status code."""
-        code = self._attempt(budget)
+        if self.carried is not None:
+            code = self.carried.advance(self.address, budget)
+        else:
+            code = run.advance_run(self.address, budget)
         if code == at.NOT_SOLVED and self.control["widths"] == WIDEST:
             return self._in_parts()
         return code
 
-    def _attempt(self, budget: int) -> int:
-        """`advance_run`, with derivatives if they are wanted."""
-        if self.carried is not None:
-            return self.carried.advance(self.address, budget)
-        return run.advance_run(self.address, budget)
-
     def _in_parts(self) -> int:
         """Divide a fixed step that could not be solved into steps chosen by the method."""
-        self._take_back()
+        # remove the frame recorded at a failure
+        moved = np.flatnonzero(self.times != self.plan.times)
+        if len(moved):
+            self.control["frame"] = moved[0]
+            self.times[moved] = self.plan.times[moved]
         self.divided += 1
         control, widest = self.control, self.control["widest"]
         end = control["time"] + widest * (1 - 1e-9)
         control["widths"], control["width"] = CHOSEN, 0.5 * widest
         code = at.RUNNING
         while code == at.RUNNING and control["time"] < end:
-            code = self._attempt(1)
+            code = self.advance(1)
         control["widths"] = WIDEST
         return code
-
-    def _take_back(self) -> None:
-        """Remove the frame recorded at a failure."""
-        moved = np.flatnonzero(self.times != self.plan.times)
-        if len(moved):
-            self.control["frame"] = moved[0]
-            self.times[moved] = self.plan.times[moved]
 
     @property
     def blurred(self) -> float:
@@ -333,7 +324,7 @@ class Steps:
 
     def notices(self) -> list[str]:
         """Return a notice about fixed steps that were divided."""
-        if self.divided == 0 or self.tolerance is None:
+        if self.tolerance is None:
             return []
         of = "1 step" if self.divided == 1 else f"{self.divided} steps"
         return [
@@ -361,31 +352,57 @@ def free(mech: Mechanism, what: Any) -> list[Any]:
     return keep(kept, what, []) if found is None else found
 
 
-def taken(left: list[Any]) -> Any:
-    """Take the last workspace from a pool, or return None if it is empty. Threads share it."""
+def taken(mech: Mechanism, what: Any) -> Any:
+    """Take an idle workspace for `what`, or return None if there is none. Threads share them."""
     try:
-        return left.pop()
-    except IndexError:
+        return mech.__dict__["_left_by_runs"][what].pop()
+    except (KeyError, IndexError):
         return None
 
 
+@dataclass(eq=False, slots=True)
 class Outcome:
-    """The status, the notices and the events of a run."""
+    """The status, the notices and the events of a run, which is not over until it is stopped."""
 
-    def __init__(self) -> None:
-        """Assume that the run reaches its end until something stops it."""
-        self.status, self.message, self.ok = Status.DONE, AT_THE_END, True
-        self.notices: list[str] = []
-        self.log: list[Event] = []
-
-    @property
-    def over(self) -> bool:
-        """Return True if something has ended the run early."""
-        return self.status is not Status.DONE
+    status: Status = Status.DONE
+    message: str = Status.DONE.value
+    ok: bool = True
+    over: bool = False  # something has ended the run early
+    notices: list[str] = field(default_factory=list[str])
+    log: list[Event] = field(default_factory=list[Event])
 
     def stop(self, status: Status, message: str) -> None:
         """End the run."""
-        self.status, self.message, self.ok = status, message, status.ok
+        self.status, self.message, self.ok, self.over = status, message, status.ok, True
+
+
+class Running:
+    """The plan, scene, stepping loop and frames of a run, and how it has gone so far."""
+
+    mech: Mechanism
+    plan: RunPlan
+    tau: Any  # torques, a function of (t, q, v), or None
+    user: UserTorque | None = None  # caller of a torque function
+    scene: Scene
+    steps: Steps
+    out: Frames
+    q: Array  # (nq + nx,) the present state, with the states of controls
+    v: Array
+    began: tuple[Array, Array]  # the first state that satisfies the constraints
+    held: set[int]  # constraints that are active now
+    events: ContactEvents | None = None  # decisions at events of contact points
+    ended: Outcome
+    met = ""  # description of the run until something came near
+
+    @property
+    def done(self) -> int:
+        """The number of recorded frames."""
+        return self.steps._words[0].item(FRAME)
+
+    @property
+    def active(self) -> Ints:
+        """Return the indices of the currently active constraints."""
+        return np.array(sorted(self.held), dtype=np.int64)
 
 
 @cache

@@ -189,9 +189,9 @@ class RunPlan(Way):
         return replace(other, substeps=substeps, width=width)
 
 
-def begun_with(plan: RunPlan, states: Array | None) -> RunPlan:
+def begun_with(plan: RunPlan, states: Array) -> RunPlan:
     """Return the plan of a run that begins with these states of controls (nx,), if any."""
-    if states is None or not len(states):
+    if not len(states):
         return plan
     return replace(plan, loads=begun_from(plan.loads, states), states=states)
 
@@ -209,13 +209,14 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
         plan, state, _ = kept.get(key, NO_PLAN)
     except (TypeError, ValueError):  # an option that cannot be hashed, such as an array
         key, plan, state = None, None, None
-    if is_controller(tau):
+    if tau is not None and is_controller(tau):
         key = plan = None
-    if plan is not None and (state is None or state == _bytes(q, v)):
+    if plan is not None and (state is None or state == [*map(_bytes, (q, v))]):
         return plan
     plan, rated = _planned(mech, options, tau, q, v)
     if key is not None:  # contains identities of parts in `options`
-        keep(kept, key, (plan, _bytes(q, v) if rated else None, options))
+        rated = rated and not (q is None and v is None)  # the options tell that state
+        keep(kept, key, (plan, [*map(_bytes, (q, v))] if rated else None, options))
     return plan
 
 
@@ -223,7 +224,7 @@ def _keyed(option: Any) -> Any:
     """Return a list of parts as their identities: hashing one takes longer than some steps."""
     if type(option) not in (list, tuple):
         return option
-    return tuple([id(x) if isinstance(x, Frozen) else x for x in option])
+    return option and tuple([id(x) if isinstance(x, Frozen) else x for x in option])
 
 
 def keep(kept: dict[Any, T], key: Any, value: T) -> T:
@@ -242,11 +243,7 @@ def with_contacts(plan: RunPlan) -> RunPlan:
     return plan.touching
 
 
-def _bytes(q: Any, v: Any) -> tuple[Any, Any]:
-    return _bytes_of(q), _bytes_of(v)
-
-
-def _bytes_of(x: Any) -> Any:
+def _bytes(x: Any) -> bytes | None:
     try:
         return None if x is None else np.asarray(array_of(x), dtype=float).tobytes()
     except (TypeError, ValueError):

@@ -36,8 +36,8 @@ from ..result.records import (
 )
 from ..tolerances import EPS
 from .conditions import Condition, limits_of
-from .failures import Running, failure, trouble
-from .loop import Outcome, Steps, Workplace, free, links_of, taken
+from .failures import failure, trouble
+from .loop import Outcome, Running, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
 from .options import MOST_STEPS
 from .plan import RunPlan
@@ -97,9 +97,13 @@ class Recording(Running):
 
     def _prepare(self, q: Array, v: Array) -> None:
         """Build the scene, frames and stepping loop for the plan, at (q, v)."""
-        plan, before = self.plan, self.coarser
+        plan, before, left = self.plan, self.coarser, None
         self._reused = self._short()  # whether other frames may come into these arrays
-        left = self._left() if self._reused else None
+        if self._reused and before is None:
+            left = taken(self.mech, plan)
+        elif self._reused and before is not None and before.steps.finer is not None:
+            left = before.steps.finer  # in the scene of the coarser run, which keeps it
+            left = left if left.steps.plan is plan else None
         if left is not None:
             self.scene, self.steps, self.out, self.watch = left
             if self.watch is not None:
@@ -137,16 +141,6 @@ class Recording(Running):
         size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
         kept = self.coarser is None or self.coarser._reused
         return kept and not acts and not watched and size <= MOST_KEPT
-
-    def _left(self) -> Workplace | None:
-        """Take the workplace that a run with this plan left, or return None.
-
-        The recording of a finer run may share the scene of the original run, which keeps it.
-        """
-        if self.coarser is None:
-            return taken(free(self.mech, self.plan))
-        left = self.coarser.steps.finer
-        return left if left is not None and left.steps.plan is self.plan else None
 
     def leave(self) -> None:
         """Finish the run and release its workplace for the next run of this kind."""
@@ -225,7 +219,7 @@ class Recording(Running):
 
             guard: Clearance | None = None
             if self.coarser is None and not self.met:
-                guard = taken(free(self.mech, (plan, WATCHING)))
+                guard = taken(self.mech, (plan, WATCHING))
             elif self.coarser is not None and not (self.met or self.coarser.met):
                 guard = self.coarser.steps.clearance
             margin = max((c.margin for c in plan.conditions), default=0.0)
@@ -268,32 +262,12 @@ class Recording(Running):
         if self.begin():
             self.advance_to_end(progress)
         if not self.done:
-            self._keep_start()
+            out = self.out
+            out.q[0], out.v[0], out.vdot[0] = self.q, self.v, np.nan
+            out.energies[0, :2] = motion.energy(self.scene.address, self.q, self.v)
+            self.steps.control["frame"] = 1
         elif self.ended.status is Status.DONE:
             self.ended.notices += remarks(self)
-
-    def finer(self, plan: RunPlan, carries: bool) -> Recording:
-        """Record the same motion with a finer plan, for comparison.
-
-        If requested, it also contains the derivatives of this run.
-
-        Raises InputError if contacts that come near do not fit the plan's method.
-        """
-        other = Recording(self.mech, plan, *self.began, self.tau, coarser=self)
-        other.progress = progress = self.progress
-        if carries and self.carried is not None:
-            other.carried = self.carried.finer()
-        if other.begin():
-            other.advance_to_end(progress and (lambda _: progress(1.0)))
-        other.leave()
-        return other
-
-    def _keep_start(self) -> None:
-        """Keep the initial state, without v', as the only frame of a run that fails immediately."""
-        out = self.out
-        out.q[0], out.v[0], out.vdot[0] = self.q, self.v, np.nan
-        out.energies[0, :2] = motion.energy(self.scene.address, self.q, self.v)
-        self.steps.control["frame"] = 1
 
     def advance_to_end(self, progress: Progress) -> None:
         """Record all remaining frames."""
@@ -374,14 +348,15 @@ class Recording(Running):
         elif first and len(plan.active):
             self._first = self.start, self.q.copy(), self.v.copy()
             if notice := redundancy(self.scene):
-                self._redundant = self._is_redundant(self.start, self.q)
+                self._redundant = nulls_of(self.mech, self.active, self.start, self.q) > 0
                 notice = notice if self._redundant else unequal(mech, self.active)
                 self.ended.notices += [notice] if notice else []
         if self.events is not None and self.ended.ok:
             self.events.begin(self.start)
         if self.watch is not None and self.ended.ok:
             self._begin_watching(self.watch)
-        self.bound()
+        if plan.contacts is not None or plan.contact_points:
+            self.bound()
         stepped = self.events is None and plan.method.name == "moreau_jean" and len(plan.times) > 1
         if stepped and self.user is None and self.scene.touching is not None and self.ended.ok:
             self.steps.rehearse(self.scene.touching.tally_table)
@@ -523,7 +498,11 @@ class Recording(Running):
         if self.steps.carried is not None:
             self.steps.carried.go_on(self)
         if self.scene.touching is not None:
-            self._in_swing()
+            # no contact has occurred yet
+            space = self.scene.touching
+            assert space is not None
+            space.pairs["phase"] = SWING
+            self._changes = [space.begin_log(self.start)]
         if self.events is not None:
             self.events.look_at(old.q[:done], old.v[:done], self.plan.times[:done])
             self.events.begin(t)
@@ -536,13 +515,6 @@ class Recording(Running):
             from ..engine.contact.approach import bound_step
 
             bound_step(self.steps.address)
-
-    def _in_swing(self) -> None:
-        """Start with all contacts in swing, since no contact has occurred yet."""
-        space = self.scene.touching
-        assert space is not None
-        space.pairs["phase"] = SWING
-        self._changes = [space.begin_log(self.start)]
 
     # -- switches of constraints -----------------------------------------------------------------
 
@@ -565,7 +537,8 @@ class Recording(Running):
         if carried is not None:
             late = None if by is None else carried.lateness(self, change.t, by)
             places = places.copy()
-        self._end_stretch()
+        if self._first is not None:
+            self._end_stretch(*self._first)
         self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
         before = self._energy()
         try:
@@ -642,17 +615,13 @@ class Recording(Running):
     def _cannot_close(self, refused: InputError) -> None:
         self.ended.stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
 
-    def _is_redundant(self, t: float, q: Array) -> bool:
-        """Return whether rows are dependent at or near q, judged by their directions alone."""
-        return nulls_of(self.mech, self.active, t, q) > 0
-
-    def _end_stretch(self) -> None:
-        """Store data on singular positions passed since the last constraint switch."""
-        if self._first is None or not self.done:
+    def _end_stretch(self, *first: Any) -> None:
+        """Store data on singular positions passed since `first`, the last constraint switch."""
+        if not self.done:
             return
         last = self.done - 1
         end = float(self.steps.times[last]), self.out.q[last], self.out.v[last]
-        found = Stretch.of(self.scene, self.active, self._first, end, self._redundant)
+        found = Stretch.of(self.scene, self.active, first, end, self._redundant)
         self._stretches += [found] if found else []
         self._redundant = False
 
@@ -666,7 +635,8 @@ class Recording(Running):
         `error` (n, 1 + nx) contains the errors of q [rad, m] and of the states of controls at the
         recorded times, and `told` contains warnings about them.
         """
-        self._end_stretch()
+        if self._first is not None:
+            self._end_stretch(*self._first)
         rows, counted = self._rows(), self.steps.counters
         t, (q, v, vdot, wrenches, energy, drift, *touched) = self._kept(rows)
         nq, nv = self.mech.nq, self.mech.nv
@@ -729,7 +699,7 @@ class Recording(Running):
         if len(t) < len(out.q):
             out = Frames(*[a[rows] if len(a) else a for a in out])
         if self._reused:
-            t, out = t.copy(), Frames(*[a.copy() if a.size else a for a in out])
+            t, out = t.copy(), Frames(*map(np.copy, out))
         return t, out
 
     def _header(self) -> dict[str, Any]:
@@ -762,7 +732,7 @@ class Recording(Running):
 
     def notices(self) -> tuple[str, ...]:
         """Notices about the run up to now."""
-        found = [*self.told, *self.steps.notices()]
+        found = [*self.told, *(self.steps.notices() if self.steps.divided else ())]
         if self.scene.rubs:
             found += creeping(self)
         if self.scene.touching is not None or self.plan.idle is not None:

@@ -17,7 +17,7 @@ from ..packing import Array, Drives, row_of_velocity
 from ..packing.forces import acting_on
 from ..result.records import energy_drift
 from ..tolerances import NAMED, NOTABLE, SOLVED, VISIBLE
-from .failures import Running
+from .loop import Running
 from .rates import fastest_rate, fastest_swings
 
 
@@ -205,7 +205,7 @@ def passed_over(record: Running, error: float) -> tuple[str, ...]:
     They are missing from both runs. The energy that the ledger misses bounds their amplitude.
     """
     plan, given, n = record.plan, record.plan.tolerance, record.done
-    if given is None or not (given.fixed and plan.method.implicit) or record.steps.divided:
+    if given is None or not given.fixed or record.steps.divided:
         return ()
     acts = (record.mech, (plan.drives, plan.loads), plan.active, *record.began)
     rate = fastest_rate(*acts)

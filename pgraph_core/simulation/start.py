@@ -112,13 +112,11 @@ def rows_of(mech: Mechanism, q: Any, v: Any) -> list[tuple[Any, Any]]:
     return [(of("q", i), of("v", i)) for i in range(number)]
 
 
-def given_states(mech: Mechanism, states: Any) -> Array | None:
-    """Return the given states of controls (nx,), nan for those that are not, or None without any.
+def given_states(mech: Mechanism, states: Any) -> Array:
+    """Return the given states of controls (nx,), nan for those that are not given.
 
     Raises InputError for unknown controls and other counts of values.
     """
-    if states is None:
-        return None
     own = [control.name for control, _, _ in states_of(mech.model)]
     entries = names_in(states)
     if entries is None:
@@ -144,11 +142,9 @@ def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
     return [f"the states (lag, integral) {text}: {choices(names)}"]
 
 
-def as_an_interval(q: Any, v: Any, t_end: float | None) -> list[str]:
+def as_an_interval(q: tuple[Any, ...], v: Any, t_end: float | None) -> list[str]:
     """Return a notice if q and v look like the interval and the state of SciPy's solve_ivp."""
-    if t_end is not None or v is None or not (isinstance(q, tuple) and len(q) == 2):
-        return []
-    if not (q[0] == 0 < q[1]):
+    if t_end is not None or v is None or len(q) != 2 or not q[0] == 0 < q[1]:
         return []
     text = f"q is {shown(q)} and v is {shown(v)} at the start; times are given by t_end={q[1]:g}, a"
     return [f"{text} start by q and v"]

@@ -322,7 +322,7 @@ class Stepper(Snapshots):
             If the state is invalid, or if the constraints cannot be satisfied.
         """
         q, v = by_names(self.mech, self._options.scenario, q, v, self._tau)
-        self._begin(self._started, q, v, given_states(self.mech, states))
+        self._begin(self._started, q, v, states)
 
     def step(
         self,
@@ -592,7 +592,7 @@ class Stepper(Snapshots):
 
     # -- inside ----------------------------------------------------------------------------------
 
-    def _begin(self, t: float, q: Any, v: Any, states: Array | None) -> None:
+    def _begin(self, t: float, q: Any, v: Any, states: Any) -> None:
         mech, tau, name = self.mech, self._tau, self._options.scenario
         given = mech.model.scenario(name) if name is not None else None
         options = self._options._replace(t_start=t, t_end=t + self._width)
@@ -611,7 +611,9 @@ class Stepper(Snapshots):
         drives = plan.drives._replace(knots=plan.drives.knots.copy())
         whole = np.arange(len(mech.model.constraints))
         loads = mech.packed.loads(forces, states=True)
-        plan = begun_with(replace(plan, drives=drives, loads=loads, ever=whole), states)
+        plan = replace(plan, drives=drives, loads=loads, ever=whole)
+        if states is not None:
+            plan = begun_with(plan, given_states(mech, states))
         tau = plan.tau if tau is None else tau
         self._record = Recording(mech, plan, *state, tau)
         self._steps, scene = self._record.steps, self._record.scene
