@@ -188,22 +188,14 @@ def radau5() -> Tableau:
     )
     error = np.array([[-13 - 7 * r, -13 + 7 * r, -1.0]]) / 3.0
     c = np.array([(4 - r) / 10, (4 + r) / 10, 1.0])
-    return Tableau(_decoupled(a), a[2].copy(), c, error, NONE)
-
-
-def _decoupled(a: Array) -> Array:
-    """Return T and T⁻¹, which diagonalise A⁻¹, with its real and a complex eigenvalue, as a (7, 3)
-    array.
-
-    A⁻¹ = T Λ T⁻¹; as a complex number, the second and third of T⁻¹ z are multiplied by the
-    complex eigenvalue ([Hairer, Wanner 1996, IV.8]).
-    """
+    # A⁻¹ = T Λ T⁻¹; as a complex number, the second and third of T⁻¹ z are multiplied by the
+    # complex eigenvalue ([Hairer, Wanner 1996, IV.8])
     values, vectors = np.linalg.eig(np.linalg.inv(a))
     real, pair = np.argmin(np.abs(np.imag(values))), np.argmax(np.imag(values))
     u = vectors[:, pair]
     t = np.column_stack((np.real(vectors[:, real]), np.real(u), -np.imag(u)))
     last = [np.real(values[real]), np.real(values[pair]), np.imag(values[pair])]
-    return np.vstack((t, np.linalg.inv(t), last))
+    return Tableau(np.vstack((t, np.linalg.inv(t), last)), a[2].copy(), c, error, NONE)
 
 
 def gauss6() -> Tableau:

@@ -372,19 +372,15 @@ def _object(path: str | Path) -> dict[str, Any]:
         raise FileError(Problem(f"{path}, line {error.lineno}", "", text)) from None
 
 
-def _name(data: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
-    variant = entry.get("variant")
-    return data["name"] if variant is None else f"{data['name']}_{variant}"
-
-
 def _case(data: Mapping[str, Any], entry: Mapping[str, Any], path: Path) -> Case:
     """Parse one entry of `cases`. Omitted fields are taken from the file."""
     options = dict(entry.get("run", {}))
     states = entry.get("states")
     t = _times(data, entry, options) if entry.get("grid", True) and states is None else None
     model = entry["model"]
+    variant = entry.get("variant")
     return Case(
-        _name(data, entry),
+        data["name"] if variant is None else f"{data['name']}_{variant}",
         entry.get("description", data["description"]),
         data["why_hard"],
         data["how_obtained"],

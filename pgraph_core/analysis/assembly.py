@@ -121,7 +121,12 @@ def assembled(
         new_v = _speeds(rows.at(new_q))
     elif len(active):
         _speeds(rows.at(new_q, new_v))
-    report = _report(rows, new_q, new_v)
+    step, turns = np.abs(apart(rows.mech, rows.q, new_q)), rows.turns
+    moves = [(float(step[span].max()), name, span) for name, span in rows.joints]
+    most, name, span = max(moves, key=lambda m: m[0], default=(0.0, "", slice(0, 0)))
+    turned = bool(turns[span][step[span].argmax()]) if most > 0 else True
+    change = float(np.max(np.abs(new_v - rows.v), initial=0.0))
+    report = Assembly(most, name if most > NOTABLE else "", turned, change)
     return np.append(new_q, own_q), np.append(new_v, own_v), report
 
 
@@ -130,15 +135,6 @@ def _speeds(rows: Rows) -> Array:
     if missed > SOLVED and float(np.abs(rows.at(rows.q, v).slip).max()) > NOTABLE:
         raise InputError(speed_contradiction(rows))
     return v
-
-
-def _report(before: Rows, q: Array, v: Array) -> Assembly:
-    step, turns = np.abs(apart(before.mech, before.q, q)), before.turns
-    moves = [(float(step[span].max()), name, span) for name, span in before.joints]
-    most, name, span = max(moves, key=lambda m: m[0], default=(0.0, "", slice(0, 0)))
-    turned = bool(turns[span][step[span].argmax()]) if most > 0 else True
-    change = float(np.max(np.abs(v - before.v), initial=0.0))
-    return Assembly(most, name if most > NOTABLE else "", turned, change)
 
 
 # -- damped least squares ------------------------------------------------------------------

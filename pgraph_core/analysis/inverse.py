@@ -63,7 +63,10 @@ def constrained_inverse_dynamics(
     scale = 1.0 / np.sqrt(_weights(mech, weights)[chosen])
     leverage = free[chosen].T * scale  # (n, actuated)
     wanted = free.T @ force
-    size = _size(rows, force, vdot)
+    # magnitudes before cancellation, in the mass metric
+    inertia = rows.root @ (rows.root.T @ vdot)
+    parts = (inertia, force, force - inertia, rows.mech.bias_force(rows.q, rows.v))
+    size = sum(float(np.linalg.norm(np.linalg.solve(rows.root, x))) for x in parts)
     given = np.linalg.lstsq(leverage, wanted, rcond=ROUNDING)[0]
     left = wanted - leverage @ given
     if np.linalg.norm(left) > SOLVED * size:
@@ -123,13 +126,6 @@ def _prepared(mech: Dynamics) -> Prepared | None:
     vars(mech)["_inverse_prepared"] = own = Prepared(addresses, np.ones(n), space)
     ready(LEAST)
     return own
-
-
-def _size(rows: Rows, force: Array, vdot: Array) -> float:
-    """Return the magnitude of the forces in the mass metric, before cancellation."""
-    inertia = rows.root @ (rows.root.T @ vdot)
-    parts = (inertia, force, force - inertia, rows.mech.bias_force(rows.q, rows.v))
-    return sum(float(np.linalg.norm(np.linalg.solve(rows.root, x))) for x in parts)
 
 
 # -- arguments -------------------------------------------------------------------------------------

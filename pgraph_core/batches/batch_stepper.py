@@ -383,19 +383,15 @@ class BatchStepper(Snapshots):
         begun = len(record.plan.active) or nx or record.steps.control["approach"]
         try:
             for i in chosen.tolist() if begun and not (qs is None and vs is None) else ():
-                self._start(i)
+                worker = many.into_worker(i)
+                if why := worker.begin():
+                    raise _refused("q", f"instance {i}: {why}", "reset")
+                many.states[i] = worker.state()
         except InputError:
             many.states[chosen], many.codes[chosen], many.kind[chosen] = before
             raise
         if own is not None:
             many.v[chosen, self.mech.nv :] = own
-
-    def _start(self, i: int) -> None:
-        """Project instance i onto its constraints and detect nearby contacts. Raises InputError."""
-        worker = self._many.into_worker(i)
-        if why := worker.begin():
-            raise _refused("q", f"instance {i}: {why}", "reset")
-        self._many.states[i] = worker.state()
 
     def _configurations(self, q: Any, n: int) -> Array:
         """Return finite configurations (n, nq) with nonzero quaternions. Raises InputError."""

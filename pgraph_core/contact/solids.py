@@ -600,21 +600,17 @@ def _patches(model: Model) -> tuple[list[tuple[float, ...]], float]:
         inside_x = (x[:-1] >= x0) & (x[1:] <= x1)
         inside_y = (y[:-1] >= y0) & (y[1:] <= y1)
         heights[np.ix_(inside_x, inside_y)] = height
-    boxes = (heights > 0) | (_lowest_around(heights) < heights)
+    # the lowest of every cell and its eight neighbours
+    n, m = heights.shape
+    wide = np.pad(heights, 1, mode="edge")
+    around = [wide[i : i + n, j : j + m] for i in range(3) for j in range(3)]
+    boxes = (heights > 0) | (np.min(around, axis=0) < heights)
     found = []
     for i0, i1, j0, j1 in _rectangles(heights, boxes):
         if boxes[i0, j0] or heights[i0, j0] != 0:
             flag = float(boxes[i0, j0])
             found.append((x[i0], x[i1], y[j0], y[j1], heights[i0, j0], flag))
     return found, rim - min(heights.min(), 0.0)
-
-
-def _lowest_around(heights: Array) -> Array:
-    """Return the minimum height over every cell and its eight neighbours."""
-    n, m = heights.shape
-    wide = np.pad(heights, 1, mode="edge")
-    around = [wide[i : i + n, j : j + m] for i in range(3) for j in range(3)]
-    return np.min(around, axis=0)
 
 
 def _rectangles(heights: Array, boxes: Array) -> list[tuple[int, int, int, int]]:

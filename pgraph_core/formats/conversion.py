@@ -317,7 +317,16 @@ class Folders:
             return None, "its name is empty or contains a NUL"
         for scheme in ("package://", "model://"):
             if name.startswith(scheme):
-                return self._packaged(unquote(name[len(scheme) :]).lstrip("/"))
+                # a folder of this name above the file or in a root
+                rest = unquote(name[len(scheme) :]).lstrip("/")
+                package, _, inside = rest.partition("/")
+                tries: list[Path] = []
+                for root in self.allowed:
+                    if root.name == package or root == self.package:
+                        tries.append(root / inside)
+                    tries += [root / package / inside, root / inside]
+                tries += [folder / inside for folder in self.here.parents if folder.name == package]
+                return self._checked(tries)
         if name.startswith("file://"):
             name = unquote(name[len("file://") :])
         elif "://" in name:
@@ -331,17 +340,6 @@ class Folders:
         tries += [root / name for root in self.allowed]
         tries += [folder for folder in self.here.parents if folder.name == name]
         return next((folder for folder in tries if folder.is_dir()), None)
-
-    def _packaged(self, rest: str) -> tuple[Path | None, str]:
-        """Find "name/path/in/it" in a folder with that name above the file or in a root."""
-        package, _, inside = rest.partition("/")
-        tries: list[Path] = []
-        for root in self.allowed:
-            if root.name == package or root == self.package:
-                tries.append(root / inside)
-            tries += [root / package / inside, root / inside]
-        tries += [folder / inside for folder in self.here.parents if folder.name == package]
-        return self._checked(tries)
 
     def _inside(self, path: Path) -> bool:
         return any(path.is_relative_to(root.resolve()) for root in self.allowed)

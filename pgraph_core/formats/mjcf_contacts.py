@@ -38,7 +38,8 @@ class Contacts:
     def __init__(self, reader: Reading, filters: bool):
         self.reader, self.m, self.report = reader, reader.m, reader.report
         self.filters = filters
-        self.placed = self._placed()
+        home = self.m.home
+        self.placed = list(zip(home.geom_xpos, home.geom_xmat.reshape(-1, 3, 3), strict=True))
         self.floors, self.walls = self._planes()
         self._body_of = self.m.geom_bodyid.tolist()
 
@@ -61,11 +62,6 @@ class Contacts:
             else:
                 walls.append(g)
         return floors, walls
-
-    def _placed(self) -> list[tuple[Array, Array]]:
-        """Return the position and axes of each geom in the world, in the file's initial pose."""
-        home = self.m.home
-        return list(zip(home.geom_xpos, home.geom_xmat.reshape(-1, 3, 3), strict=True))
 
     def world(self) -> list[dict[str, Any]]:
         """Return a body fixed to the ground with the world's solids, if there are any."""

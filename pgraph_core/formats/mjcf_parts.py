@@ -220,33 +220,25 @@ class Parts(Forces):
 
     def keyframes(self) -> list[Scenario]:
         """Return each keyframe as a scenario with its initial state."""
-        found: list[Scenario] = []
-        for k in range(self.m.nkey):
-            name = unused(self.m.key(k).name or f"key {k + 1}", {s.name for s in found})
-            q, v, beyond = self._state(self.m.key_qpos[k], self.m.key_qvel[k])
+        m, found = self.m, list[Scenario]()
+        moved = sorted(np.flatnonzero(m.body_mocapid >= 0), key=lambda b: m.body_mocapid[b])
+        home, left_out = m.body_pos[moved].ravel(), self.reader.left_out
+        for k in range(m.nkey):
+            name = unused(m.key(k).name or f"key {k + 1}", {s.name for s in found})
+            q, v, beyond = self._state(m.key_qpos[k], m.key_qvel[k])
             if beyond:
                 text = f"it starts beyond the limits of {', '.join(beyond)}, which hold it there"
                 self.report.add("warning", self.reader.where("key", name), text)
-            for given, text in (
-                (self.m.key_ctrl[k], "its controls; a run takes them as inputs={name: value}"),
-                (
-                    self.m.key_act[k],
-                    "its activations; `start` of a motor or servo is its initial value",
-                ),
-            ):
-                if np.any(given):
-                    self.reader.left_out("key", name, text, acts=False)
-            if np.any(np.abs(self.m.key_mpos[k] - self._mocap()).max(initial=0.0) > SOLVED):
-                text = "positions of mocap bodies"
-                self.reader.left_out("key", name, text)
+            if np.any(m.key_ctrl[k]):
+                text = "its controls; a run takes them as inputs={name: value}"
+                left_out("key", name, text, acts=False)
+            if np.any(m.key_act[k]):
+                text = "its activations; `start` of a motor or servo is its initial value"
+                left_out("key", name, text, acts=False)
+            if np.any(np.abs(m.key_mpos[k] - home) > SOLVED):
+                left_out("key", name, "positions of mocap bodies")
             found.append(Scenario(name=name, q=q, v=v))
         return found
-
-    def _mocap(self) -> Array:
-        """Return the positions of the mocap bodies as a (3 nmocap,) array."""
-        m = self.m
-        moved = sorted(np.flatnonzero(m.body_mocapid >= 0), key=lambda b: m.body_mocapid[b])
-        return m.body_pos[moved].ravel()
 
     def _state(self, qpos: Array, qvel: Array) -> tuple[Any, Any, list[str]]:
         """Return (q, v) by body of a MuJoCo state, and the joints that it puts beyond limits."""

@@ -139,7 +139,12 @@ class _Reader(Shapes):
             text = f"holds <{robot.tag}>, not the <robot> of a URDF file"
             do = "; it is MJCF: call read_mjcf, or give it a name that ends in .xml"
             raise self.source.wrong(robot, "", text + do * (robot.tag == "mujoco"))
-        self._refuse_macros()
+        for element in self.robot.inside():
+            if element.tag.startswith("xacro:"):
+                raise self.source.wrong(element, "", f"holds <{element.tag}> {XACRO}")
+            for key, value in element.attributes.items():
+                if "${" in value or "$(" in value:
+                    raise self.source.wrong(element, key, f"holds {shown(value)} {XACRO}")
         self.links: dict[str, Element] = {}
         for name, element in self._named("link"):
             self.links.setdefault(name, element)
@@ -183,15 +188,6 @@ class _Reader(Shapes):
         text = f"{len(bodies)} links, {moving} joints that move, {len(model.forces)} motors"
         self.report.add("read", self.source.name, text)
         return self.report.attached_to(model), self.report
-
-    def _refuse_macros(self) -> None:
-        """Raise FileError if the file contains xacro macros, which are not valid in URDF."""
-        for element in self.robot.inside():
-            if element.tag.startswith("xacro:"):
-                raise self.source.wrong(element, "", f"holds <{element.tag}> {XACRO}")
-            for key, value in element.attributes.items():
-                if "${" in value or "$(" in value:
-                    raise self.source.wrong(element, key, f"holds {shown(value)} {XACRO}")
 
     # -- the tree --------------------------------------------------------------------------------
 

@@ -56,7 +56,13 @@ def write_urdf(model: Model, path: str | Path) -> Report:
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))
     writer = _Writer(model, path)
-    writer.refuse_balls()
+    found = [
+        Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not support")
+        for b in writer.model.bodies
+        for kind in sorted({kind for kind, _ in b.motions} & {"ball", "screw"})
+    ]
+    if found:
+        raise ModelError(found)
     bodies = gathered(model.bodies, path.parent)
     write_atomic(path, writer.text(bodies))
     return writer.report
@@ -106,16 +112,6 @@ class _Writer:
             if isinstance(c, Gear) and c.active and self._single(c.body) and self._single(c.other):
                 self.gears.setdefault(c.body, c)
         self.joint_names = self._names()
-
-    def refuse_balls(self) -> None:
-        """Raise ModelError for joint types that URDF does not support."""
-        found = [
-            Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not support")
-            for b in self.model.bodies
-            for kind in sorted({kind for kind, _ in b.motions} & {"ball", "screw"})
-        ]
-        if found:
-            raise ModelError(found)
 
     def _single(self, name: str) -> bool:
         return name in self.model.row and len(self.model.body(name).motions) == 1

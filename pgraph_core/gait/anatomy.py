@@ -181,21 +181,16 @@ def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
     high = a.centre[1]
     for _ in range(BENDING_ROUNDS):
         q[1] += wanted - high
-        _bend(mech, gait, a, q)
+        for hip, f in zip(a.hips, a.legs):
+            spreads = f["v_spread"] >= 0
+            x, z = f["ahead"], f["side"] * gait.width * spreads
+            y = height_under(mech.model, hip[0] + x, hip[2] + z) - hip[1] - q[1]
+            bend, knee = leg(f, complex(x, -math.hypot(y, z)))
+            q[f["q_flex"] : f["q_flex"] + 3] = bend, knee, -knee
+            if spreads:
+                q[f["q_spread"]] = math.atan2(-z, -y)
         high = whole(mech, q)[1][1]
     return q, v
-
-
-def _bend(mech: Mechanism, gait: Gait, a: Anatomy, q: Array) -> None:
-    """Set the leg joints in q so that the feet are on the ground."""
-    for hip, f in zip(a.hips, a.legs):
-        spreads = f["v_spread"] >= 0
-        x, z = f["ahead"], f["side"] * gait.width * spreads
-        y = height_under(mech.model, hip[0] + x, hip[2] + z) - hip[1] - q[1]
-        bend, knee = leg(f, complex(x, -math.hypot(y, z)))
-        q[f["q_flex"] : f["q_flex"] + 3] = bend, knee, -knee
-        if spreads:
-            q[f["q_spread"]] = math.atan2(-z, -y)
 
 
 def leg(f: Any, foot: complex) -> tuple[float, float]:

@@ -110,7 +110,12 @@ class Image:
             head = np.zeros(ARRAY // 8 + 2 * kind.ndim, dtype=np.int64)
             head[ENTRIES // 8], head[ENTRY // 8] = value.size, value.itemsize
             head[DATA // 8] = place
-            head[SHAPE // 8 :] = *value.shape, *_strides(value)
+            # of a contiguous array, even for axes of length 0 or 1
+            strides, step = [], value.itemsize
+            for n in reversed(value.shape):
+                strides.insert(0, step)
+                step *= n
+            head[SHAPE // 8 :] = *value.shape, *strides
             out[at : at + head.nbytes] = head.tobytes()
             return at + head.nbytes
         out[at : at + 8] = np.int64(value).tobytes()
@@ -169,15 +174,6 @@ def _memory(begin: int, end: int) -> bytes:
     return ctypes.string_at(begin, end - begin)
 
 
-def _strides(array: Any) -> tuple[int, ...]:
-    """Return the strides of a contiguous array, even for axes of length 0 or 1."""
-    strides, step = [], array.itemsize
-    for n in reversed(array.shape):
-        strides.insert(0, step)
-        step *= n
-    return tuple(strides)
-
-
 def _aligned(address: int) -> int:
     return -(-address // ALIGNED) * ALIGNED
 
@@ -233,7 +229,13 @@ class LiveRun:
         """Build the image. Raises InputError if the scene cannot be exported."""
         q, v = setup.state or (None, None)
         plan = with_contacts(plan_of(mech, setup.options(method), None, q, v))
-        _check(plan)
+        if plan.changes or plan.conditions:
+            text = "switches constraints on the way, which a live figure cannot do; choose another "
+            text += "scenario, or export the recording without --live"
+            raise InputError(Problem("export", "scenario", text))
+        if plan.method.name not in (*SMOOTH, *TOUCHING):
+            text = f"must be one of {choices((*SMOOTH, *TOUCHING))}, got {plan.method.name!r}"
+            raise InputError(Problem("export", "method", text))
         drives = plan.drives._replace(knots=plan.drives.knots.copy())
         self.mech, self.plan = mech, replace(plan, drives=drives)
         state = with_state(mech, plan.start, q, v, float(plan.times[0]))
@@ -370,17 +372,6 @@ def _logged(image: Image, touching: Any) -> int:
         return 0
     tally = touching._kept.tally
     return image.place(tally) + tally.dtype.fields["logged"][1]
-
-
-def _check(plan: Any) -> None:
-    """Raise InputError if the equations change during the run."""
-    if plan.changes or plan.conditions:
-        text = "switches constraints on the way, which a live figure cannot do; choose another "
-        text += "scenario, or export the recording without --live"
-        raise InputError(Problem("export", "scenario", text))
-    if plan.method.name not in (*SMOOTH, *TOUCHING):
-        text = f"must be one of {choices((*SMOOTH, *TOUCHING))}, got {plan.method.name!r}"
-        raise InputError(Problem("export", "method", text))
 
 
 def _kernels(method: str) -> Mapping[int, str]:

@@ -206,16 +206,13 @@ class Known:
         if node.op == "signal" and of_time:
             raise Unreadable(node.column, "a prescribed motion depends on t alone")
         if node.op == "table":
-            self._ascending(node)
-
-    def _ascending(self, node: Node) -> None:
-        try:
-            places = [float(constant(x, self.parameters)) for x in places_of(node)]
-        except (ValueError, ArithmeticError):
-            text = "the places of a table must be numbers or parameters"
-            raise Unreadable(node.column, text) from None
-        if any(not a < b for a, b in itertools.pairwise(places)):
-            raise Unreadable(node.column, f"the places of a table must ascend, got {places}")
+            try:
+                places = [float(constant(x, self.parameters)) for x in places_of(node)]
+            except (ValueError, ArithmeticError):
+                text = "the places of a table must be numbers or parameters"
+                raise Unreadable(node.column, text) from None
+            if any(not a < b for a, b in itertools.pairwise(places)):
+                raise Unreadable(node.column, f"the places of a table must ascend, got {places}")
 
 
 def kinds_of(body: Body) -> list[Dim]:

@@ -62,11 +62,6 @@ _WORD = {
 }
 
 
-def is_formula(value: Any, parameters: Container[str] = ()) -> bool:
-    """Return True if a cell contains a constant formula, False if its value varies in a motion."""
-    return is_expression(value) and not varies(value, parameters)
-
-
 def evaluated(text: str, parameters: Mapping[str, float]) -> float:
     """Return the finite value of a formula '=...'. Raises ValueError with a message."""
     given = shown(text.strip())
@@ -232,7 +227,7 @@ def formulas_in(
     value: Any, path: Path = (), parameters: Container[str] = ()
 ) -> Iterator[tuple[Path, str]]:
     """Yield the formulas in the cells of a dictionary, with the paths to their cells."""
-    if is_formula(value, parameters):
+    if is_expression(value) and not varies(value, parameters):
         yield path, value.strip()
     elif len(path) > MOST_LISTS:
         return

@@ -278,7 +278,14 @@ def mass_properties(shape: Shape, density: float, unit: str = "m") -> MassProper
 def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
     """Return the volume, centre and inertia about the centre at density 1, in its frame."""
     if shape.kind == "mesh":
-        return _mesh_volume(shape, unit)
+        mesh = load_mesh(shape.file or "", shape.scale, unit)
+        if reason := leak(mesh):
+            do = "repair the file, or give the body its own mass, com and inertia"
+            raise ModelError(Problem(f"mesh {shape.file}", "", f"{reason}; {do}"))
+        mesh.density = 1.0
+        found = mesh.mass_properties
+        sign = math.copysign(1.0, found.volume)  # all faces may be inside out
+        return sign * found.volume, np.array(found.center_mass), sign * np.array(found.inertia)
     if shape.kind == "heightfield":
         return _enclosed(*shape.surface())
     r, h = shape.radius or 0.0, shape.length or 0.0
@@ -353,17 +360,6 @@ def _enclosed(vertices: Array, faces: Array) -> tuple[float, Array, Array]:
     each = np.einsum("kai,kaj->kij", p, p) + np.einsum("ki,kj->kij", sums, sums)
     second = np.einsum("k,kij->ij", volumes, each) / 20 - volume * np.outer(middle, middle)
     return float(volume), middle, np.trace(second) * np.eye(3) - second
-
-
-def _mesh_volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
-    mesh = load_mesh(shape.file or "", shape.scale, unit)
-    if reason := leak(mesh):
-        do = "repair the file, or give the body its own mass, com and inertia"
-        raise ModelError(Problem(f"mesh {shape.file}", "", f"{reason}; {do}"))
-    mesh.density = 1.0
-    found = mesh.mass_properties
-    sign = math.copysign(1.0, found.volume)  # all faces may be inside out
-    return sign * found.volume, np.array(found.center_mass), sign * np.array(found.inertia)
 
 
 def leak(mesh: Any) -> str:

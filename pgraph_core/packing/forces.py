@@ -237,19 +237,15 @@ def bends(drives: Drives) -> Array:
     return np.unique(np.concatenate(found))
 
 
-def _bounded(row: Any) -> bool:
-    """Return True if constants alone limit the effect of an input, whatever the motion."""
-    alone = row["coordinate"] < 0 and row["damping"] == 0.0 and row["lag"] == 0.0
-    return bool(row["integrates"] or (alone and np.isfinite([row["low"], row["high"]]).any()))
-
-
 def times_at_bounds(row: Any, knots: Array) -> Array:
     """Return the times between two knots at which an input, or its integral, reaches a bound [s].
 
     There are none if the motion counts. With c from there to the bound, these are the zeros of
     u s + slope s^2 / 2 = c for an integral, and of slope s = c for an input.
     """
-    if not _bounded(row):
+    # constants alone limit the effect, whatever the motion
+    alone = row["coordinate"] < 0 and row["damping"] == 0.0 and row["lag"] == 0.0
+    if not (row["integrates"] or (alone and np.isfinite([row["low"], row["high"]]).any())):
         return np.zeros(0)
     of = ("first_target", "targets") if row["coordinate"] >= 0 else ("first_torque", "torques")
     first, count = int(row[of[0]]), int(row[of[1]])

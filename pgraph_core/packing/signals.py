@@ -391,7 +391,8 @@ class Places:
             return kernels.V, at_v[k][0]
         place = joints.places(self._model.body(name).sequence)[k]
         assert place is not None
-        return kernels.Q, self._first(number) + place, at_v[k][0]
+        rows = np.searchsorted(self._packed.body_of_row, number)
+        return kernels.Q, int(self._packed.rows[rows, 2]) + place, at_v[k][0]
 
     def of_load(self, program: Program, f: OnBody) -> Iterator[tuple[Operand, int]]:
         """Yield (value, column of the knots) for each expression in a load."""
@@ -410,11 +411,6 @@ class Places:
             if not isinstance(value, VectorTable) and str in map(type, value):
                 own = _turned(program, turn, [program.value(x) for x in value])
                 yield from zip(own, range(first, first + 3))
-
-    def _first(self, number: int) -> int:
-        """Return the index in q of a body's first joint coordinate."""
-        rows = np.searchsorted(self._packed.body_of_row, number)
-        return int(self._packed.rows[rows, 2])
 
 
 def states_of(model: Model) -> list[tuple[Control, int, Own]]:

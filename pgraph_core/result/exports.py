@@ -355,7 +355,7 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
     """
     from ..mechanism import Mechanism
 
-    header = header_of(file)
+    header = dict(json.loads(str(_array(file, "header", 4 * LARGEST))))
     description, folder = json.dumps(header.pop("model")), Path(path).parent
     model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
     arrays = arrays_of(file, len(model.bodies) + len(model.controls))
@@ -384,11 +384,6 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
         "user_events": events_of_arrays(arrays),
         "derivatives": Derivatives(derivatives),
     }
-
-
-def header_of(file: ZipFile) -> dict[str, Any]:
-    """Return the header, which includes the model. Raises KeyError or ValueError."""
-    return dict(json.loads(str(_array(file, "header", 4 * LARGEST))))
 
 
 def arrays_of(file: ZipFile, bodies: int) -> dict[str, Array]:

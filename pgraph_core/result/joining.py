@@ -50,7 +50,11 @@ def joined(runs: Sequence[Result], /) -> Result:
     keep = [slice(0, -1)] * (len(runs) - 1) + [slice(None)]
     arrays = {name: _chained([getattr(r, name) for r in runs], keep) for name in ARRAYS}
     for name in ADDED:
-        arrays[name] = _summed([getattr(r, name) for r in runs], keep)
+        parts = [getattr(r, name) for r in runs]
+        so_far = np.cumsum(
+            [np.zeros_like(parts[0][-1]), *(part[-1] for part in parts[:-1])], axis=0
+        )
+        arrays[name] = _chained([part + offset for part, offset in zip(parts, so_far)], keep)
     for name in ERRORS:
         arrays[name] = _of_first([getattr(r, name) for r in runs], keep)
     known = np.flatnonzero(np.isfinite(arrays["error_at"]))
@@ -94,12 +98,6 @@ def _check(before: Result, after: Result) -> None:
 
 def _chained(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
     return np.concatenate([part[some] for part, some in zip(parts, keep)])
-
-
-def _summed(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
-    """Concatenate cumulative values, adding to each part the last value of the previous one."""
-    so_far = np.cumsum([np.zeros_like(parts[0][-1]), *(part[-1] for part in parts[:-1])], axis=0)
-    return _chained([part + offset for part, offset in zip(parts, so_far)], keep)
 
 
 def _of_first(parts: Sequence[Any], keep: Sequence[slice]) -> Any:

@@ -258,7 +258,9 @@ def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, n
 
 def opened(page: str, height: int = 480) -> Any:
     """Show a page. Returns an object to display in a notebook, else opens the browser."""
-    if _in_notebook():
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    if shell is not None and shell.has_trait("kernel"):
         return Embedded(page, height)
     with tempfile.NamedTemporaryFile("w", suffix=".html", delete=False, encoding="utf-8") as file:
         file.write(page)
@@ -275,9 +277,3 @@ class Embedded:
     def _repr_html_(self) -> str:
         frame = 'width="100%" style="border:0"'
         return f'<iframe srcdoc="{escape(self.page)}" {frame} height="{self.height}"></iframe>'
-
-
-def _in_notebook() -> bool:
-    ipython = sys.modules.get("IPython")
-    shell = ipython.get_ipython() if ipython is not None else None
-    return shell is not None and shell.has_trait("kernel")

@@ -48,7 +48,13 @@ def constant(
     if node.op == "number":
         return node.value
     if node.op == "name":
-        return _named(node, parameters)
+        name = node.signal[1]
+        if name in parameters:
+            return parameters[name]
+        if name in CONSTANTS:
+            return CONSTANTS[name]
+        do = nearest(name, parameters) if parameters else "the model has none yet"
+        raise Unreadable(node.column, f"no parameter is named {shown(name)}; {do}")
     if node.op == "signal" and read is not None:
         return read(node)
     if node.op == "signal":
@@ -59,16 +65,6 @@ def constant(
     if node.op == "table":
         return interpolated(*args)
     return VALUES[node.op](*args)
-
-
-def _named(node: Node, parameters: Mapping[str, float]) -> float:
-    name = node.signal[1]
-    if name in parameters:
-        return parameters[name]
-    if name in CONSTANTS:
-        return CONSTANTS[name]
-    do = nearest(name, parameters) if parameters else "the model has none yet"
-    raise Unreadable(node.column, f"no parameter is named {shown(name)}; {do}")
 
 
 def smoothstep(x: float, begin: float, end: float) -> float:

@@ -70,7 +70,9 @@ class ContactEvents:
         f = self.scene.points
         gravity = float(np.linalg.norm(self.mech.model.gravity))
         self._observe(t)
-        sizes = self._sizes()
+        heights = self.scene.points["rounding"] / point_kernels.COORDINATES
+        limits = [point.limit for point in self.scene.contact_points]
+        sizes = np.array([h if x is None else x.size for h, x in zip(heights.tolist(), limits)])
         size = float(np.max(sizes, initial=0.0)) or 1.0
         speeds = np.abs(np.column_stack((f["gap_rate"], f["slip_velocity"])))
         self.speed = float(max(np.sqrt(gravity * size), np.max(speeds, initial=0.0))) or 1.0
@@ -81,12 +83,6 @@ class ContactEvents:
         self.steps.scale(own)
         self._same_time, self._unresolved = COINCIDENT * min(span, own), COINCIDENT * max(span, own)
         self._first_phases(t, np.maximum(f["rounding"], SOLVED * self._fine * sizes))
-
-    def _sizes(self) -> Array:
-        """Return the scale of each point's gap: lengths in its height [m], or a limit's range."""
-        heights = self.scene.points["rounding"] / point_kernels.COORDINATES
-        limits = [point.limit for point in self.scene.contact_points]
-        return np.array([h if x is None else x.size for h, x in zip(heights.tolist(), limits)])
 
     def _first_phases(self, t: float, touching: Array) -> None:
         """Set the initial phases. Points that touch either stick, slide or hit."""
@@ -189,12 +185,12 @@ class ContactEvents:
         """Stop the run if events accumulate without end."""
         self._times.append(t)
         if len(self._times) == ENDLESS and t - self._times[0] < self._same_time:
-            where = ", ".join(self.scene.contact_points[s].name for s in self._over())
+            where = ", ".join(
+                self.scene.contact_points[s].name
+                for s in np.flatnonzero(self.scene.over().any(axis=1)).tolist()
+            )
             text = f"at t = {t:.9g} s ({where}); try method 'moreau_jean'"
             self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}")
-
-    def _over(self) -> list[int]:
-        return np.flatnonzero(self.scene.over().any(axis=1)).tolist()
 
     def _note_changes(self, t: float, before: Ints) -> None:
         """Log the phase changes and monitor the new phases."""
@@ -430,7 +426,10 @@ class ContactEvents:
         """Set phases from the velocities after an impact. Bouncing points stay in swing."""
         scene = self.scene
         tiny = 1e-12 * float(np.max(np.abs(u)))
-        self._observe_still(t)
+        phase = self.scene.phase.copy()
+        self.scene.points["phase"] = SWING
+        self._observe(t)
+        self.scene.points["phase"] = phase
         for s, row in zip(touching, rows):
             speed, pushed = -u[row.first], solved.impulse[row.first] > 0
             unit = "rad/s" if self._turns(s) else "m/s"
@@ -469,13 +468,6 @@ class ContactEvents:
         """Return `_hidden` for point s in its present state."""
         self._accelerations(t)
         return _hidden(self.scene.points[s])
-
-    def _observe_still(self, t: float) -> None:
-        """Compute gaps and rates after an impact with all points open, before phases are chosen."""
-        phase = self.scene.phase.copy()
-        self.scene.points["phase"] = SWING
-        self._observe(t)
-        self.scene.points["phase"] = phase
 
     def _painleve(self, t: float, s: int) -> None:
         """Resolve sliding without one finite force: an impulse ends the slip, or a point lifts."""

@@ -67,7 +67,11 @@ def linear_step(
     record.carried = carried
     if not record.begin():
         raise InputError(Problem("Stepper.linearise", "", record.ended.message))
-    _remember(record, own)
+    # what the scene of a stepper remembers of its steps
+    record.scene.blocks.blocks_f[:] = own.scene.blocks.blocks_f
+    if record.scene.touching is not None and own.scene.touching is not None:
+        for mine, other in zip(record.scene.touching.memory, own.scene.touching.memory):
+            mine[:] = other
     record.advance_to_end(None)
     found = carried.of_frames(slice(1, 2))
     slopes = np.column_stack([found[name][0, : nq + nv] for name in columns])
@@ -90,11 +94,3 @@ def _acting(scene: Scene, one: int | tuple[int, float] | None = None) -> Array:
         drives = scene.drives._replace(knots=knots)
         ends.append(flat(SCENE_OF_DUALS, scene._replace(given=given, drives=drives)))
     return slope_of(ends, (0.0, 1.0))
-
-
-def _remember(record: Recording, own: Recording) -> None:
-    """Give a recording what the scene of a stepper remembers of its steps."""
-    record.scene.blocks.blocks_f[:] = own.scene.blocks.blocks_f
-    if record.scene.touching is not None and own.scene.touching is not None:
-        for mine, other in zip(record.scene.touching.memory, own.scene.touching.memory):
-            mine[:] = other

@@ -289,7 +289,15 @@ def _computed(
     """Compute a map. Return (lines, ordered cells, whether the map is complete)."""
     per_line = len(sweep.methods) * max(len(sweep.steps), 1)
     work = Work(len(sweep.values) * (1 + per_line), progress)
-    _warm(sweep)
+    # compile the kernels once, so that the threads do not all compile them
+    mech = mechanism_of(sweep.model, "stability_map")
+    impulses = Task(mech, None, None, np.zeros(1)).impulses
+    own = ("rk4", "moreau_jean") if impulses else ("radau5", "dop853", "dopri5")
+    for name in dict.fromkeys((*sweep.methods, *own)):
+        try:
+            simulate(mech, t_end=1e-9, step=1e-9, method=name, estimate=False)
+        except PgraphError:
+            continue  # each cell reports it
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         jobs = [pool.submit(_line, sweep, value, work) for value in sweep.values]
         lines = sorted(work.finished(jobs), key=lambda line: sweep.values.index(line.value))
@@ -300,18 +308,6 @@ def _computed(
             cells = [cell for cell in work.finished(jobs) if cell is not None]
     cells.sort(key=lambda pair: pair[0])
     return lines, [cell for _, cell in cells], not work.stopped.is_set()
-
-
-def _warm(sweep: Sweep) -> None:
-    """Compile the kernels once in advance, so that the threads do not all compile them."""
-    mech = mechanism_of(sweep.model, "stability_map")
-    impulses = Task(mech, None, None, np.zeros(1)).impulses
-    own = ("rk4", "moreau_jean") if impulses else ("radau5", "dop853", "dopri5")
-    for name in dict.fromkeys((*sweep.methods, *own)):
-        try:
-            simulate(mech, t_end=1e-9, step=1e-9, method=name, estimate=False)
-        except PgraphError:
-            continue  # each cell reports it
 
 
 def _line(sweep: Sweep, value: float, work: Work) -> Line:

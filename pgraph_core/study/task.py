@@ -98,22 +98,17 @@ def _rungs(field: str, given: Any, least: float, most: float) -> tuple[float, ..
     return tuple(sorted({float(x) for x in values}, reverse=True))
 
 
-def usual_methods(*, impulses: bool) -> tuple[str, ...]:
-    """Return the default methods for a scene with or without impulses."""
-    return tuple(
-        name
-        for name, method in METHODS.items()
-        if (impulses and method.eventful) or (name == "moreau_jean") == impulses
-    )
-
-
 def methods_of(call: str, given: Any, *, impulses: bool, suited: bool) -> tuple[str, ...]:
     """Return the requested methods, or the default ones. Raises InputError listing the choices.
 
     `suited`: also refuses methods that cannot take the scene.
     """
     if given is None:
-        return usual_methods(impulses=impulses)
+        return tuple(
+            name
+            for name, method in METHODS.items()
+            if (impulses and method.eventful) or (name == "moreau_jean") == impulses
+        )
     names = (given,) if isinstance(given, str) else tuple(given)
     if not names:
         raise refusal(call, "methods", f"give at least one of {choices(METHODS)}")

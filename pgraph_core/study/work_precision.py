@@ -166,7 +166,13 @@ class Work:
                 known, task = references.finest(
                     self.task, rate, step, lambda: self.watch(references.REFERENCE_BUDGET)
                 )
-                self._shorten(task, known)
+                whole_time, self.task = self.task.t_end, task
+                if task.t_end < whole_time:
+                    why = "a reference for the whole run would take too long"
+                    if known.parted:
+                        why = f"where two references still agree to {SOLVED:g}"
+                    text = f"compared up to t = {task.t_end:.4g} s of {whole_time:.4g} s, {why}"
+                    self.notes.insert(0, text)
             runs = self._first_runs(self._participants(), known)
             self._time(runs)
         except Stopped:
@@ -209,16 +215,6 @@ class Work:
         if not kept:
             raise refusal("work_precision", "methods", self.notes[0])
         self.names = tuple(kept)
-
-    def _shorten(self, task: Task, known: Reference) -> None:
-        """Continue with the motion up to the horizon of the reference."""
-        whole_time, self.task = self.task.t_end, task
-        if task.t_end < whole_time:
-            why = "a reference for the whole run would take too long"
-            if known.parted:
-                why = f"where two references still agree to {SOLVED:g}"
-            text = f"compared up to t = {task.t_end:.4g} s of {whole_time:.4g} s, {why}"
-            self.notes.insert(0, text)
 
     def _participants(self) -> list[Participant]:
         ladder = self.ladder

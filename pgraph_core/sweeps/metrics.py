@@ -127,7 +127,14 @@ def measured(run: Result, metric: Metric | str) -> float:
     if metric in OF_RUN:
         return float(OF_RUN[metric](run))
     way, what = words(metric)
-    return float(WAYS[way](run.t, column_of(run, what)))
+    try:
+        found = run[what]
+    except InputError as problem:
+        raise _refused(problem.problems[0].text) from None
+    if found.ndim > 1:
+        names = meant(run.columns(bodies=True), what)
+        raise _refused(f"{what!r} has {found.shape[1]} columns; choose one of {choices(names)}")
+    return float(WAYS[way](run.t, found))
 
 
 def _mean(t: Array, x: Array) -> float:
@@ -164,18 +171,6 @@ def words(metric: str) -> tuple[str, str]:
         known = [*OF_RUN, *(f"{way} COLUMN" for way in WAYS)]
         raise _refused(f"{metric!r} is unknown; {nearest(metric, known)}")
     return way, what
-
-
-def column_of(run: Result, what: str) -> Array:
-    """Return what `run[what]` is, if that is one column. Raises InputError."""
-    try:
-        found = run[what]
-    except InputError as problem:
-        raise _refused(problem.problems[0].text) from None
-    if found.ndim > 1:
-        names = meant(run.columns(bodies=True), what)
-        raise _refused(f"{what!r} has {found.shape[1]} columns; choose one of {choices(names)}")
-    return found
 
 
 def _refused(text: str) -> InputError:
