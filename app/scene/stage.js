@@ -40,7 +40,7 @@ pgraph.stage = (() => {
   }
 
   // name -> size of its map, radius of its blur in pixels, and how dark its shadow is
-  const SHADOWS = { key: [2048, 2.5, 1], sky: [512, 5, 0.6] };
+  const SHADOWS = { key: [2048, 2.5, 1], sky: [512, 5, 0.25] };
   function shade(name, [pixels, radius, intensity], { middle, radius: reach }) {
     const group = node(`/light/${name}`);
     const light = group?.children.find(({ isDirectionalLight }) => isDirectionalLight);
