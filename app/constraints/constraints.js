@@ -71,8 +71,8 @@
     line.append(
       make("button", { className: "title", onclick: () => open(part, el.classList.contains("open") ? null : name()) },
         make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
-      ...(part === "constraints" ? [button("small when", "when …", "Switches on or off during a run: at a time, or when something crosses a value", () => { send("AddSwitch", { constraint: name() }); pgraph.front("Scenarios"); })] : []),
-      button("small copy", "copy", "Duplicate", () => send("DuplicatePart", { part, name: name() })),
+      ...(part === "constraints" ? [button("small when", "When …", "Switches on or off during a run: at a time, or when something crosses a value", () => { send("AddSwitch", { constraint: name() }); pgraph.front("Scenarios"); })] : []),
+      button("small copy", "Copy", "Duplicate", () => send("DuplicatePart", { part, name: name() })),
       button("small delete-tie", "×", "Delete", () => send("DeletePart", { part, name: name() })));
     el.append(line);
     return el;

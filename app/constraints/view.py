@@ -271,7 +271,7 @@ def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
         extra.append(parts.EVERY)
     if part == "sites":
         extra = [parts.GROUND]
-    pick = button("pick", "Pick", "click the body in the digraph, the table or 3D", slot=name)
+    pick = button("Pick", "Pick", "click the body in the digraph, the table or 3D", slot=name)
     return field(name, about(item, name).label, [cell((), getattr(item, name))], kind="names",
                  options=extra, buttons=[pick])  # fmt: skip
 
