@@ -32,6 +32,8 @@ def main() -> None:
         page.set_default_timeout(LONG)
         page.goto(server.url)
         page.wait_for_selector("table.bodies tr[data-name]")
+        page.evaluate("pgraph.send('SetDisplay', { what: 'angle', value: 'rad' })")
+        page.wait_for_function("() => pgraph.latest.properties.display.angle === 'rad'")
         for k, step in enumerate(STEPS, 1):
             step(page)
             if k in PICTURED:
