@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from ..analysis.singular import blocked, unequal
+from ..dynamics.arguments import UserTorque
+from ..dynamics.scene import Scene
 from ..engine import layout as at
+from ..engine.arrays import Frames
 from ..engine.records import SWING
 from ..engine.signals import CONTROL, FAILED, LOST, OWNER, V, values
+from ..mechanism import Mechanism
 from ..model import Contact, Control, Force
 from ..model.expressions import expressions_of
-from ..packing import Ints
+from ..packing import Array, Ints
 from ..result import Status
 from ..tolerances import EPS, NOTABLE
-from .loop import Running
+from .loop import Outcome, Steps
+from .plan import RunPlan
+
+if TYPE_CHECKING:
+    from .contact_events import ContactEvents
 
 STATUS = {
     at.NOT_FINITE: Status.NOT_FINITE,
@@ -125,3 +135,35 @@ def _blocking(record: Running) -> str:
 
 def _texts(part: Force | Contact | Control) -> str:
     return " and ".join(repr(text) for _, _, text in expressions_of(part))
+
+
+# -- a run in progress -----------------------------------------------------------------------------
+
+
+class Running:
+    """The plan, scene, stepping loop and frames of a run, and how it has gone so far."""
+
+    mech: Mechanism
+    plan: RunPlan
+    tau: Any  # torques, a function of (t, q, v), or None
+    user: UserTorque | None = None  # caller of a torque function
+    scene: Scene
+    steps: Steps
+    out: Frames
+    q: Array  # (nq + nx,) the present state, with the states of controls
+    v: Array
+    began: tuple[Array, Array]  # the first state that satisfies the constraints
+    held: set[int]  # constraints that are active now
+    events: ContactEvents | None = None  # decisions at events of contact points
+    ended: Outcome
+    met = ""  # description of the run until something came near
+
+    @property
+    def done(self) -> int:
+        """The number of recorded frames."""
+        return self.steps.recorded
+
+    @property
+    def active(self) -> Ints:
+        """Return the indices of the currently active constraints."""
+        return np.array(sorted(self.held), dtype=np.int64)

@@ -39,9 +39,7 @@ from .options import FINER, MOST_CHOSEN, RTOL
 from .plan import MANY_STEPS, RunPlan, Way, keep
 
 if TYPE_CHECKING:
-    from ..dynamics.arguments import UserTorque
     from .clearance import Clearance
-    from .contact_events import ContactEvents
     from .monitors import Watch
     from .sensitivity import Carried
 
@@ -161,6 +159,11 @@ class Steps:
     def taken(self) -> int:
         """Return the number of steps of this size since the origin."""
         return self._words[0].item(TAKEN)
+
+    @property
+    def recorded(self) -> int:
+        """Return the number of recorded frames."""
+        return self._words[0].item(FRAME)
 
     def anew(self) -> None:
         """Re-evaluate the acceleration after forces have changed."""
@@ -374,35 +377,6 @@ class Outcome:
     def stop(self, status: Status, message: str) -> None:
         """End the run."""
         self.status, self.message, self.ok, self.over = status, message, status.ok, True
-
-
-class Running:
-    """The plan, scene, stepping loop and frames of a run, and how it has gone so far."""
-
-    mech: Mechanism
-    plan: RunPlan
-    tau: Any  # torques, a function of (t, q, v), or None
-    user: UserTorque | None = None  # caller of a torque function
-    scene: Scene
-    steps: Steps
-    out: Frames
-    q: Array  # (nq + nx,) the present state, with the states of controls
-    v: Array
-    began: tuple[Array, Array]  # the first state that satisfies the constraints
-    held: set[int]  # constraints that are active now
-    events: ContactEvents | None = None  # decisions at events of contact points
-    ended: Outcome
-    met = ""  # description of the run until something came near
-
-    @property
-    def done(self) -> int:
-        """The number of recorded frames."""
-        return self.steps._words[0].item(FRAME)
-
-    @property
-    def active(self) -> Ints:
-        """Return the indices of the currently active constraints."""
-        return np.array(sorted(self.held), dtype=np.int64)
 
 
 @cache

@@ -36,8 +36,8 @@ from ..result.records import (
 )
 from ..tolerances import EPS
 from .conditions import Condition, limits_of
-from .failures import failure, trouble
-from .loop import Outcome, Running, Steps, Workplace, free, links_of, taken
+from .failures import Running, failure, trouble
+from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
 from .options import MOST_STEPS
 from .plan import RunPlan

@@ -17,7 +17,7 @@ from ..packing import Array, Drives, row_of_velocity
 from ..packing.forces import acting_on
 from ..result.records import energy_drift
 from ..tolerances import NAMED, NOTABLE, SOLVED, VISIBLE
-from .loop import Running
+from .failures import Running
 from .rates import fastest_rate, fastest_swings
 
 
