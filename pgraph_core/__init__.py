@@ -8,10 +8,12 @@ Each method of a model or a mechanism is a function too: `pg.mass_matrix(model, 
 """
 
 import inspect
+from copy import copy
 from functools import partial, wraps
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
+from weakref import finalize
 
 from . import hooks
 
@@ -187,17 +189,21 @@ def _of_shape(name: str) -> Any:
     return shape
 
 
-_LAST: list[tuple[Any, Any]] = [(None, None)]  # model and mechanism of the last call
+_MADE: dict[int, Any] = {}  # by the identity of a model, while it lives
 
 
 def _mechanism(model: Any, call: str) -> Any:
-    """Return the mechanism of a model, the same for the same model in a row of calls."""
-    from .mechanism import mechanism_of
+    """Return the mechanism of a model, the same in each call with this model."""
+    if made := _MADE.get(id(model)):
+        return made
+    from .mechanism import Mechanism, mechanism_of
 
-    last = _LAST[0]
-    if last[0] is not model or model is None:
-        _LAST[0] = last = (model, mechanism_of(model, call))
-    return last[1]
+    if isinstance(model, Mechanism):
+        return model
+    made = mechanism_of(copy(model), call)  # it would keep the model itself alive
+    _MADE[id(model)] = made
+    finalize(model, _MADE.pop, id(model), None)
+    return made
 
 
 def _elsewhere() -> dict[str, str]:
@@ -226,7 +232,7 @@ def _bound(owner: Any, name: str) -> Any:
         first = next(iter(inspect.signature(ours).parameters.values()))
         if kind in str(first.annotation):
             return partial(ours, owner)
-    return getattr(__getattr__("Mechanism")(owner), name, None) if kind == "Model" else None
+    return getattr(_mechanism(owner, name), name, None) if kind == "Model" else None
 
 
 def _taken(name: str) -> str:

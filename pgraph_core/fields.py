@@ -550,7 +550,12 @@ class Described(Frozen):
 class Acting(Described):
     """A part acting on `body` and, if given, on `other`."""
 
-    ALIKE: ClassVar[bool] = False  # whether its ends may be exchanged, with their points and axes
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        """Return the fields of the same part with `other` for the ground as `body`, or {}.
+
+        `start` is the pose of `other` in the initial state, and `home` its rotation at q = 0.
+        """
+        return {}
 
     @property
     def pair(self) -> tuple[str, str]:
@@ -690,6 +695,11 @@ class WithOther(Described):
     """A part acting between `body` and another body."""
 
     other: Text = field("the name of a body, or 'ground'", default=GROUND, label="Other")
+
+
+def along(rotation: Any, vector: Any) -> Any:
+    """Return a vector in the axes that have this rotation (3, 3), or None for None."""
+    return None if vector is None else tuple((vector @ rotation + 0.0).tolist())
 
 
 class AtPoint(Described):

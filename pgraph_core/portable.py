@@ -19,7 +19,15 @@ from typing import Any, ClassVar, NoReturn, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError, Problem, Suggests, shown
+from .errors import (
+    InputError,
+    NameLookupError,
+    Problem,
+    Suggests,
+    choices,
+    nearest_first,
+    shown,
+)
 
 
 @cache
@@ -231,6 +239,11 @@ class ReadOnly(dict[str, Any]):
 
     __setitem__ = __delitem__ = __ior__ = _refused  # pyright: ignore[reportAssignmentType]
     clear = pop = popitem = setdefault = update = _refused  # pyright: ignore[reportAssignmentType]
+
+    def __missing__(self, key: Any) -> NoReturn:
+        """Raise NameLookupError, which lists the names."""
+        text = f"has no entry {shown(key)}; choose one of {choices(nearest_first(str(key), self))}"
+        raise NameLookupError(Problem(self._told[0], "", text))
 
     def __reduce__(self) -> Any:
         return ReadOnly, (dict(self), *self._told)

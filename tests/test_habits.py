@@ -1,6 +1,8 @@
 """Words of other tools are understood."""
 
+import gc
 import warnings
+import weakref
 from typing import Any
 
 import numpy as np
@@ -170,7 +172,6 @@ def test_a_loose_body_that_touches_nothing_is_doubted(change, falls):
         (lambda m, q: pg.rnea(m, q, v=q, vdot=q), lambda mech, q: mech.inverse_dynamics(q, q, q)),
         (lambda m, q: pg.fk(m, q, "2")[0], lambda mech, q: mech.pose(q, "2")[0]),
         (lambda m, q: pg.linearize(m, q).A, lambda mech, q: mech.linearise(q).A),
-        (lambda m, q: pg.modes(m, q).modes, lambda mech, q: mech.linearise(q).modes),
         (lambda m, q: pg.jacobian(m, q, "2"), lambda mech, q: mech.jacobian(q, "2")),
     ],
 )
@@ -213,7 +214,8 @@ LOOSE = pg.Body("ball", joint="free", shape=SPHERE, derived=("inertia",))
         (lambda: pg.Model([ARM], springs=[pg.Spring(body_a="ground", body_b=ARM, point_b=Z, k=9)]),
          lambda: pg.Model([ARM], forces=[pg.Spring(body="arm", point=Z, stiffness=9)])),
         (lambda: pg.Model([ARM], dampers=pg.Damper("s", "world", "arm", point_a=Z, c=9)),
-         lambda: pg.Model([ARM], forces=[pg.Spring("s", body="arm", other_point=Z, damping=9)])),
+         lambda: pg.Model([ARM], forces=[pg.Spring("s", body="arm", point=(0, 0, 0),
+                                                   other_point=Z, damping=9)])),
         (lambda: pg.Model([ARM], joints=[pg.Revolute("r", "world", "arm", axis_a=(0, 1, 0))]),
          lambda: pg.Model([ARM], constraints=[pg.Revolute("r", body="arm", other_axis=Y)])),
         (lambda: pg.Model([LOOSE], contacts=[pg.Contact("c", "floor", "ball")]),
@@ -228,20 +230,6 @@ LOOSE = pg.Body("ball", joint="free", shape=SPHERE, derived=("inertia",))
 )  # fmt: skip
 def test_a_part_by_other_names_is_the_same_part(theirs, ours):
     assert theirs() == ours()
-
-
-@pytest.mark.parametrize(
-    "part",
-    [
-        pg.Plane("p", "ground", "arm", axis=(0, 0, 1)),
-        pg.Universal("p", "ground", "arm"),
-        pg.Torsion("p", "ground", "arm", stiffness=1.0),
-        pg.Contact("p", "ground", "arm", points=((0, 0, 0),)),
-    ],
-)
-def test_a_part_whose_ends_differ_is_not_turned_round(part):
-    with pytest.raises(pg.ModelError, match=r"'p', body.*ground"):
-        pg.Model([ARM], parts=[part])
 
 
 SWING = {"t_end": 0.3, "q0": [0.4, 0.0]}
@@ -627,3 +615,118 @@ def test_a_part_in_a_dictionary_may_have_words_of_other_programs():
     given = {"name": "x", "type": "gear", "joint1": "a", "joint2": "b", "ratio": 2.0}
     (gear,) = pg.Model(bodies=bodies, constraints=[given]).constraints
     assert (gear.kind, gear.body, gear.other) == ("gear", "a", "b")
+
+
+def site_on_arm():
+    return pg.Site(name="tool", body="j6", point=(0.1, 0.2, 0.3), rotation=(0.8, 0.6, 0.0, 0.0))
+
+
+def test_poses_by_name_are_the_poses_of_each_name():
+    mech = pg.Mechanism(arm().model.add(site_on_arm()))
+    q = np.linspace(-1.0, 1.0, 6)
+    several = np.stack((q, 0.5 * q))
+    assert [*mech.pose(q)] == ["ground", *mech.names, "tool"]
+    for name, pose in pg.forward_kinematics(mech, q).items():
+        np.testing.assert_array_equal(pose, mech.pose(q, name))
+        np.testing.assert_array_equal(mech.pose(several)[name].matrix[1], mech.pose(0.5 * q, name))
+    with pytest.raises(KeyError, match=r"'hand'.*tool"):
+        mech.pose(q)["hand"]
+
+
+def test_a_pose_is_its_homogeneous_matrix_and_its_two_parts():
+    mech = arm()
+    pose = mech.pose(np.linspace(-1.0, 1.0, 6), "j6")
+    position, rotation = pose
+    point = np.array((0.1, -0.2, 0.3))
+    np.testing.assert_array_equal(np.asarray(pose)[:3, :3], rotation)
+    np.testing.assert_array_equal(pose[:3, 3], position)
+    np.testing.assert_allclose(pose @ point, position + rotation @ point, atol=1e-15)
+    np.testing.assert_allclose((pose @ [*point, 1.0])[:3], pose @ point, atol=1e-15)
+    turned = pg.Body("b", rotation=pose.quaternion, inertia=(1, 1, 1))
+    home = pg.Mechanism(pg.Model([turned])).pose([0.0], "b")
+    np.testing.assert_allclose(home.rotation, rotation, atol=1e-14)
+    found = mech.inverse_kinematics({"j6": pose.matrix})
+    np.testing.assert_allclose(mech.pose(found, "j6"), pose, atol=1e-7)
+    for theirs, ours in (("translation", position), ("homogeneous", pose.matrix)):
+        np.testing.assert_array_equal(getattr(pose, theirs), ours)
+    with pytest.raises(AttributeError, match="quaternion"):
+        pose.quaternions  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_the_unit_of_frequencies_stands_beside_them():
+    model = pg.Model([pg.Body("a", axes="y", com=(0, 0, -9.81))])
+    np.testing.assert_allclose(model.linearise().hertz, [1.0 / (2.0 * np.pi)], rtol=1e-12)
+    for owner in (pg, model, pg.Mechanism(model), model.linearise()):
+        with pytest.raises(AttributeError, match=r"frequencies \[rad/s\] or .*hertz \[Hz\]"):
+            owner.natural_frequencies  # noqa: B018
+    with pytest.raises(AttributeError, match=r"modes or .*hertz \[Hz\]"):
+        pg.modes  # noqa: B018
+
+
+def test_functions_of_a_model_keep_no_model_alive():
+    model = pg.Model.serial(3)
+    first = pg.mass_matrix(model, np.zeros(3))
+    mechanism, alive = (weakref.ref(x) for x in (model.mass_matrix.__self__, model))
+    np.testing.assert_array_equal(pg.mass_matrix(model, np.zeros(3)), first)
+    assert mechanism() is model.mass_matrix.__self__
+    del model
+    gc.collect()
+    assert (alive(), mechanism()) == (None, None)
+
+
+FREE = {"joint": "free", "inertia": (0.1, 0.2, 0.15), "v": (1, 2, 3, 0.1, 0.2, 0.3)}
+UPPER = pg.Body("top", axis="y", com=(0, 0, -0.5), inertia=(0.1, 0.1, 0.1), q=0.3, v=0.5,
+                rotation=(0.9, 0.3, 0.3, 0.1))  # fmt: skip
+LOWER = pg.Body("low", "top", rotation=(0.7, 0.1, 0.5, 0.5), q=(0.3, 0.2, 0.1, 0.5, 0.5, -0.5, 0.5),
+                **FREE)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "as_first", "as_other"),
+    [
+        (pg.Point, {"point": "P"}, {"point": "p", "other_point": "P"}),
+        (pg.Weld, {"point": "P"}, {"point": "p", "other_point": "P"}),
+        (pg.Revolute, {"point": "P"}, {"point": "p", "other_axis": Z}),
+        (pg.Revolute, {"point": "P", "axis": Y}, {"point": "p", "other_axis": Y}),
+        (pg.Cylindrical, {"point": "P", "other_axis": Y}, {"point": "p", "axis": Y}),
+        (pg.Universal, {"point": "P"}, {"point": "p", "axis": "x", "other_axis": Y}),
+        (pg.Distance, {"other_point": Z}, {"point": Z, "other_point": (0, 0, 0)}),
+        (pg.Orientation, {}, {}),
+        (pg.Torsion, {"axis": (1, 2, 3), "stiffness": 5.0, "rest": 0.4, "damping": 0.2},
+         {"axis": "-a", "stiffness": 5.0, "rest": 0.4, "damping": 0.2}),
+        (pg.Spring, {"point": "P", "stiffness": 5.0, "rest": 0.1},
+         {"point": (0, 0, 0), "other_point": "P", "stiffness": 5.0, "rest": 0.1}),
+    ],
+)  # fmt: skip
+def test_the_ground_may_be_the_first_body_of_a_part(kind, as_first, as_other):
+    """The point P of the ground is p of the body, and x and a are directions of it."""
+    model = pg.Model([UPPER, LOWER])
+    mech = pg.Mechanism(model)
+    place, turn = mech.pose(mech.home()[0], "low")
+    at_zero = mech.pose([0, 0, 0, 0, 1, 0, 0, 0], "low")[1]
+    P = np.array((0.3, -0.2, 0.4))
+    known = {"P": P, "p": turn.T @ (P - place), "x": turn[0], "-a": -at_zero.T @ (1, 2, 3)}
+    one, same = (
+        model.add(kind("part", **ends, **{k: known.get(str(x), x) for k, x in given.items()}))
+        for ends, given in (({"body": "ground", "other": "low"}, as_first),
+                            ({"body": "low", "other": "ground"}, as_other))
+    )  # fmt: skip
+    first, second = (pg.Mechanism(each) for each in (one, same))
+    q, v, _ = second.assemble()
+    found, wanted = (each.constrained_dynamics(q, v)[0] for each in (first, second))
+    np.testing.assert_allclose(found, wanted, atol=1e-10, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        pg.Plane("p", "ground", "arm", axis=(0, 0, 1)),
+        pg.Line("p", "ground", "arm", other_axis=(0, 0, 1)),
+        pg.Bushing("p", body="ground", other="arm", stiffness=(1,) * 6),
+        pg.Rolling("p", body="ground", other="arm", radius=1.0),
+        pg.Contact("p", "ground", "arm", points=((0, 0, 0),)),
+    ],
+)
+def test_a_part_whose_ends_differ_is_not_turned_round(part):
+    with pytest.raises(pg.ModelError, match=r"'p', body: the ground.*body='arm', other='ground'"):
+        pg.Model([ARM], parts=[part])

@@ -354,7 +354,8 @@ def test_the_name_of_a_part_stands_for_its_path():
 
 def test_each_word_of_the_table_leads_to_a_name_that_exists():
     kinds = [kind for name in dir(pg) if isinstance(kind := getattr(pg, name), type)]
-    kinds.append(type(pg.Mechanism(MODEL).linearise()))
+    mech = pg.Mechanism(MODEL)
+    kinds += [type(mech.linearise()), type(mech.pose(*mech.home()[:1], mech.names[0]))]
     public = {*dir(pg)}.union(*map(dir, kinds), *(kind.__annotations__ for kind in kinds))
     for ours in {each for found in words.ATTRIBUTES.values() for each in found}.union(
         words.SAME_ATTRIBUTES.values()

@@ -81,12 +81,17 @@ class Linearisation(Suggests):
 
     @property
     def frequencies(self) -> Array:
-        """Frequencies of the oscillating modes in ascending order [rad/s]: in Hz, divide by 2π.
+        """Frequencies of the oscillating modes in ascending order [rad/s]. `hertz` has them in Hz.
 
         They describe the damped oscillation. `damp` has the undamped ones.
         """
         found = self.eigenvalues.imag
         return np.sort(found[found > 0])
+
+    @property
+    def hertz(self) -> Array:
+        """The `frequencies` in Hz."""
+        return self.frequencies / (2.0 * np.pi)
 
     def damp(self) -> tuple[Array, Array, Array]:
         """Return (natural frequencies [rad/s], damping ratios, eigenvalues [1/s]), each (n,).

@@ -8,7 +8,7 @@ import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, Self, cast
+from typing import TYPE_CHECKING, Any, Self, cast, overload
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import JIT, closed, ready
 from ..engine.tree import bodies, dynamics
 from ..errors import Called, InputError, Problem, choices, explained, guarded, shown
+from ..fields import GROUND
 from ..model import Model
+from ..model.poses import Pose
 from ..packing import Array, Ints, point_in_row
 from ..packing.packed import Joint, Packed, passive
 from ..paper import Operators
@@ -205,24 +207,61 @@ class Dynamics(Portable):
         return carried(self.packed, other.packed, position(other.packed, q), other._speed(v))
 
     @for_each_state
-    def poses(self, q: Array) -> tuple[Array, Array]:
+    def poses(self, q: Array) -> Pose:
         """Return ((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
         place, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
         q = position(self.packed, q)
         tables = self.packed.system[:4]
         with self._lock:
             bodies.poses(*tables, q, self._rest, self._work, place, rotation)
-        return place, rotation.reshape(self.nb, 3, 3)
+        return Pose(place, rotation.reshape(self.nb, 3, 3))
+
+    if TYPE_CHECKING:
+
+        @overload
+        def pose(self, q: Array, name: str) -> Pose: ...
+        @overload
+        def pose(self, q: Array) -> Mapping[str, Pose]: ...
 
     @for_each_state
-    def pose(self, q: Array, name: str) -> tuple[Array, Array]:
-        """Return ((3,) origin [m], (3, 3) rotation) of a body or site frame in the world."""
+    def pose(self, q: Array, name: str | None = None) -> Any:
+        """Return the pose of a body or site frame in the world.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+        name : str, optional
+            Name of the body or site.
+
+        Returns
+        -------
+        Pose or dict
+            The pose, `position, rotation = pose`, with (3,) position of the origin [m] and (3, 3)
+            rotation. Its `matrix` is the homogeneous transformation (4, 4), and `quaternion` is
+            [w, x, y, z]. Without a name, the poses of all bodies and sites by name.
+
+        Examples
+        --------
+        >>> mech = pg.Mechanism(pg.Model.serial(2))
+        >>> position, rotation = mech.pose([0.1, 0.2], "2")
+        >>> T = mech.pose([0.1, 0.2])["2"].matrix
+        """
+        if name is None:
+            poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
+            poses |= zip(self.names, map(Pose, *self.poses(q)))
+            for site in self.model.sites:
+                on, rotation = poses[site.body], np.array(matrix(unit(site.rotation)))
+                poses[site.name] = Pose(on.place(site.point), on.rotation @ rotation)
+            return ReadOnly(poses, "mech.pose(q)", "it is computed from q")
         number, point, turn = self._frame(name)
         place, rotation = np.zeros(3), np.eye(3)
         if number > 0:
             places, rotations = self.poses(q)
             place, rotation = places[number - 1], rotations[number - 1]
-        return (place, rotation) if turn is None else (place + rotation @ point, rotation @ turn)
+        if turn is not None:
+            place, rotation = place + rotation @ point, rotation @ turn
+        return Pose(place, rotation)
 
     def _frame(self, name: str) -> tuple[int, Array, Array | None]:
         """Return (body number, origin in the body's axes, rotation or None) for a body or site."""

@@ -34,13 +34,14 @@ from .base import (
 class BetweenPoints(AtPoint, Between):
     """A force between a point on `body` and one on `other`, along the line joining them."""
 
-    ALIKE: ClassVar[bool] = True
-
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; default: its origin",
         converter=maybe_vector, default=None, dim=M, role="point",
         help="in the axes of the second body; default: its origin",
     )  # fmt: skip
+
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        return {"point": self.other_point or (0.0, 0.0, 0.0), "other_point": self.point}
 
 
 def points_of(f: BetweenPoints, body: Any) -> tuple[Sequence[float], Sequence[float]]:

@@ -12,7 +12,16 @@ from ..engine.compiler.jit import part
 from ..engine.records import REAL
 from ..engine.rows import origin_of, rotation_of, spin_of
 from ..engine.vec import add, add_scaled, cross, dot, mul, scale, sub, xyz
-from ..fields import Expression, NotNegative, Number, Vec3, field, maybe_vector, refuse_no_direction
+from ..fields import (
+    Expression,
+    NotNegative,
+    Number,
+    Vec3,
+    along,
+    field,
+    maybe_vector,
+    refuse_no_direction,
+)
 from ..rotation import normals_of, unit_vector
 from ..units import RAD, J, S
 from .base import KIND, Array, Load, Places, Sprung, number_or_law, pack_rates, rates_of, row
@@ -44,6 +53,9 @@ class Torsion(Sprung):
     def _axis_points_somewhere(self) -> Self:
         refuse_no_direction(axis=self.axis)
         return self
+
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        return {"axis": along(-home, self.axis or (0.0, 0.0, 1.0))}
 
 
 def pack(f: Torsion, one: Any, at: Places) -> Array | None:

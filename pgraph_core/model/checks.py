@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from .. import joints, words
 from ..errors import ModelError, Problem, choices, counted, shown
 from ..fields import EVERY, GROUND, Described, OfSums, name_problem, part_problems
 from ..forces import Force, OnJoint, Tendon, ends_of
 from ..joints import quaternion_problems
+from ..rotation import matrix
 from ..sentences import PAIR, no_such_field
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
@@ -17,6 +20,7 @@ from .contact import Contact
 from .control import Control
 from .expressions import Known, drives_read, expression_problems, loop_problems
 from .output import OF_JOINT, OF_LOAD, Output, Site
+from .poses import Pose, carried
 from .scenario import Scenario, Switch, condition_problems, known_names
 from .world import Ground, World, below_kinetic
 
@@ -100,7 +104,11 @@ def pair_problems(
     found = []
     body, other = part.pair
     for field, name, others in (("body", body, anyone), ("other", other, (GROUND, *anyone))):
-        if text := unknown(name, bodies, *others):
+        if field == "body" and _is_ground(name) and name not in bodies and other != name:
+            text = "the ground can be its `other` only; exchange the ends: "
+            text += f"body={other!r}, other='ground', with their points and axes"
+            found.append(Problem(where, field, text))
+        elif text := unknown(name, bodies, *others):
             found.append(Problem(where, field, text))
     if body == other and body not in anyone:
         text = f"a body cannot be {_TIED[part.word()]} itself, got '{body}' twice"
@@ -475,22 +483,22 @@ def by_class(data: Mapping[str, Any]) -> dict[str, Any]:
 def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
     """Return bodies and parts with the ground under its name and as their second end.
 
-    A body keeps its name "world". Only parts that act alike on both ends are turned round. The
-    result is empty if nothing changes.
+    A body keeps its name "world". Only parts whose ends can be exchanged are. The result is empty
+    if nothing changes.
     """
-    bodies = {body.name for body in parts["bodies"]}
+    bodies = {body.name: body for body in parts["bodies"]}
 
     def renamed(part: Any, fields: Sequence[str]) -> Any:
         named = {x: getattr(part, x) for x in fields if x in type(part).model_fields}
         new = {x: GROUND for x, name in named.items() if name not in bodies and _is_ground(name)}
         now = {**named, **new}
-        alike = getattr(part, "ALIKE", False) and not getattr(part, "points", ())
-        if alike and now["body"] == GROUND != now["other"]:
-            new = {}
-            for own, other in ENDS:
-                if own in type(part).model_fields:
-                    ends = now.get(own, getattr(part, own)), now.get(other, getattr(part, other))
-                    new |= {other: ends[0], own: ends[1]}
+        other = now.get("other", GROUND)
+        if now.get("body") == GROUND and (other in bodies or other == EVERY):
+            start, home = Pose(np.zeros(3), np.eye(3)), np.eye(3)
+            for body in _chain(bodies, other):
+                start, home = carried(start, body, body.q), home @ matrix(body.rotation)
+            if changed := part._exchanged(start, home):
+                new |= {**changed, "body": other, "other": GROUND}
         return part.model_copy(update=new) if new else part
 
     ends = {"bodies": ("parent",), "constraints": PAIR, "forces": PAIR, "contacts": PAIR}
@@ -498,11 +506,19 @@ def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
     return found if any(list(parts[key]) != each for key, each in found.items()) else {}
 
 
+def _chain(bodies: Mapping[str, Body], name: str) -> list[Body]:
+    """Return the bodies from the ground to this one."""
+    found = list[Body]()
+    while name in bodies and bodies[name] not in found:
+        found.insert(0, bodies[name])
+        name = bodies[name].parent
+    return found
+
+
 def _is_ground(name: Any) -> bool:
     return name == GROUND or bool(words.chosen(name, (GROUND,)))
 
 
-ENDS = (PAIR, ("point", "other_point"), ("axis", "other_axis"))  # fields of the first and second
 PARTS: dict[str, type[Described]] = {
     "bodies": Body,
     "constraints": Constraint,

@@ -24,6 +24,7 @@ from ..fields import (
     Vec3,
     Whole,
     WithOther,
+    along,
     field,
     listed,
     maybe_vector,
@@ -78,14 +79,18 @@ class ToOther(WithOther, Constraint):
 class AtPoints(AtPoint, ToOther):
     """A constraint between a point on `body` and a point on `other`."""
 
-    ALIKE: ClassVar[bool] = True
-
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; default: the initial position "
         "of `point`",
         converter=maybe_vector, default=None, dim=M, role="point",
         help="in the axes of the second body; default: the initial position of the point",
     )  # fmt: skip
+
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        point = self.other_point
+        if point is None and self.point is not None:
+            point = along(start.rotation, self.point - start.position)
+        return {"point": point, "other_point": self.point}
 
 
 class AlongAxes(AtPoints):
@@ -106,6 +111,11 @@ class AlongAxes(AtPoints):
     def _directions(self) -> Self:
         refuse_no_direction(axis=self.axis, other_axis=self.other_axis)
         return self
+
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        given = self.axis or (None if self.other_axis else (0.0, 0.0, 1.0))
+        axes = {"axis": self.other_axis, "other_axis": given}
+        return {**super()._exchanged(start, home), **axes}
 
 
 class Point(AtPoints):
@@ -179,7 +189,6 @@ class Universal(AlongAxes):
 
     ROWS: ClassVar[int] = 4
     ABOUT: ClassVar[str] = "point, and two axes at a right angle: 4 rows"
-    ALIKE: ClassVar[bool] = False
     kind: Literal["universal"] = field(KIND, default="universal")
 
     @model_validator(mode="after")
@@ -188,6 +197,13 @@ class Universal(AlongAxes):
             missing = "axis" if self.axis is None else "other_axis"
             refuse([(missing, "a universal constraint takes both axis and other_axis, or none")])
         return self
+
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        found = super()._exchanged(start, home)
+        if self.axis is None:
+            x, y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+            found |= {"axis": along(start.rotation, x), "other_axis": y}
+        return found
 
     def _blocks(self, e: Any) -> list[Any]:
         if self.axis is None:  # like the joint: about x of `other`, then about y of `body`
@@ -212,6 +228,9 @@ class Distance(AtPoints):
         default=None, gt=0, dim=M, help="length of the rod; default: as in the initial state",
     )  # fmt: skip
 
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        return {"point": self.other_point, "other_point": self.point or (0.0, 0.0, 0.0)}
+
     def _blocks(self, e: Any) -> list[Any]:
         length = float(np.linalg.norm(e.apart())) if self.length is None else self.length
         if length <= 1e-12 * e.size:
@@ -224,7 +243,9 @@ class OneDirection(AlongAxes):
     """A constraint for which only one of two directions is given."""
 
     OF: ClassVar[str] = ""
-    ALIKE: ClassVar[bool] = False
+
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        return {}  # the line or plane is that of `other`
 
     @model_validator(mode="after")
     def _one_direction(self) -> Self:
@@ -264,6 +285,9 @@ class Orientation(ToOther):
     ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "the orientation is fixed, the position is free: 3 rows"
     kind: Literal["orientation"] = field(KIND, default="orientation")
+
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        return {"body": self.other}
 
     def _blocks(self, e: Any) -> list[Any]:
         return [e.turned_as_at_home()]
@@ -351,12 +375,14 @@ class Rolling(AlongAxes):
 
     ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "a sphere or disc rolls without slip (nonholonomic)"
-    ALIKE: ClassVar[bool] = False
     kind: Literal["rolling"] = field(KIND, default="rolling")
     radius: Number | None = field(
         "a radius > 0 [m]; default: that of the body's shape",
         default=None, gt=0, dim=M, help="default: radius of the body's shape",
     )  # fmt: skip
+
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        return {}
 
     def _blocks(self, e: Any) -> list[Any]:
         normal = e.ground_normal if self.other_axis is None else unit_vector(self.other_axis)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
@@ -57,8 +57,6 @@ class Contact(Acting):
         "soft": "Hunt and Crossley: k d^1.5 (1 + c d'), smooth friction",
         "penalty": "spring and damper: k d + c d', friction that sticks",
     }
-
-    ALIKE: ClassVar[bool] = True
 
     name: Text = field("a non-empty string", label="Name")
     body: Text = field("the name of a body, or '*' for every body that has a shape", label="Body")
@@ -145,6 +143,9 @@ class Contact(Acting):
         if not many and not most:
             return self.name
         return f"{self.name}[{body if not most else other if not many else f'{body}, {other}'}]"
+
+    def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
+        return {} if self.points else {"body": self.other}
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from .. import joints
+from .. import joints, words
 from ..fields import GROUND
 from ..joints import Motion
 from ..rotation import Array, matrix, quaternion_of, rodrigues, unit_vector
@@ -17,10 +17,45 @@ Numbers: TypeAlias = "Sequence[float] | Array"
 
 
 class Pose(NamedTuple):
-    """The pose of a body frame in the world or in its parent."""
+    """The pose of a body frame in the world or in its parent, `position, rotation = pose`.
+
+    NumPy takes it as its homogeneous transformation, and so do two indices: `pose[:3, 3]`.
+    """
 
     position: Array  # (3,) [m]
     rotation: Array  # (3, 3)
+
+    @property
+    def matrix(self) -> Array:
+        """The homogeneous transformation (4, 4)."""
+        found = np.zeros((*self.position.shape[:-1], 4, 4))
+        found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = self.rotation, self.position, 1.0
+        return found
+
+    @property
+    def quaternion(self) -> Array:
+        """The rotation as a unit quaternion [w, x, y, z]."""
+        found = [quaternion_of(R) for R in self.rotation.reshape(-1, 3, 3)]
+        return np.reshape(found, (*self.position.shape[:-1], 4))
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return self.matrix if dtype is None else self.matrix.astype(dtype)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name):
+            ours = words.SAME_ATTRIBUTES.get(name)
+            if ours in ("position", "rotation", "matrix", "quaternion"):
+                return getattr(self, ours)
+            raise words.NoAttribute("a pose", name, lambda: dir(self))
+
+        def __getitem__(self, key):
+            return self.matrix[key] if isinstance(key, tuple) else tuple.__getitem__(self, key)
+
+        def __matmul__(self, other):
+            """Return where a point (3,) is, or the product of the matrix with another."""
+            other = np.asarray(other)
+            return self.place(other) if other.shape == (3,) else self.matrix @ other
 
     def place(self, point: Numbers) -> Array:
         """Return the position of a body point [m]."""
