@@ -39,7 +39,10 @@ SHORTEST = 0.1  # part of a step: a shorter one leads nowhere
 MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
 MOST_STEPS = 60
 STUCK = 6  # steps that do not halve what is missed: enough where it is not notable
-ESCAPES = 20  # attempts to leave a cycle of steps, each with one more step that presses
+# Attempts to leave a cycle of steps, each with one more step that presses. Like GIVE, found by
+# trial and without a theory: of 4200 steps of 12 dominoes, 27 boxes and 125 balls, 1 is left, but
+# of 90 steps in which stacks with 1e6 kg on 1 kg start at random velocities, 27 are.
+ESCAPES = 20
 GIVE = (BOLDEST, CAREFUL, CAREFUL * TENFOLD)  # s of the steps that press in them, in turn
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
 MARK = 12  # column behind the three rows of Y in `across`: whether a block reaches these
