@@ -93,6 +93,8 @@ class Source:
             return default
         given = element.attributes[name]
         try:
+            if not given.isascii() or "_" in given:  # Python reads these, no other reader does
+                raise ValueError
             found = tuple(float(x) for x in given.split())
         except ValueError:
             found = ()

@@ -166,6 +166,70 @@ def test_an_override_of_friction_holds_for_all(tmp_path, friction):
     assert [c.friction for c in model.contacts] == [float(friction.split()[0])]
 
 
+@pytest.mark.parametrize("where", ["pair", "option"])
+@pytest.mark.parametrize(("friction", "same"), [(".3 .3 0 .1 .1", True), (".3 .1 0 0 0", False)])
+def test_friction_that_depends_on_the_direction_is_named(tmp_path, where, friction, same):
+    bodies = f'<geom name="f" type="plane" size="9 9 .1"/><body><freejoint/>{BOX}</body>'
+    bodies = bodies.replace("<geom type", '<geom name="g" type')
+    if where == "pair":
+        pair = f'<contact><pair geom1="f" geom2="g" friction="{friction}"/></contact>'
+        text = world(bodies, rest=pair)
+    else:
+        option = f'o_friction="{friction}"><flag override="enable"/></option><option '
+        text = world(bodies, option=option)
+    _, report = read(tmp_path, text)
+    assert ("direction" in left_out(report)) != same
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.05])
+@pytest.mark.parametrize("own", [0.0, 0.03])
+def test_an_override_of_margins_is_that_of_all(tmp_path, margin, own):
+    bodies = f'<geom type="plane" size="9 9 .1" margin="{own}"/><body><freejoint/>{BOX}</body>'
+    option = f'o_margin="{margin}"><flag override="enable"/></option><option '
+    _, report = read(tmp_path, world(bodies, option=option))
+    assert any("margin" in e.text for e in report.of("approximated")) == bool(margin)
+
+
+@pytest.mark.parametrize("flags", ["", 'spring="disable"', 'spring="disable" damper="disable"'])
+@pytest.mark.parametrize("lift", [-1.0, 1.0])
+def test_gravity_is_compensated_where_mujoco_does(tmp_path, flags, lift):
+    """Passive forces need springs or dampers, and negative numbers count beside positive ones."""
+    body = f'<body name="a" gravcomp="{lift}"><joint type="slide" axis="0 0 1"/>{BOX}</body>'
+    text = world(body, option=f'density="9"><flag contact="disable" {flags}/></option><option ')
+    model, _ = read(tmp_path, text)
+    m = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(m)
+    mujoco.mj_forward(m, data)
+    assert bool(model.forces) == bool(np.any(data.qfrc_gravcomp) or "damper" not in flags)
+    run = pg.simulate(model, t_end=1e-3, step=1e-4)
+    assert run.v[-1, 0] == pytest.approx(data.qacc[0] * 1e-3, rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize("ref", ['refpos="0 0 .05"', 'refquat="0 1 0 0"', 'refquat="1 1 0 0"'])
+def test_a_mesh_whose_file_has_another_frame_is_where_mujoco_has_it(tmp_path, monkeypatch, ref):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "home"))
+    (tmp_path / "part.obj").write_text(CUBE)
+    asset = f'<asset><mesh name="m" file="part.obj" {ref}/></asset>'
+    text = world('<body name="b"><freejoint/><geom type="mesh" mesh="m" mass="1"/></body>')
+    text = text.replace("<worldbody>", asset + "<worldbody>")
+    model, _ = read(tmp_path, text)
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    data = mujoco.MjData(m)
+    mujoco.mj_kinematics(m, data)
+    theirs = m.mesh_vert @ data.geom_xmat[0].reshape(3, 3).T + data.geom_xpos[0]
+    (shape,) = model.body("b").shapes
+    ours = load_mesh(shape.file).vertices @ matrix(shape.rotation).T + shape.position
+    assert np.sort(ours, 0) == pytest.approx(np.sort(theirs, 0), abs=1e-6)
+
+
+def test_a_plane_of_a_mocap_body_carries(tmp_path):
+    floor = '<body name="floor" mocap="true"><geom type="plane" size="5 5 .1"/></body>'
+    ball = '<body name="ball" pos="0 0 .2"><freejoint/><geom size=".1" mass="1"/></body>'
+    model, report = read(tmp_path, world(floor + ball))
+    assert report.loaded
+    assert [c.other for c in model.contacts] == ["ground"]
+
+
 @pytest.mark.parametrize("where", ["geom", "default", "class"])
 @pytest.mark.parametrize("kind", ["box", "plane"])
 @pytest.mark.parametrize("does", ['adhesion="50"', 'surfacevel=".5 0 0 0 0 0"'])

@@ -46,6 +46,14 @@ def test_a_comma_is_no_part_of_numbers(read, given):
     assert "comma" in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    "given", ["1_0 0 0", "0x1 0 0", "\u0661 0 0", "1f 0 0", "1;0;0", "1mm 0 0"]
+)
+def test_only_numbers_that_all_readers_know_are_read(read, given):
+    with pytest.raises(pg.FileError, match="xyz"):
+        read(robot(joints=joint(origin=given)))
+
+
 ORANGE = '<material name="orange"><color rgba="1 .5 0 1"/></material>'
 BALL = '<sphere radius=".1"/>'
 
@@ -101,6 +109,8 @@ WRONG_TO_LOOK_AT = [
     solid("visual", '<mesh filename="part.obj" scale="1 2"/>'),
     solid("visual", "<sphere/>"),
     solid("visual", '<box size="1 1"/>'),
+    solid("visual", BALL + '</geometry><origin xyz="0 0"/><geometry>'),
+    solid("visual", BALL, '<material name="m"><color rgb="1 0 0"/></material>'),
 ]
 
 

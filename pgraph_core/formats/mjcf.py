@@ -80,12 +80,14 @@ def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
     files = _Files(path, Folders(path, roots))
     mujoco = needed("mujoco", "mjcf")
     try:
-        compiled = files.spec(mujoco).compile()
+        spec = files.spec(mujoco)
+        compiled = spec.compile()
     except Exception as error:  # whatever MuJoCo raises of a file that it refuses
         text = " ".join(str(error).split())
         raise FileError(Problem(path.name, "", f"MuJoCo refuses it: {text}")) from None
     _usable(compiled, path)
-    return _Reader(Compiled(compiled), path, files).result()
+    moved = {m.id for m in spec.meshes if np.any(m.refpos) or np.any(m.refquat[1:])}
+    return _Reader(Compiled(compiled), path, files, moved).result()
 
 
 def _usable(compiled: Any, path: Path) -> None:
@@ -243,8 +245,9 @@ class _Files:
 
 
 class _Reader:
-    def __init__(self, m: Compiled, path: Path, files: _Files):
+    def __init__(self, m: Compiled, path: Path, files: _Files, moved: set[int]):
         self.m, self.files, self.path = m, files, path
+        self.moved = moved  # meshes that refpos or refquat move in their axes
         self.report = Report(path.name)
         self.sizes: list[MeshSize] = []
         self.names = self._body_names()
@@ -587,7 +590,7 @@ class _Reader:
         if not self.files.folders.holds(file):
             self.left_out("mesh", name, "it is outside the model's folder", acts=acts)
             return None
-        if file.suffix.lower().lstrip(".") not in FORMATS:
+        if file.suffix.lower().lstrip(".") not in FORMATS or k in self.moved:
             return self._kept(k, name, file.name, acts)
         sizes = tuple(float(x) for x in m.mesh_scale[k])
         scale = sizes[0] if len(set(sizes)) == 1 and sizes[0] > 0 else sizes

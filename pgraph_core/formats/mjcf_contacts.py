@@ -49,7 +49,8 @@ class Contacts:
         floors: list[int] = []
         walls: list[int] = []
         for g in range(m.ngeom):
-            if m.geom_type[g] != PLANE or m.body_weldid[m.geom_bodyid[g]] != 0:
+            root = m.body_weldid[m.geom_bodyid[g]]
+            if m.geom_type[g] != PLANE or (root and m.body_mocapid[root] < 0):  # it moves
                 continue
             place, turn = self.placed[g]
             flat = turn[2, 2] > 1 - SOLVED and abs(place[2]) < SOLVED
@@ -209,7 +210,10 @@ class Contacts:
         """Return the friction for each geom pair listed in the file."""
         m, found = self.m, dict[tuple[int, int], Law]()
         for p in np.flatnonzero(m.pair_dim):
-            one, _, spin, roll, _ = (float(x) for x in m.pair_friction[p])
+            one, across, spin, roll, along = (float(x) for x in m.pair_friction[p])
+            if (one != across and m.pair_dim[p] > 1) or (roll != along and m.pair_dim[p] > 4):
+                text = "friction that depends on the direction: its first number holds for all"
+                self.reader.left_out("pair", m.pair(p).name, text)
             key = self._geoms(int(m.pair_geom1[p]), int(m.pair_geom2[p]))
             found[key] = _law(int(m.pair_dim[p]), one, spin, roll)
         return found

@@ -55,11 +55,18 @@ class Forces:
                 text = f"the file switches off: {name.lower()}"
                 self.report.add("converted", self.reader.path.name, text)
         if m.opt.enableflags & int(needed("mujoco", "mjcf").mjtEnableBit.mjENBL_OVERRIDE):
-            sliding, _, spinning, rolling, _ = m.opt.o_friction
+            sliding, across, spinning, rolling, along = m.opt.o_friction
             m.geom_friction[:] = (sliding, spinning, rolling)
             m.pair_friction[:] = m.opt.o_friction
+            m.geom_margin[:] = m.pair_margin[:] = m.opt.o_margin
             text = "the file overrides the friction of all geoms by o_friction"
             self.report.add("converted", self.reader.path.name, text)
+            if sliding != across or rolling != along:
+                text = "o_friction that depends on the direction: its first number holds for all"
+                self.reader.left_out("option", "", text)
+        springs, dampers = (int(getattr(bits, f"mjDSBL_{x}", 0)) for x in ("SPRING", "DAMPER"))
+        # without both, MuJoCo computes no passive force, so no drag and compensation of gravity
+        self.passive = not (m.opt.disableflags & springs and m.opt.disableflags & dampers)
         self.filters = not m.opt.disableflags & int(bits.mjDSBL_FILTERPARENT)
         self.driven = not m.opt.disableflags & int(bits.mjDSBL_ACTUATION)
         self.actuators = len(m.actuator_trnid)
@@ -142,6 +149,8 @@ class Forces:
     def _lifts(self) -> Iterator[Wrench]:
         """Yield gravity compensation as wrenches at the centres of mass of its bodies."""
         m, lifted = self.m, list[str]()
+        if not (self.passive and m.ngravcomp):  # it counts positive numbers only
+            return
         for b in np.flatnonzero(m.body_gravcomp):
             name = self.reader.names[b]
             lift = -self.reader.gravity * m.body_mass[b] * m.body_gravcomp[b]
@@ -400,7 +409,7 @@ class Forces:
     def _drags(self) -> Iterator[Drag]:
         """Yield the fluid drag on the bodies, modelled with MuJoCo's inertia boxes."""
         m = self.m
-        if not (m.opt.density or m.opt.viscosity):
+        if not (self.passive and (m.opt.density or m.opt.viscosity)):
             return
         if np.any(m.opt.wind) or np.any(m.geom_fluid[:, 0]):
             text = "the fluid around the bodies, with wind or as ellipsoids"

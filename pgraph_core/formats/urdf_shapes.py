@@ -52,13 +52,14 @@ class Shapes:
         self.faults.append(self.source.wrong(element, field, text, what))
 
     def _pose(self, element: Element, what: str) -> tuple[tuple[float, ...], Quaternion]:
-        """Return the position and quaternion from <origin>."""
+        """Return the position and quaternion from <origin>. Raises FileError in a visual."""
         origin = element.first("origin")
-        xyz = self.given.numbers(origin, "xyz", ZERO, what)
+        numbers = (self.source if element.tag == "visual" else self.given).numbers
+        xyz = numbers(origin, "xyz", ZERO, what)
         if origin is not None and "quat_xyzw" in origin.attributes:  # URDF 1.2
-            x, y, z, w = self.given.numbers(origin, "quat_xyzw", (0.0, 0.0, 0.0, 1.0), what)
+            x, y, z, w = numbers(origin, "quat_xyzw", (0.0, 0.0, 0.0, 1.0), what)
             return xyz, upright((w, x, y, z))
-        rpy = self.given.numbers(origin, "rpy", ZERO, what)
+        rpy = numbers(origin, "rpy", ZERO, what)
         if origin is not None and max(map(abs, rpy)) > 4 * math.pi:
             text = f"rpy {shown(rpy)} is many turns: is it in degrees? URDF has radians"
             self.report.add("warning", self.source.at(origin, what), text)
@@ -218,6 +219,9 @@ class Shapes:
         if material.first("texture") is not None:
             self.report.add("left out", where, f"the texture of {shown(material.get('name'))}")
         if colour is None:
+            return None
+        if "rgba" not in colour.attributes:
+            self.report.add("left out", where, "a <color> without rgba, which holds no colour")
             return None
         try:
             rgba = self.source.numbers(colour, "rgba", (1.0, 1.0, 1.0, 1.0), "material")
