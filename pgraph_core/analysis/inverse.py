@@ -314,7 +314,8 @@ def _target(mech: Dynamics, q: Array, name: str, value: Any) -> Target:
             raise InputError(Problem(KINEMATICS, f"target of '{name}'", text))
         place, turn = value
     elif getattr(value, "shape", ()) == (4, 4):
-        place, turn = value[:3, 3], value[:3, :3]
+        matrix = np.asarray(value)
+        place, turn = matrix[:3, 3], matrix[:3, :3]
     else:
         place = value
     if place is None and turn is None:

@@ -301,6 +301,11 @@ class ContactSpace(Unportable):
         return self._kept
 
     @property
+    def described(self) -> tuple[Any, ...]:
+        """The geometry, the ground and the contact laws."""
+        return self._kept.geometry, self._kept.ground, self._kept.laws
+
+    @property
     def numbers(self) -> list[Array]:
         """The arrays from the description."""
         kept = self._kept

@@ -432,8 +432,9 @@ RUN = named(
 CARRIED = named(Carried, i8, i8, I1, I1, F2, F2, F1)
 
 # of numbers with derivatives: a scene but for a user's function, and what a run computes from it
-SCENE_OF_DUALS = carrying(SCENE)
-SCENE_OF_DUALS = SCENE_OF_DUALS.but(user=USER)
+CONTACTS_OF_DUALS = carrying(CONTACTS).but(islands=ISLANDS)
+DESCRIBED = carrying(group(GEOMETRY, GROUND, array_of(PAIR_LAW)))  # contacts as a model gives them
+SCENE_OF_DUALS = carrying(SCENE).but(user=USER, links=LINKS.but(contacts=of_duals))
 RUN_OF_DUALS = RUN.but(scene=of_duals, **{x: carrying(F2) for x in ("stages", "real")})
 RUN_OF_DUALS = RUN_OF_DUALS.but(flow=carrying(F1))
 

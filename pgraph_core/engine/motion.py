@@ -120,7 +120,7 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
         dissipated += lost
     flow[0] = put_in
     flow[1] = dissipated
-    if links.contacts != 0:
+    if links.forces != 0:
         call_contact_forces(links.forces, (scene, v, tau, flow))
     inboard(rows, const, work, tau)
     joint_acceleration(rows, const, work, vdot)

@@ -385,6 +385,7 @@ CONTACT_TALLY = record(
     pull=REAL,  # magnitude of gravity [m/s²]
     share=REAL,  # share of a step of the sub-step, while forces are summed
     fine=REAL,  # factor on tolerances of impulses, below 1 in the finer run of an estimate
+    margin=REAL,  # gap within which points were sought last for the blocks of a sub-step [m]
 )
 
 # -- contact points and joint limits of event-driven runs ------------------------------------------

@@ -13,10 +13,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..dynamics.lifted import MOST, laid_out, lifted
+from ..dynamics.lifted import MOST, flat, laid_out, lifted
 from ..engine import arrays, motion
 from ..engine import layout as at
-from ..engine.arrays import CARRIED, FACTORED, RUN_OF_DUALS, SCENE_OF_DUALS, RunLinks
+from ..engine.arrays import (
+    CARRIED,
+    CONTACTS_OF_DUALS,
+    DESCRIBED,
+    FACTORED,
+    RUN_OF_DUALS,
+    SCENE_OF_DUALS,
+    RunLinks,
+)
 from ..engine.compiler.address import address_of, address_of_array, buffer
 from ..engine.compiler.dual import WIDTH
 from ..engine.records import CHOSEN, COUNTERS, STEP_CONTROL, table
@@ -36,6 +44,7 @@ ENDS = {
     1: "a contact is about to slip or to stick",
     2: "impacts coincide that would occur one after the other for other values",
     3: "an impact occurs at the start of a step, where its time has no derivatives yet",
+    4: "an impact occurs, or may occur, while other contacts carry load",
 }
 
 
@@ -428,11 +437,18 @@ class RunOfDuals:
         scene = acting.arrays._replace(blocks=blocks, given=own.given, links=own.links)
         constrain = address_of(duals.constrain_duals) if len(record.scene.active) > 1 else 0
         links = scene.links._replace(constraints=constrain)
+        given = np.array([slope.scene for slope in slopes])
         if record.scene.touching is not None:
             from ..engine.stepping import moreau_duals
 
-            links = links._replace(forces=address_of(moreau_duals.forces_of_duals))
-        self._scene = lifted(SCENE_OF_DUALS, scene, np.array([slope.scene for slope in slopes]))
+            self._contacts = contacts_of_duals(record.scene.touching, acting.touching, given)
+            self._at_contacts = _saved(CONTACTS_OF_DUALS, self._contacts)
+            links = links._replace(
+                contacts=address_of_array(self._at_contacts),
+                find=address_of(moreau_duals.find_of_duals),
+                forces=address_of(moreau_duals.forces_of_duals),
+            )
+        self._scene = lifted(SCENE_OF_DUALS, scene, given)
         space = self._scene.space._replace(slots=scene.space.slots.copy())
         self._scene = self._scene._replace(links=links, space=space)
         self._scene.space.vectors[FACTORED] = 0.0  # these factors have no derivatives
@@ -510,6 +526,23 @@ class RunOfDuals:
             y[:, 1 : 1 + len(late)] -= np.outer(after, late)
         self._run.stages[at.CANDIDATE] = y
         self._run.control["fresh"] = self._run.control["filled"] = 0
+
+
+def contacts_of_duals(space: Any, acting: Any, slopes: Array) -> Any:
+    """Return the contacts of a scene with derivatives, the last of the `slopes`, (k, words).
+
+    Their description is that of the scene `acting`. The buffers of the solver are shared.
+    """
+    from ..engine.contact.contacts import ADDING
+
+    words = len(flat(DESCRIBED, acting.described).words)
+    described = lifted(DESCRIBED, acting.described, slopes[:, slopes.shape[1] - words :])
+    tally = space.tally_table.copy()
+    tally["frozen"] = ADDING  # forces of the last step do not act within a step
+    given = space.contacts._replace(tally=tally)
+    none = np.zeros((0, len(flat(CONTACTS_OF_DUALS, given).words)))
+    found = lifted(CONTACTS_OF_DUALS, given, none)
+    return found._replace(**dict(zip(("geometry", "ground", "laws"), described)))
 
 
 class Corners:

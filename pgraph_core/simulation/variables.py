@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics.lifted import Differs, Flat, are_on_lines, flat, slope_of
-from ..engine.arrays import SCENE_OF_DUALS
+from ..engine.arrays import DESCRIBED, SCENE_OF_DUALS
 from ..engine.compiler.kinds import F1, carrying, group
 from ..engine.signals import JUMPING, SAMPLE
 from ..errors import InputError, ModelError, PgraphError, Problem, nearest, shown
@@ -34,7 +34,7 @@ ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6
 MOST_KEPT = 32_768  # numbers in the slopes that a plan keeps
 SHARE = step_of_differences(6)  # step of differences over the size of a number
 FINER = 3  # steps of differences, each a sixteenth of the last, that are tried beside idle parts
-SCENE_AND_START = group(SCENE_OF_DUALS, carrying(F1), carrying(F1))
+START = group(carrying(F1), carrying(F1))
 
 
 class Given(NamedTuple):
@@ -166,7 +166,7 @@ def _input(given: Given, name: str, call: str) -> Variable:
 
 
 class Slope(NamedTuple):
-    """The derivatives of a scene, of its `Flat.words`, and of its initial state."""
+    """The derivatives of a scene with its contacts, and of its initial state, by `Flat.words`."""
 
     scene: Array
     q: Array
@@ -326,8 +326,12 @@ class Slopes:
         raise refused.get(Differs) or refused[ModelError]
 
     def _flat(self, mech: Mechanism, plan: RunPlan) -> Flat:
-        scene = self._given.recording.scene_of(mech, plan)
-        return flat(SCENE_AND_START, (scene.arrays, *plan.start))
+        scene, kinds = self._given.recording.scene_of(mech, plan), [SCENE_OF_DUALS]
+        values = [scene.arrays]
+        if scene.touching is not None:
+            kinds.append(DESCRIBED)
+            values.append(scene.touching.described)
+        return flat(group(*kinds, START), (*values, plan.start))
 
     def _parts(self, found: Array) -> Slope:
         return Slope(found[: self._end], *np.split(found[self._end :], [-self._nv]))
@@ -346,8 +350,10 @@ def refuse(given: Given) -> None:
     plan, why = given.plan, ""
     if plan.contact_points:
         why = "contacts and limits have derivatives by method='moreau_jean' alone"
-    if plan.contacts is not None and plan.contacts.touches:
-        why = "contacts of shapes have no derivatives yet, limits and friction of joints have them"
+    if plan.contacts is not None and plan.contacts.turns:
+        why = "contacts with rolling or spinning friction have no derivatives yet"
+    if plan.contacts is not None and plan.contacts.remembers:
+        why = "contacts with the law 'penalty' have no derivatives yet; give 'soft' for them"
     if plan.contacts is not None and len(plan.start[0]) > given.mech.nq:
         why = "limits have no derivatives yet beside controls with states"
     if callable(given.tau) or plan.tau is not None:

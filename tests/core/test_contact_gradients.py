@@ -138,17 +138,127 @@ def test_sticking_at_the_limit_of_friction_is_named():
     assert any("slip" in text for text in run.notices)
 
 
-def test_a_contact_that_comes_near_ends_derivatives():
-    model = ball(0.7, 1.0, 0.1, 0.7, 0.1, -9.81)
-    given: dict[str, Any] = STEPS | {"t_end": 0.6, "method": "auto"}
-    run = pg.simulate(model, wrt="q.b.2", **given)
-    assert np.array_equal(run.q, pg.simulate(model, **given).q)
-    found, before = run.sensitivity("q.b.2"), run.t < 0.3
-    assert np.abs(found[before, 2] - 1.0).max() < 1e-9
-    assert np.isnan(found[-1]).all()
-    assert any("derivatives end" in text for text in run.notices)
-    with pytest.raises(pg.InputError):
-        pg.simulate(model, wrt="q.b.2", **STEPS)
+BALL = {"z": 0.7, "vx": 1.0, "vz": 0.1, "e": 0.7, "mu": 0.1, "g": -9.81}
+PATHS = {"q.b.2": "z", "v.b.3": "vx", "contacts.c.restitution": "e", "gravity.2": "g"}
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+def test_a_ball_that_bounces(step):
+    found = apart(ball, BALL, PATHS, step=step)
+    assert max(found.values()) < 1e-7, found
+
+
+def test_a_ball_that_slides_until_it_rolls():
+    numbers = BALL | {"z": 0.1, "vz": 0.0, "mu": 0.5}
+    found = apart(ball, numbers, {"v.b.3": "vx", "contacts.c.friction": "mu"}, t_end=0.3)
+    assert max(found.values()) < 1e-7, found
+    run = pg.simulate(ball(**numbers), wrt=["contacts.c.friction"], **STEPS | {"t_end": 0.3})
+    assert np.abs(run.sensitivity("contacts.c.friction")[-1, 7:]).max() < 1e-9  # it rolls
+
+
+def test_a_ball_that_bounces_follows_the_closed_form_after_the_impact():
+    numbers = {"z": 0.7, "e": 0.7, "g": 9.81}
+    run = pg.simulate(ball(**BALL | {"vz": 0.0}), wrt=list(PATHS), **STEPS | {"t_end": 0.6})
+
+    def closed(z, e, g):
+        fall = np.sqrt(2.0 * (z - 0.1) / g)
+        rise = 0.6 - fall
+        return 0.1 + e * g * fall * rise - 0.5 * g * rise**2
+
+    exact = slopes_of(closed, numbers)
+    assert run.sensitivity("q.b.2")[-1, 2] == pytest.approx(exact["z"], rel=1e-6)
+    assert run.sensitivity("contacts.c.restitution")[-1, 2] == pytest.approx(exact["e"], rel=1e-6)
+    assert run.sensitivity("gravity.2")[-1, 2] == pytest.approx(-exact["g"], rel=1e-6)
+
+
+def two_balls(offset, speed, mass, e):
+    shape = pg.Shape(kind="sphere", radius=0.1)
+    fields: dict[str, Any] = {"joint": "free", "shape": shape}
+    first = pg.Body(name="a", link=(0, 0, 1), mass=mass, v=(0, 0, 0, speed, 0, 0), **fields)
+    other = pg.Body(name="b", link=(0.4, offset, 1), mass=2.0, **fields)
+    touch = pg.Contact(name="c", body="a", other="b", restitution=e)
+    return pg.Model(bodies=[first, other], contacts=[touch], gravity=(0, 0, 0))
+
+
+def test_two_balls_that_meet_off_their_centres():
+    numbers = {"offset": 0.05, "speed": 2.0, "mass": 1.0, "e": 0.5}
+    paths = {"bodies.b.link.1": "offset", "v.a.3": "speed", "bodies.a.mass": "mass"}
+    found = apart(two_balls, numbers, paths | {"contacts.c.restitution": "e"}, t_end=0.4)
+    assert max(found.values()) < 1e-7, found
+
+
+def tumbling(kind, mu, spin, size):
+    sizes = {"box": {"size": (0.2, 0.15, 2 * size)}, "cylinder": {"radius": size, "length": 0.3}}
+    body = pg.Body(
+        name="b", joint="free", link=(0, 0, 0.3), v=(0.5, spin, 0.2, 0.1, 0, 0),
+        shape=pg.Shape(kind=kind, **sizes[kind]),
+    )  # fmt: skip
+    touch = pg.Contact(name="c", body="b", friction=mu, restitution=0.2)
+    return pg.Model(bodies=[body], contacts=[touch])
+
+
+@pytest.mark.parametrize("kind", ["box", "cylinder"])
+def test_a_body_that_lands_on_a_corner_or_a_rim(kind):
+    numbers = {"mu": 0.3, "spin": 1.0, "size": 0.2 if kind == "box" else 0.1}
+    size = "bodies.b.shape.size.2" if kind == "box" else "bodies.b.shape.radius"
+    moved = apart(lambda **x: tumbling(kind, **x), numbers, {"v.b.1": "spin"}, t_end=0.2)
+    assert max(moved.values()) < 1e-5, moved
+    model = tumbling(kind, **numbers)
+    run = pg.simulate(model, wrt=[size], **STEPS | {"t_end": 0.2})
+    assert np.isfinite(run.sensitivity(size)).all()
+
+
+def test_an_impact_beside_a_loaded_contact_ends_derivatives():
+    model = tumbling("box", 0.3, 1.0, 0.2)
+    run = pg.simulate(model, wrt=["v.b.1"], **STEPS | {"t_end": 0.24})
+    assert np.isfinite(run.sensitivity("v.b.1")[run.t < 0.22]).all()
+    assert np.isnan(run.sensitivity("v.b.1")[-1]).all()
+    assert any("carry load" in text for text in run.notices)
+
+
+def sliding(mu, v, mass):
+    body = pg.Body(
+        name="b", joint="free", mass=mass, link=(0, 0, 0.05), v=(0, 0, 0, v, 0.1, 0),
+        shape=pg.Shape(kind="box", size=(0.2, 0.2, 0.1)),
+    )  # fmt: skip
+    return pg.Model(bodies=[body], contacts=[pg.Contact(name="c", body="b", friction=mu)])
+
+
+def test_a_box_that_slides_to_rest():
+    numbers = {"mu": 0.5, "v": 1.0, "mass": 2.0}
+    found = apart(sliding, numbers, {"contacts.c.friction": "mu", "v.b.3": "v"}, t_end=0.3)
+    assert max(found.values()) < 1e-7, found
+    run = pg.simulate(sliding(**numbers), wrt=["bodies.b.mass"], **STEPS | {"t_end": 0.3})
+    assert np.abs(run.sensitivity("bodies.b.mass")).max() < 1e-9
+
+
+@pytest.mark.parametrize("method", ["rk4", "radau5", "moreau_jean"])
+def test_a_soft_contact(method):
+    def landing(z, stiffness):
+        touch = pg.Contact(name="c", body="b", law="soft", stiffness=stiffness, friction=0.3)
+        return ball(**BALL | {"z": z}).remove("c").add(touch)
+
+    numbers = {"z": 0.12, "stiffness": 1e5}
+    paths = {"q.b.2": "z", "contacts.c.stiffness": "stiffness"}
+    steps: dict[str, Any] = {"method": method, "t_end": 0.12}
+    steps |= {"step": None, "rtol": 1e-10} if method == "radau5" else {"step": 1e-4}
+    found = apart(landing, numbers, paths, **steps)
+    assert max(found.values()) < 1e-5, found
+
+
+def test_laws_without_derivatives_are_refused():
+    model = ball(**BALL).remove("c")
+    for law in ({"law": "penalty", "stiffness": 1e4}, {"rolling_friction": 0.01}):
+        with pytest.raises(pg.InputError):
+            pg.simulate(model.add(pg.Contact(name="c", body="b", **law)), wrt="q.b.2", **STEPS)
+
+
+def test_a_friction_coefficient_is_fitted_with_exact_derivatives():
+    truth = pg.simulate(sliding(0.37, 1.0, 2.0), t_end=0.3, **{**STEPS, "frames": 61})
+    data = {"t": truth.t, "b.0": truth["b.0"]}
+    free = {"contacts.c.friction": (0.1, 1.0)}
+    fit = pg.fit(sliding(0.6, 1.0, 2.0), data, free, method="moreau_jean", step=1e-3)
+    assert fit.values["contacts.c.friction"] == pytest.approx(0.37, abs=1e-6)
 
 
 def test_user_events_do_not_change_derivatives():

@@ -4,7 +4,7 @@ import math
 
 from ...tolerances import SOLVED
 from .. import layout as at
-from ..arrays import CONTACTS, opened
+from ..arrays import CONTACTS, CONTACTS_OF_DUALS, opened
 from ..compiler.address import caller, stored
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import I1, f8, i8, plain, void
@@ -35,7 +35,7 @@ from .restitution import factor_tree, loss_of_touch, lost_share
 from .search import find_contacts
 from .shapes import place
 
-_save, contacts_at = stored(CONTACTS)
+_save, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
 
 SLIDING = 1e-7  # [m/s] below this slip speed a contact counts as sticking (solver noise)
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
@@ -56,6 +56,12 @@ _call_find = caller(FIND)
 
 @kernel(FIND, nogil=True)
 def find(scene, margin, placed):
+    """`contact_points`."""
+    return contact_points(scene, margin, placed)
+
+
+@sweep
+def contact_points(scene, margin, placed):
     """Find contact points within `margin`, after `positions`. Returns their number, at most the
     capacity.
 
@@ -275,6 +281,12 @@ def note_turn(address, n, torque):
 
 @kernel(CONTACT_FORCES, nogil=True)
 def contact_forces(scene, v, tau, flow):
+    """`push_contacts`."""
+    return push_contacts(scene, v, tau, flow)
+
+
+@sweep
+def push_contacts(scene, v, tau, flow):
     """Add contact forces to the rows and τ, after `outboard`, the power of moving surfaces to
     flow[0], and the dissipated power to flow[1].
 

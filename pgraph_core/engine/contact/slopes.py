@@ -1,6 +1,7 @@
 """Derivatives of impulses, where a run of numbers has found their values.
 
-The laws of the active rows are equations, with u = 0 for sticking rows. By the implicit function
+The laws of the active rows are equations, with u = 0 for sticking rows and λ_t = -μ λ_n u_t / |u_t|
+for sliding contacts. By the implicit function
 theorem the derivatives of λ solve the linearised laws, with the right side of duals at the values
 of λ. If impulses are redundant, some of their derivatives are set to zero, which does not affect
 the derivatives of the velocities.
@@ -34,7 +35,9 @@ from ..constraints.blocks import (
 from ..vec import dot, load
 from .newton import gather, rows_of
 
-OPEN, BOUND, HELD, UNCLEAR = 0, 1, 2, 3  # state of a block according to its law
+# State of a block according to its law: without impulse, at its bound, held in all rows, held in
+# the first row and sliding in the others, held in the first without friction, between two states.
+OPEN, BOUND, HELD, SLIDING, SMOOTH, UNCLEAR = 0, 1, 2, 3, 4, 5
 
 
 @sweep
@@ -49,14 +52,53 @@ def law_of(data, i, unilateral, size):
             return BOUND
         bound = data.blocks.blocks_f[i, at.AIM]
         return HELD if abs(lam[r]) < (1.0 - NOTABLE) * bound else UNCLEAR
-    arrives = lam[r] * data.space.own[i, 0] > SOLVED * size  # more than what rounding leaves
-    return HELD if arrives else OPEN
+    if not lam[r] * data.space.own[i, 0] > SOLVED * size:  # not more than what rounding leaves
+        return OPEN
+    if size_of(data.blocks.blocks_i, i) == 1:
+        return HELD
+    _, _, slip = slip_of(data, i)
+    rim = data.blocks.blocks_f[i, at.FRICTION] * lam[r]
+    if slip > SOLVED * size:
+        return SLIDING
+    if rim == 0.0:
+        return SMOOTH
+    pull = math.sqrt(lam[r + 1] * lam[r + 1] + lam[r + 2] * lam[r + 2])
+    return HELD if pull < (1.0 - NOTABLE) * rim else UNCLEAR
+
+
+@part
+def slip_of(data, i):
+    """Return the direction in which a contact slides along its tangents, and its speed."""
+    r = first_of(data.space.slots, i)
+    u = gather(data.space.y, data.space.slots, i, data.space.vectors[STEP])
+    x, y = data.space.vectors[RHS, r + 1] + u[1], data.space.vectors[RHS, r + 2] + u[2]
+    speed = math.sqrt(x * x + y * y)
+    share = 1.0 / speed if speed > 0.0 else 0.0
+    return share * x, share * y, speed
+
+
+@part
+def changed_law(data, i, law, effect, own):
+    """Return by how much the law of block i is missed more when λ changes by `own` in the block
+    itself, with this `effect` on the speeds of all joints.
+    """
+    u = gather(data.space.y, data.space.slots, i, effect)
+    if law != SLIDING:
+        return u
+    friction = data.blocks.blocks_f[i, at.FRICTION]
+    x, y, speed = slip_of(data, i)
+    turning = friction * data.space.vectors[LAMBDA, first_of(data.space.slots, i)] / speed
+    across = turning * (x * u[2] - y * u[1])
+    more = friction * own[0]
+    return (u[0], own[1] + more * x - across * y, own[2] + more * y + across * x)
 
 
 @part
 def unknowns(law, size):
     """Return how many impulses of a block follow from its law."""
-    return 0 if law == OPEN or law == BOUND else size
+    if law == OPEN or law == BOUND:
+        return 0
+    return 1 if law == SMOOTH else size
 
 
 @sweep
@@ -91,10 +133,12 @@ def linearise_laws(data, carried, first, size):
                 k = joint_of(slots, i, s)
                 effect[k] = dinv[k] * y[i, 3 * s + c]
             order[count] = first_of(slots, i) + c
+            unit = (1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
             row = 0
             for n in range(1, active[0] + 1):
                 law = law_of(data, active[n], n >= first, size)
-                u = gather(y, slots, active[n], effect)
+                own = unit if n == j else (0.0, 0.0, 0.0)
+                u = changed_law(data, active[n], law, effect, own)
                 for d in range(unknowns(law, size_of(blocks_i, active[n]))):
                     matrix[row, count] = u[d]
                     row += 1
@@ -122,6 +166,11 @@ def miss_laws(scene, data, first, size):
         if one_sided(type_of(blocks_i, i)) and count > 0:
             missed[row] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
             missed[row] += slack_of(blocks_i, blocks_f, i)
+        if law == SLIDING:
+            x, y, _ = slip_of(own, i)
+            rim = blocks_f[i, at.FRICTION] * vectors[LAMBDA, r]
+            missed[row + 1] = vectors[LAMBDA, r + 1] + rim * x
+            missed[row + 2] = vectors[LAMBDA, r + 2] + rim * y
         row += count
 
 

@@ -31,11 +31,19 @@ from ..constraints.blocks import (
     residual_velocity,
     span,
     type_of,
+    velocities,
 )
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread
-from ..contact.contacts import contacts_at
+from ..contact.contacts import (
+    contact_points,
+    contacts_at,
+    push_contacts,
+    set_block,
+    touching,
+)
 from ..contact.meeting import limit_gap
+from ..contact.shapes import place
 from ..contact.slopes import impulses_of_duals
 from ..contact.sweeps import own_block
 from ..motion import call_acceleration, opened
@@ -52,13 +60,19 @@ BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
 BEGUN, TAKEN, LEFT, KEPT = 0, 1, 2, 3
 START, HERE = at.WEIGHT, at.STAGE  # rows: the state there, and the one that waits meanwhile
 SHIFT = step_of_differences(2)  # part of a step over which forces are differenced in time
-NO_SLOPE, TOGETHER, HIT = 1.0, 2.0, 3.0  # why derivatives end
+NO_SLOPE, TOGETHER, HIT, LOADED = 1.0, 2.0, 3.0, 4.0  # why derivatives end
+
+
+@kernel(i8(of_duals, f8, i8), nogil=True, later=True)
+def find_of_duals(scene, margin, placed):
+    """`contact_points`."""
+    return contact_points(scene, margin, placed)
 
 
 @kernel(i8(of_duals, D1, D1, D1), nogil=True, later=True)
 def forces_of_duals(scene, v, tau, flow):
-    """Do nothing, because limits only act through impulses."""
-    return 0
+    """`push_contacts`."""
+    return push_contacts(scene, v, tau, flow)
 
 
 # run of duals, run of numbers, runs of duals, finished part, widths, first block
@@ -83,7 +97,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
     if w == 0.0:
         locate_impact(run, numbers, carried, (done, h), first)
     elif parted(stages[at.END])[LEFT, 0] > 0.0:
-        locate_end(run, numbers, (done, h))
+        locate_end(run, numbers, carried, (done, h))
     begin_part(run, done, h, w)
     copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
     t, width = opened_run(numbers).control[0].time + done, stages[at.END, TAKEN]
@@ -93,7 +107,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
     vdot, before = stages[at.SLOPE, nq : nq + nv], stages[at.TRIAL, nq : nq + nv]
     ledger, flow = stages[at.CANDIDATE, nq + nv :], data.flow
     scene_of_numbers = opened_run(numbers).scene
-    set_rows(scene, scene_of_numbers, first, width, q, v)
+    set_rows(scene, scene_of_numbers, first, h, width, q, v)
     own = opened(scene)
     space = own.space
     ledger[at.WORK_DONE] += width * flow[0]
@@ -205,10 +219,12 @@ def differ_in_time(run, t, shift):
 
 
 @sweep
-def set_rows(scene, numbers, first, width, q, v):
+def set_rows(scene, numbers, first, h, width, q, v):
     """Write the unilateral rows, from block `first` on, as the primal run has chosen them."""
     blocks, given = opened(scene).blocks, opened(numbers).blocks.blocks_f
     blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
+    if touches(numbers):
+        look_for_points(scene, numbers, v)
     for j in range(first, active[0] + 1):
         i = active[j]
         kind = type_of(blocks_i, i)
@@ -216,6 +232,8 @@ def set_rows(scene, numbers, first, width, q, v):
             blocks_f[i, at.AIM] = width * blocks_f[i, at.VALUE]
         elif kind == at.T_SPAN:
             span_reaches(scene, i, width, v)
+        elif kind == at.T_CONTACT:
+            set_contact(scene, numbers, i, h)
         else:
             blocks_f[i, at.AIM] = 0.0
             if given[i, at.AIM] != 0.0:
@@ -223,6 +241,37 @@ def set_rows(scene, numbers, first, width, q, v):
             blocks_f[i, at.BOUNCE] = 0.0
             if given[i, at.BOUNCE] != 0.0:
                 blocks_f[i, at.BOUNCE] = blocks_f[i, at.REBOUND]
+
+
+@part
+def touches(numbers):
+    """Return True if the scene has contacts between shapes."""
+    return contacts_at(opened(numbers).links.contacts).laws.shape[0] > 0
+
+
+@sweep
+def look_for_points(scene, numbers, v):
+    """Find the contact points of the primal run again, after `positions`, with velocities."""
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    velocities(data.rows, data.const, data.work, v, data.space.linear)
+    place(contacts.geometry.shapes, data.work, contacts.poses)
+    touching(scene, contacts_at(opened(numbers).links.contacts).tally[0].margin, 1)
+
+
+@part
+def set_contact(scene, numbers, i, h):
+    """Write the block of a contact point, as the primal run has chosen its laws."""
+    blocks, given = opened(scene).blocks, opened(numbers).blocks.blocks_f
+    contacts = contacts_at(opened(scene).links.contacts)
+    n = i - contacts.tally[0].first_contact
+    law = contacts.laws[contacts.found[n].pair]
+    set_block(contacts, blocks, n, i, given[i, at.FRICTION] == law.friction)
+    blocks.blocks_f[i, at.VALUE] = 0.0
+    if given[i, at.VALUE] != 0.0:
+        blocks.blocks_f[i, at.VALUE] = contacts.found[n].gap / h
+    if given[i, at.BOUNCE] == 0.0:
+        blocks.blocks_f[i, at.BOUNCE] = 0.0
 
 
 @sweep
@@ -245,14 +294,34 @@ def follow_width(run, t, h, m):
 
 
 @part
-def gap_of(scene, i, q):
-    """Return the gap of a limit of a joint or of a length, after `positions`."""
+def gap_of(scene, numbers, i, q):
+    """Return the gap of a limit or a contact point, after `follow_path`."""
     data = opened(scene)
     blocks = data.blocks
     if type_of(blocks.blocks_i, i) == at.T_LIMIT:
         return limit_gap(blocks, i, q)
+    if type_of(blocks.blocks_i, i) == at.T_CONTACT:
+        return gap_of_point(scene, numbers, i)
     a, b = ends_of(blocks.blocks_i, i)
     return span(blocks.blocks_f, i, data.work, a, b)[0]
+
+
+@sweep
+def gap_of_point(scene, numbers, i):
+    """Return the gap of the contact point that is block i of the primal run, nan if there is none.
+
+    Points are not in the same order where rounding has moved the shapes.
+    """
+    contacts, given = (
+        contacts_at(opened(scene).links.contacts),
+        contacts_at(opened(numbers).links.contacts),
+    )
+    found, point = contacts.found, given.found[i - given.tally[0].first_contact]
+    for n in range(contacts.tally[0].found):
+        same = found[n].shape_a == point.shape_a and found[n].shape_b == point.shape_b
+        if same and found[n].feature == point.feature:
+            return found[n].gap
+    return math.nan * found[0].gap
 
 
 @sweep
@@ -260,7 +329,8 @@ def locate_impact(run, numbers, carried, place, first):
     """Give the state before an impact the derivatives of its time.
 
     They are determined by the block that closes fastest. Impacts that coincide by chance have no
-    common derivative. `place` is (finished part of the step, its width).
+    common derivative. Where other contacts push meanwhile, the motion is not along the path.
+    `place` is (finished part of the step, its width).
     """
     data = opened_run(run)
     scene, stages = data.scene, data.stages
@@ -279,14 +349,19 @@ def locate_impact(run, numbers, carried, place, first):
         return
     follow_path(run, numbers, place)
     q = stages[at.CANDIDATE, : data.control[0].nq]
-    gaps[0] = gap_of(scene, chief, q)
+    of_numbers = opened_run(numbers).scene
+    if touches(of_numbers):
+        look_for_points(scene, of_numbers, own.space.vectors[STEP, : data.control[0].nv])
+    gaps[0] = gap_of(scene, of_numbers, chief, q)
     gap = parted(gaps)
     for j in range(first, active[0] + 1):
         i = active[j]
         r = first_of(given.space.slots, i)
         closing = -given.space.vectors[BEFORE, r]
+        if type_of(given.blocks.blocks_i, i) == at.T_CONTACT and closing <= NOTABLE * fastest:
+            end_derivatives(carried, opened_run(numbers).control[0].time, LOADED)
         if given.space.vectors[LAMBDA, r] > 0.0 and closing > NOTABLE * fastest:
-            gaps[1] = gap_of(scene, i, q)
+            gaps[1] = gap_of(scene, of_numbers, i, q)
             for k in range(1, BY_WIDTH):
                 share = gap[1, BY_WIDTH] / gap[0, BY_WIDTH]
                 if abs(gap[1, k] - share * gap[0, k]) > NOTABLE * (abs(gap[1, k]) + abs(gap[0, k])):
@@ -295,7 +370,7 @@ def locate_impact(run, numbers, carried, place, first):
 
 
 @sweep
-def locate_end(run, numbers, place):
+def locate_end(run, numbers, carried, place):
     """Give the state after a part the derivatives of the time at which it ended without an impact.
 
     It ended at a limit, which is the one with the smallest gap. The part itself went another way,
@@ -311,10 +386,12 @@ def locate_end(run, numbers, place):
     least = math.inf
     for i in range(tally.first_limit, tally.first_limit + tally.limits):
         if given.blocks.blocks_f[i, at.LOCATED] < math.inf:
-            gaps[1] = gap_of(scene, i, q)
+            gaps[1] = gap_of(scene, opened_run(numbers).scene, i, q)
             if abs(parted(gaps)[1, 0]) < least:
                 least = abs(parted(gaps)[1, 0])
                 gaps[0] = gaps[1]
+    if least == math.inf:  # it ended where shapes might meet
+        end_derivatives(carried, opened_run(numbers).control[0].time, LOADED)
     arrive(run)
 
 

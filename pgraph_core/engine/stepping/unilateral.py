@@ -92,7 +92,8 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
         return True
     first = tally.first_contact
     closed = max(closed, DRIFT * max(DEPTH * tally.length, WEIGHT * tally.pull * h * h))
-    count = touching(scene, max(closed, margin) if look else closed, 1)
+    tally.margin = max(closed, margin) if look else closed
+    count = touching(scene, tally.margin, 1)
     for n in range(count):
         point = contacts.found[n]
         if look and point_meets(scene, n, h, w):

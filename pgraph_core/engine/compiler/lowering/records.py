@@ -85,6 +85,23 @@ def _item(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 operation((operator.getitem,), _of_item, _item, (Records, types.Integer))
 
 
+def _of_set_item(args: Any) -> Any:
+    if len(args) != 3 or not (isinstance(args[0], Records) and isinstance(args[2], Record)):
+        return None
+    return signature(types.none, args[0], types.intp, args[2])
+
+
+def _set_item(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    of = sig.args[0]
+    target = _item(context, builder, sig, args)
+    whole = context.get_constant(types.intp, of.kind.itemsize * of.element.width)
+    cgutils.raw_memcpy(builder, target, args[2], whole, 1)
+    return context.get_dummy_value()
+
+
+operation((operator.setitem,), _of_set_item, _set_item, (Records, types.Integer, Record))
+
+
 @infer_getattr
 class _Shape(AttributeTemplate):
     key = Records
@@ -100,7 +117,8 @@ def _shape(context: Any, builder: Any, typ: Any, value: Any) -> Any:
 
 
 def _view_of(element: Any) -> types.Array:
-    return types.Array(element, 1, "C", aligned=False)
+    layout = "A" if element == types.int64 else "C"  # integers are as far apart as duals
+    return types.Array(element, 1, layout, aligned=False)
 
 
 @infer_getattr
@@ -111,9 +129,8 @@ class _Fields(AttributeTemplate):
         if attr not in (typ.kind.names or ()):
             return None
         _, count, whole = typ.field(attr)
-        if whole:
-            return types.int64
-        return typ.element if count == 1 else _view_of(typ.element)
+        element = types.int64 if whole else typ.element
+        return element if count == 1 else _view_of(element)
 
 
 def _address(builder: Any, typ: Record, record: Any, word: int, kind: Any) -> Any:
@@ -124,12 +141,11 @@ def _address(builder: Any, typ: Record, record: Any, word: int, kind: Any) -> An
 @lower_getattr_generic(Record)
 def _field(context: Any, builder: Any, typ: Any, value: Any, attr: str) -> Any:
     word, count, whole = typ.field(attr)
-    if whole:
-        return builder.load(_address(builder, typ, value, word, ir.IntType(64)))
-    start = _address(builder, typ, value, word, context.get_value_type(typ.element))
+    element = types.int64 if whole else typ.element
+    start = _address(builder, typ, value, word, context.get_value_type(element))
     if count == 1:
         return builder.load(start, align=WORD)
-    found = context.make_array(_view_of(typ.element))(context, builder)
+    found = context.make_array(_view_of(element))(context, builder)
     size, step = (context.get_constant(types.intp, n) for n in (count, WORD * typ.element.width))
     found.data, found.nitems, found.itemsize = start, size, step
     found.shape, found.strides = (cgutils.pack_array(builder, [x]) for x in (size, step))
