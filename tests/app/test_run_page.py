@@ -259,6 +259,8 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     page = rods
     result = simulated(page, served)
     row(page, "1").locator("td").first.click()
+    page.wait_for_function("() => pgraph.latest.selected[0] === '1'")
+    page.wait_for_function("() => (pgraph.latest.signals?.body ?? '1') === '1'")
     page.locator("button.plots").click()  # it begins with the joint of the selected body
     page.locator('figure.plot[data-kind="q"]').wait_for()
     page.locator("button.add-plot").click()
