@@ -261,7 +261,9 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     row(page, "1").locator("td").first.click()
     page.wait_for_function("() => pgraph.latest.selected[0] === '1'")
     page.wait_for_function("() => (pgraph.latest.signals?.body ?? '1') === '1'")
-    page.locator("button.plots").click()  # it begins with the joint of the selected body
+    page.locator("button.plots").click()
+    for client in served.store.state.clients:  # the first look of a page has begun with it
+        served.send(Plot(client, "q", "1", True))
     page.locator('figure.plot[data-kind="q"]').wait_for()
     page.locator("button.add-plot").click()
     page.locator('.chip-button[data-kind="energy"]').click()
