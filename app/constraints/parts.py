@@ -498,6 +498,8 @@ def _coefficients(
         else:
             rows = rows or {data["body"]: _unit_row(model, data["body"], data["coordinate"])}
             rows[text] = _unit_row(model, text)
+    elif index[0] >= len(rows):
+        raise Refusal("no longer has this body")
     else:
         name = list(rows)[index[0]]
         rows[name] = replaced(tuple(rows[name]), index[1:], content(text, "number", Display()))

@@ -21,7 +21,6 @@ from ..core.cells import (
     group,
     shown,
 )
-from ..core.rows import by_number
 from ..core.views import Host, Payload, Place, topic
 from ..pose.solving import degrees
 from . import (
@@ -197,10 +196,8 @@ def _picking(picking: Picking | None) -> Payload | None:
 # -- the form of one part ----------------------------------------------------------------------
 
 
-def form(
-    state: State, display: Display, part: Part, item: Any, among: Sequence[Any] = ()
-) -> list[Payload]:
-    """Return the relevant fields of a part. `among` contains the parts of its scenario."""
+def form(state: State, display: Display, part: Part, item: Any) -> list[Payload]:
+    """Return the relevant fields of a part."""
     at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
     cells = state.model.cells(item, part)
     found, more = [field("name", "Name", [cell((), item.name)], kind="text")], []
@@ -209,8 +206,7 @@ def form(
         here += _field(state.model, part, item, name, cells, display, at)
     if isinstance(item, pg.PID):
         found.append(field("response", "", [], buttons=[RESPONSE]))
-    groups = [group("", found), *([group("More", more, False)] if more else [])]
-    return by_number(groups, state.rows, state.model, part, item.name, among)
+    return [group("", found), *([group("More", more, False)] if more else [])]
 
 
 def _field(

@@ -7,7 +7,7 @@ window.pgraph = (() => {
   const hosts = new Map(); // view name -> the element that it draws in
   const latest = {}; // topic -> data, to draw again when a host is mounted
   const ME = crypto.getRandomValues(new Uint32Array(4)).join("-"); // this page, as long as it is open
-  let uplink = null, serial = 0, waiting = [], resuming = null; // the serial of our Hello while we are coming back
+  let uplink = null, serial = 0, began = null, waiting = [], resuming = null; // the serial of our Hello while we are coming back
   const late = new Set(); // topics that came meanwhile
 
   // A fault in one view is told to the console; it takes nothing from the others.
@@ -102,10 +102,15 @@ window.pgraph = (() => {
     // An event for Python, by its class name; the blank makes equal events differ for viser.
     send(event, fields = {}) {
       if (/^(Select|ToggleBody)/.test(event)) pgraph.selecting = true;
-      waiting.push(JSON.stringify({ event, seen: latest.renamed ?? null, ...fields }) + " ".repeat(serial++ % 2));
+      waiting.push(JSON.stringify({ event, seen: latest.version ?? null, ...(began === null ? {} : { typed: began }), ...fields }) + " ".repeat(serial++ % 2));
       flush();
     },
     nextSerial: () => ++serial,
+    // What `act` sends was begun when the page showed that version of the model.
+    since(version, act) {
+      began = version ?? null;
+      try { act(); } finally { began = null; }
+    },
     beforePicture(what, act) {
       if (!beforePicture.size) requestAnimationFrame(settle);
       beforePicture.set(what, act);

@@ -29,7 +29,7 @@ pgraph.cells = (() => {
     if (!untouched || cell.classList.contains("refused")) return;
     show(cell, document.activeElement === cell ? cell.dataset.full : digits(value));
   }
-  function show(cell, text) { cell.value = cell.dataset.shown = text; }
+  function show(cell, text) { cell.value = cell.dataset.shown = text; cell.pgraphBegan = null; }
   function settled(cell) {
     const full = cell.dataset.full ?? "";
     return cell.dataset.numeric && full !== "" && !Number.isNaN(Number(full)) ? digits(Number(full)) : full;
@@ -58,7 +58,7 @@ pgraph.cells = (() => {
     cell.pgraphSerial = serial;
     cell.dataset.sent = cell.value;
     cell.classList.add("waiting");
-    send(serial, cell.value);
+    pgraph.since(cell.pgraphBegan, () => send(serial, cell.value));
   }
 
   // Python's answer: taken, or the sentence that says why not.
@@ -78,6 +78,7 @@ pgraph.cells = (() => {
   }
   function refuse(cell, text, offer = "") {
     cell.classList.add("refused");
+    cell.pgraphBegan = null; // asked again, it is of what the page shows then
     cell.setAttribute("aria-invalid", "true");
     cell.title = text;
     sentence(cell, text);
@@ -164,6 +165,7 @@ pgraph.cells = (() => {
       if (!dirty(cell) && leaving) show(cell, cell.dataset.full ?? "");
       cell.select();
     });
+    cell.addEventListener("input", () => { cell.pgraphBegan ??= pgraph.latest.version ?? null; });
     cell.pgraphAsks = !leaving; // a question is answered by nothing too
     if (leaving) cell.pgraphCommit = () => commit(cell, send);
     if (leaving) cell.addEventListener("blur", () => { if (!quiet) commit(cell, send); });

@@ -1,14 +1,13 @@
 """Model edits: each is one undo step with a reply to its page (pure).
 
 Selections and opened parts of pages follow the names of bodies and parts. Each message carries the
-rename count that its page has seen, and older names are translated. Rows keep their numbers, bodies
-their colours.
+version of the model that its page has seen. Older names are translated.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +16,7 @@ from pgraph_core.errors import counted
 from pgraph_core.model.description import TOLD
 
 from .cells import Refusal
-from .rows import followed
+from .rows import followed, places
 from .state import Notice, Rename, S, Step, replied, told
 
 UNDO_DEPTH = 200
@@ -36,13 +35,11 @@ def edited(
     make: Callable[[], tuple[pg.Model, str]],
     serial: int | None = None,
     offer: Callable[[], str] = lambda: "",
-    at: int | None = None,
 ) -> S:
     """Apply the new model from `make() -> (model, description)` as one undo step.
 
     What it refuses stands next to the cell that was typed into, the one of `serial`, with a button
-    for the repair that `offer` names; without a cell it is a notice. `at` is the place of the row
-    that is edited.
+    for the repair that `offer` names; without a cell it is a notice.
     """
     try:
         model, label = make()
@@ -51,7 +48,7 @@ def edited(
             return told(state, client, Notice("Not done", str(problem), bad=True))
         return replied(state, client, serial, str(problem), offer())
     said = [*model.notices, *_pointed(state.model, model)]
-    state = with_model(state, model, label, at)
+    state = with_model(state, model, label)
     if serial is not None:
         state = replied(state, client, serial)
     return _noticed(state, client, said)
@@ -80,14 +77,14 @@ def _noticed(state: S, client: int, said: Sequence[str]) -> S:
     return told(state, client, Notice(ALSO, "; ".join(said))) if said else state
 
 
-def with_model(state: S, model: pg.Model, label: str, at: int | None = None) -> S:
+def with_model(state: S, model: pg.Model, label: str) -> S:
     """Replace the current model by `model`, as one undo step. Do nothing if it is the same."""
     if model is state.model:
         return state
     vars(model).pop(TOLD, None)  # the page shows notices at each edit, so no run repeats them
-    step = Step(state.model, label, state.rows, state.document)
+    step = Step(state.model, label, state.document)
     undo = (*state.undo, step)[-UNDO_DEPTH:]
-    return replace(showing(state, model, at), undo=undo, redo=(), greeting=None)
+    return replace(showing(state, model), undo=undo, redo=(), greeting=None)
 
 
 def replaced(state: S, model: pg.Model, label: str) -> S:
@@ -99,20 +96,18 @@ def replaced(state: S, model: pg.Model, label: str) -> S:
     return replace(after, framed=state.framed + 1, document=state.framed + 1)
 
 
-def showing(state: S, model: pg.Model, at: int | None = None, earlier: Step | None = None) -> S:
-    """Show `model`. Selections follow names or rows, and the playback is reset to its start.
-
-    `at` is the place of the row that was edited; `earlier` is the step that comes back.
-    """
+def showing(state: S, model: pg.Model) -> S:
+    """Show `model`. Selections follow names or rows, and the playback is reset to its start."""
     changed = list(renamed(state.model, model))
-    if earlier is not None and earlier.model is model:
-        rows = replace(earlier.rows, given=state.rows.given)
-    else:
-        back = earlier and (earlier.model, earlier.rows)
-        rows = followed(state.rows, state.model, model, changed, at, back)
-    renames = remembered(state.renames, changed)
+    rows = followed(state.rows, state.model, model, changed)
+    moved = places(state.rows, state.model) != places(rows, model)
+    version = state.version + (moved or bool(changed))
+    renames = (*state.renames, *(Rename(version, *said) for said in changed))[-MOST_RENAMES:]
     names = {(kind, old): new for kind, old, new in changed}
-    return replace(state, model=model, rows=rows, renames=renames).followed(state, names)
+    return replace(
+        state, model=model, rows=rows, renames=renames, version=version,
+        moved=version if moved else state.moved,
+    ).followed(state, names)  # fmt: skip
 
 
 def selected(state: S, client: int, body: str | None, bodies: tuple[str, ...]) -> S:
@@ -147,15 +142,6 @@ def _pairs(old: Sequence[Any], new: Sequence[Any]) -> list[tuple[Any, Any]]:
     other = [(a, b) for a, b in zip(old, new) if a.name != b.name]
     before, after = {a.name for a, _ in other}, {b.name for _, b in other}
     return [(a, b) for a, b in other if a.name not in after and b.name not in before]
-
-
-def remembered(
-    renames: tuple[Rename, ...], changed: Iterable[tuple[str, str, str]]
-) -> tuple[Rename, ...]:
-    """Append the renames of an edit, given as (kind, old name, new name)."""
-    last = renames[-1].number if renames else 0
-    more = [Rename(last + k, *said) for k, said in enumerate(changed, 1)]
-    return (*renames, *more)[-MOST_RENAMES:] if more else renames
 
 
 def as_now(renames: Sequence[Rename], event: Any) -> Any:

@@ -27,7 +27,7 @@ from pgraph_core.errors import PgraphError
 
 from .cells import Refusal
 from .edit import as_now, edited
-from .rows import placed, touched
+from .rows import refuse_moved
 from .state import Notice, S, State, replied, told, with_client
 
 Text = Annotated[str, Field(max_length=20_000)]
@@ -68,7 +68,8 @@ class FromPage(Event):
 
     __pydantic_config__ = ConfigDict(extra="forbid")
     client: int
-    seen: int | None = field(default=None, kw_only=True)  # number of renames the page knew of
+    seen: int | None = field(default=None, kw_only=True)  # version of the model on the page
+    typed: int | None = field(default=None, kw_only=True)  # the same, when typing began
 
 
 class OfBodies(FromPage):
@@ -116,10 +117,9 @@ class ModelEdit(FromPage):
     """
 
     def applied(self, state: Any) -> Any:
-        after = edited(
-            state, self.client, lambda: self.edit(state),
-            getattr(self, "serial", None), lambda: self.offer(state), touched(self),
-        )  # fmt: skip
+        serial = getattr(self, "serial", None)
+        make, offer = lambda: self.edit(state), lambda: self.offer(state)
+        after = edited(state, self.client, make, serial, offer)
         return after if after.model is state.model else self.then(state, after)
 
     @abstractmethod
@@ -139,7 +139,8 @@ def update(state: S, event: Event) -> S:
     """Return the state after `event` (pure). Invalid and stale events add notices alone."""
     event = as_now(state.renames, event)
     try:
-        event = placed(state.rows, state.model, state.scenario, of_selection(state, event))
+        refuse_moved(event, state.moved)
+        event = of_selection(state, event)
     except (Refusal, PgraphError) as gone:
         client, serial = getattr(event, "client", 0), getattr(event, "serial", None)
         if serial is None:

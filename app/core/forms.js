@@ -266,8 +266,8 @@ pgraph.forms = (() => {
     list.value = [...list.options].some((option) => option.value === value) ? value : "";
   }
   function fillCell(input, field, cell) {
-    const { name, at, index } = cell;
-    input.setAttribute("aria-label", [field.label, cell.called || name || (at ?? index).map((k) => k + 1).join(" ")].filter(Boolean).join(" "));
+    const { name, index } = cell;
+    input.setAttribute("aria-label", [field.label, cell.called || name || index.map((k) => k + 1).join(" ")].filter(Boolean).join(" "));
     const kind = cell.kind ?? field.kind, options = paired(cell.options ?? field.options);
     input.pgraphOptions = cell.varied ? [["", "varied"], ...options] : options;
     if (kind === "choice" || kind === "names") cells.choose(input, cell.value);

@@ -49,7 +49,7 @@ class Notice:
 class Rename:
     """A rename that pages may not yet know, so that they may briefly use the old name."""
 
-    number: int  # from 1
+    number: int  # `State.version` after it
     kind: str  # "bodies", "parameters", "constraints", "contacts" or "forces"
     old: str
     new: str
@@ -64,7 +64,6 @@ class Step:
 
     model: pg.Model
     label: str
-    rows: Rows = field(default_factory=Rows)  # rows of that model
     document: int = 0  # `State.document` of that model
 
 
@@ -134,6 +133,8 @@ class State:
     redo: tuple[Step, ...] = ()
     renames: tuple[Rename, ...] = ()  # the most recent renames
     rows: Rows = field(default_factory=Rows)
+    version: int = 0  # number of edits that changed names or rows
+    moved: int = 0  # the version at the last change of rows
     greeting: Notice | None = None  # to pages that open, until the model is changed
     framed: int = 0  # number of opened models, for each of which the camera is framed
     document: int = 0  # `framed` when the present model was opened, changed by Undo and Redo
@@ -156,11 +157,6 @@ class State:
     def derived(self) -> Derived:
         """Data derived from the model."""
         return derive(self.model)
-
-    @property
-    def renamed(self) -> int:
-        """Number of renames."""
-        return self.renames[-1].number if self.renames else 0
 
     @property
     def moves(self) -> bool:

@@ -132,8 +132,8 @@ def _gone(state: State, back: str, onto: str) -> State:
     if not (steps := getattr(state, back)):
         return state
     *left, step = steps
-    inverse = replace(step, model=state.model, rows=state.rows, document=state.document)
-    there = replace(showing(state, step.model, earlier=step), document=step.document)
+    inverse = replace(step, model=state.model, document=state.document)
+    there = replace(showing(state, step.model), document=step.document)
     for client in state.clients:
         there = told(there, client, Notice(edit.ALSO, withdrawn=True))
     return replace(there, **{back: tuple(left), onto: (*getattr(state, onto), inverse)})

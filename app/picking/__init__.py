@@ -33,6 +33,7 @@ class Aim:
     bodies: tuple[str, ...] = ()  # whose field it is
     part: Part | None = None  # list of the constraint, contact or force,
     name: str = ""  # and its name
+    seen: int = 0  # version of the model at its start
     spots: tuple[Spot, ...] = ()  # measured spots
     under: Spot | None = None  # the pointer now
 

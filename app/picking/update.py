@@ -15,7 +15,7 @@ from ..constraints import Part, parts
 from ..core.cells import Display, Refusal
 from ..core.edit import attempted, selected
 from ..core.events import Finite, FromPage, Index, OfServer, Request, Text
-from ..core.rows import place_of
+from ..core.rows import refuse_moved
 from ..core.state import Notice, told, with_client
 from ..pose import poses
 from ..properties.body_cells import edit_of
@@ -39,7 +39,8 @@ class StartAim(FromPage):
     name: Text = ""
 
     def applied(self, state: State) -> State:
-        aim = Aim(self.wants, self.field, self.index, self.bodies, self.part, self.name)
+        about = self.wants, self.field, self.index, self.bodies, self.part, self.name
+        aim = Aim(*about, seen=state.version)
         return with_client(state, self.client, aim=aim, picking=None)
 
 
@@ -154,14 +155,14 @@ def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
         return told(after, client, Notice("Not done", text, bad=True))
 
     def made() -> pg.Model:
-        model, part = state.model, aim.part or "bodies"
-        field, index = place_of(state.rows, model, part, of, aim.field, aim.index)
-        entries = tuple(((*index, k), repr(x)) for k, x in enumerate(vector))
+        refuse_moved(aim, state.moved)
+        model = state.model
+        entries = tuple(((*aim.index, k), repr(x)) for k, x in enumerate(vector))
         if aim.part is None:
-            return model.edit(of, **edit_of(model, model.body(of), field, entries, Display()))
+            return model.edit(of, **edit_of(model, model.body(of), aim.field, entries, Display()))
         d = state.derived
         at = parts.places(d.names, d.positions, d.wxyz)
-        return parts.changed(model, aim.part, of, field, entries, Display(), at)
+        return parts.changed(model, aim.part, of, aim.field, entries, Display(), at)
 
     return attempted(after, client, made, f"{aim.field} of {of} picked in 3D")
 

@@ -45,10 +45,7 @@ BodyField = Literal[
     "derived",
     "body_length",
 ]  # fmt: skip
-SHAPE_NUMBER = r"(\d{1,9}|more)"
-FurtherShape = Annotated[
-    str, Field(pattern=rf"^shape_{SHAPE_NUMBER}(\.{SHAPE_NUMBER})*_[a-z_]{{4,20}}$")
-]
+FurtherShape = Annotated[str, Field(pattern=r"^shape_\d{1,9}_[a-z_]{4,20}$")]
 
 
 class Typed(OfBodies):

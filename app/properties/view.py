@@ -24,7 +24,6 @@ from ..core.cells import (
     quantity_in,
     shown,
 )
-from ..core.rows import by_number, shapes_by_number
 from ..core.views import Host, Payload, Place, hue, topic
 from . import Client, State
 from .body_cells import (
@@ -77,19 +76,17 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
     bodies = [state.model.body(name) for name in known]
     several = len(bodies) > 1
     number = state.derived.number[known[0]]
-    ids = state.rows.of(("bodies",), len(state.model.bodies))
+    ids = state.rows.named(state.model, "bodies")
     forms = [groups(state.model, body, display) for body in bodies]
     return {
         "bodies": known,
-        "ids": [ids[state.model.row[name]] for name in known],
+        "ids": [ids[name] for name in known],
         "title": f"{len(bodies)} bodies" if several else known[0],
         "color": hue(state.derived.branches[number - 1]),
         "number": None if several else number,
         "subtitle": "An edit changes all of them" if several else "on",
         "parent": None if several else bodies[0].parent,
-        "groups": shapes_by_number(merged(forms), state.rows, state.model, known)
-        if several
-        else by_number(forms[0], state.rows, state.model, "bodies", known[0]),
+        "groups": merged(forms),
         "display": vars(display),
         "parameters": sorted(state.model.parameters),
     }

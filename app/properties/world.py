@@ -28,7 +28,7 @@ from ..core.cells import (
     shown,
 )
 from ..core.events import Entries, ModelEdit, Text
-from ..core.rows import GONE, by_number
+from ..core.rows import GONE
 from ..core.state import display_of
 from . import State
 
@@ -44,12 +44,7 @@ def world(state: State, display: Display) -> Payload:
     return {
         "title": state.model.name,
         "subtitle": "Model; click a body to edit it",
-        "groups": by_number(
-            [_general(state), _ground(state, display), _parameters(state)],
-            state.rows,
-            state.model,
-            "ground",
-        ),
+        "groups": [_general(state), _ground(state, display), _parameters(state)],
     }
 
 
@@ -107,18 +102,14 @@ def _parameters(state: State) -> Payload:
         for name in names_in(text):
             if name in used:
                 used[name] += 1
-    number = _rows(state)
+    ids = state.rows.named(model, "parameters")
     rows = [
-        {"id": number[name], "name": name, "value": value, "used": used[name]}
+        {"id": ids[name], "name": name, "value": value, "used": used[name]}
         for name, value in model.parameters.items()
     ]
     help = "numbers with a name: a cell of a body holds =name or =name/2"
     parameters = field("parameters", "", [], kind="parameters", rows=rows, help=help)
     return group("Parameters", [parameters], bool(rows), str(len(rows) or "none"))
-
-
-def _rows(state: State) -> dict[str, int]:
-    return state.rows.named(state.model, "parameters")
 
 
 # -- edits -----------------------------------------------------------------------------------------
@@ -216,7 +207,8 @@ class EditParameter(ModelEdit):
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
         name = self.name.strip()
-        if self.row is not None and self.row not in _rows(state).values():
+        known = state.rows.named(state.model, "parameters").values()
+        if self.row is not None and self.row not in known:
             raise Refusal(GONE)
         return parameter_set(state.model, name, self.text), f"parameter {name}"
 

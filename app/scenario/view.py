@@ -9,7 +9,6 @@ import pgraph_core as pg
 from ..constraints import KINDS, parts
 from ..constraints.view import between, form
 from ..core.cells import Display, Quantity, button, cell, field, group, shown
-from ..core.rows import by_number
 from ..core.views import Host, Payload, Place, topic
 from ..properties.body_cells import quantity_of
 from ..run import FREE_RUN
@@ -55,21 +54,14 @@ def scenario(state: State, display: Display) -> Payload:
         "none": False,
         "id": number[name],
         "form": [_settings(s)],
-        "start": by_number(_initial(model, s, display), state.rows, model, "scenario"),
+        "start": _initial(model, s, display),
         "held": [b.name for b in model.bodies if b.name in s.q or b.name in s.v],
-        "active": by_number(_acting(model, s), state.rows, model, "scenario"),
+        "active": _acting(model, s),
         "drives": _drives(state, s, display),
         "switches": [
-            {"id": number, "name": "", "form": [group("", switch(x))]}
-            for number, x in zip(inner(state, s, "switches"), s.switches)
+            {"id": k, "name": "", "form": [group("", switch(x))]} for k, x in enumerate(s.switches)
         ],
     }
-
-
-def inner(state: State, s: pg.Scenario, what: str) -> tuple[int, ...]:
-    """Return the indices of a scenario's switches or forces."""
-    number = state.rows.named(state.model, "scenarios")[s.name]
-    return state.rows.of(("scenarios", number, what), len(getattr(s, what)))
 
 
 def _settings(s: pg.Scenario) -> Payload:
@@ -113,16 +105,16 @@ def _acting(model: pg.Model, s: pg.Scenario) -> list[Payload]:
 
 def _drives(state: State, s: pg.Scenario, display: Display) -> list[Payload]:
     draft = as_forces(state.model, s) if s.forces else state.model
-    of = State(draft, request=state.request, rows=state.rows)
+    of = State(draft, request=state.request)
     return [
         {
-            "id": number,
+            "id": k,
             "name": f.name,
             "kind": parts.kind_of("forces", f),
             "between": between(f),
-            "form": _without_picking(form(of, display, "forces", f, s.forces)),
+            "form": _without_picking(form(of, display, "forces", f)),
         }
-        for number, f in zip(inner(state, s, "forces"), s.forces)
+        for k, f in enumerate(s.forces)
     ]
 
 

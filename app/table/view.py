@@ -15,7 +15,7 @@ from .paste import COPIED, copied
 def table(state: State) -> Payload:
     """Return the rows: number, name, parent, joint, constraints, hue and part of the digraph."""
     d, bodies = state.derived, state.model.bodies
-    ids = state.rows.of(("bodies",), len(bodies))
+    ids = state.rows.named(state.model, "bodies")
     order = {body.name: row for row, body in enumerate(bodies)}
     ends = tuple((loop.body, loop.other) for loop in d.loops)
     lanes = _lanes(d.parent, tuple(order[name] for name in d.names), ends)
@@ -27,11 +27,11 @@ def table(state: State) -> Payload:
         "has limits": {"limits"},
     }
     rows = []
-    for row, (id_, body) in enumerate(zip(ids, bodies)):
+    for row, body in enumerate(bodies):
         k = d.number[body.name]
         kind = "tip" if k in d.tips else "separation" if k in d.separation else ""
         rows.append({
-            "id": id_,
+            "id": ids[body.name],
             "name": body.name,
             "number": k,
             "parent": body.parent,

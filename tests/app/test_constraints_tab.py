@@ -229,7 +229,7 @@ def test_a_driven_mechanism_is_not_called_locked(name, body):
         ("constraints", "point", "point", (((0,), "0.1"),), (0.1, 0.0, 0.0)),
         ("constraints", "point", "other_point", (((2,), "2 mm"),), (0.6, 0.0, 0.002)),
         ("constraints", "gear", "ratio", (((), "-2"),), -2.0),
-        ("constraints", "velocity", "coefficients", (((2, 0), "2"),), {"3": (2.0,)}),
+        ("constraints", "velocity", "coefficients", (((0, 0), "2"),), {"3": (2.0,)}),
         ("forces", "wrench", "force", (((0,), "10"),), (10.0, 0.0, 0.0)),
         ("forces", "motor", "integrates", (((), "yes"),), True),
         ("forces", "drag", "rotation", (((0,), "0"), ((2,), "1")), (0.0, 0.0, 1.0, 0.0)),

@@ -70,7 +70,7 @@ def message(rng: random.Random, state: State) -> str:
     schema = page_events()[name].json_schema()
     fields = value(rng, schema, schema, texts_of(state))
     del fields["client"]
-    fields["seen"] = state.renamed
+    fields["seen"] = state.version
     return json.dumps({"event": name, **fields})
 
 

@@ -342,7 +342,7 @@ def test_a_contact_at_points_is_reported_when_its_body_gets_a_shape(state):
 
 def test_every_shape_of_a_body_has_a_form(state):
     state = edit(state, "shape_kind", ((), "box"))
-    state = edit(state, "shape_more_kind", ((), "sphere"))
+    state = edit(state, "shape_1_kind", ((), "sphere"))
     state = edit(state, "shape_1_radius", ((), "0.2/2"))
     state = edit(state, "shape_1_role", ((), "visual"))
     state = edit(state, "shape_1_colour", ((), "#ff8000"))
@@ -416,8 +416,8 @@ def test_a_compound_joint_gets_motions_one_by_one_and_limits_are_left_open(state
     assert state.model.body("2").axes[0] == (1.0, 0.0, 0.0)
     state = edit(state, "motions", ((1,), ""))
     assert state.model.body("2").dof == 2
-    for number in (0, 2):
-        state = edit(state, "motions", ((number,), ""))
+    for _ in range(2):
+        state = edit(state, "motions", ((0,), ""))
     assert "weld" in reply(state)  # the last one stays
 
 

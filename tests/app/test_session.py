@@ -76,7 +76,7 @@ def test_1_9_random_edits_of_two_people_are_undone_to_the_start(seed):
 def test_1_11_payloads_follow_from_the_model_alone(n):
     """After any edits, what is sent is what a page that has just come is sent.
 
-    Numbers of rows and colours of bodies stay through edits: they alone follow from the history.
+    Ids of rows stay through edits: they alone follow from the history.
     """
     rng = random.Random(n)
     state = begun(pg.Model.serial(7))
