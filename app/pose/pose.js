@@ -33,7 +33,6 @@
     const chosen = new Set(pgraph.latest.selected ?? []), rows = chosen.size ? data.rows.filter((row) => chosen.has(row.body)) : data.rows;
     const one = chosen.size === 1, items = rows.map((row, i) => ({ id: row.id, name: row.body, row, again: one || rows[i - 1]?.body === row.body }));
     host.firstChild.hidden = $(".joints").hidden = !rows.length;
-    host.classList.toggle("one", one);
     pgraph.keyed($(".joints"), items, joint, (line, item) => fill(line, item, data.selected));
   }
 
