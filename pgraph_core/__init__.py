@@ -142,9 +142,9 @@ def __getattr__(name: str) -> Any:
     elif name == "gym":
         value = import_module(".gym", __name__)
     else:
-        from .words import SAME_ATTRIBUTES, NoAttribute
+        from .words import NoAttribute, same_attribute
 
-        ours = SAME_ATTRIBUTES.get(name, name)
+        ours = same_attribute(name)
         value = __getattr__(ours) if ours in _HOME else _of_method(ours) or _of_shape(name)
         if not value:
             raise NoAttribute("module 'pgraph_core'", name, lambda: _HOME)
@@ -219,10 +219,10 @@ def _bound(owner: Any, name: str) -> Any:
 
     For the class of models, return the function that loads one of any format.
     """
-    from .words import SAME_ATTRIBUTES
+    from .words import same_attribute
 
     if isinstance(owner, type):
-        loads = owner.__name__ == "Model" and SAME_ATTRIBUTES.get(name) == "load"
+        loads = owner.__name__ == "Model" and same_attribute(name) == "load"
         return __getattr__("load") if loads else None
     kind = type(owner).__name__
     if type(owner).__module__.split(".")[0] != __name__ or kind not in ("Model", "Mechanism"):

@@ -89,8 +89,8 @@ class Suggests:
         def __getattr__(self, name):
             """Return our attribute, or raise NoAttribute or the error of a property that failed."""
             kind = type(self)
-            ours = words.SAME_ATTRIBUTES.get(name)
-            if ours and hasattr(self, ours):
+            ours = words.same_attribute(name)
+            if ours != name and hasattr(self, ours):
                 return getattr(self, ours)
             if any(name in vars(each) for each in kind.__mro__):
                 return object.__getattribute__(self, name)
@@ -179,6 +179,9 @@ def nearest(name: str, known: Iterable[str], about: Callable[[str], str] = lambd
 
 def meant(name: str, known: Iterable[str], about: Callable[[str], str] = lambda _: "") -> str:
     """Return 'did you mean mass? mass takes ...; ' for a mistyped name, or ""."""
+    known = list(known)
+    if told := words.advice(name, known):
+        return told + "; "
     close = words.hint(name, known)
     meaning = about(close) if close else ""
     suggested = f"did you mean {close}? " if close else ""
@@ -295,6 +298,8 @@ def _explained(function: Any) -> Any:
         except BARE as error:
             if ours := words.renamed(named, _names(function)):
                 return call(*args, **ours)
+            if placed := _in_free_places(function, args, named):
+                return call(**placed)
             found = _problems_of_call(function, args, named)
             if not found:
                 raise
@@ -326,6 +331,25 @@ def _names(function: Any) -> list[str]:
         for p in inspect.signature(function).parameters.values()
         if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)
     ]
+
+
+def _in_free_places(
+    function: Any, args: tuple[Any, ...], named: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return all arguments by name if some by position are in the place of others given by name.
+
+    Those by position then are the arguments that are left, in their order. {} if that does not fit.
+    """
+    parameters = inspect.signature(function).parameters
+    places = [p.name for p in parameters.values() if p.kind is p.POSITIONAL_OR_KEYWORD]
+    free = [name for name in places if name not in named]
+    if free[: len(args)] == places[: len(args)] or len(args) > len(free):
+        return {}
+    placed = dict(zip(free, args))
+    moved = {name: x for name, place, x in zip(free, places, args) if name != place}
+    strict = not any("Any" in str(parameters[name].annotation) for name in moved)
+    fit = strict and not _misfits("", function, parameters, moved)
+    return {**placed, **named} if fit and named.keys() <= {*_names(function)} else {}
 
 
 def is_deep(value: Any) -> bool:

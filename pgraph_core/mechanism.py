@@ -7,13 +7,15 @@ from functools import cache, wraps
 from typing import TYPE_CHECKING, Any, cast
 from warnings import warn
 
+import numpy as np
+
 from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
 from .dynamics.arguments import for_each_state, wrong_type
 from .dynamics.dynamics import EMPTY, UNFIT
-from .errors import Called, explained
-from .model import Model
+from .errors import Called, InputError, Problem, explained
+from .model import Model, Motion, Polynomial
 from .packing import Array
 
 if TYPE_CHECKING:
@@ -66,13 +68,13 @@ class Mechanism(Dynamics):
         """Find the state closest to (q, v) that satisfies the constraints.
 
         The distance is measured with the mass matrix. All coordinates may change, including those
-        given in `q`. To fix a coordinate, add a `pg.Motion` to the model.
+        given in an array. A dictionary holds the coordinates that it names.
 
         Parameters
         ----------
-        q : (nq,) array, optional
+        q : (nq,) array or dict, optional
             Initial guess for the configuration [rad, m]. The default is the initial state.
-        v : (nv,) array, optional
+        v : (nv,) array or dict, optional
             Initial guess for the velocity [rad/s, m/s]. The default is the initial state.
         active : sequence of str, optional
             Names of the constraints to satisfy. By default, all active constraints.
@@ -91,7 +93,35 @@ class Mechanism(Dynamics):
         InputError
             If the constraints cannot be satisfied.
         """
+        named = {k: x for k, x in {"q": q, "v": v}.items() if isinstance(x, dict)}
+        if named and active is None:
+            q, v = {"q": q, "v": v, **self._by_names(named, {"q": q})}.values()
         return assemble(self, q, v, active)
+
+    def _by_names(self, named: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Array]:
+        """Return a state by names, with the joints that are not named as the constraints demand."""
+        found = super()._by_names(named, given)
+        names = dict.fromkeys(name for kind in ("q", "v", "vdot") for name in named.get(kind, ()))
+        if not names or not len(self.packed.active) or names.keys() == self.joints.keys():
+            return found
+        rest, joints = np.zeros(self.nv), self.joints
+        q, v = found.get("q", given.get("q")), found.get("v", rest)
+        q = self.home()[0] if q is None else np.asarray(q, float)
+        held: list[Motion] = []
+        for name in names:
+            own, at = joints[name].v, joints[name].q
+            if own.stop - own.start > 1:
+                text = "has several numbers, which no dictionary holds where constraints act; give "
+                text += "arrays, such as those that mech.assemble(q, v) returns"
+                raise InputError(Problem(f"Mechanism, '{name}'", "q", text))
+            terms = *q[at], *v[own], *found.get("vdot", rest)[own] / 2
+            held.append(
+                Motion(name=f"{name} as given", body=name, q_of_t=Polynomial(coefficients=terms))
+            )
+        other = Mechanism(self.model.replace(constraints=(*self.model.constraints, *held)))
+        q, v, _ = assemble(other, q, v, None)
+        whole = {"q": q, "v": v, "vdot": other._constrained_acceleration(q, v)[0]}
+        return {kind: whole.get(kind, values) for kind, values in found.items()}
 
     def mobility(
         self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
@@ -136,8 +166,9 @@ class Mechanism(Dynamics):
 
         Parameters
         ----------
-        q, v, vdot : (nq,), (nv,) and (nv,) arrays
-            State and acceleration. These must satisfy the constraints.
+        q, v, vdot : (nq,), (nv,) and (nv,) arrays, or dict
+            State and acceleration. Arrays must satisfy the constraints. In dictionaries by body
+            name, the values of other joints follow from the constraints.
         actuated : sequence of str, optional
             Names of the bodies whose joints are actuated. By default, all joints are, and a warning
             says so once if the constraints leave a choice of torques.
@@ -298,7 +329,7 @@ class Mechanism(Dynamics):
         Returns
         -------
         (nq,) array
-            The configuration [rad, m].
+            The configuration [rad, m], with the distance that is left as its `residual` [m].
 
         Raises
         ------

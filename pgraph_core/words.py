@@ -27,20 +27,8 @@ FLAGS = {  # what is True or False elsewhere is a name here
     ("floating_base", True): ("base", "free"), ("free_base", True): ("base", "free"),
     ("fixed_base", False): ("base", "free"), ("useFixedBase", False): ("base", "free"),
 }  # fmt: skip
+VERBS = re.compile("^(?:mj|calc|calculate|compute|eval|evaluate|get|set|num)_")
 OF_JOINTS = ("rest", "friction")  # no length, and no coefficient
-CHOICES = {  # choices by the words of other programs
-    "hinge": ("revolute",), "pin": ("revolute",), "continuous": ("revolute",),
-    "ball": ("spherical", "sphere", "point"), "fixed": ("weld",), "slide": ("prismatic",),
-    "slider": ("prismatic",), "floating": ("free",), "freejoint": ("free",), "6dof": ("free",),
-    "cube": ("box",),
-    "rk45": ("dopri5",), "ode45": ("dopri5",), "radau": ("radau5",),
-    "local": ("body",), "local_world_aligned": ("world",), "world": ("ground",),
-    "earth": ("ground",), "inertial": ("ground",), "floor": ("ground",), "plane": ("ground",),
-}  # fmt: skip
-NEAR_CHOICES = {
-    "plate": ("box",), "rod": ("capsule", "distance"), "euler": ("semi_implicit_euler",),
-    "base": ("ground",),
-}  # fmt: skip
 
 
 def _tables(file: Path) -> dict[str, dict[str, list[str]]]:
@@ -50,22 +38,53 @@ def _tables(file: Path) -> dict[str, dict[str, list[str]]]:
         head, *lines = block.strip().split("\n")
         table = found.setdefault(head[1 : head.index("]")], {})
         for line in lines:
-            ours, theirs = line.split(": ")
+            ours, theirs = line.rsplit(": ", 1)
             for word in theirs.split():
                 table.setdefault(word, []).append(ours)
     return found
 
 
 _TABLES = _tables(Path(__file__).with_suffix(".txt"))
-SAME, NEAR, ATTRIBUTES = (_TABLES[name] for name in ("same", "near", "attributes"))
+SAME, NEAR, ATTRIBUTES, CHOICES, NEAR_CHOICES = (
+    _TABLES[name] for name in ("same", "near", "attributes", "choices", "near_choices")
+)
 SAME_ATTRIBUTES = {theirs: ours for theirs, (ours,) in _TABLES["same_attributes"].items()}
+ADVICE: dict[str, list[tuple[str, str]]] = {}  # name -> (name of ours beside it, or "", advice)
+for _name, _texts in _TABLES["advice"].items():
+    _name, _, _beside = _name.partition("@")
+    ADVICE.setdefault(_name, []).extend((_beside, text) for text in _texts)
+
+
+def spelt(name: str) -> str:
+    """Return a name as it is spelt here: massMatrix is mass_matrix."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower() if len(name) > 2 else name
+
+
+def _bare(name: str) -> str:
+    """Return the letters of a name without a verb: CalcMassMatrix is massmatrix."""
+    return VERBS.sub("", spelt(name)).replace("_", "")
+
+
+def _alike(name: str, known: Iterable[str]) -> list[str]:
+    """Return the known names, and the names in the tables, that are another spelling of `name`."""
+    bare = _bare(name)
+    return [each for each in known if len(bare) > 2 and _bare(each) == bare and each != name]
+
+
+def same_attribute(name: str) -> str:
+    """Return our attribute that is the same as another program's `name`, or `name` as spelt
+    here."""
+    if name.startswith("_"):
+        return name
+    return SAME_ATTRIBUTES.get(name) or SAME_ATTRIBUTES.get(spelt(name), spelt(name))
 
 
 def ours(name: str, known: Iterable[str]) -> str:
     """Return the Pgraph name that corresponds to another program's `name`, or ""."""
-    names = set(known)
+    names, plain = set(known), spelt(name)
     other = OF_JOINTS if "joint" in names else ()  # of a body: its own are those of its joint
-    found = [each for each in SAME.get(name, ()) if each in names and each not in other]
+    same = SAME.get(name) or (plain, *SAME.get(plain, ()))
+    found = [each for each in same if each in names and each not in other]
     return found[0] if name not in names and len(found) == 1 else ""
 
 
@@ -95,6 +114,14 @@ def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
     return found
 
 
+def advice(name: str, known: Iterable[str]) -> str:
+    """Return the call that does what another program's `name` does, or ""."""
+    names = {*known}
+    told = ADVICE.get(name) or [x for each in _alike(name, ADVICE) for x in ADVICE[each]]
+    fit = [text for beside, text in told if not beside or beside in names]
+    return fit[0] if fit and name not in names else ""
+
+
 def chosen(value: Any, known: Iterable[str]) -> str:
     """Return the Pgraph choice that corresponds to a word of another program, or ""."""
     word = value.lower() if isinstance(value, str) else ""
@@ -110,6 +137,7 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
     names = list(known)
     near = [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
     if alike:
+        near += _alike(name, names)
         near += difflib.get_close_matches(name, names, n=1, cutoff=0.7)
     return next(iter(near), "")
 
@@ -122,7 +150,11 @@ def attributes(
     `elsewhere` has names of other objects, each with what stands before it, such as "run.".
     """
     names = {*known}
-    meant = [SAME_ATTRIBUTES.get(name, name), *ATTRIBUTES.get(name, ())]
+    words = [name, *_alike(name, {**SAME_ATTRIBUTES, **ATTRIBUTES})]
+    meant = [
+        x for word in words for x in (SAME_ATTRIBUTES.get(word, word), *ATTRIBUTES.get(word, ()))
+    ]
+    meant += _alike(name, {*names, *(elsewhere or ())})
     head = lambda each: re.split(r"\W", each.lstrip("-"))[0]  # noqa: E731
     found = [each for each in meant if head(each) in names]
     found = found or [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
@@ -141,8 +173,10 @@ class NoAttribute(AttributeError):
     def __str__(self) -> str:
         owner, attribute = self.args
         known = dict.fromkeys(each for each in self._known() if not each.startswith("_"))
-        near = " or ".join(attributes(attribute, known, hooks.elsewhere()))
+        told = advice(attribute, known)
+        near = told or " or ".join(attributes(attribute, known, hooks.elsewhere()))
         hint = f"; did you mean {near}?" if near else f"; choose from {', '.join(known)}"
+        hint = f"; {told}" if told else hint
         return f"{owner} has no attribute '{attribute}'{hint}"
 
     def __reduce__(self) -> tuple[Any, ...]:

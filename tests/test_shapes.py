@@ -114,7 +114,7 @@ def test_mass_follows_from_shapes_and_density_until_it_is_given():
     [
         ({"derived": ["mass"]}, ["derived"]), ({"shape": BOX, "derived": ["mass"]}, ["density"]),
         ({"shape": BOX, "derived": ["weight"]}, ["derived", "'mass', 'com'", "weight"]),
-        ({"shape": {"kind": "sphere", "size": [0.04]}}, ["shape", "radius"]),
+        ({"shape": {"kind": "sphere", "size": [0.04, 0.1]}}, ["shape", "radius"]),
         ({"shapes": [BOX, {"kind": "sphere"}]}, ["shapes", "radius"]),
         ({"shape": {**BOX, "role": "seen"}}, ["shape", "'collision'", "'seen'"]),
         ({"shape": {**BOX, "colour": "red"}}, ["shape", "colour", "#rrggbb", "'red'"]),

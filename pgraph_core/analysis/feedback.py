@@ -212,11 +212,19 @@ class _Plant:
     B: Array
     states: tuple[str, ...]
     inputs: tuple[str, ...]
+    driven: tuple[str, ...]  # the body of each input
 
     def weights(self, given: Any, field: str, names: tuple[str, ...]) -> Array:
-        """Return the weight matrix. Raises InputError."""
+        """Return the weight matrix. Raises InputError.
+
+        An input may be named by its body if it is the only one.
+        """
         n = len(names)
         if isinstance(given, Mapping):
+            alone = dict(zip(self.driven, names)) if len({*self.driven}) == n else {}
+            given = {
+                name if name in names else alone.get(name, name): x for name, x in given.items()
+            }
             unknown = [name for name in given if name not in names]
             if unknown:
                 text = f"no such name as {shown(unknown[0])}; {nearest(str(unknown[0]), names)}"
@@ -272,7 +280,7 @@ def _closed(
         k = int(np.argmax(np.abs(missed)))
         text = f"no input holds this state: {names[k]} would change at {missed[k]:.3g}/s; give a "
         raise InputError(Problem(call, "q", f"{text}q that mech.equilibrium(q) returns"))
-    plant = _Plant(call, found.A, B, names, tuple(f.name for f in drives))
+    plant = _Plant(call, found.A, B, names, *zip(*((f.name, f.body) for f in drives)))
     K = np.atleast_2d(gains(plant))
     texts = [_text(names, at, row, float(u)) for row, u in zip(K, hold)]
     if (longest := max(map(len, texts))) > LONGEST:

@@ -26,7 +26,7 @@ from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import ready
 from ..engine.inverse import VECTORS
 from ..engine.inverse import least_torques as LEAST
-from ..errors import InputError, Problem, choices, counted, shown
+from ..errors import InputError, Problem, Suggests, choices, counted, shown
 from ..joints import SIZE
 from ..packing import Array, Ints
 from ..packing.constraints import radius_of_gyration
@@ -231,6 +231,18 @@ class Target(NamedTuple):
     turn: Array | None  # (3, 3)
 
 
+class Reached(Suggests, np.ndarray):
+    """A configuration q (nq,) that reaches its targets, as an array."""
+
+    success = True  # targets that are missed raise InputError
+    residual = 0.0  # distance from the targets and of open loops [m]
+
+    @property
+    def q(self) -> Array:
+        """The configuration as a plain array."""
+        return np.asarray(self)
+
+
 def inverse_kinematics(
     mech: Dynamics,
     targets: Mapping[str, Any] | str,
@@ -238,7 +250,7 @@ def inverse_kinematics(
     scenario: str | None,
     starts: int,
     alone: Mapping[str, Any],
-) -> Array:
+) -> Reached:
     """Return q (nq,) near q. See `Mechanism.inverse_kinematics`.
 
     `alone` has the target of a single body.
@@ -271,7 +283,9 @@ def inverse_kinematics(
         if left < least:
             best, least = end, left
         if least <= SOLVED * rows.size:
-            return best
+            reached = best.view(Reached)
+            reached.residual = least
+            return reached
     raise InputError([_missed(mech, best, target, starts) for target in _off(best, wanted, rows)])
 
 

@@ -14,11 +14,13 @@ import numpy as np
 
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import made_by_numba
-from ..errors import Called, InputError, Problem, shown, to_read
+from ..errors import Called, InputError, Problem, choices, nearest_first, shown, to_read
 from ..packing import Array
 from ..packing.packed import Packed
 from ..portable import Unportable, array_of
 
+# what the numbers of a free joint are
+OF_FREE = {("q", 7): " = [x, y, z, qw, qx, qy, qz]", ("v", 6): " = [angular, linear]"}
 OF_STATES = ("v", "vdot", "tau")  # arguments that may have a row for each of many states
 
 
@@ -121,15 +123,40 @@ def positions(packed: Packed, q: Array) -> None:
             position(packed, row)
 
 
+def fill(mech: Any, state: Array, entries: Mapping[str, Any], kind: str) -> None:
+    """Write the values for bodies into q or v."""
+    joints = mech.joints
+    for name, values in entries.items():
+        if name not in joints:
+            near = choices(nearest_first(str(name), joints))
+            text = f"{name!r} is not a body with a moving joint; choose from {near}"
+            if any(f.name == name for f in mech.model.forces):
+                text = f"{name!r} is a force; give inputs={{{name!r}: ...}}"
+            raise InputError(Problem(kind, "", text))
+        place = getattr(joints[name], "q" if kind == "q" else "v")
+        if (kind, place.stop - place.start, np.size(values)) == ("q", 7, 3):
+            place = slice(place.start, place.start + 3)  # of a free joint: it keeps its rotation
+        label = f"{kind}['{name}']" + OF_FREE.get((kind, place.stop - place.start), "")
+        state[place] = numbers(
+            label, [values] if np.isscalar(values) else values, place.stop - place.start
+        )
+
+
 def for_each_state(method: Called) -> Called:
     """Let a method of a state q (nq,) take many states q (n, nq), and give a row of results each.
 
-    The arguments v, vdot and tau have a row for each state, or are the same for all.
+    The arguments v, vdot and tau have a row for each state, or are the same for all. Each may be a
+    dictionary by body name.
     """
     names = list(inspect.signature(method).parameters)[2:]
 
     @functools.wraps(method)
     def call(self: Any, q: Any, *args: Any, **named: Any) -> Any:
+        if dict in map(type, (q, *args, *named.values())):
+            given = {**dict(zip(names, args)), **named, "q": q}
+            by_name = {k: x for k, x in given.items() if k in ("q", *OF_STATES) and type(x) is dict}
+            if by_name:
+                return call(self, **{**given, **self._by_names(by_name, given)})
         after_q = args[0] if args and names[0] in OF_STATES else None
         if isinstance(q, str) or isinstance(after_q, str):
             field, given = ("q", q) if isinstance(q, str) else (names[0], after_q)
@@ -293,7 +320,10 @@ class UserTorque(Unportable):
             text = f"the function raised {type(error).__name__}: {error} (at t = {t:.6g} s)"
             text += "; it is called as f(t, q, v)" * isinstance(error, TypeError)
             raise InputError(Problem("simulate", "tau", text)) from error
-        found = np.asarray(given)
+        try:
+            found = array_of(given)
+        except (TypeError, ValueError):  # lists of unequal length
+            found = np.array(None)
         if self._v.shape == (1,) and not found.shape:
             found = found.reshape(1)
         if found.dtype.kind in "fiu" and found.shape != self._v.shape:

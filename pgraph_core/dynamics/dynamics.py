@@ -28,7 +28,7 @@ from ..paper import Operators
 from ..portable import Portable, ReadOnly, keep_unchanged
 from ..rotation import matrix, unit
 from ..topology import Topology
-from .arguments import finite, for_each_state, numbers, position, wrong_type
+from .arguments import fill, finite, for_each_state, numbers, position, wrong_type
 from .scene import Scene
 from .states import BodyMotion, Carried, bodies_over, carried, mass_points, shifted
 
@@ -183,6 +183,17 @@ class Dynamics(Portable):
         """The model's initial state as (q, v)."""
         system = self.packed.system
         return system.q.copy(), system.v.copy()
+
+    def _by_names(self, named: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Array]:
+        """Return arrays for q, v, vdot and tau that are dictionaries by body name.
+
+        Other joints have the initial q, and 0 for the rest. `given` has all arguments.
+        """
+        found = {}
+        for kind, entries in named.items():
+            found[kind] = self.home()[0] if kind == "q" else np.zeros(self.nv)
+            fill(self, found[kind], entries, kind)
+        return found
 
     def state_from(self, other: Dynamics, q: Array, v: Array) -> Carried:
         """Transfer the state of another mechanism to this one.

@@ -352,7 +352,8 @@ class Body(Described):
     def gained(self, update: Mapping[str, Any]) -> tuple[Derived, ...]:
         """Return the fields that a point derives from the first shape that `update` gives it."""
         shaped = update.get("shapes") or update.get("shape")
-        if self.shapes or not shaped or self.inertia != POINT or "derived" in update:
+        own = self.shapes or "inertia" in self.model_fields_set or self.inertia != POINT
+        if own or not shaped or "derived" in update:
             return ()
         names: tuple[Derived, ...] = ("inertia",) if any(self.com) else ("com", "inertia")
         return tuple(name for name in names if name not in update)

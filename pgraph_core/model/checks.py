@@ -91,7 +91,9 @@ def unknown(name: str, bodies: Bodies, *others: str) -> str:
     """Return an error for a name that is neither a body nor in `others`, else ""."""
     if name in bodies or name in others:
         return ""
-    return f"no body is named '{name}'; choose one of {choices((*others, *bodies))}"
+    text = "the ground does not move, so that nothing acts on it alone" * (name == GROUND)
+    text = text or f"no body is named '{name}'"
+    return f"{text}; choose one of {choices((*others, *bodies))}"
 
 
 def pair_problems(

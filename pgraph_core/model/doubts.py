@@ -267,9 +267,13 @@ def _untouched(model: Any) -> Iterator[str]:
     """
     root = _roots(model.bodies)
     parts = (*model.constraints, *model.forces)
-    held = {root.get(getattr(part, end, "")) for part in parts for end in ("body", "other")}
     solid = {root[body.name] for body in model.bodies if body.shape}
     loose = [body.name for body in model.bodies if body.dof == 6 and body.parent == GROUND]
+    own = [part for part in parts if "body" in type(part).model_fields]
+    ends = [(part.body, vars(part).get("other", part.body)) for part in own]
+    # what acts within a body and all that hangs on it does not hold them, unless on its own joint
+    ends = [pair for pair in ends if pair[0] in loose or root.get(pair[0]) != root.get(pair[1])]
+    held = {root.get(name) for pair in ends for name in pair}
     loose = [name for name in loose if name in solid and name not in held]
     meets = [
         set[str]().union(*(solid if end == EVERY else {root.get(end, GROUND)} for end in c.pair))

@@ -44,7 +44,7 @@ class Pose(NamedTuple):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name):
-            ours = words.SAME_ATTRIBUTES.get(name)
+            ours = words.same_attribute(name)
             if ours in ("position", "rotation", "matrix", "quaternion"):
                 return getattr(self, ours)
             raise words.NoAttribute("a pose", name, lambda: dir(self))

@@ -139,6 +139,9 @@ class Shape(Frozen):
     def _of_its_kind(cls, data: Any) -> Any:
         """Reject dimensions that belong to other kinds before checking their values."""
         kind = data.get("kind") if type(data) is dict or isinstance(data, Mapping) else None
+        size: Any = data.get("size") if kind == "sphere" else None
+        if size is not None and np.size(size) == 1:
+            data = {**data, "radius": np.ravel(size)[0], "size": None}  # as in MuJoCo
         if (
             isinstance(kind, str)
             and kind in DIMENSIONS

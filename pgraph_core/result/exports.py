@@ -202,6 +202,10 @@ class Exports:
         if made is not None:
             write_atomic(path, made)
 
+    def animate(self, path: str | Path | None = None, /, **options: Any) -> Any:
+        """Write a film as `to_film`, or return the run, which a notebook shows as an animation."""
+        return self if path is None else self.to_film(path, **options)
+
     def show(self) -> Any:
         """Show the figure. Returns an object to display in a notebook, or opens a browser."""
         return _show().opened(hooks.page(self))

@@ -42,6 +42,7 @@ from .records import (
     NO_DERIVATIVES,
     NO_FORCES,
     NOTHING,
+    SWING,
     ByTouch,
     ContactRecord,
     Derivatives,
@@ -455,6 +456,11 @@ class Result(Exports, EqualByFields, Portable):
     def events(self) -> tuple[Event, ...]:
         """Changes of contact points and limits in event-driven runs, printed as sentences."""
         return self.contacts.events
+
+    @property
+    def impacts(self) -> tuple[Event, ...]:
+        """The events at which a contact began."""
+        return tuple(event for event in self.events if event.before == SWING)
 
     @property
     def phases(self) -> Mapping[str, Any]:

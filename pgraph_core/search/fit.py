@@ -149,7 +149,7 @@ def fit(
 
     Examples
     --------
-        best = pg.fit(model, "swing.csv", {"bodies.arm.mass": (0.1, 2.0)})
+        best = pg.fit(model, {"t": t, "arm": q}, {"bodies.arm.mass": (0.1, 2.0)})
     """
     base = described("fit", model)
     data = data if t is None or not isinstance(data, Mapping) else {**data, "t": t}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -11,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, ModelError, Suggests, explained, needed, shown
+from ..errors import InputError, ModelError, Suggests, counted, explained, needed, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
@@ -21,6 +23,7 @@ from .goals import Goals
 
 Array = np.ndarray
 SOLVERS = ("SLSQP", "trust-constr", "L-BFGS-B", "least_squares")
+SILENCE = 5.0  # seconds after which a person wonders whether anything happens
 INSIDE = np.cbrt(EPS)  # share of its range by which a number is moved off a bound
 
 
@@ -87,7 +90,7 @@ def optimise(
     tol: float = 1e-8,
     most: int = 200,
     seed: int = 0,
-    progress: Callable[[Trial, Result | None], Any] | None = None,
+    progress: Callable[[Trial, Result | None], Any] | bool | None = None,
     **options: Any,
 ) -> Optimum:
     """Minimise an objective of a run over parameters of a model.
@@ -129,8 +132,9 @@ def optimise(
     tol, most : float, int
         Tolerance for convergence (relative change of the objective), and maximum number of
         iterations per starting point.
-    progress : callable, optional
+    progress : callable or bool, optional
         Function that is called with each trial and its run. The search stops if it returns False.
+        By default, or if True, a search that takes long writes lines to the standard error stream.
     **options
         Additional arguments of `simulate`, such as `t_end`, `method` and `step`.
 
@@ -156,8 +160,25 @@ def optimise(
     numbers = Numbers("optimise", base, free, [Case("", given)], bounded=False)
     _check(numbers, solver, differences, tol, most)
     goals = Goals(numbers, objective, subject_to or {})
+    progress = _told_at_times() if progress in (None, True) else progress
     search = _Search(numbers, goals, differences, progress, history)
     return search.over(_starts(numbers, starts, seed, search.earlier), solver, tol, most)
+
+
+def _told_at_times() -> Callable[[Trial, Result | None], None]:
+    """Return a function of each trial that writes a line if the last one is long ago."""
+    runs, best, last = 0, math.inf, time.monotonic()
+
+    def tell(trial: Trial, _: Result | None) -> None:
+        nonlocal runs, best, last
+        runs, best = runs + 1, min(best, math.inf if trial.failed else trial.objective)
+        if time.monotonic() - last > SILENCE:
+            last = time.monotonic()
+            missed = "".join(f", {name}: {value:.4g}" for name, value in trial.constraints.items())
+            told = f"optimise: {counted(runs, 'run')}, least objective {best:.6g}{missed}"
+            print(told, file=sys.stderr, flush=True)
+
+    return tell
 
 
 def _check(numbers: Numbers, solver: Any, differences: Any, tol: float, most: int) -> None:
@@ -309,7 +330,7 @@ class _Search:
         if self.file is not None:
             with self.file.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(trial._asdict()) + "\n")
-        if self.progress is not None and self.progress(trial, run) is False:
+        if callable(self.progress) and self.progress(trial, run) is False:
             raise _Stopped
 
     def slopes(self, u: Array) -> Array:

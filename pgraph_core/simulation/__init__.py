@@ -24,12 +24,13 @@ from .options import MOST_CHOSEN, Options, inputs_of
 from .plan import begun_with, plan_of
 from .recording import Recording
 from .start import (
-    as_an_interval,
     begun_anew,
     by_names,
     directionless,
     drives_in,
     given_states,
+    placed_twice,
+    refuse_interval,
     rows_of,
     torques_by_names,
     with_state,
@@ -175,7 +176,8 @@ def simulate(
         forces, switches, estimate,
         () if inputs is None else inputs_of(inputs, "simulate"),
     )  # fmt: skip
-    told = as_an_interval(q, v, t_end) if isinstance(q, tuple) else []
+    if isinstance(q, tuple):
+        refuse_interval(q, v, t_end)
     if q is not None or v is not None:
         q, v = by_names(mech, scenario, q, v, tau)
     plan = plan_of(mech, options, tau, q, v)
@@ -194,7 +196,7 @@ def simulate(
         given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording, wrt, kept)
         record.carried = Carried(given, variables_of(given, wrt))
     record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
-    record.ended.notices += told
+    record.ended.notices += placed_twice(mech, state[0])
     record.ended.notices += directionless(mech, scenario, forces, state[0])
     record.ended.notices += begun_anew(mech, scenario) if states is not None else []
     built, busy = time.perf_counter(), time.thread_time()

@@ -82,8 +82,8 @@ def contacts_of(
         return replace(NOTHING, events=tuple(log))
     up = np.array(mech.model.ground_normal)
     impulses = plan.method.name == "moreau_jean"
-    graze = (GRAZING + 0.5) * float(np.max(plan.width, initial=0.0)) if impulses else 0.0
-    found = stepped_record(plan.contacts, up, *frames, changes, graze)
+    width = float(np.max(plan.width, initial=0.0)) if impulses else 0.0
+    found = stepped_record(plan.contacts, up, *frames, changes, width)
     events = sorted((*found.events, *log), key=lambda event: event.t)
     gaps = gaps_later(mech, plan.contacts, q, found.gap)
     return replace(found, gap=gaps, events=tuple(events))
@@ -157,7 +157,7 @@ def stepped_record(
     pairs: Any,
     missed: Array,
     changes: Any,
-    graze: float,
+    width: float,
 ) -> ContactRecord:
     """Return the record of contacts and limits from frames and the change log.
 
@@ -165,7 +165,7 @@ def stepped_record(
     """
     names = [pair.name for pair in tables.touches]
     forces = np.concatenate((pairs["torque"], pairs["force"]), axis=-1).swapaxes(0, 1)
-    phases, events = phases_over(changes, tables.touches, t, graze)
+    phases, events = phases_over(changes, tables.touches, t, width)
     return ContactRecord(
         force=dict(zip(names, forces)),
         gap=dict(zip(names, pairs["gap"].T)),
@@ -184,12 +184,13 @@ def stepped_record(
 
 
 def phases_over(
-    changes: Any, touches: Sequence[ContactPair], t: Array, graze: float = 0.0
+    changes: Any, touches: Sequence[ContactPair], t: Array, width: float = 0.0
 ) -> tuple[dict[str, NDArray[np.str_]], tuple[Event, ...]]:
     """Return ({pair: (len(t),) phase}, events) from PHASE_CHANGE records in chronological order.
 
-    The phase in the first row of a contact is its initial phase. Flights shorter than `graze` are
-    ignored: time stepping releases a point for a step when its body is moved out of the ground.
+    The phase in the first row of a contact is its initial phase. Time stepping, with steps of
+    `width` [s], logs the ends of steps, which events say, and releases a point for a step when its
+    body is moved out of the ground: flights that short are ignored.
     Touches of one contact between many bodies together have phases as one. A shape above the ground
     that never touches it has none if the contact has points. For example, only the feet of a robot
     have one.
@@ -203,12 +204,12 @@ def phases_over(
             if len(own) and not (aloft and own["phase"][0] == SWING):
                 phases[pair.name] = np.full(len(t), NAMES[own["phase"][0]])
             continue
-        own = _without_grazes(own, graze)
+        own = _without_grazes(own, (GRAZING + 0.5) * width)
         codes = own["phase"]
         now = np.searchsorted(own["time"][1:], t, side="right")
         phases[pair.name] = NAMES[codes[now]]
         events += [
-            _event(float(time), pair, before, after)
+            _event(float(time), pair, before, after, width)
             for time, before, after in zip(own["time"][1:], codes, codes[1:])
         ]
     return phases, tuple(sorted(events, key=lambda event: event.t))
@@ -225,8 +226,9 @@ def _without_grazes(own: Any, graze: float) -> Any:
     return own[changed]
 
 
-def _event(t: float, pair: ContactPair, before: int, after: int) -> Event:
+def _event(t: float, pair: ContactPair, before: int, after: int, width: float) -> Event:
     cause: Any = CAUSES.get((before, after), LIFTED)
+    cause += f", in the step of {width:.3g} s that ends here" if width else ""
     return Event(t, pair.name, pair.body, PHASES[before], PHASES[after], cause)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dynamics.arguments import finite, names_in, numbers, of_state, position
+from ..dynamics.arguments import fill, finite, names_in, of_state, position
 from ..errors import InputError, Problem, choices, nearest_first, shown
 from ..forces import BetweenPoints, Force, points_of
 from ..mechanism import Mechanism
@@ -19,10 +19,6 @@ from ..tolerances import ROUNDING
 
 if TYPE_CHECKING:
     from ..gait.controller import Controller
-
-
-# what the numbers of a free joint are
-OF_FREE = {("q", 7): " = [x, y, z, qw, qx, qy, qz]", ("v", 6): " = [angular, linear]"}
 
 
 def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
@@ -48,7 +44,7 @@ def initial_state(
     q0, v0 = tau.start() if is_controller(tau) and not known else mech.home()
     if given is not None:
         for state, entries, kind in ((q0, given.q, "q"), (v0, given.v, "v")):
-            _fill(mech, state, entries, kind)
+            fill(mech, state, entries, kind)
     return with_state(mech, (q0, v0), q, v, t)
 
 
@@ -82,7 +78,7 @@ def by_names(
     found: list[Any] = [q, v]
     for k, (entries, state) in enumerate(zip(named, start)):
         if entries is not None:
-            _fill(mech, state, entries, "qv"[k])
+            fill(mech, state, entries, "qv"[k])
             found[k] = state
     return found[0], found[1]
 
@@ -142,12 +138,25 @@ def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
     return [f"the states (lag, integral) {text}: {choices(names)}"]
 
 
-def as_an_interval(q: tuple[Any, ...], v: Any, t_end: float | None) -> list[str]:
-    """Return a notice if q and v look like the interval and the state of SciPy's solve_ivp."""
-    if t_end is not None or v is None or len(q) != 2 or not q[0] == 0 < q[1]:
-        return []
-    text = f"q is {shown(q)} and v is {shown(v)} at the start; times are given by t_end={q[1]:g}, a"
-    return [f"{text} start by q and v"]
+def refuse_interval(q: tuple[Any, ...], v: Any, t_end: float | None) -> None:
+    """Raise InputError if q and v look like the interval and the state of SciPy's solve_ivp."""
+    if t_end is None and v is not None and len(q) == 2 and q[0] == 0 < q[1]:
+        span = f"({q[0]:g}, {q[1]:g})"
+        text = f"{span} is a time span or two positions: write t_span={span} and q=..., v=..., or "
+        text += f"for positions the list {shown([*q])}"
+        raise InputError(Problem("simulate", "q", text))
+
+
+def placed_twice(mech: Mechanism, q: Array) -> list[str]:
+    """Return a notice for each free body whose place stands in its link and in q (nq,) alike."""
+    found: list[str] = []
+    for body in mech.model.bodies:
+        if body.joint == "free" and any(body.link):
+            place = q[mech.joints[body.name].q][:3]
+            if np.abs(place - body.link).max() <= ROUNDING * np.abs(body.link).max():
+                text = f"the place {shown(body.link)} is given by its link and again by q, which "
+                found.append(f"'{body.name}': {text}adds to it; leave one of them out")
+    return found
 
 
 def directionless(
@@ -197,7 +206,7 @@ def torques_by_names(mech: Mechanism, tau: Any) -> Any:
     if entries is None:
         return tau
     found = np.zeros(mech.nv)
-    _fill(mech, found, entries, "tau")
+    fill(mech, found, entries, "tau")
     return found
 
 
@@ -212,7 +221,7 @@ def _of_functions(mech: Mechanism, tau: Any) -> Any:
         if named is None:
             return finite("tau", list(now.values()), mech.nv)
         found = np.zeros(mech.nv)
-        _fill(mech, found, now, "tau")
+        fill(mech, found, now, "tau")
         return found
 
     return torques
@@ -240,25 +249,6 @@ def _in_order(mech: Mechanism, **given: Any) -> None:
         reason = f"{what}{more}, and this model lists its bodies otherwise"
         cure = "give {body: value}, or a numpy array to use that order"
         raise InputError(Problem("state", typed[0], f"{reason}; {cure}"))
-
-
-def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) -> None:
-    """Write the values for bodies into q or v."""
-    joints = mech.joints
-    for name, values in entries.items():
-        if name not in joints:
-            near = choices(nearest_first(str(name), joints))
-            text = f"{name!r} is not a body with a moving joint; choose from {near}"
-            if any(f.name == name for f in mech.model.forces):
-                text = f"{name!r} is a force; give inputs={{{name!r}: ...}}"
-            raise InputError(Problem(kind, "", text))
-        place = getattr(joints[name], "q" if kind == "q" else "v")
-        if (kind, place.stop - place.start, np.size(values)) == ("q", 7, 3):
-            place = slice(place.start, place.start + 3)  # of a free joint: it keeps its rotation
-        label = f"{kind}['{name}']" + OF_FREE.get((kind, place.stop - place.start), "")
-        state[place] = numbers(
-            label, [values] if np.isscalar(values) else values, place.stop - place.start
-        )
 
 
 def with_state(
