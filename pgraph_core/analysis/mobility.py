@@ -8,9 +8,11 @@ the later of two that say the same is called redundant.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from itertools import groupby
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +30,13 @@ POSITIONS_TRIED = 3  # nearby positions that are examined
 BRANCH_LOOKS = 12  # nearby positions at a branch point
 ALONG = np.cos(2 * NEARBY)  # cosine between directions of one branch
 PANEL = 16  # groups that are freed of what came before at once: a matrix product, not a vector's
-MOST_LISTED = 8  # rows, joints or branches in a sentence
+MOST_LISTED = 8  # names or branches in a sentence
+# translations and rotations that a kind holds: the kind to choose if others are redundant
+HOLDING = {
+    (3, 3): "weld", (3, 2): "revolute", (2, 3): "prismatic", (2, 2): "cylindrical",
+    (3, 1): "universal", (3, 0): "point", (2, 0): "line", (1, 0): "plane", (0, 3): "orientation",
+}  # fmt: skip
+HELD = {kind: held for held, kind in HOLDING.items()}
 
 
 @dataclass(frozen=True)
@@ -36,12 +44,21 @@ class Redundant:
     """A redundant constraint row."""
 
     constraint: str
+    kind: str  # kind of the constraint
     direction: str  # "rotation about x", in world axes unless a body is named
     bodies: tuple[str, ...]  # bodies that it connects
     only_here: bool  # True if it is not redundant at nearby positions
 
     def __str__(self) -> str:
         return f"{self.direction} of constraint '{self.constraint}'"
+
+
+class Remark(NamedTuple):
+    """A line of a report, about one constraint or about the whole mechanism."""
+
+    constraint: str  # its name, or ""
+    text: str
+    bad: bool = False  # True if the model may not be what was meant
 
 
 @explained
@@ -64,22 +81,32 @@ class Mobility(Suggests):
     prescribed: int  # degrees of freedom that prescribed motions determine
     moved: float  # distance of the given position from the assembled one [rad or m]
     names: tuple[str, ...]  # the joint of each degree of freedom
+    ties: tuple[str, ...]  # names of the active constraints
     doubts: tuple[str, ...] = ()  # defaults of constraints that hardly fit the model
 
     @property
-    def locked(self) -> str:
-        """Return a remark about degrees of freedom that exist only to first order, or ""."""
-        if not self.extra or self.finite:
-            return ""
-        here = f", {self.extra} of them to first order only"
-        return here + (": it is locked" if self.extra == self.dof else "")
+    def headline(self) -> str:
+        """The degrees of freedom in one sentence."""
+        if not self.rows:
+            return f"{counted(self.tree, 'degree')} of freedom, no active constraint."
+        here = "only in this position" if self.finite else "to first order only"
+        extra = f", {self.extra} of them {here}" if self.extra else ""
+        locked = ": it is locked" if self.extra == self.dof and extra and not self.finite else ""
+        left = f"{counted(self.dof, 'degree')} of freedom left{extra}{locked}"
+        return f"{left}: {self.tree} of the tree, less {self.rank} of {counted(self.rows, 'row')}."
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Redundant rows of each constraint, then what concerns the whole mechanism."""
+        return (*_of_constraints(self), *_of_all(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as a dictionary for JSON, with the report in words as `text`."""
         return asdict(self) | {"text": str(self)}
 
     def __str__(self) -> str:
-        return "\n".join((*_counts(self), *_redundant(self), *_singular(self), *self.doubts))
+        lines = (f"constraint '{of}' {text}" if of else text for of, text, _ in self.remarks)
+        return "\n".join((self.headline, *(f"  {line}" for line in lines), *self.doubts))
 
 
 def mobility(
@@ -126,6 +153,7 @@ def mobility(
         prescribed=len(basis) - free,
         moved=float(np.max(np.abs(apart(mech, at, here.q)), initial=0.0)),
         names=tuple(name for name, x in here.joints for _ in range(x.stop - x.start)),
+        ties=tuple(c.name for c in here.constraints),
         doubts=tuple(text for text in mech.model.doubts if text.startswith("constraint")),
     )
 
@@ -267,7 +295,8 @@ def _named(state: Rows, found: Found, around: Found) -> tuple[Redundant, ...]:
         there = elsewhere.get((c.name, group.nature), [])
         first = sorted(here, key=lambda d: d not in there)
         named = [(d, k >= len(there)) for k, d in enumerate(first)]
-        rows += [Redundant(c.name, d, (c.body, *_others(group)), only) for d, only in named]
+        bodies = c.body, *_others(group)
+        rows += [Redundant(c.name, c.kind, d, bodies, only) for d, only in named]
     return tuple(rows)
 
 
@@ -313,61 +342,51 @@ def _moving(state: Rows, basis: Array) -> tuple[str, ...]:
 # -- in words ----------------------------------------------------------------------------------
 
 
-def _counts(m: Mobility) -> list[str]:
-    if not m.rows:
-        return [f"{counted(m.tree, 'degree')} of freedom, no active constraint"]
-    lines = [
-        f"{counted(m.tree, 'degree')} of freedom of the tree; {counted(m.rows, 'row')} of "
-        f"{counted(m.constraints, 'active constraint')}, rank {m.rank}: "
-        f"{counted(m.dof, 'degree')} of freedom left{m.locked}"
-    ]
+def _of_constraints(m: Mobility) -> Iterator[Remark]:
+    """Yield the redundant rows of each constraint, with a kind that has fewer of them."""
+    for (name, kind), group in groupby(m.redundant, lambda row: (row.constraint, row.kind)):
+        rows = [*group]
+        always, here = ([r.direction for r in rows if r.only_here == x] for x in (False, True))
+        text = f"unnecessarily removes {_listed(always)}{_instead(kind, always)}" if always else ""
+        only = f"depends on other rows in {_listed(here)} only here" if here else ""
+        yield Remark(name, "; ".join(filter(None, (text, only))))
+
+
+def _instead(kind: str, directions: Sequence[str]) -> str:
+    """Return the suggestion of a kind without the rows in these directions, if there is one."""
+    turns = Counter(direction.startswith("rotation") for direction in directions)
+    moved, turned = HELD.get(kind, (0, 0))
+    left = moved - turns[False], turned - turns[True]
+    if kind in HELD and left == (0, 0):
+        return "; it has no effect: delete it, or switch it off"
+    return f"; a '{HOLDING[left]}' would do" if left in HOLDING else ""
+
+
+def _of_all(m: Mobility) -> Iterator[Remark]:
     if m.prescribed:
-        lines.append(f"prescribed motions decide {m.prescribed} more: they drive the mechanism")
+        ways = counted(m.prescribed, "way") + " to move"
+        yield Remark("", f"Prescribed motions drive it: they decide {ways}.")
+    elif m.redundant and m.dof == 0:
+        joints = [*dict.fromkeys(m.names)]
+        holds = f"{_quoted(m.ties)} {'together lock' if len(m.ties) > 1 else 'locks'} the joint"
+        holds += f"{'s' * (len(joints) > 1)} of {_quoted(joints)}"
+        yield Remark("", f"Nothing can move: {holds}. Check where and how they act.", True)
+    if m.redundant and m.dof + m.prescribed > 0:
+        text = "The motion is not affected, and the forces along these directions are those of "
+        yield Remark("", f"{text}least norm.")
     if m.positions != m.dof:
-        lines.append(
-            f"velocities have {counted(m.dof, 'degree')} of freedom, positions {m.positions}: "
-            "rolling and blades forbid velocities, not places"
-        )
+        text = f"Velocities have {counted(m.dof, 'degree')} of freedom, positions {m.positions}: "
+        yield Remark("", f"{text}rolling and blades forbid velocities, not places.")
     if m.moved > NOTABLE:
-        lines.append(
-            f"for the closest assembled position, up to {m.moved:.3g} (rad or m in a joint) away"
-        )
-    return lines
-
-
-def _redundant(m: Mobility) -> list[str]:
-    always = [row for row in m.redundant if not row.only_here]
-    if not always:
-        return []
-    lines = [
-        f"{len(always)} of {counted(m.rows, 'row')} {_is(always)} redundant: the motion does not "
-        "depend on it, the forces are those of least norm"
-    ]
-    lines += [f"  {row}, between {_listed(row.bodies)}" for row in always[:MOST_LISTED]]
-    if len(always) > MOST_LISTED:
-        lines.append(f"  and {len(always) - MOST_LISTED} more")
-    lines.append("  for unique forces use kinds of constraints with fewer rows")
-    return lines
-
-
-def _singular(m: Mobility) -> list[str]:
-    if not m.extra:
-        return []
-    here = [str(row) for row in m.redundant if row.only_here]
-    lines = [
-        f"singular position: {counted(m.extra, 'more way')} to move than nearby, because "
-        f"{_listed(here) or 'rows'} {'is' if len(here) < 2 else 'are'} dependent here",
-        f"  joints that can move: {_listed(m.joints)}",
-    ]
-    if not m.finite:
-        return [*lines, "  only infinitesimal motion: the parts can shake but not move"]
-    lines += [
-        f"  branch {n}{' (the velocity takes it)' if n == m.branch + 1 else ''}: {_motion(m, d)}"
-        for n, d in enumerate(m.branches[:MOST_LISTED], start=1)
-    ]
-    if m.branch < 0:
-        lines.append("  at rest the forces decide where it goes; a velocity chooses a branch")
-    return lines
+        text = f"This is the closest assembled position, up to {m.moved:.3g} (rad or m in a joint) "
+        yield Remark("", f"{text}away.")
+    if m.extra:
+        leads = "the branch taken follows the velocity" if m.finite else "they lead nowhere"
+        text = f"Singular position: {_quoted(m.joints)} can move in more ways; {leads}."
+        yield Remark("", text, True)
+    for n, way in enumerate(m.branches[:MOST_LISTED]):
+        taken = " (the velocity takes it)" if n == m.branch else ""
+        yield Remark("", f"Branch {n + 1}{taken}: {_motion(m, way)}.")
 
 
 def _motion(m: Mobility, direction: tuple[float, ...]) -> str:
@@ -375,9 +394,13 @@ def _motion(m: Mobility, direction: tuple[float, ...]) -> str:
     return ", ".join(parts[:MOST_LISTED]) + (", ..." if len(parts) > MOST_LISTED else "")
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:MOST_LISTED]) + (" ..." if len(names) > MOST_LISTED else "")
+def _quoted(names: Sequence[str]) -> str:
+    """Return the quoted names in a sentence, at most MOST_LISTED of them."""
+    few = [f"'{name}'" for name in names[:MOST_LISTED]]
+    rest = len(names) - len(few)
+    return _listed([*few, *[f"{rest} more"] * (rest > 0)])
 
 
-def _is(items: Sequence[Any]) -> str:
-    return "is" if len(items) == 1 else "are"
+def _listed(words: Sequence[str]) -> str:
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last

@@ -46,6 +46,18 @@ COUNTS = [  # model, rows, rank, dof, redundant rows by constraint
 ]
 
 
+def test_the_kind_that_a_remark_suggests_has_no_redundant_row():
+    model = mechanism("four_bar").model
+    loop = model.constraints[0]
+    (text,) = (text for of, text, _ in pg.Mechanism(model).mobility().remarks if of)
+    (kind,) = (kind for kind in pg.Constraint.KINDS if f"'{kind}'" in text)
+    ends = {name: getattr(loop, name) for name in ("name", "body", "other", "point", "other_point")}
+    line = pg.Constraint(kind=kind, axis=(0, 0, 1), **ends)
+    found = pg.Mechanism(model.replace(constraints=(line,))).mobility()
+    assert (found.dof, found.redundant) == (1, ())
+    assert not found.remarks
+
+
 @pytest.mark.parametrize(("name", "rows", "rank", "dof", "redundant"), COUNTS)
 def test_ranks_and_redundant_rows_by_name(name, rows, rank, dof, redundant):
     report = mechanism(name).mobility()
