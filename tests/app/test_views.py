@@ -14,8 +14,7 @@ from pgraph_app.model.view import toolbar
 from pgraph_app.playback.view import playback
 from pgraph_app.properties.view import properties
 from pgraph_app.run import Request, Run
-from pgraph_app.run.differences import differences
-from pgraph_app.run.view import run
+from pgraph_app.run.view import differences, run
 from pgraph_app.table.view import table
 
 from .store import ME, after, begun, built_in, do, ran
