@@ -132,3 +132,18 @@ def test_a_weld_of_turned_sites_is_reported_only_if_they_do_not_agree(
     )
     assert report.loaded != reported
     assert any("tie" in entry.where for entry in report.of("left out")) == reported
+
+
+@pytest.mark.parametrize(
+    ("q", "v"), [((0.0,), (0.0,)), ((0.3,), (0.0,)), ((0.0,), (-2.0,)), ((0.3,), (1.0,))]
+)
+def test_a_start_is_written_to_mjcf_and_named_where_urdf_has_none(q, v, tmp_path):
+    arm = pg.Body("arm", axes=(0, 1, 0), com=(0.5, 0, 0), inertia=(0.1, 0.1, 0.1), q=q, v=v)
+    model = pg.Model([arm], scenarios=[pg.Scenario(name="pushed", v={"arm": (3.0,)})])
+    pytest.importorskip("mujoco")
+    pg.write_mjcf(model, tmp_path / "arm.xml")
+    found = pg.load(tmp_path / "arm.xml")
+    assert (found.bodies[0].q, found.bodies[0].v) == (q, v)
+    text = str(pg.write_urdf(model, tmp_path / "arm.urdf"))
+    assert ("initial state of arm" in text) == (any(q) or any(v))
+    assert "1 scenario: pushed" in text

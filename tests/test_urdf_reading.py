@@ -302,3 +302,26 @@ def test_a_mesh_of_a_package_without_a_manifest_is_found_or_said_to_lie_outside(
     model, report = pg.read_urdf(path, roots=[tmp_path / "bot"])
     assert report.loaded
     assert model.body("a").shapes[0].file == str(tmp_path / "bot/meshes/part.obj")
+
+
+@pytest.mark.parametrize(
+    ("link", "said"),
+    [
+        (solid("visual", '<box size="1 1 1"/><sphere radius="2"/>'), ("solid", "<sphere>")),
+        (solid("collision", '<sphere radius="1"/><sphere radius="2"/>'), ("solid", "<sphere>")),
+        ("<visual><geometry><box size='1 1 1'/></geometry><geometry/></visual>", ("<geometry>",)),
+        ("<visual><origin/><origin xyz='0 0 2'/><geometry><box size='1 1 1'/></geometry></visual>",
+         ("<origin>", "<visual>")),
+        (INERTIAL, ("<inertial>", "<link>")),
+    ],
+)  # fmt: skip
+def test_what_an_element_has_once_and_is_given_twice_is_reported(read, link: str, said):
+    model, report = read(robot(link))
+    assert report.loaded == link.startswith("<visual")
+    assert_names(str(report), "second", "robot.urdf, line", *said)
+    assert any("second" in text for text in model.lost) == (not report.loaded)
+
+
+def test_a_joint_has_one_axis(read):
+    twice = robot(joints=joint(inside=LIMIT + '<axis xyz="1 0 0"/>'))
+    assert_names(str(read(twice)[1]), "second <axis> in <joint>")

@@ -538,9 +538,11 @@ class _Writer(ContactsOut):
     # -- initial states --------------------------------------------------------------------------
 
     def _keys(self) -> Iterator[Tag]:
-        """Yield keyframes for the initial state, if it differs from q = 0, and for scenarios."""
+        """Yield keyframes for the initial state, if it is not q = 0 at rest, and for scenarios."""
         start = Scenario(name=INITIAL)
-        moved = any(b.joint != "free" and any(_away(b.q, b)) for b in self.model.bodies)
+        moved = any(
+            any(b.v) or (b.joint != "free" and any(_away(b.q, b))) for b in self.model.bodies
+        )
         taken: set[str] = set()
         for s in ((start,) if moved else ()) + tuple(self.model.scenarios):
             if s is not start and not (s.q or s.v):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -65,6 +65,7 @@ XACRO = "of xacro; name the file robot.urdf.xacro, so that they are expanded"
 KNOWN = {"link", "joint", "material", "loop_joint"}  # children of <robot>
 OF_LINK = {"inertial", "visual", "collision"}
 OF_JOINT = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
+OF_ONE = OF_JOINT | {"inertial", "geometry", "mass", "inertia"}  # an element has one
 
 
 @explained
@@ -510,6 +511,19 @@ class _Reader(Shapes):
             self.report.add("left out", self.source.name, text)
         return found
 
+    def _repeated(self, element: Element, acts: bool = True) -> Iterator[tuple[Element, str, bool]]:
+        """Yield (element, what, whether it acts) if an element is given several of what it has
+        one."""
+        tags, acts = [child.tag for child in element.children], acts and element.tag != "visual"
+        if element.tag == "geometry" and len(tags) > 1:
+            yield element, f"solid, <{tags[1]}>,", acts
+        for tag in OF_ONE & {*tags}:
+            if tags.count(tag) > 1:
+                yield element, f"<{tag}>", acts
+        for child in element.children:
+            if child.tag in OF_LINK | OF_ONE | {"link", "joint"}:
+                yield from self._repeated(child, acts)
+
     def _left_out(self) -> None:
         """Report each unsupported element type once, with the location of its first occurrence."""
         seen, acting = Counter[str](), set[str]()
@@ -536,6 +550,9 @@ class _Reader(Shapes):
                 many += f"; did you mean <{close[0]}>?"
             acts = bool(close) or tag in acting
             self.report.add("left out", self.source.at(first[tag]), many, acts=acts)
+        for element, tag, acts in self._repeated(self.robot):
+            text = f"a second {tag} in <{element.tag}>; only the first is read"
+            self.report.add("left out", self.source.at(element.line), text, acts=acts)
         if self.hulls:
             text = f"{self.hulls} collision meshes touch by their convex hulls"
             self.report.add("approximated", self.source.name, text)

@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from ..dynamics import Dynamics
-from ..errors import FileError, ModelError, Problem, explained
+from ..errors import FileError, ModelError, Problem, choices, counted, explained
 from ..fields import GROUND
 from ..model import Actuator, Body, Constraint, Gear, Model, Motor, Shape
 from ..model.files import gathered, write_atomic
@@ -284,9 +284,16 @@ class _Writer:
         if model.gravity != (0.0, 0.0, -9.81):
             text = f"gravity {model.gravity}; programs that read URDF assume (0, 0, -9.81)"
             self.report.add("left out", "model", text, acts=True)
-        for parts in ("sites", "outputs", "scenarios"):
-            if count := len(getattr(model, parts)):
-                self.report.add("left out", "model", f"{count} {parts}")
+        begun = [b.name for b in model.bodies if any(b.v) or (b.joint != "free" and any(b.q))]
+        if begun:
+            text = (
+                f"the initial state of {choices(begun, 6)}: the robot is written with q = 0 at rest"
+            )
+            self.report.add("left out", "model", text)
+        for parts in ("site", "output", "scenario"):
+            if named := [part.name for part in getattr(model, f"{parts}s")]:
+                text = f"{counted(len(named), parts)}: {choices(named, 6)}"
+                self.report.add("left out", "model", text)
 
     def _out(self, where: str, what: str, part: str, *, acts: bool = True) -> None:
         """Report a part that cannot be written."""
