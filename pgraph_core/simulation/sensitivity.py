@@ -35,7 +35,7 @@ from ..packing import Array, Ints
 from ..packing.signals import edges_moved
 from ..result import Result
 from ..result.records import Derivatives
-from ..tolerances import NOTABLE, VISIBLE
+from ..tolerances import EPS, NOTABLE, VISIBLE
 from .plan import RunPlan
 from .variables import CENTRAL, SHARE, Given, Slope, Slopes, Variable, refuse, variables_of
 
@@ -75,6 +75,7 @@ class Carried:
         self.slopes: list[Slope] = []
         self._beside: Given | None = None  # the run of which they are, if not of this one
         self._jump: Jump | None = None  # awaits the frames of the step that ended there
+        self._jumped: list[float] = []  # times at which derivatives jump [s]
         self._late: dict[int, Array] = {}  # derivatives of when constraints were switched last
         self._most = MOST
         self.out = np.zeros((0, 0, 0, WIDTH))  # empty until a run starts
@@ -184,6 +185,7 @@ class Carried:
                 self.stop(record, "two comparisons change at once that would not for other values")
                 break
             self._jump = Jump(times, before - after)
+            self._jumped.append(float(t))
 
     def _advanced(self, run: int, budget: int) -> int:
         given, corners = (self._addresses, self._step, self._note, self.out), self._corners
@@ -235,6 +237,7 @@ class Carried:
 
         `late` are the derivatives of t, if it depends on the state.
         """
+        self._jumped.append(t)
         after = rates(record, t) if late else None
         for run, k in zip(self._runs, range(0, len(self.slopes), self._most)):
             times = late.times[k : k + self._most] if late else NO_TIMES
@@ -310,6 +313,10 @@ class Carried:
         Its frames `others` are at the times of `rows` of this run, whose times are t.
         """
         t = t[rows]
+        known = self._settled(finer, t)
+        t, rows, others = t[known], np.asarray(rows)[known], np.asarray(others)[known]
+        if not len(t):
+            return []
         found, nq = [], len(self.given.plan.start[0])
         nv = len(self.given.plan.start[1])
         values = self.out[0, ..., 0]
@@ -333,6 +340,14 @@ class Carried:
                     do = "an initial state that meets the constraints, mech.assemble(q, v)"
                 found.append(text + do)
         return found
+
+    def _settled(self, finer: Carried, t: Array) -> Array:
+        """Which times are after the same jumps in both runs, whose times differ by their errors."""
+        a, b, near = np.array(self._jumped), np.array(finer._jumped), 8.0 * EPS * np.abs(t)
+        if len(a) != len(b):
+            return np.ones(len(t), bool)
+        low, high = np.minimum(a, b), np.maximum(a, b)
+        return np.searchsorted(low, t + near) == np.searchsorted(high, t - near)
 
     def of_frames(self, rows: slice | Ints) -> Derivatives:
         """{path: (frames, nq + nv + 2)} of q, v, work and dissipation."""
