@@ -16,6 +16,8 @@ from ..units import M, N, S
 from .base import KIND, Array, Load, Places, row
 from .spring import BetweenPoints, length_of, line_of, pack_points
 
+STOP = 2  # knots of the stop
+
 
 class Lines(Frozen):
     """A piecewise linear curve, extrapolated beyond its first and last knots."""
@@ -93,7 +95,14 @@ def pack(f: Strut, one: Any, at: Places) -> Array:
     one["springs"] = len(springs)
     one["bump_length"], one["bump_stiffness"] = f.bump_length, f.bump_stiffness
     one["bump_damping"] = f.bump_damping
-    return np.concatenate((springs, dampers))
+    knots = np.concatenate((springs, dampers, np.zeros((STOP, 2))))
+    return np.column_stack((knots, np.zeros(len(knots)), np.full(len(knots), np.inf)))
+
+
+@part
+def above(x, knot):
+    """Return x if it is positive, else 0, unless a run holds one of them at this knot."""
+    return min(max(x, knot[2]), knot[3])
 
 
 @part
@@ -101,7 +110,7 @@ def value_of(line, knots, first, end, x):
     """Evaluate a piecewise linear table at x, as its first segment plus a ramp from each bend."""
     y = line[1] + line[2] * (x - line[0])
     for n in range(first, end):
-        y += knots[n, 1] * max(x - knots[n, 0], 0.0)
+        y += knots[n, 1] * above(x - knots[n, 0], knots[n])
     return y
 
 
@@ -122,9 +131,10 @@ def law(one, knots, work, linear, t):
     p, end, d, length, rate = line_of(one, work, linear)
     first = one.first_knot
     middle = first + one.springs
-    damping = value_of(one.damper, knots, middle, first + one.knots, rate)
-    elastic = one.bump_stiffness * max(one.bump_length - length, 0.0)
-    push = max(elastic * (1.0 - one.bump_damping * rate), 0.0)
+    stop = first + one.knots - STOP
+    damping = value_of(one.damper, knots, middle, stop, rate)
+    elastic = one.bump_stiffness * above(one.bump_length - length, knots[stop])
+    push = above(elastic * (1.0 - one.bump_damping * rate), knots[stop + 1])
     pull = value_of(one.spring, knots, first, middle, length) + damping - push
     lost = (damping - push + elastic) * rate
     return p, (0.0, 0.0, 0.0), scale(-pull, d), end, 0.0, lost
@@ -142,7 +152,7 @@ def energy(one, knots, work):
 
 def linear(table: Any) -> bool:
     """Return True if no strut has a damper with bends or a damped stop."""
-    straight = table["knots"] == table["springs"]
+    straight = table["knots"] == table["springs"] + STOP
     return bool((straight & (table["bump_damping"] == 0.0)).all())
 
 
@@ -156,5 +166,6 @@ ROW = row(
     bump_stiffness=REAL,  # [N/m]
     bump_damping=REAL,  # [s/m]
 )
-# knots: where a table bends, and by how much its slope changes
-LOAD = Load(Strut, ROW, pack, law, energy, columns=2, linear=linear)
+# knots: where a table bends, by how much its slope changes, and the least and most that it adds for
+# that; then of the stop, where it engages and where it would pull
+LOAD = Load(Strut, ROW, pack, law, energy, columns=4, linear=linear)

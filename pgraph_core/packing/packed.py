@@ -222,24 +222,24 @@ class Packed:
 
     def loads(
         self, forces: tuple[Force, ...], *, states: bool = False, named: tuple[Force, ...] = (),
-        watched: Sequence[str] = (),
+        watched: Sequence[str] = (), bent: bool = False,
     ) -> Loads:  # fmt: skip
         """Return the given wrenches, springs between bodies, and expressions of all forces.
 
         With `states`, the friction of contacts and the states of controls are included, even if no
         force reads them. Expressions may name further drives, `named`. Steps end where comparisons
-        in `watched` change.
+        in `watched` change, and with `bent` where a force has a bend.
         """
         found = NO_LOADS
         if on_bodies(forces):
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
         rubbing = self.model.rubbing if states else ()
         acts = any(f._varies for f in forces) or rubbing or (states and self.model.controls)
-        if not (acts or watched):
+        if not (acts or watched or bent):
             return found
         places = Places(self.model, self.topology, self.system)
         given = self.model, forces, self.drives(forces), found
-        return found._replace(signals=signals(places, *given, named, watched, rubbing))
+        return found._replace(signals=signals(places, *given, named, watched, rubbing, bent))
 
     @cached_property
     def passive_loads(self) -> Loads:

@@ -12,9 +12,21 @@ from ..curves import Table, VectorTable
 from ..engine import signals as kernels
 from ..engine.edges import COMPARES, MARK, NEEDED
 from ..engine.signals import DRIVE, HELD, LAW, NEAREST, STATES, TARGET
-from ..engine.stepping.measured import CONSTRAINT, CONTACT, COUNT, FIRST, WHAT
+from ..engine.stepping.measured import (
+    BEND,
+    BOUND,
+    CONSTRAINT,
+    CONTACT,
+    COUNT,
+    FIRST,
+    INPUT,
+    LENGTH,
+    SPEED,
+    WHAT,
+)
 from ..fields import EMPTY
-from ..forces import LOADS, OnBody, OnJoint, Wrench
+from ..forces import LOADS, OnBody, OnJoint, Strut, Wrench
+from ..forces.strut import bends
 from ..model import Contact, Control, Force, Model
 from ..model.control import STATE, Own
 from ..signals import Node, parsed
@@ -73,9 +85,13 @@ class Program:
     def parameter(self, name: str) -> Operand:
         """Add a named number, apart from equal ones, so that a sweep can change it alone."""
         if name not in self._named:
-            self._named[name] = len(self.rows)
-            self.rows.append((float(kernels.NUMBER), 0.0, 0.0, 0.0, self._parameters[name]))
+            self._named[name] = self.apart(self._parameters[name])
         return self._named[name]
+
+    def apart(self, x: float) -> Operand:
+        """Add a constant that shares no instruction with an equal one."""
+        self.rows.append((float(kernels.NUMBER), 0.0, 0.0, 0.0, float(x)))
+        return len(self.rows) - 1
 
     def sampling(self, control: Control) -> Operand:
         """Return the instruction with the time between the samples of a control."""
@@ -218,7 +234,57 @@ class Program:
             return
         for n in nodes:
             if n.op in COMPARISONS:
-                self.put(kernels.ABS, self.put(kernels.SUB, *map(self.of, n.args)))
+                self.end_steps(*map(self.of, n.args))
+
+    def end_steps(self, a: Operand, b: Operand, place: Operand = 0) -> None:
+        """Let steps end where a - b changes its sign. A force bends at the number `place`."""
+        self.put(kernels.ABS, self.put(kernels.SUB, a, b), 0, place)
+
+    def watch_drive(self, f: OnJoint, n: int) -> None:
+        """Let steps end where drive n reaches or leaves a bound of its torque.
+
+        The torque has the bits of `forces.drive`, so that a step that begins there is on its side.
+        """
+        (target, torque), (_, _, kp, kd) = _of_drive(self, f) if f._varies else (None, None), f.law
+        total = self.number(0.0)
+        if kd:
+            drag = self.put(kernels.MUL, self.apart(kd), self.along(f, "v"))
+            total = self.put(kernels.SUB, total, drag)
+        if kp:
+            target = self.put(kernels.NUMBER, INPUT, n) if target is None else target
+            pull = self.put(kernels.SUB, target, self.along(f, "q"))
+            total = self.put(kernels.ADD, total, self.put(kernels.MUL, self.apart(kp), pull))
+        torque = self.put(kernels.NUMBER, INPUT, n, 1) if torque is None else torque
+        total = self.put(kernels.ADD, total, torque)
+        for k, bound in enumerate(f.torques):
+            if np.isfinite(bound):
+                place = self.put(kernels.NUMBER, BOUND, n, k, number=bound)
+                self.end_steps(*((place, total) if k else (total, place)), place)
+
+    def along(self, f: OnJoint, group: str) -> Operand:
+        """Add the length of a drive ("q"), or its rate ("v"), as `forces.along_terms` does."""
+        found: Operand | None = None
+        for body, k, by in f.terms:
+            signal = self.put(*self._places(group, body, k))
+            one = self.put(kernels.MUL, self.apart(by), signal)
+            found = one if found is None else self.put(kernels.ADD, found, one)
+        assert found is not None, "a drive acts on a coordinate"
+        return found
+
+    def watch_strut(self, f: Strut, n: int, knot: int) -> None:
+        """Let steps end at the bends of strut n, whose knots begin at this one."""
+        length, speed = self.put(kernels.NUMBER, LENGTH, n), self.put(kernels.NUMBER, SPEED, n)
+        for signal, lines in ((length, f.spring), (speed, f.damper)):
+            for x in bends(lines)[1][:, 0].tolist():
+                place = self.put(kernels.NUMBER, BEND, knot, number=x)
+                self.end_steps(signal, place, place)
+                knot += 1
+        if f.bump_stiffness:
+            place = self.put(kernels.NUMBER, BEND, knot, number=f.bump_length)
+            self.end_steps(place, length, place)
+            damped = self.put(kernels.MUL, self.apart(f.bump_damping), speed)
+            place = self.put(kernels.NUMBER, BEND, knot + 1, number=1.0)
+            self.end_steps(place, damped, place)
 
     def table(self, x: Operand, knots: Sequence[Operand]) -> Operand:
         """Interpolate linearly between knots (position, value, ...), constant outside."""
@@ -278,7 +344,7 @@ def _operands(op: int) -> int:
 
 def measured_rows(code: Array) -> Ints:
     """Return the rows of the forces of contacts and constraints in a program."""
-    return np.flatnonzero((code[::2, 0] == kernels.NUMBER) & (code[::2, WHAT] != 0.0)) * 2
+    return np.flatnonzero((code[::2, 0] == kernels.NUMBER) & (code[::2, WHAT] >= CONSTRAINT)) * 2
 
 
 def contacts_read(code: Array) -> list[int]:
@@ -442,9 +508,11 @@ def signals(
     named: Sequence[Force] = (),
     watched: Sequence[str] = (),
     rubbing: Sequence[Contact] = (),
+    bent: bool = False,
 ) -> tuple[Array, Ints, Ints]:
     """Return (code, targets, states) for all expressions in these forces, for their drives and
-    loads, in the friction of contacts and in the controls. Conditions are `watched`.
+    loads, in the friction of contacts and in the controls. Conditions are `watched`, and so are
+    the bounds and bends of forces if steps shall end at what is `bent`.
     """
     controls = {c.name: c for c in model.controls}
     known = (*known_forces(model), *named, *forces)
@@ -477,6 +545,13 @@ def signals(
     )
     for text in watched:
         program.watch(parsed(text))
+    if bent:
+        driving = [f for f in forces if isinstance(f, OnJoint)]
+        for n, f in enumerate(driving, start=drives.passive):
+            if np.isfinite(f.torques).any():
+                program.watch_drive(f, n)
+        for n, strut in enumerate(f for f in forces if isinstance(f, Strut)):
+            program.watch_strut(strut, n, int(loads.strut[0]["first_knot"][n]))
     return program.code(), owners, own
 
 

@@ -290,6 +290,9 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     edits = (f"after the edit of the model: {text}" for text in mech.model.told)
     notices = (*_lost(mech.model.lost), *edits, *mech.model.doubts)
     plan = replace(plan, header=header, notices=notices, idle=_idle(mech, given))
+    if ends_at_bends(o, plan):
+        forces = _forces(mech, o, given, span[0], extra)
+        plan = replace(plan, loads=_loads(mech, forces, plan.conditions, bent=True))
     return plan, rated or (rate.known and rate.found is not None)
 
 
@@ -298,12 +301,21 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
     begin, contacts = o.span(given)[0], plan.contacts
     forces = _forces(mech, o, given, begin, o.checked_forces(mech))
-    drives, loads = mech.packed.drives(forces), _loads(mech, forces, plan.conditions)
+    drives = mech.packed.drives(forces)
+    loads = _loads(mech, forces, plan.conditions, ends_at_bends(o, plan))
     start = initial_state(mech, given, q, v, tau, begin)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
         contacts = stepped_tables(mech.packed, contacts, drives)
     return replace(plan, drives=drives, loads=loads, start=start, contacts=contacts)
+
+
+def ends_at_bends(o: Options, plan: RunPlan) -> bool:
+    """Return True if steps end where a force has a bend.
+
+    Derivatives need it. Methods of order 1 do not, as they take forces at the ends of steps alone.
+    """
+    return o.bent and plan.method.order > 1
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
@@ -372,12 +384,15 @@ def _forces(
 
 
 def _loads(
-    mech: Mechanism, forces: tuple[Force, ...], conditions: tuple[ConditionOf, ...]
+    mech: Mechanism,
+    forces: tuple[Force, ...],
+    conditions: tuple[ConditionOf, ...],
+    bent: bool = False,
 ) -> Loads:
-    """Return the forces of a run as loads, with the comparisons of its conditions."""
+    """Return the forces of a run as loads, with the comparisons of its conditions and bends."""
     watched = [text for c in conditions if (text := c.when.holds)]
     exerted = tuple(filter(exerts, forces))
-    return mech.packed.loads(exerted, states=True, watched=watched)
+    return mech.packed.loads(exerted, states=True, watched=watched, bent=bent)
 
 
 def _with_method(

@@ -6,7 +6,7 @@ import pytest
 import pgraph_core as pg
 from tests.refusals import assert_names
 
-X = (1, 0, 0)
+X, G = (1, 0, 0), (0, 0, -9.81)
 WAYS = {
     "rk4": {"method": "rk4", "step": 0.02},
     "dop853": {"method": "dop853", "rtol": 1e-10},
@@ -145,3 +145,53 @@ def test_jumps_that_no_step_tells_are_refused(law, call, facts):
     with pytest.raises(pg.InputError) as error:
         pg.simulate(model, t_end=2.0, wrt=["a"], **call)
     assert_names(str(error.value), *facts)
+
+
+ARM = pg.Body(name="a", axes=(0, 1, 0), com=(0.3, 0, 0), inertia=(0.05, 0.06, 0.02), q=[0.2])
+BLOCK = pg.Body(name="b", joint="prismatic", axes=[X], mass=1.0, q=[0.5], v=[-2.0])
+SERVO = pg.Servo(name="s", body="a", kp=40.0, kd=2.0, target=1.2, torque_limit=3.0)
+STOP = pg.Strut(
+    name="s", body="b", other="ground", point=(0, 0, 0), other_point=(0, 0.1, 0),
+    spring={"x": (0.0, 0.4, 1.0), "value": (-8.0, 0.0, 12.0)}, bump_length=0.3,
+    bump_stiffness=500.0, bump_damping=0.5, damper={"x": (-1, 0, 1), "value": (-2, 0, 0.5)},
+)  # fmt: skip
+CABLE = STOP.model_copy(
+    update={"spring": pg.Lines(x=(0.2, 0.4, 1.0), value=(0, 0, 60)), "bump_stiffness": 0.0}
+)
+
+
+@pytest.mark.parametrize("way", ["dop853", "gauss6", "radau5"])
+@pytest.mark.parametrize(
+    ("body", "force", "field", "h"),
+    [
+        (ARM, SERVO, "kp", 1e-2),
+        (ARM, SERVO, "torque_limit", 1e-3),
+        (ARM, SERVO.model_copy(update={"torque_low": -1.0, "gear": 1.5}), "kd", 1e-3),
+        (BLOCK, STOP, "bump_stiffness", 1e-1),
+        (BLOCK, STOP, "bump_length", 1e-4),
+        (BLOCK, CABLE, "bump_damping", 0.0),
+    ],
+)
+def test_derivatives_through_bends_of_forces_are_those_of_differences(body, force, field, h, way):
+    """Steps end at limits of torque, stops and slack cables, and keep to the side of each."""
+    model = pg.Model(bodies=[body], forces=[force], gravity=(0, 0, 0) if body is BLOCK else G)
+    path = f"forces.s.{field}" if h else "v.b"
+    given = WAYS[way] | ({"step": 0.005} if way == "gauss6" else {})
+    run = pg.simulate(model, t_end=0.8, wrt=path, frames=9, **given)
+    wanted = 0.0
+    for k, weight in {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}.items():
+        for d in (k, -k):
+            change = {field: getattr(force, field) + d * h} if h else {}
+            start = {} if h else {"v": [-2.0 + 1e-3 * d]}
+            call = {"t_end": 0.8, "method": "dop853", "rtol": 1e-12, "wrt": path, "frames": 9}
+            found = pg.simulate(model.edit("s", **change) if h else model, **call, **start)
+            size = np.sign(d) * weight / (h or 1e-3)
+            wanted = wanted + size * np.hstack((found.q, found.v))
+    assert np.allclose(run.sensitivity(path), wanted, rtol=0, atol=2e-8 * np.abs(wanted).max())
+
+
+def test_derivatives_at_a_frame_in_which_they_jump_are_not_compared():
+    """The threshold is met at 0.75 s, a frame, which is after it in one of two runs alone."""
+    law = mass("if(q.m > a, f, 0)").replace(parameters={"a": 0.75, "f": -0.6, "k": 3.0})
+    run = pg.simulate(law, t_end=2.0, wrt=WRT, frames=9, **WAYS["dop853"])
+    assert not any("apart" in text for text in run.notices)

@@ -44,6 +44,7 @@ from ..signals import (
     V,
     evaluate,
 )
+from .measured import CONSTRAINT, LENGTH, RATE, hold, observe
 from .state import STEP, call_step, size_of_state
 from .widths import size_of
 
@@ -51,6 +52,7 @@ from .widths import size_of
 # a part begins; the margin where a part ends, and how much it changes
 BEND, BEGIN, END, CHANGE = 1, 2, 3, 4
 SLOWEST, FASTEST = 5, 6  # range of the rate
+OLD_RATE = 6  # in the row of a length: its rate where a part begins
 CLEAR, CHANGED, OPEN = 0, 1, 2
 SHORTEST = 1.0 / (1 << DEEPEST)  # part of a step: what changes twice within it changes nothing
 MOST_LOOKS = 256  # parts of a step: for a margin that is at its bound all the way
@@ -73,6 +75,7 @@ def cross(run, h):
         release(code)
         if h == 0.0:
             take_sides(run, code)
+        hold(data.scene, code)
         return 0.0
     see(run, code, at.Y, control.time)
     keep(code)
@@ -97,8 +100,9 @@ def cross(run, h):
 def see(run, code, row, t):
     """Evaluate the program at a state."""
     nq, nv = size_of_state(run)
-    stages = opened_run(run).stages
-    evaluate(code, 0, code.shape[0] // 2, t, stages[row, :nq], stages[row, nq : nq + nv])
+    y = opened_run(run).stages[row]
+    observe(opened_run(run).scene, code, t, y[:nq], y[nq : nq + nv])
+    evaluate(code, 0, code.shape[0] // 2, t, y[:nq], y[nq : nq + nv])
 
 
 @sweep
@@ -150,6 +154,8 @@ def keep(code):
     """Let the next part of the step begin at the state that was evaluated last."""
     for i in range(0, code.shape[0], 2):
         code[i + 1, BEGIN] = margin_of(code, i) if code[i, 0] >= HELD else code[i + 1, 0]
+        if code[i, 0] == NUMBER:
+            code[i, OLD_RATE] = code[i, RATE]
 
 
 @part
@@ -180,7 +186,7 @@ def rate_in(run, row, k):
 
 @sweep
 def bend(run, code, h):
-    """Store how far each coordinate and velocity of the program can leave the chord of the step.
+    """Store how far each signal of the program can leave the chord of the step.
 
     A cubic through both positions with both velocities leaves it by less than its velocities
     times h differ from the chord, a parabola by less than its first rate does. Parts of a step
@@ -194,6 +200,9 @@ def bend(run, code, h):
         if op == Q:
             j = nq + int(code[i, 2])
             first, last = h * stages[at.Y, j] - way, h * stages[at.CANDIDATE, j] - way
+            code[i + 1, BEND] = max(abs(first), abs(last))
+        elif op == NUMBER and k == LENGTH:
+            first, last = h * code[i, OLD_RATE] - way, h * code[i, RATE] - way
             code[i + 1, BEND] = max(abs(first), abs(last))
         elif op == V:
             slope = h * rate_in(run, at.Y, nq + k)
@@ -244,12 +253,12 @@ def judged(code, t, share, width):
 def put_signal(code, i, op, share, width):
     """Store the range of a signal and of its rate, in a part of the step."""
     a, b = code[i + 1, BEGIN], code[i + 1, 0]
-    off = code[i + 1, BEND] * share if op == Q or op == V else 0.0
+    off = code[i + 1, BEND] * share
     code[i + 1, LEAST], code[i + 1, MOST] = min(a, b) - off * share, max(a, b) + off * share
     slope, off = 0.0, 3.0 * off
     if op == TIME:
         slope = 1.0
-    elif op != NUMBER and width > 0.0:
+    elif width > 0.0:
         slope, off = (b - a) / width, off * share / width
     code[i + 1, SLOWEST], code[i + 1, FASTEST] = slope - off, slope + off
 
@@ -344,7 +353,7 @@ def look_ahead(run, code, h):
     """Widen the ranges in which no comparison can change, so that next steps need no look."""
     for i in range(0, code.shape[0], 2):
         op = int(code[i, 0])
-        if op <= V and op != NUMBER:
+        if op <= V:
             room = AHEAD * way_of(run, code, i, h)
             code[i + 1, BEGIN], code[i + 1, 0] = code[i + 1, 0] - room, code[i + 1, 0] + room
     control = opened_run(run).control[0]
@@ -360,6 +369,8 @@ def way_of(run, code, i, h):
     op, k = int(code[i, 0]), int(code[i, 1])
     if op == TIME:
         return h
+    if op == NUMBER:  # a length or an input is not known ahead
+        return math.inf if 0 < k < CONSTRAINT else 0.0
     j = nq + (k if op == V else int(code[i, 2]))
     change = max(abs(stages[at.CANDIDATE, j] - stages[at.Y, j]), h * abs(rate_in(run, at.Y, j)))
     if op == V:

@@ -32,6 +32,7 @@ from ..tree.kinematics import frames, outboard
 from ..tree.moving import advance, normalise_all
 from .batch import call_advance
 from .explicit import dense_output, last_stage, runge_kutta_step, semi_implicit_step, turn_spins
+from .measured import hold
 from .state import acceleration_of, copied, onto_constraints, size_of_state
 
 D1, F4 = carrying(F1), f8[:, :, :, ::1]
@@ -103,6 +104,7 @@ def take_sides(run, numbers):
                 n += 2
             code[n + 1, SIDE] = revalued(code[n + 1, SIDE], given[i + 1, SIDE])
             n += 2
+    hold(opened_run(run).scene, code)
 
 
 @sweep

@@ -1,4 +1,6 @@
-"""Forces of contacts and constraints as signals, measured where samples are taken.
+"""Signals that are not a part of the state: forces, lengths of struts and inputs of drives.
+
+Forces of contacts and constraints are measured where samples are taken.
 
 A force follows from all forces at its instant, so no expression that a force follows from reads it.
 A sample acts after its instant and reads the force that a frame there would record.
@@ -6,20 +8,29 @@ A sample acts after its instant and reads the force that a frame there would rec
 
 import math
 
+from ...forces.spring import line_of
 from ..arrays import CONTACTS, TAU
 from ..compiler.address import stored
 from ..compiler.jit import kernel, sweep
 from ..compiler.kinds import F1, F2, f8, i8, void
+from ..constraints.blocks import velocities
 from ..constraints.constraints import wrenches
+from ..forces import acting, own_torque
 from ..motion import call_acceleration, opened
-from ..signals import NUMBER, SAMPLE, sample_time
+from ..signals import ABS, HELD, NUMBER, SAMPLE, SIDE, sample_time
+from ..tree.kinematics import outboard, positions
 
 _, contacts_at = stored(CONTACTS)
 
 # operands of a measured NUMBER: what is measured, plus the entry (0: its size, 1 to 3: along an
 # axis); the first block or pair; how many. `Program` writes the number of the part as the second.
 WHAT, FIRST, COUNT, VALUE = 1, 2, 3, 4
+LENGTH, SPEED, INPUT = 1, 2, 3  # of a strut, which is `FIRST`; the target (0) or torque of a drive
+# a NUMBER at which a force bends: a bound of a drive (0: low, 1: high), or the knot of a strut
+BOUND, BEND = -1, -2
 CONSTRAINT, CONTACT = 4, 8
+RATE = 5  # in the row of a length
+PLACE = 3  # of a comparison: the number at which a force bends
 
 
 @sweep
@@ -33,7 +44,7 @@ def measures(signals, t, near):
             due = due or abs(apart * math.floor(t / apart + 0.5) - t) <= near
     if due:
         for i in range(0, code.shape[0], 2):
-            if code[i, 0] == NUMBER and code[i, WHAT] != 0.0:
+            if code[i, 0] == NUMBER and code[i, WHAT] >= CONSTRAINT:
                 return True
     return False
 
@@ -52,7 +63,7 @@ def measure(scene, accelerate, t, q, v, vdot, flow, forces):
     code = data.loads.signals[0]
     for i in range(0, code.shape[0], 2):
         what = int(code[i, WHAT])
-        if code[i, 0] == NUMBER and what != 0:
+        if code[i, 0] == NUMBER and what >= CONSTRAINT:
             flow[0] = flow[1] = flow[2] = 0.0  # the force
             for k in range(int(code[i, FIRST]), int(code[i, FIRST] + code[i, COUNT])):
                 for axis in range(3):
@@ -69,3 +80,56 @@ def measure(scene, accelerate, t, q, v, vdot, flow, forces):
 def measured(scene, accelerate, t, q, v, vdot, flow, forces):
     """Write the forces at a state into a scene's program."""
     measure(scene, accelerate, t, q, v, vdot, flow, forces)
+
+
+@sweep
+def observe(scene, code, t, q, v):
+    """Write lengths of struts and inputs of drives at a state into a program."""
+    data = opened(scene)
+    work, drives, located = data.work, data.drives, False
+    for i in range(0, code.shape[0], 2):
+        what, n = (int(code[i, WHAT]), int(code[i, FIRST])) if code[i, 0] == NUMBER else (0, 0)
+        if what == INPUT and code[i, COUNT] == 0.0:
+            one = drives.table[n]
+            code[i, VALUE] = acting(one, drives.knots, one.first_target, one.targets, t)
+        elif what == INPUT:
+            code[i, VALUE] = own_torque(drives.table[n], drives.knots, t)
+        elif what == LENGTH or what == SPEED:
+            if not located:
+                outboard(data.rows, data.const, work, q, v)
+                positions(data.rows, work)
+                velocities(data.rows, data.const, work, v, data.space.linear)
+                located = True
+            line = line_of(data.loads.strut[0][n], work, data.space.linear)
+            code[i, VALUE], code[i, RATE] = line[3] if what == LENGTH else line[4], line[4]
+
+
+@sweep
+def hold(scene, code):
+    """Let drives and struts keep to the side of their bounds and bends that the program holds.
+
+    They take min(max(x, least), most), which is `most` for any x, with its derivatives, if the
+    least is infinite.
+    """
+    data = opened(scene)
+    table = data.drives.table
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] == NUMBER and code[i, WHAT] == BOUND:
+            table[int(code[i, FIRST])].low = -math.inf
+            table[int(code[i, FIRST])].high = math.inf
+    for i in range(0, code.shape[0], 2):
+        k = 2 * int(code[i, PLACE])
+        if code[i, 0] != HELD + ABS or code[k, 0] != NUMBER or not code[k, WHAT] < 0.0:
+            continue
+        n, side = int(code[k, FIRST]), code[i + 1, SIDE]
+        if code[k, WHAT] == BEND:
+            knot = data.loads.strut[1][n]
+            knot[2] = math.inf * side if side != 0.0 else 0.0
+            knot[3] = 0.0 if side > 0.0 else math.inf
+        elif side > 0.0:
+            table[n].low = math.inf
+            table[n].high = code[k, VALUE]
+        elif side == 0.0 and code[k, COUNT] == 0.0:
+            table[n].low = code[k, VALUE]
+        elif side == 0.0:
+            table[n].high = code[k, VALUE]
