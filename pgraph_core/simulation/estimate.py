@@ -20,7 +20,7 @@ from ..engine.records import RIGID, SWING
 from ..errors import InputError
 from ..packing import Array
 from ..packing.signals import states_of
-from ..tolerances import EPS, SOLVED, VISIBLE
+from ..tolerances import EPS, ROUNDING, SOLVED, VISIBLE
 from .finer import (
     apart,
     finer_plan,
@@ -90,7 +90,8 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
             finer.carried, plan.times, *shared(record, finer, n)
         )
     ahead = plan.onward() if record.met else plan
-    if ahead.tolerance is None and may_jump(record, ahead):
+    changed = record.steps.control["change"] > -np.inf  # steps after it begin anywhere
+    if ahead.tolerance is None and (changed or may_jump(record, ahead)):
         third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1), carries=False)
         if not isinstance(third, str):
             off = np.maximum(off, apart(record, third, n))
@@ -99,7 +100,8 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     if (tables := record.plan.contacts) is not None:
         np.maximum(error[:, 0], _left_open(record, tables, n), out=error[:, 0])
     np.maximum.accumulate(error, out=error)
-    error += _rounding(record, plan.times)
+    rounding = _rounding(record, plan.times)
+    error += rounding
     touching = record.scene.touching
     if touching is not None:  # drift due to the contact solver's velocity residuals [rad, m]
         error[1:, 0] += float(touching.tally["strayed"])
@@ -109,7 +111,9 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     if not known.all():
         known[:, 1:] &= known[:, :1] & known[:, 1:2]
         error[~np.logical_and.accumulate(known[:, 1:])] = np.inf
-    sizes = size_of_motion(turned, slid, length), *ranges
+    sizes = np.array((size_of_motion(turned, slid, length), *ranges))
+    # what is rounding no step and no tolerance makes smaller
+    sizes = np.maximum(sizes, ROUNDING / (EPS * VISIBLE) * rounding[-1])
     told = _notices(record, plan.times, error, sizes) or unbalanced(record, n)
     if record.plan.method.implicit:
         told += passed_over(record, float(error[-1, 0]))
@@ -150,9 +154,7 @@ def _left_open(record: Recording, tables: Tables, n: int) -> Array | float:
     return np.maximum(found.max(axis=1, initial=0.0), np.max(beyond, axis=0, initial=0.0))
 
 
-def _notices(
-    record: Recording, t: Array, error: Array, sizes: tuple[float, ...]
-) -> tuple[str, ...]:
+def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[str, ...]:
     """Return messages about errors (n, 1 + nx) that are large or not known up to the end.
 
     No error of the motion tells of a state that no force reads.
