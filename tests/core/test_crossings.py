@@ -139,3 +139,52 @@ def test_a_finer_run_takes_other_steps_after_a_change(rtol):
         after = -0.2 + (a + 0.2) * np.cos(run.t - met) + np.cos(met) * np.sin(run.t - met)
         error = np.abs(run.q[:, 0] - np.where(run.t < met, np.sin(run.t), after)).max()
         assert error < 10.0 * run.error_estimate + 1e-13
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("law", ["if(q.m > 0, -1, 1)", "if(q.m >= 0, -2, 2)"])
+def test_a_mass_at_rest_between_two_pushes_stays(way, law):
+    run = pg.simulate(mass(law, speed=0.0), t_end=1.0, frames=11, max_steps=2000, **WAYS[way])
+    assert run.status.ok
+    assert np.abs(run.q).max() < max(10.0 * run.error_estimate, 1e-10)
+
+
+@pytest.mark.parametrize("law", ["if(q.m > 0, -1, 1)", "if(q.m > 0, 0, 1)", "min(q.m, 0)"])
+def test_a_jump_at_the_start_is_no_stiffness(law):
+    run = pg.simulate(mass(law), t_end=1.0, step=0.01, method="rk4")
+    assert not run.notices
+
+
+def bounces(t, stiffness, wall):
+    """The way of sin(t) with a stiff spring beyond a wall, whose bounces repeat."""
+    met, rate = np.arcsin(wall), np.sqrt(1.0 + stiffness)
+    middle = stiffness * wall / (1.0 + stiffness)
+    size = np.hypot(wall - middle, np.cos(met) / rate)
+    ahead = np.arctan2(np.cos(met) / rate, wall - middle)
+    inside = 2.0 * ahead / rate
+    s = (t - met) % (inside + np.pi + 2.0 * met)
+    there = middle + size * np.cos(rate * s - ahead)
+    after = np.where(s < inside, there, np.sin(np.pi - met + s - inside))
+    return np.where(t < met, np.sin(t), after)
+
+
+@pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4"])
+@pytest.mark.parametrize(
+    ("stiffness", "wall", "end", "steps"),
+    [(117742, 0.8604, 4.2974, 2496), (1415.12, 0.5296, 7.0593, 2597), (2e4, 0.7, 6.0, 900)],
+)
+def test_a_stiff_side_of_a_comparison_is_in_the_estimate(method, stiffness, wall, end, steps):
+    """A few steps lie within a bounce, and where they begin in it decides on their error."""
+    model = mass(f"-{stiffness}*max(q.m - {wall}, 0)", stiffness=(1.0,))
+    run = pg.simulate(model, t_end=end, step=end / steps, method=method, frames=101)
+    error = np.abs(run.q[:, 0] - bounces(run.t, stiffness, wall)).max()
+    assert error < 5.0 * run.error_estimate
+
+
+def test_gauss6_solves_a_stiff_side_in_parts_of_a_step():
+    model = mass("-1e5*max(q.m - 0.5, 0)", stiffness=(1.0,))
+    run = pg.simulate(model, t_end=6.0, step=0.05, method="gauss6")
+    assert run.status.ok
+    error = np.abs(run.q[:, 0] - bounces(run.t, 1e5, 0.5)).max()
+    assert error < max(10.0 * run.error_estimate, 1e-9)
+    assert any("did not converge" in text for text in run.notices)

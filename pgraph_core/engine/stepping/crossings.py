@@ -11,7 +11,7 @@ change its sign, and may turn, is taken shorter.
 
 import math
 
-from ...tolerances import EPS, ROUNDING
+from ...tolerances import EPS, ROUNDING, step_of_differences
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
@@ -45,7 +45,7 @@ from ..signals import (
     evaluate,
 )
 from .measured import CONSTRAINT, LENGTH, RATE, hold, observe
-from .state import STEP, call_step, size_of_state
+from .state import STEP, acceleration_of, call_step, size_of_state
 from .widths import size_of
 
 # of a second row: of a coordinate or velocity, what bends its way; the value, or the margin, where
@@ -59,6 +59,8 @@ MOST_LOOKS = 256  # parts of a step: for a margin that is at its bound all the w
 TRIALS = 80  # bisections alone need 52
 AHEAD = 16  # steps of this way within which nothing can change: later ones need no look
 ROUNDED = 4 * EPS  # width of an instant, relative to the step or the time
+SPAN = 2.0 * step_of_differences(3)  # of a step: three values give a rate and a bend
+FLAT = math.sqrt(ROUNDED)  # of a step: what begins at zero with no rate is rounding until then
 GROWTH = 16  # of the least width of a step, while one side leads to the other at once
 
 
@@ -502,7 +504,7 @@ def ended(run, h, w):
         step_to(run, code, w)
         return w
     least = max(instant(control, h), control.shut)
-    soon = w <= max(least, SHORTEST * h)
+    soon = w <= max(least, FLAT * h)
     step_to(run, code, w)
     if soon and control.slid == 0 and begins_to_slide(run, code, h):
         return slide(run, code, SHORTEST * h)
@@ -511,9 +513,54 @@ def ended(run, h, w):
         control.shut = min(GROWTH * least, control.rtol * h if control.widths == CHOSEN else h)
     else:
         calm(control)
+        turn_beyond(run, code, h, w)
     step_to(run, code, w)
     control.sided = 0
     return w
+
+
+@sweep
+def turn_beyond(run, code, h, w):
+    """Keep how far beyond zero a margin that changes at width w would turn back if nothing changed.
+
+    It is the minimum of a parabola through three values close to w.
+    """
+    begin, end = beside(w, h)
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] >= HELD:
+            code[i + 1, CHANGE] = -code[i + 1, SIDE] if has_changed(code, i) else 0.0
+    if begin < w:
+        step_to(run, code, begin)
+    keep(code)
+    step_to(run, code, 0.5 * (begin + end))
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] >= HELD:
+            code[i + 1, END] = margin_of(code, i)
+    step_to(run, code, end)
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] >= HELD and code[i + 1, CHANGE] != 0.0:
+            side = code[i + 1, CHANGE]
+            y = (side * code[i + 1, BEGIN], side * code[i + 1, END], side * margin_of(code, i))
+            _, least = vertex((0.0, 0.5, 1.0), y)
+            if -least < code[i, NEAREST] and least < 0.0:
+                code[i, NEAREST], code[i, WHEN] = -least, opened_run(run).control[0].time + w
+
+
+@part
+def beside(w, h):
+    """Return (begin, end) of a part of a step that ends or begins at w, for second differences."""
+    return (w - SPAN * h, w) if 2.0 * w > h else (w, w + SPAN * h)
+
+
+@part
+def vertex(x, y):
+    """Return the minimum (x, y) of a parabola through three points, or (-1, inf) if it has none."""
+    slope = (y[1] - y[0]) / (x[1] - x[0])
+    curve = ((y[2] - y[1]) / (x[2] - x[1]) - slope) / (x[2] - x[0])
+    if not curve > 0.0:
+        return -1.0, math.inf
+    least = 0.5 * (x[0] + x[1] - slope / curve)
+    return least, y[0] + (least - x[0]) * (slope + curve * (least - x[1]))
 
 
 @part
@@ -542,8 +589,16 @@ def blend(code, i, share):
 def beyond(run, code, i, share, w):
     """Take the step of width w with this share. Returns how far it ends on the true side."""
     blend(code, i, share)
+    start_again(run)
     step_to(run, code, w)
     return -margin_of(code, i)
+
+
+@sweep
+def start_again(run):
+    """Compute the slope at Y with the results of comparisons as they are."""
+    if opened_run(run).method[0].starts == 1:
+        acceleration_of(run, opened_run(run).control[0].time, at.Y, at.SLOPE)
 
 
 @sweep
@@ -560,6 +615,7 @@ def begins_to_slide(run, code, h):
                 control.share = share
                 return True
             code[i + 1, SIDE] = side
+            start_again(run)
     return False
 
 

@@ -5,8 +5,6 @@ evaluated along the step, on dense output or by repeating a narrower step. The f
 located by secants and bisection, and the step ends there.
 """
 
-import math
-
 from ...tolerances import ROUNDING, SOLVED
 from .. import layout as at
 from ..arrays import guard_at, opened_run
@@ -38,6 +36,7 @@ from ..contact.points import (
 from ..motion import PROJECTION, call_projection, opened
 from ..records import ONCE, REACHED
 from ..tree.moving import normalise_all
+from .crossings import beside, vertex
 from .explicit import dense_output
 from .run import LOOK_BACK
 from .state import call_step, copied, onto_constraints, size_of_state
@@ -306,17 +305,6 @@ def keep_values(run, row):
         watched[row, first + i] = values[i]
 
 
-@part
-def vertex(x, y):
-    """Return the minimum (x, y) of a parabola through three points, or (-1, inf) if it has none."""
-    slope = (y[1] - y[0]) / (x[1] - x[0])
-    curve = ((y[2] - y[1]) / (x[2] - x[1]) - slope) / (x[2] - x[0])
-    if not curve > 0.0:
-        return -1.0, math.inf
-    least = 0.5 * (x[0] + x[1] - slope / curve)
-    return least, y[0] + (least - x[0]) * (slope + curve * (least - x[1]))
-
-
 @sweep
 def dip(run, low, width, i):
     """Find the point after `low` at which event i touches zero without crossing it.
@@ -424,6 +412,32 @@ def clear_of_zero(run, low, end):
 
 
 @sweep
+def turn_beyond(run, w):
+    """Keep how far beyond zero events at a time w after the start of the last step will turn back.
+
+    It is the minimum of a parabola through three values close to w.
+    """
+    data = opened_run(run)
+    signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
+    first = watched.shape[1] - signs.shape[0]
+    for i in range(signs.shape[0]):
+        counts = watched[NOW, first + i] < 0.0 and signs[i] * wanted[i] <= 0
+        watched[START, first + i] = signs[i] if counts else 0.0
+    begin, end = beside(w, data.control[0].old_width)
+    look(run, begin, 0.0)
+    keep_values(run, LOW)
+    look(run, begin, 0.5 * (end - begin))
+    keep_values(run, HIGH)
+    look(run, begin, end - begin)
+    for i in range(signs.shape[0]):
+        n, side = first + i, watched[START, first + i]
+        y = (side * watched[LOW, n], side * watched[HIGH, n], side * values[i])
+        _, least = vertex((0.0, 0.5, 1.0), y)
+        if -least < watched[NEAREST, n] and least < 0.0:
+            watched[NEAREST, n], watched[WHEN, n] = -least, data.control[0].old_time + w
+
+
+@sweep
 def reached(run, low, end):
     """Return (whether the first event in the part of the step from `low` counts, its time).
 
@@ -437,6 +451,9 @@ def reached(run, low, end):
     if end > 0.0:
         low, end = clear_of_zero(run, low, end)
         w = locate(run, low, end)
+        if data.links.events != 0:
+            turn_beyond(run, low + w)
+            look(run, low, w)
     if end > 0.0 and zero_exactly(run):
         look(run, low, end)
         keep_values(run, HIGH)
