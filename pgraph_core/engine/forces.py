@@ -5,7 +5,6 @@ import math
 from .compiler.elementary import exp, power
 from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import f8
-from .records import CREEP
 
 
 @part
@@ -181,7 +180,7 @@ def drive(drives, t, q, v, given, tau):
         drag = kd * speed
         friction = table[n].friction
         if friction > 0.0:
-            drag += friction * speed / math.sqrt(speed * speed + CREEP * CREEP)
+            drag += friction * speed / math.sqrt(speed * speed + table[n].creep * table[n].creep)
         torque = -drag
         if i >= 0:
             target = acting(table[n], knots, table[n].first_target, table[n].targets, t)

@@ -172,6 +172,7 @@ JOINT_FORCE = record(
     low=REAL,  # least torque of a motor or servo [N m, N]
     high=REAL,  # largest
     friction=REAL,  # [N m, N]
+    creep=REAL,  # speed below which friction is regularised [rad/s, m/s]
     first_target=INTEGER,  # knot of the target
     targets=INTEGER,  # number of knots of the target
     first_torque=INTEGER,

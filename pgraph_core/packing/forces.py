@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .. import joints
-from ..engine.records import JOINT_FORCE, rows_of, table
+from ..engine.records import CREEP, JOINT_FORCE, rows_of, table
 from ..fields import GROUND, OfSums
 from ..forces import LOADS, Load, OnBody, OnJoint
 from ..model import Body, Force, Model, Table, Tendon
@@ -140,7 +140,7 @@ def _drives(model: Model, topology: Topology, packed: System, forces: tuple[Forc
             rest = length_at(own, packed.q) if f.rest is None and f.stiffness else f.rest or 0.0
             place = _placed(own, f.stiffness != 0, terms)
             spans = *knots.put(rest), *knots.put(0.0)
-            law = f.stiffness, f.damping, -np.inf, np.inf, f.friction
+            law = f.stiffness, f.damping, -np.inf, np.inf, f.friction, CREEP
             rows.append((*place[:2], *law, *spans, *place[2:], *AT_ONCE))
     passive = len(rows)
     for f in forces:
@@ -152,7 +152,7 @@ def _drives(model: Model, topology: Topology, packed: System, forces: tuple[Forc
             follows = AT_ONCE
             if f.has_state:
                 follows = _following(knots.own(spans[0] if f.aims else spans[2]), f)
-            rows.append((*place[:2], kp, kd, *f.torques, 0.0, *spans, *place[2:], *follows))
+            rows.append((*place[:2], kp, kd, *f.torques, 0.0, CREEP, *spans, *place[2:], *follows))
         elif not isinstance(f, (OnBody, Tendon)):
             raise TypeError(f"a force of kind '{f.kind}' has no row in any table")
     columns = knots.table(), passive, np.array(terms).reshape(-1, 3)
@@ -289,7 +289,7 @@ def _springs(body: Any, at_vq: list[tuple[int, int]], knots: Knots) -> list[tupl
         for at_v, at_q in at_vq[start : start + size]:
             none = knots.put(0.0)
             place = (at_v, at_q if k else -1)
-            law = k, d, -np.inf, np.inf, friction
+            law = k, d, -np.inf, np.inf, friction, CREEP
             found.append((*place, *law, *knots.put(rest), *none, 0, 0, *AT_ONCE))
         start += size
     return found

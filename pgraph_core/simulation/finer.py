@@ -59,7 +59,9 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
 def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     given = plan.tolerance
     way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
-    plan = replace(plan, parts=2 * plan.parts, way=way)
+    table = plan.drives.table.copy()
+    table["creep"] *= 0.5
+    plan = replace(plan, parts=2 * plan.parts, way=way, drives=plan.drives._replace(table=table))
     if given is None:
         return plan
     finer = given._replace(most=int(FINER) * (steps + len(plan.times)))
@@ -115,7 +117,8 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
     substeps = np.maximum(np.rint(np.diff(ends)), 1.0).astype(np.int64)
     times = np.interp(ends, frames, plan.times)
     width = np.diff(times) / substeps
-    offset = replace(plan, times=times, substeps=substeps, width=width, parts=parts, shown=None)
+    given = {"times": times, "substeps": substeps, "width": width, "shown": None}
+    offset = replace(plan, drives=finer.drives, parts=parts, **given)
     if finer.way is None:
         return offset
     if finer.tolerance is None:

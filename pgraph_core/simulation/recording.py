@@ -113,8 +113,7 @@ class Recording(Running):
             self.steps.begin_again(q, v)
         else:
             self.watch = self._watching()
-            again = before is not None and before.user is self.user and not before.scene.remembers
-            self.scene = before.scene if before is not None and again else self._scene()
+            self.scene = self._scene() if before is None else self._scene_of_finer(before)
             self.out = self._empty_frames(len(plan.times))
         self._arrays = tuple(self.out)  # arguments of kernels
         self._give_torques()
@@ -125,6 +124,11 @@ class Recording(Running):
             self._join()
         if plan.changes:
             self._stop_at_next()
+
+    def _scene_of_finer(self, before: Recording) -> Scene:
+        """Return the scene of the original run, unless it remembers or has friction to refine."""
+        alone = before.user is not self.user or before.scene.remembers or before.scene.rubs
+        return self._scene() if alone else before.scene
 
     def _give_torques(self) -> None:
         """Pass the torques of the call to the scene."""

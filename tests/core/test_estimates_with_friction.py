@@ -164,3 +164,24 @@ def test_joint_friction_that_stops_a_slider_anywhere_in_a_step(method, frames):
         ).y[0]  # fmt: skip
         off = np.abs(run.q[:, 0] - known).max()
         assert off < 10 * run.error_estimate + 1e-7, (phase, off, run.error_estimate)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"rtol": 1e-6}, {"method": "radau5", "rtol": 1e-8}, {"method": "rk4", "step": 2e-3}],
+)
+@pytest.mark.parametrize(("friction", "push"), [(0.3, 1.0), (0.01, 1.0)])  # it never sticks
+def test_the_estimate_has_the_error_of_regularised_friction(options, friction, push):
+    """A slider that a push turns again and again, beside exact friction by a comparison."""
+    force, sticks = f"={push}*cos(2*t)", f" - {friction}*if(v.m > 0, 1, -1)"
+    slider = pg.Body(name="m", joint="prismatic", mass=1.0, inertia=NONE, friction=(friction,))
+    runs = []
+    for body, text, given in (
+        (slider, force, options),
+        (slider.model_copy(update={"friction": (0.0,)}), force + sticks, {"rtol": 1e-11}),
+    ):
+        motor = pg.Motor(name="f", body="m", torque=text)
+        model = pg.Model(bodies=(body,), forces=(motor,), gravity=(0, 0, 0))
+        runs.append(pg.simulate(model, t_end=10.0, frames=51, **given))
+    error = np.abs(runs[0].q - runs[1].q).max()
+    assert error < 4.0 * runs[0].error_estimate
