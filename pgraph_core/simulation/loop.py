@@ -327,11 +327,15 @@ class Steps:
 
     def notices(self) -> list[str]:
         """Return a notice about fixed steps that were divided."""
-        if self.tolerance is None:
+        count, given = self.divided, self.tolerance
+        widest = float(self.plan.width.max(initial=0.0)) if given is None else given.widest
+        if given is None and self.plan.method.implicit:
+            count = int(self.counters["rejected_steps"])
+        if count == 0:
             return []
-        of = "1 step" if self.divided == 1 else f"{self.divided} steps"
+        of = "1 step" if count == 1 else f"{count} steps"
         return [
-            f"the equations of {of} of {self.tolerance.widest:.4g} s did not converge, "
+            f"the equations of {of} of {widest:.4g} s did not converge, "
             "for example because forces change quickly, so smaller steps were used"
         ]
 

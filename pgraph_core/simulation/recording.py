@@ -736,7 +736,7 @@ class Recording(Running):
 
     def notices(self) -> tuple[str, ...]:
         """Notices about the run up to now."""
-        found = [*self.told, *(self.steps.notices() if self.steps.divided else ())]
+        found = [*self.told, *(self.steps.notices() if self.plan.method.implicit else ())]
         if self.scene.rubs:
             found += creeping(self)
         if self.scene.touching is not None or self.plan.idle is not None:

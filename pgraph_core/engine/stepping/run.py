@@ -21,7 +21,14 @@ from ..vec import finite
 from .crossings import within_ranges
 from .explicit import dense_output, last_stage, turn_spins
 from .measured import measure, measures
-from .state import acceleration_of, call_step, copied, onto_constraints, size_of_state
+from .state import (
+    NOT_SOLVED,
+    acceleration_of,
+    call_step,
+    copied,
+    onto_constraints,
+    size_of_state,
+)
 from .widths import (
     first_width,
     given_start,
@@ -113,6 +120,9 @@ def step_once(run):
     cornered = data.corners.shape[0] > 0 or control.edges > 0
     if good and error > 1.0 and control.widths == CHOSEN and cornered:
         error = 1.0 if error <= blurred(run, h) else error
+    if error == NOT_SOLVED and control.widths == GIVEN:
+        h, error = halved(run, h)
+        good, end, corner = error >= 0.0 and error < math.inf, control.time + h, False
     if not good or (error > 1.0 and control.widths == CHOSEN):
         return refuse(run, error, h)
     if control.widths == CHOSEN:
@@ -141,6 +151,18 @@ def step_once(run):
     if control.approach != 0 and code == at.DONE:
         call_look_back(control.approach, (run,))
     return code
+
+
+@sweep
+def halved(run, h):
+    """Halve a given step until its equations are solved. Return its width and the step's error."""
+    data = opened_run(run)
+    control, error = data.control[0], float(NOT_SOLVED)
+    while error == NOT_SOLVED and 0.5 * h > nearby(control.time + control.widest):
+        data.counters[0].rejected_steps += 1
+        h *= 0.5
+        error = call_step(data.links.step, (run, h))
+    return h, error
 
 
 @sweep
