@@ -392,6 +392,15 @@ def count_of_held(code: Array) -> int:
     return int(np.count_nonzero(code[::2, 0] >= HELD))
 
 
+def hold(code: Array, q: Array, v: Array) -> None:
+    """Hold the comparisons of the motion in a program with their results at a state, at t = 0."""
+    kernels.values(code, 0.0, q, v)
+    rows = 2 * np.flatnonzero(code[::2, 0] >= HELD)
+    op, (a, b) = code[rows, 0] - HELD, (code[2 * code[rows, k].astype(int) + 1, 0] for k in (1, 2))
+    b[op == kernels.ABS] = 0.0
+    code[rows + 1, kernels.SIDE] = np.where(np.where(op == kernels.AT_MOST, a <= b, a < b), 1, -1)
+
+
 def unlocated(code: Array) -> bool:
     """Return True if a value jumps where no comparison changes: at 0 of a number that chooses."""
     true = list[bool]()  # an instruction is true or not

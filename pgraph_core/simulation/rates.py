@@ -14,6 +14,7 @@ from ..engine.stepping import stiffness
 from ..mechanism import Mechanism
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS
+from ..packing.signals import hold
 from ..tolerances import NOTABLE
 
 MOST_FREEDOMS = 200  # for which a notice computes all eigenvalues of the motion
@@ -72,8 +73,7 @@ def fastest_rate(
 
     Oscillations are included, contacts are not.
     """
-    scene = Scene(mech.packed, *forces, active)
-    size = len(q), len(v)
+    scene, size = _held(mech, forces, active, q, v), (len(q), len(v))
     stages = np.zeros((stiffness.STIFFNESS_ROWS, sum(size)))
     stages[stiffness.STATE, : len(q)] = q
     stages[stiffness.STATE, len(q) :] = v
@@ -91,7 +91,7 @@ def fastest_swings(
     """
     if mech.nv > MOST_FREEDOMS:
         return False
-    scene, n = Scene(mech.packed, *forces, active), len(v)
+    scene, n = _held(mech, forces, active, q, v), len(v)
     tau, flow = np.zeros(n), np.zeros(3)
 
     def acceleration(at: Array, speed: Array) -> Array:
@@ -113,3 +113,10 @@ def fastest_swings(
     values = np.linalg.eigvals(slope)
     largest = values[np.argmax(np.abs(values))]
     return bool(abs(largest.imag) > abs(largest.real))
+
+
+def _held(mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array) -> Scene:
+    """Return a scene whose comparisons keep their results: a jump has no slope."""
+    scene = Scene(mech.packed, *forces, active)
+    hold(scene.loads.signals[0], q, v)
+    return scene
