@@ -72,8 +72,8 @@ user_torque = of_numbers(torque_of_numbers)  # no function of a user's takes dua
 
 @part
 def follow(data, t, q, v):
-    """Evaluate the expressions in a scene, if any. Returns False if one is not finite."""
-    if data.loads.signals[0].shape[0] == 0:
+    """Evaluate the expressions in a scene, if any acts. Returns False if one is not finite."""
+    if data.loads.signals[1].shape[0] + data.loads.signals[2].shape[0] == 0:
         return True
     return follow_signals(data.loads.signals, data.drives, data.loads, t, q, v) == 0
 

@@ -68,6 +68,11 @@ class Force(OfKinds):
         return any(type(x) is str or (type(x) is tuple and str in map(type, x)) for x in values)
 
     @property
+    def _bends(self) -> bool:
+        """Return True if its law has bends, which the motion may pass at any time."""
+        return False
+
+    @property
     def _idle(self) -> str:
         """Return the reason why the force has no effect in any motion, or ""."""
         return ""

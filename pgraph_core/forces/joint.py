@@ -175,6 +175,10 @@ class OnJoint(Force, OfSums):
         return (-most if self.torque_low is None else self.torque_low), most
 
     @property
+    def _bends(self) -> bool:
+        return any(map(math.isfinite, self.torques))
+
+    @property
     def terms(self) -> tuple[tuple[str, int, float], ...]:
         """The (body, degree of freedom, factor) of each coordinate that is driven."""
         if not self.coefficients:
@@ -227,6 +231,10 @@ class Motor(OnJoint):
     @classmethod
     def _empty(cls, field: str, value: Any) -> bool:
         return field == "target" or super()._empty(field, value)  # unchanged since version 1
+
+    @property
+    def _bends(self) -> bool:
+        return super()._bends and (self.has_state or self._varies)  # else at knots of its table
 
     @property
     def law(self) -> Law:

@@ -76,6 +76,11 @@ class Strut(BetweenPoints):
             refuse([("bump_length", "must be > 0 if the bump stop has a stiffness, got 0")])
         return self
 
+    @property
+    def _bends(self) -> bool:
+        tables = (bends(x)[1] for x in (self.spring, self.damper))
+        return bool(self.bump_stiffness) or any(map(len, tables))
+
 
 def bends(lines: Lines | None) -> tuple[tuple[float, float, float], Array]:
     """Return (x, value, slope) of the first segment, and (x, change of slope) of bends (n, 2)."""

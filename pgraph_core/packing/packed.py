@@ -235,6 +235,7 @@ class Packed:
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
         rubbing = self.model.rubbing if states else ()
         acts = any(f._varies for f in forces) or rubbing or (states and self.model.controls)
+        bent = bent and any(f._bends for f in forces)
         if not (acts or watched or bent):
             return found
         places = Places(self.model, self.topology, self.system)

@@ -394,8 +394,10 @@ def count_of_held(code: Array) -> int:
 
 def hold(code: Array, q: Array, v: Array) -> None:
     """Hold the comparisons of the motion in a program with their results at a state, at t = 0."""
-    kernels.values(code, 0.0, q, v)
     rows = 2 * np.flatnonzero(code[::2, 0] >= HELD)
+    if not len(rows):
+        return
+    kernels.values(code, 0.0, q, v)
     op, (a, b) = code[rows, 0] - HELD, (code[2 * code[rows, k].astype(int) + 1, 0] for k in (1, 2))
     b[op == kernels.ABS] = 0.0
     code[rows + 1, kernels.SIDE] = np.where(np.where(op == kernels.AT_MOST, a <= b, a < b), 1, -1)
@@ -555,12 +557,12 @@ def signals(
     for text in watched:
         program.watch(parsed(text))
     if bent:
-        driving = [f for f in forces if isinstance(f, OnJoint)]
-        for n, f in enumerate(driving, start=drives.passive):
-            if np.isfinite(f.torques).any():
+        for n, f in enumerate((f for f in forces if isinstance(f, OnJoint)), drives.passive):
+            if f._bends:
                 program.watch_drive(f, n)
-        for n, strut in enumerate(f for f in forces if isinstance(f, Strut)):
-            program.watch_strut(strut, n, int(loads.strut[0]["first_knot"][n]))
+        for n, f in enumerate(f for f in forces if isinstance(f, Strut)):
+            if f._bends:
+                program.watch_strut(f, n, int(loads.strut[0]["first_knot"][n]))
     return program.code(), owners, own
 
 

@@ -174,7 +174,7 @@ def simulate(
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
         forces, switches, estimate,
-        () if inputs is None else inputs_of(inputs, "simulate"), len(wrt) > 0,
+        () if inputs is None else inputs_of(inputs, "simulate"),
     )  # fmt: skip
     if isinstance(q, tuple):
         refuse_interval(q, v, t_end)

@@ -63,7 +63,6 @@ class Options(NamedTuple):
     switches: Any = None
     estimate: Any = None  # False for a run without an error estimate
     inputs: Inputs = ()  # inputs of motors and servos, by name
-    bent: bool = False  # whether the run has derivatives, which depend on bends of forces
 
     def check(self) -> None:
         """Raise InputError if options are mutually exclusive or not among their choices."""

@@ -290,8 +290,8 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     edits = (f"after the edit of the model: {text}" for text in mech.model.told)
     notices = (*_lost(mech.model.lost), *edits, *mech.model.doubts)
     plan = replace(plan, header=header, notices=notices, idle=_idle(mech, given))
-    if ends_at_bends(o, plan):
-        forces = _forces(mech, o, given, span[0], extra)
+    forces = _forces(mech, o, given, span[0], extra)
+    if plan.method.order > 1 and any(f._bends for f in forces):
         plan = replace(plan, loads=_loads(mech, forces, plan.conditions, bent=True))
     return plan, rated or (rate.known and rate.found is not None)
 
@@ -302,20 +302,12 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     begin, contacts = o.span(given)[0], plan.contacts
     forces = _forces(mech, o, given, begin, o.checked_forces(mech))
     drives = mech.packed.drives(forces)
-    loads = _loads(mech, forces, plan.conditions, ends_at_bends(o, plan))
+    loads = _loads(mech, forces, plan.conditions, plan.method.order > 1)
     start = initial_state(mech, given, q, v, tau, begin)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
         contacts = stepped_tables(mech.packed, contacts, drives)
     return replace(plan, drives=drives, loads=loads, start=start, contacts=contacts)
-
-
-def ends_at_bends(o: Options, plan: RunPlan) -> bool:
-    """Return True if steps end where a force has a bend.
-
-    Derivatives need it. Methods of order 1 do not, as they take forces at the ends of steps alone.
-    """
-    return o.bent and plan.method.order > 1
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:

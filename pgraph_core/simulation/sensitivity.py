@@ -314,7 +314,7 @@ class Carried:
         """
         t = t[rows]
         known = self._settled(finer, t)
-        t, rows, others = t[known], np.asarray(rows)[known], np.asarray(others)[known]
+        t, rows, others = t[known], rows[known], others[known]
         if not len(t):
             return []
         found, nq = [], len(self.given.plan.start[0])
@@ -341,13 +341,17 @@ class Carried:
                 found.append(text + do)
         return found
 
-    def _settled(self, finer: Carried, t: Array) -> Array:
-        """Which times are after the same jumps in both runs, whose times differ by their errors."""
+    def _settled(self, finer: Carried, t: Array) -> Ints:
+        """Return the indices of the times (n,) that are after the same jumps in both runs.
+
+        The times of jumps differ by the errors of the runs.
+        """
         a, b, near = np.array(self._jumped), np.array(finer._jumped), 8.0 * EPS * np.abs(t)
         if len(a) != len(b):
-            return np.ones(len(t), bool)
+            return np.arange(len(t))
         low, high = np.minimum(a, b), np.maximum(a, b)
-        return np.searchsorted(low, t + near) == np.searchsorted(high, t - near)
+        same = np.searchsorted(low, t + near) == np.searchsorted(high, t - near)
+        return np.flatnonzero(same)
 
     def of_frames(self, rows: slice | Ints) -> Derivatives:
         """{path: (frames, nq + nv + 2)} of q, v, work and dissipation."""

@@ -188,3 +188,22 @@ def test_gauss6_solves_a_stiff_side_in_parts_of_a_step():
     error = np.abs(run.q[:, 0] - bounces(run.t, 1e5, 0.5)).max()
     assert error < max(10.0 * run.error_estimate, 1e-9)
     assert any("did not converge" in text for text in run.notices)
+
+
+def test_methods_keep_their_accuracy_at_torque_limits_and_stops():
+    """The servo begins at its limit, and the slider runs into a stop and a slack cable."""
+    arm = pg.Body(name="a", axes=(0, 1, 0), com=(0.3, 0, 0), inertia=(0.05, 0.06, 0.02), q=[0.2])
+    block = pg.Body(name="b", joint="prismatic", axes=[(1, 0, 0)], mass=1.0, q=[0.5], v=[-2.0])
+    servo = pg.Servo(name="s", body="a", kp=40.0, kd=2.0, target=1.2, torque_limit=3.0)
+    ends = {"point": (0, 0, 0), "other_point": (0, 0.1, 0)}
+    cable = pg.Lines(x=(0.2, 0.4, 1.0), value=(0, 0, 60))
+    stop = {"bump_length": 0.3, "bump_stiffness": 500.0, "bump_damping": 0.5}
+    strut = pg.Strut(name="t", body="b", spring=cable, **ends, **stop)
+    model = pg.Model(bodies=[arm, block], forces=[servo, strut])
+    call = {"t_end": 0.8, "frames": 9}
+    exact = pg.simulate(model, method="dop853", rtol=1e-13, estimate=False, **call)
+    for given in ({"method": "gauss6", "step": 0.005}, {"method": "dop853", "rtol": 1e-11}):
+        run = pg.simulate(model, **given, **call)
+        error = np.abs(run.q - exact.q).max()
+        assert error < 2e-9
+        assert error < 10.0 * run.error_estimate + 1e-13

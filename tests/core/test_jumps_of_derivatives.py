@@ -183,7 +183,7 @@ def test_derivatives_through_bends_of_forces_are_those_of_differences(body, forc
         for d in (k, -k):
             change = {field: getattr(force, field) + d * h} if h else {}
             start = {} if h else {"v": [-2.0 + 1e-3 * d]}
-            call = {"t_end": 0.8, "method": "dop853", "rtol": 1e-12, "wrt": path, "frames": 9}
+            call = {"t_end": 0.8, "method": "dop853", "rtol": 1e-12, "frames": 9}
             found = pg.simulate(model.edit("s", **change) if h else model, **call, **start)
             size = np.sign(d) * weight / (h or 1e-3)
             wanted = wanted + size * np.hstack((found.q, found.v))

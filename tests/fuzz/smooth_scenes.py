@@ -157,30 +157,15 @@ def _pushed(t: Array, knots: Array, a: Array) -> Array:
 
 def coast(rng: Rng) -> KnownRun:
     """A hinge or slider that its own friction brings to rest."""
-    from scipy.optimize import brentq
-
     m, v0, total = scale(rng, 1e-6, 1e6), scale(rng, 1e-2, 1e2), scale(rng, 1e-2, 1e2)
-    c, pull = 1e-3, v0 / total
+    pull = v0 / total
     hinge = bool(rng.random() < 0.5)
     joint: dict[str, Any] = {"joint": "revolute" if hinge else "prismatic"}
     body = Body(name="b", mass=m, inertia=np.eye(3) * m, v=(v0,), friction=pull * m, **joint)
 
-    def after(log: float) -> float:
-        """The time, times the deceleration, until log(v)."""
-        v = np.exp(log)
-        to = np.hypot(v, c) - c * (np.log(c + np.hypot(v, c)) - log)
-        return float(np.hypot(v0, c) - c * np.arcsinh(c / v0) - to)
-
-    def path(v: Array) -> Array:
-        return 0.5 * (v * np.hypot(v, c) + c * c * np.arcsinh(v / c))
-
     def known(t: Array) -> Array:
-        v = [v0]
-        for s in (pull * t[1:]).tolist():
-            least = np.log(v0) - 2 * (s + v0) / c - 5
-            found: Any = brentq(lambda log, s=s: after(log) - s, least, np.log(v0), xtol=1e-14)
-            v.append(float(np.exp(found)))
-        return (path(np.array(v0)) - path(np.array(v)))[:, None] / pull
+        s = np.minimum(t, total)
+        return (v0 * s - 0.5 * pull * s * s)[:, None]
 
     span = total * float(rng.uniform(0.3, 2.0))
     model = without_gravity(body)

@@ -44,7 +44,7 @@ from ..signals import (
     V,
     evaluate,
 )
-from .measured import CONSTRAINT, LENGTH, RATE, hold, observe
+from .measured import CONSTRAINT, INPUT, LENGTH, RATE, hold, observe
 from .state import STEP, acceleration_of, call_step, size_of_state
 from .widths import size_of
 
@@ -166,6 +166,12 @@ def has_changed(code, i):
     return abs(code[i + 1, SIDE]) == 1.0 and side_of(code, i) != code[i + 1, SIDE]
 
 
+@part
+def jumps(code, i):
+    """Return True if a value jumps where the held comparison changes."""
+    return code[i, 0] == HELD + LESS or code[i, 0] == HELD + AT_MOST
+
+
 @sweep
 def any_changed(code):
     """Return True if a comparison has changed."""
@@ -188,7 +194,7 @@ def rate_in(run, row, k):
 
 @sweep
 def bend(run, code, h):
-    """Store how far each signal of the program can leave the chord of the step.
+    """Store how far each coordinate and velocity of the program can leave the chord of the step.
 
     A cubic through both positions with both velocities leaves it by less than its velocities
     times h differ from the chord, a parabola by less than its first rate does. Parts of a step
@@ -202,9 +208,6 @@ def bend(run, code, h):
         if op == Q:
             j = nq + int(code[i, 2])
             first, last = h * stages[at.Y, j] - way, h * stages[at.CANDIDATE, j] - way
-            code[i + 1, BEND] = max(abs(first), abs(last))
-        elif op == NUMBER and k == LENGTH:
-            first, last = h * code[i, OLD_RATE] - way, h * code[i, RATE] - way
             code[i + 1, BEND] = max(abs(first), abs(last))
         elif op == V:
             slope = h * rate_in(run, at.Y, nq + k)
@@ -255,13 +258,16 @@ def judged(code, t, share, width):
 def put_signal(code, i, op, share, width):
     """Store the range of a signal and of its rate, in a part of the step."""
     a, b = code[i + 1, BEGIN], code[i + 1, 0]
-    off = code[i + 1, BEND] * share
-    code[i + 1, LEAST], code[i + 1, MOST] = min(a, b) - off * share, max(a, b) + off * share
+    off = code[i + 1, BEND] * share * share
+    if op == NUMBER and code[i, 1] == LENGTH:  # its rate turns fast where two points come close
+        way = b - a
+        off = max(abs(width * code[i, OLD_RATE] - way), abs(width * code[i, RATE] - way))
+    code[i + 1, LEAST], code[i + 1, MOST] = min(a, b) - off, max(a, b) + off
     slope, off = 0.0, 3.0 * off
     if op == TIME:
         slope = 1.0
     elif width > 0.0:
-        slope, off = (b - a) / width, off * share / width
+        slope, off = (b - a) / width, off / width
     code[i + 1, SLOWEST], code[i + 1, FASTEST] = slope - off, slope + off
 
 
@@ -358,9 +364,11 @@ def look_ahead(run, code, h):
         if op <= V:
             room = AHEAD * way_of(run, code, i, h)
             code[i + 1, BEGIN], code[i + 1, 0] = code[i + 1, 0] - room, code[i + 1, 0] + room
-    control = opened_run(run).control[0]
+    control, corners = opened_run(run).control[0], opened_run(run).corners
     if judged(code, control.time, 0.0, 0.0) == CLEAR:
         control.clear = control.time + (1.0 + AHEAD) * h
+        if control.corner < corners.shape[0]:
+            control.clear = min(control.clear, corners[control.corner])
 
 
 @part
@@ -371,13 +379,22 @@ def way_of(run, code, i, h):
     op, k = int(code[i, 0]), int(code[i, 1])
     if op == TIME:
         return h
-    if op == NUMBER:  # a length or an input is not known ahead
-        return math.inf if 0 < k < CONSTRAINT else 0.0
+    if op == NUMBER:
+        return way_of_number(opened(opened_run(run).scene).drives.table, code, i)
     j = nq + (k if op == V else int(code[i, 2]))
     change = max(abs(stages[at.CANDIDATE, j] - stages[at.Y, j]), h * abs(rate_in(run, at.Y, j)))
     if op == V:
         return change
     return h * (max(abs(stages[at.Y, j]), abs(stages[at.CANDIDATE, j])) + change)
+
+
+@part
+def way_of_number(table, code, i):
+    """Return `way_of` of what is no part of the state. Between corners, inputs are straight."""
+    what, n = int(code[i, 1]), int(code[i, 2])
+    if what == INPUT and table[n].lag == 0.0 and table[n].integrates == 0:
+        return abs(code[i + 1, 0] - code[i + 1, BEGIN])
+    return math.inf if 0 < what < CONSTRAINT else 0.0  # lengths are not known ahead
 
 
 @sweep
@@ -521,14 +538,19 @@ def ended(run, h, w):
 
 @sweep
 def turn_beyond(run, code, h, w):
-    """Keep how far beyond zero a margin that changes at width w would turn back if nothing changed.
+    """Keep how far beyond zero a jump that occurs at width w would turn back if nothing changed.
 
-    It is the minimum of a parabola through three values close to w.
+    It is the minimum of a parabola through three values of the margin close to w.
     """
     begin, end = beside(w, h)
+    jump = False
     for i in range(0, code.shape[0], 2):
         if code[i, 0] >= HELD:
-            code[i + 1, CHANGE] = -code[i + 1, SIDE] if has_changed(code, i) else 0.0
+            now = jumps(code, i) and has_changed(code, i)
+            code[i + 1, CHANGE] = -code[i + 1, SIDE] if now else 0.0
+            jump = jump or now
+    if not jump:
+        return
     if begin < w:
         step_to(run, code, begin)
     keep(code)
@@ -606,8 +628,7 @@ def begins_to_slide(run, code, h):
     """Return True if a comparison that has changed leads to its other side from both."""
     control = opened_run(run).control[0]
     for i in range(0, code.shape[0], 2):
-        jumps = code[i, 0] == HELD + LESS or code[i, 0] == HELD + AT_MOST
-        if jumps and has_changed(code, i):
+        if jumps(code, i) and has_changed(code, i):
             side = code[i + 1, SIDE]
             share = kept_on(run, code, i, SHORTEST * h)
             if 0.0 < share < 1.0:
