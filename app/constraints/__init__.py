@@ -15,6 +15,7 @@ import pgraph_core as pg
 from pgraph_core import fields
 from pgraph_core.fields import About
 from pgraph_core.forces import OnJoint
+from pgraph_core.model.editing import CUT
 from pgraph_core.model.output import OF_JOINT, READINGS
 from pgraph_core.units import UNITS
 
@@ -50,14 +51,7 @@ KINDS: dict[str, dict[str, str]] = {  # one line each, for who chooses
     "constraints": {kind: each.ABOUT for kind, each in pg.Constraint.KINDS.items()},
     "contacts": dict(pg.Contact.ABOUT),
     "forces": {kind: each.ABOUT for kind, each in pg.Force.KINDS.items()},
-    "loops": {
-        "revolute": "a hinge closes the loop",
-        "spherical": "a ball closes the loop",
-        "universal": "a universal joint closes the loop",
-        "prismatic": "a slider closes the loop",
-        "cylindrical": "a sliding hinge closes the loop",
-        "weld": "the loop is closed rigidly",
-    },
+    "loops": {kind: pg.Constraint.KINDS[cut].ABOUT for kind, cut in CUT.items()},
     "limits": {"limits": "least and greatest position of a joint (unilateral)"},
     "sites": {"site": "a named frame on a body"},
     "outputs": {kind: each.about for kind, each in READINGS.items()},
