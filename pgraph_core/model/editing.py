@@ -277,21 +277,20 @@ def fitted(
             }
             for key in ("q", "v")
         }
-        update = {**states, "forces": tuple(filter(fits, s.forces)), **_without(s, gone)}
         has = lambda at: at in there or of_bodies({name: None})(at) is not None  # noqa: E731
-        update["switches"] = followed(
-            update["switches"], ("coordinate",), lambda at: at if has(at) else None
-        )
-        return s.unchecked_copy(update)
+        switches = followed(s.switches, ("coordinate",), lambda at: at if has(at) else None)
+        forces = tuple(filter(fits, s.forces))
+        return s.unchecked_copy({**states, "forces": forces, "switches": switches})
 
     def read(o: Output) -> bool:
         return o.at != name or o.kind not in OF_JOINT or not output_problems([o], bodies, [])
 
+    scenarios, _ = renamed_in_scenarios(parts["scenarios"], "constraints", dict.fromkeys(gone))
     kept = {
         "constraints": tuple(c for c in parts["constraints"] if c.name not in gone),
         "forces": tuple(filter(fits, parts["forces"])),
         "outputs": tuple(filter(read, parts["outputs"])),
-        "scenarios": tuple(map(cut, parts["scenarios"])),
+        "scenarios": tuple(map(cut, scenarios)),
     }
     notices = [f"constraint '{c}' was removed: it does not fit the joint" for c in sorted(gone)]
     notices += [
@@ -307,18 +306,6 @@ def fitted(
         if s != new
     ]
     return kept, notices
-
-
-def _without(s: Scenario, gone: set[str]) -> dict[str, Any]:
-    """Return the scenario entries for constraints, without the removed constraints."""
-    switches = tuple(x for x in s.switches if x.constraint not in gone)
-    left = followed(switches, ("force", "constraint"), lambda x: None if x in gone else x)
-    return {"constraints": _left(s.constraints, gone), "switches": left}
-
-
-def _left(active: tuple[str, ...] | None, gone: set[str]) -> tuple[str, ...] | None:
-    """Return a scenario's list of active parts without the removed parts."""
-    return active and tuple(name for name in active if name not in gone)
 
 
 def left_behind(old: Body, new: Body, bodies: Sequence[Body]) -> list[str]:
@@ -375,29 +362,14 @@ def without(
             return True
         return not names.isdisjoint(part.touches)
 
-    def lame(s: Scenario) -> bool:
-        return s.gait is not None and any(f.foot in gone["contacts"] for f in s.gait.feet)
-
     def cut(s: Scenario) -> Scenario:
-        left = _without(s, gone["constraints"])
-        switches = followed(left["switches"], ("coordinate",), of_bodies(dict.fromkeys(names)))
-        switches = followed(
-            switches, ("force", "gap"), lambda x: None if x in gone["contacts"] else x
-        )
+        switches = followed(s.switches, ("coordinate",), of_bodies(dict.fromkeys(names)))
         read = lambda x: {name for _, name, _ in signals_in(x)}  # noqa: E731
         lost = names | gone["outputs"] | lost_controls | lost_drives | exerting
         switches = followed(switches, ("holds",), lambda x: None if read(x) & lost else x)
-        return s.unchecked_copy(
-            {
-                "q": {k: value for k, value in s.q.items() if k not in names},
-                "v": {k: value for k, value in s.v.items() if k not in names},
-                "forces": tuple(f for f in s.forces if not touched(f)),
-                **left,
-                "switches": switches,
-                "contacts": _left(s.contacts, gone["contacts"]),
-                "gait": None if lame(s) else s.gait,
-            }
-        )
+        q, v = ({k: x for k, x in given.items() if k not in names} for given in (s.q, s.v))
+        forces = tuple(f for f in s.forces if not touched(f))
+        return s.unchecked_copy({"q": q, "v": v, "forces": forces, "switches": switches})
 
     exerting = {
         part.name for part in (*parts["constraints"], *parts["contacts"])
@@ -422,20 +394,15 @@ def without(
         for part in parts[kind]
         if part.name in gone[kind]
     ]
-    notices += [
-        f"scenario '{s.name}': its gait was removed with a foot"
-        for s in parts["scenarios"]
-        if lame(s)
-    ]
-    return {**kept, "scenarios": tuple(map(cut, parts["scenarios"]))}, notices
+    scenarios = parts["scenarios"]
+    for kind in ("constraints", "contacts"):
+        scenarios, told = renamed_in_scenarios(scenarios, kind, dict.fromkeys(gone[kind]))
+        notices += told
+    return {**kept, "scenarios": tuple(map(cut, scenarios))}, notices
 
 
 CUT = {  # joint kind -> kind of the constraint that is left of it where a loop is cut
-    "weld": "weld",
-    "revolute": "revolute",
-    "prismatic": "prismatic",
-    "cylindrical": "cylindrical",
-    "universal": "universal",
+    **{kind: kind for kind in ("revolute", "universal", "prismatic", "cylindrical", "weld")},
     "spherical": "point",
 }
 
