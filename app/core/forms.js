@@ -21,7 +21,7 @@ pgraph.forms = (() => {
     }
     box.pgraphAsk = ask;
     box.style.setProperty("--label", `${widest(groups)}px`);
-    const items = groups.map((data) => ({ id: data.id, name: data.title, data }));
+    const items = groups.map((data) => ({ name: data.title, data }));
     pgraph.keyed(box, items, ({ data }) => group(data, folded), (el, { data }) => fillGroup(box, el, data));
     if (another && focused?.matches("input.cell") && focused === document.activeElement && !isDirty(focused)) focused.select();
   }
@@ -45,7 +45,7 @@ pgraph.forms = (() => {
     }
     const seen = new Map();
     const items = data.fields.map((field) => {
-      const name = `${field.field} ${field.row ?? ""}`, again = seen.get(name) ?? 0;
+      const name = field.field, again = seen.get(name) ?? 0;
       seen.set(name, again + 1);
       return { name: again ? `${name} ${again}` : name, field };
     });

@@ -99,7 +99,7 @@ def _allowed(design: Design, display: Display) -> list[Payload]:
         value = asked.largest.get(name, design.largest.get(name))
         one = cell((k,), None if value is None else shown(value, of, display))
         label = name if k < count or design.found is None else called(name, design.found)
-        rows.append(field("largest", label, [one], unit=display.unit(of) or unit, row=k,
+        rows.append(field("largest", label, [one], unit=display.unit(of) or unit,
                           help="maximum allowed value; empty: ignored"))  # fmt: skip
     found = [group("Largest input", rows[:count])]
     if asked.method == "lqr" and rows[count:]:

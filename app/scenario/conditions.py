@@ -220,7 +220,7 @@ def _comparisons(model: pg.Model, text: str, display: Display) -> list[Payload]:
         unit = display.unit(quantity_in(unit)) or unit
         out = [_press("×", "less", "Take this comparison out", k)] if len(known) > 1 else []
         turn = _press("not", "not", "The opposite of this comparison", k)
-        rows.append(_row("clause", label, row, unit=unit, row=k, buttons=[turn, *out]))
+        rows.append(_row("clause", label, row, unit=unit, buttons=[turn, *out]))
     joins = [joiner] if len(known) > 1 else ["and", "or"] if known else []
     more = [_press(f"{word.capitalize()} …", word, "One more comparison") for word in joins]
     return [whole, *rows, field("more", "", [], buttons=more)] if known else [whole]
