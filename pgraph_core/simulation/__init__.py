@@ -20,7 +20,7 @@ from ..model import Force, Model
 from ..result import Result
 from .estimate import error_estimate
 from .monitors import monitors_of
-from .options import MOST_CHOSEN, Options, inputs_of
+from .options import MOST_CHOSEN, Options, inputs_of, shown_progress
 from .plan import begun_with, plan_of
 from .recording import Recording
 from .start import (
@@ -200,13 +200,8 @@ def simulate(
     record.ended.notices += directionless(mech, scenario, forces, state[0])
     record.ended.notices += begun_anew(mech, scenario) if states is not None else []
     built, busy = time.perf_counter(), time.thread_time()
-    if progress is None:
-        record.run()
-    else:
-        from ..show.bars import shown_progress  # other runs load nothing that shows
-
-        with shown_progress(progress, "simulate") as told:
-            record.run(told)
+    with shown_progress(progress, "simulate") as bar:
+        record.run(bar)
     stepped, busy = time.perf_counter(), time.thread_time() - busy
     error = error_estimate(record, estimate)
     timing = {

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+import inspect
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from numbers import Real
 from typing import Any, NamedTuple
 
@@ -10,7 +13,7 @@ import numpy as np
 
 from .. import words
 from ..dynamics.arguments import whole_number
-from ..errors import InputError, Problem, choices, one_of, shown
+from ..errors import InputError, Problem, choices, needed, one_of, shown
 from ..fields import listed
 from ..forces import OnJoint
 from ..integrators import METHODS, Method
@@ -316,3 +319,42 @@ def _grid(t_eval: Any, t_start: float, t_end: float) -> Array:
         text = f"must ascend within {t_start:g} to t_end = {t_end:g} s"
         raise InputError(Problem("simulate", "t_eval", text))
     return times if times[0] == t_start else np.concatenate(([t_start], times))
+
+
+# -- progress --------------------------------------------------------------------------------------
+
+
+Progress = Callable[[float], Any] | None
+
+
+@contextlib.contextmanager
+def shown_progress(given: Any, where: str) -> Iterator[Progress]:
+    """Yield a progress function: the given one, a progress bar for True, or None for False.
+
+    `where` names the calling function. Raises InputError for other arguments.
+    """
+    if given is None or given is False:
+        yield None
+    elif given is True:
+        with warnings.catch_warnings(action="ignore"):  # a notebook without widgets has text bars
+            tqdm = needed("tqdm.auto", "notebook").tqdm
+        form = "{l_bar}{bar}| {elapsed}<{remaining}"
+        with tqdm(total=1.0, desc=where, bar_format=form) as bar:
+
+            def tell(fraction: float) -> None:
+                bar.update(max(fraction - bar.n, 0.0))
+
+            yield tell
+            tell(1.0)
+    elif callable(given):
+        with contextlib.suppress(ValueError):  # a function of C may have no signature
+            try:
+                inspect.signature(given).bind(0.5)
+            except TypeError:
+                text = "must take one argument, the completed fraction, got a function that"
+                text = f"{text} takes {inspect.signature(given)}"
+                raise InputError(Problem(where, "progress", text)) from None
+        yield given
+    else:
+        text = f"must be a function of the completed fraction, got {shown(given)}"
+        raise InputError(Problem(where, "progress", text))

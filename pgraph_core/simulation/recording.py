@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -39,7 +39,7 @@ from .conditions import Condition, limits_of
 from .failures import Running, failure, trouble
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
-from .options import MOST_STEPS
+from .options import MOST_STEPS, Progress
 from .plan import RunPlan
 from .remarks import creeping, remarks, touching, turns_unseen
 from .switches import Change, closed, hold_here, switched_by
@@ -55,7 +55,6 @@ FEW_FRAMES = 10  # fewer are no curve
 NO_CHANGES = table(PHASE_CHANGE, 0)
 WATCHING = "the method that detects contacts"
 NO_MONITORS = np.zeros((6, 0))  # ROWS of contact.points, which most runs do not import
-Progress = Callable[[float], Any] | None
 
 
 class Recording(Running):

@@ -28,6 +28,7 @@ from ..model import Model
 from ..model.files import write_atomic
 from ..portable import Portable, installed
 from ..simulation import simulate
+from ..simulation.options import shown_progress
 from ..simulation.paths import Path, counting, distinct, with_numbers
 from .metrics import measured, metrics_of, said_of
 from .tasks import Row, Task, rows_of
@@ -254,8 +255,6 @@ def sweep(
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
     rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
     todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
-    from ..show.bars import shown_progress  # a run loads nothing that shows
-
     finished = False
     try:
         with shown_progress(progress, "sweep") as told:
