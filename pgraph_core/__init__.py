@@ -3,8 +3,8 @@
 A name's module is imported when the name is first used: describing, checking and numbering a model
 starts no compiler, and a pendulum loads no contact, gait or study module.
 
-Each method of a model or a mechanism is a function too: `pg.mass_matrix(model, q)` is the same as
-`pg.Mechanism(model).mass_matrix(q)`.
+Each method of a model or a mechanism can also be called as a function. For example,
+`pg.mass_matrix(model, q)` is the same as `pg.Mechanism(model).mass_matrix(q)`.
 """
 
 import inspect
@@ -153,7 +153,8 @@ def __getattr__(name: str) -> Any:
 
 
 def _of_method(name: str) -> Any:
-    """Return a method of models or mechanisms as a function that takes one first, or None."""
+    """Return a function whose first argument is the model or mechanism, or None if there is no such
+    method."""
     if name[0] == "_" or find_spec(f"{__name__}.{name}"):
         return None  # an import asks for its module here
     kinds = (__getattr__("Model"), __getattr__("Mechanism"))
@@ -217,7 +218,7 @@ def _elsewhere() -> dict[str, str]:
 def _bound(owner: Any, name: str) -> Any:
     """Return a method of the mechanism, or a function that takes a model first, for a model.
 
-    For the class of models, return the function that loads one of any format.
+    Return the function that loads a model of any format, if called on the class.
     """
     from .words import same_attribute
 
@@ -236,7 +237,7 @@ def _bound(owner: Any, name: str) -> Any:
 
 
 def _taken(name: str) -> str:
-    """Return the call that takes a field or an argument, as it is written, or ""."""
+    """Return the name of the call that accepts a field or an argument, or ""."""
     from .words import ours
 
     for taker in _TAKERS:

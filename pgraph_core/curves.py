@@ -16,7 +16,7 @@ from .fields import Expression, Frozen, Number, Numbers, Vec3s, field, refuse, s
 class Table(Frozen):
     """A scalar over time, interpolated linearly and constant outside of the given times.
 
-    If used as `q_of_t` of a constraint, it is interpolated by `spline` instead.
+    A table used as `q_of_t` of a constraint is interpolated by `spline` instead.
     """
 
     t: Numbers = field("ascending times [s], at least one", converter=several)
@@ -31,7 +31,8 @@ class Table(Frozen):
     def lines(self) -> NDArray[np.float64]:
         """Return an (n, 4) read-only array with time, value, slope and value again for each knot.
 
-        The last slope is the number of knots per second, from which kernels guess a place.
+        The last slope is the number of knots per second, which kernels use as the initial guess of
+        the interval.
         """
         t, x = np.array(self.t), np.array(self.value)
         slopes = np.zeros(len(t))
@@ -98,7 +99,7 @@ class Polynomial(Frozen):
 
 
 def _which(value: Any) -> str | None:
-    """Return the tag of a curve, given as an object, a mapping of its fields or '=...'."""
+    """Return the tag of a curve, which may be an object, a mapping or an expression '=...'."""
     if isinstance(value, str):
         return "expression"
     if isinstance(value, dict):

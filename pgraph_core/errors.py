@@ -135,8 +135,8 @@ def guarded(**advice: str) -> Callable[[Called], Called]:
 def needed(module: str, extra: str = "") -> Any:
     """Import `module` and return it.
 
-    Raises MissingPackage naming the `extra` of pgraph-dynamics that brings it. Without one it is a
-    package of the page, which only a lean installation lacks.
+    Raises MissingPackage naming the `extra` of pgraph-dynamics that brings it. By default, the
+    package belongs to the browser interface and is only missing in lean installations.
     """
     try:
         return import_module(module)
@@ -149,14 +149,14 @@ def needed(module: str, extra: str = "") -> Any:
 
 
 def choices(names: Iterable[str], limit: int = 60) -> str:
-    """Return valid names separated by commas, at most `limit`, for the end of a sentence."""
+    """Return at most `limit` valid names, separated by commas, to complete a sentence."""
     listed = [name if name.isprintable() else repr(name) for name in names]
     more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
     return ", ".join(_cut(name, 100) for name in listed[:limit]) + more
 
 
 def one_of(names: Iterable[str]) -> str:
-    """Return 'choose one of a, b', or 'there is none', for the end of a sentence."""
+    """Return 'choose one of a, b', or 'there is none', to complete a sentence."""
     known = choices(names)
     return f"choose one of {known}" if known else "there is none"
 
@@ -245,7 +245,7 @@ def counted(n: int, one: str, many: str = "") -> str:
 
 
 def refusal(call: str, field: str, text: str) -> InputError:
-    """Return the error for a function argument that does not fit."""
+    """Return the error for an invalid function argument."""
     return InputError(Problem(call, field, text))
 
 
@@ -309,7 +309,7 @@ def _explained(function: Any) -> Any:
 
 
 def _called_as(function: Any, args: Sequence[Any]) -> str:
-    """Return the name of a call as written by the user, including the class name for methods."""
+    """Return the name of a call, including the class name for methods."""
     name = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
     owner, _, method = name.rpartition(".")
     kind = args[0] if args and isinstance(args[0], type) else type(args[0] if args else None)
@@ -437,7 +437,8 @@ def example_of(function: Any) -> str:
 
 
 def _each(value: Any, form: Any) -> Iterable[Any]:
-    """Return the values of a parameter. Only a variadic one such as `*names` has several."""
+    """Return the values of a parameter. Only variadic arguments such as `*names` have several
+    values."""
     if form is inspect.Parameter.VAR_POSITIONAL:
         return value
     return value.values() if form is inspect.Parameter.VAR_KEYWORD else (value,)

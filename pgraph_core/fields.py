@@ -229,7 +229,7 @@ names_or_none: Callable[[Sequence[str] | None], tuple[str, ...] | None] = listed
 
 
 def parts_of(kind: type[Held]) -> Callable[[Iterable[Held | Mapping[str, Any]]], tuple[Held, ...]]:
-    """Accept parts of a kind, each as an object or as its fields."""
+    """Accept a list of parts of one kind, given as objects or dictionaries of fields."""
     return listed
 
 
@@ -577,7 +577,8 @@ class Acting(Described):
 class OfKinds(Acting):
     """A part with one class per kind, selected by its field `kind`.
 
-    The class that names the part makes them too: `Force(kind="spring", ...)` is a `Spring`.
+    They can also be created through the base class. For example, `Force(kind="spring", ...)`
+    returns a `Spring`.
     """
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}  # kinds of each class that names a part

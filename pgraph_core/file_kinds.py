@@ -1,7 +1,7 @@
-"""Kinds of files that hold no readable model, identified by their content and then by suffix.
+"""Kinds of files that are not models, identified by their content or their suffix.
 
-Readers ask here before they read, so that a mesh or a file of another program is named with a
-remedy, whatever its name.
+Readers call this module first, so that the error message for a mesh or a file of another program
+suggests a remedy, regardless of the file name.
 """
 
 from __future__ import annotations

@@ -60,8 +60,8 @@ def make(
     max_episode_steps: int | None = None,
     **options: Any,
 ) -> Any:
-    """Create an environment for a model. With `num_envs` it is a vector environment over one
-    `BatchStepper`.
+    """Create an environment for a model. If `num_envs` is given, a vector environment with one
+    `BatchStepper` is returned.
 
     An action contains the inputs of the model's motors, servos and actuators, within their limits,
     or the torques of all joints if the model has none. It acts for `dt` [s]. The observation
@@ -141,7 +141,8 @@ class Task:
         return np.concatenate(rows, axis=-1).astype(np.float32)
 
     def state(self, rng: np.random.Generator) -> tuple[Any, Any]:
-        """Return the initial (q, v) for an episode. None is the initial state of the model."""
+        """Return the initial (q, v) for an episode. If None, the initial state of the model is
+        used."""
         return (None, None) if self.start is None else self.start(rng)
 
     def checked(self, action: Any, space: Any) -> Array:

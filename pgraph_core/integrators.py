@@ -24,8 +24,8 @@ STEPPING = stepping.__name__
 class Tableau(NamedTuple):
     """The tableau for y(t + θ h) = y + h Σ k_i p_i(θ), with the stages k_i at t + c_i h.
 
-    A step takes the first s stages, s the length of `b`; stage s is the slope at its end, and
-    those after it serve dense output alone.
+    A step uses the first s stages, where s is the length of `b`. Stage s is the slope at the end of
+    the step, and later stages are only used for dense output.
     """
 
     a: Array  # (S, S)
@@ -160,8 +160,8 @@ def dop853() -> Tableau:
 
 
 def _interpolant(b: Array, end: int, d: Array) -> Array:
-    """Return p_i in powers of θ, from the cubic Hermite interpolant between both ends and the terms
-    in `d`.
+    """Return the coefficients of p_i in powers of θ, given by the cubic Hermite interpolant and the
+    terms in `d`.
 
     The polynomial is y + θ (Δ + (1 - θ) (h k_0 - Δ + θ (2 Δ - h (k_0 + k_end)
     + (1 - θ) (h d_0 k + θ ...)))) with Δ = h Σ b_i k_i.

@@ -61,14 +61,15 @@ class Element:
 class Source:
     """A file being read, with its name for messages.
 
-    With a list of `faults`, a number that is refused goes there, and its default is returned.
+    If a list of `faults` is given, invalid numbers are appended to it, and their default is
+    returned.
     """
 
     def __init__(self, name: str, faults: list[Any] | None = None):
         self.name, self.faults = name, faults
 
     def at(self, element: Element | int, what: str = "") -> str:
-        """Return the location in words, such as 'robot.urdf, line 12, joint 'knee''."""
+        """Return a description of the location, such as 'robot.urdf, line 12, joint 'knee''."""
         line = element if isinstance(element, int) else element.line
         return f"{self.name}, line {line}" + (f", {what}" if what else "")
 
@@ -87,7 +88,7 @@ class Source:
     ) -> tuple[float, ...]:
         """Return the numbers in an attribute, with the same count as `default`.
 
-        They are finite, unless they may be `infinite`. Raises FileError.
+        The numbers must be finite unless `infinite` is True. Raises FileError.
         """
         if element is None or name not in element.attributes:
             return default
@@ -230,7 +231,7 @@ DECLARED = re.compile(rb"""\s*<\?xml[^>]*?encoding\s*=\s*["']([\w.-]+)["']""")
 def _in_utf8(content: bytes, source: Source) -> tuple[bytes, str]:
     """Return XML text as UTF-8, and the encoding declared in its first line.
 
-    The encoding is "" if a byte-order mark says that the text is in UTF-8 or UTF-16. Python decodes
+    The encoding is "" if the text has a byte-order mark for UTF-8 or UTF-16. Python decodes
     the others, because Expat knows few. An encoding that does not contain ASCII is refused, since
     its markup would read as other text. Raises FileError.
     """

@@ -67,7 +67,7 @@ class Mechanism(Dynamics):
     ) -> tuple[Array, Array, Assembly]:
         """Find the state closest to (q, v) that satisfies the constraints.
 
-        The distance is measured with the mass matrix. All coordinates may change, including those
+        The distance is defined by the mass matrix. All coordinates may change, including those
         given in an array. A dictionary holds the coordinates that it names.
 
         Parameters
@@ -242,7 +242,7 @@ class Mechanism(Dynamics):
         q : (nq,) array, optional
             Configuration. The default is the initial state of the scenario or model.
         v : (nv,) array, optional
-            Velocity. If q is given, the default is zero.
+            Velocity. If q is given, v defaults to zero.
         scenario : str, optional
             Name of a scenario.
 

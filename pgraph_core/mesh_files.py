@@ -42,7 +42,8 @@ def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
 
 
 def parsed_mesh(file: str | Path) -> Any:
-    """Return the geometry of a file as it is. Files that this one references stay closed."""
+    """Return the geometry of a file without any changes. Files that this one references stay
+    closed."""
     trimesh = needed("trimesh")  # not before a file is opened: half a second
     where, suffix = f"mesh {file}", Path(file).suffix.lower().lstrip(".")
     if suffix not in FORMATS and os.path.isfile(file):
@@ -205,7 +206,7 @@ class _Collada:
     def _paint(self, instance: Element, symbol: str) -> Any:
         """Return the colour of the material that a geometry instance binds to a symbol.
 
-        It is "undefined" if the binding or its target is missing.
+        The result is "undefined" if the binding or its target is missing.
         """
         for bound in instance.inside():
             if bound.tag != "instance_material" or bound.get("symbol") != symbol:

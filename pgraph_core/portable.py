@@ -59,7 +59,7 @@ KEY = "snapshots.key"  # file of the user's cache folder
 def _key_in(folder: Path | None) -> bytes:
     """Return the user's secret key, made when it is first needed.
 
-    Without a folder to write to it is that of this process.
+    If no folder is writable, the key of the current process is used.
     """
     made = secrets.token_bytes(SUM)
     if folder is None:
@@ -150,7 +150,8 @@ class Snapshots(Portable, ABC):
     def restore(self, snapshot: bytes) -> None:
         """Restore a snapshot of the same mechanism, method, step size and options.
 
-        Only snapshots of the same user are taken, since kernels trust their numbers.
+        Only snapshots of the same user are accepted, because kernels do not validate their
+        contents.
 
         Parameters
         ----------
@@ -160,7 +161,7 @@ class Snapshots(Portable, ABC):
         Raises
         ------
         InputError
-            If `save` of such an object did not make these bytes. Nothing is changed.
+            If the data was not created by `save` of an equivalent object. Nothing is changed.
         """
         self._restore(unsealed(type(self).__name__, snapshot, self._folder()))
 

@@ -90,7 +90,7 @@ class Topology(EqualByFields, Portable):
 
     @property
     def jdof(self) -> Ints:
-        """The joint degrees of freedom along Pgraph, 0 at every re-entry (Fig. 4)."""
+        """The joint degrees of freedom along Pgraph, with 0 at every re-entry (Fig. 4)."""
         return jdof_of(self.pgraph, self.dof)
 
     @property
@@ -207,7 +207,8 @@ def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
 
 
 def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
-    """Return the children in reverse order, so that pop() takes the left one. Raises InputError."""
+    """Return the children in reverse order, so that pop() returns the leftmost child. Raises
+    InputError."""
     numbers = _whole("parent", parent)
     nb = len(numbers)
     for i, p in enumerate(numbers.tolist(), start=1):

@@ -211,7 +211,8 @@ def errors(kind: str, found: Array, reference: Array, scale: float) -> Array:
 
 
 def rotations(reference: Array) -> Array:
-    """Return flattened rotation matrices (n, 9), given as such or as quaternions (n, 4)."""
+    """Return flattened rotation matrices (n, 9), converting from quaternions (n, 4) if
+    necessary."""
     if reference.shape[1] == 9:
         return reference
     return np.array([np.ravel(matrix(q)) for q in reference])

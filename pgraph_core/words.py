@@ -1,9 +1,9 @@
 """Vocabulary of other programs: synonyms for our names, and names that get a hint.
 
 A name of an argument, a field or an attribute is accepted if its meaning and form are the same:
-`dt` is the step, and `qpos` is q. If the form differs, the message gives a hint: `x0` is the whole
-state, but `q` is half of it. The tables of `words.txt` are used only after something
-was refused, so that a call in our own words costs nothing.
+`dt` is the step, and `qpos` is q. If the arguments are not equivalent, the message explains the
+difference. For example, `x0` is the whole state, while `q` contains positions only. The tables in
+`words.txt` are only read after an error, so valid calls have no overhead.
 """
 
 from __future__ import annotations
@@ -145,7 +145,8 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
 def attributes(
     name: str, known: Iterable[str], elsewhere: Mapping[str, str] | None = None
 ) -> list[str]:
-    """Return what is written here for an attribute `name`: other programs' words, then spelling.
+    """Return the suggestion for an unknown attribute `name`, based on the names used by other
+    programs and on spelling.
 
     `elsewhere` has names of other objects, each with what stands before it, such as "run.".
     """
@@ -164,7 +165,8 @@ def attributes(
 
 
 class NoAttribute(AttributeError):
-    """An unknown attribute. The message names ours for it, and is made only when it is read."""
+    """An unknown attribute. The message suggests the corresponding name and is only created when it
+    is read."""
 
     def __init__(self, owner: str, attribute: str, known: Callable[[], Iterable[str]]):
         super().__init__(owner, attribute)

@@ -149,11 +149,12 @@ class Closing(NamedTuple):
 
 
 def closed(rows: Rows) -> Closing:
-    """Find positions that satisfy all constraints, nearest to the given ones in the mass metric.
+    """Find the positions closest to the given ones that satisfy all constraints, in the mass
+    metric.
 
-    Steps are damped by the gap itself ([Fan and Yuan 2005]): quadratic if the gap is small,
-    even if rows are redundant, and downhill if it is not. If it ends with a gap it tries
-    again from places around; of all the best is given.
+    Steps are damped by the gap itself ([Fan and Yuan 2005]): quadratic if the gap is small, even if
+    rows are redundant, and downhill if it is not. If a gap remains, the search is repeated from
+    nearby positions, and the best result is returned.
     """
     best = descended(rows)
     random = np.random.default_rng(0)
@@ -218,7 +219,8 @@ def stopped(rows: Rows) -> tuple[Array, float]:
 
 
 def contradiction(mech: Dynamics, ended: Closing) -> list[Problem]:
-    """Return the constraints that cannot be satisfied, alone or together, and their residuals.
+    """Return the constraints that cannot be satisfied, individually or in combination, and their
+    residuals.
 
     Missed constraints are removed one after the other. A constraint without which the others still
     cannot be met is not to blame. Joints that may be misplaced follow in the list.

@@ -71,7 +71,7 @@ class Balance:
         return other
 
     def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return q and v as kernels take them, which end with the states of controls."""
+        """Return q and v with the control states appended, as the kernels expect them."""
         return whole(q, v, self.s)
 
     # -- at the state ----------------------------------------------------------------------------
@@ -182,7 +182,7 @@ class Balance:
         return self.rates(self.q, self.v, self.s), self.free.T @ self.pull
 
     def settled(self) -> Self:
-        """Return the same scene with states of controls that stay, and that hold it, if any do.
+        """Return the scene with stationary control states that hold it in place, if there are any.
 
         Newton's method first makes the rates vanish, then the forces by the states that stay free.
         """
@@ -367,7 +367,7 @@ def drive_slopes(drives: Drives, q: Array, v: Array) -> tuple[Array, Array]:
     """Return (nv, nv) derivatives of springs, servos and motors in q, and dampers and friction in
     v.
 
-    It is evaluated at t = 0, and is zero for a drive at its limit.
+    The slope is evaluated at t = 0. It is zero for a drive at its limit.
     """
     spring, damper = np.zeros((len(v), len(v))), np.zeros((len(v), len(v)))
     for one in drives.table:
@@ -443,7 +443,8 @@ def length_of(mech: Dynamics, f: Force, q: Array) -> float:
 
 
 def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
-    """Return (vector from a spring's other end to its own (3,) [m], its slope in v (3, nv))."""
+    """Return the vector between the two ends of a spring (3,) [m] and its derivative with respect
+    to v (3, nv)."""
     own, other = points_of(f, mech.model.body(f.body))
     apart, slopes = np.zeros(3), np.zeros((3, mech.nv))
     for sign, name, point in ((1.0, f.body, own), (-1.0, f.other, other)):

@@ -169,7 +169,7 @@ class _Ways(NamedTuple):
 
     @property
     def newton(self) -> Array:
-        """The Newton step (nv,), reversed along directions in which it would go uphill."""
+        """The Newton step (nv,), reversed along directions of increasing energy."""
         largest = float(np.abs(self.values).max(initial=0.0))
         stiff = np.maximum(np.abs(self.values), max(DIFFERENCED * largest, 1e-300))
         return -self.free @ (self.vectors @ ((self.vectors.T @ self.slope) / stiff))
@@ -301,7 +301,7 @@ class _Search:
     def lower(self, ways: _Ways) -> Place | None:
         """Backtrack along the Newton step until the energy decreases sufficiently.
 
-        If its change is rounding, after a whole step that leaves less of the forces.
+        If the change is below rounding, accept a full step that reduces the residual forces.
         """
         step = ways.newton
         share = self.share(step)

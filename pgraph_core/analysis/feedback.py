@@ -1,4 +1,5 @@
-"""State feedback u = hold - K (x - x*) from the linearised motion, written as drive expressions."""
+"""State feedback u = hold - K (x - x*) for the linearised motion, implemented by drive
+expressions."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ from .linear import Linearisation, linearise
 
 @dataclass(frozen=True, eq=False)
 class Feedback(Suggests):
-    """The gains for a state feedback u = hold - K (x - at), and the model that uses it.
+    """The gains of the state feedback u = hold - K (x - at), and a model with this feedback.
 
     As an array, it is K.
     """
@@ -90,7 +91,7 @@ def lqr(
         Weights of the inputs, in the same form.
     inputs : list of str, optional
         Names of motors, servos and actuators, or of the bodies whose joints they drive. By default,
-        all of them are used. If the model has none, these are torques of its joints.
+        all of them are used. If the model has no inputs, joint torques are used.
     states : list of str, optional
         Bodies whose coordinates are used as states, one per degree of freedom, if constraints
         couple the coordinates. By default, the best conditioned ones are selected.
@@ -321,7 +322,8 @@ def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Lin
 
 
 def _degrees(mech: Dynamics) -> list[tuple[str, str, int, bool]]:
-    """Return (label, body, joint degree of freedom, whether it has several) for each entry of v."""
+    """Return (label, body, index within the joint, whether the joint has several degrees of
+    freedom) for each entry of v."""
     found = list[tuple[str, str, int, bool]]()
     for name, joint in mech.joints.items():
         count = joint.v.stop - joint.v.start

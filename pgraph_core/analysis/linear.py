@@ -1,14 +1,14 @@
 """Small motions about a state in independent coordinates: linearised dynamics and modes.
 
-States of controls stand behind the velocities. They are at rest where they can be.
+States of controls stand behind the velocities. If possible, these states are chosen at rest.
 
-With constraints the equations are M a + C - τ = Jᵀλ, J a + γ = 0. Their variation along δq, δv
-uses the slopes of inverse dynamics at fixed v' and of Jᵀλ at fixed λ; δλ drops out on the null
-space of J.
-What constraints and springs between bodies add are differences of sixth order, good to about 1e-11.
+With constraints the equations are M a + C - τ = Jᵀλ, J a + γ = 0. Their variation along δq, δv uses
+the slopes of inverse dynamics at fixed v' and of Jᵀλ at fixed λ; δλ drops out on the null space of
+J. The contributions of constraints and of springs between bodies are computed by sixth-order
+differences, with an error of about 1e-11.
 
-Derivatives of forward dynamics come from slopes of inverse dynamics, exact to rounding:
-∂v'/∂x = M⁻¹ (∂τ_passive/∂x - ∂τ/∂x), τ(q, v, v') of eq. (24) at the v' found.
+The derivatives of the forward dynamics are computed from those of the inverse dynamics and are
+exact to rounding: ∂v'/∂x = M⁻¹ (∂τ_passive/∂x - ∂τ/∂x), with τ(q, v, v') of eq. (24).
 """
 
 from __future__ import annotations
@@ -96,9 +96,9 @@ class Linearisation(Suggests):
     def damp(self) -> tuple[Array, Array, Array]:
         """Return (natural frequencies [rad/s], damping ratios, eigenvalues [1/s]), each (n,).
 
-        As `control.damp` does: an eigenvalue s has the natural frequency |s| and the ratio
-        -Re(s) / |s|, which is 0 without damping, 1 where nothing oscillates and negative where
-        the motion grows.
+        As in `control.damp`, an eigenvalue s has the natural frequency |s| and the damping ratio
+        -Re(s) / |s|. The ratio is 0 without damping, 1 without oscillation, and negative for an
+        unstable motion.
         """
         return (
             np.abs(self.eigenvalues), -np.cos(np.angle(self.eigenvalues)), self.eigenvalues,
@@ -172,14 +172,16 @@ def linearise(
 
 
 def _answered(here: Balance, force: Any) -> Any:
-    """Return v' due to forces (nv, k) with the rows held fixed."""
+    """Return the accelerations v' due to forces (nv, k) while the constraint rows remain
+    satisfied."""
     if len(here.rows.J):
         return here.free @ (here.free.T @ force)
     return np.linalg.solve(here.M, force)
 
 
 def _conservative(here: Balance, by_place: Array, force_q: Array, force_v: Array) -> bool:
-    """Return True at rest if nothing dissipates, varies with time or constrains only velocities."""
+    """Return True for a state at rest without dissipation, time-dependent elements or velocity
+    constraints."""
     if np.any(here.v) or np.any(force_v) or by_place.shape[1] != here.free.shape[1]:
         return False
     K = by_place.T @ force_q @ by_place
@@ -250,9 +252,10 @@ def squares(mass: Array, stiffness: Array, flexibility: Array) -> tuple[Array, A
     """Solve M x'' + K x = 0 for (ω², shapes), ascending. The columns of `shapes` (n, n) are the
     modes.
 
-    The slow half comes from K⁻¹M, the fast half from M⁻¹K, with `flexibility` M⁻¹ from articulated
-    bodies. Each is accurate to 1e-12 on a chain of 1000, where one alone loses six digits of the
-    other half. An indefinite stiffness has negative ω².
+    The slow half is computed from K⁻¹M and the fast half from M⁻¹K. M⁻¹ is given by `flexibility`,
+    using the articulated-body algorithm. Each half is accurate to 1e-12 for a chain of 1000 bodies.
+    A single problem would lose six digits of the other half. An indefinite stiffness has negative
+    ω².
     """
     stiffness = _symmetric(stiffness)
     try:

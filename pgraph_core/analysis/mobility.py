@@ -1,9 +1,9 @@
 """Degrees of freedom under constraints: ranks, redundant rows by name and singular positions.
 
-Ranks are those of the rows in the mass metric, turning rows times the model's length. Where
-constraints meet to second order only, a gap g leaves positions, and with them rows, uncertain by
-the square root of g: smaller singular values are zero. Rows are judged in the order of the model:
-the later of two that say the same is called redundant.
+Ranks are those of the rows in the mass metric, turning rows times the model's length. If
+constraints are only satisfied to second order, a gap g makes the positions and rows uncertain by
+the square root of g. Smaller singular values are treated as zero. Rows are judged in the order of
+the model: the later of two that say the same is called redundant.
 """
 
 from __future__ import annotations
@@ -101,7 +101,8 @@ class Mobility(Suggests):
         return (*_of_constraints(self), *_of_all(self))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as a dictionary for JSON, with the report in words as `text`."""
+        """Return the fields as a dictionary for JSON, including the text of the report as
+        `text`."""
         return asdict(self) | {"text": str(self)}
 
     def __str__(self) -> str:
@@ -217,7 +218,7 @@ def _freed(basis: Array, y: Array) -> Array:
 def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, tuple[Array, ...]]:
     """Return the maximum rank nearby, whether any such position is reachable, and its redundancies.
 
-    If the rank is larger nearby, with one degree of freedom, the branch directions are also
+    If nearby positions have a larger rank and one degree of freedom, the branch directions are also
     returned.
     """
     rank = len(basis)
@@ -249,7 +250,7 @@ def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, t
 def _look(here: Rows, step: Array) -> tuple[Array, Rows | None]:
     """Return a move to a nearby position, and that position.
 
-    It is `here` if the move led back, and None if no position was found.
+    The result is `here` if the move returned to the start, and None if no position was found.
     """
     reach = np.where(here.turns, 1.0, here.size)
     step = step * (NEARBY / float(np.max(np.abs(step) / reach)))
@@ -264,7 +265,8 @@ def _look(here: Rows, step: Array) -> tuple[Array, Rows | None]:
 def _branches(here: Rows, steps: list[Array]) -> tuple[Array, ...]:
     """Return the distinct directions of motion, scaled to a largest entry of 1.
 
-    Those of one branch differ by its curvature: by NEARBY at most, for each of two moves.
+    Directions of the same branch differ due to its curvature, by at most NEARBY for each of two
+    moves.
     """
     found: list[Array] = []
     for step in steps:
@@ -307,7 +309,7 @@ def _others(group: Group) -> tuple[str, ...]:
 
 
 def _directions(state: Rows, group: Group, null: Array) -> list[str]:
-    """Describe combinations of a group's rows in words, along axes if possible."""
+    """Return a description of the combinations of a group's rows, along axes if possible."""
     if group.nature == COORDINATE:
         return ["coordinate"] * len(null)
     spanned = _upright(null @ group.directions)

@@ -53,7 +53,8 @@ class _Evaluated(NamedTuple):
 class Rows:
     """The rows for selected constraints of a mechanism at (q, v) and at a time [s].
 
-    Rows that turn are multiplied by the radius of gyration of all bodies: residuals are in metres.
+    Rotation rows are multiplied by the radius of gyration of all bodies, so that residuals are in
+    metres.
     """
 
     mech: Dynamics

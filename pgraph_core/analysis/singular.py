@@ -129,7 +129,7 @@ class _Look:
         """Return (values over the mean diagonal, vectors) for Ω after a time tau, on the
         constraints.
 
-        If a run blew up and Ω is not finite, no row is null.
+        If the run diverged and Ω is not finite, no row is dependent.
         """
         if tau not in self.seen:
             self.seen[tau] = self._eigen(tau)
@@ -149,7 +149,8 @@ class _Look:
         return np.linalg.eigh(scaled)
 
     def only_there(self, tau: float, usual: Array) -> Passed | None:
-        """Return the position after a time tau if it has null rows beyond the `usual` ones."""
+        """Return the position after a time tau if it has more dependent rows than the `usual`
+        ones."""
         values, vectors = self.eigen(tau)
         count = int((values < NULL).sum())
         if count <= usual.shape[1]:
@@ -204,7 +205,8 @@ def _touched(look: _Look, width: float) -> Passed | None:
 
 
 def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
-    """Return the initial position if it has null rows that are absent at the end of the run."""
+    """Return the initial position if it has dependent rows that are independent at the end of the
+    run."""
     values, usual = _Look(scene, *end).eigen(0.0)
     return _Look(scene, *start).only_there(0.0, usual[:, values < NULL])
 
@@ -212,7 +214,7 @@ def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
 class Stretch(NamedTuple):
     """A part of a run with the same active constraints, and where pivots dipped in it.
 
-    It has its own arrays, so that the run can be checked when its notices are read.
+    The arrays are not shared, so that the run can be checked when its notices are read.
     """
 
     forces: tuple[Drives, Loads]
@@ -227,7 +229,7 @@ class Stretch(NamedTuple):
     def of(
         cls, scene: Scene, active: Ints, start: Instant, end: Instant, redundant: bool
     ) -> Stretch | None:
-        """Return the part that ends now, or None if nothing in it can be singular."""
+        """Return the stretch that ends now, or None if it cannot contain a singular position."""
         space, own = scene.space, scene.packed.blocks
         count = int(space.watch[0]["count"])
         if not count and not redundant:
@@ -241,7 +243,7 @@ class Stretch(NamedTuple):
     def notice(self, mech: Dynamics) -> str:
         """Return a warning about singular positions that were passed, or "".
 
-        Whether rows are dependent follows from their directions, independent of masses.
+        The dependence of rows is determined by their directions and does not depend on masses.
         """
         scene = Scene(mech.packed, *self.forces, self.active, blocks=self.blocks)
         dips, *kept = self.dipped
@@ -274,8 +276,8 @@ class Stretch(NamedTuple):
 def nulls_of(mech: Dynamics, active: Ints, t: float, q: Array) -> int:
     """Return the number of rows of J that are redundant at or near q, for any masses.
 
-    Rows of unit length, in which a radian counts as the mechanism's extent, are redundant if a
-    singular value is below ten times FAINT of the largest.
+    The rows are scaled to unit length, with one radian equivalent to the extent of the mechanism.
+    They are redundant if a singular value is below ten times FAINT, relative to the largest.
     """
     state = Rows.of(mech, active, q, None, t)
     rows = np.where(state.turns, state.J / state.size, state.J)
@@ -289,8 +291,8 @@ def nulls_of(mech: Dynamics, active: Ints, t: float, q: Array) -> int:
 def unequal(mech: Dynamics, active: Ints) -> str:
     """Return a message about the most unequal masses joined by active constraints, or "".
 
-    Ω = J M⁻¹ Jᵀ then has eigenvalues whose ratio is that of the masses. Below the square of FAINT
-    the smallest is taken for zero.
+    Ω = J M⁻¹ Jᵀ then has eigenvalues whose ratio is that of the masses. A singular value below the
+    square of FAINT is treated as zero.
     """
     mass = {body.name: body.mass for body in mech.model.bodies}
     held = [mech.model.constraints[i] for i in active.tolist()]

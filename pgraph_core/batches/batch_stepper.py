@@ -60,8 +60,8 @@ class BatchStepper(Snapshots):
     Trees, closed loops and contacts are supported. The results are identical to the results of
     individual `Stepper` objects and do not depend on the number of threads or instances. An
     exception are free trees that differ in their bodies or in the targets of servos without a
-    limit. These are computed in SIMD lanes, and the results agree to rounding. If an instance
-    fails, it keeps its last valid state until it is reset, and is listed in `failures`.
+    limit. Such instances are computed in SIMD lanes, and the results agree to rounding. A failed
+    instance remains at its last valid state until it is reset, and is listed in `failures`.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class BatchStepper(Snapshots):
     size : int
         Number of instances.
     step, method, scenario, forces, stabilise, switches :
-        As in `Stepper`. These are the same for all instances.
+        As in `Stepper`. All instances use the same values.
     tau : (nv,) or (size, nv) array, or callable, optional
         Constant torques, or a function of (t, q, v) compiled with `numba.njit`.
     threads : int, optional

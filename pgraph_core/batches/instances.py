@@ -51,7 +51,8 @@ def state_arrays(stepper: Stepper) -> list[Any]:
 
 
 def number_arrays(stepper: Stepper) -> list[Any]:
-    """Return the description's arrays, with those that a failed step leaves in the run."""
+    """Return the arrays of the description, including those that remain in the run after a failed
+    step."""
     return [a for a in (*stepper.recording.steps.given, *stepper.recording.scene.numbers) if a.size]
 
 
@@ -232,7 +233,7 @@ COPY = address_of_function(ctypes.memmove if JIT else _copied)
 
 
 def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
-    """Return True for trees that differ in their bodies alone, without bounded servos."""
+    """Return True for trees that only differ in their bodies and have no servos with limits."""
     scene = stepper.recording.scene
     branches = len(scene.active) > 1 or scene.touching is not None or scene.user is not None
     branches |= len(scene.loads.signals[0]) > 0
@@ -399,7 +400,7 @@ class TreeLanes(Instances):
         return found
 
     def _pushed(self, which: Ints) -> Array:
-        """Return the given torques (m, nv), corrected for servos whose targets differ."""
+        """Return the given torques (m, nv), corrected for the different targets of servos."""
         given, stepper = self.given[which], self.workers[0].stepper
         for name, row in _servo_rows(stepper).items():
             target = stepper.recording.plan.drives.knots[row["first_target"], 1]
@@ -416,7 +417,7 @@ class TreeLanes(Instances):
         """Return rows, constants, drives and loads of the instances in the layout used by lane
         kernels.
 
-        Without loads, their kernels are not compiled.
+        If there are no loads, the kernels for loads are not compiled.
         """
         some = unnamed(loads) if loads.number else None
         rows = self.workers[0].stepper.mech.packed.rows

@@ -27,7 +27,8 @@ LOCATED = 64  # shapes: impacts of more are not located one by one
 def on_feet(stepper: Stepper) -> bool:
     """Return True for a single tree of hinges and sliders whose shapes touch only a plane.
 
-    Its drives must be springs, dampers, motors and servos of one coordinate with constant inputs.
+    The drives must be springs, dampers, motors or servos of a single coordinate, with constant
+    inputs.
     """
     scene = stepper.recording.scene
     if not JIT or stepper.method != "moreau_jean" or scene.touching is None or scene.active[0]:

@@ -40,7 +40,7 @@ class Solution(NamedTuple):
 
 
 def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow]) -> Solution:
-    """Return λ for all rows. The first `bilateral` rows are held at zero velocity."""
+    """Return λ for all rows. The velocity of the first `bilateral` rows is constrained to zero."""
     b = slice(0, bilateral)
     inverse = np.linalg.pinv(omega[b, b], rcond=ROUNDING, hermitian=True)
     reduced = omega - omega[:, b] @ inverse @ omega[b]
@@ -56,9 +56,9 @@ def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow])
 def _solve(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> float:
     """Solve for λ at all contacts. Return the residual relative to the largest velocity.
 
-    Newton's method starts from all contacts at once, so that symmetric scenes stay symmetric. If it
-    fails, contacts in turn determine which of them stick, slide and are open, and Newton's method
-    continues from there.
+    Newton's method starts from all contacts at once, so that symmetric scenes stay symmetric. If
+    Newton's method fails, the contact modes (stick, slide, open) are determined one contact at a
+    time, and Newton's method continues from the result.
     """
     parts = [slice(row.first, row.first + row.size) for row in rows]
     if len(rows) == 1:
@@ -114,9 +114,9 @@ def _newton(
 ) -> tuple[Array, float]:
     """Return (λ, residual relative to the largest velocity) from damped Newton steps.
 
-    The laws are those of `engine/contact/newton.py`, which time stepping solves: contacts are
-    projections on what λ may be ([Alart, Curnier 1991]). Impulses of each contact are measured by
-    its own mobility, so that no mass is large or small.
+    The contact laws are the same as in `engine/contact/newton.py`. They are formulated as
+    projections onto the admissible set of λ ([Alart, Curnier 1991]). Impulses of each contact are
+    measured by its own mobility, so that no mass is large or small.
     """
     scale = np.ones(len(free))
     for row in rows:

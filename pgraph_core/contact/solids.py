@@ -212,7 +212,7 @@ def _turned(found: Any) -> Array:
 def _make_convex(places: Array, triangles: Array, group: Array) -> None:
     """Merge faces that have a concave corner with coplanar neighbours.
 
-    Between corners that are in one plane to rounding, facets have whatever normals.
+    The normals of facets between coplanar corners are determined by rounding.
     """
     over = {(u, v): f for f, t in enumerate(triangles.tolist()) for u, v in zip(t, t[1:] + t[:1])}
     near = NOTABLE * float(np.ptp(places, axis=0).max())
@@ -394,7 +394,7 @@ def ground_axes(normal: Array) -> tuple[Array, Array]:
     """Return the plane's x and y: the two world axes after the steepest one, projected onto the
     plane.
 
-    For an upright normal z these are x and y, for y they are z and x, for x they are y and z.
+    The axes are x and y for the normal z, z and x for y, and y and z for x.
     """
     up = int(np.argmax(np.abs(normal)))
     first = np.eye(3)[(up + 1) % 3]
@@ -470,7 +470,7 @@ def hull_excess(file: str | Path, scale: Scale = 1.0) -> float:
     """Return the ratio of a closed mesh's convex hull volume to its own. Raises FileError,
     ModelError.
 
-    Kept as long as the file stays as it is.
+    The result is cached until the file changes.
     """
     changed = Path(file).stat().st_mtime_ns if Path(file).is_file() else 0
     return _hull_excess(str(file), scale, changed)
@@ -489,8 +489,8 @@ CORNERS = 32  # limit on the corners of a part
 def convex_parts(file: str | Path, scale: Scale = 1.0) -> tuple[Solid, ...]:
     """Split a closed mesh into approximate convex parts, using CoACD [Wei et al. 2022].
 
-    Kept as long as the file stays as it is. Raises FileError, MissingPackage, and ModelError for
-    a mesh that is not closed or has more than 64 parts.
+    The result is cached until the file changes. Raises FileError, MissingPackage, and ModelError
+    for a mesh that is not closed or has more than 64 parts.
     """
     changed = Path(file).stat().st_mtime_ns if Path(file).is_file() else 0
     return _convex_parts(str(file), scale, changed)

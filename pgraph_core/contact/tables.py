@@ -336,8 +336,8 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
 def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
     """Adapt the tables to a run with these maximum initial body speeds (nb,) [m/s].
 
-    For soft and penalty contacts without a given stiffness, the penetration at that speed is at
-    most a tenth of the thinner shape.
+    For soft and penalty contacts without a given stiffness, an impact at this speed penetrates the
+    thinner shape by at most a tenth.
     """
     laws = found.laws.copy()
     shapes = found.geometry.shapes[found.geometry.shapes["kind"] != POINTS]
@@ -396,8 +396,8 @@ def pull_of(model: Model) -> float:
 def damping_ratio(restitution: float) -> float:
     """Return the damping ratio of a linear contact with this restitution, which is at least LOWEST.
 
-    The contact never pulls: it ends with the force, before the spring is relaxed
-    ([Schwager & Pöschel 2007]).
+    The contact force is never attractive. The contact ends when the force vanishes, before the
+    spring is relaxed ([Schwager & Pöschel 2007]).
     """
     from scipy.optimize import brentq
 
@@ -544,8 +544,9 @@ def _sides(low: float | None, high: float | None) -> Iterator[tuple[float, float
 def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
     """Return the gap scale for a limit: its range, but at most one radian [rad, m].
 
-    For a slider with one limit it is the radius of gyration. If all mass is in origins, it is the
-    largest of the mechanism's lengths, the limit, and the initial distance from it.
+    For a slider with one limit, the size is the radius of gyration. If all masses are located at
+    body origins, the size is the largest of the lengths of the mechanism, the limit, and the
+    initial distance from the limit.
     """
     low, high = pair
     turns = mech.system.rows[row, at.KIND] < at.TRANSLATE

@@ -37,8 +37,8 @@ def names_in(value: Any) -> Mapping[str, Any] | None:
 def numbers_in(given: Any, *shapes: tuple[int, ...]) -> Array | None:
     """Copy numbers into an array, with nan for masked entries.
 
-    None for text, truth values, complex numbers and other objects. An array that has none of the
-    given shapes is not copied.
+    None for text, truth values, complex numbers and other objects. Arrays that do not have one of
+    the given shapes are not copied.
     """
     try:
         found = array_of(given)
@@ -212,8 +212,8 @@ STATE = {  # names of parameters, by what they mean
 def of_state(function: Callable[..., Any]) -> Callable[[float, Array, Array], Any]:
     """Convert a function of time or state to a function of (t, q, v).
 
-    Parameters named t, q and v (or qd, dq, qdot) are given by name. Others are given by position,
-    as (t, q, v), or as (t, x) with x = [q, v] as in SciPy.
+    Arguments named t, q and v (or qd, dq, qdot) are passed by name. Otherwise they are passed by
+    position, as (t, q, v), or as (t, x) with x = [q, v] as in SciPy.
     """
     try:
         parameters = inspect.signature(function)
@@ -281,7 +281,7 @@ class UserTorque(Unportable):
 
     @property
     def numbers(self) -> list[Array]:
-        """The arrays read by calls that come from the description."""
+        """The arrays of the description that are read by calls."""
         return []
 
     def join(self, packed: Packed, work: Array) -> None:
@@ -351,9 +351,9 @@ def acting(tau: Any, nq: int, nv: int, room: int) -> UserTorque | None:
 def _compiled(function: Any, nq: int, nv: int, behind: int) -> Any:
     """Wrap the function in C's calling convention.
 
-    Its answer is 0, or 1 and the number of torques if that is not nv. τ is not finite where
-    the function raises: numba goes on then. The number in the row behind τ is the time of the last
-    answer that was not finite.
+    It returns 0, or 1 and the number of torques if this number is not nv. If the function raises, τ
+    is not finite, because numba continues after errors. The number in the row behind τ is the time
+    of the last answer that was not finite.
     """
     # a user's function that is compiled has brought numba
     from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]

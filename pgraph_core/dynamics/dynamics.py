@@ -113,7 +113,7 @@ class Dynamics(Portable):
     def edit(self, name: str, /, **changes: Any) -> Self:
         """Return the mechanism for `model.edit(name, **changes)`.
 
-        If ModelError is raised, the mechanism does not change.
+        The mechanism is unchanged if ModelError is raised.
         """
         return type(self)(self.model.edit(name, **changes))
 
@@ -249,8 +249,9 @@ class Dynamics(Portable):
         -------
         Pose or dict
             The pose, `position, rotation = pose`, with (3,) position of the origin [m] and (3, 3)
-            rotation. Its `matrix` is the homogeneous transformation (4, 4), and `quaternion` is
-            [w, x, y, z]. Without a name, the poses of all bodies and sites by name.
+            rotation. Its `matrix` is the homogeneous transformation (4, 4), and `quaternion` is [w,
+            x, y, z]. If no name is given, return a dictionary with the poses of all bodies and
+            sites.
 
         Examples
         --------
@@ -391,7 +392,7 @@ class Dynamics(Portable):
 
         Active constraints are ignored, with a warning at the first call. `constrained_dynamics`
         imposes them. Springs and dampers of joints and between bodies act. Wrenches, motors, servos
-        and what varies act in `simulate` only, with a warning at the first call.
+        and time-dependent elements only act in `simulate`, and the first call issues a warning.
         """
         if self._untold:
             self._tell("forward_dynamics", "constrained_dynamics(q, v, tau)", 6)
@@ -426,9 +427,10 @@ class Dynamics(Portable):
         self._warn(call, "forces", text, level + 1)
 
     def _warn(self, call: str, what: str, text: str, level: int) -> None:
-        """Warn once per mechanism that a call leaves something out.
+        """Warn once per mechanism about elements that are ignored by a call.
 
-        Until then, `forward_dynamics` does not use its fast path, so later calls have no overhead.
+        `forward_dynamics` only uses its fast path after this warning, so later calls have no
+        overhead.
         """
         packed, own = self.packed, vars(self)
         if names := self._untold.pop(what, ""):
@@ -499,7 +501,7 @@ class Dynamics(Portable):
         wrench : (6,) sequence
             [torque, force] in world axes [N m, N].
         point : (3,) sequence, optional
-            Where it acts, in the axes of the body, by default at its `tip` [m].
+            The point of application in body axes, by default the `tip` [m].
 
         Returns
         -------
@@ -644,9 +646,10 @@ class Dynamics(Portable):
 
 
 def _left_out(model: Model) -> dict[str, str]:
-    """Return the names of what acts in runs, and not in the dynamics at a state, by its kind.
+    """Return the names of the elements that act in runs but not in the dynamics at a given state,
+    by kind.
 
-    A motor without a torque is only an input.
+    A motor without a torque only defines an input.
     """
     rows = [c.name for c in model.constraints if c.active]
     idle = lambda f: f.kind == "motor" and f.torque == 0.0  # noqa: E731
@@ -665,7 +668,8 @@ FRAMES = ("world", "body")  # whose axes a velocity is in
 
 
 def at_once(checked: Called) -> Called:
-    """Compute `forward_dynamics(q, v, tau)`, by the kernel alone if it accepts the state."""
+    """Compute `forward_dynamics(q, v, tau)` by a direct kernel call if the kernel accepts the
+    state."""
 
     @functools.wraps(checked)
     def forward_dynamics(*args: Any, **named: Any) -> Any:

@@ -135,7 +135,7 @@ def _arrays(kind: Any, value: Any, found: list[tuple[ArrayKind, Array]]) -> list
 
 
 def _words(value: Any) -> Array:
-    """An array of numbers as it is, one of records as (records, words)."""
+    """Return arrays of numbers unchanged, and arrays of records as (records, words)."""
     if not value.dtype.names:
         return value
     flat = np.ascontiguousarray(value).view(np.float64)

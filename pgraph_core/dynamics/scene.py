@@ -142,7 +142,7 @@ class Scene(Unportable):
 
     @property
     def numbers(self) -> list[Array]:
-        """The arrays from the description. blocks_f also contains states."""
+        """Arrays of the description. `blocks_f` also contains states."""
         kept, packed = self._kept, self.packed
         found: list[Any] = [kept.rows, kept.const, packed.const, kept.gains, *packed.system[2:4]]
         found += [kept.drives.table, kept.drives.knots, kept.drives.terms]
@@ -195,7 +195,7 @@ class Scene(Unportable):
 
     @property
     def spans(self) -> list[tuple[str, int, int]]:
-        """The (name, first block, end of its blocks) of every active constraint."""
+        """The name, first block and end of the blocks of every active constraint."""
         return self._spans
 
     def forces(self, wrenches: Array) -> dict[str, Array]:
@@ -215,7 +215,7 @@ def forces_of(blocks: Blocks, constraints: Ints, wrenches: Array) -> dict[str, A
 
 
 def _spans_of(blocks: Blocks, constraints: Ints) -> list[tuple[str, int, int]]:
-    """Return the (name, first block, end of its blocks) of each of these constraints."""
+    """Return the name, first block and end of the blocks of each of these constraints."""
     first = blocks.first.tolist()
     return [(blocks.names[i], first[i], first[i + 1]) for i in constraints.tolist()]
 
@@ -237,7 +237,7 @@ class ContactSpace(Unportable):
     def __init__(self, packed: Packed, contacts: Tables, first: int, *, steps: bool):
         """Create the contact space. `first` is the number of blocks preceding those for contacts.
 
-        With `steps`, each step is only taken once, so its contact history can be stored.
+        If `steps` is True, no step is repeated, so its contact history can be stored.
         """
         from ..contact import solids
         from ..engine.contact import contacts as kernels  # compiled only if something touches
@@ -403,7 +403,8 @@ def _extended(own: Blocks, contacts: Tables) -> Blocks:
 def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array, v: Array) -> Array:
     """Return (n, nb, 6) [torque, force] on the bodies from the wrenches and springs in `forces`.
 
-    In n states at times t (n,), at the bodies' origins, world axes: `external` of these states.
+    The wrenches act at the body origins, in world axes, at n states and times t (n,). They are
+    passed as `external`.
     """
     external = np.zeros((len(t), packed.nb, 6))
     if on_bodies(forces):

@@ -163,7 +163,8 @@ def mass_points(bodies: Sequence[Body], motion: BodyMotion) -> tuple[Array, Arra
 
 
 def shifted(wrench: Array, arm: Array) -> Array:
-    """Return φᵀ F (..., 6), eq. (12), for wrenches [torque, force] at the ends of arms (..., 3)."""
+    """Return φᵀ F (..., 6) of eq. (12) for wrenches [torque, force] applied at the offsets `arms`
+    (..., 3)."""
     force = wrench[..., 3:]
     return np.concatenate((wrench[..., :3] + np.cross(arm, force), force), axis=-1)
 

@@ -47,7 +47,7 @@ def load(
     roots : path or iterable of paths, optional
         Additional folders from which meshes may be loaded.
     base : {"fixed", "free"}
-        Whether the root link of a URDF file is welded to the ground or floats.
+        Whether the root link of a URDF file is welded to the ground or free.
     arguments : dict, optional
         Arguments of a xacro file. Since xacro files can execute code, only load files that you
         trust.
@@ -120,7 +120,7 @@ ROOTS = {"robot": read_urdf, "mujoco": read_mjcf}  # first element -> reader
 def reader_of(path: str | Path) -> Any:
     """Return the reader for a file of another format, by its first element and then its suffix.
 
-    Raises FileError for a file that holds no model that is read.
+    Raises FileError if the file is not a supported model.
     """
     by_suffix = READERS.get(Path(path).suffix.lower())
     try:

@@ -26,7 +26,7 @@ KINDS: tuple[Kind, ...] = ("warning", "left out", "approximated", "converted", "
 
 
 def named(path: str | Path, *suffixes: str) -> Path:
-    """Return an output path after checking that it has one of the suffixes. Raises FileError."""
+    """Return an output path after checking its suffix. Raises FileError."""
     if Path(path).suffix.lower() not in suffixes:
         text = f"give a name that ends in {' or '.join(suffixes)}"
         raise FileError(Problem(str(path), "", text))

@@ -1,8 +1,8 @@
 """MJCF import: MuJoCo reads and compiles the file, and the result is converted to a model.
 
-So defaults, includes, orientations, degrees, inertias from geoms are MuJoCo's own work. The origin
-of a body is placed at the anchor of its hinges. If a body has hinges at several positions, massless
-bodies are inserted. Coordinates count from the file's own initial pose.
+MuJoCo itself therefore handles defaults, includes, orientations, degrees and inertias from geoms.
+The origin of a body is placed at the anchor of its hinges. If a body has hinges at several
+positions, massless bodies are inserted. Coordinates count from the file's own initial pose.
 """
 
 from __future__ import annotations
@@ -129,8 +129,9 @@ def slashed(path: str) -> str:
 def _readable(path: Path) -> Element:
     """Return the root of an XML file with an encoding that MuJoCo can read. Raises FileError.
 
-    MuJoCo reads bytes, whatever encoding the file declares. In an encoding of several bytes, part
-    of a letter can look like a quote, so that MuJoCo would open another file than the one checked.
+    MuJoCo reads bytes and ignores the declared encoding. In a multi-byte encoding, a byte within a
+    character can equal a quotation mark, and MuJoCo would then open a different file from the one
+    that was checked.
     """
     root = read_markup(path)
     if root.tag == "mujoco" and root.encoding not in ENCODINGS:

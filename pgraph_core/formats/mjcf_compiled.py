@@ -28,7 +28,8 @@ class Geom(NamedTuple):
 
 
 class Compiled:
-    """MuJoCo's compiled model. Each table is cached, since every look-up creates a new array."""
+    """MuJoCo's compiled model. Tables are cached because every attribute access creates a new
+    array."""
 
     def __init__(self, model: Any):
         self.model = model

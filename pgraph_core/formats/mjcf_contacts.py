@@ -32,7 +32,8 @@ class Law(NamedTuple):
 class Contacts:
     """The contacts of a model, following MuJoCo's rules for which geoms may touch.
 
-    If `filters` is true, a body and its parent do not touch, as is the default in MuJoCo.
+    If `filters` is true, contacts between a body and its parent are excluded, as is the default in
+    MuJoCo.
     """
 
     def __init__(self, reader: Reading, filters: bool):
@@ -80,7 +81,7 @@ class Contacts:
                 yield shape
 
     def _wall(self, g: int) -> Iterator[dict[str, Any]]:
-        """Yield boxes with a face on a plane: one that collides, and a visual one of its size."""
+        """Yield a collision box and a visual box, each with one face on the plane."""
         m = self.m
         drawn = [float(s) for s in m.geom_size[g][:2]]
         place, axes = self.placed[g]

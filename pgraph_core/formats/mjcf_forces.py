@@ -97,7 +97,7 @@ class Forces:
         return found
 
     def _length(self, sums: Sums) -> float:
-        """Return the length of a tendon in the initial pose of the file, in which q is zero."""
+        """Return the length of a tendon at q = 0, the initial pose of the file."""
         return sum(x * float(self.m.qpos0[self.m.jnt_qposadr[j]]) for j, x in sums.items())
 
     # -- actuators -------------------------------------------------------------------------------
@@ -433,7 +433,7 @@ def within_margin(
 ) -> tuple[float, float]:
     """Return the limits at which MuJoCo stops a joint or tendon, `margin` inside its range.
 
-    In MuJoCo, limits refer to the distance minus the margin, so this is their rest position.
+    In MuJoCo, limits refer to the distance minus the margin, which is therefore zero at rest.
     """
     if not margin or low >= high:
         return low, high

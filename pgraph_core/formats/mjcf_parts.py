@@ -309,7 +309,8 @@ class Parts(Forces):
 
 
 def end_name(name: str, k: int) -> str:
-    """Return the name of the site that `write_mjcf` writes at an end and that the reader skips."""
+    """Return the name of the site that `write_mjcf` creates at an end point. The reader ignores
+    this site."""
     return f"{name} end {k}"
 
 

@@ -51,7 +51,7 @@ LOST = {
 
 
 def _most(faces: Counter[Any]) -> tuple[Rgba | None, str]:
-    """Return the most common face colour and what is lost, which `LOST` says of texts."""
+    """Return the most common face colour and the lost properties, as described in `LOST`."""
     colours = Counter({paint: n for paint, n in faces.items() if isinstance(paint, tuple)})
     lost = [text for paint, text in LOST.items() if faces[paint]]
     if not colours:

@@ -204,7 +204,8 @@ class Shapes:
             return None
 
     def _look(self, robot: Element, links: Iterable[Element]) -> None:
-        """Read the colours of all materials. Of all links, the first with a name counts."""
+        """Read the colours of all materials. If a name occurs in several links, the first one is
+        used."""
         owners = (robot, *(visual for link in links for visual in link.all("visual")))
         materials = (m for owner in owners for m in owner.all("material") if m.children)
         self.looks = {material: self._rgba(material) for material in materials}
@@ -214,7 +215,8 @@ class Shapes:
             self.colours[name] = self.colours.get(name) or rgba
 
     def _rgba(self, material: Element) -> Rgba | None:
-        """Return the colour of a material, or None after reporting the loss: it moves nothing."""
+        """Return the colour of a material, or None after reporting its loss, since colours do not
+        affect the motion."""
         colour, where = material.first("color"), self.source.at(material, "material")
         if material.first("texture") is not None:
             self.report.add("left out", where, f"the texture of {shown(material.get('name'))}")

@@ -1,7 +1,8 @@
 """The xacro reader. The xacro package expands the macros, and the result is read as URDF.
 
-The macros are a program: they evaluate Python, and the package's sandbox can be left. So a file is
-expanded only if its user names it, in Python or in the terminal, and never for a page.
+Xacro macros can execute Python code, and the sandbox of the package is not secure. Therefore, a
+file is only expanded if it is opened from Python or the terminal, and never in the browser
+interface.
 """
 
 from __future__ import annotations

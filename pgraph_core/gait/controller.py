@@ -95,7 +95,7 @@ class Controller(Portable):
         """Return the times [s] within an interval at which feet touch down or lift off and the
         torques jump.
 
-        Each is given twice, shortly before and after the change.
+        Each time is listed twice, shortly before and after the change.
         """
         s, f = self.settings[0], self.legs
         clock = s["clock_phase"] + (np.array([t_start, t_end]) - s["clock_time"]) / s["stride"]
@@ -113,7 +113,8 @@ class Controller(Portable):
         return standing(self.mech, self.gait, self.anatomy)
 
     def _share(self) -> None:
-        """Compute full loads, whose means over a stride carry the weight without pitching."""
+        """Compute the peak loads. Their means over a stride support the weight without a pitching
+        moment."""
         f, a = self.legs, self.anatomy
         x = a.hips[:, 0] + f["ahead"] - a.centre[0]
         hind = x[:2].mean() / (x[:2].mean() - x[2:].mean())
@@ -189,7 +190,7 @@ class GaitTorque(UserTorque):
     def join(self, packed: Packed, work: Array) -> None:
         """Use frames, velocities and inertias from a run of the same bodies.
 
-        The states of controls have rows behind those of the bodies.
+        The rows of the control states follow those of the bodies.
         """
         mine = self.kept.rows, self.kept.const
         if all(np.array_equal(a, b[: len(a)]) for a, b in zip(mine, packed.tree)):

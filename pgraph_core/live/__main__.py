@@ -1,8 +1,8 @@
 """Command line for `python -m pgraph_core.live`, which compiles the kernels to WebAssembly into
 this package.
 
-For releases, not for users; takes some minutes and `pip install -e .[release]`, which brings the
-linker.
+This script is only required for releases. It takes several minutes and requires a linker, which is
+installed by `pip install -e .[release]`.
 """
 
 from __future__ import annotations

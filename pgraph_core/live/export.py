@@ -143,7 +143,7 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
 
 
 def _recording(run: Result) -> dict[str, Any]:
-    """Return the data of a figure that computes nothing."""
+    """Return the data of a figure without kernels."""
     return {
         "t_start": float(run.t[0]), "t_end": float(run.t[-1]), "step": run.header["step"] or STEP,
         "methods": [], "runs": {}, "open": [], "kernels": module.NAMES, "wasm": "", "refused": "",
@@ -207,7 +207,7 @@ def packed(content: bytes) -> str:
 
 
 class _Drawing:
-    """The body pieces to draw, and their recorded poses."""
+    """The pieces of the bodies and their recorded poses."""
 
     def __init__(self, run: Result, wanted: Sequence[Opened]):
         self.run, self.wanted, self.mech = run, wanted, run.mechanism
@@ -276,7 +276,7 @@ class _Drawing:
         return drawn, meshes
 
     def _follow(self, field: Opened, drawn: Sequence[dict[str, Any]]) -> None:
-        """Record how the pieces change between the two ends of a field's range."""
+        """Record the change of the pieces between both ends of the range of a field."""
         ends = (with_numbers(self.mech.model, [field.path], [x]) for x in (field.low, field.high))
         low, high = ([p for look in self.looks(model) for p in look.pieces] for model in ends)
         if not len(low) == len(high) == len(drawn):

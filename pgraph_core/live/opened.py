@@ -46,7 +46,7 @@ class Opened(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The name in words, such as `mass of lower`."""
+        """A readable name, such as `mass of lower`."""
         inside = " ".join(map(str, self.path.inside))
         axis = {"0": "x", "1": "y", "2": "z"}
         words = [axis.get(w, w.replace("_", " ")) for w in inside.split()]

@@ -1,7 +1,7 @@
 """A memory image of a run with one method, which the WebAssembly kernels step.
 
 Pointers take 4 bytes there. Numbers and records have the same format, but array descriptors and
-addresses differ. Arrays that share memory here share it there.
+addresses differ. Arrays that share memory in Python also share memory in the figure.
 """
 
 from __future__ import annotations

@@ -368,7 +368,8 @@ class Body(Described):
 
 
 def following(data: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the fields that follow from the shapes: those that a mass or an inertia lacks."""
+    """Return the fields that are derived from the shapes because a mass or an inertia is
+    missing."""
     mass = ("mass",) * ("density" in data)
     lacking = mass or "inertia" not in data
     return tuple(x for x in (*mass, "com", "inertia") if lacking and x not in data)
@@ -543,7 +544,7 @@ def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
 def _is_plainly_right(inertia: tuple[tuple[float, ...], ...], slack: float) -> bool:
     """Return True if tr(I)/2 - I + slack is positive definite, using the Cholesky pivots.
 
-    This is the triangle inequality, from which the rest follows, without eigenvalues.
+    The triangle inequality is sufficient, so no eigenvalues are required.
     """
     (a, d, e), (_, b, f), (_, _, c) = inertia
     half = 0.5 * (a + b + c) + slack

@@ -176,8 +176,8 @@ def _coordinate_problem(body: Body, coordinate: int) -> str:
 def sum_problems(
     part: OfSums, where: str, bodies: Bodies, of_positions: bool, *, ours: bool = False
 ) -> list[Problem]:
-    """Return problems with the coefficients in a sum. With `ours`, check only those for these
-    bodies.
+    """Return problems with the coefficients in a sum. If `ours` is given, only check sums that
+    involve these bodies.
 
     A sum of positions (`of_positions`) has no terms of balls and free joints.
     """
@@ -463,7 +463,7 @@ def model_problems(
 def by_class(data: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a model with each part in the list of its class, or {} if all are.
 
-    So `springs=[...]` are forces, and `joints=[...]` may be bodies and constraints.
+    For example, `springs=[...]` are forces, and `joints=[...]` can contain bodies and constraints.
     """
 
     def home(part: Any) -> str:
@@ -485,8 +485,8 @@ def by_class(data: Mapping[str, Any]) -> dict[str, Any]:
 def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
     """Return bodies and parts with the ground under its name and as their second end.
 
-    A body keeps its name "world". Only parts whose ends can be exchanged are. The result is empty
-    if nothing changes.
+    A body keeps its name "world". Only parts with interchangeable ends are swapped. The result is
+    empty if nothing changes.
     """
     bodies = {body.name: body for body in parts["bodies"]}
 

@@ -120,7 +120,7 @@ class Contact(Acting):
     def frictions(self, ground: Ground) -> Frictions:
         """Return the four coefficients of friction, with the ground's values as defaults.
 
-        The ground's value stands for an expression until a run evaluates it.
+        Expressions are replaced by the value of the ground until a run evaluates them.
         """
         own = None if isinstance(self.friction, str) else self.friction
         kinetic = ground.friction if own is None else own

@@ -1,4 +1,4 @@
-"""Controls: states of one's own, filters, PID and sampled controllers, by one mechanism.
+"""Controls: user-defined states, filters, PID and sampled controllers.
 
 A control has states and a value, which expressions name `x.NAME`. A state changes at a rate, or
 jumps to a new value at its samples; both are expressions. The kinds differ in these alone.

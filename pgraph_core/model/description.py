@@ -1,4 +1,4 @@
-"""Access to the parts of a model by name."""
+"""Access to bodies, constraints, contacts and forces of a model by name."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class Description(World):
 
     @cached_property
     def rubbing(self) -> tuple[Contact, ...]:
-        """The contacts whose friction is an expression."""
+        """The contacts with an expression as friction."""
         return tuple(c for c in self.contacts if c._varies)
 
     @cached_property
@@ -124,7 +124,8 @@ class Description(World):
     def lost(self) -> tuple[str, ...]:
         """Messages about parts of the file that affect the motion and are missing from the model.
 
-        It is empty for files of Pgraph. Edits keep it, and every run repeats it as notices.
+        The list is empty for files in the format of Pgraph. Edits keep it, and every run repeats it
+        as notices.
         """
         return vars(self).get(LOST, ())
 

@@ -58,7 +58,7 @@ def unlinked(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[tu
 
 
 def _shapes(bodies: Sequence[Body]) -> Iterator[str]:
-    """Yield warnings about missing mesh files and moving surfaces that nothing touches."""
+    """Yield warnings about missing mesh files and moving surfaces without contacts."""
     for body in bodies:
         for shape in body.shapes:
             if shape.file is not None and not Path(shape.file).is_file():
@@ -112,8 +112,8 @@ def limits_in_degrees(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
 def wide(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
     """Yield (body, warning) for inertias that fit the model better in kg mm² or g mm².
 
-    A radius of gyration is a length like all others of the model. If it is nearer to them when
-    it is divided by 1000, it is likely one in millimetres.
+    A radius of gyration is a length like all others of the model. If the value divided by 1000 is
+    closer to the other lengths, it was probably given in millimetres.
     """
     lengths = [math.hypot(*x) for b in bodies for x in (b.com, b.tip_point, b.link)]
     size = max(lengths, default=0.0)
@@ -261,9 +261,11 @@ def _idle_parameters(model: Any) -> Iterator[str]:
 
 
 def _untouched(model: Any) -> Iterator[str]:
-    """Yield a warning about loose bodies with shapes that no contact holds up or keeps apart.
+    """Yield a warning about free bodies with shapes that have no contact with the ground or with
+    each other.
 
-    A body stands for all that hang on it. Contacts that are off count, since switches close them.
+    Descendants of a body are not listed separately. Contacts that are off count, since switches
+    close them.
     """
     root = _roots(model.bodies)
     parts = (*model.constraints, *model.forces)

@@ -37,7 +37,7 @@ OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "ar
 
 @explained
 class Editable(Description):
-    """A description whose edits make new, validated ones. The old one stays as it was."""
+    """A description whose edits make new, validated ones. The original is unchanged."""
 
     def edit(self, name: str, /, **changes: Any) -> Self:
         """Return a new model in which fields of one part are changed.
@@ -266,7 +266,7 @@ class Editable(Description):
         Parameters
         ----------
         part : Body, Constraint, Contact, Force, Scenario, Site, Output or Control
-            The part to add. A Ground replaces that of the model.
+            The part to add. A Ground replaces the existing ground.
         after : str, optional
             Name of the part of the same kind that it follows. By default it becomes the last.
 
@@ -304,7 +304,8 @@ class Editable(Description):
         Parameters
         ----------
         changes : dict
-            Changed fields by present name of the body. A `parent` in them is given by its new name.
+            Changed fields by present name of the body. In `changes`, `parent` refers to the new
+            name.
 
         Returns
         -------

@@ -230,7 +230,7 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
 def in_expressions(
     parts: Mapping[str, Sequence[Any]], names: Mapping[str, str], *groups: str
 ) -> dict[str, tuple[Any, ...]]:
-    """Return the parts with expressions, in which names are renamed.
+    """Return the parts with expressions after replacing the renamed names.
 
     `groups` are "out" for outputs, "x" for controls, "u" and "f" for drives, "force" for contacts
     and constraints, "" for parameters.
@@ -324,7 +324,8 @@ def stays(name: str, child: str) -> str:
 
 
 def followed_tips(bodies: Sequence[Body], row: Mapping[str, int]) -> set[str]:
-    """Return the moved-tip notices that no longer apply because the child is at the tip."""
+    """Return the notices about moved tips that no longer apply, because the child is at the tip
+    again."""
     return {
         stays(b.parent, b.name)
         for b in bodies if b.parent in row and b.link == bodies[row[b.parent]].tip

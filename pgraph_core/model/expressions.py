@@ -354,6 +354,6 @@ def loop_problems(controls: Sequence[Control], forces: Sequence[Force], of: str)
 
 
 def _followed(*values: Any) -> list[str]:
-    """Return the signals in expressions that may follow from others, as they are written."""
+    """Return the signals in expressions that may depend on other signals."""
     signals = (signal for text in values if isinstance(text, str) for signal in signals_in(text))
     return sorted({written(group, name) for group, name, k in signals if group in PASSED and not k})

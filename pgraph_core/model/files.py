@@ -296,8 +296,8 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
 
 
 def user_folder(variable: str, below_home: str) -> Path:
-    """Return the folder for this user's files, $variable/pgraph or a folder below the home
-    directory.
+    """Return the folder for files of the current user, which is $variable/pgraph or a folder in the
+    home directory.
 
     If there is no home folder, as in some containers, a temporary folder is used.
     """
@@ -442,8 +442,8 @@ def _outside(file: str, folder: Path) -> str:
 def gathered(bodies: Iterable[Body], folder: Path) -> tuple[Body, ...]:
     """Return the bodies as stored in a model file in `folder`, with relative mesh paths.
 
-    The geometry of a mesh from elsewhere is written to `meshes` in it. One that is missing keeps
-    its name there. Raises FileError for a file that is no mesh, by the body's name.
+    Meshes from other folders are copied to the subfolder `meshes`. The names of missing meshes are
+    not changed. Raises FileError for a file that is no mesh, by the body's name.
     """
     folder, known = folder.absolute(), {}
 

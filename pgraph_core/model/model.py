@@ -30,8 +30,8 @@ class Model(Editable):
     def serial(cls, n: int) -> Self:
         """Return n rods in series, named "1" to "n", as in the first table of section 4.1.
 
-        The rods are slender and 0.2 m long. They are aligned with x and connected by hinges about
-        y, so they swing.
+        The rods are slender and 0.2 m long. The bodies are aligned with x and connected by hinges
+        about y.
 
         Parameters
         ----------
@@ -75,8 +75,8 @@ class Model(Editable):
         gravity : (3,) array, optional
             Gravity [m/s^2].
         **columns
-            Fields of `Body`, such as `joint`, `link`, `mass` and `inertia`: nb entries, or one for
-            all bodies.
+            Fields of `Body`, such as `joint`, `link`, `mass` and `inertia`. Each has nb entries, or
+            a single value for all bodies.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class Model(Editable):
         Raises
         ------
         InputError, FileError
-            If arguments do not fit, or the file cannot be written.
+            If arguments are invalid or the file cannot be written.
         """
         from ..show import pictures  # with its kernels, which a description has no need of
         from ..show.notebook import numbered

@@ -1,7 +1,8 @@
 """Named numbers shared between cells, and the formulas that use them, such as '=thigh/2'.
 
 A model only contains numbers. Its formulas are stored separately, with the location of their cells.
-In a file a formula stands in the cell itself. A cell that gets another number loses its formula.
+In a file, a formula takes the place of the value. A cell that gets another number loses its
+formula.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
 def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a model with formulas replaced by numbers, and all formulas.
 
-    Formulas are in the cells of parts given as dictionaries, or under "formulas". Raises ModelError
+    Formulas are given as values in dictionaries, or under the key "formulas". Raises ModelError
     with every formula that has no value.
     """
     formulas = data.get("formulas", ())

@@ -19,7 +19,7 @@ Numbers: TypeAlias = "Sequence[float] | Array"
 class Pose(NamedTuple):
     """The pose of a body frame in the world or in its parent, `position, rotation = pose`.
 
-    NumPy takes it as its homogeneous transformation, and so do two indices: `pose[:3, 3]`.
+    NumPy functions and two indices, as in `pose[:3, 3]`, use the homogeneous transformation matrix.
     """
 
     position: Array  # (3,) [m]

@@ -179,7 +179,7 @@ SUBJECTS = ("coordinate", "gap", "force", "constraint", "holds")
 class When(Frozen):
     """A condition on the state, given by a coordinate, gap, force or constraint and its bound.
 
-    In their place `holds` compares expressions: "=q.arm > 0.5 and v.arm < 0".
+    Alternatively, `holds` is a comparison of expressions, such as "=q.arm > 0.5 and v.arm < 0".
     """
 
     coordinate: Text | None = field(

@@ -141,7 +141,7 @@ class World(Described):
     @model_validator(mode="before")
     @classmethod
     def _gravity_points_down(cls, data: Any) -> Any:
-        """Fill in the default, and take one number for the size of a gravity that points down."""
+        """Set the default gravity, or convert a single number to a vector that points down."""
         given = data.get("gravity") if isinstance(data, dict) else ()
         if given is None or (isinstance(given, (int, float)) and not isinstance(given, bool)):
             down = DOWN.get(str(data.get("up", "z")), DOWN["z"])

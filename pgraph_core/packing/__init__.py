@@ -45,8 +45,8 @@ def system(arrays: Arrays, nq: int) -> System:
 def length_in(const: Array, home: Array) -> float:
     """Return the largest characteristic length of a mechanism [m], from the constants in its rows.
 
-    Of links, centres of mass and radii of gyration. Points that slide have none. For these it is
-    the farthest of their initial positions `home`, or 1 m.
+    The length is the largest of all links, centres of mass and radii of gyration. Points that slide
+    have none. If all of these are zero, the largest initial position in `home` is used, or 1 m.
     """
     const = const[1:]
     mass = np.where(const[:, at.MASS] > 0, const[:, at.MASS], np.inf)

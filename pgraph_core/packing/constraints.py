@@ -126,7 +126,7 @@ class Endpoints:
 
     @property
     def ground_normal(self) -> Array:
-        """The normal (3,) of the ground, or the direction z of another body."""
+        """The ground normal (3,), or the z-axis of another body."""
         return np.array(self.model.ground_normal if self.b == 0 else (0.0, 0.0, 1.0))
 
     def rolling(self, radius: float, dirs: Sequence[Array], axis: Array | None) -> Block:

@@ -193,7 +193,7 @@ def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
     """Return (target, torque) in kernel form, with the law torque + kp (target - q) - kd v.
 
     The input u adds gain u to the torque, or gain u / kp to the target if it aims. If the input is
-    integrated, `torque` is part of the initial value.
+    integrated, `torque` is included in the initial value.
     """
     gain, torque, kp, _ = f.law
     u: Any = getattr(f, f.INPUT)
@@ -240,8 +240,8 @@ def bends(drives: Drives) -> Array:
 def times_at_bounds(row: Any, knots: Array) -> Array:
     """Return the times between two knots at which an input, or its integral, reaches a bound [s].
 
-    There are none if the motion counts. With c from there to the bound, these are the zeros of
-    u s + slope s^2 / 2 = c for an integral, and of slope s = c for an input.
+    There are none if the motion counts. The times are the zeros of u s + slope s^2 / 2 = c for an
+    integral, and of slope s = c for an input, where c is the distance to the bound.
     """
     # constants alone limit the effect, whatever the motion
     alone = row["coordinate"] < 0 and row["damping"] == 0.0 and row["lag"] == 0.0

@@ -40,7 +40,7 @@ class Joint(NamedTuple):
 class Packed:
     """Packed arrays for a model: tree, forces and constraints. Each array is created on first use.
 
-    Nothing here belongs to a state or a run, and nothing changes except caches.
+    The data does not depend on a state or a run and is immutable, apart from caches.
     """
 
     model: Model
@@ -99,7 +99,7 @@ class Packed:
         return made
 
     def with_states(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return q and v of a run that starts at t, with the first values of controls."""
+        """Return q and v at the start time t, followed by the initial control states."""
         if self.run is self:
             return q, v
         signals, none = self.loads((), states=True).signals, np.zeros(self.run.nv - self.nv)
@@ -150,7 +150,7 @@ class Packed:
         return self.topology.names[self.system.body_of_row[row] - 1]
 
     def moved_fastest(self, row: int) -> str:
-        """Return a sentence on the row with the largest speed, of a body or of a control."""
+        """Return a sentence about the fastest coordinate, of a body or a control."""
         word = "control" if row >= len(self.system.body_of_row) else "body"
         return f"{word} '{self.body_of(row)}' moved fastest"
 
@@ -226,9 +226,9 @@ class Packed:
     ) -> Loads:  # fmt: skip
         """Return the given wrenches, springs between bodies, and expressions of all forces.
 
-        With `states`, the friction of contacts and the states of controls are included, even if no
-        force reads them. Expressions may name further drives, `named`. Steps end where comparisons
-        in `watched` change, and with `bent` where a force has a bend.
+        If `states` is True, the friction of contacts and the control states are included even if
+        they are not used by forces. Expressions may name further drives, `named`. Steps end where
+        comparisons in `watched` change, and with `bent` where a force has a bend.
         """
         found = NO_LOADS
         if on_bodies(forces):

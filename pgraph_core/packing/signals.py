@@ -83,7 +83,8 @@ class Program:
         return self._numbers[key]
 
     def parameter(self, name: str) -> Operand:
-        """Add a named number, apart from equal ones, so that a sweep can change it alone."""
+        """Add a named number. Equal numbers are stored separately, so that a sweep can change each
+        of them."""
         if name not in self._named:
             self._named[name] = self.apart(self._parameters[name])
         return self._named[name]
@@ -181,7 +182,7 @@ class Program:
     def power(self, base: Operand, exponent: Operand, node: Node) -> Operand:
         """Add a power, as repeated products if the exponent is a small integer.
 
-        Of a negative base only integers as exponents give a number.
+        For a negative base, the exponent must be an integer.
         """
         if node.op == "neg" and node.args[0].op == "number":
             inverse = self.power(base, self.number(node.args[0].value), node.args[0])
@@ -228,7 +229,7 @@ class Program:
         return self.put(kernels.SUB, b, a) if rises else self.put(kernels.SUB, a, b)
 
     def watch(self, node: Node) -> None:
-        """Let steps end where a comparison in a condition changes, if the state tells it."""
+        """End steps at the changes of a comparison in a condition, if it depends on the state."""
         nodes = list(walk(node))
         if any(n.signal[0] == "force" for n in nodes):
             return
@@ -299,7 +300,7 @@ class Program:
     def code(self) -> Array:
         """Return the instructions and their values, not yet known, as (2 n, COLUMNS).
 
-        What a run holds has OWN_COLUMNS more, for bounds of rates.
+        The array of a run has OWN_COLUMNS additional columns for bounds of rates.
         """
         more = kernels.OWN_COLUMNS if self._holds else 0
         found = np.zeros((2 * len(self.rows), kernels.COLUMNS + more))
@@ -354,7 +355,7 @@ def contacts_read(code: Array) -> list[int]:
 
 
 def with_pairs(targets: Ints, pairs: Sequence[int]) -> Ints:
-    """Return the targets with the pairs of contacts, given by index, and without other contacts.
+    """Return the targets with contact pairs given by index, excluding other contacts.
 
     `pairs` contains the contact index of each pair.
     """

@@ -432,8 +432,8 @@ def propagation_operator(parent: Ints, link: Array) -> Any:
     """Return Φ = (1 - ε_φ)⁻¹, eq. (16), from products of φ along paths, as a sparse (6 nb, 6 nb)
     matrix.
 
-    Block row κ is φ_κ,ρ(κ) times block row ρ(κ), and 1 at κ: no inverse is formed, and block
-    (κ, j) is there only if j is an ancestor of κ or κ itself. O(n · depth).
+    Block row κ is φ_κ,ρ(κ) times block row ρ(κ), plus the identity at κ, so no inverse is computed.
+    Block (κ, j) is only nonzero if j is κ or one of its ancestors. O(n · depth).
     """
     paths: list[Ints] = []
     rows: list[Array] = []

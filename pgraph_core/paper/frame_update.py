@@ -1,8 +1,9 @@
 """The frame update in Fig. 7, which moves all body frames from one q to the next by walking along
 Pgraph.
 
-The figure's drawing is lost: this is our reconstruction from the text of sec. 4, which names
-Rot, find, P and F(P). Teaching and checking use it; `Mechanism` computes frames from q (R14).
+The drawing of the figure is not available. This module is a reconstruction from the text of sec. 4,
+which defines Rot, find, P and F(P). Teaching and checking use it; `Mechanism` computes frames from
+q (R14).
 """
 
 from __future__ import annotations
@@ -49,9 +50,9 @@ class FrameVectors:
     """The vectors updated in Fig. 7, which are links, motion axes and body frame axes in world
     axes.
 
-    A body's rows of `vectors` begin with the link to the start of its joint. For each motion follow
-    its displacement [m] and its axes (one, or the three of a ball or free motion). The three axes
-    of the body's frame come last.
+    The first row of a body in `vectors` is the link vector. It is followed by the displacement [m]
+    and the axes of each motion (one axis, or three for a ball or free motion). The three axes of
+    the body's frame come last.
     """
 
     topology: Topology
@@ -115,8 +116,8 @@ def rotation_by(vector: Array) -> Array:
 def visits(pgraph: Sequence[int] | Ints) -> tuple[Visit, ...]:
     """Return find and P at every position in Pgraph.
 
-    A body's joint carries all that is entered after it, up to the first place whose number
-    was there before the body: that is the way back to a separation body further in.
+    The joint of a body moves all bodies that follow in Pgraph, up to the first entry that also
+    occurs before the body. This entry is the re-entry at a preceding separation body.
     """
     places = np.asarray(pgraph, dtype=np.int64).tolist()
     find: dict[int, int] = {}

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def body_poses(run: Any) -> Array:
-    """Return body poses for all frames, (n, nb, 7). These do not depend on any forces."""
+    """Return body poses for all frames, (n, nb, 7). The poses do not depend on any forces."""
     system = run.mechanism.packed.system
     none = np.zeros((len(run.t), len(system.bodies_i) - 1, 6))
     return bodies_over(system, *_states(run), none).pose

@@ -188,8 +188,8 @@ def _missed(frames: Any, i: Ints, x: Array) -> Array:
     In smooth motion, the error q⁽⁶⁾/720 (t - t_i)³ (t_k - t)³ of a quintic over two intervals is
     seen at the frame in between: it gives q⁽⁶⁾, and so the error over the interval itself.
     Otherwise, for example if there is an impact, the error is the difference between the quintic
-    and the cubic. It is inf if that exceeds the motion, if there are only two frames, or if frames
-    are so wide that polynomials may agree by chance.
+    and the cubic. The estimate is inf if it exceeds the motion, if there are only two frames, or if
+    the frames are so far apart that the polynomials may agree by chance.
     """
     t, q, rate, bend = frames
     rounding = 4 * np.finfo(float).eps * np.abs(q).max(initial=0.0)

@@ -125,7 +125,7 @@ class Exports:
         Raises
         ------
         InputError
-            If a field cannot be left open.
+            If a field cannot be changed in the figure.
         FileError
             If the file has another suffix or cannot be written.
         """
@@ -157,7 +157,7 @@ class Exports:
         Raises
         ------
         InputError, FileError
-            If arguments do not fit, or the file cannot be written.
+            If arguments are invalid or the file cannot be written.
         """
         from ..show import pictures  # with its kernels
 
@@ -191,9 +191,9 @@ class Exports:
         Raises
         ------
         InputError, FileError
-            If arguments do not fit, or the file cannot be written.
+            If arguments are invalid or the file cannot be written.
         MissingPackage
-            If a package has to be installed first.
+            If a required package is not installed.
         """
         options = {"size": size, "fps": fps, "speed": speed, "view": view, "dark": dark}
         from ..show import pictures
@@ -254,7 +254,7 @@ class Exports:
         path : path
             An `.npz` file.
         roots : iterable of paths, optional
-            Additional folders for meshes, apart from the folder of the file.
+            Additional folders for meshes.
 
         Raises
         ------
@@ -315,8 +315,8 @@ class Exports:
         ----------
         bodies : bool, optional
             Whether to add the motion of all body frames in world axes and the wrenches of their
-            joints: "position.hand.x", "angular_acceleration.hand.z", "joint_force.hand.x". These
-            are found by `run["position.hand"]` and `run.plot("velocity.hand")` in any case.
+            joints: "position.hand.x", "angular_acceleration.hand.z", "joint_force.hand.x".
+            `run["position.hand"]` and `run.plot("velocity.hand")` work regardless of this argument.
         """
         return {name: column.values for name, column in columns_of(self, bodies).items()}
 
@@ -334,7 +334,7 @@ FORCE, DERIVATIVE = "force:", "derivative:"  # before the names of constraints a
 
 
 def file_of(run: Any, folder: Path) -> bytes:
-    """Return the file of a run. Meshes from elsewhere are copied to the folder if it exists."""
+    """Return the file of a run. Meshes from other folders are copied to the folder if it exists."""
     model = run.mechanism.model
     if folder.is_dir():
         model = model.unchecked_copy({"bodies": gathered(model.bodies, folder)})

@@ -64,7 +64,8 @@ FREE, STOP = "free", "stop"  # a joint between its limits, and at one
 
 
 class Event(NamedTuple):
-    """A phase change at one contact point at one instant. A bounce goes from swing to swing."""
+    """A phase change at one contact point at one instant. A bounce is a transition from swing to
+    swing."""
 
     t: float  # [s]
     contact: str  # its name, with the number of the point where it has several
@@ -125,7 +126,8 @@ class ContactRecord(EqualByFields):
 
     @classmethod
     def later(cls, make: Callable[[], ContactRecord]) -> ContactRecord:
-        """Return a record that calls `make` on first access: this takes as long as many steps."""
+        """Return a record that calls `make` on first access, because creating it takes as long as
+        many steps."""
         found = object.__new__(cls)
         found.__dict__[MAKE] = make
         return found
@@ -253,8 +255,8 @@ class Named(Mapping[str, Any]):
 class ByTouch(Named):
     """Arrays by contact pair or by two body names: `run.contact_force["a", "ground"]`.
 
-    If there are several pairs between the two, forces are added, and the smallest gap and the
-    largest slip are used.
+    If there are several pairs between two bodies, the result is the sum of the forces, the smallest
+    gap and the largest slip.
     """
 
     def __init__(

@@ -221,8 +221,8 @@ class Result(Exports, EqualByFields, Portable):
         """Return the error of the motion or of a control state, relative to its range, (n,).
 
         The range of the motion is the largest displacement of a joint from its initial position. If
-        nothing moves, it is 1.5e-8 of the length of the mechanism, or of the value of a state if
-        this is larger.
+        nothing moves, the reference is 1.5e-8 of the length of the mechanism, or of the value of a
+        state if this is larger.
         """
         share, own = self.error_at / self._size_of_motion(), self._shares_of_states()
         return np.maximum(share, own.max(axis=1)) if own.size else share
@@ -274,7 +274,8 @@ class Result(Exports, EqualByFields, Portable):
         return cast(Labelled, self.q)[name]
 
     def _meant(self, name: str) -> dict[str, Column]:
-        """Return the columns that match a name. Those of bodies match only if no others do."""
+        """Return the columns that match a name. Names of bodies are only suggested if there are no
+        other matches."""
         for bodies in (False, True):
             columns = columns_of(self, bodies)
             if found := meant(columns, name):
@@ -316,7 +317,7 @@ class Result(Exports, EqualByFields, Portable):
         v : (nv,) or (n, nv) array
             Velocity.
         error : float or (n,) array
-            Estimated maximum error of q [rad, m]. It includes the error of the run at the next
+            Estimated maximum error of q [rad, m]. This includes the error of the run at the next
             frame (`error_at`) and the interpolation error. If there is no error estimate, it is
             nan. After the time at which the error becomes unknown, it is inf.
 
@@ -369,9 +370,9 @@ class Result(Exports, EqualByFields, Portable):
         Returns
         -------
         dict
-            Derivatives by path. They have the same shape as the return value of the function. They
-            are nan, with a warning, where the derivatives of the run have ended, as at a contact of
-            shapes.
+            Derivatives by path. Each derivative has the shape of the return value of the function.
+            Derivatives are nan, and a warning is issued, if the derivatives of the run have ended
+            before.
 
         Raises
         ------
@@ -518,7 +519,7 @@ class Result(Exports, EqualByFields, Portable):
         return Named(found, "controls", "control")
 
     def _with_states(self) -> tuple[Array, Array]:
-        """Return q and v as kernels take them, which end with the states of controls."""
+        """Return q and v with the control states appended, as the kernels expect them."""
         none = np.zeros(self.states.shape)
         return np.hstack((self.q, none)), np.hstack((self.v, self.states))
 

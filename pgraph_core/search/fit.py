@@ -400,7 +400,8 @@ def _direction(names: Sequence[str], direction: Array) -> str:
 
 
 def _cases(data: Any) -> dict[str, tuple[Any, Mapping[str, Any]]]:
-    """Return data and arguments of `simulate` by case, "" if there is one alone."""
+    """Return the data and the arguments of `simulate` for each case. A single case has the name
+    ""."""
     tables = (Mapping, str, FilePath, tuple)
     several = (
         isinstance(data, Mapping)

@@ -45,7 +45,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Own:
-    """A free number of the initial state of one case: "q.arm@slow"."""
+    """A free parameter of the initial state of one case, such as "q.arm@slow"."""
 
     case: str
     kind: str  # "q" or "v"

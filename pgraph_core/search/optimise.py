@@ -258,7 +258,8 @@ class _Search:
     # -- evaluations -------------------------------------------------------------------------------
 
     def at(self, u: Array) -> _Point:
-        """The goals at u. They are large if there is no run, to reduce the solver's step."""
+        """The goals at u. If the run fails, large values are returned to reduce the step of the
+        solver."""
         if self._last is not None and np.array_equal(self._last.u, u):
             return self._last
         goals, numbers = self.goals, self.numbers
@@ -352,7 +353,7 @@ class _Search:
         return found
 
     def _difference(self, point: _Point, k: int) -> Array:
-        """A central difference, or a one-sided one if only runs on that side exist."""
+        """Compute a central difference, or a one-sided difference if one of the runs fails."""
         low, high = self.numbers.bounds[k] / self.numbers.size[k]
         found, share = [], self.differences or 0.0
         for h in (-share, share):

@@ -1,7 +1,8 @@
 """Pictures and tables of models and runs for notebooks, files and web pages.
 
-It lies below models and runs and draws whatever has their fields. trimesh, matplotlib and
-the kernels of pictures are imported when first needed; `MissingPackage` names what to install.
+This package does not depend on models and runs, and draws any object with the same fields. trimesh,
+matplotlib and the kernels of pictures are imported when first needed. `MissingPackage` gives the
+name of a package that is not installed.
 
 * `model_html(model)`, `mechanism_html(mech)`, `run_html(run)`: `_repr_html_` in a notebook
 * `figure(t, columns, title)`: matplotlib

@@ -1,4 +1,4 @@
-"""What is seen of bodies: their shapes and colours, and how far they reach."""
+"""Visible shapes, colours and extents of bodies."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def looks(
     bodies: Sequence[Any], children: Sequence[Sequence[int]], colors: Sequence[shapes.Color],
     before: Sequence[Look] = (), plain: bool = False,
 ) -> list[Look]:  # fmt: skip
-    """Return the looks of the bodies by number, reusing `before` if nothing changed.
+    """Return the appearance of the bodies by number, reusing `before` if nothing changed.
 
     `plain`: in the bodies' colours; of those of their shapes what is dark or light stays.
     """
@@ -79,7 +79,7 @@ def extent(looks: Sequence[Look], positions: np.ndarray, R: np.ndarray) -> np.nd
 class Track:
     """The way of a mechanism through recorded poses (n, nb, 7), and all that is seen of it.
 
-    If it travels further than its size, pictures keep it in the middle and move the ground.
+    If the mechanism travels further than its size, pictures follow it and move the ground.
     """
 
     def __init__(self, looks: Sequence[Look], poses: np.ndarray, up: np.ndarray):

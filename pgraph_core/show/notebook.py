@@ -237,7 +237,7 @@ def figure(t: np.ndarray, columns: Mapping[str, tuple[str, np.ndarray]], title: 
 
 
 def _plain(text: str) -> str:
-    """Escape text so that Matplotlib does not interpret any of it as mathematics."""
+    """Escape text so that Matplotlib does not interpret it as mathematics."""
     return text.replace("$", r"\$")
 
 

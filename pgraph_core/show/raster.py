@@ -74,9 +74,9 @@ class Tones(NamedTuple):
 def cover(points, faces, opacity, depth, seen):
     """Rasterise faces (m, 3) of screen points (n, 3) into depth and seen (height, width).
 
-    Each pixel gets the greatest w of the triangles over its centre, and the triangle's number. If
-    the opacity of a triangle is below 1, only this fraction of its pixels is drawn, in an ordered
-    pattern of 16 levels (Bayer, IEEE International Conference on Communications 1973).
+    Each pixel contains the largest w of all triangles that cover its centre, and the number of this
+    triangle. If the opacity of a triangle is below 1, only this fraction of its pixels is drawn, in
+    an ordered pattern of 16 levels (Bayer, IEEE International Conference on Communications 1973).
     """
     height, width = depth.shape
     for face in range(len(faces)):

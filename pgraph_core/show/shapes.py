@@ -100,7 +100,8 @@ def _links(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
 
 
 def _hub(body: Any, radius: float) -> tuple[Piece, ...]:
-    """Return what the rods of a body are fixed to at its joint: a bushing, a carriage or a ball."""
+    """Return the piece that connects the rods of a body to its joint: a bushing, a carriage or a
+    ball."""
     if not body.sequence:
         return ()
     kind, axis, edge = body.sequence[-1].kind, body.sequence[-1].axis, 2 * radius
@@ -167,8 +168,8 @@ def mesh(parts: Sequence[Piece]) -> Any:
 def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
     """Return a trimesh that is bounded by the unit cube and scaled to draw batched bodies.
 
-    A mesh keeps its own size: one scale makes it a body's. Round solids have a quarter of the faces
-    of a body that is drawn alone: there are many of them, and each is small in the view.
+    Meshes are not scaled to unit size. Round solids have a quarter of the faces of a single body,
+    because there are many of them and each is small in the view.
     """
     tall = (1.0, 1.0, 2.0) if kind == "capsule" else (1.0, 1.0, 1.0)
     place = (0.0, 0.0, 0.0)
@@ -348,7 +349,7 @@ def branches(parent: Sequence[int]) -> tuple[int, ...]:
 
 
 def hue_of(branch: int) -> int:
-    """Return the hue index of a branch: 0 for the trunk, others in turn for branches."""
+    """Return the hue index of a branch, which is 0 for the trunk."""
     return 1 + (branch - 1) % (len(HUES) - 1) if branch else 0
 
 

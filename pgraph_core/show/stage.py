@@ -58,7 +58,7 @@ def depth(
 ) -> float:
     """Return the depth [m] below the ground plane at which the ground is drawn.
 
-    It is 0 if something may touch the ground. Otherwise bodies whose roots are at rest must not
+    The depth is 0 if a body may touch the ground. Otherwise bodies whose roots are at rest must not
     reach the drawn ground, up to a few sizes of the model.
     """
     used = model.contacts or model.ground.steps
@@ -147,8 +147,8 @@ def fitted(
 ) -> Viewpoint:
     """Return the nearest camera in the direction `way` (a unit vector) that sees all points.
 
-    They are within the middle share `free` of the picture's height, above and below which
-    something else may be drawn.
+    The points lie within the fraction `free` of the picture's height, leaving space above and
+    below.
 
     A point at (x, y, z) in the camera's axes, z towards the camera at (a, b, d), is in the picture
     if |x - a| <= h (d - z) and |y - b| <= v (d - z), with the tangents h and v of the picture's

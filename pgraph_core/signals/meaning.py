@@ -1,4 +1,4 @@
-"""Semantics of expressions: constant values, what varies, and consistency of units."""
+"""Semantics of expressions: constant values, dependencies and consistency of units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gaps between shapes that may touch, and the records of runs in which nothing touched."""
+"""Gaps between shapes that may touch, and the contact records of runs without contact."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Clearance(Unportable):
     def __init__(
         self, mech: Mechanism, tables: Tables | None, conditions: Any = None, margin: float = 0.0
     ):
-        """Start with no pairs or conditions known to be clear.
+        """Initialise without any pairs or conditions that are known to be clear.
 
         `conditions` are records of LIMIT; things are near from a gap of `margin` on [m].
         """
@@ -65,7 +65,7 @@ class Clearance(Unportable):
         return found
 
     def untouched(self, q: Array, log: tuple[Event, ...]) -> ContactRecord:
-        """Return the record of a run over the states q (n, nq) in which nothing touched."""
+        """Return the contact record of a run with states q (n, nq) and without contact."""
         given = self._mech, self._tables, q, log
         return ContactRecord.later(lambda: untouched(*given))
 
@@ -99,7 +99,7 @@ def gaps_later(mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Ar
 
 
 def untouched(mech: Mechanism, tables: Tables, q: Array, log: Sequence[Event]) -> ContactRecord:
-    """Return the record of a run over the states q (n, nq) in which nothing touched."""
+    """Return the contact record of a run with states q (n, nq) and without contact."""
     n, names = len(q), [t.name for t in tables.touches]
     swings, is_free = np.full(n, PHASES[SWING]), np.full(n, FREE)
     return ContactRecord(

@@ -258,7 +258,8 @@ class Condition:
         return float(gaps.min(initial=far))
 
     def _push(self, name: str, pairs: Sequence[int], t: float, q: Array, v: Array) -> Array:
-        """Return the force of a contact, from the state if it tells it, or the last step [N]."""
+        """Return the force of a contact [N], computed from the state if possible, and otherwise
+        from the last step."""
         record, tables = self.record, self.given.contacts
         assert tables is not None
         if record.events is not None:

@@ -1,6 +1,6 @@
 """Event-driven contacts: the phases of contact points and limits, and the events that end them.
 
-Compiled steps end at events. The decision about the next phase is made in Python.
+Compiled steps end at events. The next phase is selected in Python.
 """
 
 from __future__ import annotations
@@ -327,8 +327,8 @@ class ContactEvents:
     def _turn(self, s: int, tiny: float) -> float:
         """Align the slip direction of s with its motion. Returns the change.
 
-        The next slip direction is the direction of its frictionless acceleration. Near the border
-        of the cone the acceleration alone points anywhere.
+        The next slip direction is the direction of its frictionless acceleration. Near the boundary
+        of the cone, the direction of the acceleration is arbitrary.
         """
         f = self.scene.points[s]
         way = f["slip_direction"].copy()

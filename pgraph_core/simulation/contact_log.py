@@ -1,6 +1,6 @@
 """Contact and switching reports for a run: the record, phases, events, counters and notices.
 
-With time stepping, phases come from a log of changes, good to one step.
+With time stepping, phases are read from a log of changes and are accurate to one step.
 """
 
 from __future__ import annotations
@@ -190,10 +190,9 @@ def phases_over(
 
     The phase in the first row of a contact is its initial phase. Time stepping, with steps of
     `width` [s], logs the ends of steps, which events say, and releases a point for a step when its
-    body is moved out of the ground: flights that short are ignored.
-    Touches of one contact between many bodies together have phases as one. A shape above the ground
-    that never touches it has none if the contact has points. For example, only the feet of a robot
-    have one.
+    body is moved out of the ground: flights that short are ignored. Touches of one contact between
+    many bodies together have phases as one. A shape above the ground that never touches it has none
+    if the contact has points. For example, only the feet of a robot have a phase.
     """
     phases, events = {}, []
     points = any(pair.contact.points for pair in touches)
@@ -388,7 +387,7 @@ def driven_into(
     """Return the constraint that drives the bodies of pair k into each other, or "" if there is
     none.
 
-    This includes bodies between them that are in contact.
+    Bodies in contact between them are included.
     """
     t, q, gap = frames
     i = min(int(np.searchsorted(t, when)), len(t) - 1)

@@ -1,10 +1,11 @@
 """The error of a run, estimated from a finer run of the same motion.
 
-Everything that limits the accuracy of a run is finer in the second one: its steps are half as wide,
-or its tolerance is FINER times tighter, and so are the tolerances to which it solves equations and
-locates impacts. At half the step, the error of a method of order p is 2^p times smaller ([Hairer,
-Norsett, Wanner 1993, II.4]): the two runs differ by between half of the error and all of it, for
-any p >= 1. The difference is the estimate. No order has to hold, for nothing is divided by 2^p.
+The second run uses half the step size, or a tolerance that is tighter by the factor FINER. The
+tolerances for solving equations and locating impacts are tightened as well. At half the step, the
+error of a method of order p is 2^p times smaller ([Hairer, Norsett, Wanner 1993, II.4]): the two
+runs differ by between half of the error and all of it, for any p >= 1. The difference is the
+estimate. The estimate does not rely on the order of the method, because the difference is not
+divided by 2^p.
 """
 
 from __future__ import annotations
@@ -139,8 +140,8 @@ def _rounding(record: Recording, t: Array) -> Array:
 def _left_open(record: Recording, tables: Tables, n: int) -> Array | float:
     """Return the gap or depth (n,) of rigid contacts and limits that are closed [m, rad].
 
-    In time stepping, a slow impact may leave a gap, which is a residual of the contact law. A depth
-    is one whatever the contact's phase, and so is a gap within the depth that it tolerates.
+    In time stepping, a slow impact may leave a gap, which is a residual of the contact law. A
+    penetration is included in every phase, and so is a gap smaller than the tolerated penetration.
     """
     pairs = record.out.pairs[:n]
     if not pairs.size:
@@ -155,9 +156,9 @@ def _left_open(record: Recording, tables: Tables, n: int) -> Array | float:
 
 
 def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[str, ...]:
-    """Return messages about errors (n, 1 + nx) that are large or not known up to the end.
+    """Return messages about errors (n, 1 + nx) that are large or unknown before the end of the run.
 
-    No error of the motion tells of a state that no force reads.
+    Control states that do not affect any force are checked separately.
     """
     found = _told(t, error[:, 0], sizes[0], ("the error", " rad or m", "the motion"))
     states = states_of(record.mech.model) if error.shape[1] > 1 else ()
@@ -170,7 +171,7 @@ def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[s
 
 
 def _told(t: Array, error: Array, size: float, words: tuple[str, str, str]) -> list[str]:
-    """Return a message about an error (n,) that is large or not known up to the end."""
+    """Return a message about an error (n,) that is large or unknown before the end of the run."""
     known, (what, unit, whole) = int(np.isfinite(error).sum()), words
     if known < len(t):
         digits = _digits(t)
@@ -190,14 +191,15 @@ def _told(t: Array, error: Array, size: float, words: tuple[str, str, str]) -> l
 
 
 def _digits(t: Array) -> int:
-    """Return how many digits tell times apart."""
+    """Return the number of digits required to distinguish the times."""
     return 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)
 
 
 def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     """Return a run with at least MORE times the steps, or the reason why there is none.
 
-    If a tighter tolerance does not, as near rounding, no step is wider than half the mean one.
+    If a tighter tolerance is not sufficient, the maximum step size is set to half of the mean step
+    size.
     """
     steps, given = int(record.steps.counters["steps"]), plan.tolerance
     finer = finer_plan(plan, steps, record.steps.divided > 0)
@@ -215,9 +217,9 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
 
 
 def _again(record: Recording, plan: RunPlan, carries: bool = True) -> Recording | str:
-    """Return a run of the same motion by this plan, or the reason why it did not reach its end.
+    """Return a run of the same motion with this plan, or the reason why it failed.
 
-    If it `carries` them, it also has the derivatives of the run.
+    If `carries` is given, derivatives are computed too.
     """
     try:
         other = Recording(record.mech, plan, *record.began, record.tau, coarser=record)

@@ -132,8 +132,8 @@ def with_points(
 ) -> tuple[Blocks, Any]:
     """Return the constraint blocks followed by those for these points, and the POINT table.
 
-    Each point is an entry of `names` with the block that takes all its rows, and a second one with
-    its other blocks.
+    Each point has an entry of `names` with the block for all its rows, and a second entry with its
+    other blocks.
     """
     normal = np.array(model.ground_normal)
     frame = (normal, *normals_of(normal))

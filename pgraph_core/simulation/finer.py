@@ -1,15 +1,15 @@
-"""Finer runs that tell the error of a run, and the differences between such runs.
+"""Finer runs for the error estimate, and differences between runs.
 
-A force that jumps within a step makes an error that depends on how long before that the step began.
-A run of half the step makes the same error wherever the jump follows an end that both runs share,
-so it ends its steps elsewhere. There still is a time within the step for which both errors are the
-same. No jump has three runs agree if the third has the same step, a third of it off: what a step
-finds acts from its start, its middle or its end on, and no two of these meet.
+The error due to a jump of a force within a step depends on the time between the start of the step
+and the jump. A run with half the step size would make the same error if the jump followed a common
+end of steps, so its steps are shifted. However, both errors are equal for one time within the step.
+A third run with the original step size, shifted by a third of a step, excludes this case: forces
+act from the start, the middle or the end of a step, and these times never coincide in all runs.
 
-Steps of its own choice take the rest before an end at once or in two equal ones, so that a finer
-run with an end in the middle of an interval may repeat them. No equal parts of an interval end at
-its golden section. What ends a step of both runs, as an impact or a change of a comparison does, is
-followed by such a step.
+Adaptive methods divide the remaining time before an end into one or two equal steps, so a finer run
+that ends a step in the middle of an interval might repeat the same steps. The golden section does
+not coincide with any equal division of the interval. Such a step also follows each event that ends
+a step in both runs, such as an impact or the change of a comparison.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ STRETCH = 4  # steps between times shared with the run of half the step: the las
 
 
 def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
-    """Return the plan with each fixed step in two or with a tighter tolerance, given the number of
-    steps taken.
+    """Return the plan with half the step size or a tighter tolerance, given the number of steps
+    taken.
 
-    If frames or corners of tables end steps of its own choice, the finer ones end on the way from
-    one to the next. Given steps that were `divided` followed a tolerance inside.
+    If adaptive steps end at frames or corners of tables, the finer steps end between them. Fixed
+    steps that were `divided` used an internal tolerance.
     """
     kept, key = plan.__dict__, (steps, divided)
     if kept.get(FINER_PLAN, NO_PLAN)[0] != key:  # runs with given steps ask again and again
@@ -92,8 +92,8 @@ def no_wider(plan: RunPlan, widest: float) -> RunPlan:
 def may_jump(record: Recording, plan: RunPlan) -> bool:
     """Return whether forces may have jumped within steps.
 
-    Those of joint friction and of functions may. Those of contacts and limits of time stepping do
-    if one has pushed.
+    This is possible for joint friction and torque functions. With time stepping, forces of contacts
+    and limits jump if any of them were active.
     """
     touching = record.scene.touching
     pushed = touching is not None and touching.tally["force"] > 0.0
@@ -103,8 +103,8 @@ def may_jump(record: Recording, plan: RunPlan) -> bool:
 def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
     """Return the finer plan with each step of `plan` in `parts`, offset by a third of a part.
 
-    It records the times at which steps of both runs end: after STRETCH steps or a frame, or for
-    equal steps, whose differences at a jump do not pass, after √n of n steps.
+    The plan records the times at which steps of both runs end. These are after STRETCH steps or at
+    a frame, or after √n of n steps for equal steps, whose differences at a jump persist.
     """
     frames = np.append(0.0, np.cumsum(plan.substeps))  # [steps of the plan]
     stretch = STRETCH if parts > 1 else int(np.sqrt(frames[-1]))
@@ -127,7 +127,7 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
 
 
 def shared(record: Recording, finer: Recording, n: int) -> tuple[Ints, Ints]:
-    """Return the frames (k,) of two runs at the times that both record, of n times of the first."""
+    """Return the frames (k,) of two runs at their common times, among n times of the first."""
     t, theirs = record.steps.times[:n], finer.steps.times[: finer.done]
     if np.array_equal(t, theirs):
         return (every := np.arange(n)), every
@@ -139,7 +139,7 @@ def apart(record: Recording, finer: Recording, n: int) -> Array:
     """Return the largest angle [rad], the largest distance [m] and the differences of states of
     controls between two runs (n, 2 + nx), at n times of the first.
 
-    At a time that only the first run recorded, it is the difference at the next common time.
+    For times that only the first run recorded, the difference at the next common time is returned.
     """
     i, j = shared(record, finer, n)
     nv, ours, theirs = record.mech.nv, record.out, finer.out
@@ -281,8 +281,8 @@ def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
 def _least(t: Array, gap: Array, rate: Array, curve: Array) -> tuple[float, float]:
     """Return (minimum gap where its rate passes zero, time [s]), using cubics between frame times.
 
-    If accelerations do not explain how the rate changes, there is an impact. If polynomials
-    of third and fifth degree differ by more than the gap, it is not known.
+    If the change of the rate is inconsistent with the accelerations, an impact has occurred. If
+    polynomials of third and fifth degree differ by more than the gap, the gap is unknown.
     """
     h, fall, rise = np.diff(t), rate[:-1], rate[1:]
     unexplained = np.abs(rise - fall - 0.5 * h * (curve[:-1] + curve[1:]))

@@ -18,7 +18,7 @@ FOLLOWS = ("lag", "integrates", "least", "most")  # fields of the response to an
 
 
 class Input(NamedTuple):
-    """An input u, which stands in a knot as start + slope u."""
+    """An input u, whose knots have the values start + slope u."""
 
     force: OnJoint
     knot: int
@@ -30,7 +30,7 @@ class Input(NamedTuple):
 class Inputs:
     """The inputs and the targets that can be set in the tables of a run.
 
-    What expressions read is a number of theirs, and not set here.
+    Values that are read by expressions are not set here.
     """
 
     def __init__(self, forces: Sequence[Force], drives: Drives, read: Container[str]):

@@ -1,4 +1,4 @@
-"""Edges of prescribed motions: where their expressions of time compare, and what jumps there."""
+"""Discontinuities of prescribed motions due to comparisons in their expressions of time."""
 
 from __future__ import annotations
 

@@ -267,7 +267,7 @@ class Steps:
             self.control["turning"] = TURNED * np.sqrt(self.tolerance.rtol) * time
 
     def go_on(self) -> None:
-        """Continue from the state after an event, with the step size found before it."""
+        """Continue from the state after an event, using the last step size before the event."""
         self.control["fresh"] = self.control["filled"] = self.control["rejected"] = 0
         self.control["last_error"] = 1e-4
 
@@ -310,7 +310,7 @@ class Steps:
     def crawl(self) -> str:
         """Return a message if the run would need more than MANY_STEPS at its current step sizes.
 
-        It is not called before √MANY_STEPS steps, because an initial transient may need small
+        This check starts after √MANY_STEPS steps, because an initial transient may require small
         steps.
         """
         n, given = int(self.counters["steps"]), self.tolerance
@@ -387,8 +387,8 @@ class Outcome:
 def links_of(name: str, event_driven: bool, watched: bool = False, held: bool = True) -> RunLinks:
     """Return the addresses of the kernels called by a run with this method.
 
-    If nothing is `held` by constraints, the projection kernel, which is slow to compile, is not
-    loaded.
+    Without constraints (`held`), the projection kernel is not loaded, because its compilation is
+    slow.
     """
     method = METHODS[name]
     if watched:

@@ -170,7 +170,7 @@ class Watch:
             found[self.called] = 1.0
 
     def fired(self, watched: Array) -> list[int]:
-        """Return the numbers of the monitors that have crossed zero."""
+        """Return the indices of the monitors that have crossed zero."""
         from ..engine.contact.points import NOW
 
         count = len(self.monitors)

@@ -1,4 +1,4 @@
-"""Options for stepping and recording a run, as passed to `simulate`, and their checks."""
+"""Validated options for stepping and recording a run, as passed to `simulate`."""
 
 from __future__ import annotations
 
@@ -193,7 +193,8 @@ def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -
 
 
 def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
-    """Return a drive with this input. If it has a lag, its own input still acts initially."""
+    """Return a drive with this input. If the drive has a lag, its original input still acts
+    initially."""
     update: dict[str, Any] = {f.INPUT: value}
     if f.lag and f.start is None:
         update["start"] = _at(getattr(f, f.INPUT), t_start)
@@ -201,7 +202,7 @@ def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
 
 
 def begun(forces: Sequence[Force], t_start: float) -> tuple[Force, ...]:
-    """Return the forces with the lags and integrals they have when a run begins at t_start."""
+    """Return the forces with the initial values of lags and integrals at t_start."""
 
     def from_start(f: Force) -> Force:
         if not (isinstance(f, OnJoint) and f.has_state):

@@ -77,8 +77,8 @@ class Path:
     """A number in a model's description: `bodies.shin.mass`, `bodies.shin.link.0`, `gravity.1`,
     `ground.friction`, `scenarios.trot.gait.gains.height.0`, a parameter.
 
-    Given as text, or as a tuple if a name contains dots. Raises InputError if the model has no
-    such number; `call` is named there.
+    The path is a string, or a tuple if a name contains dots. Raises InputError, with the name of
+    `call`, if the model has no such number.
     """
 
     def __init__(self, model: Model, given: str | Sequence[Any], call: str = "sweep"):
@@ -95,7 +95,7 @@ class Path:
         self.present = float(value)
 
     def _find(self, model: Model, given: Any, call: str) -> tuple[Any, str | int, Any]:
-        """Return the value at the end of the path, with its parent object and its name."""
+        """Return the value of a path, together with its parent object and its name."""
         words = given if isinstance(given, (tuple, list)) else [given]
         self.text, self._call = ".".join(map(str, words)), call
         self.given = given

@@ -1,7 +1,7 @@
 """Plans, which hold the forces and contacts of a run, its method and steps, and its recorded times.
 
-Everything here but the automatic choice of a method depends on the mechanism and the options
-alone, so that a mechanism keeps its last plans: a short run costs little more than its steps.
+Apart from the automatic choice of a method, plans only depend on the mechanism and the options.
+Mechanisms cache their last plans, so a short run has little overhead.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ class RunPlan(Way):
 
 
 def begun_with(plan: RunPlan, states: Array) -> RunPlan:
-    """Return the plan of a run that begins with these states of controls (nx,), if any."""
+    """Return the plan of a run with these initial control states (nx,), if any."""
     if not len(states):
         return plan
     return replace(plan, loads=begun_from(plan.loads, states), states=states)
@@ -313,7 +313,7 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
     """Return True if contacts and limits can be ignored until bodies come close to each other.
 
-    They may not if the requested method or anything else needs them.
+    Contacts must be included if the requested method or other elements require them.
     """
     wanted = plan.tau is not None or declared.tendons
     return not (wanted or plan.method.name == asked == "moreau_jean")
@@ -350,7 +350,7 @@ def _what_acts(
 ) -> RunPlan:
     """Return a plan with forces and constraints, but without a method and times.
 
-    Conditions of switches may ask for `contacts`.
+    Conditions of switches may require `contacts`.
     """
     forces = _forces(mech, o, given, span[0], extra)
     now = active_constraints(mech, given)

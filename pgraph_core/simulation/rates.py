@@ -1,4 +1,4 @@
-"""The fastest rate of a motion, by which methods and steps are chosen."""
+"""The fastest rate of a motion, used to select methods and step sizes."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class Recording(Running):
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
         monitors: Sequence[Monitor] = (), coarser: Recording | None = None,
     ):  # fmt: skip
-        """Set up without computing anything yet. Raises InputError if `tau` does not fit.
+        """Set up without computing anything yet. Raises InputError if `tau` is invalid.
 
         `coarser` is a run of the same motion, whose error is estimated with this one.
         """
@@ -146,7 +146,7 @@ class Recording(Running):
         return kept and not acts and not watched and size <= MOST_KEPT
 
     def leave(self) -> None:
-        """Finish the run and release its workplace for the next run of this kind."""
+        """Finish the run and release its workspace for the next run of this kind."""
         if self._reused and not self.ended.log:
             place = Workplace(self.scene, self.steps, self.out, self.watch)
             if self.coarser is None:
@@ -435,7 +435,7 @@ class Recording(Running):
             self.ended.stop(Status.STOPPED, f"{Status.STOPPED.value} at t = {t:.9g} s: {name}")
 
     def _switch_where_true(self, t: float, numbers: Sequence[int]) -> None:
-        """Switch constraints whose conditions have become true, and those that wait for them."""
+        """Switch constraints whose conditions have become true, including dependent switches."""
         waiting = self.plan.conditions
         left = list(numbers)
         while left and not self.ended.over:
@@ -530,7 +530,7 @@ class Recording(Running):
     def _switch(self, change: Change, *, by: Monitor | None = None) -> bool:
         """Apply a change between two steps. Returns False if the run ends.
 
-        Without a condition that it is `by`, the last frame has this time and is recorded again.
+        If `by` is not given, the last frame has this time and is recorded again.
         """
         change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
         carried, late, places = self.steps.carried, None, self.scene.blocks.blocks_f
@@ -619,7 +619,8 @@ class Recording(Running):
         self.ended.stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
 
     def _end_stretch(self, *first: Any) -> None:
-        """Store data on singular positions passed since `first`, the last constraint switch."""
+        """Store data about singular positions since `first`, the time of the last constraint
+        switch."""
         if not self.done:
             return
         last = self.done - 1
@@ -635,8 +636,8 @@ class Recording(Running):
     ) -> Result:
         """Return the requested frames as a Result.
 
-        `error` (n, 1 + nx) contains the errors of q [rad, m] and of the states of controls at the
-        recorded times, and `told` contains warnings about them.
+        `error` (n, 1 + nx) contains the errors of q [rad, m] and of the control states at the
+        recorded times, and `told` contains the corresponding warnings.
         """
         if self._first is not None:
             self._end_stretch(*self._first)
@@ -730,7 +731,7 @@ class Recording(Running):
 
     @property
     def told(self) -> tuple[str, ...]:
-        """Notices about the model, how it starts and how it ended."""
+        """Notices about the model, the start and the end of the run."""
         return (*self.plan.notices, *self.plan.told, *self.ended.notices)
 
     def notices(self) -> tuple[str, ...]:

@@ -101,7 +101,7 @@ def turns_unseen(record: Running, frames: tuple[Array, Array, Array, Array]) -> 
 
 
 def creeping(record: Running) -> Iterator[str]:
-    """Yield notices about joints that friction should hold and that creep."""
+    """Yield notices about joints that creep although friction should hold them."""
     n = record.done
     yield from crept(record.mech, record.scene.drives, record.steps.times[:n], record.out.v[:n])
 
@@ -182,9 +182,9 @@ def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
 def unbalanced(record: Running, n: int) -> tuple[str, ...]:
     """Return a message about energies that miss the work done, where the motion is accurate.
 
-    Steps suit the motion alone. A prescribed one takes the widest, whatever power it needs, and a
-    force that begins and ends within a step is not met. Impulses and methods of first order make
-    errors of first order in energies.
+    Steps suit the motion alone. For a prescribed motion, the largest step is used regardless of the
+    required power, so forces that start and end within a step are missed. Impulses and methods of
+    first order make errors of first order in energies.
     """
     plan, parts = record.plan.onward() if record.met else record.plan, record.out.energies[:n].T
     if plan.impulses or plan.method.order < 2:

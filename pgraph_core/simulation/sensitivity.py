@@ -1,7 +1,7 @@
 """Derivatives of a run by numbers of its model, its initial state and its inputs.
 
-All steps are determined by the primal run. After each one, runs of duals repeat it from the same
-state, each with seven derivatives. Everything after packing is exact.
+The primal run determines all steps. Each step is repeated with dual numbers from the same state,
+with seven derivatives at a time. Everything after packing is exact.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Carried:
         refuse(given)
 
     def join(self, record: Any, start: tuple[Array, Array]) -> None:
-        """Carry derivatives through the steps of a recording that is at its start.
+        """Start computing derivatives at the beginning of a recording.
 
         `start` is the initial state before it was assembled. Raises InputError.
         """
@@ -120,7 +120,7 @@ class Carried:
         self._refuse_moved_edges()
 
     def _refuse_moved_edges(self) -> None:
-        """Raise InputError for a number that moves a jump in time, at which no step tells it."""
+        """Raise InputError if a parameter changes the time of a jump at which no step ends."""
         for n, run in enumerate(self._runs):
             for k in edges_moved(run.code):
                 path = self.variables[n * self._most + k].path
@@ -147,9 +147,10 @@ class Carried:
         return code
 
     def _look_for_jump(self) -> None:
-        """Differentiate the time at which a comparison has changed at the end of the last step.
+        """Differentiate the time of a comparison that changed at the end of the last step.
 
-        At a given time later on, the state has then moved at other rates for that difference.
+        The difference in time causes a difference of the state, because the rates before and after
+        the change differ.
         """
         record, nq = self._record, len(self._record.q)
         t, sliding = (record.steps.control[x] for x in ("time", "slid"))
@@ -211,7 +212,7 @@ class Carried:
         self.variables = variables_of(given, given.wrt)
 
     def go_on(self, record: Any) -> None:
-        """Copy the derivatives of the state to the scene with which a recording continues."""
+        """Copy the derivatives of the state to the scene that continues the recording."""
         try:
             count, old, before = len(self.variables), self._runs, self._each()
             lanes = [one for run in old for one in run.derivatives(None)]
@@ -259,13 +260,13 @@ class Carried:
             return Lateness(-np.array(found) / rate, before)
 
     def keep_late(self, constraints: Sequence[int], late: Lateness | None) -> None:
-        """Keep when these constraints were switched, for conditions that wait for a time."""
+        """Store the times at which these constraints were switched, for conditions with a delay."""
         for one in constraints:
             self._late[one] = late.times if late else np.zeros(len(self.slopes))
 
     @property
     def ended(self) -> list[str]:
-        """Sentences on when derivatives end and why."""
+        """Messages with the time and the reason at which derivatives end."""
         if self._parts is None or not self._parts.ended[1]:
             return self._ended
         t, why = self._parts.ended
@@ -308,9 +309,9 @@ class Carried:
         return other
 
     def unlike(self, finer: Carried, t: Array, rows: Ints, others: Ints) -> list[str]:
-        """Warnings about derivatives that differ from the finer run.
+        """Warnings about derivatives that differ from those of the finer run.
 
-        Its frames `others` are at the times of `rows` of this run, whose times are t.
+        The frames `others` of the finer run correspond to the `rows` of this run at the times t.
         """
         t = t[rows]
         known = self._settled(finer, t)
@@ -364,9 +365,9 @@ class Carried:
         return abs(variable.present) or 1.0
 
     def beside(self, run: Result, path: str, change: float) -> Result:
-        """The run that a number changed by this much has to first order, at the same frames.
+        """Return the run with a changed parameter to first order, at the same frames.
 
-        With contacts its accelerations, forces and dissipation are nan.
+        For models with contacts, accelerations, forces and dissipation are nan.
         """
         from ..engine.stepping.duals import record_states
 
@@ -502,7 +503,7 @@ class RunOfDuals:
         stages[at.CANDIDATE] = y
 
     def take(self, k: int, derivatives: Array) -> None:
-        """Give the state its derivatives by number k."""
+        """Set the derivatives of the state by parameter k."""
         for row in (at.Y, at.CANDIDATE):
             self._run.stages[row, :, 1 + k] = derivatives
 
@@ -565,9 +566,10 @@ def contacts_of_duals(space: Any, acting: Any, slopes: Array) -> Any:
 
 
 class Corners:
-    """Where forces jump: lengths of 0 of springs and struts, half turns of torsions and bushings.
+    """Discontinuities of forces, at zero length of springs and struts and at half a turn of
+    torsions and bushings.
 
-    The derivatives of a run miss what the time of such a jump adds.
+    The derivatives of a run do not include the effect of the time of such a jump.
     """
 
     def __init__(self, record: Any):
@@ -598,10 +600,10 @@ class Corners:
             self._last = [of(loads)[0] for _, loads, of in self.laws]
 
     def passed(self) -> str:
-        """Return a sentence on a force that has jumped since the last look, or "".
+        """Return a message about a force that has jumped since the last check, or "".
 
-        The next look is after half the time to a corner at the present rate, and at most
-        after twice the last interval.
+        The next check takes place after half the time to a discontinuity at the present rate, and
+        at most after twice the last interval.
         """
         record = self.record
         motion.energy(self._scene.address, record.q, record.v)

@@ -1,9 +1,10 @@
 """Notices about contacts whose forces are not determined by the motion or the contact points.
 
-Impulses that cancel in all joints can be added to those of a solution: four wheels of one cart, a
-box between walls with friction. The solver takes the solution of least norm. Here such combinations
-are found among the points that carry at an instant, and kept if they change the sum of a pair of
-bodies. A face that spins on another has the friction of its outer points, not that of its area.
+Impulses that cancel in all joints can be added to any solution. Examples are the four wheels of a
+cart and a box between walls with friction. The solver returns the solution of least norm. This
+module finds such combinations for the loaded contact points at a given time. Only combinations that
+change the total force between two bodies are reported. For a face that spins on another, friction
+acts at the outer contact points instead of the whole area.
 """
 
 from __future__ import annotations
@@ -64,8 +65,8 @@ def spun_faces(
 ) -> list[str]:
     """Return a notice about a face that spins on another, at the frames (t, q, v) and `pairs`.
 
-    It has three points or more, whose slip visibly differs from that of its middle. Each pair is
-    examined where it slips fastest, up to LISTED of these frames.
+    Such a face has three or more points, whose slip differs from that of its centre. Each pair is
+    examined at the frame with the fastest slip, for up to LISTED frames.
     """
     t, q, v = times
     slides = (pairs["slip"] > SLIDING) & pairs["force"].any(axis=-1)
@@ -104,7 +105,7 @@ def _slip(mech: Mechanism, point: Any, q: Array, v: Array) -> Array:
 def _points(mech: Mechanism, tables: Tables, q: Array, pairs: Any) -> Any:
     """Return the closed rigid contact points with a normal force, as CONTACT records.
 
-    Their numbers of shapes are those of bodies. `pairs` are the records of contacts at q.
+    Shape numbers are replaced by body numbers. `pairs` contains the contact records at q.
     """
     from ..engine.contact import contacts as kernels
     from ..engine.contact.closing import DEPTH
@@ -131,7 +132,7 @@ def _columns(
     """Return (unit force effects on the joints (m, nv), their wrenches (6 n, m), n pairs of
     bodies).
 
-    A point that slides has one column, in which friction follows the normal force.
+    A sliding point has one column, in which friction is proportional to the normal force.
     """
     turns = {0: (np.zeros((6, mech.nv)), np.zeros(3))}
     number: dict[tuple[int, int], int] = {}
@@ -163,7 +164,8 @@ def _columns(
 
 
 def _way(J: Array, origin: Array, place: Array) -> Array:
-    """Return the translational Jacobian of a body's point (3, nv), from that of its origin."""
+    """Return the translational Jacobian (3, nv) of a point, given the Jacobian of the body
+    origin."""
     return J[3:] - np.cross(place - origin, J[:3].T).T
 
 

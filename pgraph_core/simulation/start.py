@@ -1,4 +1,4 @@
-"""The state in which a run starts, and its torques, from what a call and a scenario give."""
+"""The initial state and the torques of a run, given by the call and the scenario."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def given_states(mech: Mechanism, states: Any) -> Array:
 
 
 def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
-    """Return a notice about drives whose own states a continued run does not take over."""
+    """Return a notice about drives whose internal states are not continued."""
     acting = (*mech.model.forces, *(mech.model.scenario(scenario).forces if scenario else ()))
     names = [f.name for f in acting if getattr(f, "lag", 0.0) or getattr(f, "integrates", False)]
     if not names:
@@ -164,7 +164,8 @@ def directionless(
 ) -> list[str]:
     """Return a notice for each spring and strut whose ends coincide at the start.
 
-    A spring without a rest length needs no direction: it pulls in proportion to the distance.
+    A spring without a rest length does not need a direction, because its force is proportional to
+    the distance vector.
     """
     own = (*mech.model.forces, *(mech.model.scenario(scenario).forces if scenario else ()), *extra)
     found: list[str] = []
@@ -186,7 +187,7 @@ def _coincide(mech: Mechanism, f: BetweenPoints, q: Array) -> bool:
 
 
 def drives_in(tau: Any) -> tuple[Force, ...]:
-    """Return the drives that are given in place of torques, such as a servo, or ()."""
+    """Return the drives passed as torques, such as a servo, or ()."""
     given = tau if isinstance(tau, (list, tuple)) else (tau,)
     return tuple(given) if given and all(isinstance(x, Force) for x in given) else ()
 
@@ -211,7 +212,7 @@ def torques_by_names(mech: Mechanism, tau: Any) -> Any:
 
 
 def _of_functions(mech: Mechanism, tau: Any) -> Any:
-    """Return a function of (t, q, v) for torques of which some are functions of it."""
+    """Return a function of (t, q, v) for torques that include functions."""
     named = names_in(tau)
     given: dict[Any, Any] = dict(named if named is not None else enumerate(tau))
     given = {name: of_state(x) if callable(x) else x for name, x in given.items()}
@@ -228,7 +229,7 @@ def _of_functions(mech: Mechanism, tau: Any) -> Any:
 
 
 def _of_control(mech: Mechanism, control: Control) -> str:
-    """Return what makes a control act, as it is written."""
+    """Return the code that a user would write to apply a control."""
     body = next(iter(mech.joints), "arm")
     return (
         f"a {type(control).__name__} has a value and acts on no joint; to apply it to '{body}': "
@@ -256,7 +257,7 @@ def with_state(
 ) -> tuple[Array, Array]:
     """Return copies of the given q and v, or of those in `start` if they are None.
 
-    The states of controls at time t follow those of the bodies.
+    The control states at time t follow those of the bodies.
     """
     q = start[0] if q is None else position(mech.packed, q)
     v = start[1] if v is None else finite("v", v, mech.nv)

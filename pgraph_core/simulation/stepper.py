@@ -1,4 +1,4 @@
-"""A stepper, which advances a mechanism under external control and is built only once."""
+"""A stepper that advances a mechanism under external control."""
 
 from __future__ import annotations
 
@@ -287,7 +287,7 @@ class Stepper(Snapshots):
 
     @property
     def tau(self) -> Any:
-        """The torques given at the start, as an array, a function, or None."""
+        """The torques passed to the constructor, as an array, a function or None."""
         return self._tau
 
     @property
@@ -638,7 +638,7 @@ class Stepper(Snapshots):
 
     @cached_property
     def _key(self) -> str:
-        """Return a key for the mechanism and options to which a snapshot belongs."""
+        """Return a key that identifies the mechanism and the options of a snapshot."""
         given = self._options
         own = (self.method, self._width, given.scenario, given.forces, given.stabilise)
         words = (self.mech.model.hash, *map(repr, own))

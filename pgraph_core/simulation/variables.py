@@ -1,7 +1,8 @@
 """The numbers by which a run is differentiated, and the derivatives of its scene and start.
 
-Packed constants that are linear in a number have the slope of their line. Others are differentiated
-by central differences of order 6 over steps of 1/256 of the number, to about 1e-12 of them.
+The derivatives of packed constants that are linear in a parameter are exact. Other constants are
+differentiated by central differences of order 6 with steps of 1/256 of the parameter. The relative
+error is about 1e-12.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ START = group(carrying(F1), carrying(F1))
 
 
 class Given(NamedTuple):
-    """The arguments of a run that its derivatives need again."""
+    """The arguments of a run that are required by its derivatives."""
 
     mech: Mechanism
     options: Options
@@ -57,7 +58,7 @@ class Given(NamedTuple):
 
 @dataclass(frozen=True)
 class Variable:
-    """A number that a run is differentiated by."""
+    """A parameter with respect to which a run is differentiated."""
 
     path: str
     present: float
@@ -72,7 +73,7 @@ class Variable:
 
 
 def variables_of(given: Given, wrt: Any, call: str = "simulate") -> list[Variable]:
-    """The numbers at these paths. Raises InputError."""
+    """Return the parameters with these paths. Raises InputError."""
     listed = [wrt] if isinstance(wrt, str) else wrt
     if not isinstance(listed, (list, tuple)) or not listed:
         text = f"must be a list of paths, as ['bodies.arm.mass', 'q.arm'], got {shown(wrt)}"
@@ -174,7 +175,7 @@ class Slope(NamedTuple):
 
 
 class Differences(NamedTuple):
-    """The slope of the words of a scene and a start, and whether they are on lines."""
+    """The derivatives of the words of a scene and an initial state, and whether they are linear."""
 
     slope: Array
     straight: bool
@@ -183,8 +184,9 @@ class Differences(NamedTuple):
 class Slopes:
     """Derivatives of the scene and of the initial state of a run.
 
-    A part may be packed as idle at the value of a number, as at a friction of 0 or a gear of 1. The
-    derivatives are then those of a run beside it, in which the part acts.
+    An element may be packed as inactive for some values of a parameter, such as a friction of 0 or
+    a gear of 1. In this case, the derivatives are computed at a neighbouring value for which the
+    element is active.
     """
 
     beside: Given | None = None  # that run, if one is needed
@@ -201,8 +203,8 @@ class Slopes:
     def by(self, variables: Sequence[Variable]) -> list[Slope]:
         """Return the derivatives by each number. Raises InputError and ModelError.
 
-        Numbers of the model that change different words are changed together: it takes one scene a
-        number, and one for all of them, to tell that the words are on lines.
+        Parameters that affect different words are varied simultaneously. One scene per parameter
+        and one for all of them are required to detect linear words.
         """
         kept = {} if self._given.kept is None else self._given.kept
         found = {n: kept[x.path] for n, x in enumerate(variables) if x.place and x.path in kept}
@@ -241,7 +243,8 @@ class Slopes:
         return [found[n] for n in range(len(variables))]
 
     def _beside(self, idle: Sequence[Variable]) -> Given:
-        """Return the run in which these numbers are two roundings larger. Raises InputError."""
+        """Return the run with these parameters increased by two units of rounding. Raises
+        InputError."""
         given = self._given
         values = [one.present + 2.0 * EPS * (abs(one.present) or 1.0) for one in idle]
         places = [one.place for one in idle if one.place is not None]
@@ -255,7 +258,7 @@ class Slopes:
     def _together(
         self, variables: Sequence[Variable], ends: dict[int, Flat], group: dict[int, Any]
     ) -> dict[int, Slope]:
-        """Return the derivatives of words that are on lines, {} if some are not."""
+        """Return the derivatives of linear words, or {} if some words are nonlinear."""
         given, here, chosen = self._given, self._here(), [variables[n] for n in group]
         places = [one.place for one in chosen if one.place is not None]
         try:
@@ -277,7 +280,8 @@ class Slopes:
         }
 
     def of(self, variable: Variable, end: Flat | None = None) -> Slope:
-        """Return the derivatives by a number, of which a step ends at `end` if that is known.
+        """Return the derivatives with respect to a parameter. The differences end at `end` if it is
+        given.
 
         Raises InputError and ModelError.
         """
@@ -298,7 +302,8 @@ class Slopes:
         raise _idle(variable)
 
     def _by_differences(self, variable: Variable, h: float, end: Flat | None = None) -> Differences:
-        """Return the slope of the words over steps of h. Raises InputError and ModelError."""
+        """Return the derivatives of the words, using steps of h. Raises InputError and
+        ModelError."""
         refused = dict[type, PgraphError]()
 
         @cache
@@ -375,9 +380,9 @@ def refuse(given: Given) -> None:
 
 
 def _refuse_bounded(given: Given) -> None:
-    """Raise InputError for a drive of which steps end at a bound, for explicit methods.
+    """Raise InputError for explicit methods if steps end at a bound of a drive.
 
-    A step begins there at a kink, and its first stage takes the derivative of the side before it.
+    Such a step starts at a kink, and its first stage uses the derivative before the kink.
     """
     model, options, plan = given.mech.model, given.options, given.plan
     of_scenario = () if options.scenario is None else model.scenario(options.scenario).forces

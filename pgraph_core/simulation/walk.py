@@ -1,4 +1,5 @@
-"""A walk that continues piece by piece while a user changes its speed or applies pushes."""
+"""A walk that is simulated in segments, between which the speed can be changed and pushes
+applied."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ from .stepper import Stepper
 
 @explained
 class Walk(Portable):
-    """An interactive walk that is simulated piece by piece.
+    """An interactive walk, simulated in segments.
 
     For example, the following code plays a walk while it is computed:
 
@@ -107,7 +108,8 @@ class Walk(Portable):
         return same and np.array_equal(self.q, stepper.q) and np.array_equal(self.v, stepper.v)
 
     def _new_stepper(self, dt: float) -> Stepper | None:
-        """Return the stepper for the next pieces, or None for a method that needs separate runs."""
+        """Return the stepper for the next segments, or None if the method requires separate
+        runs."""
         options = Options(scenario=self.scenario, t_end=dt, forces=self._forces, **self._options)
         plan = plan_of(self.mech, options, self.controller, self.q, self.v)
         given = self.mech.model.scenario(self.scenario)
@@ -133,7 +135,7 @@ class Walk(Portable):
         return tuple(force for _, force in self._pushes)
 
     def _run(self, dt: float, frames: int | None) -> Result:
-        """Simulate a piece as a separate run."""
+        """Simulate a segment as a separate run."""
         return simulate(
             self.mech,
             self.q,

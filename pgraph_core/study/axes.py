@@ -1,7 +1,7 @@
-"""The axes of the stability map. Each makes a model extreme in one respect.
+"""The axes of the stability map. Each axis varies one property of a model up to extreme values.
 
 An axis is a pure function (model, value) -> model and a line in `TABLE`. The functions raise
-InputError if the model lacks what they vary.
+InputError if the model does not have the varied property.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def lacking(axis: str, what: str) -> InputError:
 def stiffness(model: Model, value: float) -> Model:
     """Set the stiffest spring to `value` and scale the others in proportion.
 
-    A spring of a joint keeps its initial force: the joint starts closer to the spring's rest, so
-    that the motion tends to that of a rigid part.
+    The initial force of a joint spring is kept constant. As the stiffness increases, the joint
+    starts closer to the rest position, and the motion approaches that of a rigid joint.
     """
     stiffest = own_stiffness(model)
     if stiffest is None:
@@ -101,7 +101,7 @@ def mass_ratio(model: Model, value: float) -> Model:
 
 
 def _carried_tip(model: Model) -> Body | None:
-    """Return the last tip body whose parent has mass."""
+    """Return the last tip body with a massive parent."""
     topology = Topology.of(model)
     tips = [model.body(topology.names[n - 1]) for n in topology.tips]
     tips = [b for b in tips if b.parent != GROUND and b.mass and model.body(b.parent).mass]
@@ -117,7 +117,8 @@ def own_mass_ratio(model: Model) -> float | None:
 def speed(model: Model, value: float) -> Model:
     """Set the largest initial velocity to `value` and scale the others in proportion.
 
-    If all are at rest, the first coordinate of the first joint that moves gets it.
+    If the model is at rest, the speed is applied to the first coordinate of the first movable
+    joint.
     """
     fastest = max((abs(x) for b in model.bodies for x in b.v), default=None)
     if fastest is None:

@@ -183,7 +183,8 @@ def _drifts(found: Evidence) -> Cell | None:
 
 
 def _unknown(found: Evidence) -> Cell | None:
-    """Return a verdict if the reference is coarser than the target: no run can pass."""
+    """Return a verdict if the reference is less accurate than the target, so that no run can
+    pass."""
     known = found.known
     if known.accuracy < found.target:
         return None
@@ -277,7 +278,8 @@ class StabilityMap(Saved):
     def _taken(self) -> tuple[tuple[str, float], list[Cell]] | None:
         """Return the recommended (method, step size), and the cells in which it is accurate.
 
-        Right for the model as it is, then at most values, then the cheapest.
+        The criteria are, in order: success for the unchanged model, success for the most values,
+        and cost.
         """
         right: dict[tuple[str, float], list[Cell]] = {}
         for cell in self.cells:
@@ -295,7 +297,7 @@ class StabilityMap(Saved):
         """The run with the recommended method and step size, for the unmodified model if it is in
         the map.
 
-        Return None if no run reaches the target, or none of the unchanged model.
+        Return None if no run of the unchanged model reaches the target.
         """
         taken = self._taken()
         cells = [] if taken is None else taken[1]
@@ -338,7 +340,7 @@ class StabilityMap(Saved):
 
     @property
     def title(self) -> str:
-        """The varied quantity, the duration and the target as a sentence."""
+        """Return a sentence with the varied quantity, the duration and the target."""
         unit = f" [{self.unit}]" if self.unit else ""
         steps = ", ".join(f"{s:g}" for s in self.steps)
         each = f"; steps {steps} s from left to right" if self.steps else ""

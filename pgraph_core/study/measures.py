@@ -49,7 +49,7 @@ Measure = Callable[[Array], Array]  # (n, m) errors of a motion q (n, nq)
 
 
 def measure_of(mech: Mechanism, known: Array) -> Measure:
-    """Return the `differences` of a motion from a known one, both q (n, nq)."""
+    """Return the `differences` between a motion and its reference, both given as q (n, nq)."""
     observe, scale = observer(mech), reach(mech)
     places = observe(known)
     return lambda found: differences(observe(found), places, scale)
@@ -78,7 +78,8 @@ def observer(mech: Mechanism) -> Callable[[Array], Observables]:
 def differences(found: Observables, reference: Observables, scale: float) -> Array:
     """Return |y - y_ref| / max(|y_ref|, scale) (n, a + b), with rotations as angles [rad].
 
-    Points are relative to the reference's start, so the distance from the origin has no effect.
+    Points are relative to the initial position of the reference, so the distance from the origin
+    has no effect.
     """
     gap = np.linalg.norm(found.points - reference.points, axis=-1)
     moved = np.linalg.norm(reference.points - reference.points[:1], axis=-1)

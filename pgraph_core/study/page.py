@@ -236,7 +236,7 @@ LETTER_WIDE, HEAD_WIDE = 6.8, 4.2  # width of a letter of a group's name and of 
 
 
 class Look(NamedTuple):
-    """The look of a cell of a heat map, which its legend explains."""
+    """The appearance of a heat map cell, as explained in the legend."""
 
     letter: str
     colour: str

@@ -28,7 +28,7 @@ LEFT_OUT = "omitted, because it would take more than"  # beginning of the reason
 
 @dataclass(frozen=True)
 class Row:
-    """One run in a study. A value that could not be measured is None."""
+    """One run in a study. Values that could not be measured are None."""
 
     method: str  # "rk4", or with the peer: "MuJoCo rk4"
     peer: str  # "" for ours

@@ -154,7 +154,7 @@ class Work:
     def study(
         self, known: Reference | None, rate: float, target: float | None, *, asked: bool
     ) -> Study:
-        """Run the study and return it. If it is stopped, return the part that was done.
+        """Run the study and return it. If the study is stopped, return the completed part.
 
         Raises InputError for a requested method (`asked`) that does not support the scene.
         """

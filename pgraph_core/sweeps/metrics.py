@@ -103,7 +103,7 @@ def _said_of_code(code: CodeType) -> tuple[Any, ...]:
 
 
 def _constant(value: Any) -> Any:
-    """Return an immutable value, or the type name of one that may change meanwhile."""
+    """Return an immutable value, or the type name of a mutable value."""
     fixed = isinstance(value, (int, float, complex, str, bytes, tuple, frozenset, type(None)))
     return value if fixed else type(value).__qualname__
 
@@ -138,7 +138,7 @@ def measured(run: Result, metric: Metric | str) -> float:
 
 
 def _mean(t: Array, x: Array) -> float:
-    """Return the mean over time of a curve that is straight between frames."""
+    """Return the time average of a piecewise linear curve."""
     return float(trapezoid(x, t) / (t[-1] - t[0])) if t[-1] > t[0] else float(x[-1])
 
 

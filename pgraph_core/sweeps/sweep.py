@@ -50,7 +50,8 @@ class Measured(dict[str, Array]):
 @explained
 @dataclass(frozen=True, eq=False)
 class Sweep(Portable):
-    """The results of `sweep`, with one entry per point. As an array, it is its values.
+    """The results of `sweep`, with one entry per point. Converting the sweep to an array returns
+    its values.
 
     `points` (n, k) contains the values of `paths`, and `values` one array (n,) per metric, which is
     nan if the run failed. In this case, `status` and `reason` (n,) contain the cause.

@@ -93,7 +93,8 @@ def _unseen(run: Result) -> str:
 
 
 def _measured(run: Result, name: str, metric: Metric | str) -> tuple[float, str]:
-    """Return (value, ""), or nan and the reason: one metric does not spoil the others."""
+    """Return (value, ""), or nan and the reason, so that an error in one metric does not affect the
+    others."""
     try:
         value = measured(run, metric)
     except PgraphError as error:
@@ -106,7 +107,7 @@ def _measured(run: Result, name: str, metric: Metric | str) -> tuple[float, str]
 def rows_of(
     task: Task, points: Sequence[tuple[int, tuple[float, ...]]], workers: int | None, scheduler: Any
 ) -> Iterator[list[Row]]:
-    """Yield rows as they finish, in any order. They do not depend on where they are computed."""
+    """Yield rows as they finish, in any order. The rows do not depend on the worker."""
     if scheduler is not None:
         yield from _by_dask(task, points, scheduler)
         return
