@@ -78,8 +78,8 @@ class Server:
     def wait(self, until: Callable[[], bool]) -> None:
         """Stop once `until` is true.
 
-        It polls, because a lock may sleep on: a signal that another thread receives does not wake
-        the main thread, which alone runs handlers.
+        This function polls, because a signal received by another thread does not wake a main thread
+        that waits for a lock, and handlers only run in the main thread.
         """
         while not until():
             time.sleep(AGAIN)
@@ -107,10 +107,10 @@ def serve(
 ) -> Server:
     """Serve `model` at `http://host:port`, or on the next free port if that one is in use.
 
-    With `token` "on" the address has a secret in it, and other requests are refused; "auto" is "on"
-    for hosts other than this machine's own, which any of its users can reach. Edits are kept in
-    the folder `keep`. `given` identifies the model: if a server that was started with the same
-    `given` was killed, the model as edited there is restored.
+    If `token` is "on", the address contains a secret, and requests without it are rejected. "auto"
+    is equivalent to "on" unless `host` is an address of this machine only, which all its users can
+    reach. Edits are stored in the folder `keep`. `given` identifies the model: if a server that was
+    started with the same `given` was killed, the model as edited there is restored.
     """
     server = Server(model, host, port, given, keep, token)
     if port and server.port != port:

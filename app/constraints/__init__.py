@@ -1,7 +1,7 @@
 """Constraints, contacts, forces, loops, limits, sites, outputs, controls: their tab and cells.
 
-Labels, units and help of fields come from the fields of the classes; here are the few cells of a
-form that stand for a part of a field.
+Labels, units and help texts are defined by the fields of the classes. This module defines the cells
+of a form that show a component of a field.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ CELLS = {  # cells of a form that are a part of a field, or choose how it is giv
 
 
 def about(item: Any, field: str) -> About:
-    """Return how a form shows a field of a part, or one of its cells."""
+    """Return the presentation of a field, or of one of its cells, in a form."""
     known = type(item).model_fields
     if field not in known:
         return CELLS.get(field, About(field))
@@ -96,8 +96,8 @@ def about(item: Any, field: str) -> About:
 def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
     """Return the type of a field's cell and its options.
 
-    It is ("vector", ()), ("whole", (least, greatest)), ("flag", ()), ("choice", options), or
-    ("number", ()), the last also for cells without a field.
+    The result is ("vector", ()), ("whole", (least, greatest)), ("flag", ()), ("choice", options) or
+    ("number", ()). The last is also used for cells without a field.
     """
     info = type(item).model_fields.get(field)
     for kind in _types(info.annotation) if info else ():

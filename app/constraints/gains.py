@@ -36,11 +36,11 @@ def gains(model: pg.Model, name: str) -> dict[str, float]:
 
 
 def carried(model: pg.Model, top: pg.Topology, at: int) -> list[int]:
-    """Return the numbers of the bodies whose weight the joint of body `at` may have to carry alone.
+    """Return the numbers of the bodies whose weight may be supported by the joint of body `at`.
 
-    They are what hangs together on its outer side without it, through joints and loops. If only
-    that side stands on the ground, as a leg does, they are on the inner side; if both do, on the
-    heavier one.
+    These are the bodies on the outer side of the joint that remain connected through joints and
+    loops if it is removed. If only the outer side has contact with the ground, such as a leg, the
+    inner side is returned. If both sides have contact, the heavier side is returned.
     """
     joints = [model.body(name).joint for name in top.names]
     number = {GROUND: 0} | {name: k for k, name in enumerate(top.names, 1)}
@@ -68,7 +68,8 @@ def carried(model: pg.Model, top: pg.Topology, at: int) -> list[int]:
 
 
 def _together(ties: list[tuple[int, int]], start: int) -> set[int]:
-    """Return the bodies connected to `start`. Paths may end at the ground, 0, not cross it."""
+    """Return the bodies connected to `start`. Paths may end at the ground (0) but not pass through
+    it."""
     near: dict[int, list[int]] = {}
     for a, b in ties:
         near.setdefault(a, []).append(b)

@@ -1,4 +1,4 @@
-"""Creating and editing constraints, contacts, forces, sites, outputs and controls."""
+"""Events that create and edit constraints, contacts, forces, sites, outputs and controls."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def kind_of(part: Part, item: Item) -> str:
 
 
 def quantity_of(model: pg.Model, item: Item, field: str) -> Quantity:
-    """Return the physical quantity of a field. A setpoint has that of its signal."""
+    """Return the physical quantity of a field. A setpoint has the quantity of its signal."""
     return quantity_in(unit_of(model, item, field))
 
 
@@ -339,8 +339,8 @@ def on_joint(
 
 
 def _moved(curve: Any, model: pg.Model, terms: Sequence[tuple[str, int, float]]) -> Any:
-    """Return a curve of the same kind that begins at the position of a sum of joint coordinates, if
-    all have one.
+    """Return a curve of the same kind that starts at the initial value of a sum of joint
+    coordinates, if all of them have a position.
     """
     start = 0.0
     for name, k, by in terms:
@@ -560,7 +560,8 @@ def _put(model: pg.Model, part: Part, name: str, data: Mapping[str, Any]) -> pg.
 
 
 def acting(model: pg.Model, part: Part, scenario: str) -> tuple[frozenset[str], bool]:
-    """Return the constraints or contacts that act at the start, and whether a scenario says so."""
+    """Return the initially active constraints or contacts, and whether they are selected by a
+    scenario."""
     chosen = next((s for s in model.scenarios if s.name == scenario), None)
     listed = getattr(chosen, part, None)
     if listed is None:
@@ -571,8 +572,7 @@ def acting(model: pg.Model, part: Part, scenario: str) -> tuple[frozenset[str], 
 def switched(model: pg.Model, part: Part, name: str, on: bool, scenario: str) -> pg.Model:
     """Return the model with a constraint or contact on or off at the start.
 
-    It is switched in the scenario if the scenario lists its active parts, and in the model
-    otherwise.
+    The scenario is changed if it has a list of active elements. Otherwise the model is changed.
     """
     item_of(model, part, name)
     now, of_scenario = acting(model, part, scenario)

@@ -362,7 +362,7 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
 
 
 def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
-    """Return fields for a wrench's vector, which is constant or given as rows over time."""
+    """Return the fields for the vector of a wrench, which is constant or a table over time."""
     shows, constant = about(item, name), isinstance(getattr(item, name), tuple)
     how = "constant" if constant else "over time"
     over = choice(f"{name}_over", CELLS[f"{name}_over"].label, how, ("constant", "over time"))

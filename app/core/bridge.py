@@ -136,7 +136,7 @@ class Bridge:
     def together(self, each: bool) -> Iterator[None]:
         """Batch outgoing messages to all pages, and also messages to single pages if `each` is set.
 
-        The loop is woken once. Each wake-up releases Python's lock, which costs more than the
+        The loop is woken once. Each wake-up releases the GIL, which is more expensive than the
         message if many threads compete for it.
         """
         with contextlib.ExitStack() as stack:

@@ -1,7 +1,7 @@
 """Form fields: conversion between typed text and values, and the data sent to the page.
 
-Numbers are strict; units, and one entry of a vector or matrix, are typed by themselves. Degrees and
-millimetres exist on the page only: models and files hold radians and metres.
+Numbers must be complete. Units and single entries of a vector or matrix can be typed separately.
+Degrees and millimetres are only used on the page. Models and files contain radians and metres.
 """
 
 from __future__ import annotations
@@ -104,7 +104,8 @@ def _calculated(typed: str) -> float:
 
 
 def quantity(text: str, of: Quantity, display: Display, rate: bool = False) -> float:
-    """Parse a typed quantity into SI. It is in the page's unit unless typed with one: 3 mm, 30 deg.
+    """Parse a typed quantity into SI. The unit of the page is used unless a unit is typed, for
+    example 3 mm or 30 deg.
 
     A `rate` is a quantity a second, which can also be typed as 60 rpm or 5 mm/s. Raises Refusal.
     """
@@ -197,8 +198,8 @@ WXYZ = ("w", *XYZ)
 def cell(index: Sequence[int], value: Any, name: str = "", **more: Any) -> Payload:
     """Return one cell with its index in the field and its value, or None if the cell is empty.
 
-    `name` is read and shown, a `mark` is only shown. The cell takes `span` of six columns, or its
-    share.
+    `name` is read and shown, a `mark` is only shown. The cell has a width of `span` out of six
+    columns, or an equal share.
     """
     return {"index": list(index), "value": "" if value is None else value, "name": name, **more}
 
@@ -222,8 +223,8 @@ def field(
 ) -> Payload:
     """Return a labelled row of cells. Its `kind` is number, text, choice or names.
 
-    With `pick`, "point" or "axis", its numbers can be picked in the 3D view. Those of a
-    `direction`, such as an axis, can be typed as a letter.
+    If `pick` is "point" or "axis", the numbers can be picked in the 3D view. A `direction`, such as
+    an axis, can be typed as a letter.
     """
     cells, pick = list(cells), more.pop("pick", "")
     if pick or more.get("direction"):

@@ -1,7 +1,8 @@
 """Access control for connections and page messages, by the threat model in docs/page.md.
 
 viser accepts any of its own messages from any page: it would open a public tunnel, keep uploads and
-set any attribute of a handle. Only the kinds that our page sends pass, with plain, short values.
+set any attribute of a handle. Only message types of the page are accepted, and only with short
+values of basic types.
 """
 
 from __future__ import annotations
@@ -148,7 +149,7 @@ def ours(response: Response, known: dict[bytes, bytes]) -> None:
 
 
 def cookie_for(named: str) -> str:
-    """Return the name of a server's cookie for the requested `Host`. Raises ValueError."""
+    """Return the name of the cookie for the requested `Host`. Raises ValueError."""
     return f"{COOKIE}_{urlsplit(f'//{named}').port or 80}"
 
 
@@ -174,7 +175,8 @@ def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None
 
 
 class _Bounded(websockets.asyncio.server.ServerConnection):
-    """A connection that is closed if it floods the server or if there are too many connections.
+    """A connection that is closed if it exceeds the rate limit or if there are too many
+    connections.
 
     The library counts whole messages only: a flood of pings or of empty parts of a message would
     take the time of all others, and memory.
@@ -285,7 +287,8 @@ def faults(raw: bytes | str) -> str | None:
 def _crowded(raw: bytes | msgspec.Raw, levels: int = 2) -> bool:
     """Return True for a large message, unless its size is due to text or bytes in its fields.
 
-    It is not decoded: 16 MB of small numbers would keep all others waiting for seconds.
+    The message is not decoded, since decoding 16 MB of small numbers would block all other
+    connections for seconds.
     """
     first = memoryview(raw)[0] if raw else 0
     text = 0xC4 <= first <= 0xC6 or 0xD9 <= first <= 0xDB

@@ -38,8 +38,8 @@ def edited(
 ) -> S:
     """Apply the new model from `make() -> (model, description)` as one undo step.
 
-    What it refuses stands next to the cell that was typed into, the one of `serial`, with a button
-    for the repair that `offer` names; without a cell it is a notice.
+    If the edit is rejected, the message is shown next to the edited cell (`serial`), with a button
+    for the repair `offer`. Without a cell, it is shown as a notice.
     """
     try:
         model, label = make()
@@ -78,7 +78,8 @@ def _noticed(state: S, client: int, said: Sequence[str]) -> S:
 
 
 def with_model(state: S, model: pg.Model, label: str) -> S:
-    """Replace the current model by `model`, as one undo step. Do nothing if it is the same."""
+    """Replace the current model by `model`, as one undo step. Do nothing if the model is
+    unchanged."""
     if model is state.model:
         return state
     vars(model).pop(TOLD, None)  # the page shows notices at each edit, so no run repeats them

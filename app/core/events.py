@@ -5,9 +5,9 @@ Each feature declares its events in its `update.py`:
     class Pause(FromPage):
         def applied(self, state: State) -> State: ...
 
-Every event is a frozen dataclass. A `ModelEdit` makes a new model, `TypedText` goes into a cell
-that changes no model, and a `Request` asks a view for something once. The fields of a page's events
-are validated by their annotations (`from_page`).
+Every event is a frozen dataclass. A `ModelEdit` creates a new model, `TypedText` is the content of
+a cell that does not change the model, and a `Request` is a single request to a view. The fields of
+a page's events are validated by their annotations (`from_page`).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Event(ABC):
 
     @abstractmethod
     def applied(self, state: Any) -> Any:
-        """Return the state after this event (pure)."""
+        """Return the new state (pure)."""
 
 
 class Tick(Event):
@@ -77,7 +77,7 @@ class OfBodies(FromPage):
 
 
 class OfScenario(FromPage):
-    """An event for a scenario, given by number, or None for the chosen one."""
+    """An event for a scenario, given by its number. None selects the current scenario."""
 
     scenario: int | None = field(default=None, kw_only=True)
 
@@ -92,7 +92,7 @@ class Request(FromPage):
 class TypedText(FromPage):
     """Text typed into a cell, with a reply to its page.
 
-    A Refusal, or an error of the core, is shown next to the cell.
+    A `Refusal` or an error of the core is shown next to the cell.
     """
 
     serial: int
@@ -110,7 +110,7 @@ class TypedText(FromPage):
 
 
 class ModelEdit(FromPage):
-    """An edit of the model, which makes one undo step.
+    """An edit of the model that can be undone in one step.
 
     A refusal is shown next to the cell if the event has a `serial`, with a button for the repair
     that `offer` names, otherwise as a notice.
@@ -136,7 +136,7 @@ class ModelEdit(FromPage):
 
 
 def update(state: S, event: Event) -> S:
-    """Return the state after `event` (pure). Invalid and stale events add notices alone."""
+    """Return the state after `event` (pure). Invalid and stale events only add notices."""
     event = as_now(state.renames, event)
     try:
         refuse_moved(event, state.moved)
@@ -174,7 +174,7 @@ class Misread(FromPage):
 
 
 class OfServer(FromPage):
-    """An event about a page that only the server may send."""
+    """An event about a page that can only be sent by the server."""
 
 
 def kinds(of: type[Event] = Event) -> Iterator[type[Any]]:

@@ -1,4 +1,4 @@
-"""Background jobs: work for a model in a thread, which ends with one result or one reason.
+"""Background jobs that compute a result for a model in a thread.
 
 A feature declares its kind of `Job`, a field of its `State` that holds the one in progress, a
 function (job, progress) -> result that does the work.
@@ -47,7 +47,7 @@ class Job(Work, ABC):
 
     @abstractmethod
     def ended(self, state: Any, result: Any) -> Any:
-        """Return the state, which no longer holds the job, with its result."""
+        """Return the state with the result of the job, without the job."""
 
 
 J = TypeVar("J", bound=Job)
@@ -60,13 +60,13 @@ def started(state: S, kind: type[Job], *fields: Any, **more: Any) -> S:
 
 
 def cancelled(state: S, kind: type[Job]) -> S:
-    """Return the state with the job of a kind told to end with what it has."""
+    """Request that the job of this kind stops and returns its partial result."""
     job = getattr(state, kind.FIELD)
     return state if job is None else replace(state, **{kind.FIELD: replace(job, cancelled=True)})
 
 
 class News(Event):
-    """News of work in progress. News of work that was dropped change nothing."""
+    """News of work in progress. Messages from cancelled jobs are ignored."""
 
     id: int  # id of the work
 

@@ -2,8 +2,8 @@
 
 A feature declares what it adds in its `__init__.py`: a `State` and, for what differs between pages,
 a `Client`, each with fields of its own on top of those of the features it looks at. `features.py`
-puts all of them together. What edits and openings do to the added fields stands there, too: in
-methods that call those of their bases.
+puts all of them together. The effects of edits and of opening a model on the added fields are
+defined there as well, in methods that call the methods of their base classes.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class Client:
         return False
 
     def choosing(self, body: str | None, bodies: tuple[str, ...]) -> Self:
-        """Return the page with these bodies selected, of which `body` is the last."""
+        """Return the page with these bodies selected, the last one being `body`."""
         return replace(self, selection=body, selected=bodies)
 
     def escaped(self) -> Self | None:
@@ -114,7 +114,7 @@ class Client:
         return None
 
     def again(self, fresh: Any) -> Self:
-        """Return the page as it was, reconnected as `fresh`. Its request is not repeated."""
+        """Return the unchanged page after reconnecting as `fresh`. Its request is not repeated."""
         return replace(
             self, aspect=fresh.aspect, free=fresh.free, notice=fresh.notice, asked=fresh.asked,
             selection=None, selected=(),
@@ -146,7 +146,7 @@ class State:
         return replace(self, clients=clients, renames=before.renames, rows=Rows())
 
     def followed(self, before: Any, names: Names) -> Self:
-        """Return the state after an edit of the model, with what is of the model carried over."""
+        """Return the state after an edit of the model, keeping the data that remain valid."""
         clients = {
             key: client.followed(before.model, self.model, names)
             for key, client in self.clients.items()
@@ -174,7 +174,8 @@ class State:
 
     @property
     def streams(self) -> bool:
-        """True if pictures come by themselves, so that those for single pages go out together."""
+        """True if pictures are generated continuously, in which case pictures for single pages are
+        sent together."""
         return False
 
     @property
@@ -189,7 +190,7 @@ class State:
 
     @property
     def counts(self) -> str:
-        """The number of bodies and the degrees of freedom as text."""
+        """A text with the number of bodies and degrees of freedom."""
         return f"{counted(len(self.derived.names), 'body', 'bodies')}, {self.freedom}"
 
 
@@ -229,7 +230,7 @@ KEPT = 8  # models of which it is known
 
 @dataclass(frozen=True)
 class Derived:
-    """Data derived from the model alone, in number order unless stated otherwise."""
+    """Data derived from the model, in number order unless stated otherwise."""
 
     names: tuple[str, ...]  # depth-first, from body 1
     number: Mapping[str, int]  # name -> 1..nb
@@ -322,7 +323,7 @@ _layout = lru_cache(maxsize=16)(layout)
 def touching(model: pg.Model) -> dict[str, tuple[str, ...]]:
     """Return the constraint column: constraints and contacts attached to a body, and its limits.
 
-    A contact with the name of its body is called "contact" there.
+    A contact with the same name as its body is labelled "contact".
     """
     found: dict[str, list[str]] = {body.name: [] for body in model.bodies}
     shaped = [body.name for body in model.bodies if body.touching]

@@ -34,8 +34,8 @@ class Closed(Exception):
 class Queue:
     """An event queue that serves senders in turn, so that none can delay the others by much.
 
-    The events of one sender stay in their order. The server is one of the senders; what people do
-    passes its events, but no more than MOST_AHEAD times in a row.
+    The events of one sender stay in their order. The server is one of the senders. User events have
+    priority over its events, but at most MOST_AHEAD times in a row.
     """
 
     def __init__(self) -> None:
@@ -146,7 +146,7 @@ class Store:
         return len(self._events)
 
     def stop(self) -> None:
-        """Process the queued events, then end the thread."""
+        """Process the queued events and end the thread."""
         self._events.close()
         self._thread.join(timeout=5.0)
 

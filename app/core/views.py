@@ -40,12 +40,12 @@ def same(a: object, b: object) -> bool:
 
 
 class Topic:
-    """A view that sends what it draws under a topic once something that it depends on has changed.
+    """A view that sends its content under a topic when its dependencies change.
 
-    It depends on the `needs`, and on `page(state, page)`, a tuple. Without `page`, it draws
-    `draw(state)` for all pages, otherwise `draw(state, page)` for each. With `seen`, it goes to
-    pages with that view in sight, or to all if another model was opened: a hidden tab keeps
-    nothing of the last one.
+    The dependencies are `needs` and the tuple `page(state, page)`. The content is `draw(state)` for
+    all pages or, if `page` is given, `draw(state, page)` for each page. With `seen`, the content is
+    only sent to pages on which this view is visible. It is sent to all pages after another model
+    was opened, so that hidden tabs do not show the previous model.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class Topic:
                 self._bridge.send(client, self._topic, drawn)
 
     def _due(self, old: State, new: State, client: int, changed: bool) -> bool:
-        """Return True if what a page has of the topic is out of date."""
+        """Return True if the topic is out of date on a page."""
         page, before = new.clients[client], old.clients.get(client)
         if self._seen and new.framed != old.framed:
             return True
@@ -80,18 +80,18 @@ class Topic:
 def topic(
     name: str, draw: Callable[..., Any], *needs: Need, page: OfPage | None = None, seen: str = ""
 ) -> partial[Topic]:
-    """Return what makes the view of a topic, for its `Place`."""
+    """Return a factory for the view of a topic, for its `Place`."""
     return partial(Topic, name, draw, needs, page, seen)
 
 
 def of_page(field: str, draw: Callable[[Any], Any] = lambda value: value) -> partial[Topic]:
-    """Return what makes the view of a field of the page."""
+    """Return a factory for the view of a page field."""
     value = attrgetter(field)
     return topic(field, lambda _, page: draw(value(page)), page=lambda _, page: (value(page),))
 
 
 def news(field: str, draw: Callable[[Any], Any]) -> partial[Topic]:
-    """Return what makes the view that sends each new value of a field of the page, but not None."""
+    """Return a factory for the view that sends each new value of a page field, except None."""
     return of_page(field, lambda value: NOTHING if value is None else draw(value))
 
 
@@ -132,7 +132,7 @@ class Desk:
 class Host:
     """The position of a view on the page: its slot, and the tab within "left" or "drawer".
 
-    Hosts of a slot stand in the order of their places, unless they have their own.
+    Hosts of a slot have the order of their places unless they define an order.
     """
 
     view: str
@@ -142,7 +142,7 @@ class Host:
 
 
 class Place:
-    """A view and its hosts. A view without hosts draws in 3D only, or nothing.
+    """A view and its hosts. Views without hosts only draw in the 3D view, if at all.
 
     Views are made, and drawn after each event, by increasing `order`.
     """

@@ -1,4 +1,4 @@
-"""Files of a run, made in a thread and sent to the page that asked."""
+"""Export of a run to files, which are created in a thread and sent to the requesting page."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def table(run: Run) -> bytes:
 def arrays(run: Run) -> tuple[str, bytes]:
     """Return (suffix, content) for the run with its model, readable by `pg.Result.load`.
 
-    With meshes, a zip of that and them.
+    If there are meshes, the result is a zip file that includes them.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.npz"
@@ -116,7 +116,7 @@ def arrays(run: Run) -> tuple[str, bytes]:
 def living(run: Run) -> bytes:
     """Return a standalone HTML file in which the reader can run the mechanism.
 
-    Masses may be changed there, if the browser can follow them.
+    Masses can be changed in the figure if the browser supports it.
     """
     from pgraph_core.live.export import page  # compiles kernels of its own
 

@@ -1,4 +1,4 @@
-"""State feedback by LQR or pole placement: what is asked, the gains, and the closed loop (pure).
+"""State feedback by LQR or pole placement: specification, gains and closed loop (pure).
 
 Weights follow Bryson's rule, one over the square of the largest deviation or input that is allowed
 [Bryson and Ho, Applied Optimal Control, 1975].
@@ -55,7 +55,8 @@ class Asked:
 
 @dataclass(frozen=True)
 class Design:
-    """The feedback that a page looks at, or why there is none. It is being computed if `busy`."""
+    """The feedback shown on a page, or the reason why there is none. It is being computed if
+    `busy`."""
 
     model: pg.Model
     q: np.ndarray
@@ -102,17 +103,17 @@ def computed(design: Design) -> Design:
 
 
 def in_words(error: pg.InputError) -> str:
-    """Return what is wrong in words of the page: the call's advice is for programs."""
+    """Return an error message for the page, without the advice for programmers."""
     problem = error.problems[0]
     text = problem.text.partition("; ")[0].partition(", got ")[0]
     return WORDS.get(problem.field, "{}.").format(text)
 
 
 def usual(plain: pg.Feedback, model: pg.Model) -> dict[str, float]:
-    """Return the largest deviations and inputs to begin with.
+    """Return the default largest deviations and inputs.
 
-    Deviations are NEAR, and rates what the fastest motion of the plant makes of them. An input is
-    what accelerates the state that it moves most as that motion does.
+    Deviations are NEAR, and rates are NEAR times the fastest rate of the plant. The largest input
+    produces the corresponding acceleration of the state that it affects most.
     """
     n = len(plain.positions)
     fastest = float(np.abs(np.linalg.eigvals(plain.A)).max()) or 1.0
@@ -138,7 +139,7 @@ def unit_of(model: pg.Model, name: str) -> str:
 def response(design: Design) -> list[tuple[str, list[float], list[float]]]:
     """Return (name, times, values) of positions and inputs after a step of a setpoint.
 
-    Each value is a part of the largest one that is allowed.
+    Each value is relative to the largest allowed value.
     """
     found = design.found
     if found is None or not found.stable:
@@ -220,7 +221,7 @@ def answered(model: pg.Model, name: str, how: dict[str, Any]) -> Response:
 
 
 def _settled(t: np.ndarray, y: np.ndarray) -> float | None:
-    """Return the time from which on a curve stays near the mean of its last part, if that rests."""
+    """Return the time after which a curve stays near its final mean, if it settles."""
     last = y[t >= t[-1] - LAST * (t[-1] - t[0])]
     if np.ptp(last) > SETTLED:
         return None
@@ -257,7 +258,7 @@ class CloseFeedback(FromPage):
 
 
 class EditFeedback(TypedText):
-    """Text typed into the cells of one field: numbers of what is allowed, in the order shown."""
+    """Text typed into the cells of one field: the allowed values, in the order shown."""
 
     field: Literal["method", "largest", "states", "poles", "step"]
     entries: Entries
@@ -327,7 +328,8 @@ def _poles(text: str) -> tuple[complex, ...]:
 
 
 def _begun(state: State, client: int, asked: Asked, before: Design | None = None) -> State:
-    """Compute a design in the background. What was found before is shown until then."""
+    """Compute a design in the background. The previous result is shown until the new one is
+    available."""
     design = Design(state.model, shown_q(state), asked)
     if before is not None:
         same = before.model is state.model

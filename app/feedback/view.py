@@ -1,4 +1,4 @@
-"""The dialog of a state feedback: what is asked, the gains, the poles and a response."""
+"""The dialog for state feedback: specification, gains, poles and a response."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ METHODS = (("lqr", "LQR"), ("poles", "pole placement"))
 
 
 def feedback(design: Design, display: Display) -> Payload:
-    """Return the form, and what was found."""
+    """Return the form and the result."""
     found, payload = design.found, {"busy": design.busy, "problem": design.problem}
     payload["groups"] = [group("", _asked(design)), *_allowed(design, display)]
     if found is None or design.problem:
@@ -33,7 +33,7 @@ def feedback(design: Design, display: Display) -> Payload:
 
 
 def called(name: str, found: pg.Feedback) -> str:
-    """Return an input or a state in words."""
+    """Return a readable name of an input or a state."""
     return name if name in found.inputs else spoken(name)
 
 
@@ -89,7 +89,7 @@ def _typed(x: complex) -> str:
 
 
 def _allowed(design: Design, display: Display) -> list[Payload]:
-    """Return the largest inputs and deviations, from which the weights follow."""
+    """Return the largest inputs and deviations, which determine the weights."""
     names, asked = named(design), design.asked
     count = len(names) - (len(design.found.states) if design.found else 0)
     rows = []
@@ -108,7 +108,7 @@ def _allowed(design: Design, display: Display) -> list[Payload]:
 
 
 def _held(design: Design, display: Display) -> str:
-    """Return what the feedback holds: the state, and the inputs at it."""
+    """Return the state stabilised by the feedback and the corresponding inputs."""
     assert design.found is not None
     found = design.found
     states = list(zip(found.positions, found.at))

@@ -231,7 +231,7 @@ class Simulate(FromPage):
 
 
 class Continue(FromPage):
-    """Continue from the end of the run for as long again."""
+    """Continue from the end of the run for the same duration."""
 
     def applied(self, state: State) -> State:
         if not idle(state) or state.live is not None or state.run is None:

@@ -116,8 +116,8 @@ NEVER = 10**9
 def only_young_garbage() -> Iterator[None]:
     """Suspend full garbage collections inside the context.
 
-    It visits every object of the process while holding the GIL. This takes 0.1 s of processor time
-    during which the server does not respond, or seconds if the processor is busy.
+    A full collection visits every object of the process while holding the GIL. This takes 0.1 s of
+    processor time during which the server does not respond, or seconds if the processor is busy.
     """
     gc.set_threshold(*USUAL[:2], NEVER)
     try:

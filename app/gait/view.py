@@ -152,7 +152,8 @@ class PhasesView:
 
 
 def phases(falls: tuple[Change, ...], state: State, running: bool = False) -> Payload:
-    """Return feet and their changes as [foot, time, phase]: all, or the last of what is running."""
+    """Return the feet and all their phase changes as [foot, time, phase], or only the most recent
+    ones of a live run."""
     start = max(state.t_start, state.t_end - WINDOW)
     shown = since(falls, start) if running else falls
     feet = list(dict.fromkeys(change.foot for change in shown))

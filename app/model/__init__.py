@@ -44,7 +44,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Members:
-    """The models in an archive, from which a page chooses one."""
+    """The models in an archive that are offered to the user."""
 
     file: str
     names: tuple[str, ...]
@@ -54,7 +54,8 @@ class Members:
 class Errand:
     """Background work with a result that may change bodies of `model`.
 
-    It runs in a thread, or `apart` in a child process, to which `work` is sent without a model.
+    It runs in a thread or, if `apart` is set, in a child process, which receives `work` without a
+    model.
     """
 
     id: int
@@ -277,7 +278,7 @@ class CancelReading(FromPage):
 
 
 def reading(state: State, client: int) -> Errand | None:
-    """Return the errand that is reading a file for a page, if there is one."""
+    """Return the job that reads a file for a page, if there is one."""
     return next((e for e in state.errands if e.apart and e.client == client), None)
 
 
@@ -342,8 +343,8 @@ def shown_model(
 def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
     """Return the initial state, given the models that earlier sessions left, newest first.
 
-    The newest model of killed sessions that were started with the same model is restored. The
-    others are offered, and the greeting says so.
+    The newest model of killed sessions that were started with the same model is restored. The other
+    models are offered in the greeting.
     """
     again, title, text = None, "", ""
     for old in (old for old in kept if old.given == given and not old.ended):
@@ -384,7 +385,7 @@ class Download(Request):
 
 
 class ErrandDone(Event):
-    """The result of an errand, which makes one undo step, or the reason for its failure."""
+    """The result of a job, which can be undone in one step, or the reason for its failure."""
 
     id: int
     found: Found = field(default_factory=Found)
@@ -420,7 +421,7 @@ class ErrandDone(Event):
 
 
 def sent(state: S, client: int, label: str, work: Callable[[pg.Model], Found], **more: Any) -> S:
-    """Start an errand for the current model, with `more` of the fields of an `Errand`.
+    """Start a job for the current model, with `more` fields of an `Errand`.
 
     An errand `apart` is refused while another one reads a file for the same page.
     """
@@ -440,7 +441,7 @@ def sent_file(
     leaves: Callable[[bytes], Path],
     file: str = "",
 ) -> S:
-    """Start an errand that reads an uploaded base64 file in a child process.
+    """Start a job that reads an uploaded base64 file in a child process.
 
     `leaves` returns the location at which the result is stored.
     """

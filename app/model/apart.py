@@ -1,7 +1,7 @@
 """Reading of untrusted files in a child process with memory and time limits. It can be stopped.
 
 A file of a few hundred bytes can ask a reader for hours of work or for all memory, or crash a
-library. In a child process it delays nobody else. It costs the start of a process, 1 s.
+library. A child process does not delay other pages. Starting the process takes 1 s.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ log = logging.getLogger(__name__)
 class Reader:
     """A child process that reads one file.
 
-    `leaves` is a file or folder that the work makes. It is removed if a reading was broken off.
+    `leaves` is a file or folder that the work makes. The folder is removed if reading was
+    cancelled.
     """
 
     def __init__(self, work: Work, leaves: Path | None = None):

@@ -64,7 +64,7 @@ def zipped(folder: Path) -> bytes:
 
 
 def own(text: str) -> pg.Model:
-    """Read a model that Pgraph kept on this machine. Its meshes may be located anywhere."""
+    """Read a model that Pgraph stored on this machine. Its meshes may be located anywhere."""
     return pg.Model.from_json(text, roots=[Path.cwd().anchor])
 
 
@@ -81,7 +81,7 @@ def read_text(name: str, content: str) -> tuple[pg.Model, pg.Report]:
 
 
 class Several(Refusal):
-    """An archive with several models, none of which has been selected."""
+    """An archive with several models from which the user has to choose."""
 
     def __init__(self, members: list[str]):
         self.members = tuple(members)

@@ -15,7 +15,7 @@ from ..core.state import with_client
 
 @dataclass(frozen=True)
 class Inspected:
-    """The part of an operator that a page shows. None stands for all rows or columns."""
+    """The part of an operator that a page shows. None selects all rows or columns."""
 
     what: str  # key of TITLES in `view.py`
     rows: tuple[int, int] | None = None  # from, to

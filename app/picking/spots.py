@@ -34,7 +34,7 @@ class Ray(NamedTuple):
 
 
 class Hit(NamedTuple):
-    """The intersection of a ray with a surface, in the axes of the ray's piece or body."""
+    """The intersection of a ray with a surface, in the axes of the piece or body."""
 
     far: float  # along the ray [m]
     direction: np.ndarray  # (3,) unit: the normal of a flat face, the axis of a round one
@@ -84,7 +84,7 @@ def _seen_from(ray: Ray, position: np.ndarray, R: np.ndarray) -> Ray:
 
 
 def _in_reach(look: Look, ray: Ray) -> bool:
-    """Return True if a ray, widened by its slack, may hit a piece of a body."""
+    """Return True if a ray with its tolerance may hit a piece of a body."""
     for piece in look.pieces:
         low, high = shapes.bounds(piece)
         radius = float(np.linalg.norm(high - low)) / 2

@@ -52,7 +52,7 @@ class EndAim(FromPage):
 
 
 class Pointed(FromPage):
-    """The pointer position in the 3D view, as a ray in world axes [m]."""
+    """A ray through the pointer position in the 3D view, in world axes [m]."""
 
     origin: Vector
     direction: Vector
@@ -184,7 +184,7 @@ def in_axes_of(state: State, aim: Aim, found: Spot) -> tuple[float, ...] | None:
 
 
 def _owner(state: State, aim: Aim) -> str | None:
-    """Return the body in whose axes a field is given, or None if it no longer exists."""
+    """Return the body that defines the axes of a field, or None if it no longer exists."""
     if aim.part is not None:
         try:
             item = parts.item_of(state.model, aim.part, aim.name)

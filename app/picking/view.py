@@ -13,7 +13,7 @@ from .update import MenuOf, place
 
 
 def _seen(state: State, page: Client) -> tuple[object, ...]:
-    """Return what the marks on a page depend on."""
+    """Return the dependencies of the marks on a page."""
     at = state.playback.time, state.run, state.pose, state.derived
     return page.aim, page.display, page.aim and at
 

@@ -23,7 +23,7 @@ class PlaybackView:
 
 
 def settings(state: State) -> tuple[object, ...]:
-    """Return the data that changes rarely, without the time or the end of a growing run."""
+    """Return the settings, excluding the time and the end of a growing run, which change often."""
     live = state.going
     span = (live.id, live.running, not live.parts) if live else (state.t_start, state.t_end)
     return replace(state.playback, time=0.0), span

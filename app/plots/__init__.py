@@ -31,7 +31,8 @@ POSES, STRIP = "poses", 6  # pictures of the run, evenly over it
 class Signal(NamedTuple):
     """A group of curves: one quantity of a body, a constraint, a contact or the whole scene.
 
-    Of several bodies it is one component: 'velocity.z' of 'a' and 'b', or 'q.1'.
+    For several bodies, a signal is a single component, such as 'velocity.z' or 'q.1' of 'a' and
+    'b'.
     """
 
     kind: str
@@ -98,7 +99,7 @@ def named(array: str, first: int) -> Callable[[pg.Result, str], tuple[Sequence[s
 
 
 def single(array: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
-    """Return a reader for a single value per name."""
+    """Return a reader for fields with one value per name."""
     return lambda run, name: (("",), np.asarray(getattr(run, array)[name])[:, None])
 
 
@@ -272,7 +273,7 @@ def curves(run: pg.Result, signal: Signal, display: Display = SI) -> list[Curve]
 
 
 def motions(body: pg.Body, labels: Sequence[str]) -> Sequence[str]:
-    """Return the columns of a joint by their motions, but those of quaternions by numbers."""
+    """Return the columns of a joint, named by motion, or by number for quaternions."""
     found = [label for label, _ in degrees(body)]
     return found if len(found) == len(labels) else labels
 

@@ -63,7 +63,7 @@ class PlotsView:
                 self._bridge.send(client, "signals", signals(new, now))
 
     def _due(self, old: State, new: State) -> bool:
-        """Return True if a live run has grown enough to be redrawn."""
+        """Return True if a live run has enough new frames to be redrawn."""
         if new.live is None or old.live is None or new.live.parts is old.live.parts:
             return False
         late = time.perf_counter() - self._drawn > LIVE_EVERY
@@ -78,7 +78,8 @@ def shown(client: Client) -> tuple[object, ...]:
 
 
 def recorded(state: State) -> tuple[object, ...]:
-    """Return the run to plot and the kept ones. Of a live run it only matters if it has begun."""
+    """Return the current run and the kept runs. For a live run, the result only depends on whether
+    it has started."""
     if state.live is not None:
         return state.runs, bool(state.live.parts)
     return state.runs, None, state.plotted, state.derived
@@ -112,7 +113,7 @@ def plots(state: State, client: Client) -> Payload:
 
 
 def chart(state: State, signal: Signal, display: Display) -> Payload:
-    """Return the chart for one signal, with its curves and those of each kept run."""
+    """Return the chart for one signal, including the curves of each kept run."""
     run = state.plotted.result if state.plotted is not None else None
     found, why = of_state(state, signal, display), missing(state, signal)
     if signal.quantity in CARRIED and found and not any(np.any(curve.y) for curve in found):

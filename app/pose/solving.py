@@ -117,7 +117,7 @@ def _axis(motion: Motion) -> str:
 
 
 def moved(body: pg.Body, q: np.ndarray, index: int, value: float) -> np.ndarray:
-    """Return q for one joint with its coordinate `index` set to `value`."""
+    """Return q of a joint with coordinate `index` set to `value`."""
     q, i, place = q.copy(), index, 0
     for motion, x in elementary(body, q):
         size = SIZE[motion.kind][1]
@@ -192,7 +192,7 @@ def pose_at(state: State, q: np.ndarray) -> Pose:
 
 
 def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray:
-    """Return the q nearest to the given one that meets the constraints, one coordinate fixed."""
+    """Return the closest q that satisfies the constraints, with one coordinate fixed."""
     if not state.kernels.ready:
         raise _cannot(body, "the fast code that closes loops is still being compiled")
     model, held = state.model, None

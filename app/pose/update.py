@@ -31,7 +31,7 @@ FINE = 4  # decimals that a gizmo gives a model of the size of 1 m
 class MoveJoint(FromPage):
     """A joint coordinate was changed to `text`, either by a slider or by typing.
 
-    If typed it has a `serial` to be answered; a slider's is 0.
+    A typed value has a `serial` for the reply. The serial of a slider is 0.
     """
 
     serial: int

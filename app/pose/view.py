@@ -23,7 +23,7 @@ MOST = 100  # limit on sliders, beyond which only the selected body's path has t
 
 
 def moment(state: State) -> tuple[object, ...]:
-    """Return what says that bodies have moved, every so often while a run plays."""
+    """Return a value that changes when bodies have moved, and regularly during playback."""
     shown, parts = state.playback, state.live and state.live.taken
     at = int(shown.time / (EVERY * shown.speed)) if shown.moves else vars(shown)
     return state.last_run, parts, at
@@ -59,7 +59,7 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
 
 
 def shows(state: State) -> str:
-    """Return whose pose the sliders show: that of the model or of the run, or one made by hand."""
+    """Return the source of the pose shown by the sliders: the model, the run or manual input."""
     time = shown_time(state)
     if time is not None:
         return f"run at {time:.3f} s"

@@ -1,4 +1,4 @@
-"""The form of the selected bodies, and that of the world."""
+"""Forms for the selected bodies and for the world."""
 
 from __future__ import annotations
 

@@ -195,7 +195,7 @@ def kept(
 
 
 def _kept_shape(model: pg.Model, body: pg.Body, at: int) -> dict[str, Any]:
-    """Return the fields of a shape. Those of the first shape include formulas."""
+    """Return the fields of a shape. The fields of the first shape include formulas."""
     shape = model.cells(body)["shape"] if at == 0 else body.shapes[at]
     return dict(shape) if isinstance(shape, dict) else shape.model_dump()
 
@@ -210,7 +210,8 @@ def _with_shape(model: pg.Model, body: pg.Body, at: int, change: dict[str, Any])
 def _between_its_ends(
     body: pg.Body, shape: pg.Shape, kept: dict[str, Any], change: dict[str, Any]
 ) -> dict[str, Any]:
-    """Extend `change` so that a capsule from joint to tip keeps its ends with another radius."""
+    """Extend `change` so that a capsule from joint to tip keeps its ends when its radius
+    changes."""
     radius, length = change.get("radius"), kept.get("length")
     if shape.kind != "capsule" or not isinstance(radius, float) or not isinstance(length, float):
         return change

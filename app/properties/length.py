@@ -27,10 +27,10 @@ def stretched(model: pg.Model, names: tuple[str, ...], length: float) -> pg.Mode
     """Return the model with bodies stretched along their length. Whatever is at their tips moves
     along.
 
-    A shape along the body gets longer, others beyond its middle move with the tip; the joints of
-    children and the points of constraints, contacts and forces at the tip go with it. Mass stays,
-    centre of mass and inertia are those of the stretched body; what follows from the shapes
-    follows. Raises Refusal, PgraphError.
+    Shapes along the body are stretched, and other shapes beyond its middle move with the tip. The
+    joints of children and the points of constraints, contacts and forces at the tip also move with
+    it. The mass is unchanged. The centre of mass, the inertia and all derived fields are updated.
+    Raises Refusal, PgraphError.
     """
     if not 0 < length < math.inf:
         raise Refusal(f"must be > 0, got {length:g}")

@@ -161,7 +161,7 @@ def _one(event: Typed, change: dict[str, Any]) -> tuple[str, Any]:
 class FillFromShape(OfBodies):
     """Derive mass, centre of mass and inertia from the shapes and a typed density.
 
-    If a mesh must be read, that is an errand.
+    Meshes are read in a background job.
     """
 
     serial: int

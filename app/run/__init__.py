@@ -125,7 +125,7 @@ class Run:
 
 @dataclass(frozen=True)
 class KeptRun:
-    """An earlier run, kept by name and shown together with the current one."""
+    """A named earlier run that is shown together with the current one."""
 
     id: int
     name: str
@@ -192,7 +192,7 @@ class Playback:
 
 @dataclass(frozen=True)
 class State(state.State):
-    """Runs that are computed, kept and shown."""
+    """Running, kept and displayed runs."""
 
     request: Request = field(default_factory=Request)
     last_run: Run | None = None
@@ -253,7 +253,7 @@ class State(state.State):
 
     @property
     def set_gait(self) -> pg.Gait | None:
-        """The gait that was set on the page in place of that of the scenario, if any."""
+        """The gait set on the page, which replaces the gait of the scenario, or None."""
         return None
 
     @property
@@ -362,7 +362,8 @@ def _bare(body: pg.Body) -> pg.Body:
 
 
 def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:
-    """Continue the live run of an edited model if its joints are unchanged, or else restart it."""
+    """Continue the live run after an edit of the model, or restart it if the joints have
+    changed."""
 
     def joints(model: pg.Model) -> list[tuple[str, str, int]]:
         return [(body.name, body.parent, len(body.q)) for body in model.bodies]
@@ -588,7 +589,7 @@ class Stuck(News):
 
 
 class StopLive(FromPage):
-    """End the live run and keep it."""
+    """Stop the live run and keep the result."""
 
     def applied(self, state: State) -> State:
         return stopped(state)

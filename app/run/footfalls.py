@@ -25,7 +25,7 @@ class Change(NamedTuple):
 
 
 def changes(run: pg.Result, known: Sequence[Change] = ()) -> tuple[Change, ...]:
-    """Return the phase changes in a run, or those that a part adds to `known`."""
+    """Return the phase changes in a run, or the changes that a new segment adds to `known`."""
     if not len(run.t):
         return ()
     points = {c.name for c in run.mechanism.model.contacts if len(c.points) == 1}

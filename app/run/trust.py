@@ -69,8 +69,8 @@ def verdict(run: Run) -> tuple[str, str, str]:
     """Return (level, sentence, reason) for a run. The level is "good", "rough", "unknown" or
     "failed".
 
-    The level is determined by the worst entry. A method of first order has energies of that order,
-    which says nothing about its motion: they stand below the verdict.
+    The level is determined by the worst entry. The energies of a first-order method have errors of
+    first order even if the motion is accurate, so they are listed below the verdict.
     """
     result = run.result
     if not result.status.ok and not run.ended:
@@ -111,7 +111,7 @@ def _until(result: Any) -> str:
 
 
 def _first_order(result: Any) -> bool:
-    """Return whether energies are of first order in the step, however accurate the motion is."""
+    """Return True if the errors of energies are of first order in the step size."""
     method = METHODS.get(str(result.header.get("method")))
     return method is not None and method.order == 1
 
@@ -151,7 +151,7 @@ def below(run: Run, level: str) -> list[tuple[str, str, bool, str]]:
 
 
 def brief(lines: list[Line]) -> list[tuple[str, str, bool, str]]:
-    """Return lines with their main value and their whole text. What is bad is told as a whole.
+    """Return lines with their main value and their whole text. Problems are reported in full.
 
     Reasons come after a colon or a semicolon.
     """
@@ -199,7 +199,7 @@ def summary(run: Run) -> list[Line]:
 
 
 def method(result: Any) -> str:
-    """Return the method with its step, and why it was chosen."""
+    """Return the method, its step size and the reason for this choice."""
     name, step = str(result.header.get("method")), result.header.get("step")
     size = f", {1e3 * step:.3g} ms" if isinstance(step, float) else ""
     reason = str(result.header.get("why", "")).partition(": ")[2]

@@ -43,9 +43,10 @@ def why_compiled() -> str:
 
 
 class Compiler:
-    """Compiles kernels in a separate process if the package contains none that fit.
+    """Compiles kernels in a separate process if the package contains no matching kernels.
 
-    If it does, a run loads what it needs by itself, in a second or two at the first start.
+    If the package contains matching kernels, a run loads them directly, which takes one or two
+    seconds at the first start.
     """
 
     def __init__(

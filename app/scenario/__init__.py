@@ -1,4 +1,4 @@
-"""The scenario chosen for the run: its initial state, forces, switches and edits (pure)."""
+"""The current scenario: initial state, forces, switches and edits (pure)."""
 
 from __future__ import annotations
 

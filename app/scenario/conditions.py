@@ -1,7 +1,7 @@
 """Conditions of the switches of a scenario, as form cells and as edits (pure).
 
-A condition that compares expressions is displayed as text. If its comparisons are joined only by
-`and` or only by `or`, there is also one row per comparison.
+A condition that compares expressions is displayed as text. If all comparisons are combined by
+`and`, or all by `or`, each comparison also has its own row.
 """
 
 from __future__ import annotations
@@ -373,7 +373,8 @@ def with_switch(
 ) -> pg.Model:
     """Add a switch that toggles the constraint in the middle of the run.
 
-    If `when` is (body, "touches", "leaves", "passes" or "exceeds"), it waits for this condition.
+    If `when` is (body, "touches", "leaves", "passes" or "exceeds"), the switch triggers on this
+    condition.
     """
     s = model.scenario(name)
     if not model.constraints:

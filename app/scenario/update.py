@@ -53,7 +53,7 @@ def chosen(state: State, name: str) -> State:
 
 
 class EditOfScenario(OfScenario, ModelEdit):
-    """An edit of a scenario. The run follows the settings that were typed."""
+    """An edit of a scenario. The settings of the run are updated accordingly."""
 
     LABEL: ClassVar[str]  # says what was done, with fields of the event and `scenario`
 
@@ -199,7 +199,7 @@ class DeleteDrive(EditOfScenario):
 class AddSwitch(FromPage):
     """Add a switch for a constraint, by default the first. Creates a scenario if there is none.
 
-    It waits for a time or for a motion of `body`.
+    The switch triggers at a given time or on a motion of `body`.
     """
 
     constraint: Text | None

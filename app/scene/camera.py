@@ -179,7 +179,8 @@ def viewpoint(state: State, aspect: float, free: float = 1.0) -> Viewpoint:
 def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
     """Return the corners (n, 3) of these bodies as drawn, or of everything that is drawn [m].
 
-    That is with a point of the floor below, unless it is so deep that the bodies would be small.
+    The extent includes a point of the floor, unless the floor is so far below that the bodies would
+    appear small.
     """
     d = state.derived
     positions, wxyz = poses(state)
@@ -237,7 +238,8 @@ def travelled(state: State) -> np.ndarray:
 def followed(state: State) -> tuple[float, float, float]:
     """Return the way of the bodies from their initial places [m], 0 where no camera follows them.
 
-    It is the place of a node of the scene, which moves in the same picture as the bodies.
+    The result is the position of a node of the scene, which is updated in the same frame as the
+    bodies.
     """
     along = travelled(state)
     home = np.asarray(state.derived.positions)

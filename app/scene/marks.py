@@ -148,7 +148,7 @@ def frames(state: State) -> Local:
 
 
 def sites(state: State) -> Local:
-    """Return three lines along the axes of each site."""
+    """Return the axes of each site as three lines."""
     found: dict[int, list[Any]] = defaultdict(list)
     for site in state.model.sites:
         at, R = np.asarray(site.point), shapes.to_matrix(np.asarray(site.rotation))
@@ -416,7 +416,8 @@ def arrows(found: list[Push], per_newton: float) -> np.ndarray:
 
 
 def values(state: State, found: list[Push], selected: Collection[str]) -> list[list[Any]]:
-    """Return forces on selected bodies, or the largest, as [x, y, z of head, text, part, name]."""
+    """Return the forces on the selected bodies, or the largest forces, as [x, y, z of head, text,
+    part, name]."""
     found = [push for push in found if push.force.any()]
     own = [push for push in found if not set(selected).isdisjoint(push.bodies)]
     found, most = (own, len(own)) if own else (found, MOST_VALUES)

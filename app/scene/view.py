@@ -252,7 +252,7 @@ class GhostView:
 
 
 class ForceView:
-    """Force values at the heads of the arrows, shown while nothing moves."""
+    """Force values at the arrow heads, shown while the scene is at rest."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -312,7 +312,8 @@ def _chosen(state: State, page: Client) -> tuple[object, ...]:
 
 
 def switches(state: State, page: Client) -> Payload:
-    """Return the available switches, those that are on, and the quantity that the gizmo moves."""
+    """Return the available display options, the enabled ones, and the quantity moved by the
+    gizmo."""
     listed = [
         {
             "what": what,

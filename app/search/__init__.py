@@ -75,7 +75,7 @@ class Search(Job):
 
 
 def drawn(asked: Asked, run: Any) -> Curves:
-    """Return the curves of a run that a search looks at, thinned for drawing."""
+    """Return the curves of a run that are used by a search, reduced for drawing."""
     found = columns_of(run)
     names = {s for s in asked.match.values() if s} if asked.kind == "fit" else {asked.signal}
     step = -(-len(run.t) // DRAWN)

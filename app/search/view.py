@@ -1,4 +1,4 @@
-"""The tab of searches: what is asked, the numbers that are free, progress and result."""
+"""The tab for searches: objective, free parameters, progress and result."""
 
 from __future__ import annotations
 

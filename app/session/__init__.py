@@ -59,7 +59,7 @@ class Connected(OfServer):
 
 
 class Hello(FromPage):
-    """A page identifies itself and its display. A page that was disconnected regains its state."""
+    """Identification of a page and its display. A page that was disconnected regains its state."""
 
     serial: int
     page: Annotated[str, Field(max_length=100)]  # its own name, the same as long as it is open
@@ -106,7 +106,7 @@ class Disconnected(OfServer):
 
 
 class Sees(FromPage):
-    """A view that works only while visible came into sight on a page, or went out of sight."""
+    """A view that is only updated while visible was shown or hidden on a page."""
 
     view: Literal["joints", "constraints", "reports", "scenario", "events", "search"]
     on: bool

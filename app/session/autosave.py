@@ -1,11 +1,11 @@
 """Autosave: each edit is written before it is acknowledged, so a killed server loses none.
 
-A session is one run of the server, with a random id. Each model that is opened in it (a document)
-has a file of its own, `ID-DOCUMENT.json`, which no other session writes. A lock on `ID.lock`, which
-the operating system frees when the process ends, shows whether the session is still running. A file
-is removed once its model is saved, opened by another session or discarded. The store renders
-Autosave before the views. A thread flushes files to the disk a moment later and retries failed
-writes.
+A session is one run of the server, with a random id. Each model opened in a session (a document)
+has a separate file, `ID-DOCUMENT.json`, which is not written by any other session. A lock on
+`ID.lock`, which the operating system frees when the process ends, shows whether the session is
+still running. A file is removed once its model is saved, opened by another session or discarded.
+The store renders Autosave before the views. A thread flushes files to the disk a moment later and
+retries failed writes.
 """
 
 from __future__ import annotations
@@ -74,7 +74,8 @@ def left_behind(folder: Path) -> tuple[Kept, ...]:
 
 
 def _over(lock: Path, rest: Iterable[Path]) -> bool:
-    """Return True if no process holds the lock of a session. In that case its files are removed."""
+    """Return True if no process holds the lock of a session. The files of such a session are
+    removed."""
     with contextlib.suppress(OSError), lock.open("rb") as file:
         if not _locked(file, shared=True):
             return False
@@ -171,7 +172,7 @@ class Autosave:
                 _flush(path)
 
     def _write_due(self, *, ended: bool = False) -> None:
-        """Write all files that are due. They survive the end of this process."""
+        """Write all files that are due. The files remain after this process ends."""
         problem = ""
         try:
             for document in sorted(self._due):
@@ -190,7 +191,7 @@ class Autosave:
         self._failed = problem
 
     def _write(self, document: int, ended: bool) -> None:
-        """Replace the file of a document, or remove it if nothing is at risk."""
+        """Replace the file of a document, or remove it if there are no unsaved changes."""
         model = self._models[document]
         away = document != self._current and model is self._opened.get(document)
         if away or model is self._elsewhere.get(document):

@@ -70,8 +70,8 @@ class Moment:
 class Vocabulary:
     """The names that an expression in one cell may use, with their present values.
 
-    `item` is the part that the expression belongs to, None for a condition. Without `varies` the
-    cell takes constant formulas of parameters alone.
+    `item` is the part that the expression belongs to, None for a condition. If `varies` is false,
+    only constant formulas of parameters are accepted.
     """
 
     def __init__(self, model: pg.Model, moment: Moment, item: Any, field: str, varies: bool):
@@ -94,7 +94,7 @@ class Vocabulary:
         return Hint(serial, problem, expected, value, words, start)
 
     def _judged(self, text: str) -> tuple[str, str]:
-        """Return the error in a text, or its current value."""
+        """Return the error of an expression, or its current value."""
         try:
             if not self._varies:
                 return "", f"{evaluated(text, self._known.parameters):.6g}"
@@ -142,7 +142,7 @@ class Vocabulary:
     def _completions(self, typed: str) -> tuple[int, tuple[Word, ...]]:
         """Return where the word before the caret begins, and the names that complete it.
 
-        Names that begin as typed come first, then those that contain it.
+        Names that start with the typed text come first, followed by names that contain it.
         """
         found = WORD.search(typed)
         assert found is not None  # possibly empty
@@ -201,7 +201,7 @@ def all_signals(known: Known) -> list[str]:
 
 
 def spoken(text: str) -> str:
-    """Return a signal in words, such as "speed of arm"."""
+    """Return the description of a signal, such as "speed of arm"."""
     group, name, k = parsed(text).signal
     return f"{MEASURED[group]} {name}" + (f", {k}" if k else "")
 

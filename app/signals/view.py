@@ -1,4 +1,4 @@
-"""Hints of expressions on the page that asks for them."""
+"""Completions for expressions, sent to the page that requested them."""
 
 from __future__ import annotations
 

@@ -132,8 +132,8 @@ class CountBodies(ModelEdit):
 class Paste(FromPage):
     """Paste spreadsheet lines into `rows` starting at `column`. Further lines become new rows.
 
-    Without `rows` all become new rows, children of `under` unless they name another parent.
-    `afresh` makes a new model of them.
+    If `rows` is not given, all bodies are added as new rows. They are children of `under` unless
+    another parent is specified. `afresh` makes a new model of them.
     """
 
     serial: int

@@ -54,9 +54,9 @@ def rows_of(
     """Return the model with the pasted lines, their bodies, and notes on changed entries.
 
     Lines are assigned to `rows` in order. Any additional lines become new rows, with unique names
-    if `rows` is empty. A new row of the table's own columns is a `rod`. With other columns it is a
-    body of a description, with the defaults of a model file and a centre of mass in the middle of
-    its shapes or its rod. Raises Refusal or PgraphError, naming the line.
+    if `rows` is empty. A new row of the table's own columns is a `rod`. If there are other columns,
+    the defaults of a model file are used, and the centre of mass is at the centre of the shapes or
+    the rod. Raises Refusal or PgraphError, naming the line.
     """
     columns, units, lines = _table(text, column)
     for name in rows:
@@ -221,7 +221,7 @@ def _with_rows(
 
 
 def _centred(model: pg.Model, names: Sequence[str]) -> tuple[pg.Model, str]:
-    """Put the centre of mass of bodies into the middle of their shapes or rods, and say so."""
+    """Move the centre of mass of bodies to the centre of their shapes or rods, with a notice."""
     ways: dict[str, list[str]] = {}
     changes: dict[str, dict[str, Any]] = {}
     for body in map(model.body, names):
@@ -319,7 +319,7 @@ def _typed(
 def _number(body: pg.Body, field: str, at: Sequence[int], text: str, unit: str) -> float:
     """Return the SI value of a number in the unit of its heading or its own unit, as typed.
 
-    It is the entry `at` of its field, or all of several. Raises Refusal.
+    The number is the entry `at` of its field, or all entries if several are given. Raises Refusal.
     """
     known = [_units(body, field, k) for k in at] or [{}]
     of: set[cells.Quantity] = {quantity_of(body, field, (k,)) for k in at}
@@ -365,7 +365,8 @@ def _letters(unit: str) -> str:
 
 
 def _value(body: pg.Body, field: str, text: str, unit: str) -> Any:
-    """Parse the cell of a field: JSON, or blank-separated numbers or words. Raises Refusal."""
+    """Parse the content of a cell: JSON, or numbers or words separated by blanks. Raises
+    Refusal."""
     if text.lower() == NONE:
         return None
     if text[0] in '[{"' or text in ("true", "false"):

@@ -55,7 +55,8 @@ def table(state: State) -> Payload:
 
 
 def lines(state: State, page: Client) -> Payload:
-    """Return the selected rows as text. A browser asks for it at once when they are copied."""
+    """Return the selected rows as text. The browser requires the text immediately when rows are
+    copied."""
     chosen = page.selected
     if not 0 < len(chosen) <= COPIED:
         return NOTHING
