@@ -1,6 +1,6 @@
 """Numerical tolerances for values that count as zero, equal, near or converged.
 
-A threshold elsewhere is one of these, or derived from one as `c * EPS * scale`. All are relative
+All other thresholds are one of these, or derived from one as `c * EPS * scale`. All are relative
 unless a unit is given. A test halves and doubles each one and checks that verdicts stay the same
 (`tests/test_tolerances.py`). "From a to b" is an interval in which they did so; for the numbers in
 kernels that is Python's use of them, and half to double in kernels.
@@ -94,6 +94,6 @@ TOUCHING = 1e-3
 def step_of_differences(order: int) -> float:
     """Return the step of central differences over its scale, a power of two.
 
-    The truncation h^order and the rounding EPS / h are alike there.
+    This balances the truncation error h^order and the rounding error EPS / h.
     """
     return 2.0 ** round(math.log2(EPS) / (order + 1))

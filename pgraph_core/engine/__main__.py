@@ -1,8 +1,9 @@
 """`python -m pgraph_core.engine`: load the usual kernels, printing a line `i n name` for each.
 
-With `--with-parent` it ends as soon as its standard input is closed, however its parent died. With
-`--all` it loads the others too. `--archive` makes the archive of kernels from the sources, and
-`--machine-code` makes machine code of the archive for the usual processors, for a wheel.
+With `--with-parent`, the process ends as soon as its standard input is closed, so it also ends if
+its parent is killed. With `--all`, all other kernels are loaded as well. `--archive` makes the
+archive of kernels from the sources, and `--machine-code` makes machine code of the archive for the
+usual processors, for a wheel.
 """
 
 import os

@@ -1,7 +1,7 @@
 """The scene in the form passed to kernels: named tuples of arrays, and their kinds.
 
 A *scene* contains the constant data of a run and the workspaces in a single tuple behind one
-address (`compiler.address`). All methods therefore have the same arguments, and a sweep takes one
+address (`compiler.address`). All methods therefore have the same arguments, and each sweep has one
 argument instead of all arrays. `opened` returns it with field names. Access by name has no overhead
 compared with access by position. The columns of the arrays are named in `layout`.
 """
@@ -259,7 +259,7 @@ class Islands(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """The contacts of a scene, with the state kept from step to step."""
+    """The contacts of a scene, including the state that is carried from step to step."""
 
     geometry: Any
     ground: Any
@@ -311,7 +311,7 @@ class EventLinks(NamedTuple):
 
 
 class EventContacts(NamedTuple):
-    """Contact points and limits with their phases, of which k slide."""
+    """Contact points and limits with their phases. The first k of them slide."""
 
     links: Any
     points: Any  # records of POINT

@@ -2,9 +2,9 @@
 
 Comparisons are `<` and `<=`, as well as those in min, max, abs, tables and smooth steps. An
 interval in which none can change, by interval arithmetic [Moore 1966], has no edge. Others are
-halved. Programs are those of `signals`: the fifth number of an operation marks what is needed and
-what compares. The second row of an instruction gets its value, what it was before, and the least
-and the largest value in an interval.
+halved. The programs are defined in `signals`. The fifth number of an instruction marks required
+values and comparisons. The second row of an instruction receives its value, the previous value, and
+the smallest and largest values in an interval.
 """
 
 import math

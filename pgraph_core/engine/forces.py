@@ -23,7 +23,8 @@ def knot_after(knots, first, count, t, rate):
 def lookup(knots, first, count, t):
     """Return the value of a table at time t: linear between knots, constant outside them.
 
-    At a knot the piece after it holds, because a step that begins there goes along that piece.
+    At a knot, the interval after it is used, because a step that starts at the knot follows this
+    interval.
     """
     last = first + count - 1
     if t < knots[first, 0]:
@@ -92,7 +93,7 @@ def lag_width(drives, t, order):
     """Return the time step from t that resolves inputs with a lag [s], or infinity without such
     inputs.
 
-    Of the input's size, x exp(-s / lag) remains to be followed. A step w of a method of order p has
+    The remaining fraction of the input is x exp(-s / lag). A step w of a method of order p has
     an error of x (w / lag)^(p + 1), which must not exceed the error of half a lag at x = 1.
     """
     table, knots = drives.table, drives.knots
@@ -163,7 +164,8 @@ def at_its_limit(drives, n, t, q, v):
 
 @sweep
 def drive(drives, t, q, v, given, tau):
-    """Compute τ of all drives and given torques. Returns (power supplied, dissipated) [W]."""
+    """Compute the joint torques τ of all drives and the given torques. Returns (power supplied,
+    dissipated) [W]."""
     table, knots, passive, terms = drives
     put_in = 0.0
     dissipated = 0.0

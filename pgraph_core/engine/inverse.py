@@ -2,8 +2,8 @@
 
 τ = r - Jᵀλ with r = M v' + C - passive of the tree, and Σ w τ² is least where J W Jᵀ λ = J W r.
 Redundant rows stay at rest in proximal steps λ += (J W Jᵀ + ρ)⁻¹ J W (r - Jᵀλ) ([Carpentier,
-Budhiraja and Mansard 2021] for forward dynamics). Where a joint has no motor its torque goes to
-zero by the method of multipliers: a large weight, and a shift by what is left.
+Budhiraja and Mansard 2021] for forward dynamics). The torques of joints without a motor are reduced
+to zero by the method of multipliers, with a large weight and a shift by the remaining torque.
 """
 
 import math

@@ -1,12 +1,12 @@
 """Columns of the packed arrays, a glossary for the kernels with shapes and units.
 
-A *row* is one elementary motion. A body whose joint has several motions has several rows, all
-but the last without mass; a welded body has none: it is merged into the row that carries it.
-Row 0 is the ground; rows stand in Pgraph order, so a parent's row comes before its children's.
+A *row* is one elementary motion. A joint with several motions has several rows, of which only the
+last has mass. A welded body has no row and is merged into the row to which it is fixed. Row 0 is
+the ground; rows stand in Pgraph order, so a parent's row comes before its children's.
 
-Row axes are chosen so that every row is aligned with the world at q = 0: R is the identity
-there, and all constants of a row are in world axes at q = 0 ("home axes"). That takes the
-constant rotation of a body frame out of the kernels. R_body = R_row · (its home orientation).
+Row axes are chosen so that every row is aligned with the world at q = 0: R is the identity there,
+and all constants of a row are in world axes at q = 0 ("home axes"). The kernels therefore do not
+need the constant rotation of a body frame. R_body = R_row · (its home orientation).
 """
 
 # rows: int64 (n + 1, 4)

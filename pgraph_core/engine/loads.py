@@ -1,6 +1,6 @@
 """Loads on bodies and between pairs: loops over the kinds in `forces`, generated at compile time.
 
-Each kind has a table of its own, so that nothing asks for the kind of a row while a kernel runs.
+Each kind has a separate table, so that kernels do not check the kind of a row.
 """
 
 from ..forces import LOADS

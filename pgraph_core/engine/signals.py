@@ -59,7 +59,7 @@ def evaluate(code, first, count, t, q, v):
 
 @part
 def held(op, side, a, b):
-    """Return the value of a comparison whose result is held, or as it is if none is."""
+    """Return the value of a comparison, using its held result if there is one."""
     if side == 0.0:
         return value_of(op, a, b, b)
     if op == LESS or op == AT_MOST:

@@ -1,6 +1,7 @@
 """Three-vectors as tuples, 3x3 matrices as nine numbers row by row, symmetric ones as six.
 
-Symmetric: xx, yy, zz, xy, xz, yz. Nothing allocates; LLVM keeps them in registers.
+Symmetric: xx, yy, zz, xy, xz, yz. These functions do not allocate memory, and LLVM keeps their
+values in registers.
 """
 
 from .compiler.jit import part

@@ -1,8 +1,8 @@
 """Forces besides gravity. Each file defines one kind completely.
 
-A file holds the description (its fields, what they are, what is refused), how it is packed for the
-kernels, its law and its energy. To add a kind that acts on bodies, write a file with a `LOAD` and
-list it here. Signs and angles are in docs/description.md.
+Each file contains the description (fields and validation) of a force, its packing for the kernels,
+its force law and its energy. To add a kind that acts on bodies, write a file with a `LOAD` and list
+it here. Signs and angles are in docs/description.md.
 """
 
 # isort: off

@@ -141,8 +141,8 @@ class Between(WithOther, OnBody):
 class Sprung(Between):
     """A spring and damper, whose stiffness and damping may be expressions.
 
-    Those are the columns of a knot of its own, which it has if one of them is an expression. Such a
-    spring stores no energy, as its power is work.
+    If one of them is an expression, they are the columns of a separate knot. Such a spring does not
+    store energy. Its power is counted as work.
     """
 
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")

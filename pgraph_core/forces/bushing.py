@@ -27,7 +27,7 @@ Row6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
 def _square(value: Any) -> Any:
-    """Return a 6 by 6 matrix. Six numbers are taken as its diagonal."""
+    """Return a 6 by 6 matrix. A list of six numbers is used as the diagonal."""
     value = listed(value)
     flat = isinstance(value, tuple) and not any(isinstance(x, tuple) for x in value)
     if flat and len(value) == 6:

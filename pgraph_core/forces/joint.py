@@ -189,8 +189,9 @@ class OnJoint(Force, OfSums):
     def aims(self) -> bool:
         """Return True if the input moves the target of a spring, else it is a part of the torque.
 
-        An input that is no target itself is one at gain u / kp, of which kp = 0 has no limit. So it
-        is a part of the torque, unless a lag or a table of torque needs the table that this leaves.
+        An input u other than the target is equivalent to a target of u / kp, which has no limit for
+        kp = 0. It is therefore added to the torque, unless the table is required for a lag or a
+        table of torque.
         """
         own = self.has_state or not isinstance(self.law.torque, float)
         return self.law.kp != 0.0 and (own or self.INPUT == "target")

@@ -1,9 +1,10 @@
-"""Scenes and kernels as addresses: one number instead of forty arrays or a function.
+"""Addresses of scenes and kernels, used instead of forty arrays or a function.
 
 A kernel that takes a scene by address is called from Python in the time of three arguments, and
-from other kernels without a copy. A method that calls the equations of motion by address does
-not contain them: they are compiled once, not once a method. Who hands out an address keeps what
-is there alive. Uncompiled (NUMBA_DISABLE_JIT=1) an address is a key of a dictionary.
+from other kernels without a copy. Methods that call the equations of motion by address do not
+contain their code, so the equations are compiled once instead of once per method. The creator of an
+address must keep the object alive. Uncompiled (NUMBA_DISABLE_JIT=1) an address is a key of a
+dictionary.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ class File:
 
 
 class Archive:
-    """The kernels of the package. An unusable file counts as an archive without pieces."""
+    """The kernels of the package. An unusable file is treated as an empty archive."""
 
     def __init__(self, path: Path = FILE):
         self._path, self.problem = path, ""
@@ -113,11 +113,11 @@ class Archive:
         return known["pieces"]
 
     def symbol(self, name: str) -> str:
-        """Return the name of a kernel's functions in its pieces."""
+        """Return the symbol prefix of a kernel in its pieces."""
         return self._index["kernels"][name]["symbol"]
 
     def why(self, name: str) -> str:
-        """Return the reason why a kernel is not taken from the archive, as part of a sentence."""
+        """Return the reason why a kernel is not read from the archive, as a clause."""
         if self.problem:
             return self.problem
         if name not in self._index["kernels"]:

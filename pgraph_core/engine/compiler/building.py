@@ -1,8 +1,8 @@
 """Build optimised modules from numba's code, and the archive of all kernels.
 
 The kernels of the archive are merged into one module before optimisation, so that shared functions
-are only included once. The optimised module is taken apart again: the functions that the same
-kernels reach make up a piece. To load a kernel is to load its pieces.
+are only included once. The optimised module is then split into pieces. Each piece contains the
+functions that are called by the same kernels. A kernel is loaded by loading its pieces.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Calls from Python into machine code: one function that reads the signature of any kernel.
+"""Calls from Python into machine code, by a single function that reads the signature of a kernel.
 
 A kernel's own function takes its arguments as words of 8 bytes. `enter` is a function of CPython's
 convention METH_FASTCALL. It finds in its `self`, a bytes object of words, what the kernel takes,
@@ -6,7 +6,8 @@ and lays the arguments out: numbers as they are, an array as the struct that ker
 parent, number of entries, bytes of each, place, shape, strides), tuples member after member. It
 releases the GIL if the kernel does, and converts the results to Python objects.
 
-Nothing of it is known to a kernel, whose code is the same for every version of Python and NumPy.
+Kernels do not depend on this function, so their code is the same for every version of Python and
+NumPy.
 """
 
 from __future__ import annotations
@@ -126,7 +127,7 @@ class _Take:
     out.
 
     `wrong` is the block in which the function returns 0. Each kind of argument has a method, which
-    ends its block of the switch.
+    generates the corresponding block of the switch.
     """
 
     def __init__(self, made: ir.Module):

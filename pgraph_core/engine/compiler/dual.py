@@ -14,7 +14,8 @@ WIDTH = 8  # number of doubles in the widest vector registers, the same on every
 
 
 def of_numbers(function: Any) -> Any:
-    """A function of (user, t, q, v, tau) of numbers: of duals it is nan, and is never asked for."""
+    """A function of (user, t, q, v, tau) for numbers. For duals the result is nan, and it is never
+    called."""
     return late("dual", "of_numbers", function, function)
 
 

@@ -1,9 +1,9 @@
 """Kernel decorators: `kernel` for calls from Python, `part`, `sweep`, `inlined` for helpers.
 
 The decorators import no compiler. A kernel gets its machine code from `loading` at its first call.
-If there is none for these sources, `lowering` compiles it with numba, to which helpers are
-functions of its own. All settings are attributes of these objects, so a user's own numba code is
-not affected.
+If there is no machine code for these sources, `lowering` compiles the kernel with numba, which
+treats helpers as numba functions. All settings are attributes of these objects, so a user's own
+numba code is not affected.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ tools: Any = None  # the module `tools`, which the package `engine` sets here
 class Late:
     """A placeholder for `lowering.MODULE.NAME`, resolved when a kernel is compiled.
 
-    With arguments it stands for the value that the function returns for them. Python calls `plain`.
+    With arguments, the object represents the return value of the function for these arguments.
+    Python calls `plain`.
     """
 
     def __init__(self, module: str, name: str, plain: Any = None, *given: Any):
@@ -150,7 +151,8 @@ def part(function: Callable[..., Any]) -> Any:
 
 
 def sweep(function: Callable[..., Any]) -> Any:
-    """Mark a helper that loops over rows. It is not inlined, so a kernel contains its code once."""
+    """Mark a helper that loops over rows. Sweeps are not inlined, so a kernel contains their code
+    once."""
     return Helper(function, "sweep") if JIT else tools.as_python(function)
 
 
@@ -196,7 +198,7 @@ def ready(one: Any) -> Any:
 
 
 def closed(one: Any) -> Any:
-    """Disable loading in calls. Until a kernel is `ready`, calling it raises TypeError."""
+    """Disable loading in calls. Calling a kernel before it is `ready` raises TypeError."""
     if JIT:
         one.close()
     return one

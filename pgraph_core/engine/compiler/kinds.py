@@ -1,7 +1,7 @@
 """Argument and return types of kernels, for signatures such as `void(i8[:, ::1], f8)`.
 
-They describe memory alone. What the compiler makes of them is in `lowering.kinds`, so that a
-kernel with its signature costs no import of a compiler.
+They describe memory alone. The compiler support is in `lowering.kinds`, so that signatures of
+kernels do not require the import of a compiler.
 """
 
 from __future__ import annotations

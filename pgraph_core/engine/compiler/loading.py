@@ -1,8 +1,9 @@
 """Sources of kernel machine code, and loading it with llvmlite alone.
 
-The archive contains kernels in pieces. A piece has the functions that the same kernels reach. Its
-machine code comes from the package (in wheels), else from the user's cache, else it is generated
-from the archive's bitcode. numba compiles a kernel that the archive lacks.
+The archive contains kernels in pieces. A piece contains the functions that are called by the same
+kernels. Its machine code is read from the package (in wheels) or the cache of the user, or else
+generated from the bitcode in the archive. Kernels that are missing in the archive are compiled by
+numba.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Decisions in lanes: a mask is a lane of ones and zeros, used for selection without branches.
 
-Lanes that are done wait for the others: loops go on while `any_of` a mask is set. Each lane
+Loops continue while `any_of` a mask is set, so finished lanes wait for the others. Each lane
 performs the operations of a single instance in the same order, so the results are equal bit for
 bit. The functions also work for numbers, so that kernels may be written once for both.
 """

@@ -1,4 +1,5 @@
-"""Optimised modules of numba's code: one kernel for this processor, or all for WebAssembly."""
+"""Optimised modules of numba's code, for one kernel on this processor or for all kernels in
+WebAssembly."""
 
 from __future__ import annotations
 

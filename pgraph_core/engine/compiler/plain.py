@@ -1,7 +1,7 @@
 """Kernels as Python functions with the arithmetic of machine code, for NUMBA_DISABLE_JIT=1.
 
-Machine code follows IEEE 754: 1 / 0 is infinite and the root of -1 is nan, where Python raises.
-It also squares by one product. So each kernel is compiled again by Python, from its own lines, with
+Machine code follows IEEE 754: 1 / 0 is infinite and the root of -1 is nan, where Python raises. It
+also squares by one product. Each kernel is therefore compiled again by Python from its source, with
 these operations replaced. Conversions of nan to integers are undefined in machine code, and stay.
 """
 
@@ -75,7 +75,8 @@ def _definitions(file: str) -> dict[int, ast.FunctionDef]:
 
 
 def as_python(function: Callable[..., Any], *, entry: bool = False) -> Callable[..., Any]:
-    """Return a helper, or a kernel that others enter, as Python with IEEE arithmetic."""
+    """Return a helper, or a kernel called by other kernels, as a Python function with IEEE
+    arithmetic."""
     code = function.__code__
     node = _definitions(code.co_filename).get(code.co_firstlineno)
     if node is None:  # a lambda

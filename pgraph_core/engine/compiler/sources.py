@@ -27,8 +27,8 @@ LOWERING = frozenset(HERE.glob("lowering/*.py"))  # instructions to numba for ev
 def imported(module: Path) -> tuple[Path, ...]:
     """Return the files that a module imports by `from .x import y`, the only form in the engine.
 
-    Of a module of forces these are files of the engine and of forces: no kernel is compiled from
-    what a description imports.
+    For a module of forces, only files of the engine and of forces are returned, because the other
+    imports of a description are not compiled.
     """
     found: list[Path] = []
     for dots, dotted, names in IMPORT.findall(module.read_text(encoding="utf-8")):

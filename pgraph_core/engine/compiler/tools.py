@@ -1,7 +1,7 @@
 """Parts of the compiler that `jit` imports on demand.
 
-`jit` is the floor on which kernels are written, and `loading` and `lowering` know `jit`. So the
-package hands this module to it, and `jit` imports nothing.
+`jit` is the floor on which kernels are written, and `loading` and `lowering` know `jit`. The
+package passes this module to it, so `jit` has no imports.
 """
 
 from __future__ import annotations

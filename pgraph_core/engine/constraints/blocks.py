@@ -1,14 +1,15 @@
 """Constraint blocks: points of action, and residuals of position, velocity and acceleration.
 
-A row between bodies is a force along d, or a torque about t, on A at a point p, and its opposite
-on B at the same point. A whole point (three rows) acts along the world's axes at both its ends.
-With u = v_A(p) - v_B(p) of the two bodies' material points
+A row between two bodies applies a force along d, or a torque about t, to A at a point p, and the
+opposite force or torque to B at the same point. A whole point (three rows) acts along the world's
+axes at both its ends. With u = v_A(p) - v_B(p) of the two bodies' material points
 
     g' = d · u                                       g' = t · (ω_A - ω_B)
     g'' = d · (v'_A - v'_B) + d · e + u · (s × d)    g'' = t · (ω'_A - ω'_B) + t' · (ω_A - ω_B)
 
-Here e is the velocity of p through the bodies and s the angular velocity of d, different for each
-type of block. A coordinate row is Σ c q, or Σ c v, that follows a number or a curve over time.
+Here e is the velocity of p relative to the bodies, and s is the angular velocity of d. Both depend
+on the type of the block. A coordinate row is Σ c q, or Σ c v, that follows a number or a curve over
+time.
 """
 
 import math
@@ -345,7 +346,8 @@ def slip(blocks_i, i, work, linear, place):
 def residual_velocity(blocks, work, space, t, v, out):
     """Compute g' = J v less the prescribed rates, after `locate` and `velocities`.
 
-    Of contacts, that is the velocity of the surfaces, which may move past their bodies.
+    For contacts, this is the relative velocity of the surfaces, which may move relative to their
+    bodies.
     """
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
     place, slots, linear = space.place, space.slots, space.linear

@@ -154,7 +154,7 @@ def respond(rows, const, blocks, work, space):
 def located(scene, v, moving):
     """Compute origins and positions of the active blocks from the frames. Returns the rows.
 
-    Computes velocities of origins too if `moving`.
+    If `moving` is True, velocities of body origins are also computed.
     """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -304,8 +304,9 @@ def settle(scene, t, q, v):
     """Project with the factors of the last acceleration. Returns False, without moving, if too far
     off.
 
-    The relative error of a correction is the distance `moved` from the state of the factors. At the
-    end of a step it is negligible, because the last stage was close and the gap is small.
+    The relative error of a correction is the distance `moved` from the state of the factors. The
+    correction is negligible at the end of a step, because the last stage was close and the gap is
+    small.
     """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -351,9 +352,10 @@ def project(scene, t, q, v, rounds):
     """Project q and v onto the constraints in the mass metric. Returns the rounds, or -1 on
     failure.
 
-    Both corrections use one factorisation, which is repeated while positions move notably. Next to
-    a singular position rounding alone moves them, so a gap of the size of rounding counts as zero.
-    The derivatives of q are moved once in any case, followed by the derivatives of v.
+    Both corrections use the same factorisation, which is updated while the positions change
+    significantly. Near a singular position, rounding errors cause large corrections, so a gap
+    within rounding is treated as zero. The derivatives of q are always corrected once, followed by
+    the derivatives of v.
     """
     least = 2 if carries(q) else 1
     if settle(scene, t, q, v):

@@ -6,10 +6,10 @@ share of a wrench are stored.
 
 A wrench without effect on a joint, such as a force on the axis of a hinge, leaves rounding there
 unless the axis is a world axis. Points of a mechanism are known to about 1e-16 of their distances
-from the origin, and loops are closed to 1e-14 of them. So the moment of a unit force about an axis
-counts as zero below 1e-13 of the coordinates whose difference is its arm. The same holds below
-1e-13 of a torque, or of a unit force along a slider. In a row without other entries, a rounding
-error would act as a constraint.
+from the origin, and loops are closed to 1e-14 of them. The moment of a unit force about an axis is
+therefore set to zero if it is below 1e-13 of the coordinates from which the lever arm is computed.
+The same applies to torques and to unit forces along sliders below 1e-13. Otherwise, rounding errors
+in a row of zeros would act as a constraint.
 """
 
 from ...tolerances import ROUNDING

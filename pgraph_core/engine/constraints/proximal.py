@@ -1,10 +1,10 @@
 """Rank-safe solution of Ω λ = r with a proximal factor, its null directions and refinement.
 
-(Ω + μI) is factored once and refined, which tends to the multipliers of least norm
-([Carpentier et al. 2021]). Along a null direction of Ω the right-hand side is only rounding, or
-rows that contradict each other: taken out there, refinement cannot blow it up by 1/μ. Null
-directions show as small pivots, else as corrections that do not shrink. All work goes in blocks
-of 3x3, which fit the registers; the last is filled up with zeros.
+(Ω + μI) is factored once and refined, which tends to the multipliers of least norm ([Carpentier et
+al. 2021]). Along a null direction of Ω, the right-hand side only contains rounding errors or
+contradictory rows. These components are removed, because refinement would amplify them by 1/μ. Null
+directions show as small pivots, else as corrections that do not shrink. All operations use blocks
+of 3x3, which fit into the registers. The last block is padded with zeros.
 """
 
 import math

@@ -1,11 +1,11 @@
 """Clearance between candidate shapes, and a check whether a step may have used it up.
 
-Runs ignore contacts and limits until something comes near, and conditions on coordinates except
-near their bounds. While nothing is faster than twice its last speed, nothing can touch before a
-known time, and steps until then are not checked. After it, `watch_clearance` checks each step. A
-step that moves everything by less than the clearance cannot have touched anything. Otherwise the
-clearance is computed again, at the end of the step, then along it by conservative advancement on
-dense output ([Mirtich 1996]).
+Runs ignore contacts and limits until bodies come close, and conditions on coordinates except near
+their bounds. Assuming that no speed more than doubles, no contact is possible before a known time,
+and steps before this time are not checked. After it, `watch_clearance` checks each step. A step
+that moves everything by less than the clearance cannot have touched anything. Otherwise the
+clearance is recomputed at the end of the step, and then within it by conservative advancement on
+the dense output ([Mirtich 1996]).
 """
 
 import math
@@ -226,7 +226,7 @@ def watch_clearance(run):
 
 @part
 def forget(guard):
-    """Reset the clearance, so that nothing is known to be free."""
+    """Reset the clearance of all pairs."""
     state = guard.state[0]
     state.free = 0.0 if guard.geometry.shapes.shape[0] > 0 else math.inf
     state.free_turn, state.ahead, state.since, state.rate = 0.0, 0.0, 0.0, 0.0
@@ -239,7 +239,7 @@ def set_clock(control, state, rows, stages, reach, left):
     """Set the time until which no contact is possible if no coordinate exceeds twice the present
     maximum speed.
 
-    Or faster than what would touch within the time that is left of the run, if that is more.
+    If larger, the speed that would cause a contact within the remaining time is used.
     """
     slow = 0.0
     for j in range(control.nq, control.nq + control.nv):
@@ -301,7 +301,7 @@ def frame_gaps(scene, address, q, gaps):
     """Compute the smallest gap of each contact pair at the states q (n, nq), as (n, contact pairs)
     [m].
 
-    Not of members of one contact of every body with every other: theirs stay as they are.
+    The gaps between members of a contact of all bodies with each other are not updated.
     """
     data, guard = opened(scene), guard_at(address)
     rows, const, work = data.rows, data.const, data.work

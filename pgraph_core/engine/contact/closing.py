@@ -24,7 +24,7 @@ PART = 0.2  # largest unchecked motion per step, relative to half the thickness
 def smaller_size(contacts, a, b):
     """Return the size of the smaller of two shapes, the scale for gaps and depths [m].
 
-    b is -1 for the ground. A run that tells the error of another one takes less.
+    b is -1 for the ground. Runs for an error estimate use a smaller value.
     """
     shapes = contacts.geometry.shapes
     size = shapes[a].reach

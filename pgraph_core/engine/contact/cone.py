@@ -22,8 +22,8 @@ NEWTON = 30  # limit on steps, of which more than five are rare
 def contact(own, u, old, mu, here):
     """Return λ of a contact in lanes `here`, where u is the velocity for the `old` λ.
 
-    `own` (9,) is its part of Ω. If the contact may either stick or continue to slide, such as a
-    body that leans into its slip with large friction, the smaller impulse is the regular one.
+    `own` (9,) is its part of Ω. If both sticking and sliding are possible, for example if a body
+    leans into its slip with large friction, the smaller impulse is the regular solution.
     """
     moves = both(here, more(own[0], 0.0))
     free_n = u[0] - own[0] * old[0] - own[1] * old[1] - own[2] * old[2]

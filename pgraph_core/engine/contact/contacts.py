@@ -202,7 +202,7 @@ def kept_place(point, kept, count, start):
     """Return a contact point's index in the last step, searching around `start`, or -1 if not
     found.
 
-    Points keep almost the same order from step to step, so the search is short.
+    The order of points changes little between steps, so the search is short.
     """
     for m in range(min(count, NEARBY)):
         k = (start + (m + 1) // 2 * (1 - 2 * (m % 2))) % count

@@ -48,7 +48,8 @@ PARALLEL = COINCIDENT * COINCIDENT
 def lay_out(geometry, poses, i, only, origin, room, row):
     """Write the vertices and normals of shape i into `room`. Returns the side and the next row.
 
-    Of a list of points only point `only` counts, of a heightfield the prism under triangle `only`.
+    For a list of points, only the point `only` is used. For a heightfield, only the prism below the
+    triangle `only` is used.
     """
     if geometry.shapes[i].kind == HEIGHTFIELD:
         return lay_out_prism(geometry, poses, i, only, origin, room, row)
@@ -254,8 +255,8 @@ def facing(geometry, room, b, deepest, n):
     """Return the face at the deepest vertex of b that is most perpendicular to n, or -1 without
     faces.
 
-    It is one of the two faces of the flattest edge there, so that an edge that lies across a face
-    belongs to it.
+    The result is one of the two faces at the edge with the smallest component along n, so that an
+    edge lying across a face is assigned to this face.
     """
     if b.faces == 0:
         return -1

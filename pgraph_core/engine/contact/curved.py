@@ -312,7 +312,8 @@ def flat_near(geometry, room, core, n):
 def edge_near(geometry, room, core, n):
     """Return the direction of the straight edge at the lowest point along n, and its cosine.
 
-    Of several edges it is the one most perpendicular to n. The cosine is 1 without any.
+    If there are several edges, the result is the edge closest to perpendicular to n. The cosine is
+    1 without any.
     """
     if core.kind == CYLINDER:
         r = core.rotation
@@ -438,7 +439,8 @@ def set_point(room, row, place, tag):
 
 @sweep
 def straight_edge(geometry, room, core, n, row):
-    """Write the ends of the edge from `edge_near` from `row` on. Returns direction, cosine."""
+    """Write the ends of the edge found by `edge_near`, starting at `row`. Returns direction,
+    cosine."""
     direction, c = edge_near(geometry, room, core, n)
     if c > FLAT:
         return direction, c
@@ -459,7 +461,7 @@ def straight_edge(geometry, room, core, n, row):
 
 @sweep
 def outline_of_cylinder(geometry, room, core, d, row):
-    """Write the rim of the end that faces against d, or the line along the cylinder's side."""
+    """Write the rim of the end face opposite to d, or the line along the side of the cylinder."""
     g = mul_t(core.rotation, d)
     across = math.sqrt(g[0] * g[0] + g[1] * g[1])
     x, y, _ = mul_t(core.rotation, rim_direction(geometry, core.rotation, d))

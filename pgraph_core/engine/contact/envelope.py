@@ -1,10 +1,10 @@
 """Factors of a sparse matrix in blocks of 4 x 4, for Newton's method of contact.
 
-Rows and columns are taken in fours. Row p of blocks has its blocks from the diagonal to `last[p]`
-in `upper`, from `start[p]` on, with all 16 entries row by row. `lower` has the transposes of those
-below the diagonal at the same places. A = L U without pivoting, in place, with 1/U on the diagonal
-of U. The rows of a block are vectors of four numbers, and four pivots are eliminated at once. Rows
-beyond the matrix are those of the identity.
+Rows and columns are processed in groups of four. Row p of blocks has its blocks from the diagonal
+to `last[p]` in `upper`, from `start[p]` on, with all 16 entries row by row. `lower` has the
+transposes of those below the diagonal at the same places. A = L U without pivoting, in place, with
+1/U on the diagonal of U. The rows of a block are vectors of four numbers, and four pivots are
+eliminated at once. Rows beyond the matrix are those of the identity.
 """
 
 from ..compiler.jit import part, sweep
@@ -15,7 +15,7 @@ from ..compiler.lane import four, load_four, numbers_of_four, store_four
 def reduce_diagonal(x, b, symmetric):
     """Factor the block on the diagonal in place. Returns False if a pivot is zero.
 
-    Of a symmetric matrix only the entries above the diagonal are read.
+    Only the upper triangle of a symmetric matrix is read.
     """
     for k in range(4):
         pivot = x[b, 5 * k]
@@ -85,7 +85,7 @@ def take(x, b, f, c, y, d, count):
 def factor(upper, lower, start, last, rows, symmetric):
     """Compute the factors L and U in place, of so many rows of blocks. Returns False if that fails.
 
-    Of a symmetric matrix, only the upper blocks are read.
+    Only the upper blocks of a symmetric matrix are read.
     """
     for p in range(rows):
         d, count = start[p], last[p] - p

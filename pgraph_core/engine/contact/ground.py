@@ -1,8 +1,8 @@
 """Shapes against the ground: exact contact points and gaps.
 
-The ground is a plane through the world's origin, and rectangles of it at another height. What
-stands out, and the rims of pits, touch as boxes on row 0 (`contact/solids.py`); there the plane
-does not. The floor of a pit is the plane, lower.
+The ground is a plane through the world's origin, and rectangles of it at another height. Raised
+parts and the rims of pits are boxes on row 0 (`contact/solids.py`), which replace the plane. The
+floor of a pit is the plane, lower.
 """
 
 import math
@@ -125,8 +125,8 @@ def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
 
     Sphere and ellipsoid have 1 point, a capsule 2, a box its vertices, a cylinder up to 5 (the
     lowest of both rims and a square on the lower one), a hull its vertices thinned to 8, points
-    all. The feature is the vertex. Of a cylinder, features 0 and 1 are the lowest points of its
-    ends, 2-4 and 5-7 the rest of their squares.
+    all. The feature is the vertex. For a cylinder, features 0 and 1 are the lowest points of its
+    ends, and features 2-4 and 5-7 are the remaining corners of the squares.
     """
     shapes = geometry.shapes
     normal = normal_of(ground)

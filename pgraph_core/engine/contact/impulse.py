@@ -1,11 +1,11 @@
 """Impulses at one instant: bilateral rows, limits and frictional contacts in a single solve.
 
-Let u = Ω λ + b be the velocities of the rows, and b those without impulses. A limit requires
-0 ≤ λ ⊥ u ≥ 0. A contact (normal first, then two tangents) requires u_n + e u_n⁻ ⊥ λ_n (Signorini)
-and λ_t in Coulomb's disc of radius μ λ_n against the slip ([Moreau 1988], [Jean 1999]). Each island
-is solved alone (`islands`). If every contact is the only one of its two bodies, sweeps from block
-to block come first (Gauss-Seidel on Y, which needs no Ω). Heaps of balls and feet of walkers take a
-few sweeps. If impulses are redundant or sweeps stall, Newton's method takes over (`newton`).
+Let u = Ω λ + b be the velocities of the rows, and b those without impulses. A limit requires 0 ≤ λ
+⊥ u ≥ 0. A contact (normal first, then two tangents) requires u_n + e u_n⁻ ⊥ λ_n (Signorini) and λ_t
+in Coulomb's disc of radius μ λ_n against the slip ([Moreau 1988], [Jean 1999]). Each island is
+solved alone (`islands`). If no body has more than one contact, block Gauss-Seidel sweeps on Y are
+tried first, since they do not require Ω. Heaps of balls and feet of walkers take a few sweeps. If
+impulses are redundant or sweeps stall, Newton's method is used (`newton`).
 """
 
 import math
@@ -66,7 +66,8 @@ TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies th
 
 @sweep
 def solve_impulses(scene, m, first):
-    """Compute λ of all active rows into LAMBDA from b in RHS, warm-started with the λ found there.
+    """Compute λ of all active rows from b in RHS. The result is written to LAMBDA, whose previous
+    value is the initial guess.
 
     What they do to the joints goes into STEP; into REPORT sweeps and Newton's steps taken, the
     largest velocity by which a law is missed, over that of its island and by itself, the kinetic
@@ -118,8 +119,8 @@ def aim(scene, n):
 
     TARGET includes bounces, the motion of surfaces past their bodies, and the speed at which a
     contact point may close the gap that it drifted off by, or a length go on to its bound
-    (`slack_of`). Where bodies move fast together, differences of their speeds would be rounding:
-    FREE is zero there, and TARGET the rows' velocities.
+    (`slack_of`). For bodies with a large common velocity, differences of speeds would only contain
+    rounding errors. In this case FREE is zero, and TARGET contains the velocities of the rows.
     """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
@@ -250,10 +251,11 @@ def note_left(report, left, size):
 
 @sweep
 def leaves_alone(scene, n, slack):
-    """Return True if an impact elsewhere leaves island n unchanged, with no residual above `slack`
-    [m/s].
+    """Return True if an impact in another island does not affect island n, with no residual above
+    `slack` [m/s].
 
-    Velocities of bodies at rest are rounding, to which nothing converges.
+    The velocities of bodies at rest are rounding errors, so convergence relative to them is
+    impossible.
     """
     data = opened(scene)
     blocks_i, vectors = data.blocks.blocks_i, data.space.vectors

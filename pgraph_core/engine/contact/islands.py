@@ -1,9 +1,9 @@
-"""Islands of coupled blocks, found anew at every instant.
+"""Islands of coupled blocks, determined at every evaluation.
 
-Two blocks belong together where trees that they act on are the same, or are tied by further
-blocks. Islands share no freedom, so that each is solved alone, at its own size and accuracy.
-Within one, trees follow each other breadth first from a far end of the graph of their contacts:
-the matrix of Newton's method then keeps to a narrow envelope [George 1971].
+Two blocks belong together where trees that they act on are the same, or are tied by further blocks.
+Islands have no common degrees of freedom, so each is solved separately, with its own scale and
+accuracy. The trees of an island are ordered breadth-first from a peripheral node of the contact
+graph, so that the matrix of Newton's method has a narrow envelope [George 1971].
 """
 
 from ..arrays import opened
@@ -19,7 +19,8 @@ NOWHERE = -1
 def find_islands(scene):
     """Find the islands of the active blocks. Returns their number.
 
-    The blocks of an island are in `blocks` from `first` on. Blocks that move nothing are in none.
+    The blocks of an island are in `blocks` from `first` on. Blocks without degrees of freedom do
+    not belong to an island.
     """
     data = opened(scene)
     blocks, slots = data.blocks, data.space.slots
@@ -201,7 +202,7 @@ def forget_order(islands):
 def unique(scene, n):
     """Return True if each block of island n has at least as many joints of its own as it has rows.
 
-    Then no two sets of impulses have the same effect, as with the feet of legs.
+    In this case, the impulses are unique, for example for the feet of legs.
     """
     data = opened(scene)
     blocks_i, slots, where = data.blocks.blocks_i, data.space.slots, data.space.where

@@ -1,6 +1,6 @@
 """Candidate points of one contact, clipped to a face and thinned to a few that are widely spread.
 
-Candidates stand in rows of `room`: a place, a height (the gap there) and a tag.
+Each row of `room` is a candidate with its position, its height (the gap) and a tag.
 """
 
 import math
@@ -42,7 +42,8 @@ def cross_over(room, target, inner, outer, d_inner, d_outer, tag):
 def clip_polygon(room, source, m, target, plane, offset, tag):
     """Clip a polygon, segment or point to plane · x <= offset. Returns its number of corners.
 
-    There are at most m + 1, the most that a plane leaves of a convex polygon, also with rounding.
+    There are at most m + 1 corners, which is the maximum for a convex polygon cut by a line, even
+    with rounding errors.
     """
     kept = 0
     for k in range(m):

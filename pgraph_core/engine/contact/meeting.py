@@ -2,8 +2,8 @@
 
 The gap of two convex shapes over a bound of the speed at which it closes is a time in which they
 cannot touch: conservative advancement ([Mirtich 1996]). The path is the motion in a step without
-impulses of the new contacts, where q moves with v₀ + a τ / 2 for the time τ. So the gap of a joint
-limit is a parabola, whose first root is the time of its impact, however slow.
+impulses of the new contacts, where q moves with v₀ + a τ / 2 for the time τ. The gap of a joint
+limit is therefore a parabola, whose first root is the time of impact, even for slow impacts.
 
 Two shapes that touch already have no gap, yet other points of theirs may land within the step: a
 plate that has hit with one edge falls onto the other. Each contact point has its own gap. New
@@ -77,8 +77,8 @@ def limit_speeds(blocks, i, v, vdot):
 def is_crowd(contacts):
     """True if too many pairs may touch to locate slow impacts one by one.
 
-    Members of a contact of everything with everything are more than that: they are only listed
-    without their pairs where bodies are many.
+    A contact between all bodies is always a crowd, because its members are only listed without
+    pairs if there are many bodies.
     """
     may = contacts.candidates
     return may.members.shape[0] > 0 or may.on_ground.shape[0] + may.pairs.shape[0] > CROWD
@@ -162,10 +162,10 @@ def point_meets(scene, n, h, left):
 def limit_arrival(blocks, i, back, h, left, q, v, vdot):
     """Return the time until limit i is hit [s]: 0 if now, infinite if not within `left`.
 
-    Along the path of `state_at`, the gap of a coordinate is a parabola. It starts a time `back`
-    before q, which has moved from there at v. A closed limit is hit immediately if its speed would
-    violate the tolerance within a step of size h. A limit that was located in this step counts
-    again after half of its gap: a path that impulses of other rows bend may not lead there.
+    Along the path of `state_at`, the gap of a coordinate is a parabola. The parabola starts a time
+    `back` before q, which was reached at the velocity v. A closed limit is hit immediately if its
+    speed would violate the tolerance within a step of size h. A limit that was located in this step
+    is located again after half of its gap, because impulses of other rows may change the path.
     """
     closed = closed_limit(blocks, i)
     rate, change = limit_speeds(blocks, i, v, vdot)
@@ -238,7 +238,7 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
     """Return the time until the next landing [s], 0 if there is an impact now, or `left` if there
     is none.
 
-    It is also less than `left` if the path is not known beyond this time due to rotations. The
+    The time is also less than `left` if rotations make the path unknown beyond it. The
     scene's shapes are in the state `start`, to which q is restored afterwards.
     """
     blocks = opened(scene).blocks
@@ -368,8 +368,8 @@ def straight(scene, i, j):
 def next_landing(scene, meeting, h, tau, left):
     """Return (time without a landing, whether one occurs now, whether it is already inside).
 
-    Of two shapes. Where they touched at the start, a time τ ago, what has touched since then closes
-    no faster than turning and weight make it, and lands when it has sunk in.
+    Of two shapes. For bodies that touched at the start, a time τ ago, the closing speed of new
+    contacts is limited by rotation and gravity, and they land when they penetrate.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -521,7 +521,7 @@ def may_land(scene, i, j, pair, left):
 
 @part
 def hits_now(scene, i, j, p, normal, h):
-    """Return True if two shapes that touch at p hit each other there."""
+    """Return True if two shapes that touch at p collide at this point."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, linear = contacts.geometry.shapes, data.space.linear

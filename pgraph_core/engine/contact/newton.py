@@ -1,10 +1,10 @@
 """Contact laws of an island by Newton's method, solved for impulses and speeds simultaneously.
 
-Unknown are the impulses λ and the speeds w behind the articulated factors, in which inertia is
-diag(d) and a block's velocity is u = Y w + g. A block's law is λ = P(λ - k u), the same for every k
-> 0: P projects the normal impulse onto its half line and friction onto the disc μ λ_n ([Alart &
-Curnier 1991]). P determines whether a block is open, sticking or sliding, where k is its effective
-mass. Linearised, with a compliance s that limits the change of λ,
+The unknowns are the impulses λ and the transformed velocities w, for which the mass matrix is
+diag(d) and the velocity of a block is u = Y w + g. A block's law is λ = P(λ - k u), the same for
+every k > 0: P projects the normal impulse onto its half line and friction onto the disc μ λ_n
+([Alart & Curnier 1991]). P determines whether a block is open, sticking or sliding, where k is its
+effective mass. Linearised, with a compliance s that limits the change of λ,
 
     (1 - (1 - k s) P') Δλ = P - λ - k P' Y Δw,      d Δw = Yᵀ Δλ.
 
@@ -85,7 +85,7 @@ def velocity(data, i, w):
 def bounds_of(data, i):
     """Return (friction, 0) for a contact, or a torque's bounds about and across the normal.
 
-    For joint friction, the bound comes first.
+    For joint friction, the first entry is the bound.
     """
     blocks = data.blocks
     if type_of(blocks.blocks_i, i) == at.T_FRICTION:
@@ -264,7 +264,7 @@ def prepare(scene, n, soft, refactor):
 def add_block(islands, slots, own, i, symmetric):
     """Add Yᵀ R Y of block i to the matrix.
 
-    Its rows of Y go into ACROSS, spread over the columns of the matrix.
+    The rows of Y of this block are written to ACROSS, at the columns of the matrix.
     """
     place, start, kept = islands.place, islands.start, islands.slope
     upper, lower, across, reached = islands.upper, islands.lower, islands.across, islands.reached
@@ -362,7 +362,8 @@ def go(scene, n, part_of_it):
 
 @sweep
 def stays(scene, n, size):
-    """Return (True if λ of the last step solves island n to rounding, its residual over `size`).
+    """Return whether λ of the last step solves island n to rounding, and its residual divided by
+    `size`.
 
     In this case, the impulses of least norm have already been computed. After `weigh`.
     """
@@ -383,10 +384,10 @@ def solve_exact(scene, n, size, heaviest):
     """Solve the contact laws of island n. Returns (residual over `size`, number of steps).
 
     It starts from λ. If this does not converge, it restarts from zero impulses and determines the
-    contact states with the mass of the heaviest body, which may rest on a light one. If this does
-    not help either, contacts are jammed (`press`). If no contact state has changed, the impulses of
-    least norm are computed next. If a contact state changes, the impulses are only transient, and
-    the impulses of least norm usually lead to another change.
+    contact states with the mass of the heaviest body, which may rest on a light one. If this fails
+    too, contacts are jammed (`press`). If no contact state has changed, the impulses of least norm
+    are computed next. If a contact state changes, the impulses are only transient, and the impulses
+    of least norm usually lead to another change.
     """
     left, taken, same = converge(scene, n, size, NOTABLE)
     if left > NOTABLE:
@@ -489,7 +490,7 @@ def converge(scene, n, size, accepted):
 
 @sweep
 def escape(scene, n, size, left):
-    """Press and converge in turn, from λ with a notable residual `left` on.
+    """Alternate between `press` and `converge`, starting from λ with a significant residual `left`.
 
     Return (residual divided by `size`, number of steps). λ is the best one that was found.
     """
@@ -511,12 +512,13 @@ def escape(scene, n, size, left):
 
 @sweep
 def press(scene, n, steps, soft):
-    """Take Newton steps with the friction bounds μ λ_n of the step before, whatever they miss.
+    """Take Newton steps with the friction bounds μ λ_n of the previous step, regardless of the
+    residual.
 
     If friction pushes a sliding contact further into the ground, no normal impulse stops it while
-    it slides (a jam). Newton's method then opens and closes it in turn, although there is a larger
-    impulse at which it sticks. With these bounds, the normal impulse and friction increase in turn
-    until it does.
+    it slides (a jam). Newton's method then alternates between an open and a closed contact,
+    although there is a larger impulse at which it sticks. With these bounds, the normal impulse and
+    the friction increase alternately until the contact sticks.
     """
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands

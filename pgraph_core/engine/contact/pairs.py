@@ -186,8 +186,8 @@ def without_covered(geometry, poses, j, triangle, out, start, n):
 def is_covered(geometry, j, triangle, p, normal):
     """Return whether p is beside its triangle, or the surface rises around the leaning shape.
 
-    That is a side or a corner of the triangle: the triangles around it rise over the plane through
-    it.
+    The leaning feature is an edge or a corner of the triangle, and the adjacent triangles rise
+    above the plane through it.
     """
     u, v, w, borders = triangle_nodes(geometry, j, triangle)
     field = geometry.shapes[j]

@@ -1,7 +1,7 @@
 """Detection and reporting of tunnelling after a step.
 
-The path of a shape's centre relative to the other shape is taken as straight over the step. A
-centre that enters and leaves the other shape has passed through it.
+The path of the centre of a shape relative to the other shape is assumed to be straight during the
+step. A centre that enters and leaves the other shape has passed through it.
 """
 
 import math

@@ -149,8 +149,8 @@ def share_out(blocks, space, contact, count, held):
     """Move λ of stances along null directions of Ω into their cones, where possible.
 
     The forces of redundant supports are not unique. The solution of least norm may violate a cone
-    even if other solutions do not. Projections on the cones and back along the null directions, in
-    turn.
+    even if other solutions do not. Projections onto the cones alternate with corrections along the
+    null directions.
     """
     points = contact.points
     slots, place, vectors, nulls = space.slots, space.place, space.vectors, space.nulls

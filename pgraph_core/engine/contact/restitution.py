@@ -7,7 +7,7 @@ E, the sum of 2/5 k d^2.5 or 1/2 k d². Let w be the inverse of the mass that th
     penalty: k d + c d',  c = 2 ζ sqrt(k / (N w)),  N = p² / (2 k E)
 
 V is the speed of an impact with the remaining energy, and N the number of points that would push as
-hard together at one depth. So the restitution depends on χ or ζ alone.
+hard together at one depth. The restitution therefore only depends on χ or ζ.
 """
 
 import math
@@ -100,8 +100,8 @@ def inverse_mass(rows, factored, a, b, place, moment, force):
     """Return the relative speed from a unit impulse on row a and its opposite on row b, along it
     [1/kg].
 
-    A wrench at a place of length one. Carried to the ground as in `constraints.paths`: the sum of
-    what each joint on the two paths takes.
+    A wrench at a place of length one. The effect is propagated to the ground as in
+    `constraints.paths`. The result is the sum over all joints on both paths.
     """
     w = 0.0
     k, x, y = a, at_origin(factored, a, place, moment, force), force

@@ -1,11 +1,11 @@
 """Seams in solids built from several shapes. Nothing catches where they are flat.
 
-Shapes that one row carries are one solid, their union. It pushes only along normals that it has at
-the place or next to it: the limiting normal cone of the union [Mordukhovich 2006, 1.1]. The pair
-routines know one convex shape of the union at a time, so the normal of an edge or of a side face
-that a neighbour covers comes out of them, too. It is hidden: everything of the shape that leans
-against the contact plane is, near the contact point, inside neighbours that reach beyond the plane.
-A contact whose points are all hidden is replaced by the contact of an open face.
+Shapes that one row carries are one solid, their union. It only exerts forces along normals in the
+limiting normal cone of the union at the contact point [Mordukhovich 2006, 1.1]. Since the pair
+routines process one convex shape of the union at a time, they also return normals of edges and side
+faces that are covered by a neighbour. Such a normal is hidden: near the contact point, the part of
+the shape that touches the contact plane is inside neighbours that extend beyond the plane. A
+contact whose points are all hidden is replaced by the contact of an open face.
 """
 
 import math

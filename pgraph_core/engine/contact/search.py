@@ -3,7 +3,8 @@
 `find_contacts` gives all contact points, `find_gaps` the signed distances alone, for event
 functions. Pairs that a model names are looked at one by one. The members of a contact of every body
 with every other are sorted into a grid of cells as wide as the widest of them, so that neighbours
-are in neighbouring cells: O(n). Members more than twice as wide as is usual are compared with all.
+are in neighbouring cells: O(n). Members more than twice as wide as the typical member are compared
+with all others.
 """
 
 import math

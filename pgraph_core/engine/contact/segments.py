@@ -54,8 +54,8 @@ def end_pair(k, p, d, q, e, slack):
     """Return (point on p + s d, point on q + t e, whether the second is free) for end k of the two.
 
     Ends 0 and 1 of the first segment against the second, ends 2 and 3 the other way round; free:
-    the perpendicular foot is on the segment. Ends that face each other within `slack` count
-    once, as do those of a segment that is no longer.
+    the perpendicular foot is on the segment. Opposite ends within a distance of `slack` are merged,
+    and so are both ends of a segment that is no longer than `slack`.
     """
     if k < 2:
         a = p if k == 0 else add(p, d)
@@ -103,8 +103,9 @@ def apart(d, e, middle):
 def segment_segment(out, n, p, d, radius_a, q, e, radius_b, margin, feature):
     """Write up to 5 contact points between segments p + s d and q + t e with radii.
 
-    The nearest pair, and every end whose foot lies on the other segment: two capsules side by
-    side touch at two points. Features from `feature` on: ends 0 to 3, inner pair 4.
+    The points are the closest pair and every end with a perpendicular foot on the other segment.
+    Two parallel capsules therefore touch at two points. Features from `feature` on: ends 0 to 3,
+    inner pair 4.
     """
     lengths = math.sqrt(dot(d, d)) + math.sqrt(dot(e, e))
     slack = COINCIDENT * lengths

@@ -115,7 +115,7 @@ def largest_of(data, m):
 def linearise_laws(data, carried, first, size):
     """Write the slopes of all laws by the unknown impulses into `matrix`.
 
-    Returns (the number of unknowns, whether a law has no slope).
+    Returns the number of unknowns, and whether a contact law has no derivative.
     """
     blocks_i, active, slots = data.blocks.blocks_i, data.blocks.active, data.space.slots
     y, vectors, order, matrix = data.space.y, data.space.vectors, carried.order, carried.matrix

@@ -77,9 +77,9 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
 def sweep_once(scene, n, slot, count):
     """Sweep once. Returns (largest velocity change, energy of all changes).
 
-    A slot of the past receives the differences of the change of λ, and of λ after it, from those of
-    the last sweep. The rows behind receive products of the changes in the first `count` slots with
-    those of this slot and of the last sweep. Nothing is kept if `count` is 0.
+    A history slot receives the differences of the change of λ, and of the resulting λ, from those
+    of the last sweep. The following rows receive products of the changes in the first `count` slots
+    with the changes of this slot and of the last sweep. If `count` is 0, no history is stored.
     """
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
@@ -236,7 +236,8 @@ def held(own, i, u, old):
 
 @part
 def in_disc(a, b, c, x, y, radius):
-    """Minimise ½ tᵀ[a b, b c]t + (x, y)·t in a disc: no slip inside, against it on the rim."""
+    """Minimise ½ tᵀ[a b, b c]t + (x, y)·t in a disc. There is no slip inside the disc, and t
+    opposes the slip on its boundary."""
     pull = math.sqrt(x * x + y * y)
     if not (radius > 0.0 and pull > 0.0 and a + c > 0.0):
         return (0.0, 0.0)

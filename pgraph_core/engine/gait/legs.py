@@ -1,9 +1,9 @@
 """Inverse kinematics and joint targets for legs with a hip and three hinges about z.
 
-In swing the paw stays parallel to the thigh, as in a pantograph: the foot is then at
-e^{iθ} (a + e^{iκ} b) in the leg's plane, with a = thigh + paw, b the middle segment, θ the hip's
-angle, κ the knee's, and -κ the paw's. In stance the foot is where it stands, and only the leg's
-motion that leaves it there is held to the same shape.
+In swing the paw stays parallel to the thigh, as in a pantograph: the foot is then at e^{iθ} (a +
+e^{iκ} b) in the leg's plane, with a = thigh + paw, b the middle segment, θ the hip's angle, κ the
+knee's, and -κ the paw's. In stance, the foot does not move, and only motions of the leg that
+preserve the foot position are controlled towards the same shape.
 """
 
 import math
@@ -71,8 +71,8 @@ def swing(legs, f, place, speed, push, q, v, s):
     """Compute v' of spread, hip, knee and paw for a leg whose foot target is `place`, relative to
     the hip.
 
-    With a velocity and an acceleration; all three in the girdle's axes, relative to it. Where the
-    leg has no spreading motion, its v' is no number to be used.
+    Position, velocity and acceleration are relative to the girdle, in its axes. If the leg has no
+    spreading motion, its v' is not used.
     """
     i = legs[f].q_flex
     j = legs[f].v_flex

@@ -1,8 +1,8 @@
 """The walking controller: torques from (t, q, v) and settings, without memory or look-ahead.
 
 Each foot has a clock. Feet on the ground carry the trunk (`support`): height, pitch, roll, yaw and
-speed by virtual springs and dampers about waves of the gait. Swinging feet go to where the speed
-asks for them: half a stance ahead of the hip, more where the body is too fast [Raibert 1986]. The
+speed by virtual springs and dampers about waves of the gait. The foothold is determined by the
+speed: it is half a stance ahead of the hip, and further if the body is too fast [Raibert 1986]. The
 torques are computed by inverse dynamics for the resulting accelerations, minus Jᵀ times the forces.
 """
 

@@ -221,7 +221,7 @@ def take_drives(data, drives, b, w):
 
 @sweep
 def move_on(run, taken, evaluations):
-    """Move the time of a run on by the steps that a lane has taken."""
+    """Advance the time of a run by the steps of a lane."""
     this = opened_run(run)
     control, counters = this.control[0], this.counters[0]
     width = control.widest

@@ -54,7 +54,7 @@ from .block import closed_gap, tolerated
 def find(ways, near, b, h):
     """Find the contact points and the active ones, as in `unilateral.add_unilateral`.
 
-    Points that are near in any lane go into `near`: how many, then which.
+    The points that are close in any lane are written to `near`, after their number.
     """
     lane, work, linear, shapes, points = b.lane[0], b.work, b.linear, b.shapes, b.points
     normal = load(b.lane, 0, of.NORMAL)
@@ -347,7 +347,8 @@ def gauss_seidel(ways, near, b):
 
 @sweep
 def gain_and_miss(ways, near, b):
-    """Run `impulse.gained` and `note_missed`. Lanes whose bounce gains energy continue alone."""
+    """Run `impulse.gained` and `note_missed`. Lanes in which a rebound increases the energy
+    continue individually."""
     points, lane, own = b.points, b.lane[0], b.own
     gain, size, bouncing = 0.0 * lane[of.SIZE], 0.0 * lane[of.SIZE], 0.0 * lane[of.SIZE]
     for m in range(near[0]):

@@ -1,8 +1,8 @@
 """Moreau-Jean steps for instances side by side in lanes: trees on feet above a plane.
 
-The same steps as `moreau`, with the same operations in the same order, so that every lane has the
-bits of its own run. Rare cases are not implemented for lanes. If a lane has an impact, a
-penetration, or a problem that sweeps cannot solve, its step is repeated by the kernels for single
+The steps perform the same operations as `moreau` in the same order, so that the result of each lane
+is bit-identical to a single run. Rare cases are not implemented for lanes. If a lane has an impact,
+a penetration, or a problem that sweeps cannot solve, its step is repeated by the kernels for single
 instances.
 """
 
@@ -138,7 +138,7 @@ def set_velocities(rows, ways, near, b, h):
 
 @sweep
 def finish(rows, drives, ways, near, b, h, passive):
-    """Finish a step into NEW_Q and NEW_V. Sets ALONE for lanes that must continue alone."""
+    """Finish a step into NEW_Q and NEW_V. Sets ALONE for lanes that must continue individually."""
     x, lane, work, const, linear = b.vectors, b.lane[0], b.work, b.const, b.linear
     v = x[of.V]
     vdot = x[of.VDOT]

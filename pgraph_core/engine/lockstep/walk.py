@@ -71,7 +71,7 @@ def exchange_armatures(rows, const, x):
 def walk_in_lanes(place, w, h):
     """Add the controller's τ to that of all lanes, at the midpoint of a step h.
 
-    With w from 0 on instead: take the numbers of the run into lane w.
+    If w >= 0, the values of the run are copied into lane w instead.
     """
     our = _opened(place)
     if w != ALL:

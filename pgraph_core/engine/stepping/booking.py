@@ -60,8 +60,8 @@ def book(scene, first, t, h, last):
     """Store the impulses for the next step, and as forces on bodies and contact pairs.
 
     By how much they miss their laws is noted for the frame and for the run; `t` is their time. A
-    part that is not the last of its step only adds points to those that are kept: it may be so
-    short that what carries does not push in it.
+    sub-step that is not the last of its step only adds points to the stored ones, since it may be
+    so short that loaded contacts have no impulse.
     """
     data = opened(scene)
     blocks, work, space = data.blocks, data.work, data.space
@@ -179,7 +179,8 @@ def log_missed(tally, complementarity, cone, force, pair, t):
 
 @part
 def log_depth(tally, depth, thickness, pair, t):
-    """Record the penetration of two shapes over their thickness [m], of points as it is."""
+    """Record the penetration [m] of two shapes relative to their thickness, or of points without
+    scaling."""
     tally.penetration = max(tally.penetration, depth)
     share = depth / thickness if thickness > 0.0 else depth
     if share > tally.deepest:

@@ -2,11 +2,11 @@
 
 A step is taken with the results that all comparisons in expressions have at its start, those within
 min, max and abs too, and ends where the margin of one, its left side minus its right one, changes
-its sign. So each step is smooth, and each side is evaluated on its own side.
+its sign. Each step is therefore smooth, and each branch is only evaluated in its own domain.
 
-Margins and their rates are bounded by interval arithmetic [Moore 1966] over the states on the way:
-those at both ends, and what their rates permit in between. A part of the step in which a margin may
-change its sign, and may turn, is taken shorter.
+Margins and their rates are bounded by interval arithmetic [Moore 1966] over the states within the
+step, which are bounded by the states and rates at both ends. If a margin may change its sign and
+its rate may vanish within an interval, the interval is shortened.
 """
 
 import math
@@ -68,7 +68,8 @@ GROWTH = 16  # of the least width of a step, while one side leads to the other a
 def cross(run, h):
     """Return the width of the step in CANDIDATE, shortened if a comparison changes before h.
 
-    With h = 0 the results are those at Y from now on; with h < 0 they are not held in this step.
+    With h = 0, the results at Y are held from now on. With h < 0, results are not held in this
+    step.
     """
     data = opened_run(run)
     control, code = data.control[0], opened(data.scene).loads.signals[0]
@@ -153,7 +154,7 @@ def margin_of(code, i):
 
 @sweep
 def keep(code):
-    """Let the next part of the step begin at the state that was evaluated last."""
+    """Start the next interval of the step at the state that was evaluated last."""
     for i in range(0, code.shape[0], 2):
         code[i + 1, BEGIN] = margin_of(code, i) if code[i, 0] >= HELD else code[i + 1, 0]
         if code[i, 0] == NUMBER:
@@ -216,12 +217,12 @@ def bend(run, code, h):
 
 @sweep
 def judged(code, t, share, width):
-    """Return CLEAR if no comparison changes in a part of the step, CHANGED if one has at its end,
+    """Return CLEAR if no comparison changes in an interval, CHANGED if one has changed at its end,
     or OPEN.
 
-    The part from t [s] has this share of the step and this width [s]. A margin without a known
-    range is judged by its ends, as one that does not turn. How close one came that may turn is
-    kept.
+    The interval from t [s] has this share of the step and this width [s]. A margin without a known
+    range is judged by its values at both ends, like a margin that does not turn. For comparisons
+    that may turn back, the smallest margin is stored.
     """
     found = CLEAR
     for i in range(0, code.shape[0], 2):
@@ -256,7 +257,7 @@ def judged(code, t, share, width):
 
 @sweep
 def put_signal(code, i, op, share, width):
-    """Store the range of a signal and of its rate, in a part of the step."""
+    """Store the range of a signal and of its rate in an interval."""
     a, b = code[i + 1, BEGIN], code[i + 1, 0]
     off = code[i + 1, BEND] * share * share
     if op == NUMBER and code[i, 1] == LENGTH:  # its rate turns fast where two points come close
@@ -373,7 +374,8 @@ def look_ahead(run, code, h):
 
 @part
 def way_of(run, code, i, h):
-    """Return how far a signal can go within a step, from what it does at both ends."""
+    """Return the largest deviation of a signal within a step, given its values and rates at both
+    ends."""
     stages = opened_run(run).stages
     nq, _ = size_of_state(run)
     op, k = int(code[i, 0]), int(code[i, 1])
@@ -454,7 +456,7 @@ def first_change(run, code, h):
 
 @sweep
 def located(run, code, h, begin, end):
-    """Return the width at which the first comparison has changed, in the part from begin to end.
+    """Return the width at which the first comparison has changed, between begin and end.
 
     Secants [Illinois, Dowell and Jarratt 1971] and bisection end where margins that have changed
     are zero up to rounding.
@@ -609,7 +611,8 @@ def blend(code, i, share):
 
 @sweep
 def beyond(run, code, i, share, w):
-    """Take the step of width w with this share. Returns how far it ends on the true side."""
+    """Take the step of width w with this share. Returns the distance of the end from the threshold,
+    on the true side."""
     blend(code, i, share)
     start_again(run)
     step_to(run, code, w)
@@ -642,8 +645,8 @@ def begins_to_slide(run, code, h):
 
 @sweep
 def kept_on(run, code, i, w):
-    """Return the share of the true side with which the margin is zero at width w, 0 or 1 if one
-    side leads away from it.
+    """Return the weight of the true branch for which the margin is zero at width w, or 0 or 1 if
+    one branch leads away from the threshold.
 
     Its step is taken, and END gets the difference between the states of both sides.
     """
@@ -679,8 +682,8 @@ def kept_on(run, code, i, w):
 def slide(run, code, h):
     """Take the step along the margin, in CANDIDATE, or that which leaves it. Returns its width.
 
-    The share of both sides is constant within a step, so that the state leaves the margin by an
-    eighth of what the change of the share makes.
+    The weights of both branches are constant within a step, so the deviation from the threshold is
+    an eighth of the effect of the change of the weights.
     """
     data = opened_run(run)
     control, stages, i = data.control[0], data.stages, data.control[0].slid

@@ -135,7 +135,7 @@ def width_of_step(numbers):
 
 @sweep
 def begin_step(run, numbers):
-    """Go back to the start of the last primal step, with v' there."""
+    """Return to the start of the last primal step, including v'."""
     go_back(run, numbers)
     control = opened_run(run).control[0]
     if control.fresh == 0:
@@ -205,7 +205,7 @@ def copied_values(out, given, first, rows, columns):
 def take_factors(scene, numbers, q, v, m):
     """Copy the factors of the last primal acceleration, with m rows, to a dual scene.
 
-    Those of the tree are computed again, because the energies took the place of a part.
+    The factors of the tree are recomputed, because the energies have overwritten some of them.
     """
     own, given = opened(scene), opened(numbers)
     mine, other, end = own.space, given.space, whole_blocks(m)
@@ -327,8 +327,8 @@ def note_duals(run, numbers, i, out):
 def advance_with_duals(run, advance, others, step, note, out, budget):
     """`advance_run` with the runs of duals at the addresses `others`. Returns its status code.
 
-    It returns after a step that ends where a comparison of the motion changes, or that slides along
-    its margin. `out` (others, frames, nq + nv, WIDTH) gets their states at the frames.
+    The function returns after a step that ends at a change of a comparison, or that slides along
+    its threshold. `out` (others, frames, nq + nv, WIDTH) gets their states at the frames.
     """
     control, counters = opened_run(run).control[0], opened_run(run).counters[0]
     crosses = opened_run(run).links.cross != 0

@@ -1,8 +1,8 @@
 """Location of the ends of contact phases and of user events within the last step.
 
-A step is taken without regard to events. Then monitors, which fall below zero at an event, are
-evaluated along the step, on dense output or by repeating a narrower step. The first event is
-located by secants and bisection, and the step ends there.
+Each step is first taken without considering events. Then monitors, which fall below zero at an
+event, are evaluated along the step, on dense output or by repeating a narrower step. The first
+event is located by secants and bisection, and the step ends there.
 """
 
 from ...tolerances import ROUNDING, SOLVED
@@ -227,7 +227,7 @@ def take_sides(run, low, width):
 
 @sweep
 def happened(run, low, width):
-    """Return the width at which an event has happened in the part from `low`, or else 0."""
+    """Return the width at which an event has occurred in the interval from `low`, or else 0."""
     data = opened_run(run)
     look(run, low, width)
     if over(data.watched, NOW):
@@ -310,8 +310,8 @@ def dip(run, low, width, i):
     """Find the point after `low` at which event i touches zero without crossing it.
 
     Rows LOW and HIGH hold the values at its start and middle. Return the widths that bracket the
-    event. They are equal if zero is only touched, and 0 if there is no event. How near it came is
-    kept then.
+    event. Both widths are equal if zero is only touched, and 0 if there is no event. How near it
+    came is kept then.
     """
     data = opened_run(run)
     watched, values = data.watched, data.values
@@ -360,7 +360,8 @@ def dip(run, low, width, i):
 
 @sweep
 def dipped(run, low, end):
-    """Return (start, width) of a part in which a user event has happened and is undone at its end.
+    """Return (start, width) of an interval in which a user event has occurred and is reversed at
+    the end.
 
     The width is 0 if zero is only touched, and -1 if there is no event.
     """
@@ -439,7 +440,7 @@ def turn_beyond(run, w):
 
 @sweep
 def reached(run, low, end):
-    """Return (whether the first event in the part of the step from `low` counts, its time).
+    """Return whether the first event in the interval from `low` is accepted, and its time.
 
     An event occurs before `end`, or at `low` if this is 0, where zero is only touched. A value that
     stays zero counts again when it has left it.
@@ -473,7 +474,7 @@ def reached(run, low, end):
 
 @part
 def next_look(run, low, n, parts):
-    """Return the end of the part of the step from `low`: a frame, or fraction `n` of `parts`."""
+    """Return the end of the interval from `low`: a frame, or fraction `n` of `parts`."""
     data = opened_run(run)
     control, times = data.control[0], data.times
     h = control.old_width

@@ -150,9 +150,9 @@ def combine(stages, weights, count, h, out):
 def turn_spins(rows, size, stages, by, row, back):
     """Rotate ω of balls and free bodies in `row`, or its rate, into body axes, or `back`.
 
-    The body is rotated according to row `by`. In its axes an error of the attitude is no error of
-    ω, which a rotation that is not stable would make grow; in the world's, steady torques give no
-    error.
+    The body is rotated according to row `by`. In body axes, errors of the attitude do not affect ω,
+    so they do not grow during unstable rotations. In world axes, constant torques are integrated
+    without an error.
     """
     nq, nv = size
     if nq == nv:

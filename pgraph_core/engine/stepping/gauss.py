@@ -2,9 +2,9 @@
 
 With p = ∂L/∂v the equations of a tree are q' = v, p' = ∂L/∂q + τ, and Gauss' methods of s stages,
 order 2 s, keep the symplectic form of (q, p): the energy of conservative motion stays within a
-bound for very long times ([Hairer, Lubich, Wanner 2006, VI.4, IX.3]). In (q, v) they would not,
-where the mass matrix changes. A step takes local coordinates ξ, which rotations of balls and free
-bodies become by the exponential; their momentum is dexp(ξ)ᵀ p.
+bound for very long times ([Hairer, Lubich, Wanner 2006, VI.4, IX.3]). With (q, v), they would not
+be conserved if the mass matrix varies. A step takes local coordinates ξ, which rotations of balls
+and free bodies become by the exponential; their momentum is dexp(ξ)ᵀ p.
 
 The unknowns are the velocities of the stages. Momenta that they miss change them by the inverse
 mass matrix at the start of the step, until rounding is left.
@@ -56,7 +56,7 @@ TERMS = 12  # terms of the series of dexp, exact for rotations of up to 3 rad
 
 @sweep
 def momenta(rows, const, work, q, v, p, pdot):
-    """Compute p = M v, and the part of p' due to v alone.
+    """Compute p = M v and the velocity-dependent part of p'.
 
     P of a row is the momentum of what it carries, [about its origin; linear]: p = Hᵀ P, and
     p' = H'ᵀ P + Hᵀ P', where P' is what Newton and Euler's sweeps add up (`momentum_rates`), less

@@ -1,8 +1,8 @@
 """Implicit steps by Radau IIA of order 5, compiled on first use.
 
 A step uses local coordinates z = (ξ, w), where q is moved along ξ from the start of the step, and v
-= v₀ + w. Balls and free bodies turn by the exponential of ξ, whose rate is dexp⁻¹(ξ) ω, so that
-orders hold on rotations too. In (λ - J) z = r with J = [W 1; A B], ξ alone is solved for:
+= v₀ + w. Rotations of ball and free joints are the exponential of ξ, with ξ' = dexp⁻¹(ξ) ω, so that
+the order of the method is preserved. In (λ - J) z = r with J = [W 1; A B], ξ alone is solved for:
 
     (λ² - λ (B + W) - (A - B W)) ξ = r₂ + (λ - B) r₁,    w = (λ - W) ξ - r₁
 

@@ -2,8 +2,8 @@
 
 The stages z solve r(z, p) = 0. The simplified Newton's method that found them also finds their
 derivatives: it evaluates r of duals at the values of z, and corrects the derivatives alone with the
-factors of the primal run. They converge at the rate of the values ([Griewank & Walther 2008,
-section 15.3]).
+factors of the primal run. The derivatives converge at the same rate as the values ([Griewank &
+Walther 2008, section 15.3]).
 """
 
 import math
@@ -51,7 +51,7 @@ def settled(report):
 
 @part
 def has_settled(report, k):
-    """Return True if derivative k has converged, is not finite or is left with rounding alone."""
+    """Return True if derivative k has converged to rounding or is not finite."""
     change, size = report[CHANGED, k], report[SIZE, k]
     rounded = change >= report[BEFORE, k] and change <= SOLVED * size
     return change <= ROUNDING * size or rounded or not change < math.inf

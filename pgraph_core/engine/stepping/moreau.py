@@ -2,8 +2,8 @@
 
 q_m = q + h/2 v; v⁺ = v + h v'(q_m, v) + M⁻¹ Jᵀ λ with all that touches at q_m; q⁺ = q_m + h/2 v⁺
 ([Moreau 1988], [Jean 1999]). Impacts need no events, many at once cost no more than one. Dampers
-and servos of hinges and sliders are taken at the end of the step, which is stable however stiff
-they are: h d + h²/2 k counts as inertia there. Freely rotating bodies conserve their energy at any
+and servos of hinges and sliders are evaluated at the end of the step, which is stable for any
+stiffness: h d + h²/2 k is added to the inertia. Freely rotating bodies conserve their energy at any
 speed (`tree.spinning`). States of controls follow the midpoint rule: x⁺ = x + h x'(q_m, v_m, x_m)
 with v_m = ½ (v + v⁺) and x_m half a step of Euler's rule ahead, which forces read.
 
@@ -150,8 +150,9 @@ def changed(before, after, nq, nv):
 def part_of_step(run, done, h, w, mode):
     """Advance CANDIDATE by a part of width w, from `done` on, of a step of width h.
 
-    If requested, it returns True if an impact may occur within it, and CANDIDATE is not changed. A
-    part without width is an impact of all that touches. The state before is in TRIAL.
+    If requested, the function returns True if an impact may occur within the sub-step, without
+    changing CANDIDATE. A part without width is an impact of all that touches. The state before is
+    in TRIAL.
     """
     this = opened_run(run)
     scene, stages = this.scene, this.stages
@@ -238,7 +239,7 @@ def accelerate(run, t, h, w):
 
 @sweep
 def end_acceleration(run, w, width):
-    """Let spinning bodies keep their energy over a part, and take what `stiffen` added back.
+    """Conserve the energy of spinning bodies in a sub-step, and remove the additions of `stiffen`.
 
     The width of a part is w, and `width` in the number type of the run.
     """
@@ -292,7 +293,7 @@ def move_states(scene, t, h, q, v, start, out, rates):
 
 @sweep
 def stiffen(scene, t, h, q, v):
-    """Add the resistance of dampers and springs at the end of the step to inertia and torque."""
+    """Add the implicit terms of dampers and springs to inertia and torque."""
     data = opened(scene)
     rows, const, drives, space, given = data.rows, data.const, data.drives, data.space, data.given
     vectors = space.vectors
@@ -371,7 +372,7 @@ def set_velocities(scene, t, end, h, v, vdot):
 def warm_start(scene, first, m):
     """Copy λ of the last step for persistent contact points and joint friction, else zero.
 
-    A part of a step takes its share of it.
+    Sub-steps use a proportional fraction.
     """
     data = opened(scene)
     blocks, space = data.blocks, data.space

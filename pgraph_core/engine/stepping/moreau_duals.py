@@ -1,7 +1,7 @@
-"""Derivatives of time stepping: the parts of a step are repeated in duals as they are taken.
+"""Derivatives of time stepping, computed by repeating each sub-step with dual numbers.
 
 An impact ends a sub-step at a time that depends on all parameters. The last derivative of a dual is
-therefore by the width of the part that ends there. Since the gap is zero at the impact, the
+therefore with respect to the width of the sub-step. Since the gap is zero at the impact, the
 derivatives of the sub-step width follow from the derivatives of the gap. They determine the jump of
 the state derivatives, which is also known as saltation ([Müller 1995]).
 """
@@ -82,7 +82,7 @@ call_part = caller(PART)
 
 @kernel(REPEAT, nogil=True, later=True)
 def repeat_part(carried, numbers, done, h, w, first):
-    """Repeat a part of a step in all runs of duals."""
+    """Repeat a sub-step in all runs of duals."""
     given = carried_at(carried)
     for k in range(given.runs.shape[0]):
         call_part(given.part, (given.runs[k], numbers, carried, done, h, w, first))
@@ -90,7 +90,7 @@ def repeat_part(carried, numbers, done, h, w, first):
 
 @kernel(PART, nogil=True, later=True)
 def part_of_duals(run, numbers, carried, done, h, w, first):
-    """Repeat a part of a step from the state CANDIDATE."""
+    """Repeat a sub-step from the state CANDIDATE."""
     data = opened_run(run)
     scene, stages = data.scene, data.stages
     take_values(run, numbers, at.CANDIDATE, at.TRIAL)
@@ -142,7 +142,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
 
 @sweep
 def begin_part(run, done, h, w):
-    """Set the derivatives of the width of a part, of which the last ends with the step."""
+    """Set the derivatives of the width of a sub-step. The last one ends with the step."""
     stages = opened_run(run).stages
     begun, taken = parted(stages[at.END])[BEGUN], parted(stages[at.END])[TAKEN]
     if w > 0.0:
@@ -166,7 +166,7 @@ def begin_part(run, done, h, w):
 
 @sweep
 def move_freely(run, t, h, w):
-    """Go to the middle of a part, and compute v' and the power there."""
+    """Move to the middle of a sub-step, and compute v' and the power."""
     data = opened_run(run)
     scene, stages, flow = data.scene, data.stages, data.flow
     nq, nv = size_of_state(run)
@@ -310,7 +310,7 @@ def gap_of(scene, numbers, i, q):
 def gap_of_point(scene, numbers, i):
     """Return the gap of the contact point that is block i of the primal run, nan if there is none.
 
-    Points are not in the same order where rounding has moved the shapes.
+    The order of the points may differ because of rounding.
     """
     contacts, given = (
         contacts_at(opened(scene).links.contacts),
@@ -328,9 +328,9 @@ def gap_of_point(scene, numbers, i):
 def locate_impact(run, numbers, carried, place, first):
     """Give the state before an impact the derivatives of its time.
 
-    They are determined by the block that closes fastest. Impacts that coincide by chance have no
-    common derivative. Where other contacts push meanwhile, the motion is not along the path.
-    `place` is (finished part of the step, its width).
+    The block with the largest closing speed determines these derivatives. Impacts that coincide by
+    chance have no common derivative. If other contacts carry load, the motion deviates from the
+    path. `place` is (finished part of the step, its width).
     """
     data = opened_run(run)
     scene, stages = data.scene, data.stages
@@ -373,7 +373,7 @@ def locate_impact(run, numbers, carried, place, first):
 def locate_end(run, numbers, carried, place):
     """Give the state after a part the derivatives of the time at which it ended without an impact.
 
-    It ended at a limit, which is the one with the smallest gap. The part itself went another way,
+    The sub-step ended at the limit with the smallest gap. The part itself went another way,
     so that the limit is looked for again. v' depends on the velocity before a part, so that its end
     may not be held: derivatives would be wrong by a part of the step.
     """
@@ -467,7 +467,7 @@ def cease(carried, state):
 
 @kernel(STEP_OF_DUALS, nogil=True, later=True)
 def moreau_jean_of_duals(run, numbers):
-    """End a step, of which all parts have been repeated."""
+    """Complete a step after repeating all sub-steps."""
     stages = opened_run(run).stages
     for i in range(stages.shape[1]):
         parted(stages[at.CANDIDATE])[i, BY_WIDTH] = 0.0

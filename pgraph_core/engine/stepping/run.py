@@ -167,7 +167,7 @@ def halved(run, h):
 
 @sweep
 def take_sides_here(run):
-    """Hold comparisons of the motion with their results at Y, unless they are held already."""
+    """Hold the results of comparisons of the motion at Y, unless they are already held."""
     data = opened_run(run)
     if data.links.cross != 0 and data.control[0].sided == 0:
         call_step(data.links.cross, (run, 0.0))

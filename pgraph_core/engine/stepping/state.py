@@ -1,7 +1,7 @@
 """The state of a run and its derivative, for all methods.
 
 A state y = (q, v, work done, dissipation) is a row of `stages`; `layout` names the rows. Kernels
-take the address of a run, which `opened_run` gives back with its names.
+receive the address of a run, which `opened_run` converts to named fields.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Limits, contacts and friction active in part of a step, and the removal of penetration."""
+"""Limits, contacts and friction in a sub-step, and the removal of penetration."""
 
 import math
 
@@ -57,8 +57,8 @@ WEIGHT = 0.1  # penetration tolerance as a fraction of g h^2
 def add_unilateral(scene, h, w, left, mode, q, v, vdot):
     """Append limits and touching rigid contacts to the active blocks.
 
-    Asked, return whether something may hit within this part, of width w, of a step of width h, of
-    which `left` was left before.
+    If requested, return whether an impact may occur within this sub-step of width w, in a step of
+    width h of which `left` remained before.
     """
     look = mode == ASK
     data = opened(scene)
@@ -124,10 +124,10 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
 def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
     """Return True if limit i may be reached in a sub-step of width w, from its midpoint q.
 
-    The joint gets the permitted speed with which it is at the limit at the end of the sub-step. It
-    rebounds in an impact, which has no width, or where the `rest` of a step is taken at once. It
-    stays at the limit if all rebounds, each `e` times as long as the previous one, would end within
-    the step.
+    The joint gets the permitted speed with which it is at the limit at the end of the sub-step. The
+    joint rebounds in an impact, which has zero width, or if the `rest` of a step is computed at
+    once. The joint remains at the limit if all rebounds, each `e` times as long as the previous
+    one, would end within the step.
     """
     blocks_f, closed = blocks.blocks_f, closed_limit(blocks, i)
     gap = limit_gap(blocks, i, q)
@@ -216,7 +216,7 @@ def lands_together(contacts, n, count):
     """Return True if another point between the same shapes as point n is closed, so both share an
     impact.
 
-    Corners that arrive together do so up to the asymmetry that earlier steps left.
+    The arrival times of corners may differ by the asymmetry due to earlier steps.
     """
     this = contacts.found[n]
     for m in range(count):
@@ -244,7 +244,8 @@ def tolerated(contacts, n, h):
 
 @sweep
 def push_out(scene, first, h, q):
-    """Move q out of deep penetration along the normals, in the mass metric, each island alone."""
+    """Reduce deep penetration by moving q along the normals, in the mass metric, separately for
+    each island."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     contacts = contacts_at(data.links.contacts)

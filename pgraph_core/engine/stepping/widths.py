@@ -53,8 +53,8 @@ def weigh(rows, size, stages, control):
 
     The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
     least one scale per run. Each control state has its own scale, which is its largest value so far
-    and in CANDIDATE. The former stands in place of the weight of its integral: steps that will be
-    rejected may end anywhere.
+    and in CANDIDATE. The former replaces the weight of its integral, because rejected steps may end
+    anywhere.
     """
     nq, nv = size
     found = extremes(rows, size, stages, at.Y, control.spin, control.speed, control.length)
@@ -172,7 +172,8 @@ def first_width(run):
 def nearby(t):
     """Return the maximum difference [s] between two times that are equal up to rounding.
 
-    A step's end is origin + count x width. Each of these is rounded, as is a corner's time.
+    A step's end is origin + count x width. All of these values are rounded, and so is the time of a
+    corner.
     """
     return 4.0 * EPS * abs(t)
 
@@ -283,8 +284,8 @@ def next_width(run):
 def part_width(run, bend):
     """Return the size of `parts` equal parts of the step that a run of one part takes here [s].
 
-    So each step of a finer run is a part of one of the run, beside corners too. `bend` is the time
-    of the next corner or edge.
+    Each step of a finer run is therefore contained in a step of the original run, even near
+    corners. `bend` is the time of the next corner or edge.
     """
     data = opened_run(run)
     control, times = data.control[0], data.times

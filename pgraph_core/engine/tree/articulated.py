@@ -154,7 +154,7 @@ def reduce_ball(rows, const, work, k, tau):
 
 @part
 def reduce_free(rows, const, work, k, tau):
-    """Factor the 6x6 inertia in place. Only the joint's own force acts on the parent."""
+    """Factor the 6x6 inertia in place. The force on the parent only consists of the joint force."""
     i = v_of(rows, k)
     p = parent_of(rows, k)
     axes = base_axes(const, work, p, k)
@@ -217,7 +217,7 @@ def accelerate_ball(rows, const, work, k, alpha, linear, vdot):
 
 @part
 def accelerate_free(rows, const, work, k, alpha, linear, vdot):
-    """Compute v' of a free row, with V' overwriting the solution."""
+    """Compute v' of a free row and overwrite the solution with V'."""
     forward6(work, k)
     diagonal6(work, k)
     backward6(work, k)
@@ -238,13 +238,15 @@ def articulated(rows, const, q, v, tau, work, vdot):
 
 @part
 def vanishes(size, inverse):
-    """Return True if a pivot, given by its inverse, is rounding for an inertia of this size."""
+    """Return True if a pivot, given by its inverse, is zero to rounding for an inertia of this
+    size."""
     return not (16 * EPS * size * inverse < 1.0 and inverse > 0.0)
 
 
 @sweep
 def singular_row(rows, work):
-    """Return the first row, from the tips, without inertia up to rounding, or 0 if none."""
+    """Return the first row, starting from the tips, with no inertia up to rounding, or 0 if there
+    is none."""
     for k in range(rows.shape[0] - 1, 0, -1):
         kind = kind_of(rows, k)
         angular, linear = traces_of(work, k)

@@ -96,7 +96,7 @@ def motion_and_forces(
 
 @part
 def move_body(work, bodies_i, bodies_f, b, velocity, acceleration):
-    """Compute V and V' of body b from those of the row that carries it."""
+    """Compute V and V' of body b, given V and V' of its row."""
     k = carrier_of(bodies_i, b)
     offset = mul(rotation_of(work, k), offset_of(bodies_f, b))
     w = spin_of(work, k)

@@ -129,7 +129,8 @@ def motion(rows, const, work, k, column):
 
 @sweep
 def composite_inertia(rows, work):
-    """Compute I_c of every row: its own inertia and, shifted by φ, those that it carries."""
+    """Compute I_c of every row, the sum of its inertia and those of its descendants, shifted by
+    φ."""
     zero = (0.0, 0.0, 0.0)
     for k in range(rows.shape[0] - 1, 0, -1):
         p = parent_of(rows, k)

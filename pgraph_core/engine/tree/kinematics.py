@@ -319,8 +319,8 @@ def kinetic_and_potential(rows, const, work, linear, v):
     """Return (T, V) [J] of all bodies after `outboard`, V = -Σ m g · x_c.
 
     Writes origins to X and their velocities to `linear`, so that the factors in `work` stay usable
-    for a later projection. T of a row is taken at its centre of mass, so no large terms cancel far
-    from the origin.
+    for a later projection. The kinetic energy T of a row is computed at its centre of mass to avoid
+    the cancellation of large terms far from the origin.
     """
     gravity = gravity_of(const)
     kinetic = 0.0

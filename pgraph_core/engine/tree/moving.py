@@ -86,7 +86,7 @@ def normalise_all(rows, q):
 def local_rate(rows, xi, v, out):
     """Compute ξ' after q has moved along ξ, for rotations dexp⁻¹(ξ) ω ([Hairer et al. 2006]).
 
-    It is ω - ½ ξ × ω + c ξ × (ξ × ω) with c = (1 - ½ φ cot ½ φ) / φ², φ = |ξ|.
+    The rate is ω - ½ ξ × ω + c ξ × (ξ × ω) with c = (1 - ½ φ cot ½ φ) / φ² and φ = |ξ|.
     """
     for k in range(1, rows.shape[0]):
         j = v_of(rows, k)

@@ -6,8 +6,8 @@ velocity ψ = v_j × S and the acceleration s - v_k × ψ with s = v'_j × S + v
 changes by I_k s + B_k ψ with B_k = v_k ×* I_k - I_k v_k × + (I_k v_k) ×̄*. These add up along the
 tree like forces, and τ_i = S_i · Σ f ([Carpentier & Mansard 2018], with sums over carried rows as
 in [Singh, Russell & Wensing 2022]). Vectors are [angular, linear] in world axes at the first row's
-origin. Gravity is an acceleration -g of the ground. S is fixed in the parent, so S' = v_λ × S. In
-a free motion the slide carries the rotation.
+origin. Gravity is an acceleration -g of the ground. S is fixed in the parent, so S' = v_λ × S. In a
+free motion, the translation precedes the rotation.
 """
 
 from typing import Any, NamedTuple
@@ -329,7 +329,7 @@ def set_factor(rows, const, work, freedoms, m):
 
 @sweep
 def last_freedoms(outer, last):
-    """Compute the end index of the degrees of freedom that each one carries."""
+    """Compute the end index of the descendants of each degree of freedom."""
     for i in range(outer.shape[0]):
         last[i] = i + 1
     for i in range(outer.shape[0] - 1, -1, -1):
@@ -403,7 +403,7 @@ def take_outer(outer, m, x, i, begin, end):
 def set_inverse(outer, m, x, first):
     """Write M⁻¹ into the columns of x from `first` on, row by row. M⁻¹ = L⁻¹ D⁻¹ L⁻ᵀ is symmetric.
 
-    Row i is -Σ L_ij (row j) left of its diagonal, and 1/D_i - Σ L_ij (M⁻¹)_ij on it.
+    Row i is -Σ L_ij (row j) left of the diagonal, and 1/D_i - Σ L_ij (M⁻¹)_ij on the diagonal.
     """
     for i in range(m.shape[1]):
         for c in range(first, first + i):

@@ -6,9 +6,9 @@ invariants ([Hairer et al. 2006, ch. IV.2]). A body rotates about its own angula
 that before the step and then by that after it. Both therefore have the same components in the body
 axes at either end as at the midpoint of the step, where the equations are solved.
 
-A tree takes the same rule in its joint velocities: M (v⁺ - v) = h (τ - C(½ (v + v⁺))), with M and
-C of the middle of the step. So bodies that carry rotors keep |I Ω| and their energy as single
-bodies do.
+A tree takes the same rule in its joint velocities: M (v⁺ - v) = h (τ - C(½ (v + v⁺))), with M and C
+of the middle of the step. Bodies with rotors therefore conserve |I Ω| and their energy, like single
+bodies.
 """
 
 import math
@@ -240,9 +240,9 @@ def derivative(rows, const, work, q, h, zero, scratch, way, effect, n):
 def keep_momentum(rows, const, work, q, v, h, scratch, vdot):
     """Enforce momentum balance over the step, under external forces, on floating trees that gyrate.
 
-    The midpoint rule gives its change for the middle's places, and the step ends at others. A
-    rigid motion of the whole tree compensates for the difference. It is found by Newton's method,
-    since it also rotates the existing momentum.
+    The midpoint rule gives the change of momentum for the positions at the midpoint, which differ
+    from those at the end. A rigid motion of the whole tree compensates for the difference. The
+    rotation is computed by Newton's method, since it also rotates the existing momentum.
     """
     place, middle = scratch[SHIFTED], scratch[MIDDLE]
     for k in range(1, rows.shape[0]):

@@ -82,7 +82,7 @@ def _each(builder: Any, llvm: Any, place: Any, act: Callable[[tuple[int, ...], A
 def caller(described: Signature) -> Any:
     """Return `call(address, (arguments))` for kernels or C functions with this signature.
 
-    Given duals, it is the function of the same arguments whose arrays hold duals.
+    For duals, this is the function with the same arguments and arrays of duals.
     """
     result = numba_type(described.result)
     of_numbers = [numba_type(kind) for kind in described.arguments]
@@ -111,5 +111,5 @@ def _cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any
 
 
 def _carries(kind: Any) -> bool:
-    """True if a type has duals in it."""
+    """True if a type contains duals."""
     return isinstance(kind, (OfDuals, Records, Dual)) or getattr(kind, "dtype", None) == DUAL

@@ -1,7 +1,7 @@
 """Helpers and kernels as compiled by numba, up to unoptimised LLVM IR.
 
-Nothing here becomes machine code by numba: `building` and `loading` see to that, so that a kernel
-is the same wherever it comes from.
+This module does not generate machine code. `building` and `loading` do this for all kernels, so
+that a kernel does not depend on its source.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ WORD = ir.IntType(64)
 
 
 class Library(JITCodeLibrary):
-    """Code in the form linked by kernels. It is optimised and turned into machine code there."""
+    """Code in the form linked by kernels. `loading` optimises it and generates the machine code."""
 
     def _optimize_final_module(self) -> None:
         pass

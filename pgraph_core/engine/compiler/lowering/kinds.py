@@ -56,7 +56,7 @@ class OfDuals(types.Type):
         super().__init__(name="OfDuals")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """A word is taken for one where a kernel is called by address."""
+        """Kernels called by address accept a word instead."""
         return Conversion.safe if isinstance(other, types.Integer) else None
 
 
@@ -156,7 +156,8 @@ def llvm(builder: Any, name: str, value: Any) -> Any:
 
 
 def view_type(array: Any, element: Any, ndim: int) -> types.Array:
-    """Return the type of a view as lanes or duals. It is unaligned as NumPy's memory may be."""
+    """Return the type of a view as lanes or duals. The view is unaligned, because NumPy arrays may
+    be unaligned."""
     if not (isinstance(array, types.Array) and array.layout == "C"):
         raise TypeError("lanes and duals view C-contiguous arrays")
     return types.Array(element, ndim, "C", aligned=False)

@@ -1,10 +1,11 @@
 """Lane(width): a numba type for an LLVM vector of doubles, so that one kernel runs W instances.
 
 `lanes(a)` views a C-contiguous float64 array (..., W) as an array (...) of lanes. Kernels index it
-as any array and are compiled by type alone, for one instance or for W at once. Lanes support + - *
-/ neg, their in-place forms, sqrt, floor, min and max with a number, and `sine_cosine` and `atan2`
-of `elementary`. A float is converted to a lane when it is stored or combined with one. They cannot
-be compared: a kernel for lanes branches on the structure of a mechanism, never on its state.
+like any array. The type determines whether they are compiled for one instance or for W instances at
+once. Lanes support + - * / neg, their in-place forms, sqrt, floor, min and max with a number, and
+`sine_cosine` and `atan2` of `elementary`. A float is converted to a lane when it is stored or
+combined with one. Lanes cannot be compared, because kernels for lanes branch on the structure of a
+mechanism and never on its state.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ def _taken(context: Any, builder: Any, values: Any, given: Any, kind: Any) -> li
 def _of_two(emit: Any) -> Any:
     """Return an intrinsic for two lanes, a lane and a number, or two numbers.
 
-    Of duals it is that of their values: a mask.
+    For duals, the result is the mask of the comparison of their values.
     """
 
     @intrinsic
@@ -69,7 +69,8 @@ def _comparison(relation: str) -> Any:
 
 
 def _extreme(relation: str) -> Any:
-    """The first of two where it stands in this relation to the other, else the other."""
+    """Return the first of two values where the comparison is true, and the other value
+    elsewhere."""
 
     @intrinsic
     def extreme(typingctx: Any, a: Any, b: Any) -> Any:

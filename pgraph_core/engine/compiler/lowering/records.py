@@ -2,7 +2,8 @@
 
 An array of such records is a C-contiguous float64 array (records, words, width), with a word for
 each number of the record. A field is an element, a field of several numbers an array of elements.
-Integers say how a mechanism is built and are the same in all places: they are read from the first.
+Integers describe the structure of a mechanism and are equal in all lanes, so they are read from the
+first lane.
 """
 
 from __future__ import annotations
