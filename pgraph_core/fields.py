@@ -140,6 +140,7 @@ def about(info: FieldInfo, name: str) -> About:
 
 
 PLAIN = frozenset((float, int, str))  # most of what a description holds
+MOST_NUMBERS = 10_000_000  # in one field: as objects of Python they take a gigabyte
 
 
 def listed(value: Any) -> Any:
@@ -151,6 +152,8 @@ def listed(value: Any) -> Any:
         if PLAIN.issuperset(map(type, value)):
             return tuple(value)
     elif hasattr(value, "tolist"):
+        if getattr(value, "size", 0) > MOST_NUMBERS:
+            raise ValueError(f"a field has at most {MOST_NUMBERS} numbers")
         value = value.tolist()
     if not isinstance(value, (list, tuple)):
         return value

@@ -72,6 +72,11 @@ def first_element(head: bytes) -> str:
     return found[1].decode() if found else ""
 
 
+def is_json(content: bytes) -> bool:
+    """Return True if a file begins as an object in JSON."""
+    return content[:HEAD].lstrip(BLANK).startswith(b"{")
+
+
 def kind_of(path: str | PurePath, content: bytes) -> FileKind | None:
     """Return the kind of a file, or None if it may be a model. The content counts first."""
     suffix = PurePath(path).suffix.lower().lstrip(".")
@@ -80,7 +85,7 @@ def kind_of(path: str | PurePath, content: bytes) -> FileKind | None:
     root = first_element(begun)
     if not begun or root in MINE:
         return None if root else by_suffix
-    json = begun.startswith(b"{")
+    json = is_json(content)
     for kind in KINDS:
         alike = kind.suffixes in FORMATS and not (root or json)
         mesh = alike and looks_like(kind.suffixes, content)

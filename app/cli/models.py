@@ -53,7 +53,7 @@ def models(args: Namespace) -> Answer:
 
 @command("info", "bodies, degrees of freedom, Pgraph, jdof, tips, mobility", *MODEL)
 def info(args: Namespace) -> Answer:
-    model = open_model(args)
+    model = open_model(args, told=True)
     data = facts(model)
     return Answer(data, _text(model, data))
 

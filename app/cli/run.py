@@ -62,7 +62,7 @@ def _options(args: Namespace) -> dict[str, Any]:
 )
 def run(args: Namespace) -> Answer:
     _writable(args.output)
-    model = open_model(args)
+    model = open_model(args, told=True)
     scenario = first_scenario(model, args.scenario)
     bar = progress_bar()
     bar("loading", 0.0)  # kernels: at a first start a second or two

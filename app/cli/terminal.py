@@ -46,13 +46,20 @@ def given(text: str) -> tuple[str, str]:
     return name, value
 
 
-def open_model(args: Namespace) -> pg.Model:
-    """Load a model file, or the built-in model with this name. Raises PgraphError."""
+def open_model(args: Namespace, *, told: bool = False) -> pg.Model:
+    """Load a model file, or the built-in model with this name. Raises PgraphError.
+
+    What acts in the file and is missing goes to stderr, unless the command has `told` it itself.
+    """
     path = model_path(args.model)
     if path.suffix.lower() == ".zip":
-        model, report = read_file(args)
-        return report.noted(model)
-    return pg.load(path, roots=roots(args), arguments=dict(args.argument))
+        read, report = read_file(args)
+        model = report.noted(read)
+    else:
+        model = pg.load(path, roots=roots(args), arguments=dict(args.argument))
+    for text in () if told else model.lost:
+        print(f"left out: {plain(text)}", file=sys.stderr)
+    return model
 
 
 def read_file(args: Namespace) -> tuple[pg.Model, pg.Report]:

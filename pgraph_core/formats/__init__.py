@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import FileError, InputError, Problem, explained, shown
-from ..file_kinds import HEAD, first_element
+from ..file_kinds import HEAD, first_element, is_json
 from ..markup import ordinary
 from ..model import Model
 from ..model.files import FOREIGN, refuse_kind
@@ -129,4 +129,6 @@ def reader_of(path: str | Path) -> Any:
     except (OSError, ValueError):
         return by_suffix  # its reader reports why the file cannot be read
     refuse_kind(path, head)
+    if is_json(head):
+        return None  # a model of Pgraph, whatever its name
     return ROOTS.get(first_element(head), by_suffix)

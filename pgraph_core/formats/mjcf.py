@@ -180,7 +180,7 @@ class _Files:
     def spec(self, mujoco: Any) -> Any:
         """Return MuJoCo's spec for the file, read as text if MuJoCo does not know the suffix."""
         path = self.roots[0][0].absolute()
-        if path.suffix.lower() in (".xml", ".urdf"):
+        if path.suffix in (".xml", ".urdf"):
             return mujoco.MjSpec.from_file(str(path))
         included = {str(file): file.read_bytes() for file, _ in self.roots[1:]}
         spec = mujoco.MjSpec.from_string(path.read_text(), include=included)

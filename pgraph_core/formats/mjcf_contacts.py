@@ -102,15 +102,62 @@ class Contacts:
                 }
 
     def contacts(self, bodies: list[dict[str, Any]]) -> Iterator[Contact]:
-        """Yield contacts by MuJoCo's rules. Pairs that share one law become one contact of '*'."""
+        """Yield contacts by MuJoCo's rules. Pairs that share one law become one contact of '*'.
+
+        If trees of bodies are alike, two of each kind say whether that is so.
+        """
         solid = {
             b["name"] for b in bodies if any(s.get("role") != "visual" for s in b.get("shapes", ()))
         }
-        laws = self._laws()
+        every = [*range(self.m.nbody)]
+        few = self._two_of_each_kind()
+        if len(few) < len(every):
+            found = self._laws(few)
+            here = solid & {"world", *(self.reader.names[b] for b in few)}
+            contacts = [*self._contacts(here, found[0], few)]
+            uniform = all(c.body == EVERY for c in contacts)
+            if uniform and all(len(laws) == 1 for laws in found[0].values()):
+                self._tell(*found)
+                yield from contacts
+                return
+        found = self._laws(every)
+        self._tell(*found)
+        yield from self._contacts(solid, found[0], every)
+
+    def _two_of_each_kind(self) -> list[int]:
+        """Return the bodies of at most two of the trees that no rule of contacts tells apart."""
+        m, own = self.m, self._rules()
+        geoms: dict[int, list[Any]] = {}
+        for g in range(m.ngeom):
+            geoms.setdefault(int(m.geom_bodyid[g]), []).append((bool(m.touching[g]), *own[g][1:]))
+        roots = m.body_rootid.tolist()
+        ends = [(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature]
+        ends += [(int(m.geom_bodyid[g]), int(m.geom_bodyid[h]))
+                 for g, h in zip(m.pair_geom1, m.pair_geom2)]  # fmt: skip
+        named = {roots[b] for pair in ends for b in pair}
+        trees: dict[int, list[int]] = {}
+        for b, root in enumerate(roots):
+            trees.setdefault(root, []).append(b)
+        kinds, kept = Counter[Any](), list[int]()
+        for root, tree in trees.items():
+            above = [(int(m.body_parentid[b]) - root, int(m.body_weldid[b]) - root) for b in tree]
+            rows = [(*pair, *geoms.get(b, ())) for pair, b in zip(above, tree)]
+            fixed = root in named or m.body_weldid[root] == 0
+            kind = root if fixed else (len(tree), *rows[0][1:], *rows[1:])
+            kinds[kind] += 1
+            if kinds[kind] <= 2:
+                kept += tree
+        return kept
+
+    def _contacts(
+        self, solid: set[str], counted: dict[tuple[str, str], Counter[Law]], among: list[int]
+    ) -> Iterator[Contact]:
+        """Yield the contacts between solid bodies, of the pairs `among` bodies of MuJoCo."""
+        laws = {pair: max(each) for pair, each in counted.items()}
         floor = {
             body: law for (body, other), law in laws.items() if other == GROUND and body in solid
         }
-        moving = {n for b, n in enumerate(self.reader.names) if b and self.m.body_weldid[b] != 0}
+        moving = {self.reader.names[b] for b in among if b and self.m.body_weldid[b] != 0}
         if floor and set(floor) == solid & moving == solid and len(set(floor.values())) == 1:
             yield _contact("floor", EVERY, GROUND, next(iter(floor.values())))
         else:
@@ -118,29 +165,33 @@ class Contacts:
         pairs = {
             pair: law for pair, law in laws.items() if GROUND not in pair and set(pair) <= solid
         }
-        if pairs and len(set(pairs.values())) == 1 and set(pairs) == self._all_pairs(solid):
+        if pairs and len(set(pairs.values())) == 1 and set(pairs) == self._all_pairs(solid, among):
             yield _contact("bodies", EVERY, EVERY, next(iter(pairs.values())))
             return
         for (body, other), law in pairs.items():
             yield _contact(f"{body}, {other}", body, other, law)
 
-    def _all_pairs(self, solid: set[str]) -> set[tuple[str, str]]:
+    def _all_pairs(self, solid: set[str], among: list[int]) -> set[tuple[str, str]]:
         """Return the pairs covered by '*' and '*', excluding those connected by a joint or weld."""
         m, names = self.m, self.reader.names
         found: set[tuple[str, str]] = set()
-        for b in range(1, m.nbody):
-            for a in range(1, b):
+        for n, b in enumerate(among):
+            for a in among[:n] if b else ():
                 tied = m.body_parentid[b] == a or m.body_weldid[a] == m.body_weldid[b]
-                if not tied and names[a] in solid and names[b] in solid:
+                if a and not tied and names[a] in solid and names[b] in solid:
                     found.add((names[a], names[b]))
         return found
 
-    def _laws(self) -> dict[tuple[str, str], Law]:
-        """Return the friction for all pairs (body, other), treating all planes as one ground."""
+    def _laws(self, among: list[int]) -> tuple[dict[tuple[str, str], Counter[Law]], dict[int, str]]:
+        """Return ({(body, other): pairs of geoms by friction}, owners of geoms) of some bodies.
+
+        All planes are one ground.
+        """
+        kept = {*among}
         m = self.m
         excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature}
         excluded |= {(b, a) for a, b in excluded}
-        able = [g for g in range(m.ngeom) if m.touching[g]]
+        able = [g for g in range(m.ngeom) if m.touching[g] and int(m.geom_bodyid[g]) in kept]
         owners = {g: self._owner(g) for g in able}
         alike: dict[Any, list[int]] = {}
         rules = self._rules()
@@ -165,7 +216,11 @@ class Contacts:
         for (g, h), law in listed.items():
             if (pair := self._pair(g, h)) is not None:
                 found.setdefault(pair, Counter())[law] += 1
-        found = {pair: +laws for pair, laws in found.items() if +laws}
+        return {pair: +laws for pair, laws in found.items() if +laws}, owners
+
+    def _tell(self, found: dict[tuple[str, str], Counter[Law]], owners: dict[int, str]) -> None:
+        """Report what is approximated in contacts."""
+        m = self.m
         mixed = [pair for pair, laws in found.items() if len(laws) > 1]
         if mixed:
             text = f"{len(mixed)} pairs of bodies whose geoms differ in friction have the largest"
@@ -191,7 +246,6 @@ class Contacts:
                 f"{wide} geoms or pairs have a margin and push before they touch; here they do not"
             )
             self.report.add("approximated", self.reader.path.name, text)
-        return {pair: max(laws) for pair, laws in found.items()}
 
     def _rules(self) -> list[Any]:
         """Return, for each geom, the properties that determine its contacts and their friction."""

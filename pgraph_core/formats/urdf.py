@@ -536,9 +536,8 @@ class _Reader(Shapes):
                 if child.tag not in known:
                     seen[child.tag] += 1
                     first.setdefault(child.tag, child.line)
-                    if child.tag in ACTING and any(
-                        x.strip("0. ") for x in child.attributes.values()
-                    ):
+                    given = [x for e in child.inside() for x in (e.text, *e.attributes.values())]
+                    if child.tag.lower() in ACTING and any(x.strip("0. \n\t") for x in given):
                         acting.add(child.tag)
         read = sorted(KNOWN | OF_LINK | OF_JOINT)
         for tag, count in seen.items():

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import FileError, ModelError, Problem, choices, nearest_first, shown
 from ..fields import GROUND, Frozen, OfKinds, facts
-from ..file_kinds import MINE, MODELS, first_element, kind_of
+from ..file_kinds import MINE, MODELS, first_element, is_json, kind_of
 from ..forces import Force
 from ..joints import PER_MOTION
 from ..markup import content_of, reason_of
@@ -246,7 +246,8 @@ def read(path: str | Path) -> str:
     try:
         content = content_of(path, LARGEST)
         refuse_kind(path, content)
-        if first_element(content) in MINE:
+        foreign = Path(path).suffix.lower() in FOREIGN and not is_json(content)
+        if foreign or first_element(content) in MINE:
             raise FileError(Problem(shown_path(path), "", NOT_OURS))
         return content.decode()
     except UnicodeDecodeError as error:

@@ -142,8 +142,6 @@ class Model(Editable):
             If the model is not valid.
         """
         path = files.found(path)
-        if Path(path).suffix.lower() in files.FOREIGN:
-            raise FileError(Problem(files.shown_path(path), "", files.NOT_OURS))
         folder = Path(path).parent
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 
