@@ -12,7 +12,7 @@ from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, I2, f8, void
 from .loads import LOADS, put_in_knots
 
-COLUMNS, OWN_COLUMNS = 5, 2
+COLUMNS, OWN_COLUMNS = 5, 3
 (
     NUMBER, TIME, Q, V, ADD, SUB, MUL, DIV, MIN, MAX, CHOOSE, LESS, AT_MOST, ABS, SQRT, SIN, COS,
     TAN, EXP, LOG, ASIN, ACOS, ATAN, POW, BLEND,
@@ -23,8 +23,9 @@ JUMPING = CHOOSE, LESS, AT_MOST, HELD + LESS, HELD + AT_MOST  # operations whose
 # in the second row of a held comparison: 1 if it is true, -1 if not, 0 if not held; in between the
 # motion slides along its margin, with a share of both sides
 SIDE = 1
-# in the first one: how close to zero the margin was where it may have turned, and when
-NEAREST, WHEN = 5, 6
+# in the first one: how close to zero the margin was where it may have turned, and when; and where
+# the comparison changed last, which is as far from zero as the margin of what rests there
+NEAREST, WHEN, REST = 5, 6, 7
 # where a value goes: the instruction, DRIVE, a kind of load, counted from 1, or LAW, the first knot
 # or pair, how many, the column; the number of its part, and 1 once the value was not valid
 DRIVE, LAW = 0, 1 + len(LOADS)

@@ -138,3 +138,20 @@ def test_a_threshold_that_ends_a_slide_is_not_told(options):
     model = pg.Model(bodies=(body,), gravity=(0, 0, 0), forces=(motor,))
     run = pg.simulate(model, t_end=2.9, frames=31, **options)
     assert not any("not decided" in text for text in run.notices)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"method": "radau5", "rtol": 1e-6}, {"method": "rk4", "step": 0.01}], ids=label
+)
+@pytest.mark.parametrize("limit", [0.1, 0.2, 0.6, 3.0])
+def test_an_integral_that_rests_at_its_bound_is_not_told(limit, options):
+    """The state of a clamped PID stays at its bound, up to rounding, and leaves it later."""
+    body = pg.Body(name="b", axes=((0, 0, 1),), inertia=(1, 1, 1), v=[0.4])
+    gains = {"kp": 12.0, "ki": 4.0, "kd": 2.0, "filter": 0.05, "setpoint": 1.3}
+    pid = pg.PID(name="c", signal="=q.b", low=-limit, high=limit, **gains)
+    motor = pg.Motor(name="f", body="b", torque="=x.c")
+    run = pg.simulate(
+        pg.Model(bodies=(body,), forces=(motor,), controls=(pid,)), t_end=4.0, **options
+    )
+    assert run.status.ok
+    assert not any("not decided" in text for text in run.notices)

@@ -34,6 +34,7 @@ from ..signals import (
     MUL,
     NEAREST,
     NUMBER,
+    REST,
     SIDE,
     SIN,
     SQRT,
@@ -123,9 +124,12 @@ def take_sides(run, code):
     see(run, code, at.Y, control.time)
     for i in range(0, code.shape[0], 2):
         if code[i, 0] >= HELD:
-            code[i + 1, SIDE] = side_of(code, i)
+            side = side_of(code, i)
+            if code[i + 1, SIDE] == -side:
+                code[i, REST] = abs(margin_of(code, i))
+            code[i + 1, SIDE] = side
             if opened_run(run).counters[0].steps == 0:
-                code[i, NEAREST] = math.inf
+                code[i, NEAREST], code[i, REST] = math.inf, 0.0
     if control.slid > 0:
         blend(code, control.slid, control.share)
     control.sided = 1
@@ -246,8 +250,10 @@ def judged(code, t, share, width):
             found = CHANGED
         if turns and abs(side) == 1.0 and share > 0.0 and (sure or share < 2.0 * SHORTEST):
             near = max(b[0] - a[1] if side > 0.0 else a[0] - b[1], 0.0)
-            ends = min(abs(code[i + 1, BEGIN]), abs(margin_of(code, i)))
-            if near < min(ends, code[i, NEAREST]):  # else it turns away from zero
+            begin, end = abs(code[i + 1, BEGIN]), abs(margin_of(code, i))
+            rest = ROUNDING * (abs(operand(code, i, 1)) + abs(operand(code, i, 2)))
+            comes = end < begin and begin - code[i, REST] > rest  # else it leaves, or it rests
+            if comes and near < min(end, code[i, NEAREST]):
                 code[i, NEAREST], code[i, WHEN] = near, t
         put_range(
             code, i, range_held(op - HELD, side, a, b), rate_held(op - HELD, side, by_a, by_b)
