@@ -137,6 +137,10 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
         return "; write scipy's Rotation.from_matrix(R).as_quat(scalar_first=True)"
     if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 6:
         return "; of six moments write the matrix ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))"
+    if callable(given) and "expression" in (field.description or ""):
+        return "; write it, as '=2*sin(3*t)'; of functions simulate takes tau=f(t, q, v)"
+    if isinstance(given, (list, tuple)) and "table" in (field.description or ""):
+        return "; values over time are pg.Table(t=[...], value=[...])"
     if isinstance(given, str) and "expression" in (field.description or ""):
         return f"; an expression begins with '=': '={given.strip()}'" * given.isprintable()
     if isinstance(given, str) and (number := re.match(r"\s*[-+.\deE]*\d[.\deE]*\s+(?=\D)", given)):

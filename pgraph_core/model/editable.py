@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, cast
 
 from ..errors import ModelError, Problem, explained, shown
 from ..fields import GROUND, fields_of, listed, whole
@@ -260,13 +260,19 @@ class Editable(Description):
             model = model.close_loop(changes.get("name", name), parent)
         return model
 
-    def add(self, part: Part | Ground, /, *, after: str | None = None) -> Self:
+    def add(
+        self,
+        part: Part | Ground | Sequence[Part | Ground],
+        /,
+        *more: Part | Ground,
+        after: str | None = None,
+    ) -> Self:
         """Return a new model with one additional part.
 
         Parameters
         ----------
-        part : Body, Constraint, Contact, Force, Scenario, Site, Output or Control
-            The part to add. A Ground replaces the existing ground.
+        part, *more : Body, Constraint, Contact, Force, Scenario, Site, Output or Control
+            The parts to add, or one list of them. A Ground replaces the existing ground.
         after : str, optional
             Name of the part of the same kind that it follows. By default it becomes the last.
 
@@ -280,6 +286,10 @@ class Editable(Description):
         ModelError
             If the part does not fit the model.
         """
+        if more or (isinstance(part, (list, tuple)) and part):
+            first, *others = (part, *more) if more else cast("Sequence[Part]", part)
+            new = self.add(first, after=after)
+            return new.add(*others) if others else new
         if isinstance(part, Ground):
             return self.replace(ground=part)
         if not isinstance(part, Part):
