@@ -190,18 +190,13 @@ class Carried:
 
     def _advanced(self, run: int, budget: int) -> int:
         given, corners = (self._addresses, self._step, self._note, self.out), self._corners
-        if corners is None:
-            return self._kernel(run, self._advance, *given, budget)
-        code, control = at.RUNNING, corners.record.steps.control
-        while budget > 0 and code == at.RUNNING:
-            ahead = corners.next - float(control["time"])
-            part = max(1, int(min(0.5 * ahead / (float(control["old_width"]) or np.inf), budget)))
-            budget -= part
-            code = self._kernel(run, self._advance, *given, part)
-            if float(control["time"]) >= corners.next and (why := corners.passed()):
-                self.out[:, corners.frame :] = np.nan
-                self.stop(corners.record, why)
-                break
+        until = np.inf if corners is None else corners.next
+        code = self._kernel(run, self._advance, *given, until, budget)
+        if corners is None or corners.record.steps.control["time"] < until:
+            return code
+        if why := corners.passed():
+            self.out[:, corners.frame :] = np.nan
+            self.stop(corners.record, why)
         return code
 
     def take_plan(self, plan: RunPlan) -> None:

@@ -323,12 +323,13 @@ def note_duals(run, numbers, i, out):
         wanted[i, n] = stages[row, n]
 
 
-@kernel(i8(i8, i8, I1, i8, i8, F4, i8), nogil=True, later=True)
-def advance_with_duals(run, advance, others, step, note, out, budget):
+@kernel(i8(i8, i8, I1, i8, i8, F4, f8, i8), nogil=True, later=True)
+def advance_with_duals(run, advance, others, step, note, out, until, budget):
     """`advance_run` with the runs of duals at the addresses `others`. Returns its status code.
 
-    The function returns after a step that ends at a change of a comparison, or that slides along
-    its threshold. `out` (others, frames, nq + nv, WIDTH) gets their states at the frames.
+    The function returns after a step that ends at a change of a comparison, that slides along its
+    threshold, or that reaches the time `until`. `out` (others, frames, nq + nv, WIDTH) gets their
+    states at the frames.
     """
     control, counters = opened_run(run).control[0], opened_run(run).counters[0]
     crosses = opened_run(run).links.cross != 0
@@ -344,5 +345,7 @@ def advance_with_duals(run, advance, others, step, note, out, budget):
         if code != at.RUNNING:
             return code
         if crosses and counters.steps > steps and (control.sided == 0 or control.slid > 0):
+            break
+        if control.time >= until:
             break
     return at.RUNNING
