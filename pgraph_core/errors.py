@@ -109,9 +109,9 @@ class Suggests:
 def guarded(**advice: str) -> Callable[[Called], Called]:
     """Make a class reject attempts to set public attributes from outside.
 
-    Its own methods write them with `vars(self)`. `advice` maps attribute names (several are joined
-    by "_or_") to a hint. The key "other" applies to all remaining names. Subclasses defined by
-    users add their own attributes.
+    Methods of the class assign them through `vars(self)`. `advice` maps attribute names (several
+    are joined by "_or_") to a hint. The key "other" applies to all remaining names. Subclasses
+    defined by users add their own attributes.
     """
     told = {name: text for names, text in advice.items() for name in names.split("_or_")}
 
@@ -262,7 +262,8 @@ BARE = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, str
 
 
 def explained(called: Called) -> Called:
-    """Wrap a function, or a class's public methods, so that bare errors become readable messages.
+    """Wrap a function, or the public methods of a class, to convert exceptions into readable
+    messages.
 
     A call that fails with an error of Python's own is looked at then: arguments that the signature
     does not take, or whose type is not the annotated one, raise InputError. Other exceptions are

@@ -74,10 +74,10 @@ class Facts(NamedTuple):
     """The dimension, role, first schema version and help text of a field.
 
     The role determines how the value changes under reflection. A `point`, `direction` or `vector`
-    is reflected, an `axial` vector the other way round. A `frame` is a quaternion, a `tensor` has 3
-    by 3 numbers, a `screw` 6 by 6. A `joint` depends on the motions of a joint. `parts` have their
-    own fields. Everything else stays. A file that gives the field a value other than its default
-    needs the schema version `since`.
+    is reflected. An `axial` vector is reflected with the opposite sign. A `frame` is a quaternion,
+    a `tensor` has 3 by 3 numbers, a `screw` 6 by 6. A `joint` depends on the motions of a joint.
+    `parts` have their own fields. Everything else stays. A file that gives the field a value other
+    than its default needs the schema version `since`.
     """
 
     dim: Dim | None  # None: not a number
@@ -414,7 +414,7 @@ class Frozen(_Base):
     def copy(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, update: Mapping[str, Any] | None = None, deep: bool = False
     ) -> Self:
-        """Call `model_copy`, which validates, unlike pydantic's own `copy`."""
+        """Call `model_copy`, which validates the copy."""
         return self.model_copy(update=update, deep=deep)
 
     @classmethod

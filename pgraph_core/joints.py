@@ -135,7 +135,12 @@ def joint_problems(
     if joint != "compound" and _kinds(motions) != _kinds(DEFAULT[joint]):
         found.append(("motions", f"do not match a {joint} joint; use joint 'compound'"))
     if any(m.kind == "free" for m in motions) and len(motions) > 1:
-        found.append(("motions", "a free motion stands alone; use ball and translate motions"))
+        found.append(
+            (
+                "motions",
+                "a free motion cannot be combined with others; use ball and translate motions",
+            )
+        )
     if nv(motions) > 6:
         found.append(("motions", f"give {nv(motions)} degrees of freedom; at most 6"))
     for m in motions:

@@ -86,7 +86,7 @@ class Source:
         *,
         infinite: bool = False,
     ) -> tuple[float, ...]:
-        """Return the numbers in an attribute, with the same count as `default`.
+        """Return the numbers in an attribute, which must have the same length as `default`.
 
         The numbers must be finite unless `infinite` is True. Raises FileError.
         """
@@ -201,7 +201,7 @@ def parse_markup(content: bytes, name: str) -> Element:
             open_elements[-1].text += characters
 
     def doctype(*_: object) -> None:
-        raise refuse("has a document type (<!DOCTYPE>); remove it: models need no entities")
+        raise refuse("has a document type (<!DOCTYPE>), which is not allowed; remove it")
 
     begun = content.lstrip()
     if begun.startswith(b"<?xml"):  # blank lines before it are common, and expat refuses them

@@ -195,7 +195,7 @@ def sweep(args: Namespace) -> Answer:
         raise pg.InputError(pg.Problem("sweep", twice, text))
     for path, values in args.set if args.samples == "grid" else ():
         if isinstance(values, tuple):
-            text = "is a range, of which a grid takes no points: give PATH=first:last:points, "
+            text = "is a range without a number of points: write PATH=first:last:points, "
             raise pg.InputError(pg.Problem("sweep", path, f"{text}or --samples"))
     bar = progress_bar()
     table = pg.sweep(
@@ -266,7 +266,7 @@ TAKES = {  # the options that each kind of file accepts
     takes("--live", action="store_true", help="a figure that the reader can run, pull and change"),
     takes(
         "--open", action="append", default=[], metavar="PATH[=LOW:HIGH]",
-        help="numbers that the reader may change, as bodies.lower.mass=0.2:5; may be repeated",
+        help="parameter with a slider, such as bodies.lower.mass=0.2:5; may be repeated",
     ),
     takes("--what", choices=("view", "digraph", "plot"), default="view", help="in a picture"),
     takes("--columns", type=names, default=(), metavar="A,B",

@@ -119,7 +119,7 @@ def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Ba
 def _problem(study: pg.Study) -> str:
     """Return the reason for a missing recommendation, or ""."""
     if not any(row.ok for row in study.rows):
-        return next((row.reason for row in study.rows if row.reason), "no run reached the end")
+        return next((row.reason for row in study.rows if row.reason), "no run reached the end time")
     if study.target is None:
         return ""
     try:

@@ -194,7 +194,8 @@ def page_events() -> dict[str, TypeAdapter[Any]]:
 
 
 def from_page(client: int, text: str) -> FromPage:
-    """Parse a page's message `{"event": name, ...fields}` into an event, or Misread if invalid."""
+    """Convert a message `{"event": name, ...fields}` of a page into an event, or Misread if it is
+    invalid."""
     try:
         fields = json.loads(text)
         adapter = page_events()[fields.pop("event")]

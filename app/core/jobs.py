@@ -114,7 +114,7 @@ class Failed(News):
 
 
 class Worker:
-    """Does the jobs of a kind in a thread once the kernels are ready, until they are dropped."""
+    """Runs the jobs of one kind in a thread once the kernels are ready."""
 
     def __init__(
         self, kind: type[J], work: Callable[[J, Report], Any], send: Callable[[Event], None]

@@ -1,8 +1,8 @@
 """The rows of a model on the pages: ids of rows with names, and rows that events name by place.
 
 A page keeps a row, with what is typed in it, by its id. A row without a name, such as a contact
-point, is named by its place. An event carries the version of the model for which it was typed, and
-is refused if rows have come, gone or moved since.
+point, is identified by its index. An event contains the version of the model for which it was
+created, and is rejected if rows have since been added, removed or moved.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pgraph_core.model.checks import PARTS
 from .cells import Refusal
 
 LISTS = (*PARTS, "parameters")  # lists of a model whose rows have names
-GONE = "The row was deleted meanwhile, so the typed value was not used."
+GONE = "The row has been deleted, so the typed value was not used."
 MOVED = "Rows were added or removed after this was typed. Check its row, then press Enter again."
 PLACED = {  # fields whose cells are in rows without names
     "points", "coefficients", "steps", "motions", "axes", "q", "v", "constraints", "contacts",
@@ -96,5 +96,5 @@ def scenario(rows: Rows, model: pg.Model, chosen: str, event: Any) -> str:
         return chosen
     known = {number: name for name, number in rows.named(model, "scenarios").items()}
     if event.scenario not in known:
-        raise Refusal("The scenario was deleted meanwhile.")
+        raise Refusal("The scenario has been deleted.")
     return known[event.scenario]

@@ -102,7 +102,7 @@ class Client:
 
     @property
     def aims(self) -> bool:
-        """True if clicks in its 3D view do something other than select a body."""
+        """True if clicks in the 3D view do not select bodies."""
         return False
 
     def choosing(self, body: str | None, bodies: tuple[str, ...]) -> Self:

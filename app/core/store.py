@@ -125,7 +125,8 @@ class Store:
     def start(self, views: Sequence[View], workers: Sequence[View] = ()) -> None:
         """Draw for the first time, then start processing events.
 
-        Workers follow every event at once; pictures wait for `ready`, and the newest is drawn.
+        Workers process every event immediately. Pictures wait for `ready`, after which the most
+        recent picture is drawn.
         """
         self._views, self._workers = views, workers
         self._render(self._workers, self.state, self.state)

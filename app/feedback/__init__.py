@@ -240,7 +240,7 @@ def _ran(model: pg.Model, how: dict[str, Any]) -> pg.Result:
 # -- design of a state feedback by clicks (pure) ---------------------------------------------------
 
 
-AGAIN = "The model was changed meanwhile; these are its gains now. Check them, then add them."
+AGAIN = "The model has changed, so the gains were updated. Check them before you add them."
 
 
 class OpenFeedback(FromPage):

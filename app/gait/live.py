@@ -133,8 +133,8 @@ def _begin(work: Callable[[Any], None], of: Any) -> None:
 class Share:
     """Fraction of a processor available to this thread, averaged over the latest parts.
 
-    On a busy processor, many short parts would block Python's lock for the other threads, because a
-    thread keeps it while it is preempted.
+    On a busy processor, many short segments would block the GIL for other threads, because a
+    preempted thread does not release it.
     """
 
     def __init__(self) -> None:

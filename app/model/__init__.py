@@ -115,7 +115,7 @@ S = TypeVar("S", bound=State)
 
 
 class Undo(FromPage):
-    """Undo the last edit, no matter who made it. Also restore the run of that model."""
+    """Undo the last edit, no matter who made it. Also restore the run of this model."""
 
     def applied(self, state: State) -> State:
         return _gone(state, "undo", "redo")
@@ -245,7 +245,7 @@ def _small_enough(model: pg.Model, report: pg.Report) -> Found:
 
 
 class OpenArchive(FromPage):
-    """Open a zip with a model and its meshes, read by the page, in an errand."""
+    """Start a job that opens a zip file with a model and its meshes."""
 
     name: Text
     content: Annotated[str, Field(max_length=16_000_000)]  # base64
@@ -409,7 +409,7 @@ class ErrandDone(Event):
         if self.problem:
             return told(state, client, Notice(f"Not done: {label}", self.problem, bad=True))
         if errand.model is not state.model:
-            text = "The model was changed meanwhile; try again."
+            text = "The model has changed. Try again."
             return told(state, client, Notice(f"Not done: {label}", text, bad=True))
         changes: dict[str, dict[str, Any]] = {name: dict(x) for name, x in found.changes.items()}
         if changes:
@@ -423,7 +423,7 @@ class ErrandDone(Event):
 def sent(state: S, client: int, label: str, work: Callable[[pg.Model], Found], **more: Any) -> S:
     """Start a job for the current model, with `more` fields of an `Errand`.
 
-    An errand `apart` is refused while another one reads a file for the same page.
+    A job with `apart` is rejected while another job reads a file for the same page.
     """
     if more.get("apart") and (other := reading(state, client)) is not None:
         text = f"{other.file or other.label} is still being read; cancel it first."

@@ -152,7 +152,7 @@ def quaternion(vector: np.ndarray) -> np.ndarray:
 def posed(state: State, name: str, index: int, value: float) -> Pose:
     """Return the displayed pose with one coordinate moved and the loops closed.
 
-    Raises PgraphError with the sentence to show if they cannot close.
+    Raises PgraphError with the message to display if the loops cannot be closed.
     """
     model, top, q = state.model, pg.Topology.of(state.model), shown_q(state)
     number = top.number(name)
@@ -236,8 +236,9 @@ def pull_force(
 ) -> np.ndarray:
     """Return the (3,) pull force [N] towards `target` on a body at `point` moving with `velocity`.
 
-    A spring that would swing `mass` [kg], the model's, at FREQUENCY, critically damped; never
-    more than WEIGHTS times its weight, so that a far mouse does not tear the model apart.
+    A critically damped spring with the natural frequency FREQUENCY for the `mass` [kg] of the
+    model. The force is limited to WEIGHTS times the weight, so that a distant pointer does not
+    cause excessive forces.
     """
     omega = 2 * math.pi * FREQUENCY
     force = mass * (omega**2 * (target - point) - 2 * omega * velocity)

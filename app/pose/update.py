@@ -176,7 +176,7 @@ class DragBody(FromPage):
 
 
 class Pull(FromPage):
-    """A pull of the mouse on `point` of a body, in body axes, towards `target` [m]."""
+    """A mouse force on `point` of a body, in body axes, towards `target` [m]."""
 
     body: Text
     point: Vector

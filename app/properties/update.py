@@ -96,7 +96,7 @@ class Mend(Typed, ModelEdit):
 
 def _label(event: Typed) -> str:
     field = event.field.removeprefix("shape_") if event.field != "shape_kind" else "shape"
-    field = {"derived": "what follows from the shapes"}.get(field, field)
+    field = {"derived": "fields derived from the shapes"}.get(field, field)
     several = f"{len(event.bodies)} bodies"
     of = event.bodies[0] if len(event.bodies) == 1 else several
     return f"{LABELS.get(event.field, field)} of {of}"

@@ -259,7 +259,8 @@ class _Form:
                      help=shows("limits").help, columns=2)  # fmt: skip
 
     def follows(self, row: Payload) -> Payload:
-        """Return a mass row with a badge if it follows from the shapes, or a button for that."""
+        """Return the row of the mass, with a badge if it is derived from the shapes, or a button to
+        derive it."""
         name = row["field"]
         if name in self.body.derived:
             note = "; ".join(filter(None, (row["note"], "follows from the shapes until you type")))
@@ -324,7 +325,7 @@ class _Form:
         return field("body_length", "Body length", cells, unit=unit, help=help)
 
     def material(self) -> Payload:
-        """Return the density from which the mass follows, as a number or by material."""
+        """Return the density that determines the mass, as a number or a material."""
         value = "" if self.body.density is None else self.body.density
         help = (
             "mass, centre of mass and inertia of a body that fills its shapes evenly; they follow "

@@ -115,7 +115,8 @@ class Run:
 
     @cached_property
     def travels(self) -> np.ndarray:
-        """Return (3,) 1 for each axis along which the centre travels TRAVELS times `size`, or 0."""
+        """Return an array (3,) with 1 for each axis along which the centre travels more than
+        TRAVELS times `size`, and 0 otherwise."""
         pose = np.asarray(self.result.body_pose)
         if not pose.size:
             return np.zeros(3)
@@ -559,7 +560,8 @@ class Advanced(News):
 
 
 def grown(live: Live, part: Any) -> tuple[tuple[Any, ...], tuple[int, ...]]:
-    """Append a part and count how often each was joined. The latest parts are joined in groups."""
+    """Append a segment and count how often each one was joined. The latest parts are joined in
+    groups."""
     parts, joined = [*live.parts, part], [*live.joined, 0]
     while joined[-1] < TWICE and joined[-TOGETHER:] == [joined[-1]] * TOGETHER:
         parts[-TOGETHER:] = [pg.joined(parts[-TOGETHER:])]

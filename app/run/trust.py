@@ -117,7 +117,7 @@ def _first_order(result: Any) -> bool:
 
 
 def drift(result: Any) -> str:
-    """Return the energy drift as a part of its range, such as '4.9 %', or "" if it is unknown."""
+    """Return the energy drift relative to its range, such as '4.9 %', or "" if it is unknown."""
     part = float(result.energy_drift)
     return "" if math.isnan(part) else f"{float(f'{100 * part:.2g}'):g} %"
 
@@ -207,7 +207,7 @@ def method(result: Any) -> str:
 
 
 def _accuracy(run: Run) -> str:
-    """Return the error estimate in lengths and angles, and as a part of the motion."""
+    """Return the error estimate as lengths and angles, and relative to the motion."""
     if math.isinf(float(run.result.error_estimate)):
         return f"known {_until(run.result)} only"
     return ": ".join(filter(None, (felt(run), run.result.accuracy.partition(", ")[2])))

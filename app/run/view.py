@@ -213,7 +213,8 @@ def _of_fields(kind: Any, owner: str, each: Sequence[Any]) -> list[list[str]]:
 
 
 def _text(value: Any) -> str:
-    """Return a value as short text; one that is no number, text or array of numbers has none."""
+    """Return a value as a short text, or "" if it is not a number, a text or an array of
+    numbers."""
     if value is None or isinstance(value, (str, bool)):
         text = "none" if value is None else str(value)
     else:

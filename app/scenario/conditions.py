@@ -356,7 +356,8 @@ def _when(switch: pg.Switch) -> dict[str, Any]:
 
 
 def _back(switch: pg.Switch) -> pg.Switch:
-    """Return the switch back, on the other side of a second value. Together they are a hysteresis.
+    """Return the reverse switch, which triggers at a second threshold. Together they are a
+    hysteresis.
 
     The second value lies BACK of the first one away from it.
     """

@@ -224,7 +224,7 @@ class AddSwitch(FromPage):
 
 
 class EditSwitch(EditOfScenario):
-    """Text typed into the cells of one field of a switch, or one of its buttons pressed."""
+    """Text typed into the cells of one field of a switch, or a click on one of its buttons."""
 
     serial: int
     number: Number

@@ -236,7 +236,8 @@ def travelled(state: State) -> np.ndarray:
 
 
 def followed(state: State) -> tuple[float, float, float]:
-    """Return the way of the bodies from their initial places [m], 0 where no camera follows them.
+    """Return the displacement of the bodies from their initial positions [m], or 0 for axes that
+    the camera does not follow.
 
     The result is the position of a node of the scene, which is updated in the same frame as the
     bodies.

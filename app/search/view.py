@@ -43,7 +43,7 @@ def searches(state: State) -> Payload:
 
 
 def drawn(state: State, curves: Curves) -> list[Payload]:
-    """Return the curves of the last run with the data that they are to follow."""
+    """Return the curves of the last run and the corresponding data."""
     asked = state.searching
     source = {signal: column for column, signal in asked.match.items() if signal}
     shown = []

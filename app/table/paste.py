@@ -54,9 +54,9 @@ def rows_of(
     """Return the model with the pasted lines, their bodies, and notes on changed entries.
 
     Lines are assigned to `rows` in order. Any additional lines become new rows, with unique names
-    if `rows` is empty. A new row of the table's own columns is a `rod`. If there are other columns,
-    the defaults of a model file are used, and the centre of mass is at the centre of the shapes or
-    the rod. Raises Refusal or PgraphError, naming the line.
+    if `rows` is empty. A new row with only the columns of the table is a `rod`. If there are other
+    columns, the defaults of a model file are used, and the centre of mass is at the centre of the
+    shapes or the rod. Raises Refusal or PgraphError, naming the line.
     """
     columns, units, lines = _table(text, column)
     for name in rows:
@@ -317,7 +317,7 @@ def _typed(
 
 
 def _number(body: pg.Body, field: str, at: Sequence[int], text: str, unit: str) -> float:
-    """Return the SI value of a number in the unit of its heading or its own unit, as typed.
+    """Return the SI value of a number, given in its own unit or the unit of its heading.
 
     The number is the entry `at` of its field, or all entries if several are given. Raises Refusal.
     """
@@ -328,7 +328,7 @@ def _number(body: pg.Body, field: str, at: Sequence[int], text: str, unit: str) 
     each = {name: x for name, x in known[0].items() if all(x == y.get(name) for y in known)}
     heading = next((name for name in each if _letters(name) == _letters(unit)), "")
     if unit and not heading:
-        allowed = f"use {' or '.join(each)}" if each else "it takes no unit here"
+        allowed = f"use {' or '.join(each)}" if each else "a unit is not allowed here"
         where = f" for number {at[0] + 1}" if len(at) == 1 and at[0] else ""
         raise Refusal(f"cannot be in {cells.quoted(unit)}{where}; {allowed}")
     if unit and _is_bare(text):
@@ -345,7 +345,7 @@ def _is_bare(text: str) -> bool:
 
 
 def _units(body: pg.Body, field: str, at: int) -> dict[str, str]:
-    """Return the heading units of an entry of a field, with the unit to type behind its number."""
+    """Return the heading units of an entry of a field, and the unit to type after its number."""
     typed = {unit: unit for unit in cells.UNITS[quantity_of(body, field, (at,))]}
     if field == "v":
         turns = {"rpm": "rpm"} if "rad" in typed else {}

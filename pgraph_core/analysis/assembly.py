@@ -222,8 +222,8 @@ def contradiction(mech: Dynamics, ended: Closing) -> list[Problem]:
     """Return the constraints that cannot be satisfied, individually or in combination, and their
     residuals.
 
-    Missed constraints are removed one after the other. A constraint without which the others still
-    cannot be met is not to blame. Joints that may be misplaced follow in the list.
+    Violated constraints are removed one after another. A constraint is not reported if the others
+    still cannot be satisfied without it. Joints that may be misplaced follow in the list.
     """
     rows = ended.rows
     for name in reversed(_missed(rows)):

@@ -46,8 +46,8 @@ class Balance:
         packed = mech.packed
         for control, _, own in states_of(mech.model):
             if own.sample:
-                text = "acts at samples, which a model or equilibrium in continuous time has "
-                text += "not; give it no sample time, or remove it"
+                text = "is sampled, which is not supported for continuous-time models and "
+                text += "equilibria; remove it or its sample time"
                 raise InputError(Problem(f"control {shown(control.name)}", "sample", text))
         self.drives = packed.drives(self.forces)
         self.loads = packed.loads(self.forces, states=True)
@@ -272,7 +272,7 @@ class Balance:
 
 
 def whole(q: Array, v: Array, s: Array) -> tuple[Array, Array]:
-    """Return q and v with states s (nx,) of controls behind them, as in `Packed.run`."""
+    """Return q and v followed by the control states s (nx,), as in `Packed.run`."""
     return (np.append(q, np.zeros_like(s)), np.append(v, s)) if len(s) else (q, v)
 
 

@@ -125,7 +125,7 @@ def lqr(
         try:
             P = solve_continuous_are(plant.A, plant.B, *weights)
         except (LinAlgError, ValueError) as error:
-            text = f"have no solution of Riccati's equation: {plant.fault() or error}"
+            text = f"do not lead to a solution of the Riccati equation: {plant.fault() or error}"
             raise InputError(Problem("lqr", "Q, R", text)) from None
         return solve(weights[1], plant.B.T @ P)
 
@@ -279,7 +279,9 @@ def _closed(
     missed = found.drift
     if np.abs(missed).max(initial=0.0) > NOTABLE * np.abs(found.A).max():
         k = int(np.argmax(np.abs(missed)))
-        text = f"no input holds this state: {names[k]} would change at {missed[k]:.3g}/s; give a "
+        text = (
+            f"no input can hold this state: {names[k]} would change at {missed[k]:.3g}/s; give a "
+        )
         raise InputError(Problem(call, "q", f"{text}q that mech.equilibrium(q) returns"))
     plant = _Plant(call, found.A, B, names, *zip(*((f.name, f.body) for f in drives)))
     K = np.atleast_2d(gains(plant))

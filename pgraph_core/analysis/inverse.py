@@ -209,7 +209,7 @@ def _unreached(mech: Dynamics, left: Array, actuated: Sequence[str] | None) -> P
     others = sorted((x, name) for name, x in missing.items() if name not in (actuated or ()))
     named = [name for x, name in reversed(others) if x > NOTABLE * most]
     by = "every joint" if actuated is None else choices(actuated) or "no joint"
-    text = f"the motion is not possible with torques of {by}: forces of up to {most:.3g} (N m or"
+    text = f"the motion cannot be produced by torques of {by}: forces of up to {most:.3g} (N m or"
     text = f"{text} N) are missing, in the joints of {choices(named, 6)}; name more joints"
     return Problem(DYNAMICS, "actuated", text)
 
@@ -265,7 +265,7 @@ def inverse_kinematics(
         targets = {targets: alone}
     elif alone:
         name = next(iter(alone)).replace("place", "position")
-        text = f"belongs to a target; give its name: mech.inverse_kinematics('hand', {name}=...)"
+        text = f"belongs to a target; name it: mech.inverse_kinematics('hand', {name}=...)"
         raise InputError(Problem(KINEMATICS, name, text))
     items = targets.items()  # before q: a call by position gives a body and its place
     starts = whole_number(KINEMATICS, "starts", starts, 1, MOST_STARTS)

@@ -1,6 +1,6 @@
 """Small motions about a state in independent coordinates: linearised dynamics and modes.
 
-States of controls stand behind the velocities. If possible, these states are chosen at rest.
+The control states follow the velocities. If possible, these states are chosen at rest.
 
 With constraints the equations are M a + C - τ = Jᵀλ, J a + γ = 0. Their variation along δq, δv uses
 the slopes of inverse dynamics at fixed v' and of Jᵀλ at fixed λ; δλ drops out on the null space of
@@ -332,15 +332,15 @@ def notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[s
         found.append(f"{text}'penalty' gives a contact one, a constraint of kind 'motion' a limit")
     at_rest = {name: np.abs(here.v[j.v]).max(initial=0.0) < CREEP for name, j in joints.items()}
     if rubs := [b.name for b in here.mech.model.bodies if any(b.friction) and at_rest[b.name]]:
-        text = f"{choices(rubs, 6)}: joint friction holds what rests and has no slope there; it is "
-        found.append(f"{text}taken for a damper, as below a speed of {CREEP:g} in a run")
+        text = f"{choices(rubs, 6)}: joint friction has no derivative at rest; it is "
+        found.append(f"{text}replaced by a damper, as below a speed of {CREEP:g} in a run")
     if len(here.loads.signals[1]) and (bent := _bent(here, names)):
-        text = "a force has a corner or a jump here, where the slopes of its sides differ"
+        text = "a force has a corner or a jump at this state, so its derivative is not unique"
         found.append(f"{bent}: {text}")
     timed = ["expressions"] if (here.loads.signals[0][::2, 0] == TIME).any() else []
     timed += [f"'{f.name}'" for f in here.forces if _is_timed(f)]
     if timed:
-        found.append(f"varying in time, taken at t = 0: {', '.join(timed)}")
+        found.append(f"time-dependent, evaluated at t = 0: {', '.join(timed)}")
     vdot = here.vdot
     forces = np.abs(here.M) @ np.abs(vdot)
     whole, load = here.torque(here.q, here.v), here.load_torque(here.q, here.v)
@@ -348,7 +348,7 @@ def notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[s
     if not np.any(here.v) and forces.max(initial=0.0) > NOTABLE * size.max(initial=1e-300):
         k = int(np.argmax(np.abs(vdot)))
         text = f"no equilibrium: v' of '{names[k]}' is {vdot[k]:.3g}, and `drift` is x' there; "
-        found.append(f"{text}the eigenvalues are of motion near a state that does not stay")
+        found.append(f"{text}the eigenvalues refer to motion near a state that is not stationary")
     rates, size = (np.abs(x) for x in (here.unrest[0], here.s)) if states else (NONE, NONE)
     if not np.any(here.v) and (rates > NOTABLE * np.maximum(size, 1.0)).any():
         k = int(np.argmax(rates))

@@ -361,7 +361,7 @@ def _instead(kind: str, directions: Sequence[str]) -> str:
     left = moved - turns[False], turned - turns[True]
     if kind in HELD and left == (0, 0):
         return "; it has no effect: delete it, or switch it off"
-    return f"; a '{HOLDING[left]}' would do" if left in HOLDING else ""
+    return f"; a '{HOLDING[left]}' would be sufficient" if left in HOLDING else ""
 
 
 def _of_all(m: Mobility) -> Iterator[Remark]:
@@ -372,18 +372,22 @@ def _of_all(m: Mobility) -> Iterator[Remark]:
         joints = [*dict.fromkeys(m.names)]
         holds = f"{_quoted(m.ties)} {'together lock' if len(m.ties) > 1 else 'locks'} the joint"
         holds += f"{'s' * (len(joints) > 1)} of {_quoted(joints)}"
-        yield Remark("", f"Nothing can move: {holds}. Check where and how they act.", True)
+        yield Remark("", f"No joint can move: {holds}. Check their positions and directions.", True)
     if m.redundant and m.dof + m.prescribed > 0:
-        text = "The motion is not affected, and the forces along these directions are those of "
-        yield Remark("", f"{text}least norm.")
+        text = "The motion is not affected. The forces of least norm are returned."
+        yield Remark("", text)
     if m.positions != m.dof:
         text = f"Velocities have {counted(m.dof, 'degree')} of freedom, positions {m.positions}: "
-        yield Remark("", f"{text}rolling and blades forbid velocities, not places.")
+        yield Remark("", f"{text}rolling and skate constraints only restrict velocities.")
     if m.moved > NOTABLE:
         text = f"This is the closest assembled position, up to {m.moved:.3g} (rad or m in a joint) "
         yield Remark("", f"{text}away.")
     if m.extra:
-        leads = "the branch taken follows the velocity" if m.finite else "they lead nowhere"
+        leads = (
+            "the velocity determines the branch"
+            if m.finite
+            else "the additional motions are infinitesimal"
+        )
         text = f"Singular position: {_quoted(m.joints)} can move in more ways; {leads}."
         yield Remark("", text, True)
     for n, way in enumerate(m.branches[:MOST_LISTED]):

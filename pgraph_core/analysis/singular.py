@@ -36,8 +36,8 @@ LIGHT = 10 * NULL  # ratio of masses whose rows differ from null rows, as n rows
 def redundancy(scene: Scene) -> str:
     """Return a message about redundant rows in the last factorisation, or "" if there are none.
 
-    A null direction of Ω is a combination of rows without effect. Its last row that is not the last
-    of another direction is called redundant, as in `mobility`.
+    A null direction of Ω is a combination of rows without effect. The last row of a direction that
+    is not the last row of another direction is reported as redundant, as in `mobility`.
     """
     count = int(scene.space.vectors[FACTORED, 1])
     blocks = sum(end - first for _, first, end in scene.spans)
@@ -49,7 +49,7 @@ def redundancy(scene: Scene) -> str:
     are = "row is" if len(rows) == 1 else "rows is" if len(chosen) == 1 else "rows are"
     return (
         f"{len(chosen)} of {len(rows)} constraint {are} redundant at the start: "
-        f"{', '.join(chosen[:ROWS_LISTED])}{more}; the forces are those of least norm"
+        f"{', '.join(chosen[:ROWS_LISTED])}{more}; the forces of least norm are returned"
     )
 
 
@@ -212,7 +212,8 @@ def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
 
 
 class Stretch(NamedTuple):
-    """A part of a run with the same active constraints, and where pivots dipped in it.
+    """A stretch of a run with the same active constraints, and the positions at which pivots were
+    small.
 
     The arrays are not shared, so that the run can be checked when its notices are read.
     """

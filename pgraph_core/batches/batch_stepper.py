@@ -41,7 +41,7 @@ CALL = "BatchStepper"
 MOST_COPIES = 10_000_000  # instances
 SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of its own
     "step": "all instances take the same step: give the batch a step=",
-    "t_end": "not supported: a batch takes the steps that `step` requests",
+    "t_end": "not supported: the steps of a batch are requested by calling `step`",
 }
 
 
@@ -496,7 +496,7 @@ class BatchStepper(Snapshots):
 def _compiled(tau: Any, varied: bool) -> Any:
     """Return the torques for all instances. Raises InputError if a function is not compiled."""
     if hasattr(tau, "acting") and varied:
-        text = "a controller uses one set of values; give the scenario with its gait"
+        text = "a controller only supports a single set of values; pass the scenario with its gait"
         raise _refused("tau", text)
     if callable(tau) and not hasattr(tau, "acting") and not made_by_numba(tau):
         text = "Python functions are not supported; compile it by "
@@ -551,9 +551,8 @@ def _tables(steppers: Iterator[Stepper]) -> tuple[Stepper, Ints, Ints, Ints]:
     others: list[tuple[Ints, Ints]] = []
     for stepper in steppers:
         if _shapes(stepper) != shapes:
-            text = "some values add or remove a spring, a damper, a shape or a part; instances "
-            text += "have one structure: start with values that are not zero (nor a gear of 1, "
-            text += "which is none)"
+            text = "some values add or remove a spring, a damper or another element, but all "
+            text += "instances have the same structure; start with nonzero values (not 1 for gears)"
             raise _refused("set", text)
         numbers = words_of(number_arrays(stepper))
         places = np.flatnonzero(numbers != base)

@@ -115,8 +115,8 @@ def _newton(
     """Return (λ, residual relative to the largest velocity) from damped Newton steps.
 
     The contact laws are the same as in `engine/contact/newton.py`. They are formulated as
-    projections onto the admissible set of λ ([Alart, Curnier 1991]). Impulses of each contact are
-    measured by its own mobility, so that no mass is large or small.
+    projections onto the admissible set of λ ([Alart, Curnier 1991]). Impulses are scaled by the
+    mobility of their contact, so the result does not depend on the scale of masses.
     """
     scale = np.ones(len(free))
     for row in rows:

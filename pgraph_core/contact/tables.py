@@ -312,8 +312,8 @@ def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
     """Return the parameters (10,) for PAIR_LAW, including defaults.
 
-    By default, the weight of the lightest touching tree compresses the contact by 1e-4 of the
-    bodies' size, and the damping gives the restitution.
+    By default, the weight of the lightest touching tree compresses the contact by 1e-4 of the size
+    of the bodies, and the damping is determined by the restitution.
     """
     friction = c.frictions(model.ground)
     further = friction.static != friction.kinetic or friction.rolling or friction.spinning

@@ -352,8 +352,8 @@ def _compiled(function: Any, nq: int, nv: int, behind: int) -> Any:
     """Wrap the function in C's calling convention.
 
     It returns 0, or 1 and the number of torques if this number is not nv. If the function raises, τ
-    is not finite, because numba continues after errors. The number in the row behind τ is the time
-    of the last answer that was not finite.
+    is not finite, because numba continues after errors. The entry after τ is the time of the last
+    result that was not finite.
     """
     # a user's function that is compiled has brought numba
     from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]

@@ -47,7 +47,7 @@ OF_MODEL = "gravity_or_up_or_ground_or_name_or_bodies_or_constraints_or_contacts
 
 @guarded(**{
     OF_MODEL: "it is the model's: make a new one, mech = pg.Mechanism(mech.model.replace(...))",
-    "q_or_v_or_tau": "it has no state: pass q, v or tau to the call, as pg.simulate(mech, q=...)",
+    "q_or_v_or_tau": "a mechanism has no state: pass q, v or tau, as in pg.simulate(mech, q=...)",
     "other": "change a part by mech = mech.edit(name, ...); pass the rest to each call",
 })  # fmt: skip
 @explained

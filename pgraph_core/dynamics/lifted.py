@@ -1,4 +1,4 @@
-"""Tuples of arrays with derivatives: numbers become duals, behind one address for kernels."""
+"""Tuples of arrays with dual numbers, which kernels access by a single address."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def sizes_of_states(x: Array, length: float) -> Array:
 
 
 class BodyMotion(NamedTuple):
-    """The motion of all bodies in world axes at their origins, with one row per body number."""
+    """The motion of all body origins in world axes, with one row per body number."""
 
     pose: Array  # (..., nb, 7) x y z [m], w x y z
     velocity: Array  # (..., nb, 6) angular [rad/s], linear [m/s]

@@ -163,7 +163,7 @@ def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
         if abs(slope) > SOLVED * max(abs(factor), abs(own_factor)):
             text = f"all joints of the loop are held, '{base[0]}' at q = {gap / slope:.6g}"
         elif abs(gap) > SOLVED * max(1.0, abs(at), abs(own_at)):
-            text = "no position of the joints meets all of its gears"
+            text = "no joint positions satisfy all of its gears"
         else:
             text = "the gear follows from the others"
         text = f"'{own[0]}' and '{other[0]}' follow each other in a closed loop of gears: {text}"
@@ -212,7 +212,7 @@ def unphysical(report: Report, where: str, name: str, inertia: np.ndarray) -> di
     if not why:
         return {}
     report.repairs[name] = nearest_inertia(inertia)
-    text = f"{why}; kept as given. `report.repaired(model)` takes the nearest that is possible"
+    text = f"{why}; kept as given. `report.repaired(model)` uses the closest valid inertia"
     report.add("warning", where, f"the inertia {text}", part=name)
     return {"any_inertia": True}
 
@@ -229,7 +229,7 @@ HEAVY = 4 / 3 * math.pi * DENSEST  # kg of one body: a ball of osmium with a rad
 
 
 def suspect_units(report: Report, model: Model, reach: float) -> None:
-    """Warn about numbers that look like millimetres, grams or degrees, using the `reach` [m]."""
+    """Warn about numbers that may be in millimetres, grams or degrees, using the `reach` [m]."""
     if reach > TALL:
         text = f"bodies are up to {reach:.4g} m apart: are the lengths in millimetres?"
         report.add("warning", report.file, text)
@@ -253,7 +253,7 @@ class MeshSize(NamedTuple):
 def suspect_meshes(report: Report, model: Model, reach: float, meshes: Iterable[MeshSize]) -> None:
     """Warn about meshes on moving bodies with sizes that suggest millimetres.
 
-    The size of the robot is the `reach` of its joints [m], or the largest radius of gyration.
+    The size of a robot is the `reach` of its joints [m], or the largest radius of gyration.
     """
     radii = (
         math.sqrt(abs(np.trace(np.array(body.inertia))) / 2 / body.mass)

@@ -571,7 +571,7 @@ class _Reader:
         return shape
 
     def _field(self, k: int) -> dict[str, Any]:
-        """Convert a heightfield. Its rows run along y in the file and along x here."""
+        """Convert a heightfield. The rows are along y in the file and along x in Pgraph."""
         m = self.m
         x, y, top, below = (float(s) for s in m.hfield_size[k])
         first, shape = int(m.hfield_adr[k]), (int(m.hfield_nrow[k]), int(m.hfield_ncol[k]))

@@ -146,7 +146,7 @@ class _Writer(ContactsOut):
         self.report.add("read", "", f"{len(bodies)} bodies written")
         if repairs := self.report.repairs:
             self.report.refused = (
-                f"MuJoCo will refuse it: no rigid body has the inertia of "
+                f"MuJoCo will reject it, because of the physically impossible inertia of "
                 f"{choices(map(shown, repairs))}; write `report.repaired(model)` instead, "
                 "or give `pgraph convert` the option --repair"
             )
@@ -187,7 +187,7 @@ class _Writer(ContactsOut):
         if last.mass or any(map(any, last.inertia)):
             own.add(Tag("inertial", pos=last.com, mass=last.mass, **self._inertia(last)))
         elif last.joint != "weld":
-            text = "it moves and has no mass, so MuJoCo may refuse it"
+            text = "it moves and has no mass, so MuJoCo may reject it"
             self.report.add("warning", f"body '{last.name}'", text, part=last.name)
         inertia = np.array(last.inertia)
         if last.any_inertia and (why := why_unphysical(inertia)):

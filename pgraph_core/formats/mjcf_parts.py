@@ -282,7 +282,7 @@ class Parts(Forces):
                 reader.left_out("pair", m.pair(p).name, "adhesion of a pair")
         drawn = {int(t) for k in m.textured for t in m.mat_texid[k] if t >= 0}
         if drawn:
-            text = f"{len(drawn)} textures: what has one is drawn in its mean colour"
+            text = f"{len(drawn)} textures: they are replaced by their mean colour"
             reader.report.add("approximated", reader.path.name, text)
         for count, what, acts in (
             (m.nflex, "flexible bodies", True),

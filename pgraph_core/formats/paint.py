@@ -46,7 +46,7 @@ def seen_in(file: Path) -> Seen:
 
 LOST = {
     "texture": "its textures are not drawn",
-    UNDEFINED: "it names materials that are not defined, whose faces have no colour",
+    UNDEFINED: "it refers to undefined materials, so their faces have no colour",
 }
 
 

@@ -293,7 +293,7 @@ class _Reader(Shapes):
             fields |= self._joint_fields(joint)
         elif self.base == "free":
             fields["joint"] = "free"
-            self.report.add("converted", where, "the root link floats, as asked", part=name)
+            self.report.add("converted", where, "the root link is free, as requested", part=name)
         else:
             fields["joint"] = "weld"
             text = "the root link is welded to the ground; base='free' lets it float"

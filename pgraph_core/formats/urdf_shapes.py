@@ -243,7 +243,7 @@ class Shapes:
         name = material.get("name")
         if name and name not in self.colours and not material.children:
             self.colours[name] = None
-            text = f"the colour {shown(name)}, which no material of the file defines"
+            text = f"the colour {shown(name)}, which is not defined by any material of the file"
             self.report.add("left out", self.source.at(material, "material"), text)
         return self.looks.get(material) or self.colours.get(name)
 

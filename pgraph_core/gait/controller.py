@@ -215,7 +215,7 @@ TUPLE = 192  # words that the controller's tuple takes
 
 
 def _store(exchange: Array, kept: Walk) -> None:
-    """Store the tuple behind the three rows of the exchange, where the kernel reads it."""
+    """Store the tuple after the three rows of the exchange, as expected by the kernel."""
     place = exchange[3:].reshape(-1).view(np.int64)
     if not JIT:
         _KEPT[place.ctypes.data] = kept

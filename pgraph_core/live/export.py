@@ -76,7 +76,7 @@ def exported(
 def page(run: Result, fields: Sequence[str] = (), live: bool = True) -> str:
     """Return the HTML page of a run, which only plays it unless it is `live`.
 
-    Raises InputError for fields that cannot stay open.
+    Raises InputError for fields that cannot be changed in the figure.
     """
     model = run.mechanism.model
     wanted = [opened(model, one) for one in fields]

@@ -2,8 +2,8 @@
 
 The browser must treat a field in the same way as Python. By a rule: every number that changes with
 it is a copy of the value, or a fixed multiple, or made of such copies in the table of bodies by the
-kernel that packs models; that is tried out at several values, byte for byte. Or of a list: the
-numbers for each of n values are worked out here and stored, also if no rule holds.
+kernel that packs models; that is tried out at several values, byte for byte. For a list of n
+values, the numbers are computed for each value and stored, even if no rule applies.
 """
 
 from __future__ import annotations
@@ -211,7 +211,8 @@ def _span(run: LiveRun, name: str) -> tuple[int, int]:
 def _differs(
     run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any
 ) -> str:
-    """Apply the browser's changes to the image. Return the first difference from `want`, or ""."""
+    """Apply the browser's changes to the image. Return the first difference from `want`, or "" if
+    there is none."""
     memory = bytearray(own)
 
     def view(name: str) -> Any:

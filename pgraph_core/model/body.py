@@ -504,7 +504,7 @@ def _count(n: int) -> str:
 
 
 def name_problems(name: str) -> list[Finding]:
-    """Return problems with names that display badly or that have a special meaning."""
+    """Return problems with names that cannot be displayed or have a special meaning."""
     if text := name_problem(name):
         return [("name", text)]
     if name == GROUND:

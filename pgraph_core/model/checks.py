@@ -91,7 +91,7 @@ def unknown(name: str, bodies: Bodies, *others: str) -> str:
     """Return an error for a name that is neither a body nor in `others`, else ""."""
     if name in bodies or name in others:
         return ""
-    text = "the ground does not move, so that nothing acts on it alone" * (name == GROUND)
+    text = "the ground does not move, so a force cannot act on the ground only" * (name == GROUND)
     text = text or f"no body is named '{name}'"
     return f"{text}; choose one of {choices((*others, *bodies))}"
 
@@ -169,7 +169,7 @@ def _coordinate_problem(body: Body, coordinate: int) -> str:
     if not _has_position(body, coordinate):
         known = [str(k) for k in range(body.dof) if _has_position(body, k)]
         do = f"choose one of {choices(known)}" if known else "use kind 'orientation' or 'velocity'"
-        return f"needs a rotate or translate motion; a ball or free one has no single angle; {do}"
+        return f"requires a rotate or translate motion, which has a single coordinate; {do}"
     return ""
 
 
@@ -211,7 +211,7 @@ def _shape_problems(c: Contact, where: str, bodies: Bodies) -> list[Problem]:
         body = bodies.get(name)
         if body is not None and not body.touching and not (field == "body" and c.points):
             do = "give it a shape, or points" if field == "body" else "give it a shape"
-            found.append(Problem(where, field, f"'{name}' has no shape to touch with; {do}"))
+            found.append(Problem(where, field, f"'{name}' has no collision shape; {do}"))
     return found
 
 
@@ -237,14 +237,14 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
             text = f"the joint of '{f.body}' has {body.dof} degrees of freedom, got {f.coordinate}"
             found.append(Problem(where, "coordinate", text))
         elif springs and not _has_position(body, f.coordinate):
-            text = "a servo's kp needs a rotate or translate motion; a ball has no single angle"
+            text = "kp of a servo requires a rotate or translate motion, not a ball joint"
             found.append(Problem(where, "kp", text))
     return found
 
 
 def late_limits(forces: Iterable[Force], of: str = "") -> list[Problem]:
     """Return problems of forces outside the model whose limits act in the whole model."""
-    text = "limits of a {0} act in the model's own forces alone; add the {0} to the model"
+    text = "the limits of a {0} only act if it is part of the model; add the {0} to the model"
     return [
         Problem(f"{of}force '{f.name}'", "low", text.format(f.kind))
         for f in forces

@@ -256,9 +256,9 @@ def other_side(name: str) -> str:
 class Mirror:
     """A reflection through the plane normal to axis `k` of the parent's frame, through its origin.
 
-    Points, forces and slides are reflected; turns, which are axial vectors, the other way round.
-    A body's frame is reflected with its own axis k turned round once more, so that it stays
-    right-handed: then every coordinate of a rotation or translation keeps its value.
+    Points, forces and translations are reflected. Rotations are axial vectors and are reflected
+    with the opposite sign. A body frame is reflected, and its axis k is reversed so that the frame
+    remains right-handed. All coordinates of rotations and translations therefore keep their values.
     """
 
     def __init__(self, k: int):
@@ -347,7 +347,7 @@ class Mirror:
     def shape(self, shape: Shape) -> Shape:
         """Return a shape at the reflected position.
 
-        Its solid is symmetric about its own planes, except for a mesh and one that tapers along z.
+        All solids are symmetric about their coordinate planes, except meshes and tapered solids.
         """
         moved = self.fields(shape)
         if shape.end_radius is not None and self.sign[2] < 0:

@@ -157,7 +157,7 @@ class Description(World):
         return any(part.name == name for key in PARTS for part in getattr(self, key))
 
     def __getitem__(self, name: str, /) -> Part:
-        """Return the part called `name`, like `part(name)`."""
+        """Return the part with this name, like `part(name)`."""
         return self.part(name)
 
     @overload
@@ -260,7 +260,7 @@ class Description(World):
     def cells(
         self, part: Body | Constraint | Contact | Force | Control, kind: str = "bodies", /
     ) -> dict[str, Any]:
-        """Return the fields of a part as in a file, with formulas in their cells."""
+        """Return the fields of a part as in a file, including formulas."""
         mine = (f for f in self.formulas if (f.part, f.name) == (kind, part.name))
         return inlined(part, mine)
 

@@ -64,7 +64,9 @@ def _shapes(bodies: Sequence[Body]) -> Iterator[str]:
             if shape.file is not None and not Path(shape.file).is_file():
                 yield f"body '{body.name}': mesh {shape.file} not found; a placeholder is drawn"
             if shape.moves and shape.role == "visual":
-                text = "its surface moves, but nothing touches it: its role is 'visual'"
+                text = (
+                    "its surface moves, but its role is 'visual', so it cannot touch other shapes"
+                )
                 yield f"body '{body.name}': shape {body.shapes.index(shape)}: {text}"
 
 
@@ -140,7 +142,7 @@ def _starts(bodies: Sequence[Body]) -> Iterator[str]:
         for k, by in beyond(body.q, body.sequence, body.limits):
             yield (
                 f"body '{body.name}': it starts {by:.3g} beyond its limits "
-                f"{shown(body.limits[k])}, which keep it there until it moves back"
+                f"{shown(body.limits[k])}, which prevent it from moving further out"
             )
 
 
@@ -167,9 +169,9 @@ def _idle_joints(bodies: Sequence[Body]) -> Iterator[str]:
     """Yield warnings about joint parameters that have no effect without another parameter."""
     for body in bodies:
         if any(x and not k for x, k in zip(body.rest, body.stiffness)):
-            yield f"body '{body.name}': rest changes nothing without stiffness of its joint"
+            yield f"body '{body.name}': rest has no effect without a joint stiffness"
         if any(body.limit_restitution) and not any(body.limits):
-            yield f"body '{body.name}': limit_restitution changes nothing without limits"
+            yield f"body '{body.name}': limit_restitution has no effect without limits"
 
 
 def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
@@ -235,7 +237,7 @@ def _dot(x: Sequence[float], y: Sequence[float]) -> float:
 
 
 def _twice(model: Any) -> Iterator[str]:
-    """Yield warnings about contacts that push the same two bodies apart at the same points."""
+    """Yield warnings about contacts that act between the same two bodies at the same points."""
     acting = [c for c in model.contacts if c.active]
     for one, other in combinations(acting[:MANY], 2):
         same = one.points == other.points or set(one.points) & set(other.points)
@@ -286,7 +288,7 @@ def _untouched(model: Any) -> Iterator[str]:
         stands = stands.union(*more)
     falling = [name for name in loose if name not in stands]
     if falling and any(model.gravity):
-        text = "no contact holds it, so that it would fall through the ground; shapes touch where "
+        text = "it has no contact and would fall through the ground; shapes only touch if "
         lines = "pg.Contact(body='*')" + f", {EACH_OTHER}" * (len(loose) > 1)
         yield f"body '{falling[0]}': {text}a contact names them: contacts=[{lines}]"
     apart = not any(len(each.intersection(loose)) > 1 for each in meets if GROUND not in each)

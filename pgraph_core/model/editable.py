@@ -50,8 +50,8 @@ class Editable(Description):
         Parameters
         ----------
         name : str
-            Name of a body or of another part. A body has priority, and `kind="contact"` or the like
-            chooses one of several other parts.
+            Name of a body or of another part. A body has priority. To select another part, pass
+            `kind="contact"`, for example.
         **changes
             New values by name of field. `parent` may be several names: the first is the parent in
             the tree, and the others close loops, cut at joints like the body's own.

@@ -204,7 +204,7 @@ class Known:
                 hint = f"write q.{name} for its coordinate, v.{name} for its rate"
             raise Unreadable(node.column, f"unknown name {shown(name)}; {hint}")
         if node.op == "signal" and of_time:
-            raise Unreadable(node.column, "a prescribed motion depends on t alone")
+            raise Unreadable(node.column, "a prescribed motion may only depend on t")
         if node.op == "table":
             try:
                 places = [float(constant(x, self.parameters)) for x in places_of(node)]

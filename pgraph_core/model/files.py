@@ -137,7 +137,7 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
 
 
 def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
-    """Put each formula into its own cell."""
+    """Insert each formula into its field."""
     del data["formulas"]
     mine: dict[tuple[str, str], list[Formula]] = {}
     for formula in formulas:

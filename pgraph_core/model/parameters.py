@@ -297,7 +297,7 @@ def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
 
 
 def inlined(part: Any, formulas: Iterable[Formula]) -> dict[str, Any]:
-    """Return the fields of a part as in a file, with formulas in their cells."""
+    """Return the fields of a part as in a file, including formulas."""
     data = dict(part) if isinstance(part, Mapping) else fields_of(part)
     new = {formula.path: formula.text for formula in formulas}
     return put(data, new) if new else data

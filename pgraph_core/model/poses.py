@@ -87,7 +87,7 @@ def turn(motion: Motion, home: Array, q: Numbers) -> Array:
 
 
 def slide(motion: Motion) -> float:
-    """Return the way along the axis by a unit of q."""
+    """Return the displacement along the axis per unit of q."""
     return 1.0 if motion.kind == "translate" else motion.pitch / (2 * np.pi)
 
 

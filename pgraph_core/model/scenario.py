@@ -197,7 +197,7 @@ class When(Frozen):
     after: Number | None = field(
         "a time > 0 [s] that the constraint has been so", default=None, gt=0
     )
-    once: Flag | None = field("true: the first time alone", default=None)
+    once: Flag | None = field("true: the first time only", default=None)
 
     @property
     def subject(self) -> tuple[str, str]:

@@ -193,7 +193,7 @@ class Shape(Frozen):
 
     @property
     def moves(self) -> bool:
-        """True if the surface moves past the body."""
+        """True if the surface moves relative to the body."""
         return any(self.surface_velocity) or any(self.surface_spin)
 
     def _tapered(self) -> list[tuple[str, str]]:

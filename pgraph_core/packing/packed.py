@@ -162,7 +162,7 @@ class Packed:
         kind, axis = motion.kind, shown(motion.axis)
         where, text = f"body '{body.name}'", "so that the mass matrix is singular; give"
         if kind == "translate":
-            return Problem(where, "mass", f"nothing has mass along its axis {axis}, {text} mass")
+            return Problem(where, "mass", f"no mass moves along its axis {axis}, {text} mass")
         about, remedy = f"its axis {axis}", ", armature or a com that is not on the axis"
         if kind not in AXIAL:
             about, remedy = f"some axis of its {body.joint} joint", " or another joint"

@@ -244,7 +244,8 @@ class Program:
     def watch_drive(self, f: OnJoint, n: int) -> None:
         """Let steps end where drive n reaches or leaves a bound of its torque.
 
-        The torque has the bits of `forces.drive`, so that a step that begins there is on its side.
+        The torque is bit-identical to `forces.drive`, so that the next step starts on the correct
+        branch.
         """
         (target, torque), (_, _, kp, kd) = _of_drive(self, f) if f._varies else (None, None), f.law
         total = self.number(0.0)

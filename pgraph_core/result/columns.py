@@ -175,7 +175,7 @@ def no_column(columns: Iterable[str], name: str) -> str:
 def frame(columns: Mapping[str, Column]) -> Any:
     """Return a pandas.DataFrame with one row per frame, indexed by t [s], with `attrs["units"]`.
 
-    Names are resolved as in `meant`; the name of the index is also accepted. A KeyError lists the
+    Names are resolved as in `meant`. The name of the index is also accepted. A KeyError lists the
     columns. Needs pandas.
     """
     numbers = {name: column for name, column in columns.items() if column.unit}

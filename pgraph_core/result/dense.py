@@ -1,6 +1,7 @@
 """Dense output: the state of a run between its recorded frames, with an error estimate.
 
-Quintic Hermite polynomials, from q, q' and q'' of both frames; v is the rate of q along them.
+Quintic Hermite interpolation of q, q' and q'' between frames. v is the derivative of the
+interpolant.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Export of runs to tables, pictures, films, pages and files (`.npz`).
 
-A file of some megabytes can unpack to gigabytes. The times are read while they ascend, and every
-other array has at most as many numbers a frame as the model can have.
+A compressed file of a few megabytes can expand to gigabytes. Times are read as long as they are
+ascending. The size of all other arrays is limited by the size of the model.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Exports:
     def to_pandas(self, *, bodies: bool = False) -> Any:
         """Return a pandas DataFrame of `columns` with one row per frame, indexed by time t [s].
 
-        Columns of words, such as the phases of contacts, are omitted. `table["trunk"]` returns all
+        Text columns, such as the phases of contacts, are omitted. `table["trunk"]` returns all
         columns of the joint. An unknown name raises a KeyError that lists the columns.
         `table.attrs["units"]` contains the units. `bodies` as for `columns`. Needs pandas.
         """

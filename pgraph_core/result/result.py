@@ -155,7 +155,7 @@ class Result(Exports, EqualByFields, Portable):
             own[name] = ReadOnly(own[name], f"run.{name}", instead)
 
     def _of_bodies(self, attribute: str, array: Array) -> Labelled:
-        """Return an array (n, nb, ...) that names of bodies index too."""
+        """Return an array (n, nb, ...) that can also be indexed by body names."""
         return labelled(array, attribute, by_body, self.mechanism.names)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -391,7 +391,11 @@ class Result(Exports, EqualByFields, Portable):
         lost = [path for path, slope in found.items() if not np.isfinite(slope).all()]
         if lost and np.isfinite(np.asarray(function(self), float)).all():
             ends = [text for text in self.notices if "derivatives" in text]
-            why = ends[0] if ends else "impulses and what follows from them have no derivatives"
+            why = (
+                ends[0]
+                if ends
+                else "impulses and quantities that depend on them have no derivatives"
+            )
             warnings.warn(f"gradient by {choices(lost)} is not finite: {why}", stacklevel=3)
         return found
 

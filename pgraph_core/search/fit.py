@@ -1,4 +1,4 @@
-"""Fits: numbers of a model that make its runs follow measured curves, with exact derivatives."""
+"""Fits of model parameters to measured curves, with exact derivatives."""
 
 from __future__ import annotations
 

@@ -439,7 +439,7 @@ class _Search:
         )  # fmt: skip
 
     def _minimised(self, u: Array, chosen: str, bounds: Array, tol: float, most: int) -> Any:
-        """Minimise the goal and keep the limits, all in units of their slopes at the start."""
+        """Minimise the objective subject to the limits, all scaled by their initial derivatives."""
         from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
         goals, n, first = self.goals, self.goals.count, self.slopes(u)

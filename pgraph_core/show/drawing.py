@@ -216,8 +216,8 @@ def _normals(corners: np.ndarray, crease: float = 0.6) -> np.ndarray:
     """Return (3 m, 3) vertex normals for faces (m, 3, 3), averaged over adjoining faces without a
     crease.
 
-    Weighted by area; corners at one place belong together. The edge of faces that meet at more than
-    `crease` [rad] is seen.
+    Normals are weighted by area, and coincident corners are merged. Edges with an angle of more
+    than `crease` [rad] between their faces are visible.
     """
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     unit = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)

@@ -114,7 +114,7 @@ def _hub(body: Any, radius: float) -> tuple[Piece, ...]:
 
 
 def _with_bob(body: Any, rods: tuple[Piece, ...]) -> tuple[Piece, ...]:
-    """Return rods, and one with a bob to a mass centre that is outside of them."""
+    """Return rods, including a rod with a bob to a centre of mass outside the other rods."""
     com = np.asarray(body.com)
     inside = (np.abs(p.rotation.T @ (com - p.position)) <= np.array(p.size) / 2 for p in rods)
     if not body.mass or any(map(np.all, inside)):

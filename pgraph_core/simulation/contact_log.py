@@ -304,7 +304,7 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
         times = (depth / usual) ** power if usual > 0.0 else 0.0
         if VISIBLE * times > 1.0:
             found.append(
-                f"contact '{pair.name}' starts {depth:.3g} m deep, and weight alone gives "
+                f"contact '{pair.name}' starts {depth:.3g} m deep, but its static depth is "
                 f"{usual:.2g} m: the force is {times:.2g} times the weight, which throws bodies "
                 "apart and needs many steps; start without overlap, or give less stiffness"
             )

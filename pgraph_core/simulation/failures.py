@@ -52,7 +52,7 @@ def _advice(record: Running, status: Status) -> str:
             heavy = unequal(record.mech, record.active)
             return _contradicted(record) or heavy or _blocking(record) or torn
         case Status.STEP_TOO_SMALL:
-            text = "forces may jump there, or the tolerance may be too small: try a larger one"
+            text = "forces may be discontinuous, or the tolerance too small; try a larger one"
             return _steep(record, float(record.steps.control["failed"])) or text
         case Status.TOO_MANY_STEPS:
             return "give a larger max_steps or rtol, or try radau5 if it is stiff"
@@ -86,7 +86,7 @@ def _steep(record: Running, t: float) -> str:
     jumps = ~(high - low <= NOTABLE * sizes)  # even if one is not finite
     owners = targets[jumps[: len(targets)], OWNER], states[jumps[len(targets) :], CONTROL]
     for part in _parts(record, *owners)[-1:]:
-        return f"{part.word()} '{part.name}' jumps or grows without end there: {_texts(part)}"
+        return f"{part.word()} '{part.name}' is discontinuous or unbounded: {_texts(part)}"
     return ""
 
 

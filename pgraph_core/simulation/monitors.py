@@ -70,7 +70,7 @@ class FunctionMonitor:
             text = f"the function {self.name} raised {type(error).__name__}: {error}"
             raise refusal("simulate", self.where, f"{text} (at t = {t:.6g} s)") from error
         if isinstance(value, (bool, np.bool_)):
-            text = f"must return a number that crosses zero, as q[0] - 1.0; {self.name} gave "
+            text = f"must return a number that crosses zero, such as q[0] - 1.0; {self.name} gave "
             raise refusal("simulate", self.where, f"{text}{bool(value)}")
         try:
             number = float(value) if np.ndim(value) == 0 else np.nan
@@ -153,8 +153,8 @@ class Watch:
         if 0.0 in values:
             for monitor, value in zip(self.monitors, values):
                 if value == 0.0 and monitor.terminal:
-                    text = f"{monitor.name} is zero at the start already, so that the run would "
-                    text += "end there; start next to it, or leave out terminal"
+                    text = f"{monitor.name} is already zero at the start, so the run would "
+                    text += "end immediately; change the initial state slightly, or remove terminal"
                     raise refusal("simulate", "events", text)
         return values
 

@@ -39,10 +39,10 @@ def linear_step(
     mech = own.mech
     nq, nv = mech.nq, mech.nv
     if callable(tau):
-        text = "a function of torques has no derivatives: give numbers, motors or servos"
+        text = "derivatives are not supported for torque functions; use numbers, motors or servos"
         raise InputError(Problem("Stepper.linearise", "tau", text))
     if len(own.q) > nq:
-        text = "has no derivatives yet beside controls with states"
+        text = "does not support derivatives in combination with control states"
         raise InputError(Problem("Stepper.linearise", "", text))
     plan = replace(
         own.plan, start=(own.q.copy(), own.v.copy()), active=np.array(sorted(own.held)),

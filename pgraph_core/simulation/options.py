@@ -181,7 +181,7 @@ def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -
     known = {f.name: f for f in forces if isinstance(f, OnJoint)}
     for name, value in inputs:
         if name not in known:
-            do = one_of(known) if known else "the model has no motor or servo"
+            do = one_of(known) if known else "the model has no motors or servos"
             text = f"no motor, servo or actuator is named {shown(name)}; {do}"
             raise InputError(Problem(call, "inputs", text))
         if text := known[name].input_problem(value):

@@ -31,7 +31,7 @@ WORLD = ("gravity", "ground")  # fields of the model itself
 
 
 def distinct(paths: Sequence[Path], call: str) -> None:
-    """Raise InputError if two paths are of the same number."""
+    """Raise InputError if two paths refer to the same number."""
     for i, path in enumerate(paths):
         if any(path.leads_to(other) for other in paths[:i]):
             raise InputError(Problem(call, path.text, "is given twice"))
@@ -122,7 +122,7 @@ class Path:
         return [cls(model, (*first, *inside, i), call) for i in range(len(numbers))]
 
     def leads_to(self, other: Path) -> bool:
-        """True if another path leads to the same number."""
+        """True if another path refers to the same number."""
         mine = (self.group, self.name, self.inside)
         return mine == (other.group, other.name, other.inside)
 

@@ -145,8 +145,8 @@ class Way:
 class RunPlan(Way):
     """A run, checked and complete except for its initial state.
 
-    Contacts and limits are ignored until bodies come close to each other. The run then continues by
-    the other `way` from its current state.
+    Contacts and limits are ignored until bodies come close to each other. The run then continues
+    with the plan `way` from its current state.
     """
 
     drives: Drives
@@ -539,7 +539,9 @@ def _event_driven(
 ) -> tuple[Tables | None, tuple[ContactPoint, ...]]:
     """Return (soft contacts, rigid contact points and limits) for an event-driven run."""
     if contacts.remembers:
-        text = "a penalty contact remembers where it sticks, and a step with an event is repeated"
+        text = (
+            "a penalty contact stores its sticking point, so steps with events cannot be repeated"
+        )
         text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
     rigid = {t.contact.name for t in contacts.touches if t.contact.law != "soft"}
@@ -550,9 +552,7 @@ def _event_driven(
     from .event_scene import contact_points
 
     if contacts.tendons:
-        text = (
-            "limits of tendons and springs are met in time stepping only; use method 'moreau_jean'"
-        )
+        text = "limits of tendons and springs require time stepping; use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
     points = contact_points(mech.model, mech.topology, mech.packed.system, contacts)
     soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")
@@ -590,8 +590,8 @@ def _method(
     loose = o.rtol is not None and o.rtol > 1e-5
     if impulses:
         if loose:
-            return DOPRI5, "dopri5: rigid contacts or joint limits, to a loose tolerance"
-        return DOP853, "dop853: rigid contacts or joint limits, to a tight tolerance"
+            return DOPRI5, "dopri5: rigid contacts or joint limits with a loose tolerance"
+        return DOP853, "dop853: rigid contacts or joint limits with a tight tolerance"
     if step is not None and o.rtol is None:
         if rate() * step > RK4.limit:
             text = f"radau5: the fastest rate, {rate():.3g}/s, times the step is too much for rk4"
@@ -603,10 +603,10 @@ def _method(
         text = f"radau5: springs or dampers make rates of {rate():.3g}/s, the rest {rest:.3g}/s"
         return RADAU5, text
     if touching:
-        return DOPRI5, "dopri5: soft contacts, whose forces bend, at steps of its own choice"
+        return DOPRI5, "dopri5: soft contacts, whose forces are not smooth, with adaptive steps"
     if loose:
-        return DOPRI5, "dopri5: smooth motion, to a loose tolerance"
-    return DOP853, "dop853: smooth motion, to a tight tolerance, at steps of its own choice"
+        return DOPRI5, "dopri5: smooth motion with a loose tolerance"
+    return DOP853, "dop853: smooth motion with a tight tolerance and adaptive steps"
 
 
 def _times(
@@ -662,10 +662,8 @@ def _lost(lost: tuple[str, ...]) -> tuple[str, ...]:
     """Return a notice about active parts of a file that are missing from the model."""
     if not lost:
         return ()
-    text = (
-        "parts of the file that act are not in the model, so this motion differs from that of the "
-    )
-    return (f"{text}file's: {choices(lost, 3)}; model.lost has all {len(lost)}",)
+    text = "parts of the file that affect the motion are not in the model, so the result differs: "
+    return (f"{text}{choices(lost, 3)}; model.lost contains all {len(lost)}",)
 
 
 def _stiff(plan: RunPlan, rate: Rate) -> list[str]:

@@ -535,7 +535,9 @@ class Recording(Running):
         change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
         carried, late, places = self.steps.carried, None, self.scene.blocks.blocks_f
         if carried is not None and by is not None and len(self.q) > self.mech.nq:
-            carried.stop(self, "a condition switches beside controls with states")
+            carried.stop(
+                self, "a condition switches a constraint in combination with control states"
+            )
             carried = None
         if carried is not None:
             late = None if by is None else carried.lateness(self, change.t, by)
@@ -559,7 +561,10 @@ class Recording(Running):
             if np.array_equal(places, self.scene.blocks.blocks_f, equal_nan=True):
                 carried.switch(self, change.t, late)
             else:
-                carried.stop(self, "a constraint holds parts where they are, which depends on them")
+                carried.stop(
+                    self,
+                    "a constraint holds bodies in a position that depends on the parameters",
+                )
         gain = self._energy() - middle
         self.steps.ledger[at.WORK_DONE if gain > 0 else at.DISSIPATED] += abs(gain)
         from .contact_log import switched

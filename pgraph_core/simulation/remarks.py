@@ -193,8 +193,8 @@ def unbalanced(record: Running, n: int) -> tuple[str, ...]:
     if drift <= VISIBLE or not scale > SOLVED * np.abs(parts).max():
         return ()
     return (
-        f"the energies and the work of the run disagree by {100 * drift:.2g} % of their range: "
-        "steps that suit the motion are too wide for its power, or pass a force; give a step",
+        f"the energy balance of the run is violated by {100 * drift:.2g} % of their range: "
+        "the steps are too large for the power of the forces, or skip a force; give a step",
     )
 
 

@@ -42,7 +42,7 @@ from .variables import CENTRAL, SHARE, Given, Slope, Slopes, Variable, refuse, v
 NO_TIMES = np.zeros(0)
 ENDS = {
     1: "a contact is about to slip or to stick",
-    2: "impacts coincide that would occur one after the other for other values",
+    2: "several impacts coincide, but not for neighbouring values",
     3: "an impact occurs at the start of a step, where its time has no derivatives yet",
     4: "an impact occurs, or may occur, while other contacts carry load",
 }
@@ -183,7 +183,9 @@ class Carried:
             with np.errstate(divide="ignore", invalid="ignore"):
                 times = [-run.margin(t, a, b) / rate for run in self._runs]
             if self._jump and not np.allclose(times, self._jump.times, NOTABLE, 0.0):
-                self.stop(record, "two comparisons change at once that would not for other values")
+                self.stop(
+                    record, "two comparisons change simultaneously, but not for neighbouring values"
+                )
                 break
             self._jump = Jump(times, before - after)
             self._jumped.append(float(t))
@@ -273,8 +275,8 @@ class Carried:
         ended = self.ended
         found = ended + [f"{path} has no influence on the motion" for path in idle]
         if self._strayed:
-            text = "derivatives are of another start, because the given one is far from its "
-            text += "constraints: give one that meets them, mech.assemble(q, v)"
+            text = "derivatives refer to a different initial state, because the given one does not "
+            text += "satisfy the constraints: use mech.assemble(q, v)"
             found.append(text)
         for one, d in zip(self.variables, self._each()):
             if not ended and not np.isfinite(d).all():

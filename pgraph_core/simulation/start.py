@@ -148,7 +148,7 @@ def refuse_interval(q: tuple[Any, ...], v: Any, t_end: float | None) -> None:
 
 
 def placed_twice(mech: Mechanism, q: Array) -> list[str]:
-    """Return a notice for each free body whose place stands in its link and in q (nq,) alike."""
+    """Return a notice for each free body whose position is given by both its link and q (nq,)."""
     found: list[str] = []
     for body in mech.model.bodies:
         if body.joint == "free" and any(body.link):
@@ -173,7 +173,7 @@ def directionless(
         if isinstance(f, BetweenPoints) and _coincide(mech, f, q[: mech.nq]):
             rest = getattr(f, "rest", np.inf)
             if rest != 0.0 and not (rest is None and _coincide(mech, f, mech.home()[0])):
-                text = "its ends coincide at the start, where it has no direction and exerts no "
+                text = "its ends coincide at the start, so it has no direction and exerts no "
                 found.append(f"{f.kind} '{f.name}': {text}force; move one of them")
     return found
 

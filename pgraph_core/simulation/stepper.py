@@ -598,10 +598,8 @@ class Stepper(Snapshots):
         options = self._options._replace(t_start=t, t_end=t + self._width)
         plan = with_contacts(plan_of(mech, options, tau, q, v))
         if plan.contact_points:
-            text = (
-                f"{self.method} goes from event to event of rigid contacts and limits, which steps "
-            )
-            text += "from outside cannot; choose 'moreau_jean', or use simulate"
+            text = f"{self.method} is event-driven for rigid contacts and limits, which a Stepper "
+            text += "does not support; choose 'moreau_jean', or use simulate"
             raise InputError(Problem("Stepper", "method", text))
         state = with_state(mech, plan.start, q, v, t)
         forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)

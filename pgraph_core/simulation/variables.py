@@ -105,7 +105,7 @@ def _number(given: Given, path: Path) -> Variable:
     if instead := path.replaced_by(model, options.scenario, call):
         raise InputError(Problem("simulate", path.text, f"has no influence: {instead}"))
     if np.isnan(path.present):
-        text = "has no value in the model: give it one to differentiate by it"
+        text = "has no value in the model; set a value to differentiate with respect to it"
         raise InputError(Problem("simulate", path.text, text))
 
     def made(x: float) -> tuple[Mechanism, RunPlan]:
@@ -133,7 +133,7 @@ def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
         raise InputError(Problem(call, f"{kind}.{name}", text))
     index = place[int(entry)]
     if kind == "q" and any(i <= index < i + 4 for _, i, _ in mech.packed.quaternions):
-        text = "is a part of a quaternion, which does not vary alone"
+        text = "is a component of a quaternion and cannot vary independently"
         raise InputError(Problem(call, f"{kind}.{name}", text))
     start, t = given.plan.start, float(given.plan.times[0])
 
@@ -343,7 +343,9 @@ class Slopes:
 
 
 def _idle(variable: Variable) -> InputError:
-    text = "changes which parts act when it leaves its value: give another value, beside it"
+    text = (
+        "activates or deactivates an element at its present value; use a slightly different value"
+    )
     return InputError(Problem("simulate", variable.path, text))
 
 
@@ -354,19 +356,21 @@ def refuse(given: Given) -> None:
     """Raise InputError for a run that has no derivatives."""
     plan, why = given.plan, ""
     if plan.contact_points:
-        why = "contacts and limits have derivatives by method='moreau_jean' alone"
+        why = "derivatives with contacts and limits are only supported by method='moreau_jean'"
     if plan.contacts is not None and plan.contacts.turns:
-        why = "contacts with rolling or spinning friction have no derivatives yet"
+        why = "derivatives are not supported for contacts with rolling or spinning friction"
     if plan.contacts is not None and plan.contacts.remembers:
-        why = "contacts with the law 'penalty' have no derivatives yet; give 'soft' for them"
+        why = (
+            "derivatives are not supported for contacts with the law 'penalty'; use the law 'soft'"
+        )
     if plan.contacts is not None and len(plan.start[0]) > given.mech.nq:
-        why = "limits have no derivatives yet beside controls with states"
+        why = "derivatives are not supported for limits in combination with control states"
     if callable(given.tau) or plan.tau is not None:
-        why = "a function of torques has no derivatives: give motors or servos in its place"
+        why = "derivatives are not supported for torque functions; use motors or servos instead"
     if (plan.loads.signals[2][:, SAMPLE] >= 0).any():
-        why = "controls that act at samples have no derivatives yet; give them no sample time"
+        why = "derivatives are not supported for sampled controls; remove the sample time"
     if plan.states is not None:
-        why = "given states of controls have no derivatives yet; give the controls a start"
+        why = "derivatives are not supported for given control states; set start of the controls"
     if why:
         raise InputError(Problem("simulate", "wrt", why))
     if not plan.method.implicit:
@@ -374,8 +378,8 @@ def refuse(given: Given) -> None:
     code = plan.loads.signals[0]
     located = plan.method.starts and not unlocated(code)
     if not located and np.isin(code[::2, 0], JUMPING).any():
-        text = "a value that jumps has derivatives where steps end at its comparisons: give a "
-        text += "method other than moreau_jean, and comparisons as conditions"
+        text = "derivatives of discontinuous values require that steps end at comparisons; use a "
+        text += "method other than moreau_jean, and write comparisons as conditions"
         raise InputError(Problem("simulate", "wrt", text))
 
 

@@ -225,9 +225,9 @@ def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> 
 
 OWN = "◂"  # marks the model's own value
 LOOK = {  # letter of the text map, colour and ink of the figure, meaning
-    Verdict.OK: Look(".", "#2e9e5b", "#ffffff", "as accurate as asked for"),
+    Verdict.OK: Look(".", "#2e9e5b", "#ffffff", "reaches the target"),
     Verdict.INACCURATE: Look(
-        "i", "#e3b341", "#1b1f24", "bounded, but not as accurate as asked for"
+        "i", "#e3b341", "#1b1f24", "bounded, but less accurate than the target"
     ),
     Verdict.UNSTABLE: Look("U", "#c2352b", "#ffffff", "the method makes the motion grow"),
     Verdict.DAMPED: Look(
@@ -322,7 +322,7 @@ class StabilityMap(Saved):
             failed = [cell for cell in self.cells if cell.status is Verdict.FAILED]
             if failed and len(failed) == len(self.cells):
                 return f"No method reaches the end: {failed[0].text}."
-            return "No method is as accurate as asked for at any of these steps: give smaller ones."
+            return "No method reaches the target with any of these steps. Use smaller steps."
         (method, step), cells = taken
         if not self.steps:
             return f"Take {method} at a step of {step:g} s."
@@ -331,7 +331,7 @@ class StabilityMap(Saved):
         if len(cells) < len(self.values):
             where = f"{len(cells)} of {len(self.values)} values of {axis}, "
             where += f"{min(values):g} to {max(values):g}"
-        text = f"Take {method} at a step of {step:g} s: as accurate as asked for at {where}"
+        text = f"Take {method} at a step of {step:g} s: reaches the target at {where}"
         if self.own is not None and self.own in values:
             return f"{text}, this model's own {self.own:g} among them."
         if self.own is not None:

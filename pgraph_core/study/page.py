@@ -143,7 +143,7 @@ def error_diagram(
     width, right, bottom = 480.0, 452.0, 350.0
     height = bottom + FOOT + math.ceil(len(curves) / 2) * LEGEND
     points = [point for curve in curves for point in curve.points]
-    inside = _text(LEFT, 40, "no run reached the end", "start")
+    inside = _text(LEFT, 40, "no run reached the end time", "start")
     if points:
         x = Axis.of([point.seconds for point in points], LEFT, right)
         y = Axis.of([min(point.error, TRUST) for point in points], bottom, TOP)
@@ -223,7 +223,7 @@ def _text(
     x: float, y: float, text: str, anchor: str = "middle", size: int = 12, ink: str = INK,
     extra: str = "",
 ) -> str:  # fmt: skip
-    """Return a text whose colour and size a page's style sheet does not override."""
+    """Return a text with a colour and a size that are not overridden by style sheets."""
     look = f'text-anchor="{anchor}" style="fill:{ink};font-size:{size}px" {extra}'
     return f'<text x="{x:.1f}" y="{y:.1f}" {look}>{escape(text)}</text>'
 

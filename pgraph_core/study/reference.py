@@ -236,9 +236,9 @@ def known_motion(
 ) -> KnownMotion | None:
     """Return the better of two runs by different methods, or None if no run reaches the end.
 
-    Its accuracy is the distance of both runs, or the estimate of the better one if the other is
-    within its own estimate. `step` is the smallest step of all cells [s], and `budget` the budget
-    of one cell. Raises PgraphError if no method accepts the scene.
+    The accuracy is the difference between both runs, or the estimate of the better run if the other
+    run is within its own estimate. `step` is the smallest step of all cells [s], and `budget` the
+    budget of one cell. Raises PgraphError if no method accepts the scene.
     """
     mech = task.mech
     rate = task.rate_at([mech.home()])

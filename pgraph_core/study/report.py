@@ -251,7 +251,7 @@ class Study(Saved):
     def advised(self) -> Row | None:
         """Return the fastest run that meets the target (default 1e-6), or the most accurate one.
 
-        None if no run reached the end.
+        None if no run reached the end time.
         """
         try:
             return self.recommend(NOTABLE if self.target is None else self.target)

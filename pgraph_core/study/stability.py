@@ -383,7 +383,7 @@ def times_of(t_end: float, step: float) -> Array:
 
 
 def _advised(cells: list[Cell]) -> tuple[Cell, ...]:
-    """Add to each cell that is not OK the methods that are OK at the same value and step."""
+    """Add the methods that are OK at the same value and step to each cell that is not OK."""
     good: dict[tuple[float, float], list[str]] = {}
     for cell in cells:
         if cell.status is Verdict.OK:

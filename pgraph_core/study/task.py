@@ -201,7 +201,8 @@ class Task:
 
     @property
     def _times(self) -> dict[str, Any]:
-        """The times as a number of frames if even, so that the mechanism can reuse its plan."""
+        """Evenly spaced times are replaced by the number of frames, so that the mechanism can reuse
+        its plan."""
         even = np.linspace(0.0, self.t_end, len(self.t))
         return {"frames": len(self.t)} if np.array_equal(even, self.t) else {"t_eval": self.t}
 
