@@ -1,9 +1,9 @@
 """The scene in the form passed to kernels: named tuples of arrays, and their kinds.
 
-A *scene* contains the constant data of a run and the workspaces in a single tuple behind one
-address (`compiler.address`). All methods therefore have the same arguments, and each sweep has one
-argument instead of all arrays. `opened` returns it with field names. Access by name has no overhead
-compared with access by position. The columns of the arrays are named in `layout`.
+A *scene* is a tuple with the constant data and the workspaces of a run, which is accessed by a
+single address (`compiler.address`). All methods therefore have the same arguments, and each sweep
+has one argument instead of all arrays. `opened` returns it with field names. Access by name has no
+overhead compared with access by position. The columns of the arrays are named in `layout`.
 """
 
 from collections import namedtuple

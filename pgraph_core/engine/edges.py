@@ -256,7 +256,7 @@ def range_of_wave(a, first, last, top):
 
 @part
 def within(a, place, period):
-    """Return True if one of the places, a period apart, is in a range, or may be."""
+    """Return True if a range may contain one of the periodic points."""
     if a[1] - a[0] >= period or not max(-a[0], a[1]) < 1.0 / EPS:
         return True
     return math.floor((a[1] - place) / period) >= -math.floor((place - a[0]) / period)

@@ -2,7 +2,7 @@
 
 A *row* is one elementary motion. A joint with several motions has several rows, of which only the
 last has mass. A welded body has no row and is merged into the row to which it is fixed. Row 0 is
-the ground; rows stand in Pgraph order, so a parent's row comes before its children's.
+the ground. Rows are in Pgraph order, so the row of a parent precedes the rows of its children.
 
 Row axes are chosen so that every row is aligned with the world at q = 0: R is the identity there,
 and all constants of a row are in world axes at q = 0 ("home axes"). The kernels therefore do not

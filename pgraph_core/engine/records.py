@@ -1,9 +1,9 @@
 """Tables used by the kernels: every record type, field by field, with units.
 
-A kernel takes a table as an array of records and reads `point.force`; Python builds the same array
-with `table(POINT, n)` and reads `points["force"]`. Records are aligned, so that compiled code loads
-a field as fast as an entry of a plain array. Arrays that are also used in SIMD lanes (`rows`,
-`const`, `work`) are not records. Their columns are defined in `layout`.
+Kernels receive a table as an array of records and read `point.force`. In Python, the same array is
+created by `table(POINT, n)` and read by `points["force"]`. Records are aligned, so that compiled
+code loads a field as fast as an entry of a plain array. Arrays that are also used in SIMD lanes
+(`rows`, `const`, `work`) are not records. Their columns are defined in `layout`.
 """
 
 from __future__ import annotations

@@ -227,8 +227,7 @@ def slopes_of(op, a, x):
 def follow_signals(signals, drives, loads, t, q, v):
     """Write the values of all expressions to the knots of drives and loads.
 
-    Returns 0, or -1 where one of them is not finite, as a bound would hide it, or where a friction
-    is negative.
+    Returns 0, or -1 if a signal is not finite or a friction coefficient is negative.
     """
     code, targets, states = signals
     evaluate(code, 0, code.shape[0] // 2, t, q, v)

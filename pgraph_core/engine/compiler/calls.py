@@ -1,10 +1,10 @@
 """Calls from Python into machine code, by a single function that reads the signature of a kernel.
 
-A kernel's own function takes its arguments as words of 8 bytes. `enter` is a function of CPython's
-convention METH_FASTCALL. It finds in its `self`, a bytes object of words, what the kernel takes,
-and lays the arguments out: numbers as they are, an array as the struct that kernels read (owner,
-parent, number of entries, bytes of each, place, shape, strides), tuples member after member. It
-releases the GIL if the kernel does, and converts the results to Python objects.
+The function of a kernel receives its arguments as words of 8 bytes. `enter` is a function of
+CPython's convention METH_FASTCALL. It finds in its `self`, a bytes object of words, what the kernel
+takes, and lays the arguments out: numbers as they are, an array as the struct that kernels read
+(owner, parent, number of entries, bytes of each, place, shape, strides), tuples member after
+member. It releases the GIL if the kernel does, and converts the results to Python objects.
 
 Kernels do not depend on this function, so their code is the same for every version of Python and
 NumPy.

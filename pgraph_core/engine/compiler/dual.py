@@ -1,7 +1,7 @@
 """Width of the number type that carries derivatives, defined in `lowering.dual`.
 
 A dual is a value and WIDTH - 1 derivatives side by side. An array of duals is a C-contiguous array
-of float64 with a last axis of WIDTH, whose place 0 holds the values.
+of float64 with a last axis of length WIDTH, whose entry 0 is the value.
 """
 
 from __future__ import annotations

@@ -169,8 +169,8 @@ def kernel(
     `later` keeps it out of the warm-up: it is loaded where something asks for it. `lanes` says that
     it is compiled for the width of vectors here.
 
-    Short kernels keep the GIL, so that a workspace is never used by two threads at once; whole
-    runs release it (`nogil`) and bring their own workspace.
+    Short kernels hold the GIL, so that a workspace is never used by two threads at once. Whole runs
+    release the GIL (`nogil`) and have separate workspaces.
     """
 
     def compiled(function: Callable[..., Any]) -> Any:

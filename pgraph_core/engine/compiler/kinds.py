@@ -95,7 +95,7 @@ def read(kind: Array) -> Array:
 
 
 def carrying(kind: Any) -> Any:
-    """Return the same kind, or signature, whose real numbers in arrays carry derivatives."""
+    """Return the same kind or signature with dual numbers in its arrays."""
     if isinstance(kind, Group):
         return replace(kind, members=tuple(map(carrying, kind.members)))
     if isinstance(kind, Signature):

@@ -215,7 +215,7 @@ def remainder(omega, rhs, lam, out, end):
 def solve_proximal(omega, factor, nulls, mu, count, vectors, m, enough):
     """Solve Ω λ = RHS for the minimum-norm λ by proximal refinement. Returns the iterations.
 
-    Corrections shrink by a constant ratio, so the one of the size of rounding is not computed. The
+    Corrections decrease by a constant ratio, so corrections below rounding are not computed. The
     residual after the first solve is μ λ. No further solve is needed if it is at most `enough`.
     """
     rhs = vectors[RHS]

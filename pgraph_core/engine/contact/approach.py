@@ -2,9 +2,9 @@
 
 Soft and penalty contacts push only where they are evaluated, so a step that leaps over an overlap
 of two shapes never has a force. It ends where the shapes meet. The next step leads into them by a
-small part of the depth of the impact. Later ones are bounded by a part of the thinner shape's size,
-and steps that do not follow forces by the stiffness. Points that may dip under the ground and rise
-again within a step bound it by the rotation of their body.
+small part of the depth of the impact. Later steps are bounded by a fraction of the size of the
+thinner shape, and fixed steps by the stiffness. Points that may dip under the ground and rise again
+within a step bound it by the rotation of their body.
 """
 
 import math
@@ -77,8 +77,8 @@ def turn_bound(phased, work):
 def contact_bound(scene, steps):
     """Return the time in which no soft or penalty contact can be skipped [s].
 
-    `steps`: their width [s], whether they are given, and their tolerance if not. Given steps do not
-    follow forces, so that they are bounded inside contacts too.
+    `steps`: their width [s], whether they are given, and their tolerance if not. Fixed steps do not
+    adapt to forces, so they are also bounded during contact.
     """
     width = steps[0]
     data = opened(scene)

@@ -85,7 +85,7 @@ def path_lengths(rows, stages, nq, h, reach):
 def limits_near(run, guard):
     """Return True if a coordinate may have reached a limit in the last step, and the clearance.
 
-    Events become due if one may have reached the bound of a condition.
+    Events are checked if a coordinate may have reached the bound of a condition.
     """
     data = opened_run(run)
     control, stages, limits = data.control[0], data.stages, guard.limits
@@ -138,8 +138,8 @@ def clearance(guard, ahead):
 def find_reach(run, guard, free):
     """Compute the reach of carried shapes from each row's origin, after calling `pose` [m].
 
-    The reach runs along the chain of origins, whose lengths rotations do not change and slides
-    change by at most `free`.
+    The reach is measured along the chain of origins. Its lengths are not changed by rotations, and
+    changed by at most `free` by translations.
     """
     scene = opened(opened_run(run).scene)
     rows, work, reach = scene.rows, scene.work, guard.reach

@@ -119,7 +119,7 @@ def motion_of(work, linear, shape, pose):
 def curving_bound(scene, i, j):
     """Bound the rate of change of the closing speed between any points of two shapes [m/s²].
 
-    By weight, and by their turning: of the points, and of the normal that they close along. j is -1
+    The bound is due to gravity and to the rotation of the points and of the contact normal. j is -1
     for the ground.
     """
     data = opened(scene)

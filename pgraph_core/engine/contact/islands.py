@@ -1,9 +1,9 @@
 """Islands of coupled blocks, determined at every evaluation.
 
-Two blocks belong together where trees that they act on are the same, or are tied by further blocks.
-Islands have no common degrees of freedom, so each is solved separately, with its own scale and
-accuracy. The trees of an island are ordered breadth-first from a peripheral node of the contact
-graph, so that the matrix of Newton's method has a narrow envelope [George 1971].
+Two blocks belong to the same island if they act on the same tree or on trees that are connected by
+other blocks. Islands have no common degrees of freedom, so each is solved separately, with its own
+scale and accuracy. The trees of an island are ordered breadth-first from a peripheral node of the
+contact graph, so that the matrix of Newton's method has a narrow envelope [George 1971].
 """
 
 from ..arrays import opened
@@ -200,7 +200,7 @@ def forget_order(islands):
 
 @sweep
 def unique(scene, n):
-    """Return True if each block of island n has at least as many joints of its own as it has rows.
+    """Return True if each block of island n has at least as many exclusive joints as rows.
 
     In this case, the impulses are unique, for example for the feet of legs.
     """

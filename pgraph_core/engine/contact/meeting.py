@@ -5,9 +5,9 @@ cannot touch: conservative advancement ([Mirtich 1996]). The path is the motion 
 impulses of the new contacts, where q moves with v₀ + a τ / 2 for the time τ. The gap of a joint
 limit is therefore a parabola, whose first root is the time of impact, even for slow impacts.
 
-Two shapes that touch already have no gap, yet other points of theirs may land within the step: a
-plate that has hit with one edge falls onto the other. Each contact point has its own gap. New
-contact points are detected after they have penetrated, and are then traced back in time.
+For two shapes in contact, other points may touch down within the step. For example, a plate that
+has landed on one edge falls onto the opposite edge. Each contact point has its own gap. New contact
+points are detected after they have penetrated, and are then traced back in time.
 """
 
 import math
@@ -305,9 +305,9 @@ def next_ground(scene, meeting, h, left):
     """Return `next_landing` for one feature of a shape above the ground.
 
     Slow impacts are handled at the midpoint of the step, for example of a standing foot that has
-    drifted off, because its motion without impulses is not meaningful. Leaving features are still
-    followed, because the features of a cylinder's rim change places as it tips over. Other points
-    that cannot become fast in the remaining time are ignored.
+    drifted off, because its motion without impulses is not meaningful. Separating features are
+    included, because the features on the rim of a cylinder swap positions while it tips over. Other
+    points that cannot become fast in the remaining time are ignored.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)

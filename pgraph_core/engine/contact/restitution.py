@@ -6,8 +6,8 @@ E, the sum of 2/5 k d^2.5 or 1/2 k d². Let w be the inverse of the mass that th
     soft:    k d^1.5 (1 + χ d' / V),  V² = d'² + 2 E w
     penalty: k d + c d',  c = 2 ζ sqrt(k / (N w)),  N = p² / (2 k E)
 
-V is the speed of an impact with the remaining energy, and N the number of points that would push as
-hard together at one depth. The restitution therefore only depends on χ or ζ.
+V is the impact speed that corresponds to the remaining energy, and N is the number of points that
+would produce the same total force at equal depth. The restitution therefore only depends on χ or ζ.
 """
 
 import math
@@ -100,7 +100,7 @@ def inverse_mass(rows, factored, a, b, place, moment, force):
     """Return the relative speed from a unit impulse on row a and its opposite on row b, along it
     [1/kg].
 
-    A wrench at a place of length one. The effect is propagated to the ground as in
+    A wrench at a position in units of length. The effect is propagated to the ground as in
     `constraints.paths`. The result is the sum over all joints on both paths.
     """
     w = 0.0

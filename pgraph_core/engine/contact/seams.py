@@ -1,6 +1,6 @@
 """Seams in solids built from several shapes. Nothing catches where they are flat.
 
-Shapes that one row carries are one solid, their union. It only exerts forces along normals in the
+Shapes fixed to the same row form one solid, their union. It only exerts forces along normals in the
 limiting normal cone of the union at the contact point [Mordukhovich 2006, 1.1]. Since the pair
 routines process one convex shape of the union at a time, they also return normals of edges and side
 faces that are covered by a neighbour. Such a normal is hidden: near the contact point, the part of
@@ -180,7 +180,8 @@ def lean(geometry, poses, i, k, p, n, size):
     """Return (position, whether it counts) for corner k of shape i's feature against the plane at
     p.
 
-    Vertices in the plane with normal n; of a round surface, places beside p in the plane.
+    The points are the vertices in the plane with normal n, or points near p in this plane for a
+    round surface.
     """
     shape = geometry.shapes[i]
     kind = shape.kind

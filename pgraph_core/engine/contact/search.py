@@ -169,8 +169,8 @@ def member_contacts(geometry, candidates, poses, search, margin, out, n):
 def find_contacts(geometry, ground, candidates, poses, search, margin, out):
     """Find all contact points between the candidates within `margin` [m]. Returns their number.
 
-    Points beyond the room of `out` are counted but not written: enlarge it and call again. The
-    order is ground, pairs, members. `poses` come from `place`.
+    Points beyond the capacity of `out` are counted but not written. In this case, enlarge `out` and
+    call the function again. The order is ground, pairs, members. `poses` come from `place`.
     """
     on_ground, pairs = candidates.on_ground, candidates.pairs
     shapes = geometry.shapes

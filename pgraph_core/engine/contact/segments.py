@@ -53,9 +53,9 @@ def is_over(t, way, slack):
 def end_pair(k, p, d, q, e, slack):
     """Return (point on p + s d, point on q + t e, whether the second is free) for end k of the two.
 
-    Ends 0 and 1 of the first segment against the second, ends 2 and 3 the other way round; free:
-    the perpendicular foot is on the segment. Opposite ends within a distance of `slack` are merged,
-    and so are both ends of a segment that is no longer than `slack`.
+    Ends 0 and 1 belong to the first segment, and ends 2 and 3 to the second. An end is free if its
+    perpendicular foot lies on the other segment. Opposite ends within a distance of `slack` are
+    merged, and so are both ends of a segment that is no longer than `slack`.
     """
     if k < 2:
         a = p if k == 0 else add(p, d)

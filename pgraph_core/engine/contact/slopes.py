@@ -79,8 +79,8 @@ def slip_of(data, i):
 
 @part
 def changed_law(data, i, law, effect, own):
-    """Return by how much the law of block i is missed more when λ changes by `own` in the block
-    itself, with this `effect` on the speeds of all joints.
+    """Return the change of the residual of block i if λ changes by `own` in the block itself, with
+    this `effect` on the speeds of all joints.
     """
     u = gather(data.space.y, data.space.slots, i, effect)
     if law != SLIDING:
@@ -95,7 +95,7 @@ def changed_law(data, i, law, effect, own):
 
 @part
 def unknowns(law, size):
-    """Return how many impulses of a block follow from its law."""
+    """Return the number of impulses of a block that are determined by its law."""
     if law == OPEN or law == BOUND:
         return 0
     return 1 if law == SMOOTH else size

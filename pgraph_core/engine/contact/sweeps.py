@@ -194,7 +194,7 @@ def times(x, y):
 
 @part
 def answer(kind, rows, bounds, i, own, u, old):
-    """Return λ of one block by its law with the others fixed, where u is the velocity for `old`."""
+    """Return λ of a block for fixed λ of the others, where u is the velocity for `old`."""
     if kind == at.T_TURN:
         return turned(own, i, u, old, bounds)
     if kind == at.T_FRICTION:

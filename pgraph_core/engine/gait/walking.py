@@ -240,7 +240,7 @@ def copied_bias(work, out):
 
 @part
 def slow_down(v, vdot, s, lies):
-    """Set v' so that all joints slow down at the same rate where the walker lies."""
+    """Set v' such that all joints decelerate at the same rate if the walker has fallen."""
     for j in range(v.shape[0]):
         slow = -s.limp * v[j] if j >= 6 else 0.0 * s.limp
         vdot[j] = chosen(lies, -s.gravity if j == 4 else slow, vdot[j])

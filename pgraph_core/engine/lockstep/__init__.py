@@ -1,1 +1,1 @@
-"""Steps of many instances side by side in lanes, each bitwise identical to its own run."""
+"""Steps of many instances in SIMD lanes, with results that are bit-identical to single runs."""

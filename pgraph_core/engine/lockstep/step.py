@@ -379,7 +379,7 @@ def step_lanes(
 ):  # fmt: skip
     """Run `batch.step_instances` in lanes as far as possible.
 
-    The last `memory` spans of `own` belong to a user's function. `walk` is the address of
+    The last `memory` spans of `own` are reserved for a user function. `walk` is the address of
     `walk_in_lanes` if all instances walk, else 0. `place` is the address of its tuple, and `fallen`
     the time of the fall of the instance in the run. The rest are names and scratch.
     """

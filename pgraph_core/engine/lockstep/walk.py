@@ -1,4 +1,4 @@
-"""The walking controller for a block of lanes, behind one address and compiled if a batch walks."""
+"""The walking controller for a block of lanes, which is only compiled for batches that walk."""
 
 from typing import Any, NamedTuple
 

@@ -22,7 +22,7 @@ BRIEF = 1e-3  # shortest sub-step whose impulses start the next step, relative t
 def note_chain(scene, first, t):
     """Count an impact at time t in which several bodies simultaneously push a body that rebounds.
 
-    Newton's law then gives another end than impacts one after the other, as with gaps in between.
+    In this case, the result of Newton's law differs from that of successive impacts.
     """
     data = opened(scene)
     blocks, space = data.blocks, data.space
@@ -59,8 +59,8 @@ def meet_at_a_body(blocks_i, i, n):
 def book(scene, first, t, h, last):
     """Store the impulses for the next step, and as forces on bodies and contact pairs.
 
-    By how much they miss their laws is noted for the frame and for the run; `t` is their time. A
-    sub-step that is not the last of its step only adds points to the stored ones, since it may be
+    The residuals of the contact laws are recorded for the frame and for the run. `t` is their time.
+    A sub-step that is not the last of its step only adds points to the stored ones, since it may be
     so short that loaded contacts have no impulse.
     """
     data = opened(scene)

@@ -119,7 +119,7 @@ def release(code):
 
 @sweep
 def take_sides(run, code):
-    """Take the results of comparisons at Y, and forget the states within which they hold."""
+    """Set the results of comparisons at Y, and reset the states for which they are valid."""
     control = opened_run(run).control[0]
     see(run, code, at.Y, control.time)
     for i in range(0, code.shape[0], 2):
@@ -516,11 +516,11 @@ def reached(code):
 
 @sweep
 def ended(run, h, w):
-    """End the step at width w, or later where each side leads to the other at once. Returns its
-    width.
+    """End the step at width w, or later if both branches lead back to the threshold immediately.
+    Returns its width.
 
-    Steps then get wider, to the step itself or its part within the tolerance. A finer run divides
-    the way to w into its parts.
+    The width then increases up to the full step, or up to the part within the tolerance. A finer
+    run divides the way to w into its parts.
     """
     control, code = opened_run(run).control[0], opened(opened_run(run).scene).loads.signals[0]
     control.pieces = (control.pieces if control.pieces > 0 else control.parts) - 1
@@ -654,7 +654,8 @@ def kept_on(run, code, i, w):
     """Return the weight of the true branch for which the margin is zero at width w, or 0 or 1 if
     one branch leads away from the threshold.
 
-    Its step is taken, and END gets the difference between the states of both sides.
+    The step is taken with this weight, and END receives the difference between the states of both
+    branches.
     """
     stages = opened_run(run).stages
     below = beyond(run, code, i, 0.0, w)

@@ -93,7 +93,7 @@ def see_duals(run, t):
 def take_sides(run, numbers):
     """Give comparisons of the motion the results that the primal run holds.
 
-    Their places may differ, because a factor of 1 takes no instruction.
+    Their positions may differ, because a factor of 1 does not require an instruction.
     """
     code = opened(opened_run(run).scene).loads.signals[0]
     given = opened(opened_run(numbers).scene).loads.signals[0]

@@ -1,7 +1,7 @@
 """Explicit steps for one instance or for lanes, and dense output within the last step.
 
 A step takes y from row Y, and v' there from row SLOPE, to row CANDIDATE. Either `run` is the
-address of a run, or `trees` are trees in lanes; the other one is None.
+address of a run, or `trees` contains trees in lanes. The other argument is None.
 """
 
 import math

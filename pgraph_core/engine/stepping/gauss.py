@@ -3,8 +3,8 @@
 With p = ∂L/∂v the equations of a tree are q' = v, p' = ∂L/∂q + τ, and Gauss' methods of s stages,
 order 2 s, keep the symplectic form of (q, p): the energy of conservative motion stays within a
 bound for very long times ([Hairer, Lubich, Wanner 2006, VI.4, IX.3]). With (q, v), they would not
-be conserved if the mass matrix varies. A step takes local coordinates ξ, which rotations of balls
-and free bodies become by the exponential; their momentum is dexp(ξ)ᵀ p.
+be conserved if the mass matrix varies. A step uses local coordinates ξ. For ball and free joints,
+the rotation is the exponential of ξ, and the momentum is dexp(ξ)ᵀ p.
 
 The unknowns are the velocities of the stages. Momenta that they miss change them by the inverse
 mass matrix at the start of the step, until rounding is left.

@@ -165,8 +165,8 @@ def correct_gauss(run, numbers, h, report):
 def finish_gauss(run, numbers, h):
     """Compute q and v of CANDIDATE from the rates of the stages.
 
-    The mass matrix at its end, which the primal run has factored, gives the derivatives of v
-    from those of the momentum less those that it has at the values of v.
+    The derivatives of v are computed from those of the momentum, minus those of the momentum at
+    constant v, using the mass matrix at the end of the step, which was factored by the primal run.
     """
     data, given = opened_run(run), opened_run(numbers)
     real, stages = data.real, data.stages

@@ -106,7 +106,7 @@ def observe(scene, code, t, q, v):
 
 @sweep
 def hold(scene, code):
-    """Let drives and struts keep to the side of their bounds and bends that the program holds.
+    """Evaluate drives and struts on the side of their bounds and bends that is held by the program.
 
     They take min(max(x, least), most), which is `most` for any x, with its derivatives, if the
     least is infinite.

@@ -81,7 +81,7 @@ MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
 
 @kernel(STEP_SIGNATURE, nogil=True)
 def moreau_jean(run, h):
-    """Take one step from Y into CANDIDATE, split into parts at impacts within it."""
+    """Take one step from Y into CANDIDATE, divided into sub-steps at impacts."""
     this = opened_run(run)
     scene, stages = this.scene, this.stages
     space = opened(scene).space
@@ -263,7 +263,7 @@ def end_acceleration(run, w, width):
 
 @sweep
 def take_back(run, h, w):
-    """Return CANDIDATE to the state before a part, and take its forces out of the contacts."""
+    """Restore CANDIDATE to the state before a sub-step, and remove its forces from the contacts."""
     this = opened_run(run)
     stages, data = this.stages, opened(this.scene)
     nq, nv = size_of_state(run)

@@ -261,7 +261,7 @@ def look_for_points(scene, numbers, v):
 
 @part
 def set_contact(scene, numbers, i, h):
-    """Write the block of a contact point, as the primal run has chosen its laws."""
+    """Write the block of a contact point, with the contact laws selected by the primal run."""
     blocks, given = opened(scene).blocks, opened(numbers).blocks.blocks_f
     contacts = contacts_at(opened(scene).links.contacts)
     n = i - contacts.tally[0].first_contact
@@ -326,7 +326,7 @@ def gap_of_point(scene, numbers, i):
 
 @sweep
 def locate_impact(run, numbers, carried, place, first):
-    """Give the state before an impact the derivatives of its time.
+    """Add the derivatives of the time of an impact to the state before it.
 
     The block with the largest closing speed determines these derivatives. Impacts that coincide by
     chance have no common derivative. If other contacts carry load, the motion deviates from the
@@ -371,7 +371,7 @@ def locate_impact(run, numbers, carried, place, first):
 
 @sweep
 def locate_end(run, numbers, carried, place):
-    """Give the state after a part the derivatives of the time at which it ended without an impact.
+    """Add the derivatives of the end time of a sub-step without an impact to the state.
 
     The sub-step ended at the limit with the smallest gap. The part itself went another way,
     so that the limit is looked for again. v' depends on the velocity before a part, so that its end

@@ -60,7 +60,7 @@ def advance_run(run, budget):
 
     Frame 0 is the given state. EVENT is returned once for each event, with Y at the event. The
     caller may change Y, `fresh` and the scene, and continue. A frame at that time follows. NEAR is
-    returned if something may touch within the next step. If a run fails, its last good state
+    returned if something may touch within the next step. If a run fails, its last valid state
     becomes the last frame.
     """
     data = opened_run(run)
@@ -155,7 +155,8 @@ def step_once(run):
 
 @sweep
 def halved(run, h):
-    """Halve a given step until its equations are solved. Return its width and the step's error."""
+    """Halve a given step until its equations are solved. Return the width and the error of the
+    step."""
     data = opened_run(run)
     control, error = data.control[0], float(NOT_SOLVED)
     while error == NOT_SOLVED and 0.5 * h > nearby(control.time + control.widest):
@@ -191,7 +192,8 @@ def sampled(run):
 
 @sweep
 def is_due(run):
-    """Return True if the guard must check the last step, because it is due or something is fast."""
+    """Return True if the last step must be checked, because the check is due or a speed is too
+    large."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     due = not control.time <= control.clock
@@ -298,7 +300,8 @@ def frame(run, i):
 
 @sweep
 def give_up(run, t):
-    """Record the last good state, at t, as the last frame if it is later than the one before."""
+    """Record the last valid state, at t, as the last frame if it is later than the previous
+    frame."""
     data = opened_run(run)
     control, stages, times = data.control[0], data.stages, data.times
     nq, nv = size_of_state(run)

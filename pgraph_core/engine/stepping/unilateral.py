@@ -124,10 +124,10 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
 def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
     """Return True if limit i may be reached in a sub-step of width w, from its midpoint q.
 
-    The joint gets the permitted speed with which it is at the limit at the end of the sub-step. The
-    joint rebounds in an impact, which has zero width, or if the `rest` of a step is computed at
-    once. The joint remains at the limit if all rebounds, each `e` times as long as the previous
-    one, would end within the step.
+    The permitted speed of the joint is the speed at which it reaches the limit at the end of the
+    sub-step. The joint rebounds in an impact, which has zero width, or if the `rest` of a step is
+    computed at once. The joint remains at the limit if all rebounds, each `e` times as long as the
+    previous one, would end within the step.
     """
     blocks_f, closed = blocks.blocks_f, closed_limit(blocks, i)
     gap = limit_gap(blocks, i, q)
@@ -187,9 +187,9 @@ def add_passed(scene, first, w, q, v, vdot):
 def span_reaches(scene, i, w, v):
     """Return True if a length may exceed its bound within a sub-step of width w, from its midpoint.
 
-    Its block then gets the permitted speed: to be at the bound at the end of the sub-step, or to
-    move along it there. A transverse speed u lengthens it by w² u² / (8 length) in half a sub-step,
-    and turns it. A body that swings at a fixed length therefore conserves its energy.
+    The permitted speed of its block is then set such that it reaches the bound at the end of the
+    sub-step, or moves along it. A transverse speed u lengthens it by w² u² / (8 length) in half a
+    sub-step, and turns it. A body that swings at a fixed length therefore conserves its energy.
     """
     data = opened(scene)
     blocks, work, linear = data.blocks, data.work, data.space.linear

@@ -51,10 +51,10 @@ def extremes(rows, size, stages, row, spin, speed, length):
 def weigh(rows, size, stages, control):
     """Write 1 / tolerance for every entry of y, except the ledger, into WEIGHT.
 
-    The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
-    least one scale per run. Each control state has its own scale, which is its largest value so far
-    and in CANDIDATE. The former replaces the weight of its integral, because rejected steps may end
-    anywhere.
+    The scales are one radian, the length of the mechanism, and the largest joint speed so far,
+    which is at least one scale per run. Each control state has its own scale, which is its largest
+    value so far and in CANDIDATE. The former replaces the weight of its integral, because rejected
+    steps may end anywhere.
     """
     nq, nv = size
     found = extremes(rows, size, stages, at.Y, control.spin, control.speed, control.length)
@@ -282,7 +282,7 @@ def next_width(run):
 
 @sweep
 def part_width(run, bend):
-    """Return the size of `parts` equal parts of the step that a run of one part takes here [s].
+    """Return the step size [s] that divides the step of the original run into `parts` equal parts.
 
     Each step of a finer run is therefore contained in a step of the original run, even near
     corners. `bend` is the time of the next corner or edge.
@@ -322,7 +322,7 @@ def next_interval(run, i):
 
 @sweep
 def step_taken(run):
-    """Count a given step, or record the completed part if it was cut short."""
+    """Count a fixed step, or record the completed part if it was shortened."""
     control = opened_run(run).control[0]
     left = control.widest - control.done
     gone = control.time - control.old_time if control.fired != 0 else control.old_width

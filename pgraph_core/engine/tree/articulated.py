@@ -86,7 +86,7 @@ def add_to_parent(work, p, link, inertia, moment, force):
 
 @part
 def reduce_hinge(rows, const, work, k, tau):
-    """A row of one coordinate: I - U Uᵀ / D and p + I a + U u' / D, to its parent.
+    """Add I - U Uᵀ / D and p + I a + U u' / D of a row with one coordinate to its parent.
 
     [Featherstone 2008, eqs. (7.23), (7.24)]: U = I h, D = hᵀ U + armature, u' = τ - hᵀ p - Uᵀ a,
     with the bias p = (moment, force) and I of the blocks j, b, bᵀ, m. Kept: U, 1 / D, τ - hᵀ p.

@@ -1,13 +1,13 @@
 """Derivatives of τ(q, v, v') of eq. (24) in all coordinates, O(n depth), and M⁻¹ times them, O(n²
 depth).
 
-Moving freedom j turns all that it carries about its axis S. Seen from there, row k gains the
-velocity ψ = v_j × S and the acceleration s - v_k × ψ with s = v'_j × S + v_j × ψ, and its force
-changes by I_k s + B_k ψ with B_k = v_k ×* I_k - I_k v_k × + (I_k v_k) ×̄*. These add up along the
-tree like forces, and τ_i = S_i · Σ f ([Carpentier & Mansard 2018], with sums over carried rows as
-in [Singh, Russell & Wensing 2022]). Vectors are [angular, linear] in world axes at the first row's
-origin. Gravity is an acceleration -g of the ground. S is fixed in the parent, so S' = v_λ × S. In a
-free motion, the translation precedes the rotation.
+A motion of degree of freedom j rotates all descendants about its axis S. Seen from there, row k
+gains the velocity ψ = v_j × S and the acceleration s - v_k × ψ with s = v'_j × S + v_j × ψ, and its
+force changes by I_k s + B_k ψ with B_k = v_k ×* I_k - I_k v_k × + (I_k v_k) ×̄*. These add up along
+the tree like forces, and τ_i = S_i · Σ f ([Carpentier & Mansard 2018], with sums over carried rows
+as in [Singh, Russell & Wensing 2022]). Vectors are [angular, linear] in world axes at the first
+row's origin. Gravity is an acceleration -g of the ground. The axis S is fixed in the parent, so S'
+= v_λ × S. In a free motion, the translation precedes the rotation.
 """
 
 from typing import Any, NamedTuple

@@ -6,9 +6,9 @@ invariants ([Hairer et al. 2006, ch. IV.2]). A body rotates about its own angula
 that before the step and then by that after it. Both therefore have the same components in the body
 axes at either end as at the midpoint of the step, where the equations are solved.
 
-A tree takes the same rule in its joint velocities: M (v⁺ - v) = h (τ - C(½ (v + v⁺))), with M and C
-of the middle of the step. Bodies with rotors therefore conserve |I Ω| and their energy, like single
-bodies.
+For trees, the same rule is applied to joint velocities: M (v⁺ - v) = h (τ - C(½ (v + v⁺))), with M
+and C at the midpoint of the step. Bodies with rotors therefore conserve |I Ω| and their energy,
+like single bodies.
 """
 
 import math
