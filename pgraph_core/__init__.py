@@ -201,7 +201,7 @@ def _mechanism(model: Any, call: str) -> Any:
 
     if isinstance(model, Mechanism):
         return model
-    made = mechanism_of(copy(model), call)  # it would keep the model itself alive
+    made = mechanism_of(copy(model), call)  # a copy, so that the model itself can be deleted
     _MADE[id(model)] = made
     finalize(model, _MADE.pop, id(model), None)
     return made

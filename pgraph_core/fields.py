@@ -140,7 +140,7 @@ def about(info: FieldInfo, name: str) -> About:
 
 
 PLAIN = frozenset((float, int, str))  # most of what a description holds
-MOST_NUMBERS = 10_000_000  # in one field: as objects of Python they take a gigabyte
+MOST_NUMBERS = 10_000_000  # maximum per field; as Python objects they take a gigabyte
 
 
 def listed(value: Any) -> Any:

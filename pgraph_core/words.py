@@ -22,7 +22,7 @@ PAIRS = {
     "forcerange": ("torque_low", "torque_limit"), "ctrlrange": ("input_low", "input_high"),
 }  # fmt: skip
 SPANS = ("t0", "t_span", "tspan")  # with a start of time, a duration does not end at its number
-FLAGS = {  # what is True or False elsewhere is a name here
+FLAGS = {  # flags of other programs that correspond to a name
     ("ground", True): ("other", "ground"), ("floating", True): ("base", "free"),
     ("floating_base", True): ("base", "free"), ("free_base", True): ("base", "free"),
     ("fixed_base", False): ("base", "free"), ("useFixedBase", False): ("base", "free"),
@@ -82,7 +82,7 @@ def same_attribute(name: str) -> str:
 def ours(name: str, known: Iterable[str]) -> str:
     """Return the Pgraph name that corresponds to another program's `name`, or ""."""
     names, plain = set(known), spelt(name)
-    other = OF_JOINTS if "joint" in names else ()  # of a body: its own are those of its joint
+    other = OF_JOINTS if "joint" in names else ()  # fields of a body are those of its joint
     same = SAME.get(name) or (plain, *SAME.get(plain, ()))
     found = [each for each in same if each in names and each not in other]
     return found[0] if name not in names and len(found) == 1 else ""
@@ -110,7 +110,7 @@ def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
     if len(found) < len(pairs) or not changed:
         return {}
     if "body" in names and found.get("other") is not None and found.get("body") is None:
-        found["body"] = "ground"  # what has no first body acts on the ground there
+        found["body"] = "ground"  # other programs use the ground without a first body
     return found
 
 

@@ -122,7 +122,7 @@ def test_extensions_of_bullet_are_read(tmp_path):
         ([("b", 2, 1), ("c", -1, 0)], None),  # a chain
         ([("b", 2, 1), ("a", 0.5, -0.5)], "follows"),
         ([("b", 2, 1), ("c", -4, 0), ("a", -0.125, 0.125)], "follows"),
-        ([("b", 2, 1), ("a", 0.5, 0.5)], "no position"),
+        ([("b", 2, 1), ("a", 0.5, 0.5)], "no joint positions"),
         ([("b", 2, 1), ("a", -1, 1)], "held"),
         ([("b", 2, 1), ("c", 3, 1), ("a", -1, 4)], "held"),
     ],
@@ -150,7 +150,7 @@ def test_mimics_in_a_ring_are_named(tmp_path, mimics, told):
     (entry,) = said
     assert told in entry.text
     q, *_ = np.linalg.lstsq(rows, right)
-    assert (np.abs(rows @ q - right).max() > 0.1) == told.startswith("no position")
+    assert (np.abs(rows @ q - right).max() > 0.1) == told.startswith("no joint positions")
 
 
 def test_shapes_have_roles_colours_and_meshes_of_the_package(tmp_path):

@@ -93,7 +93,7 @@ def _command(name: str, words: Sequence[str]) -> int:
     )
     for add in command.arguments:
         add(parser)
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
     args = parser.parse_args(words)
     try:
         answer = command.answer(args)

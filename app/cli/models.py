@@ -135,7 +135,11 @@ def check(args: Namespace) -> Answer:
         raise ModelError(problems)
     notes += model.doubts
     data |= {"notes": notes} if notes else {}
-    found = "no problem found" if "loaded" not in data else "some acting parts are left out"
+    found = (
+        "no problem found"
+        if "loaded" not in data
+        else "some elements that affect the motion are omitted"
+    )
     lines = [f"{model.name}: {found}", *(f"note: {text}" for text in notes)]
     return Answer(data, "\n".join(lines))
 
@@ -165,11 +169,15 @@ def mesh_problems(model: pg.Model) -> list[Problem]:
 
 @command(
     "convert",
-    "a model from one format to another: .json, .urdf, .xml (MJCF)",
+    "convert a model between formats: .json, .urdf, .xml (MJCF)",
     takes("model", metavar="IN", help=NAMED),
-    takes("out", metavar="OUT", help="the file to write; its suffix is the format"),
+    takes("out", metavar="OUT", help="output file; the suffix selects the format"),
     *FILES,
-    takes("--repair", action="store_true", help="replace inertias that no body has by the nearest"),
+    takes(
+        "--repair",
+        action="store_true",
+        help="replace physically impossible inertias by the closest valid ones",
+    ),
 )
 def convert(args: Namespace) -> Answer:
     """Raises PgraphError."""

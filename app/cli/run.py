@@ -169,7 +169,7 @@ def _samples(parser: ArgumentParser) -> None:
 
 @command(
     "sweep",
-    "run a model at many values of its fields; write a table",
+    "run a parameter sweep and write a table",
     *MODEL,
     takes(
         "--set", type=varied, action="append", required=True, metavar="PATH=VALUES",
@@ -177,12 +177,12 @@ def _samples(parser: ArgumentParser) -> None:
         "may be repeated",
     ),
     takes("--metric", action="append", required=True, metavar="NAME",
-          help="as 'max knee' or energy_drift; may be repeated"),
+          help="such as 'max knee' or energy_drift; may be repeated"),
     takes("-o", "--output", metavar="FILE", help="the table: .csv or .parquet"),
     takes("--resume", action="store_true", help="continue an interrupted sweep"),
     _samples,
     takes("-n", type=count, metavar="N", help="number of samples"),
-    takes("--seed", type=whole(0), default=0, help="of the samples; default: 0"),
+    takes("--seed", type=whole(0), default=0, help="seed of the samples; default: 0"),
     takes("--workers", type=count, metavar="N", help="processes; default: all cores"),
     takes("--scheduler", metavar="ADDRESS", help="a Dask scheduler: tcp://host:8786"),
     *RUN,
@@ -261,16 +261,16 @@ TAKES = {  # the options that each kind of file accepts
 
 @command(
     "export",
-    "write a figure that plays, with --live one that the reader can change; a picture or a film",
+    "write an interactive figure, a picture or a film",
     *MODEL, SCENARIO, T_END,
-    takes("--live", action="store_true", help="a figure that the reader can run, pull and change"),
+    takes("--live", action="store_true", help="an interactive figure with kernels and sliders"),
     takes(
         "--open", action="append", default=[], metavar="PATH[=LOW:HIGH]",
         help="parameter with a slider, such as bodies.lower.mass=0.2:5; may be repeated",
     ),
     takes("--what", choices=("view", "digraph", "plot"), default="view", help="in a picture"),
     takes("--columns", type=names, default=(), metavar="A,B",
-          help="of a plot; default: all joints"),
+          help="columns of a plot; default: all joints"),
     takes("--at", type=float, metavar="S", help="time of a picture [s]"),
     takes("--size", type=size, metavar="WxH", help="in pixels, as 1280x720"),
     takes("--view", choices=("start", "front", "side", "top", "isometric"), default="start"),

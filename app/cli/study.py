@@ -47,7 +47,7 @@ def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
 
 @command(
     "report",
-    "error against run time of every method and of the installed peers",
+    "compare error and run time of all methods and of installed peers",
     takes("model", metavar="MODEL", nargs="?", help=NAMED),
     *FILES,
     takes("--case", metavar="NAME", help="a verification case instead of MODEL"),
@@ -58,7 +58,7 @@ def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
     takes("--tolerances", type=numbers, metavar="R,R", help="default: 1e-2 .. 1e-12"),
     takes("--target", type=positive, metavar="E", help="error to recommend for"),
     takes("--rounds", type=count, default=3, help="rounds of timing; default: 3"),
-    takes("--longest", type=positive, metavar="S", help="leave out longer runs; default: 1"),
+    takes("--longest", type=positive, metavar="S", help="skip longer runs; default: 1"),
     takes(
         "--peers", action=BooleanOptionalAction, default=True, help="compare with other engines"
     ),
@@ -141,14 +141,14 @@ def _axis(parser: ArgumentParser) -> None:
 
 @command(
     "stability",
-    "which methods stay accurate as a model is made stiff or extreme",
+    "compute a stability map of the methods for extreme parameters",
     *MODEL,
     _axis,
     takes("--values", type=numbers, metavar="X,X", help="default: values of the axis"),
     METHODS,
     takes("--steps", type=numbers, metavar="S,S", help="default: 0.1 to 1e-4 [s]"),
     T_END,
-    takes("--target", type=positive, metavar="E", help="largest error that is OK"),
+    takes("--target", type=positive, metavar="E", help="largest acceptable error"),
     takes("--scenario", help="default: none"),
     takes("-o", "--output", metavar="FILE", help="write a page (.html), .json, .svg or .txt"),
 )
@@ -183,7 +183,7 @@ def tell(text: str) -> None:
 
 @command(
     "verify",
-    "compute known motions; print errors, targets and cost; exit code 1 if one misses",
+    "run verification cases; print errors, targets and cost; exit code 1 if one fails",
     takes(
         "names", metavar="NAME", nargs="*",
         help="a case, a family of cases such as chain_n_links, or a case file; default: all",
@@ -252,7 +252,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
     "bench",
     "run benchmarks, most of them against other programs (in a clone)",
     takes("names", metavar="NAME", nargs="*", help="benchmarks, or `all`; without: list them"),
-    takes("--quick", action="store_true", help="the smallest sizes: rough figures"),
+    takes("--quick", action="store_true", help="only use the smallest sizes"),
     takes("-o", "--output", type=Path, metavar="FILE", help=".json, .csv, .md, .txt"),
     takes(
         "--against", type=Path, metavar="FILE",

@@ -196,13 +196,13 @@ count, positive = whole(1, LARGEST), above_0()
 FILES = (
     takes(
         "--root", action="append", default=[], metavar="FOLDER",
-        help="a folder in which meshes and included files may lie; may be repeated",
+        help="additional folder for meshes and included files; may be repeated",
     ),
     takes(
         "--argument", type=given, action="append", default=[], metavar="NAME=VALUE",
         help="a value for an argument of a xacro file, which is a program; may be repeated",
     ),
-    takes("--member", default="", metavar="FILE", help="which model of a zip that holds several"),
+    takes("--member", default="", metavar="FILE", help="model in a zip file with several models"),
 )  # fmt: skip
 NAMED = "a file or the name of a built-in model"
 MODEL = (takes("model", metavar="MODEL", help=NAMED), *FILES)

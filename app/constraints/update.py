@@ -284,4 +284,4 @@ def assembled(model: pg.Model) -> Found:
         at, speed = at + len(body.q), speed + len(body.v)
         if new != {"q": body.q, "v": body.v}:
             changes[name] = new
-    return Found(f"{str(found).capitalize()}. Undo takes it back.", changes)
+    return Found(f"{str(found).capitalize()}. Use Undo to revert this change.", changes)

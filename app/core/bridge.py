@@ -161,7 +161,7 @@ class Bridge:
 
 
 def static_script(hosts: list[tuple[str, str, str]]) -> str:
-    """Return our complete script and style, core first, to be run once per page."""
+    """Return the complete script and style sheet, which are loaded once per page."""
     style = "\n".join(_sources(CORE_STYLES, "css"))
     font = base64.b64encode((APP / "core" / "inter.woff2").read_bytes()).decode()
     style = json.dumps(style.replace("inter.woff2", f"data:font/woff2;base64,{font}"))

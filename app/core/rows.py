@@ -1,6 +1,6 @@
 """The rows of a model on the pages: ids of rows with names, and rows that events name by place.
 
-A page keeps a row, with what is typed in it, by its id. A row without a name, such as a contact
+Pages identify a row and its typed content by an id. A row without a name, such as a contact
 point, is identified by its index. An event contains the version of the model for which it was
 created, and is rejected if rows have since been added, removed or moved.
 """

@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 
 class View(Protocol):
-    """An observer of the state that draws, or works, on differences between `old` and `new`."""
+    """An observer that draws or computes when `new` differs from `old`."""
 
     def render(self, old: Any, new: Any) -> None: ...
 

@@ -58,7 +58,7 @@ class ExportView:
             return self._making.get(client) is asked
 
         if asked.what == "live" and (why := recorded_only(asked.run)):
-            text = f"Its reader can play the run, not change it: {why}."
+            text = f"Readers can play the run but not change it: {why}."
             self._bridge.send(
                 client, "notice", {"title": "A recording", "text": text, "bad": False}
             )

@@ -75,7 +75,7 @@ def _asked(design: Design) -> list[Payload]:
         row = [cell((k,), name) for k, name in enumerate(known)]
         rows.append(field("states", "Coordinates", row, kind="choice", columns=1,
                           options=sorted({*names, *known}, key=[*names, *known].index),
-                          help="which ones the others follow through the constraints"))  # fmt: skip
+                          help="coordinates that determine all others"))  # fmt: skip
     if design.found is not None:
         states = design.found.positions
         step = asked.step if asked.step in states else states[0]
@@ -100,7 +100,7 @@ def _allowed(design: Design, display: Display) -> list[Payload]:
         one = cell((k,), None if value is None else shown(value, of, display))
         label = name if k < count or design.found is None else called(name, design.found)
         rows.append(field("largest", label, [one], unit=display.unit(of) or unit,
-                          help="maximum allowed value; empty: ignored"))  # fmt: skip
+                          help="maximum allowed value; ignored if empty"))  # fmt: skip
     found = [group("Largest input", rows[:count])]
     if asked.method == "lqr" and rows[count:]:
         found.append(group("Largest deviation", rows[count:]))

@@ -157,7 +157,8 @@ def chosen(walking: Walking, name: str) -> Walking:
 
 
 def checked(model: pg.Model, offer: Offer) -> None:
-    """Check that the model can walk like this. Raises InputError, for example if it is too fast."""
+    """Check that the model can walk like this. Raises InputError, for example if the gait is too
+    fast."""
     pg.Controller(pg.Mechanism(model), offer.gait)
 
 

@@ -314,7 +314,7 @@ class Motion:
 def sewn(before: pg.Result | None, part: pg.Result) -> pg.Result:
     """Return a part whose first frame is the last frame of the previous part, including its forces.
 
-    The forces of contacts and the accelerations at its start are those of a step before it.
+    The contact forces and accelerations at its start are taken from the preceding step.
     """
     if before is None or not (len(part.t) and part.contacts.force and before.contacts.force):
         return part

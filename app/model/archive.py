@@ -99,7 +99,7 @@ def refuse_program(name: str | PurePosixPath) -> None:
     """Raise Refusal for a file whose macros form a program."""
     if PurePosixPath(name).suffix.lower() == SUFFIX:
         own = PurePosixPath(name).name
-        text = f"{own}: its macros are a program, and the page does not run programs from files; "
+        text = f"{own}: macros can execute code, which uploaded files must not do; "
         raise Refusal(f"{text}start Pgraph with it: pgraph {own}")
 
 

@@ -71,9 +71,9 @@ TITLES = {
 WORDS = {  # meaning of an entry, equation of the paper
     "M": "inertia between motions, eq. (25)",
     "J": "speeds of tips for each motion, eq. (20)",
-    "eps_phi": "carries velocities to the next body, eq. (13)",
-    "Phi": "carries velocities to all bodies on it, eq. (16)",
-    "S": "which body hangs on which, eq. (1)",
+    "eps_phi": "propagates velocities to the next body, eq. (13)",
+    "Phi": "propagates velocities to all descendants, eq. (16)",
+    "S": "connections between bodies, eq. (1)",
 }
 MOST = 96  # cells per side. In larger operators a cell is a block
 LARGE = 200  # bodies above which Φ, whose entries grow with the square, is not made
@@ -96,7 +96,7 @@ def available(state: State, what: str) -> str:
     if what == "Phi" and n > LARGE:
         return f"Φ of {n} bodies has too many entries; it is shown up to {LARGE} bodies."
     if what in ("M", "J") and n > LARGE and not state.kernels.ready:
-        return "The fast code is still being compiled."
+        return "The kernels are still being compiled."
     return ""
 
 

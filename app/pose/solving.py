@@ -174,7 +174,7 @@ def dragged(
     """
     body = state.model.body(name)
     if not state.kernels.ready:
-        raise _cannot(body, "the fast code that closes loops is still being compiled")
+        raise _cannot(body, "the kernels that close loops are still being compiled")
     mech = pg.Mechanism(state.model)
     still = np.zeros(mech.nv, bool)
     for other, joint in mech.joints.items():
@@ -194,7 +194,7 @@ def pose_at(state: State, q: np.ndarray) -> Pose:
 def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray:
     """Return the closest q that satisfies the constraints, with one coordinate fixed."""
     if not state.kernels.ready:
-        raise _cannot(body, "the fast code that closes loops is still being compiled")
+        raise _cannot(body, "the kernels that close loops are still being compiled")
     model, held = state.model, None
     if all(m.kind in AXIAL for m in body.sequence):
         goal = {"kind": "polynomial", "coefficients": [float(q[_first(model, body) + index])]}

@@ -89,7 +89,7 @@ class Mend(Typed, ModelEdit):
         for name, change in _changes(state, self).items():
             mending = mended(state.model.body(name), *_one(self, change))
             if mending is None:
-                raise Refusal("there is nothing to repair")
+                raise Refusal("the inertia is valid")
             new[name] = mending
         return state.model.edit_all(new), f"repair {_label(self)}"
 

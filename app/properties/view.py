@@ -46,7 +46,7 @@ Q_NAMES = {"free": (*XYZ, *(f"q{x}" for x in WXYZ)), "spherical": WXYZ}
 V_NAMES = {"free": ("ωx", "ωy", "ωz", *XYZ), "spherical": ("ωx", "ωy", "ωz")}
 # short labels of fields
 SHORT = {"link": "Position", "com": "Centre", "q": "Position", "v": "Velocity"}
-STAND_IN = "drawn as a plain rod or box until it has one"
+STAND_IN = "drawn as a rod or box if there is no shape"
 MOST_SHAPES = 12  # limit on shapes with a form
 DENSITIES = (
     ("1000", "water, 1000"), ("7850", "steel, 7850"), ("2700", "aluminium, 2700"),
@@ -263,7 +263,9 @@ class _Form:
         derive it."""
         name = row["field"]
         if name in self.body.derived:
-            note = "; ".join(filter(None, (row["note"], "follows from the shapes until you type")))
+            note = "; ".join(
+                filter(None, (row["note"], "derived from the shapes until another value is typed"))
+            )
             return {**row, "note": note}
         if not self.body.derived and name != "mass":
             return row  # one button for all of them
@@ -279,7 +281,7 @@ class _Form:
         shape = shapes[at] if at < len(shapes) else None
         kind = NO_SHAPE if shape is None else shape.kind
         kinds = [(k, k.capitalize()) for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]
-        upload = {"upload": True, "help": "shapes that are drawn, and shapes that touch"}
+        upload = {"upload": True, "help": "visual shapes and collision shapes"}
         if not at:
             kinds.append(("file", "Mesh file …"))  # STL, OBJ, PLY, OFF or GLB, 10 MB at most
         found = [choice(prefix + "kind", "Kind", kind, kinds, heads=True, **({} if at else upload))]

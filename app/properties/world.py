@@ -107,7 +107,7 @@ def _parameters(state: State) -> Payload:
         {"id": ids[name], "name": name, "value": value, "used": used[name]}
         for name, value in model.parameters.items()
     ]
-    help = "numbers with a name: a cell of a body holds =name or =name/2"
+    help = "named numbers, used in cells as =name or =name/2"
     parameters = field("parameters", "", [], kind="parameters", rows=rows, help=help)
     return group("Parameters", [parameters], bool(rows), str(len(rows) or "none"))
 

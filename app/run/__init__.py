@@ -83,7 +83,7 @@ class Run:
     result: Any  # pgraph_core's result
     walked: tuple[Change, ...] | None = None  # changes of its feet, if known
     ended: str = ""  # end of a live run
-    gait: pg.Gait | None = None  # in place of that of its scenario
+    gait: pg.Gait | None = None  # replaces the gait of the scenario
 
     @cached_property
     def falls(self) -> tuple[Change, ...]:

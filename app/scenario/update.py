@@ -133,7 +133,8 @@ class EditScenario(EditOfScenario):
 
 
 class TakePose(EditOfScenario):
-    """Use the displayed pose as the scenario's initial state, or restore the model's own."""
+    """Use the displayed pose as the initial state of the scenario, or restore the initial state of
+    the model."""
 
     shown: bool
     LABEL = "initial state of {scenario}"

@@ -33,7 +33,7 @@ Curves = Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]]  # {name: (ti
 
 @dataclass(frozen=True)
 class Free:
-    """A number of the model that a search may change, with its bounds."""
+    """A free parameter of the model with its bounds."""
 
     path: str
     low: float

@@ -140,7 +140,7 @@ class Vocabulary:
         return math.nan if place is None else self._moment.q[name][place]
 
     def _completions(self, typed: str) -> tuple[int, tuple[Word, ...]]:
-        """Return where the word before the caret begins, and the names that complete it.
+        """Return the start of the word before the cursor and its completions.
 
         Names that start with the typed text come first, followed by names that contain it.
         """

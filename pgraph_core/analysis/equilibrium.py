@@ -285,7 +285,7 @@ class _Search:
         return self.best if least <= SOLVED else None
 
     def off_the_saddle(self, ways: _Ways) -> Place | None:
-        """Return a lower position downhill along the direction of the most negative curvature."""
+        """Return a position of lower energy along the direction of the most negative curvature."""
         way = ways.vectors[:, 0]
         way = way if way @ ways.slope <= 0 else -way
         for side in (ways.free @ way, -(ways.free @ way)):

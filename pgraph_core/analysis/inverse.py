@@ -232,7 +232,7 @@ class Target(NamedTuple):
 
 
 class Reached(Suggests, np.ndarray):
-    """A configuration q (nq,) that reaches its targets, as an array."""
+    """A configuration q (nq,) that satisfies the targets, as an array."""
 
     success = True  # targets that are missed raise InputError
     residual = 0.0  # distance from the targets and of open loops [m]

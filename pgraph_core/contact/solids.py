@@ -352,7 +352,8 @@ def packed(
 
 
 def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> list[list[int]]:
-    """Find the shapes that form one solid with each shape: same row, overlapping boxes.
+    """Find the shapes that form one solid with each shape, i.e. shapes of the same row with
+    overlapping boxes.
 
     A neighbour must be able to touch all partners of the shape (`partners` of each). Otherwise it
     would be missing for some of them.

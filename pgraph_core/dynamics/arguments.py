@@ -135,7 +135,7 @@ def fill(mech: Any, state: Array, entries: Mapping[str, Any], kind: str) -> None
             raise InputError(Problem(kind, "", text))
         place = getattr(joints[name], "q" if kind == "q" else "v")
         if (kind, place.stop - place.start, np.size(values)) == ("q", 7, 3):
-            place = slice(place.start, place.start + 3)  # of a free joint: it keeps its rotation
+            place = slice(place.start, place.start + 3)  # a free joint keeps its rotation
         label = f"{kind}['{name}']" + OF_FREE.get((kind, place.stop - place.start), "")
         state[place] = numbers(
             label, [values] if np.isscalar(values) else values, place.stop - place.start

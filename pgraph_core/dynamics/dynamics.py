@@ -65,7 +65,7 @@ class Dynamics(Portable):
     nv: int
     _springs: int
     _free: tuple[Any, ...]  # arguments of `at_once`, empty if the kernel does not suffice
-    _untold: dict[str, str]  # what calls leave out, of which none has said so yet, and their names
+    _untold: dict[str, str]  # kinds ignored by calls without a warning so far, and their names
     _bound: tuple[Any, ...] = ()  # arguments of `constrained_at_once`, after a first call
     _slopes: tuple[Any, ...] = ()  # arguments of derivatives, after a first call
     _rest: Array  # (nv,) v = 0

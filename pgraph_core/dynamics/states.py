@@ -102,7 +102,8 @@ def ranges_of_motion(rows: Ints, q: Array) -> tuple[float, float]:
 def size_of_motion(turned: float, moved: float, length: float) -> float:
     """Return the larger of two ranges of a motion.
 
-    Coordinates that move by less than the rounding of the mechanism's length are at rest.
+    Coordinates are considered at rest if they change by less than the rounding error of the length
+    of the mechanism.
     """
     return max(turned, moved, REST * length)
 

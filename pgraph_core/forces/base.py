@@ -98,7 +98,7 @@ class Places(Protocol):
         ...
 
     def in_row(self, name: str, point: npt.ArrayLike) -> Array:
-        """Convert a point from a body's axes to the home axes of its row (3,) [m]."""
+        """Convert a point from body axes to the axes of its row at q = 0 (3,) [m]."""
         ...
 
     def at_start(self, name: str, point: npt.ArrayLike) -> Array:

@@ -39,7 +39,7 @@ from .opened import Opened, follows, opened
 from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
-USUAL_DURATION = 10.0  # [s] of motion
+USUAL_DURATION = 10.0  # default duration of the motion [s]
 PICTURES = 60  # recorded pictures a second
 MOST_PICTURES = 3000
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)

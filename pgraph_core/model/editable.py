@@ -314,8 +314,8 @@ class Editable(Description):
         Parameters
         ----------
         changes : dict
-            Changed fields by present name of the body. In `changes`, `parent` refers to the new
-            name.
+            Changed fields by the current name of each body. In `changes`, `parent` refers to the
+            new name.
 
         Returns
         -------

@@ -247,7 +247,7 @@ def at_once(part: Described | None, name: str) -> str:
 
 
 def _error_problem(part: PID, known: Known) -> str:
-    """Return why the setpoint and the signal of a controller cannot be compared, or ""."""
+    """Return the reason why the units of the setpoint and the signal differ, or ""."""
     texts = [x for x in (part.signal, part.setpoint) if isinstance(x, str)]
     found = [dim for x in texts if (dim := dim_of(parsed(x), known.dim)) is not None]
     if len(found) < 2 or fits(*found):

@@ -99,7 +99,7 @@ class Endpoints:
     # -- blocks --------------------------------------------------------------------------------
 
     def held(self, dirs: Sequence[Array] = tuple(np.eye(3))) -> Block:
-        """Return a block that keeps the point fixed along directions on b."""
+        """Return a block that fixes the point along directions in the axes of b."""
         return Block(at.T_POINT, len(dirs), self.values(dirs=dirs))
 
     def turned_as_at_home(self) -> Block:

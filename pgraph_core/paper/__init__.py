@@ -317,7 +317,7 @@ def home_poses(model: Model) -> tuple[Array, Array]:
     Returns
     -------
     ndarray (n, 3), ndarray (n, 3, 3)
-        Origins [m] and rotations in the order of numbers, as from `frames`.
+        Origins [m] and rotations in the order of body numbers, as returned by `frames`.
 
     Raises
     ------

@@ -394,7 +394,9 @@ def arrays_of(file: ZipFile, bodies: int) -> dict[str, Array]:
     """Return the arrays by name. Raises KeyError or ValueError."""
     found = {"t": _times(file)}
     most = len(found["t"]) * PER_BODY * (bodies + 1)
-    for name in (entry.removesuffix(".npy") for entry in file.namelist()):  # in their order
+    for name in (
+        entry.removesuffix(".npy") for entry in file.namelist()
+    ):  # the order of the columns
         if name not in ("header", "t"):  # events are not of frames
             found[name] = _array(file, name, LARGEST if "event" in name else most)
     return found

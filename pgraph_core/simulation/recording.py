@@ -101,7 +101,7 @@ class Recording(Running):
         if self._reused and before is None:
             left = taken(self.mech, plan)
         elif self._reused and before is not None and before.steps.finer is not None:
-            left = before.steps.finer  # in the scene of the coarser run, which keeps it
+            left = before.steps.finer  # loop in the scene of the coarser run
             left = left if left.steps.plan is plan else None
         if left is not None:
             self.scene, self.steps, self.out, self.watch = left

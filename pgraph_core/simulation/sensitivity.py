@@ -59,7 +59,7 @@ class Jump(NamedTuple):
     """A force that jumps where a step ended, at a time with these derivatives (runs, MOST)."""
 
     times: list[Array]
-    rates: Array  # of the state, before the jump minus after it
+    rates: Array  # change of the rates of the state at the jump, before minus after
 
 
 class Carried:
@@ -75,7 +75,7 @@ class Carried:
         self.slopes: list[Slope] = []
         self._beside: Given | None = None  # the run of which they are, if not of this one
         self._jump: Jump | None = None  # awaits the frames of the step that ended there
-        self._jumped: list[float] = []  # times at which derivatives jump [s]
+        self._jumped: list[float] = []  # [s] discontinuities of the derivatives
         self._late: dict[int, Array] = {}  # derivatives of when constraints were switched last
         self._most = MOST
         self.out = np.zeros((0, 0, 0, WIDTH))  # empty until a run starts
@@ -242,7 +242,8 @@ class Carried:
             run.switch(t, record.steps, times, late and late.rates, after)
 
     def lateness(self, record: Any, t: float, condition: Any) -> Lateness:
-        """The derivatives of the time t at which a condition is met. Raises InputError."""
+        """Return the derivatives of the time t at which a condition becomes true. Raises
+        InputError."""
         when, before = condition.given.when, rates(record, t)
         if when.constraint is not None:  # follows a switch, at once or after a given time
             known = self._late.get(condition.given.place)

@@ -1,4 +1,4 @@
-"""The numbers by which a run is differentiated, and the derivatives of its scene and start.
+"""Parameters of derivatives of a run, and the derivatives of the scene and the initial state.
 
 The derivatives of packed constants that are linear in a parameter are exact. Other constants are
 differentiated by central differences of order 6 with steps of 1/256 of the parameter. The relative
@@ -189,7 +189,7 @@ class Slopes:
     element is active.
     """
 
-    beside: Given | None = None  # that run, if one is needed
+    beside: Given | None = None  # the neighbouring run, if required
 
     def __init__(self, given: Given):
         self._take(given)

@@ -46,7 +46,7 @@ class Reference(Suggests):
     accuracy: float  # error of the reference itself
     source: str  # origin of the reference, in words
     margin: float = GIVEN
-    parted: bool = False  # it ends where two references of a longer motion part
+    parted: bool = False  # True if it ends where two references diverge
 
     @property
     def limit(self) -> float:

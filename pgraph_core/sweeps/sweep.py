@@ -173,7 +173,7 @@ def sweep(
     Sweeps that take longer than a second use several processes. This requires that scripts have an
     `if __name__ == "__main__":` guard and that metrics can be pickled, i.e. are not lambda
     functions. Otherwise, a warning is issued and a single process is used. The results do not
-    depend on the number of processes. Points that fail are included in the table together with the
+    depend on the number of processes. Failed points are included in the table together with the
     reason.
 
     Parameters

@@ -380,7 +380,7 @@ BATCHES = [  # (model, options of a batch of 2, what is named)
         ("bodies.rod.mass", [1], "bodies.rod.mass.* 2"),
         ("bodies.rod.mass", [1, np.nan], "finite"),
         ("bodies.rod.mass", [1, -1], "entry 1 .*= -1"))),
-    (lambda: gears()[0], {"set": {"forces.m.gear": [1.0, 3.0]}}, "gear of 1"),
+    (lambda: gears()[0], {"set": {"forces.m.gear": [1.0, 3.0]}}, "1 for gears"),
     (lambda: pendulum().edit("rod", stiffness=0.0), {"set": {"bodies.rod.damping.0": [1, 0]}},
      "damper"),
     (lambda: pendulum().edit("rod", shape={"kind": "sphere", "radius": 0.1}), {"set": RADII},

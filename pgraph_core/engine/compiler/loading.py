@@ -154,7 +154,7 @@ def machine_for(triple: str, cpu: str, features: str) -> Any:
 
 
 class Level(NamedTuple):
-    """A processor level for which wheels contain machine code."""
+    """A processor level with machine code in wheels."""
 
     arch: str  # the first word of its triple
     cpu: str  # its name in LLVM

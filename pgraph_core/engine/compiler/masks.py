@@ -1,4 +1,4 @@
-"""Decisions in lanes: a mask is a lane of ones and zeros, used for selection without branches.
+"""Masks are lanes of ones and zeros, which select values without branches.
 
 Loops continue while `any_of` a mask is set, so finished lanes wait for the others. Each lane
 performs the operations of a single instance in the same order, so the results are equal bit for

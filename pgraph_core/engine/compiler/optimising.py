@@ -77,7 +77,8 @@ BYTE = ir.IntType(8).as_pointer()
 def object_of(kernels: Sequence[Kernel]) -> tuple[bytes, list[str]]:
     """Return (object file, exported names) for kernels.
 
-    The process is of no other use afterwards: its kernels are compiled for WebAssembly.
+    The process cannot be used for other purposes afterwards, because its kernels are compiled for
+    WebAssembly.
     """
     with global_compiler_lock:
         whole, exports = compiled(kernels)

@@ -83,7 +83,7 @@ def path_lengths(rows, stages, nq, h, reach):
 
 @sweep
 def limits_near(run, guard):
-    """Return True if a coordinate may have reached a limit in the last step, and the clearance.
+    """Return whether a coordinate may have reached a limit in the last step, and the clearance.
 
     Events are checked if a coordinate may have reached the bound of a condition.
     """

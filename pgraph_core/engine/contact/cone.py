@@ -1,10 +1,10 @@
 """Impulse of a single contact by Signorini's and Coulomb's laws, with all others fixed.
 
-Let u = W λ + f be the contact's three velocities, normal first. A sliding contact has
-u_t = -s λ_t with s ≥ 0 and |λ_t| = μ λ_n. For a given s, three linear equations give the impulse.
-s is the root of ψ(s) = μ λ_n(s) / |λ_t(s)| - 1. The function is nearly linear, so Newton's method
-takes one to three steps, as for the multiplier of a trust region [Conn, Gould & Toint 2000]. The
-same code serves numbers and lanes.
+Let u = W λ + f denote the three velocities of the contact, starting with the normal velocity. A
+sliding contact has u_t = -s λ_t with s ≥ 0 and |λ_t| = μ λ_n. For a given s, three linear equations
+give the impulse. s is the root of ψ(s) = μ λ_n(s) / |λ_t(s)| - 1. The function is nearly linear, so
+Newton's method takes one to three steps, as for the multiplier of a trust region [Conn, Gould &
+Toint 2000]. The same code serves numbers and lanes.
 """
 
 import math

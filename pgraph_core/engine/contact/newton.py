@@ -83,7 +83,7 @@ def velocity(data, i, w):
 
 @part
 def bounds_of(data, i):
-    """Return (friction, 0) for a contact, or a torque's bounds about and across the normal.
+    """Return (friction, 0) for a contact, or the bounds of a torque about and across the normal.
 
     For joint friction, the first entry is the bound.
     """

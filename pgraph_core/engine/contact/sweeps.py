@@ -169,7 +169,7 @@ def combine(normal, count):
     for p in range(count):
         for q in range(count):
             normal[begin + p, q] = normal[p, q]
-        normal[begin + p, p] += ROUNDING * largest  # of equal changes
+        normal[begin + p, p] += ROUNDING * largest  # regularisation for equal changes
     for p in range(count):
         pivot = normal[begin + p, p]
         if not pivot > 0.0:

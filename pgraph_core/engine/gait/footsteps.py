@@ -104,7 +104,8 @@ def beside_edges(terrain, s, heading, at):
 
 @sweep
 def ground_between(terrain, s, heading, leave, land):
-    """Return heights of the known ground: (lift-off, landing, maximum along the path)."""
+    """Return the heights of the known ground at lift-off and landing, and its maximum along the
+    path."""
     top = -1e300
     first = 0.0
     last = 0.0

@@ -48,7 +48,7 @@ from .walk import ALL, call_walk
 
 @sweep
 def begin(rows, drives, b, h):
-    """Take the first half of a step, up to the frames at its midpoint."""
+    """Compute the first half of a step, including the frames at its midpoint."""
     x = b.vectors
     for i in range(x.shape[1]):
         x[of.NEW_Q, i] = x[of.Q, i]

@@ -53,16 +53,16 @@ from .widths import size_of
 # a part begins; the margin where a part ends, and how much it changes
 BEND, BEGIN, END, CHANGE = 1, 2, 3, 4
 SLOWEST, FASTEST = 5, 6  # range of the rate
-OLD_RATE = 6  # in the row of a length: its rate where a part begins
+OLD_RATE = 6  # column in the row of a length: rate at the start of an interval
 CLEAR, CHANGED, OPEN = 0, 1, 2
 SHORTEST = 1.0 / (1 << DEEPEST)  # part of a step: what changes twice within it changes nothing
 MOST_LOOKS = 256  # parts of a step: for a margin that is at its bound all the way
 TRIALS = 80  # bisections alone need 52
 AHEAD = 16  # steps of this way within which nothing can change: later ones need no look
 ROUNDED = 4 * EPS  # width of an instant, relative to the step or the time
-SPAN = 2.0 * step_of_differences(3)  # of a step: three values give a rate and a bend
-FLAT = math.sqrt(ROUNDED)  # of a step: what begins at zero with no rate is rounding until then
-GROWTH = 16  # of the least width of a step, while one side leads to the other at once
+SPAN = 2.0 * step_of_differences(3)  # fraction of a step; three values give a rate and a curvature
+FLAT = math.sqrt(ROUNDED)  # fraction of a step below which a start at zero rate is rounding
+GROWTH = 16  # factor for the smallest width while branches alternate
 
 
 @kernel(STEP, nogil=True, later=True)
@@ -398,7 +398,8 @@ def way_of(run, code, i, h):
 
 @part
 def way_of_number(table, code, i):
-    """Return `way_of` of what is no part of the state. Between corners, inputs are straight."""
+    """Return `way_of` for a signal that is not part of the state. Between corners, inputs are
+    straight."""
     what, n = int(code[i, 1]), int(code[i, 2])
     if what == INPUT and table[n].lag == 0.0 and table[n].integrates == 0:
         return abs(code[i + 1, 0] - code[i + 1, BEGIN])

@@ -397,7 +397,7 @@ def locate_end(run, numbers, carried, place):
 
 @sweep
 def arrive(run):
-    """Go back from the path to the state that waits, at the time at which the first gap closes."""
+    """Return from the path to the saved state, at the time at which the first gap closes."""
     data = opened_run(run)
     stages, gap = data.stages, parted(opened(data.scene).space.vectors[OTHER])
     copied(stages, HERE, at.CANDIDATE, stages.shape[1])

@@ -295,7 +295,8 @@ def depth_to_remove(scene, n, h):
 
 @sweep
 def separate(scene, n, way):
-    """Add the motion that opens the gaps in AIM of island n to STEP, to ENOUGH of the `way` [m]."""
+    """Add the motion that opens the gaps in AIM of island n to STEP, with an accuracy of ENOUGH
+    times `way` [m]."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     islands = contacts_at(data.links.contacts).islands

@@ -266,7 +266,7 @@ def next_width(run):
         h = min(control.width, h)
         if control.parts > 1 and edge < math.inf:
             h = min(h, (edge - control.edge) / control.parts)
-        if control.parts > 1 and t == control.change:  # which the run and its finer one share
+        if control.parts > 1 and t == control.change:  # a time shared by the run and its finer run
             h = min(h, GOLDEN * left)
     if h * (1.0 + 1e-9) >= left:
         if corner:

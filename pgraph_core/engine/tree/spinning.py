@@ -147,7 +147,7 @@ def keep_gyrating(rows, const, work, q, v, h, zero, scratch, vdot):
     `work`, q and v' refer to the midpoint of the step, and `v` to its start. `zero` (nv,) contains
     zeros. The velocities at the midpoint solve x = v + h/2 (v' + C'(x) - C'(v)), where C' = -M⁻¹ C,
     by Newton's method with generalised conjugate residuals ([Eisenstat et al. 1983]). C' is
-    quadratic, so that its central differences are its derivatives.
+    quadratic, so central differences of C' are exact.
     """
     if not find_gyrating(rows, work, h, scratch):
         return

@@ -168,7 +168,7 @@ def constants(typingctx: Any, array: Any, block: Any) -> Any:
 
 
 class Triple(Lane):
-    """Three numbers in a register whose fourth element is unused."""
+    """Three numbers in a register with four elements."""
 
     def __init__(self) -> None:
         super().__init__(4)
