@@ -336,8 +336,7 @@ def shown_model(
         problem = problem or too_many(vars(model))
     if model is None or problem:
         return told(state, client, Notice(f"{name} was not opened", problem, bad=True))
-    state = edit.replaced(state, model, f"open {name}")
-    return told(state, client, Notice(f"Opened {model.name}"))
+    return edit.replaced(state, model, f"open {name}")
 
 
 def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:

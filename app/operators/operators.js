@@ -7,8 +7,8 @@
     const kind = make("select", { className: "cell kind", "aria-label": "operator", onchange: () => { what = kind.value; look(); } });
     const canvas = make("canvas", { className: "cells", role: "img", "aria-label": "pattern of the operator" });
     const files = pgraph.menuButton(pgraph.pictureButton("bare files", "export", "download", "The matrix as a file"), "files", () => [["NPZ", "npz", "for scipy.sparse.load_npz"], ["CSV", "csv", ""], ["Matrix Market", "mtx", ""]].map(([name, suffix, about]) => [name, "", () => send("ExportOperator", { what, suffix }), { about }]), { end: true });
-    host.replaceChildren(make("div", { className: "bar" }, kind, make("button", { className: "action whole", textContent: "Whole", title: "All rows and columns", onclick: look }), files),
-      make("div", { className: "value", role: "status" }), make("div", { className: "sentence problem" }), canvas);
+    host.replaceChildren(make("div", { className: "bar" }, kind, make("button", { className: "action whole", textContent: "Whole", title: "All rows and columns", onclick: look }), files, make("div", { className: "value", role: "status" })),
+      make("div", { className: "sentence problem" }), canvas);
     canvas.addEventListener("pointermove", (event) => told(host, event));
     canvas.addEventListener("pointerleave", () => describe(host));
     canvas.addEventListener("click", (event) => closer(host, event));
@@ -41,7 +41,7 @@
     const [n, m] = sides(data), style = getComputedStyle(host), edge = host.edge = 17;
     const high = pane(host).clientHeight - (canvas.getBoundingClientRect().top - host.getBoundingClientRect().top) - 18;
     const wide = Math.max(host.clientWidth - 24, 100) - edge; // all of it in the pane, where that is large enough
-    host.size = Math.max(2, Math.min(wide / Math.max(m, 1), Math.max(high - edge, 150) / Math.max(n, 1), 26));
+    host.size = Math.max(2, Math.min(wide / Math.max(m, 1), Math.max(high - edge, 150) / Math.max(n, 1), 40));
     const ratio = window.devicePixelRatio || 1, w = host.size * m + edge, h = host.size * n + edge;
     canvas.style.width = `${w}px`;
     canvas.style.height = `${h}px`;
@@ -96,8 +96,8 @@
     const data = host.operator;
     if (!data || data.problem) { host.querySelector(".value").textContent = ""; return; }
     const blocks = data.step[0] * data.step[1] > 1 ? `; a cell is ${data.step[0]} × ${data.step[1]} entries, click to see them` : "";
-    host.querySelector(".value").textContent = `${data.shape[0]} × ${data.shape[1]}: ${data.words}${blocks}`;
-    host.querySelector("canvas").title = "Rows and columns by the numbers of the bodies; blue is positive, orange negative";
+    host.querySelector(".value").textContent = `${data.shape[0]} × ${data.shape[1]}: ${data.words}; blue is positive, orange negative${blocks}`;
+    host.querySelector("canvas").title = "Rows and columns by the numbers of the bodies";
   }
   // The entries around a block that was clicked.
   function closer(host, event) {

@@ -69,11 +69,11 @@ TITLES = {
     "S": "adjacency S",
 }  # fmt: skip
 WORDS = {  # meaning of an entry, equation of the paper
-    "M": "inertia between motions, eq. (25)",
-    "J": "speeds of tips for each motion, eq. (20)",
-    "eps_phi": "propagates velocities to the next body, eq. (13)",
-    "Phi": "propagates velocities to all descendants, eq. (16)",
-    "S": "connections between bodies, eq. (1)",
+    "M": "inertia between motions, eq. (25) of the paper",
+    "J": "speeds of tips for each motion, eq. (20) of the paper",
+    "eps_phi": "propagates velocities to the next body, eq. (13) of the paper",
+    "Phi": "propagates velocities to all descendants, eq. (16) of the paper",
+    "S": "connections between bodies, eq. (1) of the paper",
 }
 MOST = 96  # cells per side. In larger operators a cell is a block
 LARGE = 200  # bodies above which Φ, whose entries grow with the square, is not made

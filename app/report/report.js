@@ -29,8 +29,7 @@
   // One report: its answer, figure, rows and notes.
   function outcome({ kind }) {
     return make("div", { className: `outcome ${kind}` },
-      make("div", { className: "bar" }, make("strong", { className: "title" }), make("span", { className: "spring" }),
-        button("page", "Download", "The whole report as one HTML file", () => send("DownloadReport", { kind }))),
+      make("strong", { className: "title" }),
       make("div", { className: "stale sentence" }),
       make("div", { className: "advice" }), make("div", { className: "bar use" }),
       make("div", { className: "figure", role: "button", tabIndex: 0, title: "Larger",
@@ -62,7 +61,7 @@
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     pgraph.keyed($(".outcomes"), data.results.map((one) => ({ ...one, name: one.kind })), outcome, fill);
-    if (ended) $(".outcomes").scrollIntoView({ block: "start" });
+    if (ended) host.pgraphShow = true;
     picture(host, pgraph.latest.figure ?? {});
   }
 
@@ -79,7 +78,8 @@
     const row = (tag) => (entries) => make("tr", {}, ...entries.map((textContent) => make(tag, { textContent })));
     $(".title").textContent = result.title;
     $(".advice").textContent = result.advice;
-    $(".use").replaceChildren(...(result.use ? [button("method", `Use ${result.use}`, "Run so from now on: method, and step or tolerance", () => send("UseAdvised", { kind: result.kind }))] : []));
+    const use = button("advised", "Use it", `Run with ${result.use} from now on`, () => send("UseAdvised", { kind: result.kind }));
+    $(".use").replaceChildren(...(result.use ? [use] : []), button("page", "Download", "The whole report as one HTML file", () => send("DownloadReport", { kind: result.kind })));
     $(".stale").hidden = !result.stale;
     $(".stale").textContent = result.stale;
     $("details").hidden = !result.rows.length;
@@ -97,6 +97,8 @@
       const parsed = new DOMParser().parseFromString(svg || "<svg xmlns='http://www.w3.org/2000/svg'/>", "image/svg+xml");
       for (const script of parsed.querySelectorAll("script")) script.remove();
       figure.replaceChildren(document.importNode(parsed.documentElement, true));
+      if (host.pgraphShow) host.querySelector(".outcomes").scrollIntoView({ block: "start" });
+      host.pgraphShow = false;
     }
   }
 

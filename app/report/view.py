@@ -10,6 +10,7 @@ from pgraph_core.study.axes import AXES, first_axis
 
 from ..core.bridge import Bridge
 from ..core.views import Host, Payload, Place, requests, topic
+from ..run.trust import method_label
 from . import Client, DownloadReport, Report, State, latest
 
 KINDS = ("precision", "stability")
@@ -82,13 +83,20 @@ def precision(study: Any) -> Payload:
     source = f"Reference: {known['source']}, accurate to {known['accuracy']:.0e}."
     return {
         "title": f"Error against run time, {study.t_end:.4g} s",
-        "advice": study.answer.replace(": give a larger `longest`", ""),  # an argument of Python
+        "advice": _labelled(study.answer, study.methods),
         "use": "" if (row := study.advised()) is None else f"{row.method} at {row.setting}",
         "table": f"All {len(rows)} runs that reached the end",
         "head": ["method", "setting", "error", "time"],
         "rows": rows,
         "notes": [source, *study.notes],
     }
+
+
+def _labelled(answer: str, methods: Sequence[str]) -> str:
+    """Return an answer with the labels of the methods, without arguments of Python."""
+    for name in methods:
+        answer = answer.replace(f"{name} at", f"{method_label(name)} at")
+    return answer.replace(": give a larger `longest`", "")
 
 
 def stability(found: Any) -> Payload:

@@ -37,11 +37,11 @@
   function outcome(host, data) {
     const line = (at) => (row) => [make("dt", { textContent: row[0] }), make("dd", { className: row[2] ? "" : "bad" }, ...folded(row[at]))];
     host.hidden = data.summary === null;
-    const key = JSON.stringify(data.summary);
+    const key = JSON.stringify([data.summary, data.trust.lines]), told = new Set(data.trust.lines.map(([what]) => what));
     if (host.dataset.key === key) return;
     host.dataset.key = key;
     const lines = data.summary ?? [], fuller = lines.filter(([, brief, , whole]) => brief !== whole);
-    host.replaceChildren(make("dl", { className: "summary" }, ...lines.flatMap(line(1))),
+    host.replaceChildren(make("dl", { className: "summary" }, ...lines.filter(([what]) => !told.has(what)).flatMap(line(1))),
       make("details", {}, make("summary", { textContent: "Details" }), make("dl", { className: "summary" }, ...fuller.flatMap(line(3)))));
   }
   // A long list is one line until it is asked for.

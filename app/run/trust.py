@@ -21,6 +21,7 @@ WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
 LOADING = "Its fast code is being loaded. For a new kind of model it is compiled, up to a minute."
 ERROR, ENERGY, LOOPS = "Error estimate", "Energy drift", "Constraint drift"
 METHOD, NOTE = "Method", "Note"
+SINGULAR = "The run passed a singular position, where more than one motion is possible."
 FEWEST_METRES, FEWEST_DEGREES = 1e-6, 1e-3  # nobody feels less: it is shown as "within" these
 Line = tuple[str, str, bool]  # label, value, True if it is good
 
@@ -81,7 +82,8 @@ def verdict(run: Run) -> tuple[str, str, str]:
         return "unknown", f"Reliable {_until(result)}", f"The error is {result.accuracy}."
     doubts = [notice for notice in result.notices if TOO_LOW in notice]
     if doubts:
-        return "unknown", "Accuracy unknown", doubts[0][:1].upper() + doubts[0][1:]
+        time = doubts[0].removeprefix("at t = ").partition(" s ")[0]
+        return "unknown", f"Uncertain after {time} s", SINGULAR
     amount = felt(run)
     bad = {what: value for what, value, fine in summary(run) if not fine}
     if not bad:
@@ -198,12 +200,17 @@ def summary(run: Run) -> list[Line]:
     return [line for line in lines if line[1] and not line[1].startswith("nan")]
 
 
+def method_label(name: str) -> str:
+    """Return the short label of a method, such as "Moreau-Jean"."""
+    return METHOD_NAMES.get(name, name).partition(" (")[0]
+
+
 def method(result: Any) -> str:
     """Return the method, its step size and the reason for this choice."""
     name, step = str(result.header.get("method")), result.header.get("step")
     size = f", {1e3 * step:.3g} ms" if isinstance(step, float) else ""
     reason = str(result.header.get("why", "")).partition(": ")[2]
-    return f"{METHOD_NAMES.get(name, name).partition(' (')[0]}{size}{': ' * bool(reason)}{reason}"
+    return f"{method_label(name)}{size}{': ' * bool(reason)}{reason}"
 
 
 def _accuracy(run: Run) -> str:

@@ -137,11 +137,13 @@ def error_diagram(
 ) -> str:
     """Return a diagram of log error over log run time, with one curve per method.
 
-    The legend is below. Without points it is a sentence. `titles` are the titles of the axes.
-    Errors below `limit`, the limit of the reference, are shaded. `target` is a dashed line.
+    The legend below names the methods with points. Without points it is a sentence. `titles` are
+    the titles of the axes. Errors below `limit`, the limit of the reference, are shaded. `target`
+    is a dashed line.
     """
-    width, right, bottom = 480.0, 452.0, 350.0
-    height = bottom + FOOT + math.ceil(len(curves) / 2) * LEGEND
+    width, right, bottom = 440.0, 424.0, 230.0
+    legend = [i for i, curve in enumerate(curves) if curve.points]
+    height = bottom + FOOT + math.ceil(len(legend) / 2) * LEGEND
     points = [point for curve in curves for point in curve.points]
     inside = _text(LEFT, 40, "no run reached the end time", "start")
     if points:
@@ -149,11 +151,10 @@ def error_diagram(
         y = Axis.of([min(point.error, TRUST) for point in points], bottom, TOP)
         inside = _shade(x, y, limit) + _grid(x, y, titles) + _target(x, y, target)
         inside += "".join(_curve(x, y, curve, i) for i, curve in enumerate(curves))
-        for i, curve in enumerate(curves):
-            line, column = divmod(i, 2)
-            place = 20 + (width - 20) / 2 * column, bottom + FOOT + 14 + LEGEND * line
-            inside += _mark(place[0], place[1] - 4, i)
-            inside += _text(place[0] + 12, place[1], curve.name, "start")
+        for place, i in enumerate(legend):
+            line, column = divmod(place, 2)
+            left, low = 20 + (width - 20) / 2 * column, bottom + FOOT + 14 + LEGEND * line
+            inside += _mark(left, low - 4, i) + _text(left + 12, low, curves[i].name, "start")
     return (
         '<svg xmlns="http://www.w3.org/2000/svg" role="img" '
         f'viewBox="0 0 {width:g} {height:g}" aria-label="{escape(label)}" '

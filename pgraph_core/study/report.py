@@ -187,12 +187,15 @@ class Study(Saved):
         if not ours:
             return f"no method reached the end, so none reaches {wanted:g}; try smaller steps"
         best = min(ours, key=lambda row: row.error or np.inf)
-        reached = f"no method reaches {wanted:g}; the best is {best.error:.2g} by {best.method}"
-        why = ", the reference's own limit" if best.limited else ""
+        least = f"the smallest error is {best.error:.2g} by {best.method} at {best.setting}"
+        return f"{self._missed(wanted, best)}; {least}"
+
+    def _missed(self, wanted: float, best: Row) -> str:
+        why = ", and the reference is no better" if best.limited else ""
         cut = sum(not row.peer and row.reason.startswith(LEFT_OUT) for row in self.rows)
         counted = "1 run was" if cut == 1 else f"{cut} runs were"
         more = f"; {counted} left out: give a larger `longest`" if cut else ""
-        return f"{reached} at {best.setting}{why}{more}"
+        return f"no method reaches {wanted:g}{why}{more}"
 
     def time_at(self, error: float) -> dict[str, float]:
         """Return the time that each method needs for an error.
@@ -280,8 +283,7 @@ class Study(Saved):
             text += f", judged over the first {self.t_end:.4g} s of {self.asked:.4g} s"
         if (row.error or np.inf) <= wanted:
             return f"{text}."
-        ours = [each for each in self.rows if not each.peer and each.error and each.seconds]
-        return f"{text}; {self._unmet(wanted, ours)}."
+        return f"{text}; {self._missed(wanted, row)}."
 
     def peer_table(self) -> list[list[str]]:
         """Return a header and rows for times at equal error, or [] if there are no peers."""
@@ -307,9 +309,8 @@ class Study(Saved):
         curves = []
         for name in self.methods:
             rows = self.of(name)
-            label = name if rows else f"{name} (no run)"
             points = [row.point for row in rows]
-            curves.append(Curve(label, points, dashed=bool(rows and rows[0].peer)))
+            curves.append(Curve(name, points, dashed=bool(rows and rows[0].peer)))
         label = f"error against run time of {self.name}"
         titles = "run time of a whole call (processor)", "error of the position, rms, without unit"
         limit = self.reference["limit"]

@@ -11,6 +11,7 @@ from pgraph_app import report
 from pgraph_app.core.jobs import Worker
 from pgraph_app.report import Analysis
 from pgraph_app.report.view import drawn, page, reports
+from pgraph_app.run.trust import method_label
 from pgraph_app.run.view import run
 
 from .store import LIMIT, ME, after, begun, do, until
@@ -65,7 +66,7 @@ def test_error_against_run_time(precise):
     asked = used.request
     assert (asked.method, asked.step, asked.rtol) == (row.method, row.step, row.rtol)
     assert sent["use"] == f"{row.method} at {row.setting}"
-    assert row.method in sent["advice"]
+    assert method_label(row.method) in sent["advice"]
     assert run(used)["request"]["rtol"] == row.rtol
     stale = after(precise, do.EditBodies(ME, 2, ("1",), "mass", (((), "3"),)))
     assert (sent["stale"], bool(reports(stale)["results"][0]["stale"])) == ("", True)
