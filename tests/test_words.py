@@ -226,7 +226,7 @@ def test_an_attribute_of_other_programs_is_answered_with_ours(of, theirs, ours):
 @pytest.mark.parametrize(
     ("of", "theirs", "ours"),
     [
-        (RUN, "qpos", "q"), (RUN, "time", "t"), (RUN, "qacc", "vdot"),
+        (RUN, "qpos", "q"), (RUN, "time", "t"), (RUN, "qddot", "vdot"),
         (RUN, "warnings", "notices"), (pg, "concatenate", "joined"),
         (pg.Stepper(MODEL), "dq", "v"), (pg.BatchStepper(MODEL, 2), "qpos", "q"),
         (pg.Mechanism(MODEL), "rnea", "inverse_dynamics"),

@@ -74,6 +74,11 @@ class Event(NamedTuple):
     after: str
     cause: str
 
+    @property
+    def time(self) -> float:
+        """The time [s], as `t`."""
+        return self.t
+
     def __str__(self) -> str:
         """Return the event as a sentence."""
         change = f"{self.before} to {self.after}" if self.before != self.after else self.after

@@ -231,7 +231,7 @@ def figure(t: np.ndarray, columns: Mapping[str, tuple[str, np.ndarray]], title: 
     axes[-1, 0].set_xlabel("t [s]")
     if title:
         drawn.suptitle(_plain(title))
-    if pyplot.get_backend().lower() == "agg" or "inline" in pyplot.get_backend():
+    if "inline" in pyplot.get_backend():
         pyplot.close(drawn)  # a notebook shows what is returned, and once is enough
     return drawn
 

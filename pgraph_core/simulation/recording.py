@@ -746,9 +746,10 @@ class Recording(Running):
             found += creeping(self)
         if self.scene.touching is not None or self.plan.idle is not None:
             found += touching(self, self._unlogged)
-        for own in (self.user, self.carried):
-            if own is not None:
-                found += own.notices()
+        if self.user is not None:
+            found += self.user.notices()
+        if self.carried is not None:
+            found += self.carried.notices(self.done)
         return tuple(found)
 
     def _rows(self) -> slice | Ints:

@@ -270,16 +270,18 @@ class Carried:
         t, why = self._parts.ended
         return [*self._ended, f"at t = {t:.6g} s derivatives end: {ENDS[int(why)]}"]
 
-    def notices(self) -> list[str]:
-        """Notices about the end of derivatives and about parameters without influence."""
-        idle = [one.path for one, d in zip(self.variables, self._each()) if not d.any()]
+    def notices(self, frames: int) -> list[str]:
+        """Notices about the end of derivatives and about parameters without influence, over the
+        first `frames`."""
+        each = [d[:frames] for d in self._each()]
+        idle = [one.path for one, d in zip(self.variables, each) if not d.any()]
         ended = self.ended
         found = ended + [f"{path} has no influence on the motion" for path in idle]
         if self._strayed:
             text = "derivatives refer to a different initial state, because the given one does not "
             text += "satisfy the constraints: use mech.assemble(q, v)"
             found.append(text)
-        for one, d in zip(self.variables, self._each()):
+        for one, d in zip(self.variables, each):
             if not ended and not np.isfinite(d).all():
                 found.append(f"derivatives by {one.path} are not finite: a slope was infinite")
         return found
@@ -621,7 +623,8 @@ class Corners:
                 where = "half a turn" if kind in ("torsion", "bushing") else "a length of 0"
                 return f"the {kind} on body '{row}' passes {where}, where its force jumps"
             rate = step / since
-            ahead = min(ahead, float((margin / np.maximum(rate, np.finfo(float).tiny)).min()))
+            with np.errstate(divide="ignore", over="ignore"):  # at rest
+                ahead = min(ahead, float((margin / rate).min()))
         self.next, self._time = t + min(0.5 * ahead, 2.0 * since), t
         self.frame = int(record.steps.control["frame"])
         return ""

@@ -195,3 +195,30 @@ def test_derivatives_at_a_frame_in_which_they_jump_are_not_compared():
     law = mass("if(q.m > a, f, 0)").replace(parameters={"a": 0.75, "f": -0.6, "k": 3.0})
     run = pg.simulate(law, t_end=2.0, wrt=WRT, frames=9, **WAYS["dop853"])
     assert not any("apart" in text for text in run.notices)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    "force",
+    [
+        pg.Spring(name="s", body="m", other_point=(-2, 0, 0), stiffness=1.0, rest=2.0),
+        pg.Strut(name="s", body="m", other_point=(-2, 0, 0), bump_length=2.1, bump_stiffness=10.0),
+        pg.Torsion(name="s", body="m", stiffness=1.0),
+    ],
+    ids=["spring", "strut", "torsion"],
+)
+def test_forces_between_points_do_not_hide_a_jump_of_another_force(force, way):
+    model = mass("-4*q.m + if(q.m > 0.2, 3, 0)").add(force)
+    found = pg.simulate(model, t_end=0.6, wrt=["v.m"], frames=61, **WAYS[way])
+    wanted = differences(model, "v.m", t_end=0.6)
+    np.testing.assert_allclose(found.sensitivity("v.m")[-1], wanted, rtol=1e-4)
+
+
+def test_derivatives_of_a_run_that_an_event_ends_are_finite_without_a_notice():
+    def passed(t, q, v):
+        return q[0] - 0.3
+
+    passed.terminal = True
+    run = pg.simulate(mass("0"), t_end=0.6, wrt=["v.m"], events=[passed])
+    assert np.isfinite(run.sensitivity("v.m")).all()
+    assert not [notice for notice in run.notices if "derivatives" in notice]
