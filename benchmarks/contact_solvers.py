@@ -8,6 +8,7 @@ many factors. A problem is solved where no row misses its law by more than 1e-8 
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,8 +20,10 @@ from .measure import Effort, Row
 
 MINUTES = 2.0
 Array = np.ndarray
+Law = Callable[[Array], tuple[Array, Array]]  # impulses, and their slopes
 SOLVED = 1e-8
 RECORDED = Path(__file__).with_name("contact_problems.npz")
+MOST = 30  # factors of one convex problem
 FREE, ONE_SIDED, CONTACT = 0, 1, 2  # kinds of blocks: bilateral, a limit, a contact
 
 
@@ -55,7 +58,7 @@ class Problem:
         self.scene, self.dinv, self.y, self.b, self.warm = scene, dinv, y, b, warm
         self.kind, self.friction = law[:, 0].astype(int), law[:, 1] * (law[:, 0] == CONTACT)
         self.rows = np.arange(3) < law[:, 2, None]
-        self.size, self.heaviest = law[0, 3:]  # the largest velocity; see `newton.weigh`
+        self.size = law[0, 3]  # the largest velocity
         own = np.einsum("ijn,n,ijn->ij", y, dinv, y).max(axis=1)
         self.mobility = np.where(own > 0, own, 1.0)[:, None]
 
@@ -83,35 +86,45 @@ class Problem:
         out[open_], slope[open_] = 0, 0
         return out, slope
 
-    def missed(self, lam: Array, share: float = 1.0) -> tuple[Array, Array]:
+    def missed(self, lam: Array) -> tuple[Array, Array]:
         """By how much every row misses its law, over the velocities; slopes of the laws."""
-        mobility = share * self.mobility
-        found, slope = self.admitted(lam - self.slip(self.speeds(lam)) / mobility)
-        return (found - lam) * mobility / self.size, slope
+        found, slope = self.admitted(lam - self.slip(self.speeds(lam)) / self.mobility)
+        return (found - lam) * self.mobility / self.size, slope
 
 
 def newton(p: Problem) -> tuple[float, int]:
     """As the engine does (`engine/contact/newton.py`); (what is missed, factors)."""
-    lam, taken = _converged(p, p.warm, 1.0)
-    left = abs(p.missed(lam)[0]).max()
-    if left > SOLVED:
-        lam, more = _converged(p, np.zeros_like(lam), p.heaviest)
-        left, taken = min(left, abs(p.missed(lam)[0]).max()), taken + more
-    return float(left), taken
+    lam, taken = _converged(p, p.warm)
+    best = abs(p.missed(lam)[0]).max()
+    held, weight, growth = 0 * p.warm, 128.0, 4.0
+    for _ in range(60):
+        if best <= SOLVED:
+            break
+        bound = p.friction * np.maximum(held[:, 0], 0)
+        law = functools.partial(_in_disc, p, bound=bound)
+        _, new, more = _proximal(p, law, p.speeds(held), held, weight / p.mobility, 0 * held)
+        taken += more
+        if more == MOST:
+            weight, growth = weight / 4, 1.0
+            continue
+        held, weight = new, growth * weight
+        lam, more = _converged(p, held)
+        best, taken = min(best, abs(p.missed(lam)[0]).max()), taken + more
+    return float(best), taken
 
 
-def _converged(p: Problem, lam: Array, share: float) -> tuple[Array, int]:
+def _converged(p: Problem, lam: Array) -> tuple[Array, int]:
     """The best impulses of 60 steps, and how many were taken."""
     care, taken = 2e-3, 0
-    missed, slope = p.missed(lam, share)
+    missed, slope = p.missed(lam)
     left = best = abs(missed).max()
     recent, kept = [float(np.linalg.norm(missed))] * 6, lam
     while taken < 60 and left > SOLVED:
         taken += 1
         soft = min(max(care * np.sqrt(left), 1e-10), 1.0)
-        move = _direction(p, missed * p.size / (share * p.mobility), slope, soft, share)
+        move = _direction(p, missed * p.size / p.mobility, slope, soft)
         for part in (1.0, 0.5, 0.25, 0.125, 0.0625):
-            new = p.missed(lam + part * move, share)
+            new = p.missed(lam + part * move)
             norm, now = float(np.linalg.norm(new[0])), abs(new[0]).max()
             fits = norm <= (1 - 0.01 * part) * max(recent) or now <= SOLVED
             if fits:
@@ -127,11 +140,11 @@ def _converged(p: Problem, lam: Array, share: float) -> tuple[Array, int]:
     return kept, taken
 
 
-def _direction(p: Problem, miss: Array, slope: Array, soft: float, share: float) -> Array:
+def _direction(p: Problem, miss: Array, slope: Array, soft: float) -> Array:
     """Newton's change of λ, with a compliance `soft` relative to what blocks meet."""
     within = np.eye(3) - (1 - soft) * slope
     move = np.linalg.solve(within, miss[..., None])[..., 0]
-    rate = np.linalg.solve(within, slope) / (share * p.mobility[..., None])
+    rate = np.linalg.solve(within, slope) / p.mobility[..., None]
     matrix = np.diag(1 / p.dinv) + np.tensordot(p.y, rate @ p.y, axes=([0, 1], [0, 1]))
     change = np.linalg.solve(matrix, np.einsum("ijn,ij->n", p.y, move))
     return move - np.einsum("ijk,ik->ij", rate, p.y @ change)
@@ -171,37 +184,52 @@ def convex(p: Problem, rounds: int = 20) -> tuple[float, int]:
         shift = np.zeros_like(lam)
         slip = p.slip(z)
         shift[:, 0] = p.friction * np.hypot(slip[:, 1], slip[:, 2])
-        base, k = lam, weight / p.mobility
-        for _ in range(30):
-            lam, slope = _in_cone(p, base - k * (p.slip(z) + shift))
-            force = z / p.dinv - np.einsum("ijn,ij->n", p.y, lam)
-            matrix = np.diag(1 / p.dinv)
-            rate = slope * k[..., None]
-            matrix = matrix + np.tensordot(p.y, rate @ p.y, axes=([0, 1], [0, 1]))
-            step = -np.linalg.solve(matrix, force)
-            taken += 1
-            z = z + _share(p, z, step, base, k, shift, -force @ step) * step
-            if abs(p.y @ step).max() <= 1e-9 * p.size:
-                break
-        lam, _ = _in_cone(p, base - k * (p.slip(z) + shift))
+        law = functools.partial(_in_cone, p)
+        z, lam, more = _proximal(p, law, z, lam, weight / p.mobility, shift)
+        taken += more
         best = min(best, abs(p.missed(lam)[0]).max())
         weight = min(10 * weight, 1e8)
     return float(best), taken
 
 
-def _share(p: Problem, z: Array, step: Array, base: Array, k: Array, shift: Array, drop: float):
-    """Part of a step where the slope along it has fallen to a tenth, by bisection."""
-    low, high = 0.0, 1.0
-    part = 1.0
-    for _ in range(20):
-        at = z + part * step
-        lam, _ = _in_cone(p, base - k * (p.slip(at) + shift))
-        slope = (at / p.dinv) @ step - np.einsum("ijn,ij,n->", p.y, lam, step)
-        if slope <= 0.1 * drop and (part == 1.0 or slope >= -0.1 * drop):
-            return part
-        low, high = (low, part) if slope > 0 else (part, high)
-        part = 0.5 * (low + high)
-    return part
+def _proximal(p: Problem, law: Law, z: Array, base: Array, k: Array, shift: Array):
+    """The speeds z and λ = law(base - k (u + shift)), by Newton's method; with factors."""
+    taken = 0
+    for _ in range(MOST):
+        lam, slope = law(base - k * (p.slip(z) + shift))
+        force = z / p.dinv - np.einsum("ijn,ij->n", p.y, lam)
+        rate = slope * k[..., None]
+        matrix = np.diag(1 / p.dinv) + np.tensordot(p.y, rate @ p.y, axes=([0, 1], [0, 1]))
+        step = -np.linalg.solve(matrix, force)
+        taken += 1
+        low, high, part = 0.0, 1.0, 1.0
+        for _ in range(20):  # until the slope along the step is a tenth
+            at = z + part * step
+            lam, _ = law(base - k * (p.slip(at) + shift))
+            rise = (at / p.dinv) @ step - np.einsum("ijn,ij,n->", p.y, lam, step)
+            if abs(rise) <= -0.1 * force @ step or (rise < 0 and part == 1.0):
+                break
+            low, high = (low, part) if rise > 0 else (part, high)
+            part = 0.5 * (low + high)
+        z = z + part * step
+        if abs(p.y @ step).max() <= 1e-9 * p.size:
+            break
+    return z, law(base - k * (p.slip(z) + shift))[0], taken
+
+
+def _in_disc(p: Problem, x: Array, bound: Array) -> tuple[Array, Array]:
+    """The nearest impulses with friction in discs of given radii, and their slopes."""
+    out, slope = x * p.rows, np.einsum("ij,jk->ijk", p.rows, np.eye(3))
+    open_ = (p.kind > FREE) & (x[:, 0] <= 0)
+    out[open_, 0], slope[open_, 0] = 0, 0
+    pull = np.hypot(x[:, 1], x[:, 2])
+    slides = (p.kind == CONTACT) & (pull >= bound)
+    way = x[:, 1:] / np.where(pull > 0, pull, 1)[:, None]
+    out[slides, 1:] = (bound[:, None] * way)[slides]
+    across = np.eye(2) - np.einsum("ij,ik->ijk", way, way)
+    part = np.where(pull > 0, bound / np.where(pull > 0, pull, 1), 0)
+    slope[slides, 1:, 1:] = (part[:, None, None] * across)[slides]
+    return out, slope
 
 
 def _in_cone(p: Problem, x: Array) -> tuple[Array, Array]:

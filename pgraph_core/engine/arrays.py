@@ -76,7 +76,8 @@ DAMPING, STIFFNESS = 15, 16  # drives in a step as inertia, as torque
 ARMATURE, GIVEN = 17, 18  # the same without drives
 TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds in Newton's method, and the best λ so far
 SPEEDS = 22  # joint speeds without impulses, behind the articulated factors
-GYRE = 23  # the `spinning.GYRE_ROWS` columns of the search for velocities at the middle of a step
+HELD, PATH = 23, 24  # λ with given friction bounds, and the change of w that leads to it
+GYRE = 25  # the `spinning.GYRE_ROWS` columns of the search for velocities at the middle of a step
 VECTORS = GYRE + 26
 
 

@@ -184,3 +184,15 @@ def test_dominoes_that_jam_follow_the_laws_of_contact():
     run = pg.simulate(heaped(bodies, friction=0.4), None, v, **given)
     assert run.counters["contact_fallbacks"] < 5  # 14 where a jam ends Newton's method
     assert run["d11"][-1, 2] < 0.06
+
+
+def test_a_heavy_box_that_moves_on_a_light_one_follows_the_laws_of_contact():
+    """1e6 kg on 1 kg at random velocities, from which Newton's method alone does not converge."""
+    dice = np.random.default_rng(0)
+    bodies = [box("light", (0, 0, 0.1)), box("heavy", (0, 0, 0.3), mass=1e6)]
+    mech = pg.Mechanism(heaped(bodies, friction=0.5))
+    given = {"t_end": 1e-3, "step": 1e-3, "method": "moreau_jean", "estimate": False}
+    for _ in range(20):
+        v = dice.normal(size=12) * 10 ** dice.uniform(-3, 0)
+        run = pg.simulate(mech, None, v, **given)
+        assert run.counters["contact_fallbacks"] == 0

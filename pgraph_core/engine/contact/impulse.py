@@ -220,7 +220,7 @@ def solve_island(scene, n):
     contacts = contacts_at(opened(scene).links.contacts)
     islands, fine = contacts.islands, contacts.tally[0].fine
     count = islands.first[n + 1] - islands.first[n]
-    heaviest = weigh(scene, n)
+    weigh(scene, n)
     alone = unique(scene, n)
     if not alone:
         done, left = stays(scene, n, size)
@@ -234,7 +234,7 @@ def solve_island(scene, n):
     if alone or not small:
         left = gauss_seidel(scene, n, size, FEW_SWEEPS if small else SWEEPS, tolerance)
     if room and left > (tolerance if small else NOTABLE):
-        left, taken = solve_exact(scene, n, size, heaviest)
+        left, taken = solve_exact(scene, n, size)
         report[STEPS_DONE] += taken
     if left > NOTABLE:
         report[HARD] += 1.0

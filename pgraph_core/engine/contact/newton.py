@@ -20,9 +20,9 @@ factorization, as for redundant constraints ([Carpentier et al. 2021]).
 
 import math
 
-from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED, SUFFICIENT_DECREASE
+from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED, SOLVED, SUFFICIENT_DECREASE
 from .. import layout as at
-from ..arrays import BEST, DINV, FREE, LAMBDA, OTHER, STEP, TARGET, TRIAL, opened
+from ..arrays import BEST, DINV, FREE, HELD, LAMBDA, OTHER, PATH, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import four, load_four, load_triple, numbers, store_four, triple
 from ..constraints.blocks import dry, first_of, joint_of, joints_of, one_sided, size_of, type_of
@@ -39,11 +39,10 @@ SHORTEST = 0.1  # part of a step: a shorter one leads nowhere
 MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
 MOST_STEPS = 60
 STUCK = 6  # steps that do not halve what is missed: enough where it is not notable
-# Attempts to leave a cycle of steps, each with one more step that presses. Like GIVE, found by
-# trial and without a theory: of 4200 steps of 12 dominoes, 27 boxes and 125 balls, 1 is left, but
-# of 90 steps in which stacks with 1e6 kg on 1 kg start at random velocities, 27 are.
-ESCAPES = 20
-GIVE = (BOLDEST, CAREFUL, CAREFUL * TENFOLD)  # s of the steps that press in them, in turn
+ROUNDS = 60  # problems with given friction bounds
+FIRM = (128.0, 4.0)  # k of the first of these problems over that of the law, and its growth
+INNER_STEPS = 30  # of one such problem
+HALVINGS = 20  # of one such step, until the slope along it is a tenth
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
 MARK = 12  # column behind the three rows of Y in `across`: whether a block reaches these
 # Where the scratch of an island keeps them: columns of a block.
@@ -108,7 +107,7 @@ def admitted(kind, size, z, bounds):
     friction.
     """
     if dry(kind):
-        return turning(z, bounds[0], bounds[1])
+        return turning(z, -bounds[0], bounds[0], bounds[1])
     if not one_sided(kind):
         return z, diagonal(1.0, 1.0 if size > 1 else 0.0, 1.0 if size > 2 else 0.0)
     if not z[0] > 0.0:
@@ -128,16 +127,16 @@ def admitted(kind, size, z, bounds):
 
 
 @part
-def turning(z, spinning, rolling):
-    """Do the same as `admitted` for torques: a segment about the normal, a disc across it."""
-    spin = min(max(z[0], -spinning), spinning)
+def turning(z, least, most, radius):
+    """Do the same as `admitted` for given bounds: a segment along the normal, a disc across it."""
+    spin = min(max(z[0], least), most)
     free = 1.0 if spin == z[0] else 0.0
     pull = math.sqrt(z[1] * z[1] + z[2] * z[2])
-    if pull <= rolling:
+    if pull <= radius:
         return (spin, z[1], z[2]), diagonal(free, 1.0, 1.0)
-    x, y, a = z[1] / pull, z[2] / pull, rolling / pull
+    x, y, a = z[1] / pull, z[2] / pull, radius / pull
     slope = (free, 0.0, 0.0, 0.0, a * y * y, -a * x * y, 0.0, -a * x * y, a * x * x)
-    return (spin, rolling * x, rolling * y), slope
+    return (spin, radius * x, radius * y), slope
 
 
 @part
@@ -158,12 +157,13 @@ def state_of(slope):
 
 
 @sweep
-def look(scene, n, soft):
+def look(scene, n, soft, held):
     """Write P - λ of island n's blocks into MISS and P' into SLOPE, with `soft` applied to all of
     λ.
 
-    Return (norm of the residual [m/s], its largest entry, the rounding error of that entry, the
-    number of blocks whose state has changed since the last evaluation).
+    If `held`, the friction bounds are those of λ. Return (norm of the residual [m/s], its largest
+    entry, the rounding error of that entry, the number of blocks whose state has changed since the
+    last evaluation).
     """
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
@@ -181,7 +181,11 @@ def look(scene, n, soft):
         lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
         u = add_scaled(velocity(data, i, vectors[STEP]), soft * islands.weight[i], lam)
         z = add_scaled(lam, -k, u)
-        p, slope = admitted(kind, size, z, bounds_of(data, i))
+        bounds = bounds_of(data, i)
+        if held and kind == at.T_CONTACT and size > 1:
+            p, slope = turning(z, 0.0, math.inf, bounds[0] * max(lam[0], 0.0))
+        else:
+            p, slope = admitted(kind, size, z, bounds)
         miss = sub(p, lam)
         store(kept, i, MISS, miss)
         for c in range(9):
@@ -308,8 +312,12 @@ def add_four(x, to, here, across, g, u):
 
 
 @sweep
-def direction(scene, n, soft, refactor):
-    """Compute Newton's changes in λ into MOVE. Returns whether there is a factor."""
+def direction(scene, n, soft, refactor, held):
+    """Compute Newton's changes in λ into MOVE, and in w into TRIAL. Returns whether there is a
+    factor.
+
+    If `held`, w has moved along PATH, which λ does not contain.
+    """
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     slots, vectors, kept = data.space.slots, data.space.vectors, islands.slope
@@ -318,6 +326,10 @@ def direction(scene, n, soft, refactor):
     count = islands.size[0]
     rows = (count + 3) >> 2
     symmetric = prepare(scene, n, soft, refactor)
+    if held:
+        for p in range(count):
+            k = islands.freedoms[p]
+            change[p >> 2, p & 3] -= vectors[PATH, k] / vectors[DINV, k]
     if refactor and not factor(upper, lower, start, last, rows, symmetric):
         return False
     substitute(upper, lower, start, last, rows, change)
@@ -375,36 +387,22 @@ def stays(scene, n, size):
         if touches and data.blocks.blocks_f[i, at.SETTLED] == 0.0:
             return False, 0.0
     respond(scene, n)
-    _, left, noise, _ = look(scene, n, 0.0)
+    _, left, noise, _ = look(scene, n, 0.0, False)
     return left <= ROUNDING * size + noise, left / size
 
 
 @sweep
-def solve_exact(scene, n, size, heaviest):
+def solve_exact(scene, n, size):
     """Solve the contact laws of island n. Returns (residual over `size`, number of steps).
 
-    It starts from λ. If this does not converge, it restarts from zero impulses and determines the
-    contact states with the mass of the heaviest body, which may rest on a light one. If this fails
-    too, contacts are jammed (`press`). If no contact state has changed, the impulses of least norm
-    are computed next. If a contact state changes, the impulses are only transient, and the impulses
-    of least norm usually lead to another change.
+    It starts from λ. If this does not converge, problems with given friction bounds are solved
+    first (`hold`). If no contact state has changed, the impulses of least norm are computed next.
+    If a contact state changes, the impulses are only transient, and the impulses of least norm
+    usually lead to another change.
     """
     left, taken, same = converge(scene, n, size, NOTABLE)
     if left > NOTABLE:
-        copy_impulses(scene, n, LAMBDA, OTHER)
-        drop_impulses(scene, n)
-        rescale(scene, n, heaviest)
-        _, more, _ = converge(scene, n, size, NOTABLE)
-        taken += more
-        rescale(scene, n, 1.0 / heaviest)
-        _, again, _, _ = look(scene, n, 0.0)
-        if again < left * size:
-            left = again / size
-        else:
-            copy_impulses(scene, n, OTHER, LAMBDA)
-            respond(scene, n)
-    if left > NOTABLE:
-        left, more = escape(scene, n, size, left)
+        left, more = hold(scene, n, size, left)
         taken += more
     settle = same or left > TOLERANCE
     note_settled(scene, n, settle)
@@ -412,7 +410,7 @@ def solve_exact(scene, n, size, heaviest):
         return left, taken
     copy_impulses(scene, n, LAMBDA, OTHER)
     again, noise = least_norm(scene, n, size)
-    if again > max(left, TOLERANCE, noise):
+    if not again <= max(left, TOLERANCE, noise):
         copy_impulses(scene, n, OTHER, LAMBDA)
         respond(scene, n)
         again = left
@@ -441,7 +439,7 @@ def converge(scene, n, size, accepted):
     islands = contacts_at(opened(scene).links.contacts).islands
     respond(scene, n)
     recent = islands.slope[islands.slope.shape[0] - 1]
-    norm, left, noise, _ = look(scene, n, 0.0)
+    norm, left, noise, _ = look(scene, n, 0.0, False)
     best = left
     copy_impulses(scene, n, LAMBDA, BEST)
     for c in range(MEMORY):
@@ -455,7 +453,7 @@ def converge(scene, n, size, accepted):
         taken += 1
         soft = min(max(care * math.sqrt(left / size), PROXIMAL), 1.0)
         start_from_here(scene, n)
-        if not direction(scene, n, soft, True):
+        if not direction(scene, n, soft, True, False):
             break
         bound = 0.0
         for c in range(MEMORY):
@@ -463,7 +461,7 @@ def converge(scene, n, size, accepted):
         part_of_it = 1.0
         while True:
             go(scene, n, part_of_it)
-            norm, now, noise, changed = look(scene, n, 0.0)
+            norm, now, noise, changed = look(scene, n, 0.0, False)
             same = same and changed == 0
             fits = norm <= (1.0 - SUFFICIENT_DECREASE * part_of_it) * bound
             fits = fits or now <= max(TOLERANCE * size, noise)
@@ -482,57 +480,119 @@ def converge(scene, n, size, accepted):
         else:
             care *= TENFOLD
             go(scene, n, 0.0)
-            look(scene, n, 0.0)
+            look(scene, n, 0.0, False)
     copy_impulses(scene, n, BEST, LAMBDA)
     respond(scene, n)
     return best / size, taken, same
 
 
 @sweep
-def escape(scene, n, size, left):
-    """Alternate between `press` and `converge`, starting from λ with a significant residual `left`.
+def hold(scene, n, size, left):
+    """Solve problems with given friction bounds, and converge from the solution of each.
 
-    Return (residual divided by `size`, number of steps). λ is the best one that was found.
+    Newton's method for the law itself may cycle. If friction pushes a sliding contact further into
+    the ground, no normal impulse stops it while it slides (a jam). Newton's method then alternates
+    between an open and a closed contact, although there is a larger impulse at which it sticks.
+    With given bounds, a convex function is minimised, which Newton's method with a line search
+    solves from any start. The bounds are those of the previous solution, at first zero
+    ([Haslinger et al. 1996]), and increase until a jammed contact sticks. k increases as well, so
+    that heavy bodies are stopped, until rounding prevents a solution. Return (residual divided by
+    `size`, number of steps). λ is the best one that was found.
     """
     copy_impulses(scene, n, LAMBDA, OTHER)
-    best, taken = left, 0
-    for k in range(ESCAPES):
-        press(scene, n, k + 1, GIVE[k % 3])
+    drop_impulses(scene, n)
+    best, taken, firm, growth = left, 0, FIRM[0], FIRM[1]
+    for _ in range(ROUNDS):
+        copy_impulses(scene, n, LAMBDA, HELD)
+        rescale(scene, n, 1.0 / firm)
+        more, solved = solve_held(scene, n, size)
+        rescale(scene, n, firm)
+        taken += more
+        if not solved:
+            copy_impulses(scene, n, HELD, LAMBDA)
+            firm /= FIRM[1]
+            growth = 1.0
+            continue
+        copy_impulses(scene, n, LAMBDA, HELD)
         left, more, _ = converge(scene, n, size, math.inf)
-        taken += k + 1 + more
+        taken += more
         if left < best:
             best = left
             copy_impulses(scene, n, LAMBDA, OTHER)
         if best <= NOTABLE:
             break
+        copy_impulses(scene, n, HELD, LAMBDA)
+        firm *= growth
     copy_impulses(scene, n, OTHER, LAMBDA)
     respond(scene, n)
     return best, taken
 
 
 @sweep
-def press(scene, n, steps, soft):
-    """Take Newton steps with the friction bounds μ λ_n of the previous step, regardless of the
-    residual.
+def solve_held(scene, n, size):
+    """Replace λ by λ' = P(λ - k u) with the friction bounds of λ, where u is that of λ'.
 
-    If friction pushes a sliding contact further into the ground, no normal impulse stops it while
-    it slides (a jam). Newton's method then alternates between an open and a closed contact,
-    although there is a larger impulse at which it sticks. With these bounds, the normal impulse and
-    the friction increase alternately until the contact sticks.
+    This is a step of the proximal method ([Rockafellar 1976]): w minimises the kinetic energy plus
+    |P|²/2k. Returns (number of Newton steps, whether they converged).
     """
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
-    for _ in range(steps):
-        look(scene, n, 0.0)
-        for j in range(islands.first[n], islands.first[n + 1]):
-            i = islands.blocks[j]
-            if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
-                islands.slope[i, SLOPE + 3] = 0.0
-                islands.slope[i, SLOPE + 6] = 0.0
-        start_from_here(scene, n)
-        if not direction(scene, n, soft, True):
+    vectors, kept = data.space.vectors, islands.slope
+    for p in range(islands.size[0]):
+        vectors[PATH, islands.freedoms[p]] = 0.0
+    respond(scene, n)
+    look(scene, n, 0.0, True)
+    taken, solved = 0, False
+    while taken < INNER_STEPS:
+        taken += 1
+        if not direction(scene, n, 1.0, True, True):
             break
-        go(scene, n, 1.0)
+        rise, fastest = along(scene, n)
+        enough = abs(rise) / TENFOLD
+        low, high, part_of_it, moved = 0.0, 1.0, 1.0, 0.0
+        for _ in range(HALVINGS):
+            for p in range(islands.size[0]):
+                k = islands.freedoms[p]
+                vectors[PATH, k] += (part_of_it - moved) * vectors[TRIAL, k]
+                vectors[STEP, k] += (part_of_it - moved) * vectors[TRIAL, k]
+            moved = part_of_it
+            look(scene, n, 0.0, True)
+            rise, _ = along(scene, n)
+            if abs(rise) <= enough or (rise < 0.0 and part_of_it == 1.0):
+                break
+            if rise < 0.0:
+                low = part_of_it
+            else:
+                high = part_of_it
+            part_of_it = 0.5 * (low + high)
+        if fastest <= SOLVED * size:
+            solved = True
+            break
+    start_from_here(scene, n)
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        store(kept, i, MOVE, load(kept, i, MISS))
+    go(scene, n, 1.0)
+    return taken, solved
+
+
+@sweep
+def along(scene, n):
+    """Return (slope of what `solve_held` minimises, largest change of a velocity) along TRIAL."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    space = data.space
+    vectors = space.vectors
+    rise, fastest = 0.0, 0.0
+    for p in range(islands.size[0]):
+        k = islands.freedoms[p]
+        rise += vectors[PATH, k] * vectors[TRIAL, k] / vectors[DINV, k]
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        u = gather(space.y, space.slots, i, vectors[TRIAL])
+        rise -= dot(load(islands.slope, i, MISS), u)
+        fastest = max(fastest, max(abs(u[0]), max(abs(u[1]), abs(u[2]))))
+    return rise, fastest
 
 
 @sweep
@@ -542,20 +602,20 @@ def least_norm(scene, n, size):
     Returns (residual over `size`, its rounding over `size`).
     """
     share_evenly(scene, n)
-    look(scene, n, SHARED)
+    look(scene, n, SHARED, False)
     start_from_here(scene, n)
-    if not direction(scene, n, SHARED, True):
+    if not direction(scene, n, SHARED, True, False):
         return math.inf, 0.0
     go(scene, n, 1.0)
-    _, left, noise, _ = look(scene, n, 0.0)
+    _, left, noise, _ = look(scene, n, 0.0, False)
     for _ in range(CORRECTIONS):
         if left <= max(ROUNDING * size, noise):
             break
         before = left
         start_from_here(scene, n)
-        direction(scene, n, SHARED, False)
+        direction(scene, n, SHARED, False, False)
         go(scene, n, 1.0)
-        _, left, noise, _ = look(scene, n, 0.0)
+        _, left, noise, _ = look(scene, n, 0.0, False)
         if not left < before:
             go(scene, n, 0.0)
             left = before
@@ -565,20 +625,14 @@ def least_norm(scene, n, size):
 
 @sweep
 def weigh(scene, n):
-    """Write 1/k of each block in island n, based on its largest row, and its compliance for s = 1.
-
-    Return the least share of a block's mobility that a single body has: 1e-6 for 1e6 kg on 1 kg.
-    """
+    """Write 1/k of each block in island n, for its largest row, and its compliance for s = 1."""
     data = opened(scene)
     own = data.space.own
     islands = contacts_at(data.links.contacts).islands
-    least = 1.0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         islands.mobility[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
         islands.weight[i] = islands.mobility[i]
-        least = min(least, least_mobility(data, islands.tree, i) / islands.mobility[i])
-    return least
 
 
 @sweep
@@ -616,25 +670,6 @@ def drop_impulses(scene, n):
         i = islands.blocks[j]
         for c in range(size_of(data.blocks.blocks_i, i)):
             data.space.vectors[LAMBDA, first_of(data.space.slots, i) + c] = 0.0
-
-
-@part
-def least_mobility(data, tree, i):
-    """Return the smaller of the mobilities that a block has due to its two trees."""
-    slots, dinv = data.space.slots, data.space.vectors[DINV]
-    count = joints_of(slots, i)
-    least = math.inf
-    s = 0
-    while s < count:
-        root = tree[joint_of(slots, i, s)]
-        u = triple(0.0, 0.0, 0.0)
-        while s < count and tree[joint_of(slots, i, s)] == root:
-            y = load_triple(data.space.y, i, 3 * s)
-            u = u + dinv[joint_of(slots, i, s)] * y * y
-            s += 1
-        x, y, z = numbers(u)
-        least = min(least, max(x, max(y, z)))
-    return least
 
 
 @sweep
