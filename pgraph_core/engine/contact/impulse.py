@@ -59,6 +59,7 @@ from .sweeps import gauss_seidel, own_block
 
 CROWD = math.sqrt(EPS)  # tolerance of large heaps: half of the digits, as forces are not unique
 SWEEPS = 200  # limit on sweeps where a factor would cost more
+MOST_SWEEPS = 1000  # further ones where there is no room for a factor and the residual is notable
 FEW_SWEEPS = 40  # before Newton's method
 SWEPT = 1e3  # a factor's work per block above which its steps cost more than sweeps
 TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies that move together
@@ -236,6 +237,8 @@ def solve_island(scene, n):
     if room and left > (tolerance if small else NOTABLE):
         left, taken = solve_exact(scene, n, size)
         report[STEPS_DONE] += taken
+    elif left > NOTABLE:
+        left = gauss_seidel(scene, n, size, MOST_SWEEPS, NOTABLE)
     if left > NOTABLE:
         report[HARD] += 1.0
     forget_order(islands)
