@@ -178,3 +178,20 @@ def test_the_box_of_a_mesh_is_that_of_its_file_in_its_scales(tmp_path):
     corners = bodies.corners([piece])
     np.testing.assert_allclose(np.ptp(corners, axis=0), (0.2, 0.8, 0.3))
     np.testing.assert_allclose(shapes.mesh([piece]).extents, (0.2, 0.8, 0.3))
+
+
+@pytest.mark.parametrize(("name", "normal"), [("four_bar", (0, 0, 1)), ("double_pendulum", None)])
+def test_a_plane_of_motion_is_seen_close_to_its_normal(name, normal):
+    model = pg.Model.load(pgraph_models.path(name))
+    mech = pg.Mechanism(model)
+    rotations = np.array([mech.pose(mech.home()[0], body.name)[1] for body in model.bodies])
+    way = stage.start(model.up, model.bodies, rotations)
+    axis = np.asarray(normal or rotations[0] @ model.bodies[0].sequence[0].axis)
+    assert abs(axis @ way) == pytest.approx(np.cos(np.arctan(stage.FRAMING.tilt)))
+
+
+def test_bodies_that_leave_a_plane_are_seen_from_the_usual_side():
+    model = pg.Model(bodies=[pg.Body(name="a", axes=[(1, 0, 0)]), pg.Body(name="b", parent="a")])
+    model = model.edit("b", axes=[(0, 1, 0)])
+    way = stage.start("z", model.bodies, np.array([np.eye(3)] * 2))
+    np.testing.assert_array_equal(way, stage.towards("z", "start"))

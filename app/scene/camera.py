@@ -118,7 +118,7 @@ def look(
         if np.linalg.norm(np.cross(up, way)) < FRAMING.lean / 2:
             way = stage.towards(state.model.up, "top")
     else:
-        way = stage.towards(state.model.up, which)
+        way = start(state) if which == "start" else stage.towards(state.model.up, which)
     aspect = TYPICAL_ASPECT if page.aspect is None else page.aspect
     corners = extent(state, selected if which in ("fit", "centre") else ())
     seen = stage.fitted(corners, up, way, aspect, page.free)
@@ -173,7 +173,13 @@ def holds(
 def viewpoint(state: State, aspect: float, free: float = 1.0) -> Viewpoint:
     """Return positions of the camera and its target for which the model fills the view."""
     up = np.array(GRID[state.model.up][1])
-    return stage.fitted(extent(state), up, stage.towards(state.model.up, "start"), aspect, free)
+    return stage.fitted(extent(state), up, start(state), aspect, free)
+
+
+def start(state: State) -> np.ndarray:
+    """Return the (3,) unit vector from the model to the camera for the start view."""
+    drawn = [state.model.body(name) for name in state.derived.names]
+    return stage.start(state.model.up, drawn, shapes.to_matrix(state.derived.wxyz))
 
 
 def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:

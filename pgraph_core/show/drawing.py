@@ -41,7 +41,12 @@ class Drawing:
         self._solids(self.looks)
         self._track = Track(self.looks, poses, self.up)
         self._reach = self._track.size
-        way = stage.towards(model.up, view)
+        turns = shapes.to_matrix(poses[0, :, 3:])
+        way = (
+            stage.start(model.up, bodies, turns)
+            if view == "start"
+            else stage.towards(model.up, view)
+        )
         self._view = stage.fitted(self._track.corners, self.up, way, self.size[0] / self.size[1])
         self._right, self._above = stage.frame(self.up, way)
         self._way = way

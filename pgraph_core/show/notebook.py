@@ -132,7 +132,7 @@ def pictures(model: Any, poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> list
     """
     known, parent = numbered(model)
     looks = bodies.looks(known, shapes.children_of(parent), shapes.branch_colors(parent))
-    way = stage.towards(model.up, "start")
+    way = stage.start(model.up, known, poses[0][1] if len(poses) else np.zeros((0, 3, 3)))
     view = np.stack((*stage.frame(np.array(GRID[model.up][1]), way), way))
     every = [
         [

@@ -119,9 +119,11 @@ class Framing(NamedTuple):
     margin: float = 0.9  # share of half the width and height
     distance: float = 0.02  # least distance [m], of a model that is a point
     lean: float = 1e-3  # tilt of a view along the vertical, which would have no upright direction
+    tilt: float = 0.35  # of the start view from the normal of a plane of motion, as a tangent
 
 
 FRAMING = Framing()
+PLANAR = ("rotate", "translate")  # motions about and along one axis
 
 
 class Viewpoint(NamedTuple):
@@ -140,6 +142,37 @@ def towards(up: str, which: str) -> np.ndarray:
     if not np.cross(GRID[up][1], way).any():
         way += FRAMING.lean * np.array(TOWARDS[up]["side"])
     return way / np.linalg.norm(way)
+
+
+def start(up: str, bodies: Sequence[Any], turns: np.ndarray) -> np.ndarray:
+    """Return the (3,) unit vector from model to camera for the start view.
+
+    Bodies (nb) with orientations (nb, 3, 3) that all move in one plane are seen at 19 degrees from
+    its normal, where neither lengths nor angles look distorted.
+    """
+    way, normal = towards(up, "start"), plane_of_motion(bodies, turns)
+    if normal is None or abs(normal @ way) < FRAMING.lean:
+        return way
+    normal = normal * np.sign(normal @ way)
+    aside = way - (way @ normal) * normal
+    found = normal + FRAMING.tilt * aside / np.linalg.norm(aside)
+    return found / np.linalg.norm(found)
+
+
+def plane_of_motion(bodies: Sequence[Any], turns: np.ndarray) -> np.ndarray | None:
+    """Return the (3,) normal of the plane in which joints of one axis move all bodies, or None."""
+    moves = [(body.sequence, turn) for body, turn in zip(bodies, turns) if body.sequence]
+    if any(len(motions) > 1 or motions[0].kind not in PLANAR for motions, _ in moves):
+        return None
+    axes = [(motions[0].kind, turn @ np.asarray(motions[0].axis)) for motions, turn in moves]
+    normal = next((axis for kind, axis in axes if kind == "rotate"), None)
+    if normal is None:
+        return None
+    off = [
+        np.linalg.norm(np.cross(axis, normal)) if kind == "rotate" else abs(axis @ normal)
+        for kind, axis in axes
+    ]
+    return normal if max(off) < FRAMING.lean else None
 
 
 def fitted(
