@@ -298,18 +298,26 @@ class StartSearch(FromPage):
     def applied(self, state: State) -> State:
         if state.search is not None:
             return state
-        known = numbers_of(state.model)
-        free = tuple(one for one in state.searching.free if one.path in known)
-        asked, problem = replace(state.searching, free=free), ""
-        if not asked.free:
-            problem = "Nothing is free: tick the numbers that may change."
-        elif asked.kind == "fit" and not any(asked.match.values()):
-            problem = "Choose a file with measured curves and assign its columns."
-        elif asked.kind != "fit" and not asked.signal:
-            problem = "Choose the curve."
-        if problem:
+        asked = possible(state)
+        if problem := missing(asked):
             return replace(state, search_problem=problem)
         return started(state, Search, asked, state.request)
+
+
+def possible(state: State) -> Asked:
+    """Return the search that is asked for, with the free numbers that the model has."""
+    known = numbers_of(state.model)
+    free = tuple(one for one in state.searching.free if one.path in known)
+    return replace(state.searching, free=free)
+
+
+def missing(asked: Asked) -> str:
+    """Return what a search needs before it can start, or ""."""
+    if asked.kind == "fit" and not any(asked.match.values()):
+        return "Choose a file with measured curves and assign its columns."
+    if asked.kind != "fit" and not asked.signal:
+        return "Choose the curve."
+    return "" if asked.free else "Nothing is free: tick the numbers that may change."
 
 
 class CancelSearch(FromPage):

@@ -15,18 +15,19 @@
     const file = make("input", { type: "file", accept: ".csv,text/csv", hidden: true, onchange: () => { read(file.files[0]); file.value = ""; } });
     const way = cells.choice(ways, (serial, text) => send("SetGoal", { serial, field: "way", text }), { label: "way of the goal" });
     const signal = cells.choice(signals, (serial, text) => send("SetGoal", { serial, field: "signal", text }), { label: "curve of the goal" });
-    const filter = make("input", { type: "text", className: "cell filter", placeholder: "Numbers to find", title: "All numbers of the model, to be ticked", "aria-label": "numbers to find", onfocus: () => { host.pgraphAll = true; draw(host, asked()); }, oninput: () => draw(host, asked()) });
+    const filter = make("input", { type: "text", className: "cell filter", placeholder: "Mass, damping…", title: "All numbers of the model, to be ticked", "aria-label": "numbers to find", onfocus: () => { host.pgraphAll = true; draw(host, asked()); }, oninput: () => draw(host, asked()) });
     host.pgraphCells = { kind, way, signal, filter };
-    const head = make("div", { className: "bar" }, kind, make("progress", { className: "busy" }), make("span", { className: "said muted" }),
-      button("cancel-search", "Stop", "Stop, and keep the best numbers", () => send("CancelSearch", {})), button("start-search primary", "Start", "Search in the background", () => send("StartSearch", {})));
-    host.replaceChildren(head, make("div", { className: "problem sentence", role: "alert", hidden: true }), make("div", { className: "search-body" },
-      make("div", {},
+    const step = (title, ...parts) => make("section", { className: "step" }, make("h4", { textContent: title }), make("div", {}, ...parts));
+    host.replaceChildren(make("div", { className: "search-body" },
+      make("div", {}, step("Aim", make("div", { className: "bar" }, kind),
         make("div", { className: "of-data" }, make("div", { className: "bar" }, button("choose-data", "Choose a CSV…", "Columns t and signals, or drop the file here", () => file.click()), file, make("span", { className: "muted file" })),
           make("div", { className: "columns" })),
         make("div", { className: "bar of-goal" }, make("span", { className: "muted goal-word", textContent: "Least" }), way, signal),
         make("div", { className: "of-limits" }, make("div", { className: "limits" }),
-          button("add-limit", "Add a limit", "Bounds that the run keeps", () => { host.pgraphAdds = true; draw(host, asked()); })),
-        make("div", { className: "bar" }, filter), make("div", { className: "numbers" })),
+          button("add-limit", "Add a limit", "Bounds that the run keeps", () => { host.pgraphAdds = true; draw(host, asked()); }))),
+        step("Numbers", make("div", { className: "bar" }, filter), make("div", { className: "numbers" })),
+        step("Run", make("div", { className: "bar" }, button("start-search primary", "Start", "", () => send("StartSearch", {})), button("cancel-search", "Stop", "Stop, and keep the best numbers", () => send("CancelSearch", {})),
+          make("progress", { className: "busy" }), make("span", { className: "said muted" })), make("div", { className: "problem sentence", role: "alert", hidden: true }))),
       make("div", {}, make("div", { className: "search-curves" }), make("div", { className: "search-result" }))));
     host.addEventListener("dragover", (event) => event.preventDefault());
     host.addEventListener("drop", (event) => {
@@ -102,7 +103,7 @@
     });
     const word = filter.value.trim().toLowerCase();
     pgraph.keyed($(".numbers"), data.numbers.filter((one) => one.free || (host.pgraphAll && one.name.toLowerCase().includes(word))), number, fillNumber);
-    $(".start-search").disabled = data.job !== null;
+    Object.assign($(".start-search"), { disabled: data.job !== null || Boolean(data.missing), hidden: data.job !== null, title: data.missing || "Search in the background" });
     $(".cancel-search").hidden = $(".busy").hidden = data.job === null;
     $(".said").textContent = data.job ? `${data.job.trials} runs${data.job.said ? `, ${data.job.said}` : ""}` : "";
     $(".problem").hidden = !data.problem;

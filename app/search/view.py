@@ -7,7 +7,7 @@ import math
 from pgraph_core.sweeps.metrics import WAYS
 
 from ..core.views import Host, Payload, Place, topic
-from . import Curves, Found, State, numbers_of, signals_of, units_of
+from . import Curves, Found, State, missing, numbers_of, possible, signals_of, units_of
 
 PARTS = ("derived", "searching", "search", "search_problem", "found")
 DRAWN = 300  # points of a drawn curve
@@ -37,6 +37,7 @@ def searches(state: State) -> Payload:
         ],
         "job": None if now is None else {"trials": now.trials, "said": now.said},
         "problem": state.search_problem,
+        "missing": missing(possible(state)),
         "curves": drawn(state, curves),
         "found": None if found is None else result(found, found.model is state.model),
     }  # fmt: skip

@@ -10,6 +10,8 @@ from .test_search import curves, pendulum
 def test_data_are_dropped_matched_fitted_and_used(page: Any, served: Any, compiled: Any):
     opened(page, served, pendulum(damping=0.2, q=[1.0]))
     page.evaluate("pgraph.front('Fit')")
+    start = page.locator("button.start-search")
+    until(start.is_disabled, "a search that lacks data")
     page.locator("[data-view=search] input[type=file]").set_input_files(
         {"name": "swing.csv", "mimeType": "text/csv", "buffer": curves().encode()}
     )
@@ -17,7 +19,7 @@ def test_data_are_dropped_matched_fitted_and_used(page: Any, served: Any, compil
     page.get_by_label("numbers to find").click()
     for path in ("bodies.rod.damping", "q.rod"):
         page.get_by_label(f"{path} is free", exact=True).check()
-    page.locator("button.start-search").click()
+    start.click()
     page.locator(".search-result button.use-found").wait_for()
     assert page.locator(".search-curves svg .line").count() == 1
     before = served.store.state.model
