@@ -98,35 +98,28 @@
     forms.draw(el.querySelector(".form"), item.form, { edit, owner: { part: "forces", name: item.name } }, "drive");
   }
 
-  // -- what happened in the run, by part: how each is now, and when it changed. A click looks there -----
+  // -- what happened in the run, in the order of time. A click looks there ---------------------------------
   function log(host, events) {
     if (!events.length) { host.replaceChildren(text("p", "muted", "No constraint or contact went on or off in this run.")); return; }
-    const parts = Map.groupBy(events, ({ part }) => part), open = new Set([...host.querySelectorAll("details[open]")].map((one) => one.dataset.part));
     const look = (event) => { if (event) send("Scrub", { time: event.t }); };
-    const line = (event) => make("li", { className: "fall", role: "option", title: `${event.before} to ${event.after}; ${event.cause}`, onclick: () => look(event) }, text("span", "t", event.t.toFixed(4)), text("span", "", event.after));
-    const keyed = (log) => (event) => {
+    const line = (event) => make("li", { className: "fall", role: "option", title: `${event.before} to ${event.after}; ${event.cause}`, onclick: () => look(event) },
+      text("span", "t", event.t.toFixed(4)), text("span", "part", event.part), text("span", "", event.after));
+    const onkeydown = (event) => {
       const by = { ArrowDown: 1, ArrowUp: -1 }[event.key];
-      if (by) { event.preventDefault(); look(log.pgraphEvents[log.pgraphShown + by]); }
+      if (by) { event.preventDefault(); look(events[host.pgraphShown + by]); }
     };
-    host.replaceChildren(...[...parts].map(([part, its]) => {
-      const log = make("details", { "data-part": part, open: parts.size === 1 || open.has(part), pgraphEvents: its },
-        make("summary", { className: "fall", title: `${its.length} changes` }, text("span", "part", part), text("span", "now")));
-      log.append(make("ol", { className: "falls", role: "listbox", tabIndex: 0, "aria-label": `events of ${part}`, onkeydown: keyed(log) }, ...its.map(line)));
-      return log;
-    }));
+    host.pgraphShown = null;
+    host.replaceChildren(make("ol", { className: "falls", role: "listbox", tabIndex: 0, "aria-label": "events", onkeydown }, ...events.map(line)));
     follow(host);
   }
-  // The last event of each part so far is marked, in sight where the part is open.
+  // The last event so far is marked and in sight, and those to come are fainter.
   function follow(host) {
-    const [now] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0];
-    for (const log of host.querySelectorAll("details[data-part]")) {
-      const events = log.pgraphEvents, at = events.findLastIndex(({ t }) => t <= now + 1e-9);
-      if (at === log.pgraphShown) continue;
-      log.pgraphShown = at;
-      log.querySelector(".now").textContent = events[at]?.after ?? events[0].before;
-      log.querySelectorAll("li").forEach((line, i) => line.setAttribute("aria-selected", i === at));
-      if (log.open) log.querySelectorAll("li")[at]?.scrollIntoView({ block: "nearest" });
-    }
+    const [now] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0], lines = host.querySelectorAll("li");
+    const at = (pgraph.latest.events ?? []).findLastIndex(({ t }) => t <= now + 1e-9);
+    if (at === host.pgraphShown || !lines.length) return;
+    host.pgraphShown = at;
+    lines.forEach((line, i) => { line.setAttribute("aria-selected", i === at); line.classList.toggle("ahead", i > at); });
+    lines[Math.max(at, 0)].scrollIntoView({ block: "nearest" });
   }
 
   pgraph.view("scenario", { build, scenario: draw });

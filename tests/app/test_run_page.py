@@ -342,7 +342,13 @@ def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compil
     when("above 0.5")
     simulate(page)
     page.evaluate("pgraph.front('Events')")
-    page.locator("[data-view=events] li.fall").first.click()
-    event = store.state.run.result.events[0]
+    lines = page.locator("[data-view=events] li.fall")
+    lines.first.click()
+    event, *_ = events = store.state.run.result.events
     assert (event.contact, event.after) == ("tie", "off")
     until(lambda: store.state.playback.time == pytest.approx(event.t), "the time of the event")
+    assert [float(t) for t in lines.locator(".t").all_inner_texts()] == pytest.approx(
+        sorted(e.t for e in events), abs=1e-4
+    )
+    marked = page.locator("[data-view=events] [aria-selected=true] .part")
+    until(lambda: marked.all_inner_texts() == ["tie"], "the mark of the event")
