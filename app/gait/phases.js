@@ -3,7 +3,7 @@
 (() => {
   const { make, send } = pgraph;
   const [SWING, SLIP] = [0, 2]; // of the phases
-  const ROW = 8, GAP = 4, ROUND = 2;
+  const ROW = 8, GAP = 6, ROUND = 2, SEEN = 2; // [px], the last the least width of a slip that is seen
 
   function build(host) {
     const canvas = make("canvas", { className: "bars", title: "Coloured while the foot touches, amber while it slips. Click to go to that time." });
@@ -49,18 +49,15 @@
     const [from, to] = range(), [time, , end] = pgraph.latest.time ?? pgraph.latest.playback.moment;
     const x = (t) => wide * Math.min(Math.max((t - from) / (to - from), 0), 1);
     const box = (color, left, width, foot) => { pen.fillStyle = color; pen.beginPath(); pen.roundRect(left, foot * (ROW + GAP), Math.max(width, 1), ROW, ROUND); pen.fill(); };
-    const last = data.feet.map(() => null);
-    const fill = (foot, until) => {
-      const now = last[foot];
-      if (!now || now[2] === SWING || until <= from || now[1] >= to) return;
-      box(now[2] === SLIP ? ink("--warn") : ink(data.colors[foot].slice(4, -1)), x(now[1]), x(until) - x(now[1]), foot);
-    };
-    data.feet.forEach((_, foot) => box(ink("--field-hover"), 0, wide, foot));
-    for (const change of data.changes) {
-      fill(change[0], change[1]);
-      last[change[0]] = change;
-    }
-    last.forEach((_, foot) => fill(foot, end));
+    const lasts = data.feet.map((_, foot) => data.changes.filter((change) => change[0] === foot));
+    const spans = (foot, is) => lasts[foot].flatMap(([, t, phase], k, all) => (is(phase) ? [[x(t), x(all[k + 1]?.[1] ?? end)]] : []));
+    data.feet.forEach((_, foot) => {
+      box(ink("--field-hover"), 0, wide, foot);
+      const joined = []; // the phases of one step are one bar
+      for (const span of spans(foot, (phase) => phase !== SWING)) if (joined.at(-1)?.[1] === span[0]) joined.at(-1)[1] = span[1]; else joined.push(span);
+      for (const [left, right] of joined) if (right > left) box(ink(data.colors[foot].slice(4, -1)), left, right - left, foot);
+      for (const [left, right] of spans(foot, (phase) => phase === SLIP)) if (right - left >= SEEN) box(ink("--warn"), left, right - left, foot);
+    });
     pen.fillStyle = ink("--ink");
     pen.fillRect(Math.min(Math.max(x(time) - 0.75, 0), wide - 1.5), 0, 1.5, tall);
   }
