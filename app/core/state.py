@@ -249,7 +249,7 @@ class Derived:
     wxyz: np.ndarray  # (nb, 4) orientations at home
     center: np.ndarray  # (3,) what the camera looks at [m]
     size: float  # extent of the model from there [m]
-    low: float  # depth under its plane at which the ground is drawn [m]
+    low: float  # depth under its plane that the bodies do not reach [m]
 
     @property
     def grain(self) -> float:

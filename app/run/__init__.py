@@ -12,7 +12,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.model.scenario import AUTO, METHOD_NAMES
 from pgraph_core.show import shapes
-from pgraph_core.show.bodies import extent, looks
+from pgraph_core.show.bodies import Look, extent, looks
 from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core import cells, state
@@ -24,6 +24,8 @@ from ..core.state import Names
 from .footfalls import Change, changes, since
 
 TRAVELS = 1.0  # a picture of all of a longer way shows the model at less than half its size
+IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed
+MOMENTS, FEW = 48, 100  # moments of a run, and most bodies, for a view of all corners
 FREE_RUN = ""  # the scenario of a run that has none
 
 
@@ -106,12 +108,31 @@ class Run:
     @cached_property
     def size(self) -> float:
         """Return the overall size of the drawn bodies in the first frame [m]."""
-        pose, top = np.asarray(self.result.body_pose), pg.Topology.of(self.model)
+        return float(np.linalg.norm(np.ptp(self._corners(self.result.body_pose[0]), axis=0)))
+
+    @cached_property
+    def _looks(self) -> list[Look]:
+        top = pg.Topology.of(self.model)
         drawn = [self.model.body(name) for name in top.names]
         parent = tuple(top.parent.tolist())
-        found = looks(drawn, shapes.children_of(parent), shapes.branch_colors(parent))
-        corners = extent(found, pose[0, :, :3], shapes.to_matrix(pose[0, :, 3:]))
-        return float(np.linalg.norm(np.ptp(corners, axis=0)))
+        return looks(drawn, shapes.children_of(parent), shapes.branch_colors(parent))
+
+    def _corners(self, pose: np.ndarray) -> np.ndarray:
+        return extent(self._looks, pose[:, :3], shapes.to_matrix(pose[:, 3:]))
+
+    @cached_property
+    def swept(self) -> np.ndarray:
+        """Return the corners (n, 3) of the bodies at MOMENTS of the run, relative to a following
+        camera [m], and of more than FEW bodies their origins."""
+        pose = np.asarray(self.result.body_pose)
+        if not pose.size:
+            return np.zeros((0, 3))
+        few = pose[np.linspace(0, len(pose) - 1, MOMENTS).astype(int)]
+        boxes = [p[:, :3] if len(p) > FEW else self._corners(p) for p in few]
+        gone = self.travels * few[:, :, :3].mean(axis=1)
+        corners = np.concatenate([box - way for box, way in zip(boxes, gone)])
+        fits = np.ptp(corners, axis=0).max() <= IN_PLACE * self.size  # False for nan
+        return corners if fits else np.zeros((0, 3))
 
     @cached_property
     def travels(self) -> np.ndarray:

@@ -13,14 +13,13 @@ from pgraph_core.show.stage import FRAMING, GRID, Viewpoint, in_picture
 from ..core.bridge import Bridge
 from ..core.views import requests
 from ..pose import poses
+from ..run import FEW
 from . import Client, State, View, marks
 from .marks import looks
 
 ALONG = "/along/{}"  # the node that cameras follow, one of its own for each model that is opened
-IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed
 CLEAR = 0.02  # height of a camera above the ground over the model's size
 FILLS = 0.6  # least share of the picture that a model and its motion fill, in one direction
-MOMENTS, FEW = 48, 100  # moments of a run, and most bodies, for a view of all corners
 TYPICAL_ASPECT = 1.0  # width over height of the view at 1280 x 800
 
 
@@ -139,7 +138,7 @@ def look(
 def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
     """Return a viewpoint above the drawn ground, which would else hide a lying model."""
     normal = np.asarray(state.model.ground_normal)
-    missing = CLEAR * state.derived.size - state.derived.low - seen.position @ normal
+    missing = CLEAR * state.derived.size - ground(state) - seen.position @ normal
     if missing <= 0 or (seen.position - seen.target) @ normal < -1e-9:
         return seen
     lift = missing / (normal @ up) * up
@@ -199,25 +198,33 @@ def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
     joining = [found.ends.reshape(-1, 3) for found in marks.joinings(state, positions, R)]
     drawn = np.concatenate([corners, *joining, passed(state)])
     middle, up = (drawn.min(axis=0) + drawn.max(axis=0)) / 2, np.asarray(state.model.ground_normal)
-    whole = np.vstack((drawn, middle - (middle @ up + d.low) * up))
+    whole = np.vstack((drawn, middle - (middle @ up + ground(state)) * up))
     return whole if shapes.diagonal(drawn) > FILLS * shapes.diagonal(whole) else drawn
 
 
 def passed(state: State) -> np.ndarray:
     """Return the corners (n, 3) of the bodies during the run, relative to a following camera."""
-    none, found = np.zeros((0, 3)), frames(state)
-    if found is None or state.run is None:
-        return none
-    at = found[:, :, :3]
-    at = at - (state.run.travels * (at.mean(axis=1) - middle(state)))[:, None]
-    few = np.linspace(0, len(at) - 1, MOMENTS).astype(int)
-    if len(state.derived.names) > FEW:
-        corners = at[few].reshape(-1, 3)
-    else:
-        drawn, turned = looks(state), shapes.to_matrix(found[few, :, 3:])
-        corners = np.concatenate([bodies.extent(drawn, at[k], R) for k, R in zip(few, turned)])
-    span = np.ptp(corners, axis=0).max(initial=0.0)
-    return corners if np.isfinite(corners).all() and span <= IN_PLACE * state.run.size else none
+    if frames(state) is None or state.run is None:
+        return np.zeros((0, 3))
+    return state.run.swept + state.run.travels * middle(state)
+
+
+def ground(state: State) -> float:
+    """Return the depth [m] below its plane at which the ground is drawn.
+
+    The ground lies below the motion of the last run and the present pose. Before a run, and during
+    a live run, it lies below all that the bodies can reach.
+    """
+    low, run, up = state.derived.low, state.last_run, np.asarray(state.model.ground_normal)
+    if not low or state.live is not None or run is None or run.model is not state.model:
+        return low
+    if run.travels @ up or not len(run.swept):
+        return low
+    reached = [run.swept]
+    if state.pose is not None:
+        positions, wxyz = poses(state)
+        reached.append(bodies.extent(looks(state), positions, shapes.to_matrix(wxyz)))
+    return min(low, max(-float((np.concatenate(reached) @ up).min()), 0.0))
 
 
 def frames(state: State) -> np.ndarray | None:

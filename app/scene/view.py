@@ -23,7 +23,7 @@ from ..pose.view import Gizmos
 from ..run import GoLiveHere, Run
 from ..session import Select
 from . import Client, State, Unreadable, marks, nodes
-from .camera import CameraView
+from .camera import CameraView, ground
 from .camera import viewpoint as viewpoint
 from .marks import looks
 from .nodes import (
@@ -295,7 +295,8 @@ class StageView:
             self._steps = nodes.steps(self._server.scene, model)
         for client, page in new.clients.items():
             lit = page.dark, model.up
-            floor = lit, model.ground_normal, new.framed, new.derived.low
+            low = ground(new)
+            floor = lit, model.ground_normal, new.framed, low
             if self._lit.get(client) == lit and self._floors.get(client) == floor:
                 continue
             handles = self._server.get_clients() if handles is None else handles
@@ -303,7 +304,7 @@ class StageView:
                 continue
             if self._lit.get(client) != lit:
                 nodes.light(handle.scene, page.dark, model.up)
-            nodes.floor(handle.scene, model, new.derived.size, page.dark, new.derived.low)
+            nodes.floor(handle.scene, model, new.derived.size, page.dark, low)
             self._lit[client], self._floors[client] = lit, floor
 
 

@@ -349,6 +349,25 @@ def test_the_floor_below_a_model_is_in_the_first_view_unless_it_is_deep(height, 
     assert (camera.extent(state)[:, 2].min() == pytest.approx(floor)) == whole
 
 
+def test_the_floor_is_just_below_the_motion_of_the_last_run():
+    """Two rods reach 2 m down, and swing by a little in the stretched position of their start."""
+    rod = {
+        "axes": (0, 1, 0),
+        "mass": 1.0,
+        "com": (0.5, 0, 0),
+        "tip": (1, 0, 0),
+        "inertia": (1, 1, 1),
+    }
+    rods = pg.Body(name="a", **rod), pg.Body(name="b", parent="a", link=(1, 0, 0), **rod)
+    state = begun(pg.Model(bodies=rods))
+    assert camera.ground(state) == state.derived.low >= 2.0
+    state = simulated(state, 0.2)
+    assert camera.ground(state) == pytest.approx(-state.run.swept[:, 2].min())
+    assert 0 < camera.ground(state) < 0.5
+    posed = after(state, do.MoveJoint(ME, 1, "a", 0, "1.5 rad"))
+    assert camera.ground(posed) > 1.5
+
+
 def test_arrows_of_resting_bodies_stay_visible_after_an_impact():
     state = simulated(touching(ball(q=(0, 0, 0.6, 1, 0, 0, 0))), 2.0)
     assert state.run.result.contact_force["c[ball]"][:, 5].max() > 50 * 2 * 9.81
