@@ -91,7 +91,7 @@ def test_uploaded_downloaded_and_opened_again_on_another_machine(home, monkeypat
     opened = do.OpenArchive(ME, name, encoded(download))
     there = answered(begun(pg.Model.serial(1)), opened)
     assert there.model.name == "serial 2"
-    assert not there.clients[ME].notice.bad
+    assert there.clients[ME].notice is None
     assert file_of(there.model, "2").is_relative_to(archive.mesh_folder())
     assert unreadable(there.model.bodies) == ()
     assert archive.packed(there.model)[0] == name

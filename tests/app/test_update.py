@@ -308,7 +308,7 @@ def test_a_long_file_is_read_as_an_errand_and_a_bad_one_is_refused_there(state):
         assert sent.model is state.model
         now = after(sent, answer(sent.errands[0]))
         assert (len(now.model.bodies) == 3) is opens
-        assert now.clients[ME].notice.bad is not opens
+        assert (now.clients[ME].notice is None) is opens
 
 
 def test_a_rename_and_a_colour_keep_the_run_and_where_it_plays(ran):
