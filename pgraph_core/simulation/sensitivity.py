@@ -44,7 +44,7 @@ ENDS = {
     1: "a contact is about to slip or to stick",
     2: "several impacts coincide, but not for neighbouring values",
     3: "an impact occurs at the start of a step, where its time has no derivatives yet",
-    4: "an impact occurs, or may occur, while other contacts carry load",
+    4: "shapes that touch already hit each other, at a time that has no derivatives",
 }
 
 

@@ -35,6 +35,7 @@ from ..constraints.blocks import (
 )
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread
+from ..contact.closing import closed_gap
 from ..contact.contacts import (
     contact_points,
     contacts_at,
@@ -49,6 +50,7 @@ from ..contact.sweeps import own_block
 from ..motion import call_acceleration, opened
 from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
+from ..vec import xyz
 from .duals import D1, STEP_OF_DUALS, end_step, take_values
 from .moreau import REPEAT, book_drives, end_acceleration, relax, set_velocities, stiffen
 from .state import copied, size_of_state
@@ -60,7 +62,7 @@ BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
 BEGUN, TAKEN, LEFT, KEPT = 0, 1, 2, 3
 START, HERE = at.WEIGHT, at.STAGE  # rows: the state there, and the one that waits meanwhile
 SHIFT = step_of_differences(2)  # part of a step over which forces are differenced in time
-NO_SLOPE, TOGETHER, HIT, LOADED = 1.0, 2.0, 3.0, 4.0  # why derivatives end
+NO_SLOPE, TOGETHER, HIT, ASIDE = 1.0, 2.0, 3.0, 4.0  # why derivatives end
 
 
 @kernel(i8(of_duals, f8, i8), nogil=True, later=True)
@@ -97,7 +99,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
     if w == 0.0:
         locate_impact(run, numbers, carried, (done, h), first)
     elif parted(stages[at.END])[LEFT, 0] > 0.0:
-        locate_end(run, numbers, carried, (done, h))
+        locate_end(run, numbers, (done, h))
     begin_part(run, done, h, w)
     copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
     t, width = opened_run(numbers).control[0].time + done, stages[at.END, TAKEN]
@@ -329,8 +331,8 @@ def locate_impact(run, numbers, carried, place, first):
     """Add the derivatives of the time of an impact to the state before it.
 
     The block with the largest closing speed determines these derivatives. Impacts that coincide by
-    chance have no common derivative. If other contacts carry load, the motion deviates from the
-    path. `place` is (finished part of the step, its width).
+    chance have no common derivative. The same holds for an impact that does not end a path, such as
+    one of shapes that touch already. `place` is (finished part of the step, its width).
     """
     data = opened_run(run)
     scene, stages = data.scene, data.stages
@@ -354,12 +356,12 @@ def locate_impact(run, numbers, carried, place, first):
         look_for_points(scene, of_numbers, own.space.vectors[STEP, : data.control[0].nv])
     gaps[0] = gap_of(scene, of_numbers, chief, q)
     gap = parted(gaps)
+    if not abs(gap[0, 0]) <= reached(given, chief):  # nan if there is no such point
+        end_derivatives(carried, opened_run(numbers).control[0].time, ASIDE)
     for j in range(first, active[0] + 1):
         i = active[j]
         r = first_of(given.space.slots, i)
         closing = -given.space.vectors[BEFORE, r]
-        if type_of(given.blocks.blocks_i, i) == at.T_CONTACT and closing <= NOTABLE * fastest:
-            end_derivatives(carried, opened_run(numbers).control[0].time, LOADED)
         if given.space.vectors[LAMBDA, r] > 0.0 and closing > NOTABLE * fastest:
             gaps[1] = gap_of(scene, of_numbers, i, q)
             for k in range(1, BY_WIDTH):
@@ -369,29 +371,52 @@ def locate_impact(run, numbers, carried, place, first):
     arrive(run)
 
 
+@part
+def reached(given, i):
+    """Return the largest gap of block i at the end of a path to its impact, with rounding [m]."""
+    if type_of(given.blocks.blocks_i, i) != at.T_CONTACT:
+        return math.inf
+    contacts = contacts_at(given.links.contacts)
+    point = contacts.found[i - contacts.tally[0].first_contact]
+    return 2.0 * closed_gap(contacts, point.shape_a, point.shape_b, xyz(point.point_a))
+
+
 @sweep
-def locate_end(run, numbers, carried, place):
+def locate_end(run, numbers, place):
     """Add the derivatives of the end time of a sub-step without an impact to the state.
 
-    The sub-step ended at the limit with the smallest gap. The part itself went another way,
-    so that the limit is looked for again. v' depends on the velocity before a part, so that its end
-    may not be held: derivatives would be wrong by a part of the step.
+    The part ended where a limit or a contact point closes on the path, but itself went another way.
+    An impact shortly after it, or within the next part, has the same derivatives. An end at which
+    nothing closes is held, because the path is not known beyond it.
     """
     data = opened_run(run)
     scene, stages = data.scene, data.stages
-    given, gaps = opened(opened_run(numbers).scene), opened(scene).space.vectors[OTHER]
-    tally = contacts_at(given.links.contacts).tally[0]
+    of_numbers = opened_run(numbers).scene
+    own, given = opened(scene), opened(of_numbers)
+    gaps, contacts = own.space.vectors[OTHER], contacts_at(given.links.contacts)
+    tally, gap = contacts.tally[0], parted(gaps)
     follow_path(run, numbers, place)
     q = stages[at.CANDIDATE, : data.control[0].nq]
-    least = math.inf
+    least, fastest = math.inf, 0.0
+    for k in range(WIDTH):
+        gap[0, k] = 1.0 if k == BY_WIDTH else 0.0  # nothing moves the end
     for i in range(tally.first_limit, tally.first_limit + tally.limits):
         if given.blocks.blocks_f[i, at.LOCATED] < math.inf:
-            gaps[1] = gap_of(scene, opened_run(numbers).scene, i, q)
-            if abs(parted(gaps)[1, 0]) < least:
-                least = abs(parted(gaps)[1, 0])
+            gaps[1] = gap_of(scene, of_numbers, i, q)
+            if abs(gap[1, 0]) < least:
+                least = abs(gap[1, 0])
                 gaps[0] = gaps[1]
-    if least == math.inf:  # it ended where shapes might meet
-        end_derivatives(carried, opened_run(numbers).control[0].time, LOADED)
+    if least == math.inf and touches(of_numbers):
+        look_for_points(scene, of_numbers, own.space.vectors[STEP, : data.control[0].nv])
+        mine = contacts_at(own.links.contacts)
+        for n in range(mine.tally[0].found):
+            point = mine.found[n]
+            p = contacts.poses[point.shape_a].position
+            gaps[1] = point.gap
+            closed = 2.0 * closed_gap(contacts, point.shape_a, point.shape_b, xyz(p))
+            if abs(gap[1, 0]) <= closed and gap[1, BY_WIDTH] < fastest:
+                fastest = gap[1, BY_WIDTH]
+                gaps[0] = gaps[1]
     arrive(run)
 
 
