@@ -45,6 +45,7 @@ ENDS = {
     2: "several impacts coincide, but not for neighbouring values",
     3: "an impact occurs at the start of a step, where its time has no derivatives yet",
     4: "shapes that touch already hit each other, at a time that has no derivatives",
+    5: "contacts slide in different directions, and how they share their load is not determined",
 }
 
 

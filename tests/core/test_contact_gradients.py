@@ -230,6 +230,37 @@ def test_a_box_that_slides_to_rest():
     assert np.abs(run.sensitivity("bodies.b.mass")).max() < 1e-9
 
 
+@pytest.mark.parametrize(
+    ("size", "spin", "speed", "friction"),
+    [
+        ((0.29, 0.18, 0.29), (-3.9, 0.4), (-0.8, 0.2), 0.5),
+        ((0.17, 0.3, 0.14), (-4.0, -0.1), (0.3, 0.3), 0.9),
+        ((0.21, 0.2, 0.27), (0.3, -0.2), (0.0, -0.3), 0.3),
+    ],
+)
+def test_the_mass_of_a_box_does_not_influence_its_landing(size, spin, speed, friction):
+    body = pg.Body(
+        name="b", joint="free", mass=2.0, link=(0, 0, 0.2), v=(0, *spin, *speed, 0),
+        shape=pg.Shape(kind="box", size=size),
+    )  # fmt: skip
+    model = pg.Model(bodies=[body], contacts=[pg.Contact(name="c", body="b", friction=friction)])
+    options = STEPS | {"step": 2e-3, "t_end": 0.3}
+    by_mass = pg.simulate(model, wrt=["bodies.b.mass"], **options).sensitivity("bodies.b.mass")
+    assert np.nanmax(np.abs(by_mass)) < 1e-9  # nan where they have ended
+    assert np.isfinite(by_mass[:10]).all()
+
+
+def test_corners_that_slide_in_different_directions_end_derivatives():
+    body = pg.Body(
+        name="b", joint="free", mass=2.0, link=(0, 0, 0.05), v=(0, 0, 1, 1, 0, 0),
+        shape=pg.Shape(kind="box", size=(0.2, 0.2, 0.1)),
+    )  # fmt: skip
+    model = pg.Model(bodies=[body], contacts=[pg.Contact(name="c", body="b", friction=0.3)])
+    run = pg.simulate(model, wrt=["bodies.b.mass"], **STEPS | {"t_end": 0.03})
+    assert np.isnan(run.sensitivity("bodies.b.mass")[1:]).all()
+    assert any("different directions" in text for text in run.notices)
+
+
 @pytest.mark.parametrize("method", ["rk4", "radau5", "moreau_jean"])
 def test_a_soft_contact(method):
     def landing(z, stiffness):

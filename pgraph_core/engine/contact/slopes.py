@@ -3,8 +3,9 @@
 The laws of the active rows are equations, with u = 0 for sticking rows and λ_t = -μ λ_n u_t / |u_t|
 for sliding contacts. By the implicit function
 theorem the derivatives of λ solve the linearised laws, with the right side of duals at the values
-of λ. If impulses are redundant, some of their derivatives are set to zero, which does not affect
-the derivatives of the velocities.
+of λ. If impulses are redundant, some of their derivatives are set to zero. This does not affect the
+derivatives of the velocities, except if redundant contacts slide in different directions. The laws
+do not determine the velocities in this case, so that they have no derivatives.
 """
 
 import math
@@ -33,7 +34,7 @@ from ..constraints.blocks import (
     type_of,
 )
 from ..vec import dot, load
-from .newton import gather, rows_of
+from .newton import gather, rows_of, scatter
 
 # State of a block according to its law: without impulse, at its bound, held in all rows, held in
 # the first row and sliding in the others, held in the first without friction, between two states.
@@ -42,28 +43,34 @@ OPEN, BOUND, HELD, SLIDING, SMOOTH, UNCLEAR = 0, 1, 2, 3, 4, 5
 
 @sweep
 def law_of(data, i, unilateral, size):
-    """Return the state of block i according to its contact law, for velocities of this size."""
+    """Return the state of block i according to its contact law, for velocities of this size.
+
+    A block slides if its slip is larger than the change of velocity that its unused friction can
+    cause. One of the two is zero in a solution, and the solver's residual otherwise.
+    """
     lam, r = data.space.vectors[LAMBDA], first_of(data.space.slots, i)
     if not unilateral:
         return HELD
     if type_of(data.blocks.blocks_i, i) == at.T_FRICTION:
         u = gather(data.space.y, data.space.slots, i, data.space.vectors[STEP])
-        if abs(data.space.vectors[RHS, r] + u[0]) > SOLVED * size:
-            return BOUND
         bound = data.blocks.blocks_f[i, at.AIM]
-        return HELD if abs(lam[r]) < (1.0 - NOTABLE) * bound else UNCLEAR
+        slip, spare = abs(data.space.vectors[RHS, r] + u[0]), bound - abs(lam[r])
+        if slip > spare * data.space.own[i, 0]:
+            return BOUND if slip > SOLVED * size else UNCLEAR
+        return HELD if spare > NOTABLE * bound else UNCLEAR
     if not lam[r] * data.space.own[i, 0] > SOLVED * size:  # not more than what rounding leaves
         return OPEN
     if size_of(data.blocks.blocks_i, i) == 1:
         return HELD
     _, _, slip = slip_of(data, i)
     rim = data.blocks.blocks_f[i, at.FRICTION] * lam[r]
-    if slip > SOLVED * size:
+    spare = rim - math.sqrt(lam[r + 1] * lam[r + 1] + lam[r + 2] * lam[r + 2])
+    slides = slip > spare * max(data.space.own[i, 4], data.space.own[i, 8])
+    if slides and slip > SOLVED * size:
         return SLIDING
     if rim == 0.0:
         return SMOOTH
-    pull = math.sqrt(lam[r + 1] * lam[r + 1] + lam[r + 2] * lam[r + 2])
-    return HELD if pull < (1.0 - NOTABLE) * rim else UNCLEAR
+    return HELD if not slides and spare > NOTABLE * rim else UNCLEAR
 
 
 @part
@@ -194,7 +201,8 @@ def effects_of_duals(scene):
 def impulses_of_duals(scene, numbers, carried, first, m):
     """Compute the dual λ from RHS and BEFORE, and its effect on the joints in STEP.
 
-    Returns whether a law has no slope, between sticking and sliding.
+    Returns whether a law has no slope, between sticking and sliding, and whether the laws leave
+    velocities undetermined.
     """
     own, data = opened(scene), opened(numbers)
     vectors, given = own.space.vectors, data.space.vectors[LAMBDA]
@@ -214,12 +222,51 @@ def impulses_of_duals(scene, numbers, carried, first, m):
     for row in range(count):
         for k in range(1, WIDTH):
             right[row, k] = -missed[row, k]
-    solve_ranked(carried.matrix, right, order, count)
+    rank = solve_ranked(carried.matrix, right, order, count)
+    loose = undetermined(data, carried, rank, count, m)
     for row in range(count):
         for k in range(1, WIDTH):
             impulses[order[row], k] += right[row, k]
     effects_of_duals(scene)
-    return unclear
+    return unclear, loose
+
+
+@sweep
+def undetermined(data, carried, rank, count, m):
+    """Return whether impulses that the laws leave undetermined change velocities.
+
+    The change of velocities by a combination of these impulses is compared with the changes by its
+    parts, as energies. Less than PROXIMAL counts as zero, as for the pivots of `solve_ranked`,
+    which has to be called before.
+    """
+    blocks, space = data.blocks, data.space
+    slots, own, effect, dinv = space.slots, space.own, space.vectors[OTHER], space.vectors[DINV]
+    matrix, scale, order = carried.matrix, carried.right, carried.order
+    for n in range(rank, count):
+        change = matrix[rank]  # of λ by rows: the elimination needs the lines above only
+        for r in range(m):
+            change[r] = 0.0
+        change[order[n]] = scale[n, 0]
+        for r in range(rank - 1, -1, -1):
+            x = matrix[r, n]
+            for c in range(r + 1, rank):
+                x += matrix[r, c] * change[order[c]] / scale[c, 0]
+            change[order[r]] = -scale[r, 0] * x / matrix[r, r]
+        for k in range(dinv.shape[0]):
+            effect[k] = 0.0
+        apart = 0.0
+        for j in range(1, blocks.active[0] + 1):
+            i = blocks.active[j]
+            lam = rows_of(change, first_of(slots, i), size_of(blocks.blocks_i, i))
+            scatter(space.y, slots, i, lam, effect)
+            for c in range(3):
+                apart += lam[c] * lam[c] * own[i, 4 * c]
+        energy = 0.0
+        for k in range(dinv.shape[0]):
+            energy += dinv[k] * effect[k] * effect[k]
+        if energy > PROXIMAL * apart:
+            return True
+    return False
 
 
 @sweep
@@ -227,7 +274,7 @@ def solve_ranked(a, b, order, n):
     """Solve a x = b for columns 1 to WIDTH - 1 of b, in place, by elimination with full pivoting.
 
     Rows and columns are scaled by their diagonals, in column 0. `order` is permuted like x.
-    Undetermined components are zero.
+    Undetermined components are zero. Returns the rank.
     """
     for r in range(n):
         b[r, 0] = 1.0 / math.sqrt(abs(a[r, r])) if a[r, r] != 0.0 else 1.0
@@ -272,3 +319,4 @@ def solve_ranked(a, b, order, n):
     for r in range(n):
         for k in range(1, WIDTH):
             b[r, k] *= b[r, 0]
+    return rank

@@ -62,7 +62,7 @@ BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
 BEGUN, TAKEN, LEFT, KEPT = 0, 1, 2, 3
 START, HERE = at.WEIGHT, at.STAGE  # rows: the state there, and the one that waits meanwhile
 SHIFT = step_of_differences(2)  # part of a step over which forces are differenced in time
-NO_SLOPE, TOGETHER, HIT, ASIDE = 1.0, 2.0, 3.0, 4.0  # why derivatives end
+NO_SLOPE, TOGETHER, HIT, ASIDE, LOOSE = 1.0, 2.0, 3.0, 4.0, 5.0  # why derivatives end
 
 
 @kernel(i8(of_duals, f8, i8), nogil=True, later=True)
@@ -123,8 +123,11 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
             follow_width(run, t + w, h, m)
         unit_responses(own.rows, own.const, own.blocks, own.work, space)
         given = carried_at(carried)
-        if impulses_of_duals(scene, scene_of_numbers, given, first, m):
+        unclear, loose = impulses_of_duals(scene, scene_of_numbers, given, first, m)
+        if unclear:
             end_derivatives(carried, t, NO_SLOPE)
+        if loose:
+            end_derivatives(carried, t, LOOSE)
         spread(own.rows, own.const, own.work, space.vectors[STEP])
     for j in range(nv):
         v[j] += width * vdot[j] + space.vectors[STEP, j]
