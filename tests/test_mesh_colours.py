@@ -49,12 +49,12 @@ MTL = "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\nd 0.5\n"
         (MTL, ("b",), GREEN, 0.5, ""),
         (MTL.replace("d 0.5", "Tr 0.25"), ("b",), GREEN, 0.75, ""),
         (MTL, ("a", "b"), GREEN, 0.5, "colours"),
-        (MTL, ("none",), None, 1.0, "not defined"),
-        (MTL, ("a", "none"), RED, 1.0, "not defined"),
-        ("", ("a",), None, 1.0, "not defined"),
+        (MTL, ("none",), None, 1.0, "undefined"),
+        (MTL, ("a", "none"), RED, 1.0, "undefined"),
+        ("", ("a",), None, 1.0, "undefined"),
         ("newmtl a\nNs 5\n", ("a",), None, 1.0, ""),
         (MTL + "map_Kd a.png\n", ("b",), None, 1.0, "texture"),
-        ("newmtl a\nKd one two\n", ("a",), None, 1.0, "not defined"),
+        ("newmtl a\nKd one two\n", ("a",), None, 1.0, "undefined"),
         ("newmtl a\nKd 2 -1 nan\n", ("a",), (1.0, 0.0, 1.0), 1.0, "2, -1, nan"),
     ],
 )
@@ -104,7 +104,7 @@ def test_a_collada_file_has_the_diffuse_colour(tmp_path, kind, paint, symbol, co
     shape, report = read(tmp_path, robot("part.dae"))
     assert shape.colour == colour
     assert ("texture" in str(report)) == ("texture" in paint)
-    assert ("not defined" in str(report)) == (symbol == "other")
+    assert ("undefined" in str(report)) == (symbol == "other")
 
 
 @pytest.mark.parametrize("suffix", ["ply", "glb", "stl"])

@@ -91,7 +91,7 @@ CASES = [
     (paste("name;parent;weight\na;ground;1"), "weight"),
     (paste("name\tmass [lb]\na\t1"), "'lb'"),
     (paste("name\tinertia\na\t1 2"), "inertia 3"),
-    (paste('name\tshape\nhub\t{"kind":"sphere","size":[0.04,0.1]}'), "'hub' shape sphere size radius"),
+    (paste('name\tshape\nhub\t{"kind":"sphere","size":[1,2]}'), "'hub' shape sphere size radius"),
 ]  # fmt: skip
 
 

@@ -90,4 +90,5 @@ def test_a_compiled_torque_that_does_not_fit_ends_the_run():
 def test_a_quaternion_of_another_length_is_noticed():
     run = pg.simulate(FALLING, q=[0, 0, 1, 5, 0, 0, 0], t_end=0.01, estimate=False)
     assert any("length 5" in text for text in run.notices)
-    assert not pg.simulate(FALLING, q=[0, 0, 1, 1, 0, 0, 0], t_end=0.01, estimate=False).notices
+    ordinary = pg.simulate(FALLING, q=[0, 0, 1, 1, 0, 0, 0], t_end=0.01, estimate=False)
+    assert not any("length" in text for text in ordinary.notices)
