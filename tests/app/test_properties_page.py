@@ -98,11 +98,17 @@ def test_escape_leaves_a_cell_before_it_clears_the_selection(bench, served):
     until(lambda: not any(selections(served)), "nothing selected")
 
 
+def knows_rows(page, served):
+    """Wait until the page knows the rows of the model, for which what is typed is taken."""
+    page.wait_for_function("(now) => pgraph.latest.version === now", arg=served.store.state.version)
+
+
 def test_a_shape_gives_the_mass_and_bad_numbers_stay_beside_their_cells(bench, served):
     choose_body(bench, "1")
     unfold(bench, "properties")
     chosen(field(bench, "shape_kind"), "box")
     field(bench, "shape_size", 2).wait_for()
+    knows_rows(bench, served)
     for k in range(3):
         typed(field(bench, "shape_size", k), "100 mm")
         until(lambda k=k: model(served).body("1").shape.size[k] == 0.1, "an edge")
@@ -473,6 +479,7 @@ def test_what_is_typed_stays_in_its_cell_and_lands_in_no_other_row(page, served,
     page.keyboard.type("5")
     page.keyboard.press("Enter")
     if kind not in NAMED:  # refused once, since it may be another row now
+        page.wait_for_function("typed.matches('.refused')")
         told()
         assert values() == before
         page.keyboard.press("Enter")
