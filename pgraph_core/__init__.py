@@ -237,7 +237,7 @@ def _bound(owner: Any, name: str) -> Any:
 
 
 def _taken(name: str) -> str:
-    """Return the name of the call that accepts a field or an argument, or ""."""
+    """Return the call that accepts the given field or argument, or "" if there is none."""
     from .words import ours
 
     for taker in _TAKERS:

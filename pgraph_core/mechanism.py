@@ -329,7 +329,7 @@ class Mechanism(Dynamics):
         Returns
         -------
         (nq,) array
-            The configuration [rad, m], with the distance that is left as its `residual` [m].
+            The configuration [rad, m]. Its attribute `residual` is the remaining distance [m].
 
         Raises
         ------

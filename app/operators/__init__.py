@@ -45,7 +45,7 @@ Operator = Literal["M", "J", "eps_phi", "Phi", "S"]
 
 
 class Inspect(FromPage):
-    """Show an operator, or some of its rows and columns, or "" for none."""
+    """Show an operator, or some of its rows and columns. `what` is "" if none is shown."""
 
     what: Literal[""] | Operator
     rows: tuple[Index, Index] | None = None

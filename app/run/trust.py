@@ -21,7 +21,7 @@ WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
 LOADING = "Its fast code is being loaded. For a new kind of model it is compiled, up to a minute."
 ERROR, ENERGY, LOOPS = "Error estimate", "Energy drift", "Constraint drift"
 METHOD, NOTE = "Method", "Note"
-SINGULAR = "The run passed a singular position, where more than one motion is possible."
+SINGULAR = "More than one motion is possible from there. The report tells when it was passed."
 FEWEST_METRES, FEWEST_DEGREES = 1e-6, 1e-3  # nobody feels less: it is shown as "within" these
 Line = tuple[str, str, bool]  # label, value, True if it is good
 
@@ -82,8 +82,7 @@ def verdict(run: Run) -> tuple[str, str, str]:
         return "unknown", f"Reliable {_until(result)}", f"The error is {result.accuracy}."
     doubts = [notice for notice in result.notices if TOO_LOW in notice]
     if doubts:
-        time = doubts[0].removeprefix("at t = ").partition(" s ")[0]
-        return "unknown", f"Uncertain after {time} s", SINGULAR
+        return "unknown", "Uncertain: singular position", SINGULAR
     amount = felt(run)
     bad = {what: value for what, value, fine in summary(run) if not fine}
     if not bad:

@@ -424,7 +424,8 @@ class TreeLanes(Instances):
         return rows, self._constants(self.kind[which]), unnamed(drives), some
 
     def _constants(self, kind: Ints) -> Array:
-        """Return constants shared by all instances, or one set each (blocks, rows, columns, W)."""
+        """Return the constants: one set for all instances, or one set for each instance, as
+        (blocks, rows, columns, W)."""
         if not len(self._columns):
             return self._shared
         if self._const is None or not np.array_equal(self._const[0], kind):

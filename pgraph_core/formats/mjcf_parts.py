@@ -241,7 +241,7 @@ class Parts(Forces):
         return found
 
     def _state(self, qpos: Array, qvel: Array) -> tuple[Any, Any, list[str]]:
-        """Return (q, v) by body of a MuJoCo state, and the joints that it puts beyond limits."""
+        """Return q and v by body for a MuJoCo state, and the joints whose limits it exceeds."""
         m, q, v = self.m, dict[str, list[float]](), dict[str, list[float]]()
         beyond: list[str] = []
         for j in range(m.njnt):

@@ -512,8 +512,8 @@ class _Reader(Shapes):
         return found
 
     def _repeated(self, element: Element, acts: bool = True) -> Iterator[tuple[Element, str, bool]]:
-        """Yield (element, what, whether it acts) if an element is given several of what it has
-        one."""
+        """Yield (element, property, whether it acts) for each property that is given more than once
+        although an element has only one."""
         tags, acts = [child.tag for child in element.children], acts and element.tag != "visual"
         if element.tag == "geometry" and len(tags) > 1:
             yield element, f"solid, <{tags[1]}>,", acts

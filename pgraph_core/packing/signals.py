@@ -524,8 +524,8 @@ def signals(
     bent: bool = False,
 ) -> tuple[Array, Ints, Ints]:
     """Return (code, targets, states) for all expressions in these forces, for their drives and
-    loads, in the friction of contacts and in the controls. Conditions are `watched`, and so are
-    the bounds and bends of forces if steps shall end at what is `bent`.
+    loads, in the friction of contacts and in the controls. Steps end at changes of the conditions
+    in `watched`. If `bent` is set, they also end at bounds and bends of forces.
     """
     controls = {c.name: c for c in model.controls}
     known = (*known_forces(model), *named, *forces)

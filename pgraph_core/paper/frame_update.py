@@ -1,8 +1,8 @@
 """The frame update in Fig. 7, which moves all body frames from one q to the next by walking along
 Pgraph.
 
-The drawing of the figure is not available. This module is a reconstruction from the text of sec. 4,
-which defines Rot, find, P and F(P). Teaching and checking use it; `Mechanism` computes frames from
+The paper was only available as text. This module is reconstructed from sec. 4, which defines Rot,
+find, P and F(P). Teaching and checking use it; `Mechanism` computes frames from
 q (R14).
 """
 

@@ -74,7 +74,7 @@ def trouble(record: Running, t: float) -> str:
 
 
 def _steep(record: Running, t: float) -> str:
-    """Return which expression changes within the least step at t, for a message."""
+    """Return the expression that changes within the smallest step at t, for an error message."""
     code, targets, states = (array.copy() for array in record.scene.loads.signals)
     seen = np.concatenate((targets[:, 0], states[:, 0]))
     found = []

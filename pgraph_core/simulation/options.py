@@ -202,7 +202,7 @@ def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
 
 
 def begun(forces: Sequence[Force], t_start: float) -> tuple[Force, ...]:
-    """Return the forces with the initial values of lags and integrals at t_start."""
+    """Return the forces, with the initial values of their lags and integrals set for t_start."""
 
     def from_start(f: Force) -> Force:
         if not (isinstance(f, OnJoint) and f.has_state):

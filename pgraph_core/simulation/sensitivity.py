@@ -57,9 +57,9 @@ class Lateness(NamedTuple):
 
 
 class Jump(NamedTuple):
-    """A force that jumps where a step ended, at a time with these derivatives (runs, MOST)."""
+    """A discontinuity of a force at the end of a step, and the derivatives of its time."""
 
-    times: list[Array]
+    times: list[Array]  # (MOST,) of each run
     rates: Array  # change of the rates of the state at the jump, before minus after
 
 

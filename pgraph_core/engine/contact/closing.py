@@ -59,7 +59,8 @@ def thickness(shape):
 def thinner(contacts, a, b):
     """Return half the thickness of the thinner of two shapes [m]. Use b = -1 for the ground.
 
-    Shapes without thickness, points and balls of no radius, are ignored. 0 if none has any.
+    Shapes without thickness (points, and balls of radius 0) are ignored. The result is 0 if no
+    shape has a thickness.
     """
     shapes = contacts.geometry.shapes
     thin = thickness(shapes[a])

@@ -1,8 +1,9 @@
 """Factors of a sparse matrix in blocks of 4 x 4, for Newton's method of contact.
 
-Rows and columns are processed in groups of four. Row p of blocks has its blocks from the diagonal
-to `last[p]` in `upper`, from `start[p]` on, with all 16 entries row by row. `lower` has the
-transposes of those below the diagonal at the same places. A = L U without pivoting, in place, with
+Rows and columns are processed in groups of four. `upper` stores the blocks of
+block row p, from the diagonal to column `last[p]`, from the index `start[p]` on. The 16 entries of
+a block are in row-major order. `lower` stores the transposes of the blocks below the diagonal at
+the same indices. A = L U without pivoting, in place, with
 1/U on the diagonal of U. The rows of a block are vectors of four numbers, and four pivots are
 eliminated at once. Rows beyond the matrix are those of the identity.
 """

@@ -77,8 +77,8 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
 def sweep_once(scene, n, slot, count):
     """Sweep once. Returns (largest velocity change, energy of all changes).
 
-    A history slot receives the differences of the change of λ, and of the resulting λ, from those
-    of the last sweep. The following rows receive products of the changes in the first `count` slots
+    A history slot stores how much the change of λ and the resulting λ differ from those of the
+    previous sweep. The following rows receive products of the changes in the first `count` slots
     with the changes of this slot and of the last sweep. If `count` is 0, no history is stored.
     """
     data = opened(scene)

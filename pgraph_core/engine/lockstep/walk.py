@@ -14,7 +14,10 @@ from .block import ARMATURE, FALLEN, FELL, MOVE, NEW_Q, PUT_IN, TAU, TIME, VDOT,
 
 
 class WalkOfLanes(NamedTuple):
-    """The controller of a run and of a block, whose arrays have the lane as the last axis."""
+    """The controller of a run or of a block of runs.
+
+    In a block, the lane is the last axis of each array.
+    """
 
     rows: Any
     spine: Any

@@ -279,7 +279,7 @@ def corrected(scene, count, m):
 def frame_onto_constraints(run, numbers, t, row):
     """Move the derivatives of a frame onto the constraints.
 
-    The primal run has its state there and its factors. By the implicit function theorem the
+    The primal run has its state there and its factors. By the implicit function theorem, the
     derivatives of factors do not enter where g and g' are zero.
     """
     data, other = opened_run(run), opened_run(numbers)

@@ -493,8 +493,8 @@ def next_look(run, low, n, parts):
 def looked_at(run, low, end):
     """Return (True if a counted event has happened by `end`, its time, the time examined).
 
-    User events are also evaluated at the midpoint, and close to zero at the minimum of a parabola
-    through three values.
+    User events are also evaluated at the midpoint. If a value is close to zero, they are also
+    evaluated at the minimum of a parabola through three values.
     """
     data = opened_run(run)
     halves = 1

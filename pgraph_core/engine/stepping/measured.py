@@ -25,11 +25,8 @@ _, contacts_at = stored(CONTACTS)
 # operands of a measured NUMBER: what is measured, plus the entry (0: its size, 1 to 3: along an
 # axis); the first block or pair; how many. `Program` writes the number of the part as the second.
 WHAT, FIRST, COUNT, VALUE = 1, 2, 3, 4
-LENGTH, SPEED, INPUT = (
-    1,
-    2,
-    3,
-)  # columns of a strut (`FIRST`) and of the target (0) or torque of a drive
+# the length or its rate of strut `FIRST`, and the target (`COUNT` 0) or torque (1) of drive `FIRST`
+LENGTH, SPEED, INPUT = 1, 2, 3
 # a NUMBER at which a force bends: a bound of a drive (0: low, 1: high), or the knot of a strut
 BOUND, BEND = -1, -2
 CONSTRAINT, CONTACT = 4, 8

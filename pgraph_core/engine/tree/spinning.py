@@ -343,7 +343,7 @@ def momentum_of(rows, const, work, q, v, trees, tree, fixed):
 
 @sweep
 def forces_of(rows, const, work, trees, tree, fixed):
-    """Return (torque about a fixed point, force) that accelerate a tree, after `accelerate`."""
+    """Return the (torque about a fixed point, force) that act on a tree, after `accelerate`."""
     torque, force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(1, rows.shape[0]):
         if trees[k - 1] != tree:

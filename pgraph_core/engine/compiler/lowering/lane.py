@@ -124,7 +124,10 @@ _unary(abs, lambda builder, x: llvm(builder, "fabs", x))
 
 
 def _clamp(function: Any, relation: str) -> None:
-    """Lower min and max of a lane and a lane or number, where `relation` selects the first."""
+    """Generate code for min(a, b) and max(a, b), where a is a lane and b is a lane or a number.
+
+    `relation` selects a.
+    """
 
     def typed(args: Any) -> Any:
         lane = _lane(args, types.Float)
