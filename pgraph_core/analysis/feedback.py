@@ -16,7 +16,7 @@ from scipy.signal import place_poles as placed
 from .. import joints
 from ..dynamics import Dynamics
 from ..errors import InputError, Problem, Suggests, explained, nearest, shown
-from ..forces import Motor, OnJoint
+from ..forces import Force, Motor, OnJoint
 from ..model import Model
 from ..packing import Array
 from ..signals import written
@@ -51,6 +51,11 @@ class Feedback(Suggests):
 
     def __matmul__(self, x: Any) -> Array:
         return self.K @ x
+
+    @property
+    def drives(self) -> tuple[Force, ...]:
+        """The drives with the feedback as their expressions, which `simulate(..., tau=)` takes."""
+        return tuple(f for f in self.model.forces if f.name in self.inputs)
 
     @property
     def positions(self) -> tuple[str, ...]:

@@ -183,5 +183,6 @@ def _suffix(path: str | Path, known: Sequence[str], what: str) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in known:
         text = f"is not a supported {what}; use a name ending in {' or '.join(known)}"
+        text += ", or run.to_html for a web page" if what == "film" else ""
         raise FileError(Problem(str(path), "", text))
     return suffix

@@ -27,12 +27,11 @@ from .start import (
     begun_anew,
     by_names,
     directionless,
-    drives_in,
     given_states,
     placed_twice,
     refuse_interval,
     rows_of,
-    torques_by_names,
+    torques_or_drives,
     with_state,
 )
 
@@ -109,11 +108,11 @@ def simulate(
         mechanism or its highest speed so far. Default values are 1e-8 for `rtol` and 0 for `atol`.
     max_steps : int
         Maximum number of adaptive steps.
-    tau : array, dict or callable, optional
+    tau : array, dict, callable or Feedback, optional
         Joint torques (nv,) or a dictionary by body name, or a function f(t, q, v) that is called at
-        every stage. Functions compiled with `numba.njit` are about 100 times faster than Python
-        functions. Note that pulses shorter than a step may be missed. Use a smaller `step`, or a
-        `pg.Motor` with a table, since steps end at its knots.
+        every stage, or the result of `lqr` or `place_poles`. Functions compiled with `numba.njit`
+        are about 100 times faster than Python functions. Note that pulses shorter than a step may
+        be missed. Use a smaller `step`, or a `pg.Motor` with a table, since steps end at its knots.
     frames : int, optional
         Number of evenly spaced frames to record. The default is about 1000.
     t_eval : array, optional
@@ -168,9 +167,7 @@ def simulate(
     """
     began = time.perf_counter()
     mech = mechanism_of(mechanism, "simulate")
-    if tau is not None:
-        own = drives_in(tau)
-        forces, tau = ((*forces, *own), None) if own else (forces, torques_by_names(mech, tau))
+    mech, forces, tau = torques_or_drives(mech, forces, tau)
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
         forces, switches, estimate,

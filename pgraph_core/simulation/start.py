@@ -186,10 +186,24 @@ def _coincide(mech: Mechanism, f: BetweenPoints, q: Array) -> bool:
     return bool(np.abs(a - b).max() <= ROUNDING * max(np.abs(a).max(), np.abs(b).max()))
 
 
-def drives_in(tau: Any) -> tuple[Force, ...]:
-    """Return the drives passed as torques, such as a servo, or ()."""
-    given = tau if isinstance(tau, (list, tuple)) else (tau,)
-    return tuple(given) if given and all(isinstance(x, Force) for x in given) else ()
+def torques_or_drives(
+    mech: Mechanism, forces: Sequence[Force], tau: Any
+) -> tuple[Mechanism, Sequence[Force], Any]:
+    """Return the mechanism, the forces and the torques of a run with `tau`.
+
+    Drives passed as torques, such as a servo or those of a feedback, are forces. Those with a name
+    of the model replace the model's own. Raises InputError.
+    """
+    given = getattr(tau, "drives", tau)
+    given = given if isinstance(given, (list, tuple)) else (given,)
+    if not given or not all(isinstance(x, Force) for x in given):
+        return mech, forces, torques_by_names(mech, tau)
+    own = {f.name: f for f in mech.model.forces}
+    new = {f.name: f for f in given}
+    if not own.keys().isdisjoint(new):
+        kept = tuple(new.get(name, f) for name, f in own.items())
+        mech = Mechanism(mech.model.replace(forces=kept))
+    return mech, (*forces, *(f for f in given if f.name not in own)), None
 
 
 def torques_by_names(mech: Mechanism, tau: Any) -> Any:

@@ -38,7 +38,7 @@ from .loop import Outcome
 from .options import Options, begun, driven, inputs_of, positive
 from .plan import begun_with, plan_of, touching_contacts, with_contacts
 from .recording import Recording
-from .start import by_names, given_states, torques_by_names, with_state
+from .start import by_names, given_states, torques_or_drives, with_state
 from .switches import Change
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Stepper(Snapshots):
         "rk4" for all other models. Rigid contacts and limits always use "moreau_jean".
     scenario, forces, inputs, stabilise :
         As in `simulate`.
-    tau : (nv,) array or callable, optional
+    tau : (nv,) array, callable or Feedback, optional
         Constant torques, or a function f(t, q, v), as in `simulate`.
     switches : sequence, optional
         As in `simulate`. Use () to ignore the switches of the scenario, and call `switch` instead.
@@ -144,6 +144,7 @@ class Stepper(Snapshots):
                 text = f"scenario '{scenario}' switches '{s.constraint}' {then}, which no step "
                 text += "does by itself; give switches=(), and call `switch` of a Stepper there"
                 raise InputError(Problem("Stepper", "scenario", text))
+        mech, forces, self._tau = torques_or_drives(mech, forces, tau)
         vars(self).update(mech=mech, method=method)
         self._width = positive("step", step, call="Stepper")
         self._options = Options(
@@ -156,7 +157,6 @@ class Stepper(Snapshots):
             switches=None if switches is None else tuple(switches),
             inputs=inputs_of(inputs, "Stepper"),
         )
-        self._tau = torques_by_names(mech, tau)
         self._started = float(t_start)
         self.reset(q, v, states)
 

@@ -140,6 +140,21 @@ def test_the_closed_loop_moves_as_in_scipy(plant):
     assert np.linalg.eigvals(pg.Mechanism(again).linearise().A).real.max() < 0
 
 
+@pytest.mark.parametrize("drives", [(), (pg.Motor(name="push", body="cart"),)])
+@pytest.mark.parametrize("word", ["tau", "controller"])
+def test_a_feedback_is_given_as_torques(drives, word):
+    bare = cart_pole()[0].replace(forces=drives)
+    found = pg.lqr(bare, 1.0, inputs=["cart"])
+    there = {"q": found.at[:2] + 0.1, "v": np.zeros(2)}
+    wanted = pg.simulate(found.model, t_end=0.2, step=1e-3, **there)
+    run = pg.simulate(bare, t_end=0.2, step=1e-3, **there, **{word: found})
+    assert np.array_equal(run.q, wanted.q)
+    stepper = pg.Stepper(bare, tau=found, step=1e-3, **there)
+    for _ in range(200):
+        stepper.step()
+    assert np.allclose(stepper.q, run.q[-1], rtol=0, atol=1e-12)
+
+
 def test_the_closed_loop_has_the_poles_asked_for():
     poles = [-2.0, -3.0, -4 + 1j, -4 - 1j]
     found = pg.place_poles(cart_pole()[0], poles)
