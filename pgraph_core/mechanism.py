@@ -9,7 +9,7 @@ from warnings import warn
 
 import numpy as np
 
-from .analysis.assembly import Assembly, assemble
+from .analysis.assembly import Assembly, assemble, changes, followed
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
 from .dynamics.arguments import for_each_state, wrong_type
@@ -68,7 +68,8 @@ class Mechanism(Dynamics):
         """Find the state closest to (q, v) that satisfies the constraints.
 
         The distance is defined by the mass matrix. All coordinates may change, including those
-        given in an array. A dictionary holds the coordinates that it names.
+        given in an array. A dictionary holds the coordinates that it names. The loops then stay on
+        the branch of the initial configuration if it reaches that far.
 
         Parameters
         ----------
@@ -94,34 +95,59 @@ class Mechanism(Dynamics):
             If the constraints cannot be satisfied.
         """
         named = {k: x for k, x in {"q": q, "v": v}.items() if isinstance(x, dict)}
-        if named and active is None:
-            q, v = {"q": q, "v": v, **self._by_names(named, {"q": q})}.values()
-        return assemble(self, q, v, active)
+        if not named or active is not None:
+            return assemble(self, q, v, active)
+        given = {"q": q, "v": v, **super()._by_names(named, {})}
+        q, v, _ = assemble(self, *{"q": q, "v": v, **self._by_names(named, {"q": q})}.values())
+        home_q, home_v = self.home()
+        before = home_q if given["q"] is None else given["q"]
+        speeds = home_v if given["v"] is None else given["v"]
+        return q, v, changes(self, before, speeds, q, v)
 
     def _by_names(self, named: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Array]:
-        """Return a state by names, with the joints that are not named as the constraints demand."""
+        """Return a state by names, with the joints that are not named as the constraints demand.
+
+        The named joints go from the initial position to the given one, and the others follow, so
+        that closed loops stay on their branch.
+        """
         found = super()._by_names(named, given)
         names = dict.fromkeys(name for kind in ("q", "v", "vdot") for name in named.get(kind, ()))
         if not names or not len(self.packed.active) or names.keys() == self.joints.keys():
             return found
         rest, joints = np.zeros(self.nv), self.joints
-        q, v = found.get("q", given.get("q")), found.get("v", rest)
-        q = self.home()[0] if q is None else np.asarray(q, float)
-        held: list[Motion] = []
         for name in names:
-            own, at = joints[name].v, joints[name].q
-            if own.stop - own.start > 1:
+            if joints[name].v.stop - joints[name].v.start > 1:
                 text = "has several numbers, which no dictionary holds where constraints act; give "
                 text += "arrays, such as those that mech.assemble(q, v) returns"
                 raise InputError(Problem(f"Mechanism, '{name}'", "q", text))
-            terms = *q[at], *v[own], *found.get("vdot", rest)[own] / 2
-            held.append(
-                Motion(name=f"{name} as given", body=name, q_of_t=Polynomial(coefficients=terms))
+        q, v, vdot = (found.get(kind, rest) for kind in ("q", "v", "vdot"))
+        if "q" not in named:
+            q = self.home()[0] if given.get("q") is None else np.asarray(given["q"], float)
+        spans = {name: (joints[name].q, joints[name].v) for name in names}
+        there: Array | None = q
+        if "q" in named:
+            start = assemble(self)[0]
+            way = {name: (*start[i], *(q - start)[i]) for name, (i, _) in spans.items()}
+            there = followed(self._held(way), start)
+        terms = {name: (*q[i], *v[j], *vdot[j] / 2) for name, (i, j) in spans.items()}
+        other = self._held(terms)
+        q, v, _ = assemble(other, q if there is None else there, v, None)
+        if there is None:
+            warn(
+                "the loops do not follow the named joints from the initial position to the given "
+                "one, so they were closed anew, perhaps on another branch; give every joint",
+                stacklevel=4,
             )
-        other = Mechanism(self.model.replace(constraints=(*self.model.constraints, *held)))
-        q, v, _ = assemble(other, q, v, None)
         whole = {"q": q, "v": v, "vdot": other._constrained_acceleration(q, v)[0]}
         return {kind: whole.get(kind, values) for kind, values in found.items()}
+
+    def _held(self, terms: Mapping[str, tuple[float, ...]]) -> Mechanism:
+        """Return the mechanism with joints that follow polynomials of time."""
+        held = [
+            Motion(name=f"{name} as given", body=name, q_of_t=Polynomial(coefficients=numbers))
+            for name, numbers in terms.items()
+        ]
+        return Mechanism(self.model.replace(constraints=(*self.model.constraints, *held)))
 
     def mobility(
         self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
@@ -262,7 +288,7 @@ class Mechanism(Dynamics):
         return linearise(self, q, v, scenario)
 
     def equilibrium(self, q: Array | None = None, scenario: str | None = None) -> Array:
-        """Find an equilibrium near q.
+        """Find an equilibrium, starting from q.
 
         All forces of a run at t = 0 are included, as well as active constraints, joint limits, and
         control states such as the integral of a PID controller. Lagging inputs have reached their

@@ -11,6 +11,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -161,7 +162,9 @@ def attributes(
     found = found or [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
     far = elsewhere or {}
     found = found or [far[head(each)] + each for each in meant if head(each) in far]
-    return found[:2] or difflib.get_close_matches(name, sorted(names), n=3, cutoff=0.7)
+    spelt_alike = partial(difflib.get_close_matches, name, cutoff=0.7)
+    found = found[:2] or spelt_alike(sorted(names), n=3)
+    return found or [far[each] + each for each in spelt_alike(sorted(far), n=1)]
 
 
 class NoAttribute(AttributeError):

@@ -27,6 +27,17 @@ IDLE = 8  # steps in a row that gain nothing notable, and the search ends
 TRIES = 3  # from other starts, where the first ends in a valley
 
 
+class Configuration(Suggests, np.ndarray):
+    """A configuration q (nq,) that was found, as an array. A failed search raises InputError."""
+
+    success = True
+
+    @property
+    def q(self) -> Array:
+        """The configuration as a plain array."""
+        return np.asarray(self)
+
+
 @explained
 @dataclass(frozen=True)
 class Assembly(Suggests):
@@ -106,9 +117,9 @@ def assembled(
     rounds = (
         motion.projection(scene.address, t, new_q, new_v, ASSEMBLY_ROUNDS) if len(active) else 0
     )
-    changes = [float(np.max(np.abs(b - a), initial=0.0)) for a, b in ((q, new_q), (v, new_v))]
-    if rounds >= 0 and max(changes) <= NOTABLE:
-        return new_q, new_v, Assembly(changes[0], "", True, changes[1])
+    moves = [float(np.max(np.abs(b - a), initial=0.0)) for a, b in ((q, new_q), (v, new_v))]
+    if rounds >= 0 and max(moves) <= NOTABLE:
+        return new_q, new_v, Assembly(moves[0], "", True, moves[1])
     own_q, own_v = q[mech.nq :], v[mech.nv :]  # states of controls, which no constraint touches
     q, v, new_q, new_v = q[: mech.nq], v[: mech.nv], new_q[: mech.nq], new_v[: mech.nv]
     rows = Rows.of(mech, active, q, v, t)
@@ -121,13 +132,51 @@ def assembled(
         new_v = _speeds(rows.at(new_q))
     elif len(active):
         _speeds(rows.at(new_q, new_v))
-    step, turns = np.abs(apart(rows.mech, rows.q, new_q)), rows.turns
+    report = changes(mech, q, v, new_q, new_v)
+    return np.append(new_q, own_q), np.append(new_v, own_v), report
+
+
+def changes(mech: Dynamics, q: Array, v: Array, new_q: Array, new_v: Array) -> Assembly:
+    """Return the changes from one state to another."""
+    rows = Rows.of(mech, mech.packed.active, q, v)
+    step, turns = np.abs(apart(mech, q, new_q)), rows.turns
     moves = [(float(step[span].max()), name, span) for name, span in rows.joints]
     most, name, span = max(moves, key=lambda m: m[0], default=(0.0, "", slice(0, 0)))
     turned = bool(turns[span][step[span].argmax()]) if most > 0 else True
-    change = float(np.max(np.abs(new_v - rows.v), initial=0.0))
-    report = Assembly(most, name if most > NOTABLE else "", turned, change)
-    return np.append(new_q, own_q), np.append(new_v, own_v), report
+    change = float(np.max(np.abs(new_v - v), initial=0.0))
+    return Assembly(most, name if most > NOTABLE else "", turned, change)
+
+
+def followed(mech: Dynamics, q: Array) -> Array | None:
+    """Return the configuration (nq,) to which motions over time from 0 to 1 lead from an assembled
+    q, or None.
+
+    Each step goes along the velocities and is then assembled. It is halved until the assembly
+    moves less than half as far, which keeps the branch ([Allgower and Georg 1990]). There is no
+    configuration if notable steps do not achieve this, at a dead end of a joint for example.
+    """
+    t, width, active = 0.0, 1.0, mech.packed.active
+    scene = Scene(mech.packed, mech.packed.passive, NO_LOADS, active)
+    q, v, _ = assembled(mech, q, np.zeros(mech.nv), active, scene)
+    rows = Rows.of(mech, active, q)
+    sizes = np.where(rows.turns, 1.0, rows.size)
+    while t < 1.0:
+        speed = float((np.abs(v) / sizes).max(initial=0.0))
+        width = min(width, 1.0 - t, LONGEST_STEP / max(speed, LONGEST_STEP))
+        ahead = q.copy()
+        motion.move(mech.packed.rows, ahead, v, width)
+        try:
+            new_q, new_v, _ = assembled(mech, ahead, v, active, scene, t + width)
+        except InputError:
+            new_q, new_v = q, v
+        missed = float((np.abs(apart(mech, ahead, new_q)) / sizes).max(initial=0.0))
+        if missed <= width * speed / 2:
+            q, v, t, width = new_q, new_v, t + width, 2 * width
+        elif width * speed <= NOTABLE:
+            return None
+        else:
+            width /= 2
+    return q
 
 
 def _speeds(rows: Rows) -> Array:

@@ -30,7 +30,7 @@ from ..tolerances import (
     SOLVED,
     SUFFICIENT_DECREASE,
 )
-from .assembly import assemble
+from .assembly import Configuration, assemble
 from .balance import Balance, state_of
 from .inverse import bounds, single
 from .rows import apart
@@ -39,7 +39,7 @@ BALANCE_ROUNDS = 300
 HALVINGS = 40
 
 
-def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
+def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Configuration:
     """Return the equilibrium q (nq,) near q. See `Mechanism.equilibrium`."""
     q, _ = state_of(mech, q, None, scenario)
     here = Place(mech, q, np.zeros(mech.nv), scenario)
@@ -52,7 +52,7 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
     else:
         found = search.along_the_forces() or _Search(here, low, high).balanced()
     if found is not None:
-        return found.q
+        return found.q.view(Configuration)
     push = search.best.M @ search.best.free @ search.slope(search.best, search.best.free)
     joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
     left = f"{np.abs(push).max():.3g} (N m or N) remain, most of it in the joint of '{joint}'"

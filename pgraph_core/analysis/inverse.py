@@ -26,13 +26,14 @@ from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import ready
 from ..engine.inverse import VECTORS
 from ..engine.inverse import least_torques as LEAST
-from ..errors import InputError, Problem, Suggests, choices, counted, shown
+from ..errors import InputError, Problem, choices, counted, shown
 from ..joints import SIZE
 from ..packing import Array, Ints
 from ..packing.constraints import radius_of_gyration
 from ..portable import array_of
 from ..rotation import matrix
 from ..tolerances import LONGEST_STEP, NOTABLE, ROUNDING, SOLVED
+from .assembly import Configuration
 from .balance import acting, state_of
 from .mobility import complement, judged
 from .rows import Rows
@@ -231,16 +232,10 @@ class Target(NamedTuple):
     turn: Array | None  # (3, 3)
 
 
-class Reached(Suggests, np.ndarray):
+class Reached(Configuration):
     """A configuration q (nq,) that satisfies the targets, as an array."""
 
-    success = True  # targets that are missed raise InputError
     residual = 0.0  # distance from the targets and of open loops [m]
-
-    @property
-    def q(self) -> Array:
-        """The configuration as a plain array."""
-        return np.asarray(self)
 
 
 def inverse_kinematics(

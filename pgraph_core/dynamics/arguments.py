@@ -197,11 +197,11 @@ def whole_number(call: str, field: str, value: Any, least: int, most: float = ma
     return int(value)
 
 
-def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
+def wrong_type(where: str, field: str, wanted: str, value: Any, more: str = "") -> InputError:
     """Return the error for an argument with the wrong type, with a hint for model paths."""
     text = f"must be {wanted}, got {shown(value)}"
     text += to_read(value) if "pg.Model" in wanted else ""
-    return InputError(Problem(where, field, text))
+    return InputError(Problem(where, field, text + more))
 
 
 STATE = {  # names of parameters, by what they mean

@@ -59,6 +59,11 @@ class Fit(Suggests):
     data: Mapping[str, Array]  # {column: (n,)}
 
     @property
+    def x(self) -> Array:
+        """The values as an array (k,)."""
+        return np.array([*self.values.values()])
+
+    @property
     def run(self) -> Result:
         """The run of the fitted model at the times of the data, of the first case."""
         return next(iter(self.runs.values()))

@@ -61,6 +61,11 @@ class Optimum(Suggests):
     endings: tuple[Ending, ...]  # one for each start
     run: Result
 
+    @property
+    def x(self) -> Array:
+        """The values as an array (k,)."""
+        return np.array([*self.values.values()])
+
     def __repr__(self) -> str:
         values = [f"  {path} = {value:.6g}" for path, value in self.values.items()]
         lines = [f"<Optimum {self.objective:.6g}: {self.message}", *values]

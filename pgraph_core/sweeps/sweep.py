@@ -21,7 +21,17 @@ import numpy as np
 
 from .. import words
 from ..dynamics.arguments import numbers_in, wrong_type
-from ..errors import FileError, InputError, ModelError, Problem, choices, explained, nearest, shown
+from ..errors import (
+    FileError,
+    InputError,
+    ModelError,
+    Problem,
+    choices,
+    example_of,
+    explained,
+    nearest,
+    shown,
+)
 from ..fields import whole
 from ..mechanism import Mechanism
 from ..model import Model
@@ -232,7 +242,7 @@ def sweep(
     """
     base = model.model if isinstance(model, Mechanism) else model
     if not isinstance(base, Model):
-        raise wrong_type("sweep", "model", "a pg.Model", model)
+        raise wrong_type("sweep", "model", "a pg.Model", model, example_of(sweep))
     if not isinstance(set, Mapping) or not set:
         text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}, got {shown(set)}"
         raise InputError(Problem("sweep", "set", text))

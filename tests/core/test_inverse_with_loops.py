@@ -136,3 +136,51 @@ def test_without_constraints_it_is_inverse_dynamics():
     expected = mech.inverse_dynamics(q, v, vdot)
     found = mech.constrained_inverse_dynamics(q, v, vdot)
     np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("lengths", [(0.2, 0.5, 0.4, 0.55), (0.1, 0.35, 0.3, 0.4)])
+@pytest.mark.parametrize("start", [0.0, 2.0])
+@pytest.mark.parametrize("size", [1e-3, 100.0])
+def test_joints_given_by_name_keep_the_loop_on_the_branch_of_the_initial_position(
+    lengths, start, size
+):
+    """Over a turn of the crank, the angle at the coupler keeps its sign (law of cosines)."""
+    a, b, c, d = (size * x for x in lengths)
+    hinge = {"axes": (0, 1, 0), "mass": 1.0, "inertia": (1.0, 1.0, 1.0)}
+    bodies = (
+        pg.Body(name="crank", q=(start,), **hinge),
+        pg.Body(name="coupler", parent="crank", link=(a, 0, 0), **hinge),
+        pg.Body(name="rocker", link=(d, 0, 0), **hinge),
+    )
+    pin = pg.Point(
+        name="pin", body="coupler", point=(b, 0, 0), other="rocker", other_point=(c, 0, 0)
+    )
+    mech = pg.Mechanism(pg.Model(bodies=bodies, constraints=(pin,)))
+    sides = []
+    for crank in np.linspace(-4.0, 4.0, 9):
+        q, _, report = mech.assemble({"crank": crank})
+        assert q[0] == pytest.approx(crank, abs=1e-9)
+        assert report.moved > 0.1
+        sides.append(np.sign(np.sin(q[0] + q[1] - q[2])))
+    assert len({*sides}) == 1
+    low = np.arccos((d**2 + c**2 - (a + b) ** 2) / (2 * c * d))  # the rocker's dead end
+    with pytest.raises(pg.InputError, match=r"rocker|pin"):
+        mech.assemble({"rocker": np.pi - low - 0.1})
+
+
+def test_a_loop_closed_on_another_branch_says_so():
+    """Two circuits of a double rocker: none leads from one to the other."""
+    hinge = {"axes": (0, 1, 0), "mass": 1.0, "inertia": (1.0, 1.0, 1.0)}
+    bodies = (
+        pg.Body(name="left", q=(-1.2,), **hinge),
+        pg.Body(name="coupler", parent="left", link=(0.5, 0, 0), q=(1.0,), **hinge),
+        pg.Body(name="right", link=(0.55, 0, 0), q=(-1.5,), **hinge),
+    )
+    pin = pg.Point(
+        name="pin", body="coupler", point=(0.2, 0, 0), other="right", other_point=(0.4, 0, 0)
+    )
+    mech = pg.Mechanism(pg.Model(bodies=bodies, constraints=(pin,)))
+    q, _, _ = mech.assemble()
+    with pytest.warns(UserWarning, match="branch"):
+        mirrored, _, _ = mech.assemble({"left": -q[0]})
+    assert mirrored[0] == pytest.approx(-q[0])
