@@ -86,6 +86,7 @@ class Bridge:
         self._receive = receive
         self._behind: dict[int, int] = {}  # by page: pictures sent and not shown
         self._heard: dict[int, float] = {}  # when each showed one, or got one that it waits for
+        self._together: dict[int, list[str]] | None = None  # topics by page, while batched
         self.shown: Callable[[], None] = lambda: None  # called when a page has shown one
 
     def publish(self, hosts: list[tuple[str, str, str]]) -> None:
@@ -107,7 +108,7 @@ class Bridge:
             else:
                 self._receive(event.client.client_id, uplink.value)
 
-        self._push(client, "uplink", uplink._impl.uuid)
+        self._push(client, [written("uplink", uplink._impl.uuid)])
 
     def send(self, client_id: int, topic: str, data: Any) -> None:
         """Send `data` to one page's views that listen to `topic`. Closed pages are ignored."""
@@ -120,7 +121,10 @@ class Bridge:
             if not 0 < behind < MOST_BEHIND:
                 self._heard[client_id] = time.monotonic()
             self._behind[client_id] = behind + 1
-        self._push(client, topic, data)
+        if self._together is None:
+            self._push(client, [written(topic, data)])
+        else:
+            self._together.setdefault(client_id, []).append(written(topic, data))
 
     def download(self, client_id: int, name: str, content: bytes) -> None:
         """Send a file to one page, which saves it. Closed pages are ignored."""
@@ -133,17 +137,21 @@ class Bridge:
         self.shown()
 
     @contextlib.contextmanager
-    def together(self, each: bool) -> Iterator[None]:
-        """Batch outgoing messages to all pages, and also messages to single pages if `each` is set.
+    def together(self) -> Iterator[None]:
+        """Send all topics of one change as one message to each page.
 
-        The loop is woken once. Each wake-up releases the GIL, which is more expensive than the
-        message if many threads compete for it.
+        The page draws them in one task, so nobody can type in a form before the page has the
+        version of the rows that the form shows. The loop of each page is woken once, because each
+        wake-up releases the GIL, which is more expensive than the message if many threads compete.
         """
+        pages, self._together = self.server.get_clients(), {}
         with contextlib.ExitStack() as stack:
-            stack.enter_context(self.server.atomic())
-            for client in self.server.get_clients().values() if each else ():
-                stack.enter_context(client.atomic())
+            for connection in (self.server, *pages.values()):
+                stack.enter_context(connection.atomic())
             yield
+            topics, self._together = self._together, None
+            for page in topics.keys() & pages.keys():
+                self._push(pages[page], topics[page])
 
     def ready(self) -> bool:
         """Return True if every page has shown its images, or has received none for a while."""
@@ -153,11 +161,15 @@ class Bridge:
         pages, now = self.server.get_clients(), time.monotonic()
         return all(page not in pages or now - self._heard[page] > PATIENCE for page in late)
 
-    def _push(self, client: viser.ClientHandle, topic: str, data: Any) -> None:
+    def _push(self, client: viser.ClientHandle, topics: list[str]) -> None:
         """Send on the client's own connection, to an inbox: our script may not have arrived."""
-        message = json.dumps([topic, data], allow_nan=False)  # ASCII: safe inside a script
-        source = f"(window.pgraphInbox ??= []).push({message}); window.pgraph?.drain();"
+        source = f"(window.pgraphInbox ??= []).push({','.join(topics)}); window.pgraph?.drain();"
         client._websock_connection.queue_message(RunJavascriptMessage(source=source))
+
+
+def written(topic: str, data: Any) -> str:
+    """Return a topic and its data as JSON in ASCII, which is safe inside a script."""
+    return json.dumps([topic, data], allow_nan=False)
 
 
 def static_script(hosts: list[tuple[str, str, str]]) -> str:

@@ -173,12 +173,6 @@ class State:
         return True
 
     @property
-    def streams(self) -> bool:
-        """True if pictures are generated continuously, in which case pictures for single pages are
-        sent together."""
-        return False
-
-    @property
     def scenario(self) -> str:
         """The name of the scenario to which events without one apply."""
         return ""

@@ -116,9 +116,9 @@ class Store:
         self._workers: Sequence[View] = ()
         self._drawn = state  # state that the views show
         self._missed: dict[int, State] = {}  # state of views that failed, by their ids
-        # what views send meanwhile goes out as one; with `True` what is for single pages, too
-        self.together: Callable[[bool], contextlib.AbstractContextManager[None]] = lambda _: (
-            contextlib.nullcontext()
+        # what views send meanwhile goes out as one
+        self.together: Callable[[], contextlib.AbstractContextManager[None]] = (
+            contextlib.nullcontext
         )
         self.ready: Callable[[], bool] = lambda: True  # whether the pages can take a picture
 
@@ -200,7 +200,7 @@ class Store:
         if new is old or not (at_once or self.ready()):
             return {}
         self._drawn = new
-        with self.together(new.streams):
+        with self.together():
             return self._render(self._views, old, new)
 
     def _render(self, views: Sequence[View], old: State, new: State) -> dict[str, float]:

@@ -45,7 +45,7 @@ class Topic:
     The dependencies are `needs` and the tuple `page(state, page)`. The content is `draw(state)` for
     all pages or, if `page` is given, `draw(state, page)` for each page. With `seen`, the content is
     only sent to pages on which this view is visible. It is sent to all pages after another model
-    was opened, so that hidden tabs do not show the previous model.
+    was opened, or after names or rows changed, so that no hidden tab offers the previous ones.
     """
 
     def __init__(
@@ -68,7 +68,8 @@ class Topic:
     def _due(self, old: State, new: State, client: int, changed: bool) -> bool:
         """Return True if the topic is out of date on a page."""
         page, before = new.clients[client], old.clients.get(client)
-        if self._seen and new.framed != old.framed:
+        moved = changed and new.version != old.version
+        if self._seen and (moved or new.framed != old.framed):
             return True
         if self._seen and self._seen not in page.sees:
             return False

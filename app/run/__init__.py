@@ -338,10 +338,6 @@ class State(state.State):
         return self.kernels.ready
 
     @property
-    def streams(self) -> bool:
-        return self.going is not None
-
-    @property
     def scenario(self) -> str:
         return self.request.scenario
 

@@ -68,5 +68,5 @@ VIEWS = (  # drawn last, so that the answer to a cell follows the value it refer
     Place(news("notice", vars), 100),
     Place(news("conversion", pg.Report.to_dict), 100),
     Place(news("members", vars), 100),
-    Place(topic("version", lambda state: state.version, "version"), 100),  # after the new names
+    Place(topic("version", lambda state: state.version, "version"), 100),
 )

@@ -17,6 +17,7 @@ from pgraph_app.server import serve
 from pgraph_app.session import Connected, Sees, Select
 
 from .conftest import LIMIT, NOBODY, ON_PURPOSE, settled, until
+from .on_page import choose_body, field
 
 
 def test_viser_is_the_version_whose_names_these_are():
@@ -42,16 +43,31 @@ def test_what_is_sent_together_to_a_page_wakes_its_loop_once(page, served, monke
 
     monkeypatch.setattr(type(loop), "call_soon_threadsafe", counted)
     over = bridge.Bridge(served.viser, lambda *_: None)
-    counts = []
-    for each in (False, True):
-        woken[0] = 0
-        with over.together(each):
-            for k in range(5):
-                over.send(client, f"byTest{each}", k)
-        counts.append(woken[0])
-        until(lambda each=each: page.evaluate(f"pgraph.latest.byTest{each}") == 4, "the last")
-    assert counts[0] == 6
-    assert counts[1] <= 1 + len(served.viser.get_clients())
+    with over.together():
+        for k in range(5):
+            over.send(client, "byTest", k)
+    assert woken[0] == 1 + len(served.viser.get_clients())
+    until(lambda: page.evaluate("pgraph.latest.byTest") == 4, "the last")
+
+
+def test_a_form_and_the_version_of_its_rows_reach_a_page_in_one_task(page, served, monkeypatch):
+    sent: list[str] = []
+    plain = bridge.RunJavascriptMessage
+
+    def kept(source: str) -> Any:
+        sent.append(source)
+        return plain(source=source)
+
+    choose_body(page, "trunk")
+    monkeypatch.setattr(bridge, "RunJavascriptMessage", kept)
+    wanted = served.store.state.version + 1
+    served.send(EditBodies(NOBODY, 1, ("trunk",), "shape_kind", (((0,), "box"),)))
+    page.wait_for_function("(wanted) => pgraph.latest.version === wanted", arg=wanted)
+    monkeypatch.undo()
+    forms = [source for source in sent if '["properties", ' in source]
+    assert len(forms) == len(served.viser.get_clients())
+    assert all(f'["version", {wanted}]' in form for form in forms)
+    assert field(page, "shape_size", 2).count() == 1
 
 
 def test_viser_mutable_sends_and_a_burst_arrives_complete_and_in_order(page, served):
@@ -233,6 +249,8 @@ def test_a_hidden_tab_costs_an_edit_nothing(leg):
     assert told(alone, both) == []
     seen = update(both, Sees(one, "scenario", True))
     assert told(both, seen) == [one]
+    renamed = update(both, EditBodies(other, 1, ("trunk",), "name", (((), "hips"),)))
+    assert told(both, renamed) == [one, other]  # no hidden form offers a row that is gone
     edited = update(seen, EditBodies(other, 1, ("trunk",), "mass", (((), "7.25"),)))
     assert told(seen, edited) == [one]
     gone = update(edited, Sees(one, "scenario", False))

@@ -98,17 +98,11 @@ def test_escape_leaves_a_cell_before_it_clears_the_selection(bench, served):
     until(lambda: not any(selections(served)), "nothing selected")
 
 
-def knows_rows(page, served):
-    """Wait until the page knows the rows of the model, for which what is typed is taken."""
-    page.wait_for_function("(now) => pgraph.latest.version === now", arg=served.store.state.version)
-
-
 def test_a_shape_gives_the_mass_and_bad_numbers_stay_beside_their_cells(bench, served):
     choose_body(bench, "1")
     unfold(bench, "properties")
     chosen(field(bench, "shape_kind"), "box")
     field(bench, "shape_size", 2).wait_for()
-    knows_rows(bench, served)
     for k in range(3):
         typed(field(bench, "shape_size", k), "100 mm")
         until(lambda k=k: model(served).body("1").shape.size[k] == 0.1, "an edge")
