@@ -277,15 +277,17 @@ class _Task:
         noise = scale if sigma is None else sigma
         found, text = None, "stopped by the user"
         known = 1.0 / math.sqrt(2.0 * sum(self.lengths))  # relative error of a noise
-        again = sigma is None and (len(self.measured) > 1 or loss != "linear")
+        held, none = np.isfinite(priors[:, 1]).any(), np.full_like(priors, np.inf)
+        again = sigma is None and (len(self.measured) > 1 or loss != "linear" or held)
         try:
-            for _ in range(ROUNDS if again else 1):
-                found = self._search(x, noise, priors, loss)
+            for n in range(ROUNDS if again else 1):
+                # before the noise is known, priors cannot be weighed against the data
+                found = self._search(x, noise, none if again and n == 0 else priors, loss)
                 x, before, text = found.x, noise, ""
                 left = self._left(x)
                 if sigma is None:
                     noise = np.maximum(self._spread(left, loss), np.finfo(float).eps * scale)
-                if np.abs(noise / before - 1.0).max() < known:
+                if np.abs(noise / before - 1.0).max() < known and not (held and n == 0):
                     break
         except (_Stopped, KeyboardInterrupt):
             found, text = None, "stopped by the user"
@@ -324,7 +326,7 @@ class _Task:
         parts = [
             (run - data) / size for run, data, size in zip(self.columns(runs), self.measured, noise)
         ]
-        return np.concatenate([*parts, ((x - priors[:, 0]) / priors[:, 1])[held]])
+        return np.concatenate([*parts, (x - priors[:, 0])[held] / priors[held, 1]])
 
     def _jacobian(self, x: Array, noise: Array, priors: Array) -> Array:
         runs = self.runs(x)

@@ -76,6 +76,7 @@ class Recording(Running):
         self.coarser = coarser
         self.mech, self.plan, self.tau = mech, plan, tau
         self.planned = plan  # the initial plan, with the recorded frames
+        self.given = (q.copy(), v.copy()) if coarser is None else coarser.given  # not assembled
         self.size = len(q), len(v)  # with the states of controls
         self.start = float(plan.times[0])  # [s]
         if tau is not None:
@@ -322,7 +323,6 @@ class Recording(Running):
     def begin(self) -> bool:
         """Return True if the run can start: joints have inertia and constraints can be met."""
         mech, plan, first = self.mech, self.plan, self.coarser is None
-        given = self.q.copy(), self.v.copy()
         if first and len(plan.active) and plan.project:
             try:
                 self.q[:], self.v[:], report = assembled(
@@ -364,7 +364,7 @@ class Recording(Running):
         if stepped and self.user is None and self.scene.touching is not None and self.ended.ok:
             self.steps.rehearse(self.scene.touching.tally_table)
         if self.carried is not None and self.ended.ok:
-            self.carried.join(self, given)
+            self.carried.join(self, self.given)
         return self.ended.ok
 
     def _begin_watching(self, watch: Watch) -> None:

@@ -46,6 +46,8 @@ ENDS = {
     3: "an impact occurs at the start of a step, where its time has no derivatives yet",
     4: "shapes that touch already hit each other, at a time that has no derivatives",
     5: "contacts slide in different directions, and how they share their load is not determined",
+    6: "a parameter changes the gap of bodies or of a limit that carry load from the start; begin "
+    "with a gap, or leave the parameter out",
 }
 
 

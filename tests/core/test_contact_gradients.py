@@ -357,3 +357,74 @@ def test_a_linearised_step_is_that_of_the_steps(method):
     for k, one in enumerate(np.eye(n)):
         exact = difference(lambda x, a=one: after(np.zeros(2 * n), x * a), 1e-1)
         assert missed(found.B[:, k], exact) < 1e-8
+
+
+# -- the start of contact --------------------------------------------------------------------------
+
+
+def dropped(height, **law):
+    body = pg.Body(
+        name="ball", joint="prismatic", axes=(0, 0, 1), mass=1.0, q=(height,),
+        shape=pg.Shape("sphere", radius=0.1), inertia=(0.004,) * 3,
+    )  # fmt: skip
+    return pg.Model(bodies=(body,), contacts=(pg.Contact(name="c", body="ball", **law),))
+
+
+@pytest.mark.parametrize("height", [0.15, 0.3, 5.0])
+@pytest.mark.parametrize("law", [{"restitution": 0.6}, {"law": "soft"}])
+@pytest.mark.parametrize("options", [{}, {"step": 1e-2}, {"step": 1e-3}])
+def test_derivatives_continue_where_bodies_come_close(height, law, options):
+    """Before the impact, z depends on gravity by t²/2 and on the initial speed by t."""
+    t = np.linspace(0.0, 0.99 * np.sqrt(2 * (height - 0.1) / 9.81), 23)
+    run = pg.simulate(dropped(height, **law), t_eval=t, wrt=("gravity.2", "v.ball"), **options)
+    np.testing.assert_allclose(run.sensitivity("gravity.2")[:, 0], t**2 / 2, atol=1e-9 * height)
+    np.testing.assert_allclose(run.sensitivity("v.ball")[:, 0], t, atol=1e-9)
+    assert run.status.ok
+    assert not any("derivatives" in text for text in run.notices)
+
+
+def resting(kind, **fields):
+    shape = (
+        pg.Shape("sphere", radius=0.1) if kind == "ball" else pg.Shape("box", size=(0.4, 0.3, 0.2))
+    )
+    box = pg.Body(
+        name="body", joint="free", q=(0, 0, 0.1, 1, 0, 0, 0), mass=2.0, inertia=(0.02, 0.03, 0.04),
+        shape=shape, **fields,
+    )  # fmt: skip
+    return pg.Model(bodies=(box,), contacts=(pg.Contact(name="c", body="body", friction=0.3),))
+
+
+LIMITED = pg.Model(
+    bodies=(
+        pg.Body(name="body", joint="prismatic", axes=(0, 0, 1), mass=1.0, limits=((0.0, 1.0),)),
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("model", "path"),
+    [
+        (resting("box"), "bodies.body.shape.size.2"), (resting("ball"), "bodies.body.shape.radius"),
+        (resting("box", v=(0, 0, 0, 2, 0, 0)), "bodies.body.shape.size.2"),
+        (LIMITED, "bodies.body.limits.0.0"), (LIMITED, "q.body"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+def test_parameters_of_a_gap_that_is_closed_from_the_start_have_no_derivatives(model, path, step):
+    run = pg.simulate(model, t_end=0.2, step=step, method="moreau_jean", wrt=(path,))
+    assert not np.isfinite(run.sensitivity(path)[1:]).any()
+    assert any("derivatives end" in text and "gap" in text for text in run.notices)
+
+
+@pytest.mark.parametrize(
+    ("model", "path"),
+    [
+        (resting("box", v=(0, 0, 0, 2, 0, 0)), "bodies.body.shape.size.0"),
+        (resting("box", v=(0, 0, 0, 2, 0, 0)), "contacts.c.friction"),
+        (LIMITED, "bodies.body.mass"),
+    ],
+)  # fmt: skip
+def test_other_parameters_of_bodies_at_rest_keep_their_derivatives(model, path):
+    run = pg.simulate(model, t_end=0.2, step=1e-3, method="moreau_jean", wrt=(path,))
+    assert np.isfinite(run.sensitivity(path)).all()
+    assert not any("derivatives end" in text for text in run.notices)

@@ -692,3 +692,20 @@ def test_a_start_far_from_its_constraints_is_named():
     close = pg.simulate(model, wrt=path, **near, **STEPS)
     assert any("assemble" in text for text in run.notices)
     assert not any("derivatives" in text for text in close.notices)
+
+
+@pytest.mark.parametrize("missed", [0.0, 1e-4, 0.1])
+@pytest.mark.parametrize("wrt", ["q.upper", "bodies.lower.mass"])
+def test_a_start_that_misses_a_constraint_is_assembled_in_the_finer_run_too(missed, wrt):
+    """The derivatives of both runs include those of the projected velocity."""
+    rods = [
+        pg.Body(name=name, axes=(0, 1, 0), com=(0, 0, -0.5), inertia=(0.1, 0.1, 0.1), **more)
+        for name, more in (("upper", {}), ("lower", {"parent": "upper", "link": (0, 0, -1.0)}))
+    ]
+    rod = pg.Distance(name="rod", body="lower", other_point=(1.0, 0, 0), length=1.5)
+    mech = pg.Mechanism(pg.Model(bodies=rods, constraints=(rod,)))
+    q = mech.assemble()[0] + (0.0, missed)
+    options = {"v": (0.5, 0.0), "t_end": 0.3, "frames": 4, "rtol": 1e-10}
+    run = pg.simulate(mech, q, wrt=(wrt,), **options)
+    assert run.status.ok
+    assert not any("finer run" in text for text in run.notices)

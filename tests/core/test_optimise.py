@@ -254,3 +254,23 @@ def test_runs_without_derivatives_need_differences():
     found = pg.optimise(oscillator(stiffness=25.0), "final block", {"forces.s.stiffness": (10, 30)},
                         differences=1e-4, **OPTIONS | torque)  # fmt: skip
     assert found.values["forces.s.stiffness"] == pytest.approx(2.0 * math.pi**2, rel=1e-3)
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+@pytest.mark.parametrize("prior", [(0.7, 0.02), (0.8, 0.02), (0.8, 0.1)])
+def test_a_prior_is_weighed_against_the_noise_of_the_data(noise, prior):
+    """The fit is that with the noise of its residuals, whatever the spread of the data is."""
+    arm = pg.Body(name="arm", axes=(0, 1, 0), mass=0.7, com=(0, 0, -0.5), inertia=(0.1, 0.1, 0.1))
+    model = pg.Model(bodies=(arm,), forces=(pg.Spring(
+        name="s", body="arm", point=(0, 0, -1), other_point=(0.5, 0, -1), stiffness=20.0),
+    ))  # fmt: skip
+    t = np.linspace(0, 2, 101)
+    options = {"q": (1.0,)}
+    curve = pg.simulate(model, t_eval=t, estimate=False, **options)["arm"]
+    data = {"t": t, "arm": curve + noise * np.random.default_rng(0).normal(size=t.size)}
+    free = {"bodies.arm.mass": (0.2, 3.0)}
+    given = {"priors": {"bodies.arm.mass": prior}, **options}
+    found = pg.fit(model, data, free, **given)
+    same = pg.fit(model, data, free, sigma={"arm": found.noise["arm"]}, **given)
+    assert found.noise["arm"] == pytest.approx(noise, rel=0.3)
+    assert found.x == pytest.approx(same.x, abs=0.3 * same.errors["bodies.arm.mass"])

@@ -25,7 +25,7 @@ from ..motion import (
     opened,
     projection,
 )
-from ..records import REACHED
+from ..records import NEAR, REACHED
 from ..signals import HELD, SIDE
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard
@@ -336,7 +336,7 @@ def advance_with_duals(run, advance, others, step, note, out, until, budget):
     for _ in range(budget):
         frame, steps = control.frame, counters.steps
         code = call_advance(advance, (run, 1))
-        if counters.steps > steps:
+        if counters.steps > steps and control.fired != NEAR:  # which takes the step back
             for k in range(others.shape[0]):
                 call_step_of_duals(step, (others[k], run))
         if control.frame > frame:

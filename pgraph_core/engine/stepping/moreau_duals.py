@@ -62,7 +62,7 @@ BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
 BEGUN, TAKEN, LEFT, KEPT = 0, 1, 2, 3
 START, HERE = at.WEIGHT, at.STAGE  # rows: the state there, and the one that waits meanwhile
 SHIFT = step_of_differences(2)  # part of a step over which forces are differenced in time
-NO_SLOPE, TOGETHER, HIT, ASIDE, LOOSE = 1.0, 2.0, 3.0, 4.0, 5.0  # why derivatives end
+NO_SLOPE, TOGETHER, HIT, ASIDE, LOOSE, PARTED = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0  # why derivatives end
 
 
 @kernel(i8(of_duals, f8, i8), nogil=True, later=True)
@@ -101,6 +101,8 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
     elif parted(stages[at.END])[LEFT, 0] > 0.0:
         locate_end(run, numbers, (done, h))
     begin_part(run, done, h, w)
+    if w > 0.0 and done == 0.0 and opened_run(numbers).counters[0].steps == 0:
+        end_where_parted(run, numbers, carried, first)
     copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
     t, width = opened_run(numbers).control[0].time + done, stages[at.END, TAKEN]
     move_freely(run, t, h, w)
@@ -312,8 +314,8 @@ def gap_of(scene, numbers, i, q):
 
 
 @sweep
-def gap_of_point(scene, numbers, i):
-    """Return the gap of the contact point that is block i of the primal run, nan if there is none.
+def place_of_point(scene, numbers, i):
+    """Return the index of the contact point that is block i of the primal run, -1 if there is none.
 
     The order of the points may differ because of rounding.
     """
@@ -325,8 +327,50 @@ def gap_of_point(scene, numbers, i):
     for n in range(contacts.tally[0].found):
         same = found[n].shape_a == point.shape_a and found[n].shape_b == point.shape_b
         if same and found[n].feature == point.feature:
-            return found[n].gap
-    return math.nan * found[0].gap
+            return n
+    return -1
+
+
+@part
+def gap_of_point(scene, numbers, i):
+    """Return the gap of the contact point that is block i of the primal run, or nan."""
+    found, n = contacts_at(opened(scene).links.contacts).found, place_of_point(scene, numbers, i)
+    return found[n].gap if n >= 0 else math.nan * found[0].gap
+
+
+@sweep
+def end_where_parted(run, numbers, carried, first):
+    """End derivatives that change the gap of what carries load from the start of a run.
+
+    The gap closes in a time that has no derivatives.
+    """
+    data, of_numbers = opened_run(run), opened_run(numbers).scene
+    scene, stages = data.scene, data.stages
+    own, given = opened(scene), opened(of_numbers)
+    nq, nv = size_of_state(run)
+    state, gaps = parted(stages[at.CANDIDATE]), own.space.vectors[OTHER]
+    q, v, gap = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv], parted(gaps)
+    frames(own.rows, own.const, own.work, q, v)
+    positions(own.rows, own.work)
+    if touches(of_numbers):
+        look_for_points(scene, of_numbers, v)
+    for j in range(first, own.blocks.active[0] + 1):
+        i = own.blocks.active[j]
+        if not given.space.vectors[LAMBDA, first_of(given.space.slots, i)] > 0.0:
+            continue
+        point = type_of(own.blocks.blocks_i, i) == at.T_CONTACT
+        n = place_of_point(scene, of_numbers, i) if point else -1
+        gaps[0] = gap_of(scene, of_numbers, i, q)
+        for k in range(1, BY_WIDTH):
+            moved = 0.0
+            for m in range(nq):
+                moved = max(moved, abs(state[m, k]))
+            if n >= 0:
+                place_of_a = contacts_at(own.links.contacts).found[n].point_a
+                for c in range(3):
+                    moved = max(moved, abs(parted(place_of_a)[c, k]))
+            if abs(gap[0, k]) > NOTABLE * moved:
+                end_derivatives(carried, opened_run(numbers).control[0].time, PARTED)
 
 
 @sweep
