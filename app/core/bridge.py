@@ -148,10 +148,12 @@ class Bridge:
         with contextlib.ExitStack() as stack:
             for connection in (self.server, *pages.values()):
                 stack.enter_context(connection.atomic())
-            yield
-            topics, self._together = self._together, None
-            for page in topics.keys() & pages.keys():
-                self._push(pages[page], topics[page])
+            try:
+                yield
+            finally:
+                topics, self._together = self._together, None
+                for page in topics.keys() & pages.keys():
+                    self._push(pages[page], topics[page])
 
     def ready(self) -> bool:
         """Return True if every page has shown its images, or has received none for a while."""

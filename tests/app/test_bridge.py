@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+import pytest
 import viser
 
 from pgraph_app.core import bridge
@@ -48,6 +49,10 @@ def test_what_is_sent_together_to_a_page_wakes_its_loop_once(page, served, monke
             over.send(client, "byTest", k)
     assert woken[0] == 1 + len(served.viser.get_clients())
     until(lambda: page.evaluate("pgraph.latest.byTest") == 4, "the last")
+    with pytest.raises(ZeroDivisionError), over.together():
+        over.send(client, "byTest", 5 // len(""))
+    over.send(client, "byTest", 6)
+    until(lambda: page.evaluate("pgraph.latest.byTest") == 6, "the first after a failure")
 
 
 def test_a_form_and_the_version_of_its_rows_reach_a_page_in_one_task(page, served, monkeypatch):
