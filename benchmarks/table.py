@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
-from pgraph_core.study import page
+from pgraph_core.study import figures
 
 from .measure import Row
 
@@ -24,7 +24,7 @@ def text(found: Found) -> str:
     for name, rows in found["benchmarks"].items():
         parts.append(name)
         for cells in tables(rows):
-            lines = page.aligned(cells, [True] * len(cells[0]))
+            lines = figures.aligned(cells, [True] * len(cells[0]))
             parts.append("\n".join(f"  {line}" for line in lines))
     return "\n\n".join(parts)
 

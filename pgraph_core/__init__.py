@@ -107,10 +107,10 @@ if TYPE_CHECKING:
     from .simulation.stepper import Stepper as Stepper
     from .simulation.walk import Walk as Walk
     from .study.map import StabilityMap as StabilityMap
+    from .study.precision_runs import work_precision as work_precision
     from .study.reference import Reference as Reference
     from .study.report import Study as Study
     from .study.stability import stability_map as stability_map
-    from .study.work_precision import work_precision as work_precision
     from .sweeps.sweep import Sweep as Sweep
     from .sweeps.sweep import sweep as sweep
     from .topology import Topology as Topology
@@ -174,7 +174,7 @@ def _of_shape(name: str) -> Any:
     """Return a function that makes the shape of a kind, such as Sphere, or None."""
     if not name[0].isupper():
         return None
-    from .contact.solids import KINDS
+    from .contact.shape_kinds import KINDS
     from .words import chosen
 
     if not (kind := chosen(name, KINDS)):

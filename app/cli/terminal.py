@@ -18,7 +18,7 @@ from pgraph_core.errors import FileError, InputError, Problem, choices, plain
 from pgraph_core.markup import content_of, reason_of
 from pgraph_core.model.files import mesh_folder
 from pgraph_core.portable import jsonable
-from pgraph_core.study import page
+from pgraph_core.study import figures
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
 LONGEST = 1e9  # [s] limit on a run's duration (thirty years), beyond which it does not end
@@ -237,7 +237,7 @@ def aligned(rows: Iterable[Iterable[Any]], header: Iterable[str]) -> str:
         not all(isinstance(row[i], (int, float)) for row in cells[1:]) for i in range(len(cells[0]))
     ]
     texts = [[f"{x:g}" if isinstance(x, float) else str(x) for x in row] for row in cells]
-    return "\n".join(page.aligned(texts, left))
+    return "\n".join(figures.aligned(texts, left))
 
 
 # -- progress --------------------------------------------------------------------------------------

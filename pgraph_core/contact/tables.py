@@ -37,8 +37,8 @@ from ..packing.forces import acting_on, terms_of
 from ..rotation import matrix
 from ..tolerances import NAMED
 from ..topology import Topology
-from . import solids
-from .solids import Placed, Solid, terrain_of
+from . import shape_kinds
+from .shape_kinds import Placed, Solid, terrain_of
 
 if TYPE_CHECKING:
     from ..packing.packed import Packed
@@ -232,20 +232,20 @@ class _Shapes:
         offset = packed.bodies_f[number, at.OFFSET : at.OFFSET + 3]
         row = packed.row_of(number)
         if shape is None:
-            return [Placed(solids.points(own), row, number, offset.tolist(), home)]
+            return [Placed(shape_kinds.points(own), row, number, offset.tolist(), home)]
         position = (offset + home @ np.array(shape.position)).tolist()
         rotation = home @ matrix(shape.rotation)
         parts = _solids(c.name, body.name, shape)
         if shape.kind == "mesh" and shape.hull is None:
-            excess = solids.hull_excess(shape.file or "", shape.scale)
+            excess = shape_kinds.hull_excess(shape.file or "", shape.scale)
             if excess > 1 + NAMED:
                 self.hulls.append((excess, body.name))
         surface = shape.surface_velocity, shape.surface_spin
         return [Placed(solid, row, number, position, rotation, surface) for solid in parts]
 
     def tables(self, limits: tuple[str, ...], blocks: tuple[Ints, Array, Ints, Array]) -> Tables:
-        neighbours = solids.neighbours_of(self.placed, self._partners())
-        geometry = solids.packed(self.placed, neighbours, self.model.gravity)
+        neighbours = shape_kinds.neighbours_of(self.placed, self._partners())
+        geometry = shape_kinds.packed(self.placed, neighbours, self.model.gravity)
         room = sum(self._points(i) for i, _ in self.on_ground)
         room += sum(self._room(a, b) for a, b, _ in self.pairs if b not in self.boxes)
         room += sum(8 * min(len(self.boxes), 4) for _ in self.on_ground)
@@ -464,7 +464,7 @@ def _trees(topology: Topology, packed: System) -> tuple[list[int], list[float]]:
 
 def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
     """Convert a body's shape for the kernels. Raises ModelError with the contact and body names."""
-    from .solids import solids_of  # trimesh is imported by scenes with meshes alone
+    from .shape_kinds import solids_of  # trimesh is imported by scenes with meshes alone
 
     try:
         return solids_of(shape)

@@ -239,7 +239,7 @@ class ContactSpace(Unportable):
 
         If `steps` is True, no step is repeated, so its contact history can be stored.
         """
-        from ..contact import solids
+        from ..contact import shape_kinds
         from ..engine.contact import contacts as kernels  # compiled only if something touches
 
         n, count = len(contacts.touches), contacts.room
@@ -264,7 +264,7 @@ class ContactSpace(Unportable):
             contacts.candidates,
             table(POSE, len(contacts.geometry.shapes)),
             table(POSE, len(contacts.geometry.shapes)),
-            solids.search_space(contacts.geometry, len(contacts.candidates.members)),
+            shape_kinds.search_space(contacts.geometry, len(contacts.candidates.members)),
             table(CONTACT, count),
             contacts.laws,
             table(KEPT, count),

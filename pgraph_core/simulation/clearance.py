@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..contact import solids
+from ..contact import shape_kinds
 from ..contact.tables import Tables
 from ..contact.tables import tables as tables_of
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
@@ -43,7 +43,7 @@ class Clearance(Unportable):
         self._kept = Guard(
             given.geometry, given.ground, given.candidates,
             table(POSE, len(given.geometry.shapes)),
-            solids.search_space(given.geometry, len(given.candidates.members)),
+            shape_kinds.search_space(given.geometry, len(given.candidates.members)),
             table(CONTACT, max(given.room, LEAST_ROOM) if given.touches else 0),
             np.concatenate(limits), table(CLEARANCE, 1),
             np.zeros(len(mech.packed.run.rows)), np.zeros(count),

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.solids import balls_on_ground
+from ..contact.shape_kinds import balls_on_ground
 from ..contact.tables import ContactPair, Tables
 from ..dynamics.arguments import UserTorque
 from ..dynamics.scene import Scene

@@ -15,8 +15,8 @@ from ..packing import Array, row_of_velocity
 from ..portable import jsonable
 from ..result import Result, Status
 from ..tolerances import NAMED
+from .figures import Look, Saved, Square, heat_map
 from .measures import TRUST, joint_errors
-from .page import Look, Saved, Square, heat_map
 from .reference import KnownMotion
 
 NAN = float("nan")

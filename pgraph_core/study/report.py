@@ -12,8 +12,8 @@ import numpy as np
 from ..errors import InputError, counted, explained, refusal
 from ..portable import jsonable
 from ..tolerances import NOTABLE
+from .figures import Curve, Point, Saved, aligned, duration, error_diagram
 from .measures import Errors, Spread
-from .page import Curve, Point, Saved, aligned, duration, error_diagram
 from .task import Outcome, Participant, Setting
 
 LEVELS = tuple(10.0**-k for k in range(3, 10))  # errors at which engines are compared

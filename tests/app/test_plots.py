@@ -16,7 +16,7 @@ from pgraph_app.gait.view import phases
 from pgraph_app.plots.view import PlotsView, plots, signals
 from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
-from pgraph_core.study import page
+from pgraph_core.study import figures
 
 from .store import ME, OTHER, after, begun, built_in, do, ran, reply
 
@@ -146,7 +146,7 @@ def oklab(colour):
     ]) @ np.cbrt(cones)  # fmt: skip
 
 
-@pytest.mark.parametrize(("theme", "series"), [(0, page.SERIES), (1, page.SERIES_DARK)])
+@pytest.mark.parametrize(("theme", "series"), [(0, figures.SERIES), (1, figures.SERIES_DARK)])
 def test_curves_have_distinct_colours_with_contrast_on_the_page_and_in_studies(theme, series):
     """Potential and dissipated energy were two browns."""
     css = (files("pgraph_app") / "core/page.css").read_text()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.contact.solids import SIDES, solid_of
+from pgraph_core.contact.shape_kinds import SIDES, solid_of
 
 R, H = 0.2, 0.6
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.contact import solids
-from pgraph_core.contact.solids import Solid
+from pgraph_core.contact import shape_kinds as solids
+from pgraph_core.contact.shape_kinds import Solid
 from pgraph_core.engine.records import CYLINDER, ELLIPSOID
 
 from .touching import CURVED, KINDS, Scene, pose, random_pose, random_solid, rounded

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.contact import solids
+from pgraph_core.contact import shape_kinds as solids
 from pgraph_core.engine.records import CYLINDER
 
 from .touching import KINDS, Scene, pose, random_pose, random_solid

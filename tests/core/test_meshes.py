@@ -9,7 +9,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
-from pgraph_core.contact import solids
+from pgraph_core.contact import shape_kinds as solids
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.show import shapes as show_shapes
 

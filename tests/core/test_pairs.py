@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.contact import solids
+from pgraph_core.contact import shape_kinds as solids
 
 from .convex import signed_distance
 from .touching import CURVED, KINDS, Scene, Touch, moved, pose, random_pose, random_solid, rounded

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.contact import solids
-from pgraph_core.contact.solids import Placed, Solid
+from pgraph_core.contact import shape_kinds as solids
+from pgraph_core.contact.shape_kinds import Placed, Solid
 from pgraph_core.engine.arrays import Candidates
 from pgraph_core.engine.contact import search as kernels
 from pgraph_core.engine.records import (

@@ -26,8 +26,8 @@ from .contacts import contacts_at
 from .ground import candidates, normal_of, top
 from .meeting import ground_point, nearest
 from .phases import opened_events
+from .placing import place
 from .search import are_apart
-from .shapes import place
 
 TURN = 0.5  # rad: how far a body may turn in a step with points in the air
 WITHIN = 0.05  # given steps inside a hard contact, relative to its own time

@@ -23,8 +23,8 @@ from ..stepping.run import LOOK_BACK
 from ..stepping.state import copied, size_of_state
 from ..tree.kinematics import outboard, positions
 from ..vec import dot, sub, xyz
+from .placing import place
 from .search import find_contacts, find_gaps
-from .shapes import place
 
 AHEAD = 32.0  # steps' motion: how far a search looks at least
 FARTHER = 4.0  # range of the next search, relative to the clearance

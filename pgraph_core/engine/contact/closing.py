@@ -13,7 +13,7 @@ from ..records import POINTS, SPHERE
 from ..rows import spin_of
 from ..vec import dot, sub, xyz
 from .contacts import contacts_at, endpoints, middle
-from .shapes import DEPTH
+from .placing import DEPTH
 
 COORDINATES = 4 * EPS  # rounding of a gap, relative to the coordinates it is the difference of
 HARD = 4.0  # multiple of the speed that weight adds in a step, below which impacts are not located

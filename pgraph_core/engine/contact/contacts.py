@@ -31,9 +31,9 @@ from ..vec import (
     sub,
     xyz,
 )
+from .placing import place
 from .restitution import factor_tree, loss_of_touch, lost_share
 from .search import find_contacts
-from .shapes import place
 
 _save, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
 

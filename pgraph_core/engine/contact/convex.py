@@ -20,8 +20,8 @@ from ..compiler.jit import part, sweep
 from ..records import HEIGHTFIELD, POINTS
 from ..vec import add, add_scaled, cross, dot, load, matrix, mul, scale, set_xyz, sub, xyz
 from .manifold import CROSSING, clip_polygon, swap, thin
+from .placing import put
 from .segments import segment_segment
-from .shapes import put
 
 CERTAIN = 4 * ROUNDING  # error of a distance relative to the sizes: four projections
 FACE_A, FACE_B, EDGES, CORNER, CAPSULE_EDGE = 1, 2, 3, 4, 5  # kinds of touch

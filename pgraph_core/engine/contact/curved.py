@@ -27,7 +27,7 @@ from .convex import (
     lowest,
 )
 from .manifold import CROSSING, clip_polygon, copy, swap, tangents, thin
-from .shapes import put, rim_direction
+from .placing import put, rim_direction
 
 COARSE = 1e-5  # relative error of the polytope before the exact search
 CORNERS = 48  # limit on the corners of the polytope

@@ -1,8 +1,8 @@
 """Shapes against the ground: exact contact points and gaps.
 
 The ground is a plane through the world's origin, and rectangles of it at another height. Raised
-parts and the rims of pits are boxes on row 0 (`contact/solids.py`), which replace the plane. The
-floor of a pit is the plane, lower.
+parts and the rims of pits are boxes on row 0 (`contact/shape_kinds.py`), which replace the plane.
+The floor of a pit is the plane, lower.
 """
 
 import math
@@ -11,7 +11,7 @@ from ..compiler.jit import part, sweep
 from ..records import CYLINDER, ELLIPSOID, HULL
 from ..vec import add_scaled, cross, dot, matrix, mul, mul_t, scale, set_xyz, xyz
 from .manifold import thin
-from .shapes import put, rim_direction, vertex
+from .placing import put, rim_direction, vertex
 
 
 @part

@@ -37,8 +37,8 @@ from .closing import (
 from .contacts import contacts_at, middle
 from .ground import above, candidate, candidates, normal_of, top
 from .pairs import pair_contacts
+from .placing import place
 from .search import are_apart
-from .shapes import place
 
 CLOSED = 1e-10  # gap of a reached limit relative to its range
 CROWD = 64  # pairs that may touch: with more, slow impacts are taken where the step finds them

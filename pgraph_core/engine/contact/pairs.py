@@ -14,9 +14,9 @@ from ..vec import dot, matrix, mul_t, scale, set_xyz, sub, xyz
 from .convex import node, solid_solid, triangle_nodes
 from .curved import curved_pair
 from .manifold import MOST, thin
+from .placing import label, vertex
 from .seams import hidden_side, open_face
 from .segments import ball_ball, ball_box, ball_segment, segment_segment
-from .shapes import label, vertex
 
 POINT = 1 << 51  # features of point k of a list of points start at k times this
 

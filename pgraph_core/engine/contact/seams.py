@@ -17,7 +17,7 @@ from ..vec import add, add_scaled, cross, dot, load, matrix, mul, mul_t, scale, 
 from .convex import face_corner
 from .curved import between, core_of, round_by, touch_points
 from .manifold import tangents
-from .shapes import DEPTH, vertex
+from .placing import DEPTH, vertex
 
 
 @part

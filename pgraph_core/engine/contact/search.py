@@ -18,8 +18,8 @@ from ..records import CANDIDATE, SPHERE
 from ..vec import dot, sub, xyz
 from .ground import ground_contacts, ground_gap, normal_of, top
 from .pairs import pair_contacts, pair_gap
+from .placing import bound, far_apart, label
 from .segments import ball_ball
-from .shapes import bound, far_apart, label
 
 LARGE = 2.0  # width of a large shape relative to the geometric mean of the widths
 FARTHEST = (1 << 20) - 1  # limit on the cells along an axis, beyond which all are one

@@ -8,7 +8,7 @@ import math
 from ...tolerances import COINCIDENT, ROUNDING
 from ..compiler.jit import part, sweep
 from ..vec import add, add_scaled, cross, dot, matrix, mul, mul_t, scale, sub, xyz
-from .shapes import put
+from .placing import put
 
 PARALLEL = ROUNDING * ROUNDING  # squared sine of lines that cross nowhere and span no plane
 

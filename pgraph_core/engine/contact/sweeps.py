@@ -15,8 +15,8 @@ from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, store, sub
-from .cone import contact
 from .contacts import contacts_at
+from .coulomb import contact
 from .islands import NOWHERE
 from .newton import bounds_of, respond, rows_of, velocity
 

@@ -11,8 +11,8 @@ from ..compiler.masks import any_of, both, chosen, either, larger, more, most, s
 from ..constraints.blocks import point_velocity
 from ..constraints.paths import spread, taxicab
 from ..contact.closing import DEPTH, HARD
-from ..contact.cone import contact
 from ..contact.contacts import NEARBY
+from ..contact.coulomb import contact
 from ..contact.impulse import FEW_SWEEPS, TOGETHER, TOLERANCE
 from ..contact.sweeps import SMALL
 from ..linear import forward_free

@@ -15,8 +15,8 @@ from ..compiler.kinds import F1, F3, I1, I2, group, i8, void
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
 from ..constraints.blocks import velocities
 from ..constraints.paths import pivots, spread, unspread
-from ..contact.cone import only
 from ..contact.contacts import STILL
+from ..contact.coulomb import only
 from ..motion import opened, user_torque
 from ..records import ACCEPTANCE, CREEP, STANCE, SWING
 from ..rows import TRANSLATE, armature_of, kind_of, origin_of, parent_of, rotation_of, spin_of, v_of

@@ -44,7 +44,7 @@ from ..contact.contacts import (
     touching,
 )
 from ..contact.meeting import limit_gap
-from ..contact.shapes import place
+from ..contact.placing import place
 from ..contact.slopes import impulses_of_duals
 from ..contact.sweeps import own_block
 from ..motion import call_acceleration, opened

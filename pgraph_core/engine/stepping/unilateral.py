@@ -38,7 +38,7 @@ from ..contact.meeting import (
     look_ahead,
     point_meets,
 )
-from ..contact.shapes import DEPTH, place
+from ..contact.placing import DEPTH, place
 from ..motion import opened
 from ..records import RIGID
 from ..tree.kinematics import frames, positions

@@ -1,4 +1,4 @@
-"""Collision shapes: the contact geometry of each kind, and arrays of shapes packed for kernels.
+"""Kinds of contact shapes: the geometry of each kind, and arrays of shapes packed for kernels.
 
 The tables are defined in `engine/records.py`. trimesh is only imported when a mesh file is opened.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from ..engine.arrays import Geometry, Ground, Search
 from ..engine.contact.curved import HULL_ROOM, RIM
 from ..engine.contact.manifold import MOST
-from ..engine.contact.shapes import DEPTH
+from ..engine.contact.placing import DEPTH
 from ..engine.records import (
     BOUNDS,
     BOX,
@@ -526,7 +526,7 @@ class Kind(NamedTuple):
 
 
 # Every kind of shape but meshes, which are read from files. A new kind is an entry here, its mass
-# properties in `model.shape`, a builder in `solids`, and for the kernels a branch in
+# properties in `model.shape`, a builder in this module, and for the kernels a branch in
 # `engine.contact.pairs.single_pair` and in `engine.contact.ground.candidate`, unless it is a convex
 # solid with corners.
 KINDS = {
