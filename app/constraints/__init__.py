@@ -201,10 +201,11 @@ class State(model.State, pose.State):
 
     @property
     def freedom(self) -> str:
-        """'1 DoF (3 in tree)' once the mobility is known, and '3 DoF in tree' until then."""
+        """'1 DoF (3 in tree)' once the mobility is known, and '… DoF (3 in tree)' until then."""
         tree, report = self.derived.dof, self.mobility
-        found = report.found if report and report.model is self.model else None
-        if found and found.dof != tree:
-            return f"{found.dof} DoF ({tree} in tree)"
-        bound = not found and any(c.active for c in self.model.constraints)
-        return super().freedom + " in tree" * bound
+        if not any(c.active for c in self.model.constraints):
+            return super().freedom
+        known = report.found if report and report.model is self.model else None
+        if known and known.dof == tree:
+            return super().freedom
+        return f"{known.dof if known else '…'} DoF ({tree} in tree)"

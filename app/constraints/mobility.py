@@ -62,10 +62,8 @@ class Reports:
 
 
 def wanted(state: State) -> bool:
-    """Return True if a page shows constraints but their report is missing."""
-    if not state.model.constraints or not any(
-        "constraints" in c.sees for c in state.clients.values()
-    ):
+    """Return True if constraints are on a page, whose bar shows what they leave, without report."""
+    if not state.model.constraints or not state.clients:
         return False
     if state.mobility is not None and state.mobility.model is state.model:
         return False
