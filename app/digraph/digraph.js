@@ -13,10 +13,9 @@ pgraph.digraph = (() => {
 
   function build(host) {
     const canvas = svg("svg", { class: "graph digraph", role: "group", "aria-label": "digraph of the bodies" });
-    const card = make("div", { className: "card", hidden: true });
     host.pgraphSteps = make("div", { className: "steps", hidden: true });
     host.replaceChildren(
-      make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas), card),
+      make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas)),
       host.pgraphSteps,
       make("h4", {}, make("span", { title: "Pgraph: the order of a walk round the tree. jdof, below it: the degrees of freedom that each entry adds", textContent: "Pgraph, jdof" }),
         make("button", { className: "link walk", textContent: "Steps", title: "The seven steps that make Pgraph, and a frame update", onclick: () => pgraph.steps.toggle() })),
@@ -98,7 +97,7 @@ pgraph.digraph = (() => {
     Object.assign(canvas.style, { width: `${data.width}px`, height: `${data.height}px` });
     mark(host, pgraph.latest.selection);
     const again = focused === undefined ? 0 : data.names.indexOf(focused) + 1;
-    if (graph.nodes[again] && again) { reachable(graph, again); graph.nodes[again].focus({ preventScroll: true }); } // before the hover: a focus shows its card
+    if (graph.nodes[again] && again) { reachable(graph, again); graph.nodes[again].focus({ preventScroll: true }); }
     hover(host, known ? data.names.indexOf(known.names[(before.hovered ?? 0) - 1]) + 1 : 0);
     pgraph.steps.redrawn(host);
   }
@@ -190,17 +189,19 @@ pgraph.digraph = (() => {
 
   function node(data, k, kind, part) {
     const name = data.names[k - 1], place = [data.x[k], data.y[k], label(name, data.rooms?.[k] ?? Infinity)];
+    const parent = data.names[data.parent[k - 1] - 1] ?? "ground", about = [`${data.joints[k - 1]} joint to ${parent}`, `${data.dof[k - 1]} DoF`, `${Number(data.masses[k - 1].toPrecision(4))} kg`, ...data.sites[k - 1]];
+    place.push([name, ...about].join(", "));
     const g = part(["node", k, kind, name, data.colors[k - 1], ...place], () => drawn(data, k, kind, ...place));
     if (g.getAttribute("tabindex") !== String(k === 1 ? 0 : -1)) g.setAttribute("tabindex", k === 1 ? 0 : -1);
     return g;
   }
-  function drawn(data, k, kind, x, y, said) {
+  function drawn(data, k, kind, x, y, said, about) {
     const name = data.names[k - 1], g = svg("g", {
       class: `node${kind}`, "data-name": name, "data-number": k, tabindex: k === 1 ? 0 : -1, role: "button", "aria-label": `${k} ${name}`,
       style: `--body: ${data.colors[k - 1]}`,
     });
     if (kind === " separation") g.append(svg("circle", { class: "outer", cx: x, cy: y, r: RADIUS + 3 }));
-    g.append(svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k), written("label", x + RADIUS + 5, y + 4, said));
+    g.append(svg("title", {}, about), svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k), written("label", x + RADIUS + 5, y + 4, said));
     return g;
   }
   const numberAt = (el) => Number(el.closest?.("g.node")?.dataset.number ?? 0);
@@ -216,6 +217,7 @@ pgraph.digraph = (() => {
     const all = new Set([k, first, ...(pgraph.latest.selected ?? []).map(number)].filter(Boolean));
     graph.marked = [...all].flatMap((j) => parts(graph, j));
     for (const el of graph.marked) el.classList.add("selected");
+    along(graph, k);
     reachable(graph, k || 1);
     if (!k) return;
     pgraph.beforePicture("digraph place", () => {
@@ -233,30 +235,17 @@ pgraph.digraph = (() => {
 
   function path(data, k) { const found = []; for (; k > 0; k = data.parent[k - 1]) found.push(k); return found; }
 
+  function along(graph, k) {
+    for (const el of graph.path ?? []) el.classList.remove("path");
+    graph.path = path(graph.data, k).flatMap((j) => parts(graph, j));
+    for (const el of graph.path) el.classList.add("path");
+  }
   function hover(host, k) {
-    const graph = host.graph, card = host.querySelector(".card");
+    const { graph } = host;
     if (!graph || graph.hovered === k) return;
     graph.hovered = k;
-    for (const el of graph.path ?? []) el.classList.remove("path");
-    const way = path(graph.data, k);
-    graph.path = way.flatMap((j) => parts(graph, j));
-    for (const el of graph.path) el.classList.add("path");
-    card.hidden = !k;
-    if (k) told(host, card, graph.data, k);
+    along(graph, k || graph.data.names.indexOf(pgraph.latest.selection) + 1);
   }
-  // The card keeps to a corner, another one where the node is there.
-  function told(host, card, data, k) {
-    const parent = data.parent[k - 1] ? data.names[data.parent[k - 1] - 1] : "ground";
-    card.replaceChildren(make("strong", { textContent: `${k} ${data.names[k - 1]}` }),
-      make("div", { textContent: `${data.joints[k - 1]} joint to ${parent}, ${data.dof[k - 1]} DoF` }),
-      make("div", { textContent: `mass ${Number(data.masses[k - 1].toPrecision(4))} kg` }),
-      ...(data.sites[k - 1].length ? [make("div", { textContent: `sites: ${data.sites[k - 1].join(", ")}` })] : []));
-    const circle = host.graph.nodes[k].querySelector("circle:last-of-type").getBoundingClientRect();
-    card.classList.remove("low");
-    const own = card.getBoundingClientRect();
-    card.classList.toggle("low", circle.left < own.right && circle.right > own.left && circle.top < own.bottom + 8);
-  }
-
   // -- keys: along the tree, to the neighbour at the same depth, Enter selects -----------------
   function keyed(host, event) {
     const { data, children, nodes } = host.graph, k = numberAt(event.target);

@@ -28,6 +28,7 @@ from ..core.views import Host, Payload, Place, hue, topic
 from . import Client, State
 from .body_cells import (
     ALL,
+    DERIVED,
     MOTIONS,
     NO_SHAPE,
     OF_FILES,
@@ -267,12 +268,11 @@ class _Form:
                 filter(None, (row["note"], "derived from the shapes until another value is typed"))
             )
             return {**row, "note": note}
-        if not self.body.derived and name != "mass":
+        if name != next(one for one in DERIVED if one not in self.body.derived):
             return row  # one button for all of them
-        what, text = ("it", name) if self.body.derived else ("mass, centre, inertia and tip", ALL)
         source = "the shapes" if self.body.shapes else "a rod along the body, its shape from now on"
-        title = f"let {what} follow from {source}"
-        derive = button("From shape", "", title, field="derived", index=[], text=text)
+        title = f"let mass, centre, inertia and tip follow from {source}"
+        derive = button("From shape", "", title, field="derived", index=[], text=ALL)
         return {**row, "buttons": [*row["buttons"], derive]}
 
     def shape(self, at: int) -> list[Payload]:
