@@ -7,7 +7,7 @@
     const kind = make("select", { className: "cell kind", "aria-label": "operator", onchange: () => { what = kind.value; look(); } });
     const canvas = make("canvas", { className: "cells", role: "img", "aria-label": "pattern of the operator" });
     const files = pgraph.menuButton(pgraph.pictureButton("bare files", "export", "download", "The matrix as a file"), "files", () => [["NPZ", "npz", "for scipy.sparse.load_npz"], ["CSV", "csv", ""], ["Matrix Market", "mtx", ""]].map(([name, suffix, about]) => [name, "", () => send("ExportOperator", { what, suffix }), { about }]), { end: true });
-    host.replaceChildren(make("div", { className: "bar" }, kind, make("button", { className: "action whole", textContent: "Whole", title: "All rows and columns", onclick: look }), files, make("div", { className: "value", role: "status" })),
+    host.replaceChildren(make("div", { className: "bar" }, kind, make("button", { className: "action whole", textContent: "Whole", title: "All rows and columns", onclick: look }), files, make("div", { className: "value", role: "status" }), make("div", { className: "scale", title: "Six decades, from the largest value down to faint" }, make("span"), make("i"), make("span"))),
       make("div", { className: "sentence problem" }), canvas);
     canvas.addEventListener("pointermove", (event) => told(host, event));
     canvas.addEventListener("pointerleave", () => describe(host));
@@ -60,11 +60,26 @@
       pen.fillRect(j * host.size + gap, i * host.size + gap, host.size - 2 * gap, host.size - 2 * gap);
     }
     pen.globalAlpha = 1;
+    const [least, , greatest] = host.querySelector(".scale").children, largest = Number(most.toPrecision(2));
+    least.textContent = `−${largest}`;
+    greatest.textContent = `${largest}`;
+    // the rows and columns of the selected bodies
+    pen.strokeStyle = style.getPropertyValue("--accent");
+    pen.lineWidth = 1.5;
+    const chosen = selected(), band = (numbers, step, draw) => numbers.forEach((number, k) => {
+      if (!chosen.has(number) || numbers[k - 1] === number) return;
+      const from = Math.floor(k / step), last = Math.floor(numbers.lastIndexOf(number) / step);
+      draw(host.size * from, host.size * (last - from + 1));
+    });
+    band(data.row_numbers, data.step[0], (from, size) => pen.strokeRect(0.75, from, w - edge - 1.5, size));
+    band(data.column_numbers, data.step[1], (from, size) => pen.strokeRect(from, 0.75, size, h - edge - 1.5));
   }
+  const selected = () => new Set((pgraph.latest.selected ?? []).map((name) => pgraph.table.row(name)?.number));
 
   // The numbers of the bodies at the left and at the top; those that would run into the one before are left out.
   function names(pen, style, size, edge, data) {
-    Object.assign(pen, { font: `10px ${style.fontFamily}`, fillStyle: style.getPropertyValue("--soft"), textAlign: "center", textBaseline: "middle" });
+    Object.assign(pen, { font: `10px ${style.fontFamily}`, textAlign: "center", textBaseline: "middle" });
+    const chosen = selected();
     [[data.column_numbers, data.step[1], 8], [data.row_numbers, data.step[0], 1]].forEach(([numbers, step, room], side) => {
       let free = 0;
       for (let k = 0; k < numbers.length;) {
@@ -72,6 +87,7 @@
         while (numbers[last + 1] === numbers[k]) last += 1;
         const middle = edge + size * (k + last + 1) / 2 / step, half = side ? 5 : (pen.measureText(numbers[k]).width + room) / 2 - 2;
         if (middle - half >= free) {
+          pen.fillStyle = style.getPropertyValue(chosen.has(numbers[k]) ? "--accent" : "--soft");
           pen.fillText(numbers[k], side ? edge / 2 - 1 : middle, side ? middle : edge / 2);
           free = middle + half;
         }
@@ -96,7 +112,7 @@
     const data = host.operator;
     if (!data || data.problem) { host.querySelector(".value").textContent = ""; return; }
     const blocks = data.step[0] * data.step[1] > 1 ? `; a cell is ${data.step[0]} × ${data.step[1]} entries, click to see them` : "";
-    host.querySelector(".value").textContent = `${data.shape[0]} × ${data.shape[1]}: ${data.words}; blue is positive, orange negative${blocks}`;
+    host.querySelector(".value").textContent = `${data.shape[0]} × ${data.shape[1]}: ${data.words}${blocks}`;
     host.querySelector("canvas").title = "Rows and columns by the numbers of the bodies";
   }
   // The entries around a block that was clicked.
@@ -108,5 +124,5 @@
     send("Inspect", { what, rows: around(i, step[0], rows[0], shape[0]), columns: around(j, step[1], columns[0], shape[1]) });
   }
 
-  pgraph.view("operators", { build, operator: draw, theme: (host) => setTimeout(() => paint(host), 300) });
+  pgraph.view("operators", { build, operator: draw, selected: paint, theme: (host) => setTimeout(() => paint(host), 300) });
 })();
