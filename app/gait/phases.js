@@ -3,7 +3,7 @@
 (() => {
   const { make, send } = pgraph;
   const [SWING, SLIP] = [0, 2]; // of the phases
-  const ROW = 8, GAP = 6, ROUND = 2, SEEN = 2; // [px], the last the least width of a slip that is seen
+  const ROW = 8, GAP = 5, ROUND = 2, SEEN = 2, AHEAD = 0.4; // [px], the least width of a slip that is seen; opacity
 
   function build(host) {
     const canvas = make("canvas", { className: "bars", title: "Coloured while the foot touches, amber while it slips. Click to go to that time." });
@@ -48,16 +48,25 @@
     pen.clearRect(0, 0, wide, tall);
     const [from, to] = range(), [time, , end] = pgraph.latest.time ?? pgraph.latest.playback.moment;
     const x = (t) => wide * Math.min(Math.max((t - from) / (to - from), 0), 1);
-    const box = (color, left, width, foot) => { pen.fillStyle = color; pen.beginPath(); pen.roundRect(left, foot * (ROW + GAP), Math.max(width, 1), ROW, ROUND); pen.fill(); };
-    const lasts = data.feet.map((_, foot) => data.changes.filter((change) => change[0] === foot));
-    const spans = (foot, is) => lasts[foot].flatMap(([, t, phase], k, all) => (is(phase) ? [[x(t), x(all[k + 1]?.[1] ?? end)]] : []));
-    data.feet.forEach((_, foot) => {
-      box(ink("--field-hover"), 0, wide, foot);
+    const bars = () => data.feet.forEach((_, foot) => {
       const joined = []; // the phases of one step are one bar
       for (const span of spans(foot, (phase) => phase !== SWING)) if (joined.at(-1)?.[1] === span[0]) joined.at(-1)[1] = span[1]; else joined.push(span);
       for (const [left, right] of joined) if (right > left) box(ink(data.colors[foot].slice(4, -1)), left, right - left, foot);
       for (const [left, right] of spans(foot, (phase) => phase === SLIP)) if (right - left >= SEEN) box(ink("--warn"), left, right - left, foot);
     });
+    const box = (color, left, width, foot) => { pen.fillStyle = color; pen.beginPath(); pen.roundRect(left, foot * (ROW + GAP), Math.max(width, 1), ROW, ROUND); pen.fill(); };
+    const lasts = data.feet.map((_, foot) => data.changes.filter((change) => change[0] === foot));
+    const spans = (foot, is) => lasts[foot].flatMap(([, t, phase], k, all) => (is(phase) ? [[x(t), x(all[k + 1]?.[1] ?? end)]] : []));
+    data.feet.forEach((_, foot) => box(ink("--field-hover"), 0, wide, foot));
+    pen.globalAlpha = AHEAD;
+    bars();
+    pen.globalAlpha = 1;
+    pen.save(); // what has been is stronger than what is to come
+    pen.beginPath();
+    pen.rect(0, 0, x(time), tall);
+    pen.clip();
+    bars();
+    pen.restore();
     pen.fillStyle = ink("--ink");
     pen.fillRect(Math.min(Math.max(x(time) - 0.75, 0), wide - 1.5), 0, 1.5, tall);
   }

@@ -16,7 +16,7 @@
       button("back", "to the start", () => send("Scrub", { time: Number(slider.min) })),
       button("less", "one frame back", () => send("StepFrames", { frames: -1 })), button("more", "one frame on", () => send("StepFrames", { frames: 1 })),
       make("output", { className: "time" }, make("span"), make("span", { className: "total" })), make("span", { className: "spring" }),
-      speed, button("loop", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop })), make("span", { className: "rule" }), plots), slider);
+      speed, button("loop", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop })), make("span", { className: "rule" }), plots), slider, make("div", { className: "ticks" }));
   }
 
   function draw(host, data) {
@@ -33,11 +33,18 @@
   function move(host, moment) {
     const [time, start, end] = moment, slider = host.querySelector(".scrub");
     host.pgraphEnd = end;
+    ticks(host.querySelector(".ticks"), start, end);
     if (dragging) return;
     slider.min = start;
     slider.max = end > start ? end : start + 1;
     slider.value = time;
     told(host, time);
+  }
+  function ticks(box, start, end) {
+    if (box.dataset.of === `${start} ${end}`) return;
+    box.dataset.of = `${start} ${end}`;
+    const { at, step } = end > start ? pgraph.ticks(start, end, 10) : { at: [] };
+    box.replaceChildren(...at.map((t) => Object.assign(make("span", { textContent: pgraph.tick(t, step) }), { style: `left:${(100 * (t - start)) / (end - start)}%` })));
   }
   function told(host, time) {
     const [now, total] = host.querySelector(".time").children;

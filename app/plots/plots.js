@@ -5,7 +5,13 @@
   const SERIES = 8; // colours, which the style has as --s0 and so on
   const DASHES = [[], [6, 3], [2, 2]], KEPT = [[5, 3], [2, 2], [8, 2, 2, 2], [1, 3], [8, 4]]; // [px]
   const NOISE = 2 ** 12 * Number.EPSILON; // of the largest value of a plot: rounding of thousands of operations
-  const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 28;
+  const TOP = 6, BOTTOM = 28; // [px]
+  // The sides beside the curves. A chart of the whole width has the time axis of the strip below.
+  function sides(canvas) {
+    const [box, strip] = [canvas, document.querySelector(".pgraph .scrub")].map((one) => one.getBoundingClientRect());
+    const [left, right] = [strip.left + 6 - box.left, box.right - strip.right + 6]; // at its ends the middle of the thumb
+    return strip.width && Math.abs(left) < 100 && Math.abs(right) < 40 ? [Math.max(left, 52), Math.max(right, 0)] : [52, 8];
+  }
   const heightOf = (canvas) => canvas.clientHeight || 142;
   const BAND = 0.02; // of its way within which a curve has settled
   const LAST = 0.2; // of the time in sight: the part in which a settled curve rests; half a cosine varies by 0.1 of its way there
@@ -184,7 +190,7 @@
     return view && [view.t0, view.t1];
   }
   function timeAt(chart, x) {
-    const { t0, t1 } = chart.extent ?? { t0: 0, t1: 1 }, width = chart.canvas.clientWidth - LEFT - RIGHT;
+    const { t0, t1 } = chart.extent ?? { t0: 0, t1: 1 }, [LEFT, RIGHT] = sides(chart.canvas), width = chart.canvas.clientWidth - LEFT - RIGHT;
     return t0 + (t1 - t0) * Math.min(1, Math.max(0, (x - LEFT) / width));
   }
 
@@ -206,7 +212,7 @@
 
   function paint(chart) {
     if (chart.data.kind === "poses") return;
-    const { canvas } = chart, width = canvas.clientWidth, HEIGHT = heightOf(canvas), ratio = window.devicePixelRatio || 1;
+    const { canvas } = chart, width = canvas.clientWidth, HEIGHT = heightOf(canvas), ratio = window.devicePixelRatio || 1, [LEFT, RIGHT] = sides(canvas);
     if (!width) return;
     canvas.width = width * ratio;
     canvas.height = HEIGHT * ratio;
@@ -223,7 +229,7 @@
     if (!view) { g.fillStyle = soft; g.fillText(chart.data.none || "no run yet", LEFT, HEIGHT / 2, width - LEFT); legend(chart, []); return; }
     const x = (t) => LEFT + ((t - view.t0) / (view.t1 - view.t0)) * (width - LEFT - RIGHT);
     const y = (v) => TOP + ((view.y1 - v) / (view.y1 - view.y0)) * (HEIGHT - TOP - BOTTOM);
-    axes(g, view, x, y, width, HEIGHT, { soft, line });
+    axes(g, view, x, y, width, HEIGHT, [LEFT, RIGHT], { soft, line });
     g.save();
     g.beginPath(); g.rect(LEFT, TOP, width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM); g.clip();
     for (const line of all.toReversed()) curve(g, line, x, y, color(line.i), dashes(line), line.kept ? 0.7 : 1);
@@ -304,24 +310,29 @@
     const step = varies ? stepped(seen, found) : null;
     return { ...found, step, frequency: varies ? frequency(seen, found, step?.final ?? found.mean) : null };
   }
+  // Four digits, and none below the error in one digit.
+  function digits(value, error = 0) {
+    const last = error > 0 ? 10 ** Math.floor(Math.log10(Number(error.toPrecision(1)))) : 0;
+    return Number((last ? Math.round(value / last) * last : value).toPrecision(4)).toString().replace("-", "−");
+  }
   const largest = (all) => Math.max(0, ...all.flatMap(({ y }) => y.map(Math.abs)));
 
   function measures(chart, all, span) {
     chart.table.hidden = !measured || !span;
     if (chart.table.hidden) return;
-    const few = (x) => Number(x.toPrecision(4)).toString(), scale = largest(all);
+    const few = (x) => digits(x), sure = (x) => digits(x, chart.data.error), scale = largest(all);
     const row = (one) => {
       const found = figures(one, span, scale);
       if (!found) return [one.label, ...Array(7).fill("–")];
       const { low, high, mean, rms, step, frequency: often } = found;
       const said = (text) => (!step ? "–" : step.settled ? text() : "not settled");
-      return [one.label, ...[low, high, mean, rms].map(few), said(() => `${few(100 * step.overshoot)} %`), said(() => `${few(step.time)} s`), often === null ? "–" : `${few(often)} Hz`];
+      return [one.label, ...[low, high, mean, rms].map(sure), said(() => `${few(100 * step.overshoot)} %`), said(() => `${few(step.time)} s`), often === null ? "–" : `${few(often)} Hz`];
     };
     const line = (tag) => (cells) => make("tr", {}, ...cells.map((textContent) => make(tag, { textContent })));
     chart.table.replaceChildren(line("th")(["", "min", "max", "mean", "RMS", "overshoot", "settles in", "frequency"]), ...all.map(row).map(line("td")));
   }
 
-  function axes(g, view, x, y, width, HEIGHT, { soft, line }) {
+  function axes(g, view, x, y, width, HEIGHT, [LEFT, RIGHT], { soft, line }) {
     const across = ticks(view.t0, view.t1, Math.max(2, width / 80)), up = ticks(view.y0, view.y1, Math.max(3, HEIGHT / 45));
     g.strokeStyle = line; g.fillStyle = soft; g.lineWidth = 1;
     g.textAlign = "right"; g.textBaseline = "middle";
@@ -355,8 +366,8 @@
     chart.legend.replaceChildren(...entries.map(([name, color, value, dash]) => {
       const style = dash.length === 0 ? "solid" : dash[0] > 2 ? "dashed" : "dotted";
       const noise = NOISE * largest(chart.data.curves);
-      const said = value === null ? "" : Math.abs(value) < noise ? "0" : Number(value.toPrecision(4)).toString();
-      return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `border-top-color:${color};border-top-style:${style}` }), `${name} ${said}`);
+      const said = value === null ? "" : Math.abs(value) < noise ? "0" : digits(value, chart.data.error);
+      return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `border-top-color:${color};border-top-style:${style}` }), `${name} `, make("b", { textContent: said }));
     }));
   }
 
@@ -365,7 +376,7 @@
     paintAll(host);
   }
 
-  Object.assign(pgraph, { amplitudes, figures });
+  Object.assign(pgraph, { amplitudes, figures, ticks, tick: label });
   pgraph.on("opened", () => { zoom = null; });
   pgraph.view("plots", {
     build, plots: draw, signals: choices,

@@ -271,7 +271,8 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     page.keyboard.press("Escape")
     chart = page.locator("canvas.chart").first
     box = chart.bounding_box()
-    chart.click(position={"x": 52 + (box["width"] - 60) / 2, "y": 60})
+    strip = page.locator("input.scrub").bounding_box()  # one time axis with the chart above it
+    page.mouse.click(strip["x"] + strip["width"] / 2, box["y"] + 60)
     until(lambda: abs(served.store.state.playback.time - result.t[-1] / 2) < 0.1, "the middle")
     frame = abs(result.t - served.store.state.playback.time).argmin()
     legend = page.locator("figure.plot .legend").first
