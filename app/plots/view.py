@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from pgraph_core.errors import counted
 
 from ..core.bridge import Bridge
-from ..core.cells import Display
+from ..core.cells import Display, Quantity
 from ..core.views import Host, Payload, Place, same, topic
 from . import (
     KINDS,
@@ -118,6 +119,10 @@ def chart(state: State, signal: Signal, display: Display) -> Payload:
     found, why = of_state(state, signal, display), missing(state, signal)
     if signal.quantity in CARRIED and found and not any(np.any(curve.y) for curve in found):
         found, why = [], IDLE  # an axis of 1e-12 would look like a force
+    shown_in = unit(state.plotted.model if state.plotted else state.model, signal, display)
+    error = math.nan if run is None or state.live else float(run.error_estimate)
+    felt: dict[str, Quantity] = {display.angle: "angle", display.length: "length"}
+    known = shown_in in felt and math.isfinite(error)
     return {
         "components": components(run, signal) if run is not None else [],
         "poses": strip(run) if run is not None and signal.kind == POSES and not state.live else [],
@@ -125,7 +130,8 @@ def chart(state: State, signal: Signal, display: Display) -> Payload:
         "of": signal.of,
         "title": title(signal),
         "none": why,
-        "unit": unit(state.plotted.model if state.plotted else state.model, signal, display),
+        "unit": shown_in,
+        "error": display.shown(error, felt[shown_in]) if known else 0,  # of its values
         "curves": [curve._asdict() for curve in found],
         "kept": [
             {"name": one.name, "curves": [c._asdict() for c in lines]}

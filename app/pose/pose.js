@@ -61,10 +61,10 @@
   function fill(line, { row, again }, selected) {
     const slider = line.querySelector("[type=range]"), name = line.firstChild, label = `${row.body} ${row.label}`;
     line.pgraphRow = row;
-    line.className = `joint${again ? " again" : ""}${row.body === selected ? " selected" : ""}`;
+    line.className = `joint${again ? " again" : ""}${row.body === selected ? " selected" : ""}${row.more ? " turned" : ""}`;
     name.title = name.lastChild.textContent = row.body;
     line.querySelector(".muted").firstChild.textContent = `${row.label} `;
-    line.querySelector(".unit").textContent = row.unit;
+    line.querySelector(".unit").textContent = `${row.unit} ${row.more}`;
     line.querySelector(".plot").setAttribute("aria-label", `plot ${label}`);
     slider.setAttribute("aria-label", label);
     line.querySelector(".cell").setAttribute("aria-label", `${label} in ${row.unit}`);

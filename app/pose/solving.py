@@ -33,6 +33,7 @@ class Coordinate:
     low: float
     high: float
     unit: str  # rad or m
+    turns: float = 0.0  # [rad] whole turns in `value`, where the joint looks the same after each
 
 
 def shown_q(state: State) -> np.ndarray:
@@ -77,9 +78,9 @@ def coordinates(state: State, names: Container[str] | None = None) -> list[Coord
     for body, place in zip(bodies, q_slices(bodies)):
         if names is not None and body.name not in names:
             continue
-        for i, (label, value, low, high, unit) in enumerate(_of_joint(body, q[place], reach)):
+        for i, (label, value, low, high, near, unit) in enumerate(_of_joint(body, q[place], reach)):
             low, high = min(low, value), max(high, value)
-            found.append(Coordinate(body.name, i, label, value, low, high, unit))
+            found.append(Coordinate(body.name, i, label, value, low, high, unit, near))
     return found
 
 
@@ -90,7 +91,7 @@ def degrees(body: pg.Body) -> list[tuple[str, str]]:
 
 def _of_joint(
     body: pg.Body, q: np.ndarray, reach: float
-) -> Iterator[tuple[str, float, float, float, str]]:
+) -> Iterator[tuple[str, float, float, float, float, str]]:
     limits = body.limits or (None,) * len(body.sequence)
     for (motion, x), limit in zip(elementary(body, q), limits):
         low, high = limit or (None, None)
@@ -100,12 +101,14 @@ def _of_joint(
             label = f"{'about' if turns else 'along'} {_axis(motion)}"
             near = 2 * math.pi * round(float(x[0]) / (2 * math.pi)) if turns and not limit else 0.0
             low, high = (near - far if low is None else low), (near + far if high is None else high)
-            yield label, float(x[0]), low, high, "rad" if turns else "m"
+            whole = near if motion.kind == "rotate" else 0.0
+            yield label, float(x[0]), low, high, whole, "rad" if turns else "m"
             continue
         for axis, value in zip("xyz", rotation_vector(np.asarray(x[-4:]))):
-            yield f"about {axis}", float(value), -math.pi, math.pi, "rad"
+            yield f"about {axis}", float(value), -math.pi, math.pi, 0.0, "rad"
         for axis, value in zip("xyz", x[:-4]):
-            yield f"along {axis}", float(value), float(value) - reach, float(value) + reach, "m"
+            far = float(value) - reach, float(value) + reach
+            yield f"along {axis}", float(value), *far, 0.0, "m"
 
 
 def _axis(motion: Motion) -> str:

@@ -43,9 +43,12 @@ class MoveJoint(FromPage):
         client, serial, problem = self.client, self.serial, ""
         try:
             state.model.body(self.body)
-            typed = measured(state, self) if self.serial else "angle"  # a slider's is in SI units
+            typed, turns = (
+                measured(state, self) if serial else ("angle", 0.0)
+            )  # a slider's is in SI
             display = display_of(state, client) if serial else cells.Display()
             value = cells.quantity(self.text, typed, display)
+            value += turns if abs(value) <= math.pi else 0.0
             pose = solving.posed(state, self.body, self.index, value)
             state = replace(
                 state, posed=pose, playback=replace(state.playback, playing=False, preview=False)
@@ -58,10 +61,16 @@ class MoveJoint(FromPage):
         return replied(state, client, serial, problem) if serial else state
 
 
-def measured(state: State, event: MoveJoint) -> cells.Quantity:
-    """Return the quantity of a coordinate, so that units such as 90 deg and 5 mm can be typed."""
-    units = [found.unit for found in solving.coordinates(state, (event.body,))]
-    return "length" if units[event.index : event.index + 1] == ["m"] else "angle"
+def measured(state: State, event: MoveJoint) -> tuple[cells.Quantity, float]:
+    """Return the quantity of a coordinate, and the turns [rad] that its cell does not show.
+
+    Units such as 90 deg and 5 mm can therefore be typed, and an angle stays within its turn.
+    """
+    all_of = solving.coordinates(state, (event.body,))
+    if event.index >= len(all_of):
+        return "angle", 0.0
+    found = all_of[event.index]
+    return "length" if found.unit == "m" else "angle", found.turns
 
 
 class HomePose(FromPage):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -9,11 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import viser
 
+from pgraph_core.errors import counted
+
 from ..core.bridge import at_rest
 from ..core.cells import Display, Quantity
 from ..core.events import Event
 from ..core.views import Host, Payload, Place, hue, topic
 from ..properties.body_cells import euler_of
+from ..run.trust import supported
 from . import Client, State
 from .solving import coordinates, shown_time
 from .update import Gripped
@@ -37,11 +41,16 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
     ids = state.rows.named(state.model, "bodies")
     if d.dof > MOST:
         names = path(state, selection)
+    run = None if shown_time(state) is None else state.run
+    error = 0.0 if run is None else float(run.result.error_estimate)
     rows = [
         {
             "id": f"{ids[c.body]} {c.index} {c.label}",
             **vars(c),
-            "shown": display.shown(c.value, kinds[c.unit]),
+            "shown": supported(
+                display.shown(c.value - c.turns, kinds[c.unit]), display.shown(error, kinds[c.unit])
+            ),
+            "more": turned(c.turns),
             "unit": display.unit(kinds[c.unit]).replace("deg", "°"),
             "si": c.unit,
             "color": hue(d.branches[d.number[c.body] - 1]),
@@ -56,6 +65,12 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
         "shows": shows(state),
         "hint": hint(state, rows),
     }
+
+
+def turned(angle: float) -> str:
+    """Return the whole turns in an angle [rad], to show next to the rest, such as "+ 3 turns"."""
+    turns = round(angle / (2 * math.pi))
+    return f"{'−' if turns < 0 else '+'} {counted(abs(turns), 'turn')}" if turns else ""
 
 
 def shows(state: State) -> str:

@@ -6,17 +6,20 @@
   function build(host) {
     const keep = pgraph.button("keep-run", "Keep run", "It is shown beside the next ones: in numbers, plots, and as a ghost in 3D", () => send("KeepRun"));
     host.replaceChildren(keep, text("p", "muted hint", "Keep a run to compare it with the next."),
-      make("table", { className: "compared" }, make("thead", {}, make("tr", {}, make("th"), make("th", { textContent: "this run" }))), make("tbody")));
+      make("table", { className: "compared" }, make("thead", {}, make("tr", {}, make("th"), ...["this run", "difference"].map((textContent) => make("th", { textContent })))), make("tbody")));
   }
   function draw(host, { compared: { kept, changed, rows }, continues }) {
     const $ = (selector) => host.querySelector(selector), line = $("thead tr");
     $(".keep-run").disabled = !continues;
-    $(".hint").hidden = $(".compared").hidden === kept.length > 0;
+    $(".hint").hidden = kept.length > 0;
     $(".compared").hidden = !kept.length;
     pgraph.keyed(line, kept.map((one) => ({ ...one, one })), column, (th, { one }) => { th.pgraphId = one.id; cells.set(th.querySelector(".cell"), one.name); });
-    line.append(line.querySelector("th:not(:first-child):not([data-name])"));
-    const lines = (all, className) => all.map((row) => make("tr", { className }, ...row.map((textContent) => make("td", { textContent }))));
-    $("tbody").replaceChildren(...lines(changed, "changed"), ...lines(rows, ""));
+    line.append(...line.querySelectorAll("th:not(:first-child):not([data-name])"));
+    // What all runs have in common stands below, once.
+    const alike = (row) => new Set(row.slice(1, -1)).size === 1;
+    const cellsOf = (row) => (alike(row) ? [make("td", { textContent: row[0] }), make("td", { textContent: row[1], colSpan: row.length - 1 })] : row.map((textContent) => make("td", { textContent })));
+    const lines = (all, className) => all.map((row) => make("tr", { className }, ...cellsOf(row)));
+    $("tbody").replaceChildren(...lines(changed, "changed"), ...lines(rows.filter((row) => !alike(row)), ""), ...lines(rows.filter(alike), "alike"));
     pgraph.frame.count("Compare", kept.length);
   }
   // A kept run: its name, and a button that lets it go.

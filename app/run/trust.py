@@ -139,6 +139,13 @@ def felt(run: Run) -> str:
     return f"{'within' if small else 'about'} {', '.join(parts)}"
 
 
+def supported(value: float, error: float) -> float:
+    """Return `value` without the digits below its error in one digit, if that is known."""
+    if not (0 < error < math.inf and math.isfinite(value)):
+        return value
+    return round(value, -math.floor(math.log10(float(f"{error:.0e}"))))
+
+
 def length(metres: float) -> str:
     """Return a length with one digit in m, mm or µm."""
     scale, unit = next(u for u in ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm")) if metres >= 0.95 * u[0])
@@ -224,7 +231,7 @@ def why(error: float, first: bool = False) -> str:
     if not error >= POOR:
         return ""
     if first:
-        return ", first order: half the step halves it"
+        return "; less accurate than the motion: half the step halves it"
     return "; a smaller step makes it smaller"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from pgraph_core.simulation.options import ADAPTIVE
 from ..core.views import Host, Payload, Place, topic
 from . import FREE_RUN, Request, Run, State
 from .footfalls import prints
-from .trust import drift, outcome, trust
+from .trust import drift, outcome, supported, trust
 
 PARTS = ("derived", "request", "last_run", "job", "runs", "run_problem", "kernels")
 
@@ -112,42 +112,78 @@ def live(state: State) -> Payload | None:
     return {"text": f"{pace} at {state.t_end:.1f} s{slow}", "running": state.live.running}
 
 
+class Measure(NamedTuple):
+    """A figure of a run, with its error if one is known, or a text."""
+
+    value: float | str
+    unit: str = ""
+    error: float = 0.0
+
+    def __str__(self) -> str:
+        if isinstance(self.value, str):
+            return self.value
+        return f"{supported(float(f'{self.value:.4g}'), self.error):g}"
+
+    def since(self, other: Measure) -> str:
+        """Return the difference from the shown figure of another run, or "" for texts."""
+        if isinstance(self.value, str) or isinstance(other.value, str):
+            return ""
+        error = max(self.error, other.error)
+        if abs(self.value - other.value) < error:
+            return "0" if str(self) == str(other) else "≈ 0"
+        found = supported(float(str(self)) - float(str(other)), error)
+        return f"{found:+.4g}".replace("-", "−") if found else "0"
+
+
 def compared(state: State) -> Payload:
-    """Return the kept runs, and one row of values (kept runs, shown run) per measure."""
+    """Return the kept runs, and a row of values (kept runs, shown run) with the difference of the
+    last from the first for each measure."""
     if not state.runs:
         return {"kept": [], "changed": [], "rows": []}
     runs = [one.run for one in state.runs]
     if state.plotted is not None:
         runs.append(state.plotted)
     found = [measures(run) for run in runs]
-    kept: dict[str, None] = dict.fromkeys(what for one in found for what in one)
+    labels = {what: one.unit for each in found for what, one in each.items()}
+    none = Measure("")
     return {
         "kept": [{"id": one.id, "name": one.name} for one in state.runs],
-        "changed": differences(runs),
-        "rows": [[what, *(one.get(what, "") for one in found)] for what in kept],
+        "changed": [[*row, ""] for row in differences(runs)],
+        "rows": [
+            [f"{what} [{unit}]" if unit else what, *map(str, row), row[-1].since(row[0])]
+            for what, unit in labels.items()
+            for row in [[one.get(what, none) for one in found]]
+        ],
     }
 
 
-def measures(run: Run) -> dict[str, str]:
-    """Return speed, steps, work and forces of a run as text."""
+def measures(run: Run) -> dict[str, Measure]:
+    """Return speed, steps, work and forces of a run."""
     result, model = run.result, run.model
-    span = float(result.t[-1] - result.t[0])
-    found = {"scenario": run.request.scenario or "free run", "duration": f"{span:.4g} s"}
+    span, error = float(result.t[-1] - result.t[0]), float(result.error_estimate)
+    found = {
+        "scenario": Measure(run.request.scenario or "free run"),
+        "duration": Measure(span, "s"),
+    }
     if run.ended:
-        found["ended"] = run.ended
+        found["ended"] = Measure(run.ended)
     free = [k for k, name in enumerate(result.mechanism.names) if model.body(name).joint == "free"]
     if free and span > 0:
         way = np.diff(np.asarray(result.body_pose)[:, free[0], :3], axis=0)
         way -= np.outer(way @ (up := np.asarray(GRID[model.up][1])), up)
         far = float(np.linalg.norm(way.sum(axis=0)))
-        found |= {"distance": f"{far:.4g} m", "mean speed": f"{far / span:.3g} m/s"}
+        found |= {
+            "distance": Measure(far, "m", error),
+            "mean speed": Measure(far / span, "m/s", error / span),
+        }
         if steps := len(prints(run.falls, math.inf, len(run.falls))):
-            found |= {"steps": f"{steps}", "steps a second": f"{steps / span:.3g}"}
+            found |= {"steps": Measure(steps), "step rate": Measure(steps / span, "1/s")}
     if work := float(np.ptp(result.work)):
-        found["work put in"] = f"{result.work[-1]:.4g} J, range {work:.3g} J"
+        doubt = float(result.energy_drift) * work
+        found["work put in"] = Measure(float(result.work[-1]), "J", doubt)
     if run.usual_force:
-        found["usual largest force"] = f"{run.usual_force:.4g} N"
-    found["energy drift"] = drift(result)
+        found["usual largest force"] = Measure(run.usual_force, "N")
+    found["energy drift"] = Measure(drift(result))
     return found
 
 

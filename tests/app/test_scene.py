@@ -17,6 +17,7 @@ from pgraph_app.pose import poses
 from pgraph_app.pose import solving as posing
 from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import rounded
+from pgraph_app.pose.view import joints
 from pgraph_app.run import TRAVELS
 from pgraph_app.scene import camera, marks
 from pgraph_app.scene.nodes import BatchedBodies, SeparateBodies
@@ -366,6 +367,29 @@ def test_the_floor_is_just_below_the_motion_of_the_last_run():
     assert 0 < camera.ground(state) < 0.5
     posed = after(state, do.MoveJoint(ME, 1, "a", 0, "1.5 rad"))
     assert camera.ground(posed) > 1.5
+
+
+def test_an_angle_without_limits_is_shown_and_set_within_its_turn():
+    """A slider at a fifth of its way stood beside 970.9 degrees."""
+    for turns, more in ((-1, "− 1 turn"), (0, ""), (3, "+ 3 turns")):
+        whole = 2 * math.pi * turns
+        state = begun(pg.Model.serial(1).edit("1", q=whole - 1.25))
+        shown = joints(state, "1")["rows"][0]
+        assert shown["shown"] == pytest.approx(-1.25)
+        assert shown["more"] == more
+        assert shown["low"] <= shown["value"] <= shown["high"]
+        assert pose(state, "1", 0, 0.5, serial=1).pose.q == pytest.approx([whole + 0.5])
+        assert pose(state, "1", 0, 30.0, serial=1).pose.q == pytest.approx([30.0])
+    limited = pg.Model.serial(1).edit("1", q=7.0, limits=(0.0, 9.0))
+    assert joints(begun(limited), "1")["rows"][0]["shown"] == 7.0
+
+
+def test_the_pose_of_a_run_has_the_digits_that_its_error_supports(monkeypatch):
+    monkeypatch.setattr(pg.Result, "error_estimate", 0.0021)
+    state = simulated(begun(pg.Model.serial(1)), 0.1)
+    row = joints(state, "1")["rows"][0]
+    assert row["shown"] == round(row["value"], 3)
+    assert row["shown"] != row["value"]
 
 
 def test_arrows_of_resting_bodies_stay_visible_after_an_impact():

@@ -123,7 +123,7 @@ def test_an_energy_drift_has_one_form_in_the_seal_the_report_and_beside_other_ru
     result = pg.simulate(TURNING, t_end=0.01, step=1e-3)
     monkeypatch.setattr(pg.Result, "energy_drift", drift)
     run = Run(TURNING, Request(), result)
-    compared = measures(run)["energy drift"]
+    compared = measures(run)["energy drift"].value
     seal = verdict(run)[1].rpartition(" drifts ")[2]
     below_it = {label: value for label, value, *_ in below(run, verdict(run)[0])}
     seal = below_it.get("Energy drift", seal)

@@ -1,6 +1,7 @@
 """Payloads of the views are plain JSON, with and without a run."""
 
 import json
+import math
 from functools import partial
 
 import numpy as np
@@ -14,7 +15,7 @@ from pgraph_app.model.view import toolbar
 from pgraph_app.playback.view import playback
 from pgraph_app.properties.view import properties
 from pgraph_app.run import Request, Run
-from pgraph_app.run.view import differences, run
+from pgraph_app.run.view import Measure, differences, run
 from pgraph_app.table.view import table
 
 from .store import ME, after, begun, built_in, do, ran
@@ -54,9 +55,21 @@ def test_two_runs_are_compared_in_numbers():
     assert not run(state)["compared"]["rows"]
     state = ran(after(state, do.KeepRun(ME)), short)
     lines = {what: tuple(values) for what, *values in run(state)["compared"]["rows"]}
-    assert lines["distance"] == ("6 m", "3 m")  # 4 m/s along the vertical are no distance
-    assert lines["mean speed"] == ("3 m/s", "3 m/s")
-    assert lines["duration"] == ("2 s", "1 s")
+    # 4 m/s along the vertical are no distance
+    assert lines["distance [m]"] == ("6", "3", "−3")
+    assert lines["mean speed [m/s]"] == ("3", "3", "0")
+    assert lines["duration [s]"] == ("2", "1", "−1")
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "shown"),
+    [(0.1575, 0.1, "0.2"), (-20.2381, 0.13, "-20.2"), (5.6034, 2e-3, "5.603"),
+     (5.6034, 0.0, "5.603"), (5.6034, math.nan, "5.603"), (123.4, 30.0, "120")],
+)  # fmt: skip
+def test_a_figure_has_the_digits_that_its_error_supports(value, error, shown):
+    assert str(Measure(value, "m", error)) == shown
+    other = Measure(value if math.isnan(error) else value + error / 10, "m", error)
+    assert Measure(value, "m", error).since(other) in ("0", "≈ 0")
 
 
 def compared(first, second, **settings):
@@ -141,11 +154,11 @@ def test_a_row_tells_what_holds_its_body_beside_its_joint():
 
 def test_the_degrees_of_freedom_left_are_told_once_they_are_known():
     state = begun(built_in("four_bar"))
-    assert "3 DoF" in toolbar(state, ME)["count"]
+    assert toolbar(state, ME)["count"].startswith("… DoF (3 in tree)")
     known = after(state, report(state.model))
     assert "1 DoF (3 in tree)" in toolbar(known, ME)["count"]
     edited = after(known, do.EditBodies(ME, 1, (state.derived.names[0],), "mass", (((), "7"),)))
-    assert "3 DoF" in toolbar(edited, ME)["count"]
+    assert toolbar(edited, ME)["count"].startswith("… DoF (3 in tree)")
 
 
 def test_a_model_without_bodies_cannot_be_run(state):
