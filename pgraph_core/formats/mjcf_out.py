@@ -33,7 +33,7 @@ from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, unused, why_unphysical
 from .mjcf import INITIAL
 from .mjcf_compiled import GREY, MINVAL
-from .mjcf_contacts_out import MESHES, WORLD, ContactsOut, condim, geom_name
+from .mjcf_contacts import FRICTIONLESS, MESHES, WORLD, ContactsOut, condim, geom_name
 from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag
 
@@ -129,7 +129,7 @@ class _Writer(ContactsOut):
         if self.floor:
             turn = quaternion_of(frame_of(np.array(m.ground_normal)))
             plane = Tag("geom", name="ground", type="plane", size=(0.0, 0.0, 1.0), quat=turn)
-            law = self.of_ground or (0.0, 0.0, 0.0)
+            law = self.of_ground or FRICTIONLESS
             world.add(plane.set(friction=law, condim=condim(law)))
             if m.ground.steps:
                 self.out("ground", "its steps", acts=True)

@@ -17,9 +17,10 @@ from ..errors import InputError, ModelError, Suggests, counted, explained, neede
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
+from ..sweeps.metrics import measured as metric
+from ..sweeps.metrics import words
 from ..tolerances import EPS, NOTABLE
 from .free import FAR, Case, Numbers, described, option
-from .goals import Goals
 
 Array = np.ndarray
 SOLVERS = ("SLSQP", "trust-constr", "L-BFGS-B", "least_squares")
@@ -532,3 +533,93 @@ def _starts(numbers: Numbers, starts: Any, seed: int, earlier: Mapping[str, floa
             raise numbers.refused("starts", text)
         found.append(x)
     return found
+
+
+# -- the goal and the limits of a search -----------------------------------------------------------
+
+
+class Goals:
+    """The objective and the constraints as one vector function of a run."""
+
+    def __init__(self, numbers: Numbers, objective: Any, limits: Any):
+        self.numbers = numbers
+        self.objective = self._function("objective", objective)
+        if not isinstance(limits, Mapping):
+            text = "must map metrics to (low, high), as {'peak v.knee': (None, 3)}, got "
+            raise numbers.refused("subject_to", text + shown(limits))
+        self.names = [*limits]
+        read = [self._limit(name, pair) for name, pair in limits.items()]
+        self.functions = [function for function, _ in read]
+        self.limits = np.array([pair for _, pair in read]).reshape(-1, 2)
+        self.squares = False  # whether the objective is an array
+        self.count = 1  # numbers of the objective
+
+    def _limit(self, name: str, pair: Any) -> tuple[Callable[[Result], Any], tuple[float, float]]:
+        """Return the function of a limit, and its ends."""
+        what = f"subject_to[{name!r}]"
+        try:
+            *function, low, high = pair
+            low, high = -math.inf if low is None else low, math.inf if high is None else high
+            good = float(low) <= float(high) and (math.isfinite(low) or math.isfinite(high))
+        except (TypeError, ValueError):
+            function, low, high, good = [], 0.0, 0.0, False
+        if not good or len(function) > 1:
+            text = "needs (low, high) or (function, low, high), of which one may be None, got "
+            raise self.numbers.refused(what, text + shown(pair))
+        return self._function(what, *(function or [name])), (float(low), float(high))
+
+    def _function(self, what: str, given: Any) -> Callable[[Result], Any]:
+        if callable(given):
+            return given
+        if not isinstance(given, str):
+            text = f"must be a metric such as 'peak v.knee', or a function, got {shown(given)}"
+            raise self.numbers.refused(what, text)
+        text = given.removeprefix("-").strip()
+        sign = -1.0 if given.startswith("-") else 1.0
+        try:
+            words(text)
+        except InputError as error:
+            raise self.numbers.refused(what, error.problems[0].text) from None
+        return lambda run: sign * metric(run, text)
+
+    def begin(self, run: Result) -> None:
+        """Check the first run, so that invalid goals are rejected."""
+        first = np.asarray(self.objective(run), dtype=object)
+        self.squares, self.count = first.ndim > 0, first.size
+        for what, function in (
+            ("objective", self.objective),
+            *((f"subject_to[{name!r}]", f) for name, f in zip(self.names, self.functions)),
+        ):
+            try:
+                found = np.asarray(function(run), float)
+            except (TypeError, ValueError):
+                raise self.numbers.refused(what, "must return numbers") from None
+            if (
+                not found.size
+                or not np.isfinite(found).all()
+                or (what != "objective" and found.size != 1)
+            ):
+                text = f"must return a finite number; at the start it is {shown(found.tolist())}"
+                raise self.numbers.refused(what, text)
+
+    def __call__(self, run: Result) -> Array:
+        """(count + constraints,) the goals of a run."""
+        found = [np.ravel(np.asarray(self.objective(run), float))]
+        return np.concatenate([*found, *(np.ravel(float(f(run))) for f in self.functions)])
+
+    def total(self, values: Array) -> float:
+        """Return the objective as one number."""
+        own = values[: self.count]
+        return float(own @ own) if self.squares else float(own[0])
+
+    def missed(self, values: Array) -> float:
+        """Return by how much constraints are missed, relative to their sizes."""
+        found = values[self.count :]
+        over = np.maximum(self.limits[:, 0] - found, found - self.limits[:, 1]) / self.sizes
+        return float(np.maximum(over, 0.0).max(initial=0.0))
+
+    @property
+    def sizes(self) -> Array:
+        """(constraints,) the largest limit of each, at least 1."""
+        finite = np.where(np.isfinite(self.limits), np.abs(self.limits), 0.0)
+        return np.maximum(finite.max(axis=1, initial=0.0), 1.0)

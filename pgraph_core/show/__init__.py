@@ -8,7 +8,7 @@ name of a package that is not installed.
 * `figure(t, columns, title)`: matplotlib
 * `opened(page)` shows an HTML page in a notebook or browser
 * `digraph_svg(names, parent, loops)`; `shapes`: bodies as simple pieces and meshes
-* `pictures`: PNG, SVG, MP4, GIF without a screen; `drawing`: camera, light and ground; `raster`:
+* `pictures`: PNG, SVG, MP4, GIF without a screen, with camera, light and ground; `raster`:
   triangles as pixels
 """
 

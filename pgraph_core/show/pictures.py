@@ -15,10 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, InputError, Problem, needed
+from ..errors import FileError, InputError, Problem, choices, needed
+from . import shapes, stage
+from .bodies import Track, looks
 from .digraph import digraph_svg
-from .drawing import Drawing, checked_size
-from .notebook import between, digraph_of
+from .notebook import between, digraph_of, numbered
+from .raster import NOTHING, Camera, Ground, Sun, Tones, cover, developed, light
 
 DPI = 100  # resolution of plots, whose size is in pixels
 LONGEST_FILM = 20_000  # limit on the frames of a film
@@ -186,3 +188,236 @@ def _suffix(path: str | Path, known: Sequence[str], what: str) -> str:
         text += ", or run.to_html for a web page" if what == "film" else ""
         raise FileError(Problem(str(path), "", text))
     return suffix
+
+
+# -- a mechanism rendered to pixels ----------------------------------------------------------------
+
+OVERSAMPLING = 2  # pixels that are drawn for each that is shown, each way
+SHADOWS = 1536  # pixels of the sun's screen, each way
+TILT = (-0.45, 0.25, 1.0)  # direction of the sun: right, towards the viewer, up
+MOST_PIXELS = 8192  # each way
+MOST_IN_ALL = 4096 * 4096  # pixels of a picture: about 2 GB while it is drawn
+LEAST_PIXELS = 16
+
+
+class Drawing:
+    """A mechanism that can be drawn in any pose."""
+
+    def __init__(self, model: Any, poses: np.ndarray, size: tuple[int, int], *,
+                 view: stage.Which = "start", dark: bool = False):  # fmt: skip
+        """Keep all `poses` (n, nb, 7) in view in a picture of `size` (width, height) pixels.
+
+        Raises InputError for invalid sizes and views.
+        """
+        self.size = checked_size(size)
+        if view not in stage.TOWARDS[model.up]:
+            text = f"choose one of {choices(stage.TOWARDS[model.up])}, got {view!r}"
+            raise InputError(Problem("picture", "view", text))
+        bodies, parent = numbered(model)
+        self.up = np.array(stage.GRID[model.up][1])
+        children, colors = shapes.children_of(parent), shapes.branch_colors(parent)
+        self.looks = looks(bodies, children, colors)
+        self._solids(self.looks)
+        self._track = Track(self.looks, poses, self.up)
+        self._reach = self._track.size
+        turns = shapes.to_matrix(poses[0, :, 3:])
+        way = (
+            stage.start(model.up, bodies, turns)
+            if view == "start"
+            else stage.towards(model.up, view)
+        )
+        self._view = stage.fitted(self._track.corners, self.up, way, self.size[0] / self.size[1])
+        self._right, self._above = stage.frame(self.up, way)
+        self._way = way
+        flat = stage.towards(model.up, "start") * self._track.across
+        flat /= np.linalg.norm(flat)
+        sunwards = np.array((np.cross(self.up, flat), flat, self.up)).T @ np.array(TILT)
+        self.towards_sun = sunwards / np.linalg.norm(sunwards)
+        low = stage.depth(model, bodies, parent, poses[0, :, :3], self._reach)
+        self.ground = self._plane(model, low)
+        self._steps(model)
+        self.tones = tones(stage.DARK if dark else stage.LIGHT, model.up)
+        width, height = self.size[0] * OVERSAMPLING, self.size[1] * OVERSAMPLING
+        self._picture = np.empty((height, width, 3), np.float32)
+        self._depth, self._seen = np.empty((height, width)), np.empty((height, width), np.int32)
+        self._shade = np.empty((SHADOWS, SHADOWS)), np.empty((SHADOWS, SHADOWS), np.int32)
+
+    def draw(self, pose: np.ndarray) -> np.ndarray:
+        """Render bodies at `pose` (nb, 7) as (height, width, 3) bytes of red, green and blue."""
+        places, normals = self._placed(pose)
+        faces = np.arange(len(places), dtype=np.int32).reshape(-1, 3)
+        camera = self.camera(pose)
+        points = self._projected(places, camera)
+        self._depth.fill(0.0)
+        self._seen.fill(NOTHING)
+        cover(points, faces, self._opacity, self._depth, self._seen)
+        sun = self._sun(places)
+        shadows, unused = self._shade
+        shadows.fill(-np.inf)
+        off = places - np.array(sun.origin)
+        cover(off @ np.array((sun.x, sun.y, sun.w)).T, faces, self._opacity, shadows, unused)
+        light(
+            self._picture, self._depth, self._seen, points, faces, places, normals, self._colors,
+            shadows, camera, sun, self.ground, self.tones,
+        )  # fmt: skip
+        shown = np.empty((self.size[1], self.size[0], 3), np.uint8)
+        developed(self._picture, CODES, shown)
+        return shown
+
+    # -- what is drawn -----------------------------------------------------------------------------
+
+    def _solids(self, found: Sequence[Any]) -> None:
+        """Build the corners of all faces in body axes, with normals, colours and body numbers."""
+        places, normals, colors, owners, opacity = [], [], [], [], []
+        for k, look in enumerate(found):
+            for piece in look.pieces:
+                solid = shapes.mesh([piece])
+                corners = np.asarray(solid.vertices)[solid.faces]
+                places.append(corners.reshape(-1, 3))
+                normals.append(_normals(corners))
+                colors.append(np.repeat([linear(piece.color or look.color)], len(corners), axis=0))
+                opacity.append(np.full(len(corners), piece.opacity))
+                owners.append(np.full(3 * len(corners), k))
+        empty = np.zeros((0, 3))
+        self._places = np.concatenate([empty, *places])
+        self._normals = np.concatenate([empty, *normals])
+        self._colors = np.concatenate([empty, *colors])
+        self._opacity = np.concatenate([np.zeros(0), *opacity])
+        self._owners = np.concatenate([np.zeros(0, int), *owners])
+
+    def _steps(self, model: Any) -> None:
+        """Add the steps on the ground, which belong to no body."""
+        for step in model.ground.steps:
+            corners = stage.solid(model, step)[np.array(stage.BOX)]
+            self._places = np.concatenate((self._places, corners.reshape(-1, 3)))
+            self._normals = np.concatenate((self._normals, _normals(corners)))
+            self._colors = np.concatenate((self._colors, [linear(stage.STEP)] * len(corners)))
+            self._opacity = np.concatenate((self._opacity, np.ones(len(corners))))
+
+    def _placed(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Transform corners and normals to world axes."""
+        places, normals, count = self._places.copy(), self._normals.copy(), len(self._owners)
+        turns = shapes.to_matrix(pose[:, 3:])[self._owners]
+        places[:count] = np.einsum("nij,nj->ni", turns, places[:count])
+        places[:count] += pose[self._owners, :3]
+        normals[:count] = np.einsum("nij,nj->ni", turns, normals[:count])
+        return places, normals
+
+    # -- where it is seen from -----------------------------------------------------------------
+
+    def on_screen(self, places: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """Project points (n, 3) at `pose` to x and y [pixels] and 1/depth [1/m], (n, 3).
+
+        Not finite behind the camera.
+        """
+        return self._projected(places, self.camera(pose)) / (OVERSAMPLING, OVERSAMPLING, 1.0)
+
+    def camera(self, pose: np.ndarray) -> Camera:
+        """Return the camera for bodies at `pose` (nb, 7)."""
+        width, height = self.size[0] * OVERSAMPLING, self.size[1] * OVERSAMPLING
+        step = 2 * np.tan(stage.FRAMING.field_of_view / 2) / height
+        corner = -self._way - self._right * step * width / 2 + self._above * step * height / 2
+        eye = self._view.position + self._track.gone(pose)
+        return Camera._make(map(_three, (eye, corner, self._right * step, -self._above * step)))
+
+    def _projected(self, places: np.ndarray, camera: Camera) -> np.ndarray:
+        off = places - np.array(camera.eye)
+        deep = -off @ self._way
+        deep = np.where(deep > 1e-3 * self._reach, deep, np.nan)
+        pixel = float(np.linalg.norm(camera.right))
+        x = off @ self._right / deep / pixel + self.size[0] * OVERSAMPLING / 2
+        y = -(off @ self._above) / deep / pixel + self.size[1] * OVERSAMPLING / 2
+        return np.column_stack((x, y, 1.0 / deep))
+
+    def _sun(self, places: np.ndarray) -> Sun:
+        """Return the sun, with a shadow map that covers all bodies."""
+        towards = self.towards_sun
+        right, above = stage.frame(self.up, towards)
+        near = places[: len(self._owners)] if len(self._owners) else np.zeros((1, 3))
+        low, high = near.min(axis=0), near.max(axis=0)
+        middle, edge = (low + high) / 2, 1.1 * max(float(np.linalg.norm(high - low)), 1e-6)
+        origin = middle - edge / 2 * right + edge / 2 * above
+        finer = SHADOWS / edge
+        axes = (towards, origin, right * finer, -above * finer, towards)
+        return Sun._make((*map(_three, axes), edge / SHADOWS))
+
+    def _plane(self, model: Any, low: float) -> Ground:
+        normal = np.asarray(model.ground_normal, float)
+        cell = shapes.spaced(self._reach) / 5
+        along = [axis for axis in np.eye(3) if axis @ self.up == 0]
+        u, v = ((axis - (axis @ normal) * normal) / cell for axis in along)
+        point = -low * self.up
+        return Ground._make((*map(_three, (point, normal, u, v)), 9 * self._reach))
+
+
+def checked_size(size: Any) -> tuple[int, int]:
+    """Return (width, height) in pixels. Raises InputError."""
+    try:
+        width, height = (int(n) for n in size)
+        whole = (width, height) == tuple(size)
+    except (TypeError, ValueError, OverflowError):
+        width, height, whole = 0, 0, False
+    if not whole or not all(LEAST_PIXELS <= n <= MOST_PIXELS for n in (width, height)):
+        text = f"must be (width, height), {LEAST_PIXELS} to {MOST_PIXELS} pixels each, got {size!r}"
+        raise InputError(Problem("picture", "size", text))
+    if width * height > MOST_IN_ALL:
+        text = f"has {width * height:.3g} pixels, {MOST_IN_ALL:.3g} at most, got {size!r}"
+        raise InputError(Problem("picture", "size", text))
+    return width, height
+
+
+def tones(of: stage.Tones, up: str) -> Tones:
+    """Return a page theme as linear light."""
+    rim = np.array(stage.turned(stage.RIM, up)) / np.linalg.norm(stage.RIM)
+    strengths = of.around, of.around, of.key, of.rim
+    colors = of.above, of.below, stage.WARM, stage.COOL
+    lights = [x / np.pi * np.array(linear(color)) for x, color in zip(strengths, colors)]
+    colors = (of.canvas, of.floor, of.line)
+    return Tones._make((*map(linear, colors), *map(_three, (*lights, rim)), of.shadow))
+
+
+def _coded(light: np.ndarray) -> np.ndarray:
+    """Convert linear light from 0 to 1 to sRGB bytes (IEC 61966-2-1)."""
+    curved = 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.round(255 * np.where(light <= 0.0031308, 12.92 * light, curved)).astype(np.uint8)
+
+
+CODES = _coded(np.linspace(0.0, 1.0, 16385))
+
+
+def linear(color: Sequence[int]) -> tuple[float, float, float]:
+    """Convert an sRGB colour to linear light (IEC 61966-2-1)."""
+    c = np.asarray(color) / 255.0
+    return _three(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4))
+
+
+def _three(x: Any) -> tuple[float, float, float]:
+    a, b, c = (float(one) for one in x)
+    return a, b, c
+
+
+def _normals(corners: np.ndarray, crease: float = 0.6) -> np.ndarray:
+    """Return (3 m, 3) vertex normals for faces (m, 3, 3), averaged over adjoining faces without a
+    crease.
+
+    Normals are weighted by area, and coincident corners are merged. Edges with an angle of more
+    than `crease` [rad] between their faces are visible.
+    """
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    unit = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
+    off = corners.reshape(-1, 3) - corners.reshape(-1, 3).min(axis=0, initial=np.inf)
+    bits = np.round(off / (off.max(initial=0.0) or 1.0) * (1 << 20)).astype(np.int64)
+    _, vertex = np.unique(bits @ [1, 1 << 21, 1 << 42], return_inverse=True)
+    owner = np.repeat(np.arange(len(corners)), 3)
+    order = np.argsort(vertex, kind="stable")
+    counts = np.bincount(vertex)
+    starts = np.cumsum(counts) - counts
+    found = np.zeros((len(owner), 3))
+    for k in range(int(counts.max(initial=0))):  # the k-th face at the vertex of each corner
+        has = counts[vertex] > k
+        other = owner[order[(starts[vertex] + k)[has]]]
+        near = (unit[owner[has]] * unit[other]).sum(axis=1) > np.cos(crease)
+        rows = np.flatnonzero(has)[near]
+        found[rows] += flat[other[near]]
+    lengths = np.linalg.norm(found, axis=1, keepdims=True)
+    return np.where(lengths > 0, found / np.maximum(lengths, 1e-300), unit[owner])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.show.drawing import Drawing
+from pgraph_core.show.pictures import Drawing
 from pgraph_core.show.raster import NOTHING, cover
 
 RED = pg.Shape(kind="sphere", radius=0.1, colour=(0.9, 0.05, 0.05))
