@@ -189,19 +189,17 @@ pgraph.digraph = (() => {
 
   function node(data, k, kind, part) {
     const name = data.names[k - 1], place = [data.x[k], data.y[k], label(name, data.rooms?.[k] ?? Infinity)];
-    const parent = data.names[data.parent[k - 1] - 1] ?? "ground", about = [`${data.joints[k - 1]} joint to ${parent}`, `${data.dof[k - 1]} DoF`, `${Number(data.masses[k - 1].toPrecision(4))} kg`, ...data.sites[k - 1]];
-    place.push([name, ...about].join(", "));
     const g = part(["node", k, kind, name, data.colors[k - 1], ...place], () => drawn(data, k, kind, ...place));
     if (g.getAttribute("tabindex") !== String(k === 1 ? 0 : -1)) g.setAttribute("tabindex", k === 1 ? 0 : -1);
     return g;
   }
-  function drawn(data, k, kind, x, y, said, about) {
+  function drawn(data, k, kind, x, y, said) {
     const name = data.names[k - 1], g = svg("g", {
       class: `node${kind}`, "data-name": name, "data-number": k, tabindex: k === 1 ? 0 : -1, role: "button", "aria-label": `${k} ${name}`,
       style: `--body: ${data.colors[k - 1]}`,
     });
     if (kind === " separation") g.append(svg("circle", { class: "outer", cx: x, cy: y, r: RADIUS + 3 }));
-    g.append(svg("title", {}, about), svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k), written("label", x + RADIUS + 5, y + 4, said));
+    g.append(svg("title"), svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k), written("label", x + RADIUS + 5, y + 4, said));
     return g;
   }
   const numberAt = (el) => Number(el.closest?.("g.node")?.dataset.number ?? 0);
@@ -235,6 +233,8 @@ pgraph.digraph = (() => {
 
   function path(data, k) { const found = []; for (; k > 0; k = data.parent[k - 1]) found.push(k); return found; }
 
+  const about = ({ names, parent, joints, dof, masses, sites }, k) => [names[k - 1], `${joints[k - 1]} joint to ${names[parent[k - 1] - 1] ?? "ground"}`, `${dof[k - 1]} DoF`,
+    `${Number(masses[k - 1].toPrecision(4))} kg`, ...sites[k - 1]].join(", ");
   function along(graph, k) {
     for (const el of graph.path ?? []) el.classList.remove("path");
     graph.path = path(graph.data, k).flatMap((j) => parts(graph, j));
@@ -244,6 +244,7 @@ pgraph.digraph = (() => {
     const { graph } = host;
     if (!graph || graph.hovered === k) return;
     graph.hovered = k;
+    if (k) graph.nodes[k].querySelector("title").textContent = about(graph.data, k);
     along(graph, k || graph.data.names.indexOf(pgraph.latest.selection) + 1);
   }
   // -- keys: along the tree, to the neighbour at the same depth, Enter selects -----------------
