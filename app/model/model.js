@@ -141,8 +141,8 @@
     host.hidden = true;
     host.append(make("h2", { textContent: "Start a model" }), make("div", { className: "ways" },
       way("Add a body", "Then its joint, mass and shape at the right", "add", () => send("AddBody", { parent: null })),
-      way("Paste or count", "Rows of a spreadsheet, or a number of bodies", "duplicate", () => ask(newQuestion)),
-      way("Open", "An example, or a JSON, URDF or MJCF file", "graph", () => ask(openQuestion))));
+      way("Paste a table", "Rows of a spreadsheet, or a number of bodies", "duplicate", () => ask(newQuestion)),
+      way("Open", "An example, or a JSON, URDF or MJCF file", "folder", () => ask(openQuestion))));
   }
 
   pgraph.view("start", { build: ways, toolbar: (host, data) => { host.hidden = data.counts.Bodies > 0; } });
