@@ -413,6 +413,14 @@ class Result(Exports, EqualByFields, Portable):
                 return slope if slope.ndim else float(slope)
             except ModelError as error:  # on this side no model is valid
                 refused = error
+            except IndexError as error:
+                if not self.user_events:
+                    raise
+                text = (
+                    "events have no derivatives, but t, q and v of the last frame have, at which "
+                )
+                text += "a terminal event ends a run"
+                raise InputError(Problem("gradient", "function", text)) from error
         assert refused is not None
         raise refused
 

@@ -176,15 +176,15 @@ class Watch:
         count = len(self.monitors)
         return np.flatnonzero(watched[NOW, watched.shape[1] - count :] < 0.0).tolist()
 
-    def note(self, t: float, numbers: Sequence[int], q: Array, v: Array) -> str:
-        """Log events of the given monitors. Returns the name of a terminal one, or ""."""
-        ends = ""
+    def note(self, t: float, numbers: Sequence[int], q: Array, v: Array) -> Monitor | None:
+        """Log events of the given monitors. Returns a terminal one, or None."""
+        ends: Monitor | None = None
         for i in numbers:
             if i < self.waiting:
                 continue
             monitor, number = self.monitors[i], i - self.waiting
             self.log.append(UserEvent(t, monitor.name, number, q.copy(), v.copy()))
-            ends = monitor.name if monitor.terminal else ends
+            ends = monitor if monitor.terminal else ends
         if len(self.log) > MOST_EVENTS:
             raise refusal(
                 "simulate",

@@ -62,6 +62,7 @@ class Recording(Running):
 
     progress: Progress = None
     watch: Watch | None = None  # conditions of switches, then a user's events
+    _last: Monitor | None = None  # the terminal event that ended the run
     _crawls = ""  # the warning that the run would take very many steps
     carried: Carried | None = None  # derivatives
 
@@ -284,6 +285,8 @@ class Recording(Running):
                 raise self.watch.error
             if self.ended.status is Status.STOPPED:
                 self._last_frame()
+                if self.carried is not None and self._last is not None:
+                    self.carried.end_at(self, self._last)
                 return
             if code == at.DONE:
                 if not self._ahead or not self._switch(change := self._ahead.popleft()):
@@ -430,9 +433,10 @@ class Recording(Running):
             else:
                 self._switch_where_true(t, numbers)
         nq, nv = self.mech.nq, self.mech.nv
-        name = watch.note(t, fired, self.q[:nq], self.v[:nv])
-        if name:
-            self.ended.stop(Status.STOPPED, f"{Status.STOPPED.value} at t = {t:.9g} s: {name}")
+        self._last = watch.note(t, fired, self.q[:nq], self.v[:nv])
+        if self._last is not None:
+            text = f"{Status.STOPPED.value} at t = {t:.9g} s: {self._last.name}"
+            self.ended.stop(Status.STOPPED, text)
 
     def _switch_where_true(self, t: float, numbers: Sequence[int]) -> None:
         """Switch constraints whose conditions have become true, including dependent switches."""

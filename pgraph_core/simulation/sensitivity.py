@@ -80,6 +80,7 @@ class Carried:
         self._jump: Jump | None = None  # awaits the frames of the step that ended there
         self._jumped: list[float] = []  # [s] discontinuities of the derivatives
         self._late: dict[int, Array] = {}  # derivatives of when constraints were switched last
+        self._end: tuple[int, Lateness] | None = None  # the last frame, if it moves
         self._most = MOST
         self.out = np.zeros((0, 0, 0, WIDTH))  # empty until a run starts
         refuse(given)
@@ -251,14 +252,22 @@ class Carried:
         if when.constraint is not None:  # follows a switch, at once or after a given time
             known = self._late.get(condition.given.place)
             return Lateness(np.zeros(len(self.slopes)) if known is None else known, before)
+        return self._lateness(record, t, condition, before)
+
+    def _lateness(self, record: Any, t: float, monitor: Any, before: Array) -> Lateness:
         nq, nv = len(record.q), len(record.v)
-        given = condition, t, np.concatenate((record.q, record.v)), nq
+        given = monitor, t, np.concatenate((record.q, record.v)), nq
         rate = slope_along(*given, before[: nq + nv], 1.0)
         ways = [run.derivatives(nq + nv) for run in self._runs]
         found = [slope_along(*given, d, 0.0) for run in ways for d in run[: self._most]]
         found = found[: len(self.slopes)]
         with np.errstate(divide="ignore", invalid="ignore"):
             return Lateness(-np.array(found) / rate, before)
+
+    def end_at(self, record: Any, monitor: Any) -> None:
+        """Differentiate the time of a terminal event, with which the last frame moves."""
+        t = float(record.steps.control["time"])
+        self._end = record.done - 1, self._lateness(record, t, monitor, rates(record, t))
 
     def keep_late(self, constraints: Sequence[int], late: Lateness | None) -> None:
         """Store the times at which these constraints were switched, for conditions with a delay."""
@@ -359,7 +368,13 @@ class Carried:
 
     def of_frames(self, rows: slice | Ints) -> Derivatives:
         """{path: (frames, nq + nv + 2)} of q, v, work and dissipation."""
-        found = {one.path: d[rows][:, self.order] for one, d in zip(self.variables, self._each())}
+        each = self._each()
+        if self._end is not None:
+            frame, late = self._end
+            each = [d.copy() for d in each]
+            for d, time in zip(each, late.times):
+                d[frame] += time * late.rates
+        found = {one.path: d[rows][:, self.order] for one, d in zip(self.variables, each)}
         return Derivatives(found, self)
 
     def scale_of(self, path: str) -> float:
@@ -374,10 +389,13 @@ class Carried:
         """
         from ..engine.stepping.duals import record_states
 
-        (variable,) = (one for one in self.variables if one.path == path)
+        number = [one.path for one in self.variables].index(path)
+        variable, times = self.variables[number], np.array(run.t)
+        if self._end is not None:
+            times[-1] += change * self._end[1].times[number]
         mech, plan = variable.made(variable.present + change)
         stepped = plan.contacts is not None
-        plan = replace(plan, times=np.array(run.t), shown=None, changes=(), way=None, contacts=None)
+        plan = replace(plan, times=times, shown=None, changes=(), way=None, contacts=None)
         other = self.given.recording(mech, plan, *plan.start, self.given.tau)
         states = np.zeros((len(run.t) + 1, other.steps.stages.shape[1]))
         own = np.zeros(run.states.shape), run.states

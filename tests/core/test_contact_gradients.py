@@ -428,3 +428,32 @@ def test_other_parameters_of_bodies_at_rest_keep_their_derivatives(model, path):
     run = pg.simulate(model, t_end=0.2, step=1e-3, method="moreau_jean", wrt=(path,))
     assert np.isfinite(run.sensitivity(path)).all()
     assert not any("derivatives end" in text for text in run.notices)
+
+
+def test_a_limit_that_is_hit_after_the_ground_in_the_same_step():
+    """The limit is located while the end of the part before is still that at the ground."""
+    box = pg.Body(
+        name="box", joint="compound", mass=1.0, inertia=(0.01, 0.01, 0.01),
+        motions=[("translate", (1, 0, 0)), ("translate", (0, 0, 1)), ("rotate", (0, 1, 0))],
+        shape=pg.Shape("box", size=(0.3, 0.2, 0.2)),
+    )  # fmt: skip
+    rod = pg.Body(
+        name="rod", parent="box", axes=(0, 1, 0), mass=0.3, com=(0, 0, -0.2),
+        inertia=(0.004, 0.0044, 0.002), limits=((-0.5, 0.5),),
+    )  # fmt: skip
+    spring = pg.Spring(
+        name="spring", body="rod", point=(0, 0, -0.4), other_point=(0, 0, 1), stiffness=2.0,
+        rest=0.5,
+    )  # fmt: skip
+    contact = pg.Contact(name="c", body="box", friction=0.8, restitution=0.4)
+    model = pg.Model(bodies=(box, rod), contacts=(contact,), forces=(spring,))
+
+    def end(x):
+        stepper = pg.Stepper(model, step=0.0047, q=x[:4], v=x[4:])
+        stepper.step()
+        return np.concatenate((stepper.q, stepper.v))
+
+    x, h = np.array([0.5996, 0.15199, 1.58126, -0.4995, 1.44394, -0.64156, 3.64605, 0.16814]), 1e-6
+    A = pg.Stepper(model, step=0.0047, q=x[:4], v=x[4:]).linearise().A
+    wanted = np.array([end(x + h * e) - end(x - h * e) for e in np.eye(8)]).T / (2 * h)
+    np.testing.assert_allclose(A, wanted, atol=1e-6 * np.abs(wanted).max())

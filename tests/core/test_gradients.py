@@ -709,3 +709,40 @@ def test_a_start_that_misses_a_constraint_is_assembled_in_the_finer_run_too(miss
     run = pg.simulate(mech, q, wrt=(wrt,), **options)
     assert run.status.ok
     assert not any("finer run" in text for text in run.notices)
+
+
+@pytest.mark.parametrize("options", [{"rtol": 1e-11}, {"method": "rk4", "step": 1e-3}])
+@pytest.mark.parametrize("level", [0.2, -0.3])
+def test_the_last_frame_moves_with_the_time_of_a_terminal_event(level, options):
+    def make(start=1.0, mass=1.3):
+        rods = [
+            pg.Body(name="arm", axes=(0, 1, 0), mass=mass, com=(0, 0, -0.5), inertia=(0.1,) * 3,
+                    damping=0.2),
+            pg.Body(name="hand", parent="arm", link=(0, 0, -1), axes=(0, 1, 0), com=(0, 0, -0.4),
+                    inertia=(0.1,) * 3),
+        ]  # fmt: skip
+        return pg.Model(bodies=rods), (start, 0.3)
+
+    def stop(t, q, v):
+        return q[0] - level + 0.1 * q[1]
+
+    stop.terminal = True
+
+    def run(wrt=(), **numbers):
+        return pg.simulate(*make(**numbers), t_end=3.0, events=stop, wrt=wrt, frames=301, **options)
+
+    def end(run):
+        return np.concatenate((run.t[-1:], run.q[-1], run.v[-1], run.dissipation[-1:]))
+
+    moved = run(("q.arm", "bodies.arm.mass"))
+    found = moved.gradient(end)
+    h = 1e-5
+    for path, sides in {
+        "q.arm": [end(run(start=1.0 + s)) for s in (h, -h)],
+        "bodies.arm.mass": [end(run(mass=1.3 + s)) for s in (h, -h)],
+    }.items():
+        assert found[path] == pytest.approx(np.subtract(*sides) / (2 * h), abs=1e-6)
+        q = moved.sensitivity(path)[-1, :2]
+        assert q[0] + 0.1 * q[1] == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(pg.InputError, match="last frame"):
+        moved.gradient(lambda run: run.user_events[0].t)

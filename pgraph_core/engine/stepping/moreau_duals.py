@@ -448,9 +448,10 @@ def locate_end(run, numbers, place):
     for k in range(WIDTH):
         gap[0, k] = 1.0 if k == BY_WIDTH else 0.0  # nothing moves the end
     for i in range(tally.first_limit, tally.first_limit + tally.limits):
-        if given.blocks.blocks_f[i, at.LOCATED] < math.inf:
+        located = given.blocks.blocks_f[i, at.LOCATED]  # perhaps from here, for the next end
+        if located < math.inf:
             gaps[1] = gap_of(scene, of_numbers, i, q)
-            if abs(gap[1, 0]) < least:
+            if abs(gap[1, 0]) < min(least, 0.5 * located):
                 least = abs(gap[1, 0])
                 gaps[0] = gaps[1]
     if least == math.inf and touches(of_numbers):
