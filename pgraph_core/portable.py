@@ -84,7 +84,7 @@ def stated(words: Iterable[str], body: bytes) -> bytes:
 
 
 def sealed(kind: str, content: bytes, folder: Path | None) -> bytes:
-    """Return a snapshot of a `kind`, with a seal by the user's key in `folder`."""
+    """Return a snapshot of a `kind`, sealed with the user's key from `folder`."""
     magic = _magic(kind)
     return magic + hmac.digest(_key_in(folder), magic + content, "sha256") + content
 

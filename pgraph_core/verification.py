@@ -122,7 +122,8 @@ def constraint_force(motion: Motion, given: Given) -> Array:
 
 
 def contact_force(motion: Motion, given: Given) -> Array:
-    """Return [torque, force] that `contact` exerts on its body, or only its `rows`."""
+    """Return the vector [torque, force] that `contact` exerts on its body, or only the given
+    `rows` of it."""
     return _run(motion).contact_force[given["contact"]][:, _rows(given)]
 
 

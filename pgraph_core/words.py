@@ -124,7 +124,7 @@ def advice(name: str, known: Iterable[str]) -> str:
 
 
 def chosen(value: Any, known: Iterable[str]) -> str:
-    """Return the Pgraph choice that corresponds to a word of another program, or ""."""
+    """Return the keyword of Pgraph for that of another program, or "" if there is none."""
     word = value.lower() if isinstance(value, str) else ""
     names = list(known)
     return next((x for x in CHOICES.get(word, (word,)) if x in names and x != value), "")

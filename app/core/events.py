@@ -54,7 +54,7 @@ class Event(ABC):
 
 
 class Tick(Event):
-    """Wall-clock time that passed while something moves [s]."""
+    """Wall-clock time that has passed while something was moving [s]."""
 
     collapses = True
     dt: float

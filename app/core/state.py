@@ -224,7 +224,7 @@ KEPT = 8  # models of which it is known
 
 @dataclass(frozen=True)
 class Derived:
-    """Data derived from the model, in number order unless stated otherwise."""
+    """Data derived from the model, in the order of the body numbers unless stated otherwise."""
 
     names: tuple[str, ...]  # depth-first, from body 1
     number: Mapping[str, int]  # name -> 1..nb

@@ -195,7 +195,7 @@ class Walk(FromPage):
 
 
 class GoLive(FromPage):
-    """Start simulating and playing at once, without an end time: a walk if it has a gait."""
+    """Start simulating and playing immediately, without an end time. A model with a gait walks."""
 
     def applied(self, state: State) -> State:
         if not idle(state):

@@ -52,7 +52,7 @@ class LiveRunner:
             _begin(self._run, live.id)
 
     def _wanted(self, id: int) -> tuple[State, Live] | None:
-        """Return the state while this live run continues."""
+        """Return the current state without stopping this live run."""
         state = self._state
         if state is None or state.going is None or state.going.id != id:
             return None

@@ -107,7 +107,7 @@ class AskBody(Pointed):
 
 
 class ClickView(Pointed):
-    """A click in the view, which clears the selection where there is no body."""
+    """A click in the view. If it hits no body, the selection is cleared."""
 
     def applied(self, state: State) -> State:
         page, found = state.clients.get(self.client), spot_of(state, self)
@@ -146,7 +146,7 @@ def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None
 
 
 def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
-    """Fill the cells of the picked field from a spot as one undo step."""
+    """Fill the cells of the selected field with a picked position, as one undo step."""
     vector = in_axes_of(state, aim, found)
     of = aim.name if aim.part else aim.bodies[0] if aim.bodies else ""
     after = with_client(state, client, aim=None)

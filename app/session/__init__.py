@@ -59,7 +59,8 @@ class Connected(OfServer):
 
 
 class Hello(FromPage):
-    """Identification of a page and its display. A page that was disconnected regains its state."""
+    """The page of an event, and the display to which it belongs. A page that was disconnected
+    regains its state."""
 
     serial: int
     page: Annotated[str, Field(max_length=100)]  # its own name, the same as long as it is open

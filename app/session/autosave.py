@@ -98,7 +98,7 @@ def _locked(file: IO[bytes], *, shared: bool) -> bool:
 
 
 class Autosave:
-    """Writes the models of this session at every edit."""
+    """Saves the models of this session after every edit."""
 
     def __init__(
         self,

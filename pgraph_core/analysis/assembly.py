@@ -151,9 +151,10 @@ def followed(mech: Dynamics, q: Array) -> Array | None:
     """Return the configuration (nq,) to which motions over time from 0 to 1 lead from an assembled
     q, or None.
 
-    Each step goes along the velocities and is then assembled. It is halved until the assembly
-    moves less than half as far, which keeps the branch ([Allgower and Georg 1990]). There is no
-    configuration if notable steps do not achieve this, at a dead end of a joint for example.
+    Each step goes along the velocities and is then assembled. The step is halved until the assembly
+    moves less than half as far. The solution then stays on the same branch ([Allgower and Georg
+    1990]). There is no configuration if notable steps do not achieve this, at a dead end of a joint
+    for example.
     """
     t, width, active = 0.0, 1.0, mech.packed.active
     scene = Scene(mech.packed, mech.packed.passive, NO_LOADS, active)

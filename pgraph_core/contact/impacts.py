@@ -178,7 +178,8 @@ def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> 
 
 
 def _most_mobile(omega: Array) -> float:
-    """Return the larger eigenvalue of a contact's tangential block, the same in any basis."""
+    """Return the larger eigenvalue of a contact's tangential block. The value does not depend on
+    the basis."""
     (a, b), (_, c) = omega.tolist()
     return 0.5 * (a + c + math.hypot(a - c, 2.0 * b))
 

@@ -544,8 +544,8 @@ def _sides(low: float | None, high: float | None) -> Iterator[tuple[float, float
 def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
     """Return the gap scale for a limit: its range, but at most one radian [rad, m].
 
-    For a slider with one limit, the size is the radius of gyration. If all masses are located at
-    body origins, the size is the largest of the lengths of the mechanism, the limit, and the
+    For a slider with one limit, the size is the radius of gyration. If all masses are at body
+    origins, the size is the largest of three lengths: that of the mechanism, the limit, and the
     initial distance from the limit.
     """
     low, high = pair

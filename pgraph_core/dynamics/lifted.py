@@ -103,7 +103,7 @@ def are_on_lines(values: Sequence[Flat]) -> bool:
 
 
 def laid_out(kind: Any, value: Any) -> list[int]:
-    """The words in which kernels find a lifted tuple at an address."""
+    """The memory words through which kernels access a lifted tuple, given its address."""
     if isinstance(kind, Group):
         return [word for own, part in zip(kind.members, value) for word in laid_out(own, part)]
     if not isinstance(kind, ArrayKind):

@@ -1,4 +1,4 @@
-"""Times at which a comparison of times within expressions changes, where steps end.
+"""Times at which a comparison of times within an expression changes. Steps end there.
 
 Comparisons are `<` and `<=`, as well as those in min, max, abs, tables and smooth steps. An
 interval in which none can change, by interval arithmetic [Moore 1966], has no edge. Others are

@@ -1,4 +1,4 @@
-"""Springs, dampers, friction and joint drives, and tables over time."""
+"""Springs, dampers, friction, joint drives, and tables that depend on time."""
 
 import math
 
@@ -126,7 +126,8 @@ def own_torque(one, knots, t):
 
 @part
 def along_terms(table, terms, n, column, x):
-    """Return Σ coefficient x over the coordinates of drive n, with x = v (`column` 0) or q (1)."""
+    """Return the sum of coefficient * x over the coordinates of drive n. Here x is v if `column`
+    is 0, and q if it is 1."""
     first = table[n].first_term
     total = terms[first, 2] * x[int(terms[first, column])]
     for i in range(first + 1, first + table[n].terms):

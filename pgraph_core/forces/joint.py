@@ -134,7 +134,7 @@ class OnJoint(Force, OfSums):
         return []
 
     def _dim_of(self, name: str) -> Dim:
-        """Return the dimension of a field. Bounds on the input and its integral follow it."""
+        """Return the dimension of a field. The bounds on the input and on its integral follow."""
         acts = super()._dim_of(self.INPUT)
         if name in ("start", "state_low", "state_high"):
             return acts

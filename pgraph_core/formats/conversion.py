@@ -86,7 +86,7 @@ class Report(Suggests):
         return model
 
     def noted(self, model: Model) -> Model:
-        """Return the model with omissions and warnings as its `notices`."""
+        """Return the model, whose `notices` list the omissions and warnings."""
         worth = (str(e) for e in self.entries if e.kind in ("left out", "warning"))
         vars(model)["notices"] = tuple(worth)
         return model

@@ -45,9 +45,9 @@ NOTHING = (1.0, 0.0, 0.0, 0.0)
 def write_mjcf(model: Model, path: str | Path) -> Report:
     """Write a model as an MJCF file.
 
-    Trees, contacts, motors, servos, springs and constraints of the kinds point, weld, revolute,
-    gear and motion are supported. Meshes from other folders are copied to `meshes` next to the
-    file.
+    The supported parts are trees, contacts, motors, servos, springs, and constraints of the kinds
+    point, weld, revolute, gear and motion. Meshes from other folders are copied to `meshes` next to
+    the file.
 
     Parameters
     ----------

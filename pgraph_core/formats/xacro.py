@@ -29,7 +29,8 @@ def expanded(
     """Return the root of the expanded URDF file and the warnings from the expansion.
 
     `arguments` are the values of its `<xacro:arg>`. `$(find package)` is looked for in `folders`,
-    then where ROS has it. Raises FileError, InputError, and MissingPackage without the package.
+    then where ROS has it. Raises FileError or InputError, or MissingPackage if the package is not
+    installed.
     """
     xacro = needed("xacro", "xacro")
     values = {name: _text(name, value) for name, value in arguments.items()}

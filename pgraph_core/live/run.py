@@ -46,7 +46,7 @@ class Root(NamedTuple):
 
 
 class Image:
-    """The layout of structs and arrays from address `base`, and their bytes."""
+    """The layout and the bytes of the structs and arrays that start at address `base`."""
 
     def __init__(self, base: int, roots: Mapping[str, Root], others: Iterable[Any] = ()):
         """Set up the layout. `others` are arrays outside structs. Nothing is written yet."""
@@ -130,7 +130,7 @@ def size_of(kind: Any) -> int:
 
 
 def offset_of(kind: Any, *path: str) -> int:
-    """Return the offset of a member of a named tuple type in its struct [bytes]."""
+    """Return the byte offset of a named-tuple field within the corresponding struct."""
     at = 0
     for name in path:
         k = kind.fields.index(name)

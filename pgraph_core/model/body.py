@@ -350,7 +350,7 @@ class Body(Described):
         return {name: value for name, value in kept.items() if name not in gone}
 
     def gained(self, update: Mapping[str, Any]) -> tuple[Derived, ...]:
-        """Return the fields that a point derives from the first shape that `update` gives it."""
+        """Return the fields that a point derives from its first shape in `update`."""
         shaped = update.get("shapes") or update.get("shape")
         own = self.shapes or "inertia" in self.model_fields_set or self.inertia != POINT
         if own or not shaped or "derived" in update:

@@ -184,7 +184,8 @@ class _Copy:
         return s.unchecked_copy({**states, **active, "forces": forces})
 
     def reflected(self, part: Constraint | Contact | Force | Output) -> dict[str, Any] | None:
-        """Return the changed fields of a part, or None if they cannot express its mirror image."""
+        """Return the fields that mirror a part, or None if its fields cannot express the mirror
+        image."""
         assert self.mirror is not None
         if isinstance(part, Output):
             return {}
@@ -321,7 +322,7 @@ class Mirror:
         )
 
     def screw(self, rows: Sequence[Any]) -> Any:
-        """Reflect a (6, 6) matrix between displacements and rotations."""
+        """Return the mirror image of a (6, 6) matrix that couples displacements and rotations."""
         signs = (*self.sign, *(-x for x in self.sign))
         return tuple(
             tuple(a * b * x + 0.0 for b, x in zip(signs, row)) for a, row in zip(signs, rows)

@@ -314,8 +314,8 @@ class Editable(Description):
         Parameters
         ----------
         changes : dict
-            Changed fields by the current name of each body. In `changes`, `parent` refers to the
-            new name.
+            A dictionary that maps the current name of each body to its changed fields. In
+            `changes`, `parent` refers to the new name.
 
         Returns
         -------

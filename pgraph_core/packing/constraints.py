@@ -130,7 +130,8 @@ class Endpoints:
         return np.array(self.model.ground_normal if self.b == 0 else (0.0, 0.0, 1.0))
 
     def rolling(self, radius: float, dirs: Sequence[Array], axis: Array | None) -> Block:
-        """Return a block of a sphere, or a disc about an axis, on a plane of this normal first."""
+        """Return a block for a sphere, or for a disc about an axis, on a plane with the given
+        normal."""
         if axis is None:
             return Block(at.T_SPHERE, 3, self.values(radius, dirs))
         return Block(at.T_DISC, 3, self.values(radius, dirs, [axis]))

@@ -40,8 +40,8 @@ LOSSES: dict[str, Callable[[Array], tuple[Array, Array]]] = {
 class Fit(Suggests):
     """The result of `fit`, with the fitted values and their uncertainty.
 
-    Arrays over the free parameters are in the order of `values`. With several measurements, columns
-    are named COLUMN@CASE.
+    Arrays with one entry per free parameter are in the order of `values`. With several
+    measurements, columns are named COLUMN@CASE.
     """
 
     model: Model  # the model with the fitted numbers

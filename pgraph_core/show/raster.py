@@ -157,7 +157,7 @@ def light(picture, depth, seen, points, faces, places, normals, colors, shadows,
 
 @part
 def _on(points, faces, places, normals, face, x, y):
-    """Return the position and unit normal of a face at a pixel, in true perspective."""
+    """Return the position and unit normal of the face at a pixel, corrected for perspective."""
     ax, ay, aw = load(points, faces[face, 0], 0)
     bx, by, bw = load(points, faces[face, 1], 0)
     cx, cy, cw = load(points, faces[face, 2], 0)

@@ -341,7 +341,7 @@ class Steps:
 
 
 class Workplace(NamedTuple):
-    """A scene with its stepping loop and frames, which a short run passes on to the next one.
+    """A scene with its stepping loop and frames. A short run passes it on to the next run.
 
     Creating them takes longer than some tens of steps. A workplace is used by one run at a time.
     """

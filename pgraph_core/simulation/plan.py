@@ -579,7 +579,8 @@ def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
 def _method(
     rate: Rate, plan: RunPlan, name: str, o: Options, step: float | None
 ) -> tuple[Method, str]:
-    """Return (method, reason) of `name`, or a suitable method for "auto". Raises InputError."""
+    """Return the method `name`, or a suitable method for "auto", with the reason for it. Raises
+    InputError."""
     impulses, touching = plan.impulses, plan.contacts is not None
     tendons = plan.contacts is not None and plan.contacts.tendons
     if name != "auto" or (impulses and (o.rtol is None or tendons)):

@@ -276,7 +276,7 @@ class Carried:
 
     @property
     def ended(self) -> list[str]:
-        """Messages with the time and the reason at which derivatives end."""
+        """Messages that tell when derivatives end, and why."""
         if self._parts is None or not self._parts.ended[1]:
             return self._ended
         t, why = self._parts.ended

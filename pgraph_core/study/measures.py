@@ -31,7 +31,8 @@ class Errors(NamedTuple):
 
     @classmethod
     def of(cls, e: Array) -> Errors:
-        """Create from the errors (n, m) in every observable at every time."""
+        """Create from an (n, m) array of errors, with a row for each time and a column for each
+        observable."""
         if not np.isfinite(e).all():
             return cls(np.inf, np.inf)
         return cls(rms(e), float(np.max(e, initial=0.0)))

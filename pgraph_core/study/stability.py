@@ -327,7 +327,7 @@ def _line(sweep: Sweep, value: float, work: Work) -> Line:
 def _cell(
     sweep: Sweep, index: int, line: Line, method: str, step: float, work: Work
 ) -> tuple[int, Cell] | None:
-    """Return the index of a cell and the cell, or None if the map was cancelled."""
+    """Return a cell with its index, or None if the map was cancelled."""
     cell = Cell(line.value, method, step, Verdict.FAILED, line.problem, time=0.0)
     if line.model is None:
         return index, cell

@@ -65,7 +65,8 @@ def _call(name: str, node: ast.expr | ast.stmt, *args: ast.expr) -> ast.expr:
 
 @functools.cache
 def _definitions(file: str) -> dict[int, ast.FunctionDef]:
-    """Return the functions of a file by their first line, decorators included."""
+    """Return a dictionary that maps first lines, including decorators, to the functions of a
+    file."""
     tree = _Replaced().visit(ast.parse(Path(file).read_text(encoding="utf-8")))
     found: dict[int, ast.FunctionDef] = {}
     for node in ast.walk(tree):

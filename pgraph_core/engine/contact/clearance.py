@@ -1,11 +1,11 @@
 """Clearance between candidate shapes, and a check whether a step may have used it up.
 
-Runs ignore contacts and limits until bodies come close, and conditions on coordinates except near
-their bounds. Assuming that no speed more than doubles, no contact is possible before a known time,
-and steps before this time are not checked. After it, `watch_clearance` checks each step. A step
-that moves everything by less than the clearance cannot have touched anything. Otherwise the
-clearance is recomputed at the end of the step, and then within it by conservative advancement on
-the dense output ([Mirtich 1996]).
+Runs ignore contacts and limits until bodies come close, and ignore conditions on coordinates until
+the coordinates are near their bounds. Assuming that no speed more than doubles, no contact is
+possible before a known time, and steps before this time are not checked. After it,
+`watch_clearance` checks each step. A step that moves everything by less than the clearance cannot
+have touched anything. Otherwise the clearance is recomputed at the end of the step, and then within
+it by conservative advancement on the dense output ([Mirtich 1996]).
 """
 
 import math
@@ -301,7 +301,7 @@ def frame_gaps(scene, address, q, gaps):
     """Compute the smallest gap of each contact pair at the states q (n, nq), as (n, contact pairs)
     [m].
 
-    The gaps between members of a contact of all bodies with each other are not updated.
+    If a contact acts between all bodies, the gaps between its members are not updated.
     """
     data, guard = opened(scene), guard_at(address)
     rows, const, work = data.rows, data.const, data.work

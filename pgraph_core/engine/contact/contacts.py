@@ -290,8 +290,8 @@ def push_contacts(scene, v, tau, flow):
     """Add contact forces to the rows and τ, after `outboard`, the power of moving surfaces to
     flow[0], and the dissipated power to flow[1].
 
-    Soft and penalty contacts push by their depth. Rigid ones push with the forces of the last step
-    of time stepping if `frozen`.
+    Soft and penalty contacts push by their depth. If `frozen`, rigid contacts push with the forces
+    of the last time step.
     """
     data = opened(scene)
     rows, const, work, space = data.rows, data.const, data.work, data.space

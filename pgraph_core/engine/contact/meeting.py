@@ -164,8 +164,9 @@ def limit_arrival(blocks, i, back, h, left, q, v, vdot):
 
     Along the path of `state_at`, the gap of a coordinate is a parabola. The parabola starts a time
     `back` before q, which was reached at the velocity v. A closed limit is hit immediately if its
-    speed would violate the tolerance within a step of size h. A limit that was located in this step
-    is located again after half of its gap, because impulses of other rows may change the path.
+    speed would violate the tolerance within a step of size h. If a limit was already located in
+    this step, it is located again once its gap has halved, because impulses of other rows may
+    change the path.
     """
     closed = closed_limit(blocks, i)
     rate, change = limit_speeds(blocks, i, v, vdot)

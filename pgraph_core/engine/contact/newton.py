@@ -313,10 +313,10 @@ def add_four(x, to, here, across, g, u):
 
 @sweep
 def direction(scene, n, soft, refactor, held):
-    """Compute Newton's changes in λ into MOVE, and in w into TRIAL. Returns whether there is a
-    factor.
+    """Compute the Newton updates of λ and w, and store them in MOVE and TRIAL. Returns whether
+    there is a factor.
 
-    If `held`, w has moved along PATH, which λ does not contain.
+    If `held`, w has moved along PATH, but λ does not include that move.
     """
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands

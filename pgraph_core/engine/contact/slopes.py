@@ -236,8 +236,8 @@ def undetermined(data, carried, rank, count, m):
     """Return whether impulses that the laws leave undetermined change velocities.
 
     The change of velocities by a combination of these impulses is compared with the changes by its
-    parts, as energies. Less than PROXIMAL counts as zero, as for the pivots of `solve_ranked`,
-    which has to be called before.
+    parts, as energies. Values below PROXIMAL count as zero, as for the pivots of `solve_ranked`,
+    which must be called first.
     """
     blocks, space = data.blocks, data.space
     slots, own, effect, dinv = space.slots, space.own, space.vectors[OTHER], space.vectors[DINV]

@@ -267,7 +267,8 @@ def falls(walk, work, t, com, level):
 
 @part
 def control(walk, work, t):
-    """Compute τ of a walk or of lanes from the frames in `work`. Joints brake after a fall."""
+    """Compute τ for one walk or for several lanes, from the frames in `work`. Joints brake after
+    a fall."""
     rows, const, mine, linear, legs = walk.rows, walk.const, walk.work, walk.linear, walk.legs
     s, waves, feet, mat = walk.settings[0], walk.waves, walk.feet, walk.matrix
     v, tau, vdot, limit = walk.v, walk.tau, walk.vdot, walk.limit

@@ -164,7 +164,7 @@ def take_in(run, ways, drives, b, w, all_):
 
 @sweep
 def take_numbers(data, contacts, ways, drives, b, w):
-    """Copy the description of the instance in the run into lane w."""
+    """Copy the description of the run's instance into lane w."""
     take_drives(data, drives, b, w)
     shapes, vertices = contacts.geometry.shapes, contacts.geometry.vertices
     tally, plane = contacts.tally[0], contacts.ground.plane[0]

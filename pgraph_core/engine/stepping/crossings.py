@@ -67,7 +67,8 @@ GROWTH = 16  # factor for the smallest width while branches alternate
 
 @kernel(STEP, nogil=True, later=True)
 def cross(run, h):
-    """Return the width of the step in CANDIDATE, shortened if a comparison changes before h.
+    """Return the width of the step in CANDIDATE, which is shortened if a comparison changes before
+    its end.
 
     With h = 0, the results at Y are held from now on. With h < 0, results are not held in this
     step.

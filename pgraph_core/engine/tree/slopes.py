@@ -6,8 +6,8 @@ gains the velocity ψ = v_j × S and the acceleration s - v_k × ψ with s = v'_
 force changes by I_k s + B_k ψ with B_k = v_k ×* I_k - I_k v_k × + (I_k v_k) ×̄*. These add up along
 the tree like forces, and τ_i = S_i · Σ f ([Carpentier & Mansard 2018], with sums over carried rows
 as in [Singh, Russell & Wensing 2022]). Vectors are [angular, linear] in world axes at the first
-row's origin. Gravity is an acceleration -g of the ground. The axis S is fixed in the parent, so S'
-= v_λ × S. In a free motion, the translation precedes the rotation.
+row's origin. Gravity is modelled as an acceleration of the ground by -g. The axis S is fixed in the
+parent, so S' = v_λ × S. In a free motion, the translation precedes the rotation.
 """
 
 from typing import Any, NamedTuple
