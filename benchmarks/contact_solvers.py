@@ -94,47 +94,43 @@ class Problem:
 
 def newton(p: Problem) -> tuple[float, int]:
     """As the engine does (`engine/contact/newton.py`); (what is missed, factors)."""
-    lam, taken = _converged(p, p.warm)
+    lam, taken = _converged(p, p.warm, 2e-3)
     best = abs(p.missed(lam)[0]).max()
-    held, weight, growth = 0 * p.warm, 128.0, 4.0
+    held, firm, growth = 0 * p.warm, 128.0, 4.0
     for _ in range(60):
         if best <= SOLVED:
             break
         bound = p.friction * np.maximum(held[:, 0], 0)
         law = functools.partial(_in_disc, p, bound=bound)
-        _, new, more = _proximal(p, law, p.speeds(held), held, weight / p.mobility, 0 * held)
+        _, new, more = _proximal(p, law, p.speeds(held), held, firm / p.mobility, 0 * held)
         taken += more
         if more == MOST:
-            weight, growth = weight / 4, 1.0
+            firm, growth = firm / 4, np.sqrt(growth)
             continue
-        held, weight = new, growth * weight
-        lam, more = _converged(p, held)
+        held = new
+        lam, more = _converged(p, held, 2e-3 / firm)
         best, taken = min(best, abs(p.missed(lam)[0]).max()), taken + more
+        firm *= growth
     return float(best), taken
 
 
-def _converged(p: Problem, lam: Array) -> tuple[Array, int]:
-    """The best impulses of 60 steps, and how many were taken."""
-    care, taken = 2e-3, 0
+def _converged(p: Problem, lam: Array, careful: float) -> tuple[Array, int]:
+    """The best impulses of 40 steps, and how many were taken."""
+    care, taken = careful, 0
     missed, slope = p.missed(lam)
     left = best = abs(missed).max()
-    recent, kept = [float(np.linalg.norm(missed))] * 6, lam
-    while taken < 60 and left > SOLVED:
+    first, kept = max(float(np.linalg.norm(missed)), 1e-6), lam
+    while taken < 40 and best > SOLVED:
         taken += 1
         soft = min(max(care * np.sqrt(left), 1e-10), 1.0)
-        move = _direction(p, missed * p.size / p.mobility, slope, soft)
-        for part in (1.0, 0.5, 0.25, 0.125, 0.0625):
-            new = p.missed(lam + part * move)
-            norm, now = float(np.linalg.norm(new[0])), abs(new[0]).max()
-            fits = norm <= (1 - 0.01 * part) * max(recent) or now <= SOLVED
-            if fits:
-                break
+        new = lam + _direction(p, missed * p.size / p.mobility, slope, soft)
+        found = p.missed(new)
+        now = abs(found[0]).max()
         if now < best:
-            best, kept = now, lam + part * move
-        if fits or soft == 1.0:
-            lam, (missed, slope), left = lam + part * move, new, now
-            recent[taken % 6] = norm
-            care = max(care / 10, 2e-4) if part == 1 else care
+            best, kept = now, new
+        if float(np.linalg.norm(found[0])) <= first or soft == 1.0:
+            lam, (missed, slope), left = new, found, now
+            care = max(care / 10, careful)
         else:
             care *= 10
     return kept, taken
