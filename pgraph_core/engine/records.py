@@ -114,6 +114,7 @@ STEP_CONTROL = record(
     last=INTEGER,  # frames until which the run goes on
     fresh=INTEGER,  # 1: SLOPE belongs to Y
     filled=INTEGER,  # 1: the further stages of dense output are known
+    repeated=INTEGER,  # 1: the stages are those of a part of the last step
     fired=INTEGER,  # REACHED or NEAR: waits to be reported
     rejected=INTEGER,  # 1: the last step was rejected
     broken=INTEGER,  # why: 1 not finite, 2 not solved

@@ -294,8 +294,12 @@ class Carried:
             text += "satisfy the constraints: use mech.assemble(q, v)"
             found.append(text)
         for one, d in zip(self.variables, each):
-            if not ended and not np.isfinite(d).all():
-                found.append(f"derivatives by {one.path} are not finite: a slope was infinite")
+            lost = np.flatnonzero(~np.isfinite(d).all(axis=1))
+            if not ended and len(lost):
+                t = float(self._record.plan.times[lost[0]])
+                text = f"derivatives by {one.path} end before t = {t:.6g} s: a slope is infinite, "
+                text += "or the equations of a step determine none"
+                found.append(text)
         return found
 
     @cached_property
@@ -340,11 +344,12 @@ class Carried:
                 a, b = mine[rows, part], other[others, part]
                 # below this, a change of the number by itself is not visible in the state
                 least = NOTABLE * np.abs(values[rows, part]).max(initial=0.0) / self.scale_of(path)
-                size = max(float(np.nanmax(np.abs(b), initial=0.0)), least)
+                sizes = np.nan_to_num(np.abs(b)).max(axis=1, initial=least)
                 apart = np.nan_to_num(np.abs(a - b)).max(axis=1, initial=0.0)
-                if size > 0.0 and (share := float(apart.max() / size)) > VISIBLE:
+                if (size := sizes.max()) > 0.0 and (share := float(apart.max() / size)) > VISIBLE:
                     worst = max(worst, share)
-                    first = min(first, t[(apart > VISIBLE * size).argmax()])
+                    until = np.maximum.accumulate(sizes)  # later sizes may have grown from errors
+                    first = min(first, t[(apart > VISIBLE * until).argmax()])
             if worst:
                 text = f"derivatives by {one.path} are {100 * worst:.2g} % apart from those of a "
                 text += f"finer run, above 1 % from t = {first:.6g} s on: give "

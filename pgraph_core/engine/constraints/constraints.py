@@ -306,7 +306,7 @@ def settle(scene, t, q, v):
 
     The relative error of a correction is the distance `moved` from the state of the factors. The
     correction is negligible at the end of a step, because the last stage was close and the gap is
-    small.
+    small. Derivatives have no rounding that hides a gap, so they are always corrected.
     """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -322,18 +322,19 @@ def settle(scene, t, q, v):
     frames(rows, const, work, q, v)
     m = located(scene, v, True)
     rounding = NO_GAP * extent(rows, blocks, work)
+    enough = 0.0 if carries(q) else rounding
     speeds(scene, t, v, RHS)
     missed = along_nulls(nulls, count, vectors[RHS], m)
-    correct(scene, mu, count, m, rounding)
+    correct(scene, mu, count, m, enough)
     change = vectors[MOVED]
     for j in range(v.shape[0]):
         change[j] = vectors[STEP, j]
     missed = max(missed, moved * largest(change, v.shape[0]))
     gaps(scene, t, q, RHS)
-    open_gap = largest(vectors[RHS], m) > rounding
+    open_gap = carries(q) or largest(vectors[RHS], m) > rounding
     if open_gap:
         missed = max(missed, along_nulls(nulls, count, vectors[RHS], m))
-        correct(scene, mu, count, m, rounding)
+        correct(scene, mu, count, m, enough)
         step = largest(vectors[STEP], v.shape[0])
         missed = max(missed, moved * step)
         if not step < SMALL_MOVE:

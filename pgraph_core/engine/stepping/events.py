@@ -100,6 +100,7 @@ def step_again(run, w):
     copied(stages, at.Y_OLD, at.Y, n)
     control.time = control.old_time
     call_step(data.links.step, (run, w))
+    control.repeated = 1
     control.time = time
     copied(stages, at.END, at.Y, n)
     copied(stages, at.CANDIDATE, at.TRIAL, n)

@@ -14,7 +14,7 @@ import math
 
 from ...tolerances import EPS, ROUNDING
 from .. import layout as at
-from ..arrays import opened_run
+from ..arrays import FACTORED, opened_run
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, substitute
 from ..motion import call_acceleration, opened
@@ -183,8 +183,11 @@ def reach(rows, real, q):
 
 
 @sweep
-def factor_mass(run, q):
-    """Factor the mass matrix at q in `real`. Returns (True on success, its reach)."""
+def mass_matrix(run, q):
+    """Compute the mass matrix at q in `real`.
+
+    It takes the place of the articulated inertias, to which the factors of the constraints belong.
+    """
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     scene = opened(data.scene)
@@ -195,7 +198,16 @@ def factor_mass(run, q):
             real[i, j] = 0.0
     outboard(scene.rows, scene.const, scene.work, q, still)
     joint_inertia(scene.rows, scene.const, scene.work, real)
-    total = reach(scene.rows, real, q)
+    scene.space.vectors[FACTORED, 2] = 0.0
+
+
+@sweep
+def factor_mass(run, q):
+    """Factor the mass matrix at q in `real`. Returns (True on success, its reach)."""
+    data = opened_run(run)
+    real, nv = data.real, data.control[0].nv
+    mass_matrix(run, q)
+    total = reach(opened(data.scene).rows, real, q)
     return factor(real, nv, real[nv + PIVOTS]), total
 
 

@@ -230,7 +230,6 @@ def factor_radau(run, h):
     assemble(mu[0] / h, real, nv, real[2 * nv : 3 * nv])
     assemble(complex(mu[1], mu[2]) / h, real, nv, pair[:nv])
     data.control[0].factored = h
-    data.counters[0].factorisations += 1
     done = factor(real[2 * nv : 3 * nv], nv, real[3 * nv + PIVOTS])
     return factor(pair[:nv], nv, real[3 * nv + PIVOTS_C]) and done
 
@@ -376,8 +375,10 @@ def radau(run, h):
     while not solved:
         if not control.jacobian_rate < KEEP and control.jacobian_time != control.time:
             jacobian(run)
-        if control.factored != h and not factor_radau(run, h):
-            return NOT_SOLVED
+        if control.factored != h:
+            data.counters[0].factorisations += 1
+            if not factor_radau(run, h):
+                return NOT_SOLVED
         solved = newton(run, h)
         if not solved:
             if control.jacobian_time == control.time:

@@ -3,17 +3,19 @@
 The stages z solve r(z, p) = 0. The simplified Newton's method that found them also finds their
 derivatives: it evaluates r of duals at the values of z, and corrects the derivatives alone with the
 factors of the primal run. The derivatives converge at the same rate as the values ([Griewank &
-Walther 2008, section 15.3]).
+Walther 2008, section 15.3]). If the primal run has repeated a part of the step to look for an
+event, its stages are those of that part, and the values are corrected too. A derivative that does
+not converge is nan.
 """
 
 import math
 
-from ...tolerances import ROUNDING, SOLVED
+from ...tolerances import NOTABLE, ROUNDING, SOLVED
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.dual import WIDTH, parted, revalued
 from ..compiler.jit import kernel, part, sweep
-from ..linear import substitute
+from ..linear import factor, substitute
 from ..motion import opened
 from ..tree.moving import advance, local_rate
 from . import gauss as by_gauss
@@ -24,6 +26,7 @@ from .state import copied, size_of_state
 
 ROUNDS = 60  # maximum number of corrections: reaches ROUNDING at a rate of 0.6
 CHANGED, BEFORE, SIZE = 0, 1, 2  # columns per derivative: correction, previous one, size
+FIRST = 3  # size at the start of the step
 REPORT = by_gauss.WANTED + 1  # row of these in Gauss' collocation
 
 
@@ -31,9 +34,24 @@ REPORT = by_gauss.WANTED + 1  # row of these in Gauss' collocation
 def open_report(report):
     """Reset the sizes of corrections."""
     for k in range(WIDTH):
+        report[CHANGED, k] = math.inf
+        report[FIRST, k] = 0.0
+
+
+@part
+def begin_round(report):
+    """Keep the sizes of the last corrections, and reset those of the next ones."""
+    for k in range(WIDTH):
+        report[BEFORE, k] = report[CHANGED, k]
         report[CHANGED, k] = 0.0
-        report[BEFORE, k] = math.inf
         report[SIZE, k] = 0.0
+
+
+@part
+def is_small(report, k, share):
+    """Return True if the correction of derivative k is at most this share, or a rounding error."""
+    change = report[CHANGED, k]
+    return change <= share * report[SIZE, k] or change <= ROUNDING * report[FIRST, k]
 
 
 @sweep
@@ -41,28 +59,18 @@ def settled(report):
     """Return True if every derivative has converged, is not finite or no longer improves."""
     done = True
     for k in range(1, WIDTH):
-        done = done and has_settled(report, k)
-    if not done:
-        for k in range(1, WIDTH):
-            report[BEFORE, k] = report[CHANGED, k]
-            report[CHANGED, k] = 0.0
+        change = report[CHANGED, k]
+        rounded = change >= report[BEFORE, k] and is_small(report, k, SOLVED)
+        done = done and (rounded or is_small(report, k, ROUNDING) or not change < math.inf)
     return done
-
-
-@part
-def has_settled(report, k):
-    """Return True if derivative k has converged to rounding or is not finite."""
-    change, size = report[CHANGED, k], report[SIZE, k]
-    rounded = change >= report[BEFORE, k] and change <= SOLVED * size
-    return change <= ROUNDING * size or rounded or not change < math.inf
 
 
 @sweep
 def reject(report, row):
-    """Make the derivatives of a row nan that have not converged."""
+    """Make the derivatives of a row nan whose last correction is visible."""
     derivatives = parted(row)
     for k in range(1, WIDTH):
-        if not has_settled(report, k):
+        if not (report[CHANGED, k] < math.inf and is_small(report, k, NOTABLE)):
             for i in range(row.shape[0]):
                 derivatives[i, k] = math.nan
 
@@ -72,18 +80,19 @@ def reject(report, row):
 
 @sweep
 def correct_radau(run, numbers, h, report):
-    """Correct the derivatives of the stages once."""
+    """Correct the stages once, and their values if part of the step has been repeated."""
     real, given = opened_run(run).real, opened_run(numbers).real
     nv = opened_run(run).control[0].nv
     base = 3 * nv
     parts, weights = parted(real), given[base + by_radau.WEIGHTS]
     f, w, z = base + by_radau.F, base + by_radau.W, base + by_radau.Z
-    for k in range(1, WIDTH):
+    for k in range(1 - opened_run(numbers).control[0].repeated, WIDTH):
         slopes, decoupled = parts[f : f + 3, :, k], parts[w : w + 3, :, k]
         by_radau.correct(numbers, h, slopes, decoupled, parts[z : z + 3, :, k])
         change = by_radau.size_of_local(given[base + by_radau.RIGHT], weights, 2 * nv)
         pair = by_radau.size_of_local(opened_run(numbers).pair[nv], weights, 2 * nv)
         report[CHANGED, k] = max(change, pair)
+        report[SIZE, k] = report[FIRST, k]
         for i in range(3):
             size = by_radau.size_of_local(parts[z + i, :, k], weights, 2 * nv)
             report[SIZE, k] = max(report[SIZE, k], size)
@@ -102,12 +111,20 @@ def radau_of_duals(run, numbers):
     for k in range(1, WIDTH):
         for i in range(control.nq + nv):
             size = abs(y[i, k]) * given.stages[at.WEIGHT, i]
-            report[SIZE, k] = max(report[SIZE, k], size)
+            report[FIRST, k] = max(report[FIRST, k], size)
+    decoupling = data.tableau.a[3:6]
     for i in range(3):
         for j in range(2 * nv):
             real[base + by_radau.Z + i, j] = given.real[base + by_radau.Z + i, j]
             real[base + by_radau.W + i, j] = 0.0
+            for n in range(3):
+                z = given.real[base + by_radau.Z + n, j]
+                real[base + by_radau.W + i, j] += decoupling[i, n] * z
+    if given.control[0].factored != h:
+        by_radau.factor_radau(numbers, h)
+        given.control[0].factored = 0.0  # the primal run factors again, as without derivatives
     for _ in range(ROUNDS):
+        begin_round(report)
         for i in range(3):
             t = min(control.time + data.tableau.c[i] * h, control.clip)
             local_slope(run, t, real[base + by_radau.Z + i], real[base + by_radau.F + i])
@@ -132,7 +149,7 @@ def radau_of_duals(run, numbers):
 
 @sweep
 def correct_gauss(run, numbers, h, report):
-    """Correct the derivatives of the stages' velocities once."""
+    """Correct the velocities of the stages once, and their values as `correct_radau` does."""
     data, given = opened_run(run), opened_run(numbers)
     real, nv = data.real, data.control[0].nv
     rows = opened(data.scene).rows
@@ -145,7 +162,7 @@ def correct_gauss(run, numbers, h, report):
         by_gauss.out_of_chart(rows, z[:nv], p_of_xi, negative, scratch[:nv])
         for j in range(nv):
             scratch[j] -= p[j]
-        for k in range(1, WIDTH):
+        for k in range(1 - given.control[0].repeated, WIDTH):
             for j in range(nv):
                 x[j] = parts[nv + by_gauss.SCRATCH, j, k]
             substitute(given.real, nv, given.real[nv + by_gauss.PIVOTS], x)
@@ -165,33 +182,34 @@ def correct_gauss(run, numbers, h, report):
 def finish_gauss(run, numbers, h):
     """Compute q and v of CANDIDATE from the rates of the stages.
 
-    The derivatives of v are computed from those of the momentum, minus those of the momentum at
-    constant v, using the mass matrix at the end of the step, which was factored by the primal run.
+    The derivatives of v are those of the momentum minus those of the mass matrix times v, divided
+    by the mass matrix.
     """
     data, given = opened_run(run), opened_run(numbers)
     real, stages = data.real, data.stages
     nq, nv = size_of_state(run)
-    scene = opened(data.scene)
+    rows = opened(data.scene).rows
     wanted, scratch = real[nv + by_gauss.WANTED], real[nv + by_gauss.SCRATCH]
     by_gauss.collocated(run, data.tableau.b, h, wanted)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
-    advance(scene.rows, q, wanted[:nv], 1.0)
-    by_gauss.out_of_chart(
-        scene.rows, wanted[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], scratch[:nv]
-    )
-    for j in range(nv):
-        v[j] = given.stages[at.CANDIDATE, nq + j]
-    p, unused = real[nv + by_gauss.START, :nv], real[nv + by_gauss.KEPT, :nv]
-    by_gauss.momenta(scene.rows, scene.const, scene.work, q, v, p, unused)
-    parts, x = parted(scratch), given.real[nv + by_gauss.SCRATCH]
-    speeds, momentum = parted(v), parted(p)
-    for k in range(1, WIDTH):
+    advance(rows, q, wanted[:nv], 1.0)
+    by_gauss.mass_matrix(run, q)
+    by_gauss.out_of_chart(rows, wanted[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], v)
+    mass, speeds, x = parted(real[:nv]), parted(v), given.real[nv + by_gauss.SCRATCH]
+    pivots = given.real[nv + by_gauss.PIVOTS]
+    for i in range(nv):
         for j in range(nv):
-            x[j] = parts[j, k] - momentum[j, k]
-        substitute(given.real, nv, given.real[nv + by_gauss.PIVOTS], x)
-        for j in range(nv):
-            speeds[j, k] = x[j]
+            given.real[i, j] = mass[i, j, 0]
+    factor(given.real, nv, pivots)
+    for k in range(WIDTH):
+        for i in range(nv):
+            x[i] = speeds[i, k]
+            for j in range(nv if k > 0 else 0):
+                x[i] -= mass[i, j, k] * speeds[j, 0]
+        substitute(given.real, nv, pivots, x)
+        for i in range(nv):
+            speeds[i, k] = x[i]
 
 
 @kernel(STEP_OF_DUALS, nogil=True, later=True)
@@ -206,8 +224,12 @@ def gauss_of_duals(run, numbers):
     q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
     start, unused = real[nv + by_gauss.START, :nv], real[nv + by_gauss.SCRATCH, :nv]
     by_gauss.momenta(scene.rows, scene.const, scene.work, q, v, start, unused)
-    report = parted(real[nv + REPORT])
+    report, y = parted(real[nv + REPORT]), parted(stages[at.Y])
     open_report(report)
+    for k in range(1, WIDTH):
+        for i in range(nq + nv):  # rounded positions are rounded velocities over a step
+            size = abs(y[i, k]) / h if i < nq else abs(y[i, k])
+            report[FIRST, k] = max(report[FIRST, k], size)
     for i in range(count):
         for j in range(nv):
             z, values = real[nv + by_gauss.Z + i], given.real[nv + by_gauss.Z + i]
@@ -216,6 +238,7 @@ def gauss_of_duals(run, numbers):
     power = 0.0 * flow[0]
     loss = 0.0 * flow[0]
     for _ in range(ROUNDS):
+        begin_round(report)
         power = 0.0 * flow[0]
         loss = 0.0 * flow[0]
         for i in range(count):

@@ -241,7 +241,7 @@ def accept(run, h, end, corner):
     control.old_time = control.time
     control.old_width = h
     control.time = end
-    control.filled = 0
+    control.filled = control.repeated = 0
     control.rejected = 0
     data.counters[0].steps += 1
     q = stages[at.Y, :nq]
