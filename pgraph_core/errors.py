@@ -71,6 +71,10 @@ class MissingPackage(PgraphError, ImportError):
     """An optional package is missing. The message gives the command that installs it."""
 
 
+class OutOfMemory(PgraphError, MemoryError):
+    """A call that needs more memory than is free: a MemoryError with a helpful message."""
+
+
 class SetError(InputError, AttributeError):
     """An attribute that cannot be set: an AttributeError with a helpful message."""
 
@@ -291,6 +295,10 @@ def _explained(function: Any) -> Any:
             if ours := words.renamed(named, _names(function)):
                 return call(*args, **ours)
             raise
+        except MemoryError as error:
+            more = f" ({plain(str(error))})" if str(error) else ""
+            text = f"needs more memory than is free{more}; give fewer values, runs or frames"
+            raise OutOfMemory(Problem(_called_as(function, args), "", text)) from error
         except RecursionError:
             if not any(map(is_deep, (*args, *named.values()))):
                 raise

@@ -183,6 +183,7 @@ class Mechanism(Dynamics):
         vdot: Array,
         actuated: Sequence[str] | None = None,
         weights: Array | Mapping[str, float] | None = None,
+        nearest: bool = False,
     ) -> Array:
         """Compute the joint torques that produce v', subject to all active constraints.
 
@@ -200,6 +201,9 @@ class Mechanism(Dynamics):
             says so once if the constraints leave a choice of torques.
         weights : (nv,) array or dict, optional
             Positive weights of the torques, in number order or by name of body.
+        nearest : bool, optional
+            Whether to replace a v' that the constraints exclude, for example from finite
+            differences, by the nearest one in the mass metric that they permit.
 
         Returns
         -------
@@ -214,7 +218,7 @@ class Mechanism(Dynamics):
         """
         from .analysis.inverse import constrained_inverse_dynamics
 
-        tau = constrained_inverse_dynamics(self, q, v, vdot, actuated, weights)
+        tau = constrained_inverse_dynamics(self, q, v, vdot, actuated, weights, nearest)
         if actuated is None and weights is None and len(self.packed.active) and not self._spread:
             self._spread = True
             text = "gives every joint a torque, the least in all: name the joints that have a drive"

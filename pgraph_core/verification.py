@@ -142,7 +142,7 @@ def drift(motion: Motion, given: Given) -> Array:
 
 def event_times(motion: Motion, given: Given) -> Array:
     """Return the times at which contacts and limits change state [s]."""
-    return np.reshape([event.t for event in _run(motion).events], (-1, 1))
+    return np.reshape([event.t for event in _run(motion).contacts.events], (-1, 1))
 
 
 def last_event(motion: Motion, given: Given) -> Array:

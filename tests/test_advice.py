@@ -186,3 +186,33 @@ def test_a_long_search_says_how_far_it_is(monkeypatch, capsys):
     assert "run" in capsys.readouterr().err
     pg.optimise(*search, progress=False, **options)
     assert capsys.readouterr().err == ""
+
+
+def test_events_of_the_user_stand_among_those_of_contacts_in_order_of_time():
+    model = pg.Model([BALL], contacts=[pg.Contact("ball", restitution=0.5)])
+    start = {"ball": [0.0, 0.0, 0.5]}
+    top = lambda t, q, v: v[5]  # noqa: E731
+    run = pg.simulate(model, q=start, t_end=0.7, events=top)
+    assert len(run.events) == len(run.user_events) + len(run.contacts.events) > len(run.impacts) > 0
+    times = [event.time for event in run.events]
+    assert times == sorted(times) == [event.t for event in run.events]
+
+
+def test_a_call_without_the_memory_that_it_needs_says_so():
+    free = {"bodies.1.mass": (0.1, 2.0)}
+
+    t = np.broadcast_to(1.0, 1 << 59)  # takes no memory until it is copied
+    with pytest.raises(MemoryError, match=r"fit: needs more memory.*EiB") as found:
+        pg.fit(MODEL, {"t": t, "1": t}, free=free)
+    assert isinstance(found.value, pg.PgraphError)
+
+
+def test_a_controller_without_a_signal_says_which_value_is_missing():
+    with pytest.raises(pg.ModelError, match=r"signal: is missing; give the signal to control.*=q"):
+        pg.PID("i", kp=2.0)
+
+
+def test_torques_of_a_tree_with_loops_point_to_both_ways_that_impose_them():
+    mech = pg.Mechanism(FOUR_BAR.model)
+    with pytest.warns(UserWarning, match="constrained_inverse_dynamics.*pg.Motion"):
+        mech.inverse_dynamics(*FOUR_BAR.home(), np.zeros(FOUR_BAR.nv))

@@ -40,7 +40,7 @@ def changes(run: pg.Result, known: Sequence[Change] = ()) -> tuple[Change, ...]:
         for name in feet
         if name not in before
     ]
-    for event in run.events:
+    for event in run.contacts.events:
         if event.contact in feet and event.before != event.after:
             found.append(_change(run, event.contact, event.t, event.after, event.before))
     return tuple(found)

@@ -133,7 +133,7 @@ def events(state: State) -> list[Payload]:
         return []
     return [
         {"t": e.t, "part": e.contact, "before": e.before, "after": e.after, "cause": str(e.cause)}
-        for e in state.plotted.result.events[:MOST_EVENTS]
+        for e in state.plotted.result.contacts.events[:MOST_EVENTS]
     ]
 
 

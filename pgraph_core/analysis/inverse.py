@@ -48,8 +48,11 @@ def constrained_inverse_dynamics(
     vdot: Array,
     actuated: Sequence[str] | None,
     weights: Array | Mapping[str, float] | None,
+    nearest: bool = False,
 ) -> Array:
     """Return the minimum-norm τ (nv,) for v'. See `Mechanism.constrained_inverse_dynamics`."""
+    if nearest:  # Gauss's principle, with the torques that would yield v' without constraints
+        vdot, _ = mech._constrained_acceleration(q, v, mech._tree_torque(q, v, vdot))
     at_once = _at_once(mech, (q, v, vdot), actuated, weights)
     if at_once is not None:
         return at_once
@@ -191,8 +194,8 @@ def _refuse_forbidden(rows: Rows, basis: Array, vdot: Array) -> None:
         off = rows.J @ (vdot - allowed)
         text = (
             f"cannot be reached: constraint '{_blamed(rows, off)}' forbids it, by "
-            f"{np.abs(off).max():.3g} m/s^2. For v' from differences or a fit, the nearest that "
-            "they allow is mech.constrained_dynamics(q, v, mech.inverse_dynamics(q, v, vdot))[0]; "
+            f"{np.abs(off).max():.3g} m/s^2. For v' from differences or a fit, nearest=True takes "
+            "the nearest that they allow; "
             "where a joint follows a given motion, a pg.Motion constraint finds all of it"
         )
         raise InputError(Problem(DYNAMICS, "vdot", text))

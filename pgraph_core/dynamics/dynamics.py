@@ -39,6 +39,7 @@ UNFIT = (TypeError, ValueError, AttributeError)  # errors of fast calls with uns
 WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()
 DIRECT = JIT and WITH_GIL  # kernels refuse what does not fit, and one call is atomic
 AT_ONCE = 500  # numbers: NumPy lets other threads run while it copies more into `given`
+FOLLOWED = ", and a pg.Motion constraint lets a joint follow a given motion in a run"
 OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
 
 
@@ -374,7 +375,7 @@ class Dynamics(Portable):
         `external_at` computes it from wrenches at other points.
         """
         if "active constraints" in self._untold:
-            self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 5)
+            self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 5, FOLLOWED)
         return self._tree_torque(q, v, vdot, external)
 
     def _tree_torque(self, q: Array, v: Array, vdot: Array, external: Array | None = None) -> Array:
@@ -416,9 +417,9 @@ class Dynamics(Portable):
             self._explain(code, q=q, v=v, tau=tau, **given)
         return vdot
 
-    def _tell(self, call: str, instead: str, level: int) -> None:
+    def _tell(self, call: str, instead: str, level: int, more: str = "") -> None:
         """Warn once per mechanism that constraints are ignored."""
-        text = f"Mechanism.{instead} imposes them"
+        text = f"Mechanism.{instead} imposes them{more}"
         self._warn(call, "active constraints", text, level + 1)
 
     def _tell_forces(self, call: str, level: int) -> None:

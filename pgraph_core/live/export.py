@@ -191,7 +191,7 @@ def why_recorded(run: Result) -> str:
         return "its inputs were given to the run alone; put them into the model"
     if run.header.get("stabilise") != "project" and len(run.constraint_force):
         return "its constraints are not kept by projection"
-    if any({event.before, event.after} == {"on", "off"} for event in run.events):
+    if any({event.before, event.after} == {"on", "off"} for event in run.contacts.events):
         return "its constraints are switched on the way, which a figure cannot do"
     if not run.status.ok:
         return f"the run fails: {run.message}"

@@ -138,7 +138,7 @@ class PID(Control):
 
     kind: Literal["pid"] = field(KIND, default="pid")
     signal: Number | Expression = field(
-        "an expression, such as '=q.arm'",
+        "the signal to control, an expression such as '=q.arm'",
         converter=varying,
         help="controlled signal, such as =q.arm",
     )

@@ -326,6 +326,11 @@ class UserEvent(NamedTuple):
     q: Array  # (nq,)
     v: Array  # (nv,)
 
+    @property
+    def time(self) -> float:
+        """The time [s], as `t`."""
+        return self.t
+
     def __str__(self) -> str:
         """Return the event as a sentence."""
         return f"t = {self.t:.9g} s: {self.name}"

@@ -466,14 +466,18 @@ class Result(Exports, EqualByFields, Portable):
         return found if len(found) else np.zeros((len(self.t), 3))
 
     @property
-    def events(self) -> tuple[Event, ...]:
-        """Changes of contact points and limits in event-driven runs, printed as sentences."""
-        return self.contacts.events
+    def events(self) -> tuple[Event | UserEvent, ...]:
+        """Changes of contacts, limits and switches, and `user_events`, in order of time.
+
+        They are printed as sentences.
+        """
+        found = self.contacts.events
+        return tuple(sorted((*found, *self.user_events), key=lambda event: event.t))
 
     @property
     def impacts(self) -> tuple[Event, ...]:
         """The events at which a contact began."""
-        return tuple(event for event in self.events if event.before == SWING)
+        return tuple(event for event in self.contacts.events if event.before == SWING)
 
     @property
     def phases(self) -> Mapping[str, Any]:
