@@ -14,7 +14,7 @@ from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
 from .dynamics.arguments import for_each_state, wrong_type
 from .dynamics.dynamics import EMPTY, UNFIT
-from .errors import Called, InputError, Problem, explained
+from .errors import Called, InputError, Problem, explained, shown
 from .model import Model, Motion, Polynomial
 from .packing import Array
 
@@ -218,6 +218,9 @@ class Mechanism(Dynamics):
         """
         from .analysis.inverse import constrained_inverse_dynamics
 
+        if nearest not in (True, False):
+            text = f"must be True or False, got {shown(nearest)}"
+            raise InputError(Problem("constrained_inverse_dynamics", "nearest", text))
         tau = constrained_inverse_dynamics(self, q, v, vdot, actuated, weights, nearest)
         if actuated is None and weights is None and len(self.packed.active) and not self._spread:
             self._spread = True
