@@ -108,3 +108,17 @@ def test_derivatives_beyond_a_singular_position_are_right_or_end_with_a_notice(w
     named = [text for text in run.notices if "derivatives by q.left crank end before" in text]
     assert len(named) == (not known.all())
     assert known.all() or f"t = {run.t[(~known).argmax()]:.6g} s" in named[0]
+
+
+def test_a_difference_is_told_from_its_first_frame_on():
+    """Errors that grow later do not hide those before them."""
+    run = pg.simulate(pendulum(""), [1.0, 0.4], wrt=PATH, method="radau5", step=5e-3, **FRAMES)
+    carried = run.derivatives.source
+    finer = carried.finer()
+    finer.out = carried.out.copy()
+    finer.out[:, 2:, :, 1:] *= 1e3
+    finer.out[:, 4:, :, 1:] *= 1e9
+    rows = np.arange(len(run.t))
+    (told,) = carried.unlike(finer, np.array(run.t), rows, rows)
+    assert PATH in told
+    assert f"t = {run.t[2]:.6g} s" in told
