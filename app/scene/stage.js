@@ -82,8 +82,8 @@ pgraph.stage = (() => {
 
   // Bodies are matte porcelain; what is selected is seen through others.
   for (const name of ["/bodies", "/selected"]) viser.materials(name, (material) => { if (material.roughness === 1) material.roughness = 0.5; });
-  // In its colour with a part of the accent, fainter where something else is before it, and over all of it its mass centre.
-  const ORDER = { behind: 1, fill: 2, centre: 3 }, TINT = 0.8; // arrows come after them
+  // In its own colour, lighter, with a faint accent where something else is before it, and over all of it its mass centre.
+  const ORDER = { behind: 1, fill: 2, centre: 3 }, LIGHTER = 0.25; // arrows come after them
   viser.frame(() => {
     for (let k = 0; node(`/selected/${k}`); k++) for (const part of ["outline", "behind", "fill", "centre"]) node(`/selected/${k}/${part}`)?.traverse((mesh) => paint(part, mesh));
   });
@@ -93,8 +93,8 @@ pgraph.stage = (() => {
     if (part === "outline") { outline(material); return; }
     mesh.renderOrder = ORDER[part];
     const own = material.userData.own ??= material.color.clone();
-    material.color.set(tone(part === "centre" ? "--ink" : "--accent"));
-    if (part === "fill") material.color.lerp(own, 1 - TINT);
+    material.color.set(part === "fill" ? "#fff" : tone(part === "centre" ? "--ink" : "--accent"));
+    if (part === "fill") material.color.lerp(own, 1 - LIGHTER);
     if (part === "behind") Object.assign(material, { depthFunc: GREATER, depthWrite: false });
     else if (!material.transparent) Object.assign(material, { transparent: true, depthTest: part === "fill", needsUpdate: true });
   }

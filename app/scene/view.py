@@ -39,7 +39,7 @@ from .overlays import Overlays
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 MOST_FILLED = 30  # bodies of a page
 ABOVE = 0.02  # height of a fill over the size of bodies: clear of its neighbours' facets
-BEHIND = 0.4  # opacity of what is selected where something is before it
+BEHIND = 0.15  # opacity of what is selected where something is before it
 CENTRE = 0.015  # radius of the mark of a mass centre over the size of bodies
 
 

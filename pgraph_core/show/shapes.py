@@ -33,7 +33,7 @@ PAINTS: tuple[Color, ...] = (
 COAT, RUBBER, TINT = (
     (218, 220, 224),
     (76, 84, 98),
-    0.55,
+    0.75,
 )  # colours of bodies, and the share of the paint
 LUMA = (0.299, 0.587, 0.114)  # weights of red, green and blue (ITU-R BT.601)
 LARGEST = float(np.finfo(float).max ** 0.5) / 10  # [m] squares of it can be added
