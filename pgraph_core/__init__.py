@@ -248,7 +248,7 @@ def _taken(name: str) -> str:
 
 
 def _passed(name: str) -> bool:
-    """Return True if a function that passes arguments on to `simulate` takes this one."""
+    """Check whether a function that passes arguments on to `simulate` takes this one."""
     from .words import ours
 
     known = inspect.signature(__getattr__("simulate")).parameters

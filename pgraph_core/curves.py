@@ -43,7 +43,7 @@ class Table(Frozen):
         return found
 
     def spline(self, interpolation: str) -> Any:
-        """Return a SciPy cubic spline through two or more knots, at rest at the first and the last.
+        """Create a SciPy cubic spline through two or more knots, at rest at the first and the last.
 
         A "monotone" one has the slopes of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984)
         at inner knots, so that it stays between the values of neighbouring knots.

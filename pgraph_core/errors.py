@@ -362,7 +362,7 @@ def _in_free_places(
 
 
 def is_deep(value: Any) -> bool:
-    """Return True if lists and dictionaries are nested deeper than any valid argument."""
+    """Check whether lists and dictionaries are nested deeper than any valid argument."""
     level = [value]
     for _ in range(MOST_NESTED):
         level = [
@@ -454,7 +454,7 @@ def _each(value: Any, form: Any) -> Iterable[Any]:
 
 
 def _fits(value: Any, wanted: Any) -> bool:
-    """Return True if a value matches an annotation, as far as this can be checked."""
+    """Check whether a value matches an annotation, as far as this can be checked."""
     origin, inner = typing.get_origin(wanted), typing.get_args(wanted)
     if wanted is Any:
         return True
@@ -486,7 +486,7 @@ def _fits(value: Any, wanted: Any) -> bool:
 
 
 def _fits_inside(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
-    """Return True if a container and its values match an annotation."""
+    """Check whether a container and its values match an annotation."""
     if issubclass(kind, collections.abc.Mapping):
         if not isinstance(value, collections.abc.Mapping):
             return False

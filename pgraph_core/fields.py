@@ -262,7 +262,7 @@ class Fixed(dict[str, Any]):
 
 
 def fixed(value: dict[str, Any]) -> dict[str, Any]:
-    """Return an immutable dictionary with the same entries."""
+    """Create an immutable dictionary with the same entries."""
     return Fixed(value)
 
 

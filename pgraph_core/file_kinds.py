@@ -73,7 +73,7 @@ def first_element(head: bytes) -> str:
 
 
 def is_json(content: bytes) -> bool:
-    """Return True if a file begins as an object in JSON."""
+    """Check whether a file begins as an object in JSON."""
     return content[:HEAD].lstrip(BLANK).startswith(b"{")
 
 

@@ -100,7 +100,7 @@ def _square(rows: Sequence[Mapping[Any, float]], size: int) -> Array:
 
 
 def euler() -> Tableau:
-    """Return an empty tableau, since semi-implicit Euler does not need one."""
+    """Create an empty tableau, since semi-implicit Euler does not need one."""
     return Tableau(NONE, np.zeros(0), np.zeros(0), NONE, NONE)
 
 
@@ -113,7 +113,7 @@ def rk4() -> Tableau:
 
 
 def dopri5() -> Tableau:
-    """Return a tableau of order 5 with an error estimate of order 4 and dense output of order 4."""
+    """Create a tableau of order 5 with an error estimate of order 4 and dense output of order 4."""
     a = _square(
         (
             {0: 1 / 5},
@@ -145,7 +145,7 @@ def dopri5() -> Tableau:
 
 
 def dop853() -> Tableau:
-    """Return a tableau of order 8 with errors of orders 5 and 3 and dense output of order 7."""
+    """Create a tableau of order 8 with errors of orders 5 and 3 and dense output of order 7."""
     known = json.loads((Path(__file__).parent / "dop853.json").read_text(encoding="utf-8"))
     a, third = _square(known["a"], 16), np.zeros(12)
     third[[0, 8, 11]] = known["third"]

@@ -89,7 +89,7 @@ OF_DOF: tuple[tuple[JointKind, tuple[Motion, ...]], ...] = (
 
 
 def nq(motions: tuple[Motion, ...]) -> int:
-    """Return the number of position coordinates in a joint."""
+    """Count the position coordinates in a joint."""
     return sum(SIZE[m.kind][0] for m in motions)
 
 
@@ -204,7 +204,7 @@ def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
 
 
 def parallel(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    """Return True if two directions are parallel to 1e-9 rad: a joint cannot have both."""
+    """Check whether two directions are parallel to 1e-9 rad: a joint cannot have both."""
     return _norm(_cross(a, b)) <= 1e-9 * _norm(a) * _norm(b)
 
 

@@ -41,7 +41,7 @@ class Element:
         return (child for child in self.children if child.tag in tags)
 
     def first(self, tag: str) -> Element | None:
-        """Return the first child with this tag."""
+        """Find the first child with this tag."""
         return next(self.all(tag), None)
 
     def inside(self) -> Iterator[Element]:

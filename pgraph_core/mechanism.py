@@ -52,7 +52,7 @@ class Mechanism(Dynamics):
         return sorted(set(super().__dir__()) - OF_TOPOLOGY)
 
     def __contains__(self, name: Any) -> bool:
-        """Return True if the model has a part `name`."""
+        """Check whether the model has a part `name`."""
         return name in self.model
 
     def __eq__(self, other: object) -> bool:

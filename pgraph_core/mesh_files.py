@@ -79,7 +79,7 @@ def parsed_mesh(file: str | Path) -> Any:
 
 
 def looks_like(suffix: str, content: bytes) -> bool:
-    """Return True if a file starts like its format, to avoid parsing other files as meshes."""
+    """Check whether a file starts like its format, to avoid parsing other files as meshes."""
     match suffix:
         case "dae":
             return b"<COLLADA" in content[:10_000]

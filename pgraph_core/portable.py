@@ -274,7 +274,7 @@ def jsonable(value: Any) -> Any:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Return True if two values or containers are equal, with nan = nan and list = tuple."""
+    """Check whether two values or containers are equal, with nan = nan and list = tuple."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         a, b = np.asarray(a), np.asarray(b)
         floats = all(x.dtype.kind in "fc" for x in (a, b))  # others have no nan

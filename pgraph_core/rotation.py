@@ -14,7 +14,7 @@ Quaternion: TypeAlias = "tuple[float, float, float, float]"
 
 
 def multiply(p: Sequence[float], q: Sequence[float]) -> Quaternion:
-    """Return the Hamilton product p q, which applies q first and then p."""
+    """Compute the Hamilton product p q, which applies q first and then p."""
     (a, b, c, d), (w, x, y, z) = p, q
     return (
         a * w - b * x - c * y - d * z,
@@ -38,7 +38,7 @@ def unit_vector(x: Sequence[float] | Array) -> Array:
 
 
 def matrix(q: Sequence[float]) -> Array:
-    """Return the (3, 3) rotation matrix for a quaternion with any nonzero norm."""
+    """Compute the (3, 3) rotation matrix for a quaternion with any nonzero norm."""
     w, x, y, z = unit(q)
     return np.array(
         [
@@ -61,7 +61,7 @@ def skew(x: Sequence[float] | Array) -> Array:
 
 
 def rodrigues(axis: Sequence[float] | Array, angle: float) -> Array:
-    """Return the rotation (3, 3) about a unit axis: I + (h×) sin θ + (h×)² (1 - cos θ), Fig. 7."""
+    """Compute the rotation (3, 3) about a unit axis: I + (h×) sin θ + (h×)² (1 - cos θ), Fig. 7."""
     h = skew(axis)
     return np.eye(3) + math.sin(angle) * h + (1.0 - math.cos(angle)) * (h @ h)
 
@@ -79,7 +79,7 @@ def frame_of(axis: Array) -> Array:
 
 
 def quaternion_of(R: Array) -> Quaternion:
-    """Return the quaternion for a (3, 3) rotation matrix, with its largest component positive."""
+    """Compute the quaternion for a (3, 3) rotation matrix, with its largest component positive."""
     a, b, c = R[0, 0], R[1, 1], R[2, 2]
     squares = np.array([1 + a + b + c, 1 + a - b - c, 1 - a + b - c, 1 - a - b + c])  # 4 x its own
     products = np.array([

@@ -181,7 +181,7 @@ def in_our_words(kind: type[BaseModel], data: Mapping[str, Any]) -> dict[str, An
 
 
 def _same(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
-    """Return True if two mappings contain the same objects."""
+    """Check whether two mappings contain the same objects."""
     return a.keys() == b.keys() and all(a[name] is b[name] for name in a)
 
 

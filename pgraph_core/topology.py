@@ -105,7 +105,7 @@ class Topology(EqualByFields, Portable):
         return many[many > 0]
 
     def _children(self) -> Ints:
-        """Return the number of children as an (nb + 1,) array, at least 1 for the ground."""
+        """Count the children as an (nb + 1,) array, at least 1 for the ground."""
         count = np.bincount(self.parent, minlength=self.nb + 1)
         count[0] = max(count[0], 1)
         return count

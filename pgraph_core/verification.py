@@ -196,7 +196,7 @@ VECTORS = ("point", "point_velocity", "direction", "spin", "constraint_force", "
 
 
 def errors(kind: str, found: Array, reference: Array, scale: float) -> Array:
-    """Return the largest |found - reference| / max(|reference|, scale) in each row, as an (n,)
+    """Find the largest |found - reference| / max(|reference|, scale) in each row, as an (n,)
     array.
 
     Points, directions and forces are compared as vectors, and rotations by the angle between them

@@ -119,7 +119,7 @@ def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
 
 
 def varies(item: Any, field: str) -> bool:
-    """Return True if a field takes an expression in time and the motion in place of a number."""
+    """Check whether a field takes an expression in time and the motion in place of a number."""
     info = type(item).model_fields.get(field)
     return info is not None and {float, str} <= set(_types(info.annotation))
 
@@ -152,7 +152,7 @@ SELDOM = {"windup", "tracking", "start", "sample"}  # fields of controllers
 
 
 def rare(item: Any, name: str) -> bool:
-    """Return True if a field is at its default and seldom needed, so that a form lists it last."""
+    """Check whether a field is at its default and seldom needed, so that a form lists it last."""
     if isinstance(item, OnJoint):
         seldom = {*OnJoint.model_fields} - {"kind", "body", "coordinate", item.INPUT}
     else:
@@ -161,7 +161,7 @@ def rare(item: Any, name: str) -> bool:
 
 
 def takes_other(part: str, kind: str) -> bool:
-    """Return True if a new part of that kind needs a second body."""
+    """Check whether a new part of that kind needs a second body."""
     kinds = {"constraints": pg.Constraint.KINDS, "forces": pg.Force.KINDS}.get(part)
     if kinds is None:
         return part in ("contacts", "loops")

@@ -62,7 +62,7 @@ class Reports:
 
 
 def wanted(state: State) -> bool:
-    """Return True if constraints are on a page, whose bar shows what they leave, without report."""
+    """Check whether constraints are on a page, whose bar shows what they leave, without report."""
     if not state.model.constraints or not state.clients:
         return False
     if state.mobility is not None and state.mobility.model is state.model:

@@ -156,7 +156,7 @@ class Bridge:
                     self._push(pages[page], topics[page])
 
     def ready(self) -> bool:
-        """Return True if every page has shown its images, or has received none for a while."""
+        """Check whether every page has shown its images, or has received none for a while."""
         late = [page for page, n in list(self._behind.items()) if n >= MOST_BEHIND]
         if not late:
             return True

@@ -70,7 +70,7 @@ class Display:
 
 
 def _shortest(near: float, value: float, quantity: Quantity, display: Display) -> float:
-    """Return the shortest decimal that converts back to `value`: 30 deg, not 29.999999999999996."""
+    """Find the shortest decimal that converts back to `value`: 30 deg, not 29.999999999999996."""
     rounded = (float(f"{near:.{digits}g}") for digits in (12, 14, 15, 16))
     return next((x for x in rounded if display.si(x, quantity) == value), near)
 

@@ -66,7 +66,7 @@ class Topic:
                 self._bridge.send(client, self._topic, drawn)
 
     def _due(self, old: State, new: State, client: int, changed: bool) -> bool:
-        """Return True if the topic is out of date on a page."""
+        """Check whether the topic is out of date on a page."""
         page, before = new.clients[client], old.clients.get(client)
         moved = changed and new.version != old.version
         if self._seen and (moved or new.framed != old.framed):

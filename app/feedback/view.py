@@ -89,7 +89,7 @@ def _typed(x: complex) -> str:
 
 
 def _allowed(design: Design, display: Display) -> list[Payload]:
-    """Return the largest inputs and deviations, which determine the weights."""
+    """Find the largest inputs and deviations, which determine the weights."""
     names, asked = named(design), design.asked
     count = len(names) - (len(design.found.states) if design.found else 0)
     rows = []

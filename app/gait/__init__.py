@@ -83,7 +83,7 @@ def offered(model: pg.Model, walking: Walking) -> Offer | None:
 
 
 def has_feet(model: pg.Model) -> bool:
-    """Return True if the model has a gait, or four single-point contacts with the ground."""
+    """Check whether the model has a gait, or four single-point contacts with the ground."""
     feet = [c for c in model.contacts if c.other == "ground" and len(c.points) == 1]
     return len(feet) >= FEET or bool(offers(model))
 
@@ -96,7 +96,7 @@ def why_not(model: pg.Model) -> str:
 
 
 def turns(model: pg.Model, gait: pg.Gait) -> bool:
-    """Return True if the hips can abduct, so that feet can push sideways."""
+    """Check whether the hips can abduct, so that feet can push sideways."""
     contacts = {contact.name: contact for contact in model.contacts}
     for fall in gait.feet:
         if fall.foot not in contacts:

@@ -52,13 +52,13 @@ def toolbar(state: State, client: int) -> Payload:
 
 
 def counts(model: pg.Model) -> dict[str, int]:
-    """Return the number of parts in each tab of the model."""
+    """Count the parts in each tab of the model."""
     tied = len(model.constraints) + len(model.contacts) + len(model.forces)
     return {"Bodies": len(model.bodies), "Connections": tied, "Scenarios": len(model.scenarios)}
 
 
 def unsaved(state: State) -> bool:
-    """Return True if the model was edited since it was last opened or saved."""
+    """Check whether the model was edited since it was last opened or saved."""
     edited = bool(state.undo) and state.undo[-1].document == state.document
     return edited and state.saved != (state.document, state.model)
 

@@ -113,7 +113,7 @@ def matrix(state: State, what: str) -> Any:
 
 
 def picture(whole: Any, part: Inspected) -> Picture:
-    """Return an operator's cells in a range of rows and columns, with at most MOST per side."""
+    """Create an operator's cells in a range of rows and columns, with at most MOST per side."""
     whole = sparse.coo_array(whole)
     rows, columns = _within(part.rows, whole.shape[0]), _within(part.columns, whole.shape[1])
     step = (_step(rows), _step(columns))

@@ -42,7 +42,7 @@ class Hit(NamedTuple):
 
 
 def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
-    """Return the nearest surface point on a ray, or a corner, end or centre of that body nearby.
+    """Find the nearest surface point on a ray, or a corner, end or centre of that body nearby.
 
     With `joints`, joints and tips take precedence over objects in front of them.
     """
@@ -84,7 +84,7 @@ def _seen_from(ray: Ray, position: np.ndarray, R: np.ndarray) -> Ray:
 
 
 def _in_reach(look: Look, ray: Ray) -> bool:
-    """Return True if a ray with its tolerance may hit a piece of a body."""
+    """Check whether a ray with its tolerance may hit a piece of a body."""
     for piece in look.pieces:
         low, high = shapes.bounds(piece)
         radius = float(np.linalg.norm(high - low)) / 2
@@ -103,7 +103,7 @@ def _in_reach(look: Look, ray: Ray) -> bool:
 def _snapped(
     state: State, look: Look, k: int, ray: Ray, far: float, joints: bool
 ) -> tuple[np.ndarray, str, float] | None:
-    """Return the best snapping candidate on a body within the ray's slack, and its distance."""
+    """Find the best snapping candidate on a body within the ray's slack, and its distance."""
     best: tuple[np.ndarray, str, float] | None = None
     size = state.derived.grain
     for point, what, weight in candidates(state, look, k, joints):
@@ -121,7 +121,7 @@ def _snapped_beside(
     state: State, drawn: Sequence[Look], near: Sequence[int], ray: Ray, positions: np.ndarray,
     R: np.ndarray, joints: bool,
 ) -> Spot | None:  # fmt: skip
-    """Return the best snapping point for a ray that passes just outside a body."""
+    """Find the best snapping point for a ray that passes just outside a body."""
     best: tuple[np.ndarray, str, float, int] | None = None
     for k in near:
         own = _seen_from(ray, positions[k], R[k])
@@ -191,7 +191,7 @@ def _clean(v: np.ndarray) -> tuple[float, float, float]:
 
 
 def met(piece: Piece, ray: Ray) -> Hit | None:
-    """Return the first intersection of a ray with a piece, in the axes of its body."""
+    """Find the first intersection of a ray with a piece, in the axes of its body."""
     own = _seen_from(ray, np.asarray(piece.position), piece.rotation)
     hit = min(_meetings(piece, own), default=None, key=_far)
     if hit is None:

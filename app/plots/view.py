@@ -64,7 +64,7 @@ class PlotsView:
                 self._bridge.send(client, "signals", signals(new, now))
 
     def _due(self, old: State, new: State) -> bool:
-        """Return True if a live run has enough new frames to be redrawn."""
+        """Check whether a live run has enough new frames to be redrawn."""
         if new.live is None or old.live is None or new.live.parts is old.live.parts:
             return False
         late = time.perf_counter() - self._drawn > LIVE_EVERY

@@ -195,7 +195,7 @@ def pose_at(state: State, q: np.ndarray) -> Pose:
 
 
 def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray:
-    """Return the closest q that satisfies the constraints, with one coordinate fixed."""
+    """Find the closest q that satisfies the constraints, with one coordinate fixed."""
     if not state.kernels.ready:
         raise _cannot(body, "the kernels that close loops are still being compiled")
     model, held = state.model, None

@@ -352,7 +352,7 @@ def possible(inertia: Content) -> tuple[tuple[float, ...], ...]:
 
 
 def mended(body: pg.Body, field: str, change: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the nearest valid edit for use as a repair, if the field has one."""
+    """Find the nearest valid edit for use as a repair, if the field has one."""
     value: Any = change.get(field)
     match field:
         case "inertia" if not any(isinstance(x, str) for row in value for x in row):

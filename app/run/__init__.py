@@ -356,7 +356,7 @@ def run_on(run: Run, old: pg.Model, new: pg.Model) -> Run:
 
 
 def same_motion(old: pg.Model, new: pg.Model) -> bool:
-    """Return True if two models have the same motion, ignoring body names and visual shapes."""
+    """Check whether two models have the same motion, ignoring body names and visual shapes."""
     if old is new:
         return True
     if len(old.bodies) != len(new.bodies):
@@ -456,7 +456,7 @@ def _value(field: str, text: str) -> float | str | None:
 
 
 def idle(state: State) -> bool:
-    """Return True if no simulation is running."""
+    """Check whether no simulation is running."""
     return state.job is None and state.going is None
 
 

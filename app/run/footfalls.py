@@ -64,7 +64,7 @@ def place(run: pg.Result, foot: str, t: float) -> Place | None:
 
 
 def prints(found: Sequence[Change], time: float, most: int) -> np.ndarray:
-    """Return the last touchdown positions up to `time` as an (n, 3) array."""
+    """Find the last touchdown positions up to `time` as an (n, 3) array."""
     down = (change.at for change in reversed(found) if change.at is not None and change.t <= time)
     return np.array(list(islice(down, most))[::-1]).reshape(-1, 3)
 

@@ -112,7 +112,7 @@ def _until(result: Any) -> str:
 
 
 def _first_order(result: Any) -> bool:
-    """Return True if the errors of energies are of first order in the step size."""
+    """Check whether the errors of energies are of first order in the step size."""
     method = METHODS.get(str(result.header.get("method")))
     return method is not None and method.order == 1
 

@@ -69,7 +69,7 @@ def hints(request: Request) -> dict[str, tuple[str, str, bool]]:
 
 
 def keeps(state: State) -> bool:
-    """Return True if the run has other settings than its scenario, which may keep them."""
+    """Check whether the run has other settings than its scenario, which may keep them."""
     request = replace(state.request, rtol=None)
     own = (Request(s.name, s.t_end, s.step, s.method) for s in state.model.scenarios)
     return any(one.scenario == request.scenario and one != request for one in own)

@@ -136,7 +136,7 @@ def look(
 
 
 def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
-    """Return a viewpoint above the drawn ground, which would else hide a lying model."""
+    """Create a viewpoint above the drawn ground, which would else hide a lying model."""
     normal = np.asarray(state.model.ground_normal)
     missing = CLEAR * state.derived.size - ground(state) - seen.position @ normal
     if missing <= 0 or (seen.position - seen.target) @ normal < -1e-9:
@@ -146,7 +146,7 @@ def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
 
 
 def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
-    """Return True if a page shows the whole model, which fills a fair share of the picture."""
+    """Check whether a page shows the whole model, which fills a fair share of the picture."""
     corners, at, up = extent(state), handle.camera, np.array(GRID[state.model.up][1])
     if page.aspect is None or not holds(handle, state, page, corners).all():
         return False

@@ -255,7 +255,7 @@ def _pivots(model: pg.Model) -> list[pg.Body | pg.Constraint]:
 
 
 def pivots(state: State) -> Joining:
-    """Return a bracket along the axis of each ground pivot, opposite to the body."""
+    """Create a bracket along the axis of each ground pivot, opposite to the body."""
     d, model = state.derived, state.model
     up, R = np.array(GRID[model.up][1]), shapes.to_matrix(d.wxyz)
     ends, turns = [], []

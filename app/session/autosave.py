@@ -74,7 +74,7 @@ def left_behind(folder: Path) -> tuple[Kept, ...]:
 
 
 def _over(lock: Path, rest: Iterable[Path]) -> bool:
-    """Return True if no process holds the lock of a session. The files of such a session are
+    """Check whether no process holds the lock of a session. The files of such a session are
     removed."""
     with contextlib.suppress(OSError), lock.open("rb") as file:
         if not _locked(file, shared=True):

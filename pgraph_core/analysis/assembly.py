@@ -108,7 +108,7 @@ def indices(mech: Dynamics, names: Sequence[str] | None) -> Ints:
 def assembled(
     mech: Dynamics, q: Array, v: Array, active: Ints, scene: Scene, t: float = 0.0
 ) -> tuple[Array, Array, Assembly]:
-    """Return (q, v, report) near (q, v) that satisfies the `active` constraints in `scene`.
+    """Compute (q, v, report) near (q, v) that satisfies the `active` constraints in `scene`.
 
     Nearness is measured in the mass metric. The projection of runs is tried first, then damped
     least squares. Raises InputError with the constraints that cannot be met and their residuals.
@@ -137,7 +137,7 @@ def assembled(
 
 
 def changes(mech: Dynamics, q: Array, v: Array, new_q: Array, new_v: Array) -> Assembly:
-    """Return the changes from one state to another."""
+    """Compute the changes from one state to another."""
     rows = Rows.of(mech, mech.packed.active, q, v)
     step, turns = np.abs(apart(mech, q, new_q)), rows.turns
     moves = [(float(step[span].max()), name, span) for name, span in rows.joints]
@@ -148,7 +148,7 @@ def changes(mech: Dynamics, q: Array, v: Array, new_q: Array, new_v: Array) -> A
 
 
 def followed(mech: Dynamics, q: Array) -> Array | None:
-    """Return the configuration (nq,) to which motions over time from 0 to 1 lead from an assembled
+    """Compute the configuration (nq,) to which motions over time from 0 to 1 lead from an assembled
     q, or None.
 
     Each step goes along the velocities and is then assembled. The step is halved until the assembly
@@ -257,7 +257,7 @@ def _gap(rows: Rows) -> float:
 
 
 def stopped(rows: Rows) -> tuple[Array, float]:
-    """Return (v, residual). The velocities satisfy all rows and are nearest in the mass metric.
+    """Compute (v, residual). The velocities satisfy all rows and are nearest in the mass metric.
 
     `missed` is relative to the current speeds.
     """
@@ -308,7 +308,7 @@ def _missed(rows: Rows) -> list[str]:
 
 
 def _worst(rows: Rows) -> tuple[float, str]:
-    """Return the largest gap with its unit."""
+    """Find the largest gap with its unit."""
     turns = rows.turns
     found: list[tuple[float, float, str]] = []
     for group in rows.groups:

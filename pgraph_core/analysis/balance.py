@@ -118,7 +118,7 @@ class Balance:
         return found * gravity * np.where(self.rows.turns, self.size, 1.0)
 
     def torque(self, q: Array, v: Array) -> Array:
-        """Return the torque τ (nv,) from all drives and loads at t = 0."""
+        """Compute the torque τ (nv,) from all drives and loads at t = 0."""
         tau = np.zeros(self.mech.nv + len(self.s))
         motion.drive_torque(self.scene.address, *self.whole(q, v), tau)
         tau = tau[: self.mech.nv] + self.load_torque(q, v)
@@ -182,7 +182,7 @@ class Balance:
         return self.rates(self.q, self.v, self.s), self.free.T @ self.pull
 
     def settled(self) -> Self:
-        """Return the scene with stationary control states that hold it in place, if there are any.
+        """Compute the scene with stationary control states that hold it in place, if there are any.
 
         Newton's method first makes the rates vanish, then the forces by the states that stay free.
         """
@@ -318,7 +318,7 @@ def state_of(
 
 
 def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
-    """Return the derivative kernel and its workspace, cached with the mechanism once made."""
+    """Compute the derivative kernel and its workspace, cached with the mechanism once made."""
     if not mech._slopes:
         packed, n, whole = mech.packed, mech.nv, slice(None)
         sprung = len(packed.passive.table) or packed.passive_loads.number
@@ -339,7 +339,7 @@ def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
 
 
 def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
-    """Return the (nv, nv) load torque derivatives in v, exact except for drags that change
+    """Compute the (nv, nv) load torque derivatives in v, exact except for drags that change
     direction.
 
     Dampers are linear in v and drags quadratic: central differences have no error of order. Steps
@@ -364,7 +364,7 @@ def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Arra
 
 
 def drive_slopes(drives: Drives, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return (nv, nv) derivatives of springs, servos and motors in q, and dampers and friction in
+    """Compute (nv, nv) derivatives of springs, servos and motors in q, and dampers and friction in
     v.
 
     The slope is evaluated at t = 0. It is zero for a drive at its limit.
@@ -443,7 +443,7 @@ def length_of(mech: Dynamics, f: Force, q: Array) -> float:
 
 
 def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
-    """Return the vector between the two ends of a spring (3,) [m] and its derivative with respect
+    """Compute the vector between the two ends of a spring (3,) [m] and its derivative with respect
     to v (3, nv)."""
     own, other = points_of(f, mech.model.body(f.body))
     apart, slopes = np.zeros(3), np.zeros((3, mech.nv))
@@ -540,7 +540,7 @@ class Touching:
         return tuple(share * self.depth / max(1.0, self.mech.packed.length) for share in DEPTHS)
 
     def slopes_in_v(self, q: Array, v: Array) -> Array:
-        """Return the (nv, nv) derivatives of `torque` in v, by fourth-order differences.
+        """Compute the (nv, nv) derivatives of `torque` in v, by fourth-order differences.
 
         Their best step is EPS^(1/5) of the slip at which regularised friction bends.
         """

@@ -40,7 +40,7 @@ HALVINGS = 40
 
 
 def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Configuration:
-    """Return the equilibrium q (nq,) near q. See `Mechanism.equilibrium`."""
+    """Compute the equilibrium q (nq,) near q. See `Mechanism.equilibrium`."""
     q, _ = state_of(mech, q, None, scenario)
     here = Place(mech, q, np.zeros(mech.nv), scenario)
     low, high = bounds(mech)
@@ -114,7 +114,7 @@ class Place(Balance):
         return float(found)
 
     def rise(self, new: Place) -> float:
-        """Return the energy required to move to another position [J].
+        """Compute the energy required to move to another position [J].
 
         Motors and servos are linear in their own coordinate: the trapezoid of their work is exact.
         """
@@ -224,7 +224,7 @@ class _Search:
         return True
 
     def moved(self, here: Place, step: Array) -> Place:
-        """Return the position after a step, with the loops closed."""
+        """Compute the position after a step, with the loops closed."""
         q = here.rows.advanced(step)
         for _ in range(2 if self.names else 0):
             q, _, _ = assemble(here.mech, q, np.zeros(here.mech.nv), self.names)
@@ -237,7 +237,7 @@ class _Search:
         return here.at(q, here.v)
 
     def share(self, step: Array) -> float:
-        """Return the fraction of a step that is short enough and respects the limits."""
+        """Compute the fraction of a step that is short enough and respects the limits."""
         longest = float(np.max(np.abs(step) / self.here.reach, initial=0.0))
         most = 1.0 / max(longest / LONGEST_STEP, 1.0)
         at_q = single(self.here.rows)

@@ -362,7 +362,7 @@ def _drives(call: str, model: Model, names: Sequence[str] | None) -> list[OnJoin
 
 
 def _pushes(mech: Dynamics, f: OnJoint) -> Array:
-    """Return the torques (nv,) produced by a unit input to a drive."""
+    """Compute the torques (nv,) produced by a unit input to a drive."""
     found = np.zeros(mech.nv)
     for body, k, factor in f.terms:
         found[mech.joints[body].v.start + k] += f.law.gain * factor

@@ -50,7 +50,7 @@ def constrained_inverse_dynamics(
     weights: Array | Mapping[str, float] | None,
     nearest: bool = False,
 ) -> Array:
-    """Return the minimum-norm τ (nv,) for v'. See `Mechanism.constrained_inverse_dynamics`."""
+    """Compute the minimum-norm τ (nv,) for v'. See `Mechanism.constrained_inverse_dynamics`."""
     if nearest:  # Gauss's principle, with the torques that would yield v' without constraints
         vdot, _ = mech._constrained_acceleration(q, v, mech._tree_torque(q, v, vdot))
     at_once = _at_once(mech, (q, v, vdot), actuated, weights)
@@ -425,7 +425,7 @@ def _descended(
 
 
 def _errors(rows: Rows, wanted: list[Target]) -> tuple[Array, Array]:
-    """Return the target and loop residuals (m,) [m], and their derivatives (m, nv)."""
+    """Compute the target and loop residuals (m,) [m], and their derivatives (m, nv)."""
     errors, slopes = [rows.gap[rows.holonomic]], [rows.J[rows.holonomic]]
     for target in wanted:
         place, turn = rows.mech.pose(rows.q, target.name)

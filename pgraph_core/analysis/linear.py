@@ -117,7 +117,7 @@ class Linearisation(Suggests):
 def linearise(
     mech: Dynamics, q: Array | None, v: Array | None, scenario: str | None
 ) -> Linearisation:
-    """Return the linearised dynamics at (q, v). See `Mechanism.linearise`."""
+    """Compute the linearised dynamics at (q, v). See `Mechanism.linearise`."""
     q, v = state_of(mech, q, v, scenario)
     mech._tree_acceleration(q, v)  # refuses a singular mass matrix by the name of its body
     here = Balance(mech, q, v, scenario)
@@ -172,7 +172,7 @@ def linearise(
 
 
 def _answered(here: Balance, force: Any) -> Any:
-    """Return the accelerations v' due to forces (nv, k) while the constraint rows remain
+    """Compute the accelerations v' due to forces (nv, k) while the constraint rows remain
     satisfied."""
     if len(here.rows.J):
         return here.free @ (here.free.T @ force)
@@ -226,7 +226,7 @@ def _from(free: Array, chosen: Ints) -> Array:
 
 
 def _spun(mech: Dynamics, v: Array) -> Array:
-    """Return the (nv, nv) change in the ball joints' rotation vectors, δθ' = δω + ω × δθ."""
+    """Compute the (nv, nv) change in the ball joints' rotation vectors, δθ' = δω + ω × δθ."""
     found = np.zeros((mech.nv, mech.nv))
     for _, _, j in mech.packed.quaternions:
         found[j : j + 3, j : j + 3] = skew(v[j : j + 3])
@@ -358,7 +358,7 @@ def notices(here: Balance, names: list[str], states: tuple[str, ...]) -> tuple[s
 
 
 def _is_timed(f: Force) -> bool:
-    """Return True if a force follows a table over time, or integrates its input over time."""
+    """Check whether a force follows a table over time, or integrates its input over time."""
     given = (getattr(f, name) for name in type(f).model_fields)
     tables = any(isinstance(x, (Table, VectorTable)) for x in given)
     return tables or getattr(f, "integrates", False)
@@ -387,7 +387,7 @@ def _bent(here: Balance, names: list[str]) -> str:
 
 
 def _is_bent(of: Callable[[float], Array]) -> bool:
-    """Return True if a function has a corner or a jump at 0."""
+    """Check whether a function has a corner or a jump at 0."""
     step = EPS**0.25  # balances rounding and curvature in a second difference
     values = [(of(h), of(-h)) for h in (10.0 * step, step)]
     here = of(0.0)

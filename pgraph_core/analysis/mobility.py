@@ -263,7 +263,7 @@ def _look(here: Rows, step: Array) -> tuple[Array, Rows | None]:
 
 
 def _branches(here: Rows, steps: list[Array]) -> tuple[Array, ...]:
-    """Return the distinct directions of motion, scaled to a largest entry of 1.
+    """Compute the distinct directions of motion, scaled to a largest entry of 1.
 
     Directions of the same branch differ due to its curvature, by at most NEARBY for each of two
     moves.

@@ -184,7 +184,7 @@ class Rows:
         return where.reshape(size, 3).copy()
 
     def _jacobian(self, i: int) -> Array:
-        """Return the Jacobian (rows, nv) of block i after the kernel has located it."""
+        """Compute the Jacobian (rows, nv) of block i after the kernel has located it."""
         blocks = self.scene.blocks
         table = blocks.blocks_i[i]
         if table[at.B_TYPE] in (at.T_COORD, at.T_VELOCITY):
@@ -199,7 +199,7 @@ class Rows:
         return self._directions(i) @ (mine - other)[part]
 
     def _point_jacobian(self, row: int, x: Array) -> Array:
-        """Return the Jacobian (6, nv) of the material point of a row now at x in the world."""
+        """Compute the Jacobian (6, nv) of the material point of a row now at x in the world."""
         jac, work = np.zeros((6, self.nv)), self.scene.work
         if row > 0:
             turn = work[row, at.R : at.R + 9].reshape(3, 3)
@@ -298,7 +298,7 @@ def turns(mech: Dynamics) -> NDArray[np.bool_]:
 
 
 def apart(mech: Dynamics, start: Array, q: Array) -> Array:
-    """Return the displacement (nv,) along velocities from one position to another."""
+    """Compute the displacement (nv,) along velocities from one position to another."""
     step = np.zeros(mech.nv)
     of_q, of_v = plain(mech.packed.rows)
     step[of_v] = q[of_q] - start[of_q]

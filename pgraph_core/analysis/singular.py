@@ -149,7 +149,7 @@ class _Look:
         return np.linalg.eigh(scaled)
 
     def only_there(self, tau: float, usual: Array) -> Passed | None:
-        """Return the position after a time tau if it has more dependent rows than the `usual`
+        """Compute the position after a time tau if it has more dependent rows than the `usual`
         ones."""
         values, vectors = self.eigen(tau)
         count = int((values < NULL).sum())
@@ -160,7 +160,7 @@ class _Look:
         return Passed(self.t + tau, tuple(named(self.scene, rows)), self.places[tau])
 
     def lowest(self, width: float, nulls: int) -> float:
-        """Return the time within `width` at which eigenvalue `nulls` is smallest, by parabolas."""
+        """Compute the time within `width` at which eigenvalue `nulls` is smallest, by parabolas."""
         seen = [(x, float(self.eigen(x)[0][nulls])) for x in (-width, 0.0, width)]
         for _ in range(PARABOLAS):
             (a, at_a), (b, at_b), (c, at_c) = sorted(seen)
@@ -177,7 +177,7 @@ class _Look:
 
 
 def passed(scene: Scene, dips: Any, states: Array) -> list[Passed]:
-    """Return the distinct singular positions among the first dips of the active constraints."""
+    """Compute the distinct singular positions among the first dips of the active constraints."""
     found: list[Passed] = []
     nq, nv = scene.packed.nq, scene.packed.nv
     for dip, state in zip(dips, states):
@@ -191,7 +191,7 @@ def passed(scene: Scene, dips: Any, states: Array) -> list[Passed]:
 
 
 def _touched(look: _Look, width: float) -> Passed | None:
-    """Return the singular position within `width` of a dip's minimum, or None."""
+    """Compute the singular position within `width` of a dip's minimum, or None."""
     fastest = float(np.max(np.abs(look.v), initial=0.0))
     if fastest == 0.0 or look.rows == 0:
         return None
@@ -275,7 +275,7 @@ class Stretch(NamedTuple):
 
 
 def nulls_of(mech: Dynamics, active: Ints, t: float, q: Array) -> int:
-    """Return the number of rows of J that are redundant at or near q, for any masses.
+    """Count the rows of J that are redundant at or near q, for any masses.
 
     The rows are scaled to unit length, with one radian equivalent to the extent of the mechanism.
     They are redundant if a singular value is below ten times FAINT, relative to the largest.
@@ -370,7 +370,7 @@ def holding(
 
 
 def approach(mech: Dynamics, q: Array, body: str, point: Array, normal: Array) -> Array:
-    """Return the gradient (nv,) of the position along `normal` of a body's point (world axes)."""
+    """Compute the gradient (nv,) of the position along `normal` of a body's point (world axes)."""
     J = mech.jacobian(q, body)
     arm = point - mech.pose(q, body)[0]
     return np.asarray(J[3:].T @ normal + J[:3].T @ np.cross(arm, normal), dtype=float)

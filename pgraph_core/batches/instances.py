@@ -107,7 +107,7 @@ class Worker:
 
 
 def _spans(arrays: Sequence[Array], varying: Ints) -> Ints:
-    """Return (address, offset in a row, bytes) of the varying words, adjacent ones merged."""
+    """Compute (address, offset in a row, bytes) of the varying words, adjacent ones merged."""
     found: list[tuple[int, int, int]] = []
     first = 0
     for a in arrays:
@@ -216,7 +216,7 @@ class Instances:
 
 @cache
 def pool(threads: int) -> ThreadPoolExecutor:
-    """Return a thread pool kept between batches: starting one costs as much as a small batch."""
+    """Create a thread pool kept between batches: starting one costs as much as a small batch."""
     return ThreadPoolExecutor(threads)
 
 

@@ -60,7 +60,7 @@ def on_feet(stepper: Stepper) -> bool:
 
 
 def is_plain(row: Any) -> bool:
-    """Return True if a drive has a single coordinate and constant inputs without lag."""
+    """Check whether a drive has a single coordinate and constant inputs without lag."""
     follows = row["terms"] or row["lag"] or row["integrates"]
     return not follows and row["torques"] <= 1 and (row["coordinate"] < 0 or row["targets"] <= 1)
 

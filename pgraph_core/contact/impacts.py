@@ -112,7 +112,7 @@ def _at_once(omega: Array, free: Array, rows: Sequence[ContactRow]) -> Array:
 def _newton(
     omega: Array, free: Array, rows: Sequence[ContactRow], start: Array
 ) -> tuple[Array, float]:
-    """Return (λ, residual relative to the largest velocity) from damped Newton steps.
+    """Compute (λ, residual relative to the largest velocity) from damped Newton steps.
 
     The contact laws are the same as in `engine/contact/newton.py`. They are formulated as
     projections onto the admissible set of λ ([Alart, Curnier 1991]). Impulses are scaled by the
@@ -149,7 +149,7 @@ def _newton(
 
 
 def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> tuple[Array, Array]:
-    """Return (velocity residuals of the contact laws at λ, their derivatives in λ).
+    """Compute (velocity residuals of the contact laws at λ, their derivatives in λ).
 
     `free` are the velocities without impulses, those that bounces ask for taken off.
     """
@@ -178,7 +178,7 @@ def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> 
 
 
 def _most_mobile(omega: Array) -> float:
-    """Return the larger eigenvalue of a contact's tangential block. The value does not depend on
+    """Compute the larger eigenvalue of a contact's tangential block. The value does not depend on
     the basis."""
     (a, b), (_, c) = omega.tolist()
     return 0.5 * (a + c + math.hypot(a - c, 2.0 * b))

@@ -96,18 +96,18 @@ class Solid:
 
 
 def sphere(radius: float) -> Solid:
-    """Return a sphere about the shape's origin."""
+    """Create a sphere about the shape's origin."""
     return Solid(SPHERE, np.zeros((1, 3)), radius=radius)
 
 
 def capsule(radius: float, length: float) -> Solid:
-    """Return a capsule along z, with `length` excluding the caps."""
+    """Create a capsule along z, with `length` excluding the caps."""
     ends = np.array(((0.0, 0.0, -length / 2), (0.0, 0.0, length / 2)))
     return Solid(CAPSULE, ends, (), np.array(((0, 1, -1, -1),)), radius, length / 2)
 
 
 def box(size: Sequence[float]) -> Solid:
-    """Return a box with the given edge lengths along x, y and z."""
+    """Create a box with the given edge lengths along x, y and z."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     rings = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     return Solid(BOX, corners * np.asarray(size, float) / 2, rings)
@@ -132,13 +132,13 @@ def frustum(radius: float, end: float, length: float) -> Solid:
 
 
 def ellipsoid(radii: Sequence[float]) -> Solid:
-    """Return an ellipsoid with the given semi-axes along x, y and z."""
+    """Create an ellipsoid with the given semi-axes along x, y and z."""
     x, y, z = radii
     return Solid(ELLIPSOID, np.zeros((0, 3)), radii=(x, y, z))
 
 
 def heightfield(size: Sequence[float], heights: Any) -> Solid:
-    """Return a heightfield on a rectangle about the origin, with heights[i][j] along x and y."""
+    """Create a heightfield on a rectangle about the origin, with heights[i][j] along x and y."""
     heights = np.asarray(heights, float)
     places = [np.linspace(-w / 2, w / 2, n) for w, n in zip(size, heights.shape)]
     grid = np.meshgrid(*places, indexing="ij")
@@ -150,12 +150,12 @@ def heightfield(size: Sequence[float], heights: Any) -> Solid:
 
 
 def points(places: Any) -> Solid:
-    """Return a solid made of explicit contact points in the shape's frame."""
+    """Create a solid made of explicit contact points in the shape's frame."""
     return Solid(POINTS, np.array(places, float).reshape(-1, 3))
 
 
 def hull(places: Any) -> Solid:
-    """Return the convex hull of points that span a volume, with coplanar facets merged."""
+    """Compute the convex hull of points that span a volume, with coplanar facets merged."""
     from scipy.spatial import ConvexHull
 
     places = np.asarray(places, float)
@@ -236,7 +236,7 @@ def _make_convex(places: Array, triangles: Array, group: Array) -> None:
 
 
 def _are_level(places: Array, triangles: Array, near: float) -> bool:
-    """Return True if all corners of these triangles lie within `near` of a common plane [m]."""
+    """Check whether all corners of these triangles lie within `near` of a common plane [m]."""
     p, q, r = places[triangles].transpose(1, 0, 2)
     normal = np.cross(q - p, r - p).sum(axis=0)
     return bool(
@@ -267,7 +267,7 @@ def _around(places: Array, ring: Array, n: Array) -> Array:
 
 
 def normals_of(solid: Solid) -> Array:
-    """Return the outward unit normals (nface, 3), by Newell's method."""
+    """Compute the outward unit normals (nface, 3), by Newell's method."""
     found = np.zeros((len(solid.rings), 3))
     if solid.kind == HEIGHTFIELD:  # each of its prisms has its own
         return found
@@ -568,7 +568,7 @@ class Terrain(NamedTuple):
 
 
 def terrain_of(model: Model) -> Terrain:
-    """Return the ground plane and its steps, in the plane's own axes (`ground_axes`)."""
+    """Compute the ground plane and its steps, in the plane's own axes (`ground_axes`)."""
     patches, depth = _patches(model)
     found = ground(model.ground_normal, patches)
     plane = found.plane[0]

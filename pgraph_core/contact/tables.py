@@ -191,7 +191,7 @@ class _Shapes:
                     yield body, other
 
     def _tied(self, body: str, other: str) -> bool:
-        """Return True if a joint connects two bodies, which then touch only if both are named."""
+        """Check whether a joint connects two bodies, which then touch only if both are named."""
         numbers = sorted(self.mech.topology.number(name) for name in (body, other))
         return tuple(numbers) in self.apart
 
@@ -310,7 +310,7 @@ def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
-    """Return the parameters (10,) for PAIR_LAW, including defaults.
+    """Compute the parameters (10,) for PAIR_LAW, including defaults.
 
     By default, the weight of the lightest touching tree compresses the contact by 1e-4 of the size
     of the bodies, and the damping is determined by the restitution.
@@ -362,7 +362,7 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
 
 
 def rate_of(row: Any, pull: float) -> float:
-    """Return the rate [1/s] of a mass on a soft or penalty contact, with damper and friction."""
+    """Compute the rate [1/s] of a mass on a soft or penalty contact, with damper and friction."""
     mass, stiffness = float(row["mass"]), float(row["stiffness"])
     if row["law"] == SOFT:
         depth = (mass * pull / stiffness) ** (2 / 3)
@@ -375,7 +375,7 @@ def rate_of(row: Any, pull: float) -> float:
 
 
 def _moved(c: Contact, topology: Topology, packed: System) -> float:
-    """Return the effective mass in an impact between two trees [kg], 1 / (1/m + 1/M)."""
+    """Compute the effective mass in an impact between two trees [kg], 1 / (1/m + 1/M)."""
     masses = _masses(c, topology, packed)
     if EVERY in (c.body, c.other):
         return min(masses, default=1.0)
@@ -448,7 +448,7 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
 
 
 def _trees(topology: Topology, packed: System) -> tuple[list[int], list[float]]:
-    """Return the root body of each body's tree, and the mass of the tree that each body starts.
+    """Compute the root body of each body's tree, and the mass of the tree that each body starts.
 
     Bodies welded to the ground are part of the ground, 0.
     """
@@ -542,7 +542,7 @@ def _sides(low: float | None, high: float | None) -> Iterator[tuple[float, float
 
 
 def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
-    """Return the gap scale for a limit: its range, but at most one radian [rad, m].
+    """Compute the gap scale for a limit: its range, but at most one radian [rad, m].
 
     For a slider with one limit, the size is the radius of gyration. If all masses are at body
     origins, the size is the largest of three lengths: that of the mechanism, the limit, and the

@@ -237,7 +237,7 @@ class Dynamics(Portable):
 
     @for_each_state
     def pose(self, q: Array, name: str | None = None) -> Any:
-        """Return the pose of a body or site frame in the world.
+        """Compute the pose of a body or site frame in the world.
 
         Parameters
         ----------
@@ -313,7 +313,7 @@ class Dynamics(Portable):
 
     @for_each_state
     def centre_of_mass(self, q: Array) -> Array:
-        """Return the centre of mass of the whole mechanism.
+        """Compute the centre of mass of the whole mechanism.
 
         Parameters
         ----------
@@ -330,7 +330,7 @@ class Dynamics(Portable):
 
     @for_each_state
     def momentum(self, q: Array, v: Array) -> Array:
-        """Return the momentum (6,) [kg m/s] in world axes, angular about the mass centre first."""
+        """Compute the momentum (6,) [kg m/s] in world axes, angular about the mass centre first."""
         mass, place, velocity, spin = mass_points(self._bodies, self.body_motion(q, v))
         arm = place - mass @ place / mass.sum()
         angular = spin.sum(axis=0) + np.cross(arm, mass[:, None] * velocity).sum(axis=0)

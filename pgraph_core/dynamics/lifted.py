@@ -90,7 +90,7 @@ def slope_of(values: Sequence[Flat], weights: Sequence[float]) -> Array:
 
 
 def are_on_lines(values: Sequence[Flat]) -> bool:
-    """Return whether all numbers have values at 0, 1 and -2 that are on a line, to rounding.
+    """Check whether all numbers have values at 0, 1 and -2 that are on a line, to rounding.
 
     The bound of 2 f(1) + f(-2) - 3 f(0) is 16 roundings of the largest value in its array.
     """

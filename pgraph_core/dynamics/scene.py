@@ -390,7 +390,7 @@ def stepped_tables(packed: Packed, contacts: Tables | None, drives: Drives) -> T
 
 
 def rubs(drives: Drives) -> bool:
-    """Return True if a joint or tendon has friction."""
+    """Check whether a joint or tendon has friction."""
     return bool((drives.table["friction"] > 0.0).any())
 
 
@@ -448,7 +448,7 @@ def workspace(
 
 
 def path_width(rows: Ints, nv: int, blocks: Blocks) -> int:
-    """Return the maximum number of degrees of freedom on a block's two paths to the ground."""
+    """Compute the maximum number of degrees of freedom on a block's two paths to the ground."""
     if np.any(blocks.blocks_i[:, at.B_TERMS] > 0):
         return nv
     depth = [0] * len(rows)

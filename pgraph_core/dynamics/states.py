@@ -63,7 +63,7 @@ def with_initial(model: Model, q: Array, v: Array | None = None) -> Model:
 
 
 def angles(p: Array, q: Array) -> Array:
-    """Return the angles between unit quaternions [rad] from |p - q| = 2 sin(a/4), accurate if
+    """Compute the angles between unit quaternions [rad] from |p - q| = 2 sin(a/4), accurate if
     small.
 
     p and -p are the same rotation.
@@ -73,7 +73,7 @@ def angles(p: Array, q: Array) -> Array:
 
 
 def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
-    """Return ((n,) largest rotation [rad], (n,) largest translation [m]) between motions q and
+    """Compute ((n,) largest rotation [rad], (n,) largest translation [m]) between motions q and
     `other`.
 
     Motions have shape (n, nq), the other one or (1, nq), and `rows` are the joint rows of the
@@ -92,7 +92,7 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
 
 
 def ranges_of_motion(rows: Ints, q: Array) -> tuple[float, float]:
-    """Return the largest rotation [rad] and translation [m] of any joint from its start in a motion
+    """Find the largest rotation [rad] and translation [m] of any joint from its start in a motion
     q (n, nq).
     """
     turned, moved = differences(rows, q, q[:1])
@@ -109,7 +109,7 @@ def size_of_motion(turned: float, moved: float, length: float) -> float:
 
 
 def sizes_of_states(x: Array, length: float) -> Array:
-    """Return the ranges (nx,) of states of controls x (n, nx).
+    """Compute the ranges (nx,) of states of controls x (n, nx).
 
     A coordinate is considered at rest if its change is within rounding error of its value or of the
     length of the mechanism, as in `size_of_motion`.
@@ -222,5 +222,5 @@ def _entry(packed: Packed, model: Model, o: Output) -> int:
 
 
 def no_motion(n: int) -> BodyMotion:
-    """Return an empty body motion for n states, for outputs that only read joints."""
+    """Create an empty body motion for n states, for outputs that only read joints."""
     return BodyMotion(np.empty((n, 0, 7)), *(np.empty((n, 0, 6)) for _ in range(3)))

@@ -50,7 +50,7 @@ MOST_LOOKS = 4096
 
 @sweep
 def next_edge(code, t, stop):
-    """Return the first time in (t, stop] with another result of a comparison than at t, or
+    """Find the first time in (t, stop] with another result of a comparison than at t, or
     infinity.
     """
     changed(code, t, True)
@@ -98,7 +98,7 @@ def edges(code, begin, end, out):
 
 @sweep
 def first_change(code, low, high):
-    """Return the first time by which something has changed between two times."""
+    """Find the first time by which something has changed between two times."""
     while True:
         middle = 0.5 * (low + high)
         if not low < middle < high:
@@ -111,7 +111,7 @@ def first_change(code, low, high):
 
 @sweep
 def changed(code, t, keep):
-    """Return True if a comparison has another result at t than before. `keep` stores them."""
+    """Check whether a comparison has another result at t than before. `keep` stores them."""
     other = False
     for i in range(0, code.shape[0], 2):
         op = int(code[i, 0])
@@ -172,7 +172,7 @@ def range_at(code, i, operand):
 
 @part
 def settled(op, a, b):
-    """Return True if a comparison has the same result for all values in two ranges."""
+    """Check whether a comparison has the same result for all values in two ranges."""
     if op == AT_MOST:
         return a[1] <= b[0] or a[0] > b[1]
     if op == ABS:
@@ -182,7 +182,7 @@ def settled(op, a, b):
 
 @sweep
 def range_of(op, a, b, c):
-    """Return the (least, largest) value of an operation on ranges, infinite if it is not known."""
+    """Compute the (least, largest) value of an operation on ranges, infinite if it is not known."""
     known = finite_range(a) and finite_range(b) and finite_range(c)
     least, most = -math.inf, math.inf
     if not known:
@@ -222,7 +222,7 @@ def range_of(op, a, b, c):
 
 @sweep
 def range_of_function(op, a, b):
-    """Return the (least, largest) value of an elementary function on a range."""
+    """Compute the (least, largest) value of an elementary function on a range."""
     if op == SIN:
         return range_of_wave(a, sin(a[0]), sin(a[1]), 0.5 * math.pi)
     if op == COS:
@@ -248,7 +248,7 @@ def range_of_function(op, a, b):
 
 @part
 def range_of_wave(a, first, last, top):
-    """Return the range of a sine or cosine with a peak at `top`, from its values at both ends."""
+    """Compute the range of a sine or cosine with a peak at `top`, from its values at both ends."""
     most = 1.0 if within(a, top, 2.0 * math.pi) else max(first, last)
     least = -1.0 if within(a, top + math.pi, 2.0 * math.pi) else min(first, last)
     return least, most
@@ -256,7 +256,7 @@ def range_of_wave(a, first, last, top):
 
 @part
 def within(a, place, period):
-    """Return True if a range may contain one of the periodic points."""
+    """Check whether a range may contain one of the periodic points."""
     if a[1] - a[0] >= period or not max(-a[0], a[1]) < 1.0 / EPS:
         return True
     return math.floor((a[1] - place) / period) >= -math.floor((place - a[0]) / period)
@@ -264,7 +264,7 @@ def within(a, place, period):
 
 @part
 def hull(a, b, c, d):
-    """Return the (least, largest) of four numbers, infinite if one of them is none."""
+    """Compute the (least, largest) of four numbers, infinite if one of them is none."""
     least, most = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
     if not (abs(a) < math.inf and abs(b) < math.inf and abs(c) < math.inf and abs(d) < math.inf):
         return -math.inf, math.inf
@@ -273,5 +273,5 @@ def hull(a, b, c, d):
 
 @part
 def finite_range(a):
-    """Return True if both ends of a range are finite."""
+    """Check whether both ends of a range are finite."""
     return abs(a[0]) < math.inf and abs(a[1]) < math.inf

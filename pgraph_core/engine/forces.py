@@ -9,7 +9,7 @@ from .compiler.kinds import f8
 
 @part
 def knot_after(knots, first, count, t, rate):
-    """Return the first knot after t in a table with typically `rate` knots per second."""
+    """Find the first knot after t in a table with typically `rate` knots per second."""
     n = first + 1 + int((t - knots[first, 0]) * rate)
     n = min(n, first + count - 1)
     while t < knots[n - 1, 0]:
@@ -21,7 +21,7 @@ def knot_after(knots, first, count, t, rate):
 
 @part
 def lookup(knots, first, count, t):
-    """Return the value of a table at time t: linear between knots, constant outside them.
+    """Compute the value of a table at time t: linear between knots, constant outside them.
 
     At a knot, the interval after it is used, because a step that starts at the knot follows this
     interval.
@@ -61,7 +61,7 @@ def followed(y, u, rise, lags):
 
 @part
 def piece_of(knots, first, count, t):
-    """Return (last knot not later than t, slope after it) of a piecewise linear table."""
+    """Compute (last knot not later than t, slope after it) of a piecewise linear table."""
     n = first + count - 1
     if t < knots[n, 0]:
         n = knot_after(knots, first, count, t, knots[n, 2]) - 1
@@ -71,7 +71,7 @@ def piece_of(knots, first, count, t):
 
 @part
 def acting(one, knots, first, count, t):
-    """Return the effective value of input u at time t: u, y of y' = (u - y) / lag, or y of y' = u.
+    """Compute the effective value of input u at time t: u, y of y' = (u - y) / lag, or y of y' = u.
 
     Both integrals are exact. y of y' = u stays within its bounds.
     """
@@ -90,7 +90,7 @@ def acting(one, knots, first, count, t):
 
 @sweep
 def lag_width(drives, t, order):
-    """Return the time step from t that resolves inputs with a lag [s], or infinity without such
+    """Compute the time step from t that resolves inputs with a lag [s], or infinity without such
     inputs.
 
     The remaining fraction of the input is x exp(-s / lag). A step w of a method of order p has
@@ -126,7 +126,7 @@ def own_torque(one, knots, t):
 
 @part
 def along_terms(table, terms, n, column, x):
-    """Return the sum of coefficient * x over the coordinates of drive n. Here x is v if `column`
+    """Compute the sum of coefficient * x over the coordinates of drive n. Here x is v if `column`
     is 0, and q if it is 1."""
     first = table[n].first_term
     total = terms[first, 2] * x[int(terms[first, column])]
@@ -153,7 +153,7 @@ def speed_of(table, terms, n, v):
 
 @part
 def at_its_limit(drives, n, t, q, v):
-    """Return True if motor or servo n is at its minimum or maximum torque."""
+    """Check whether motor or servo n is at its minimum or maximum torque."""
     table, knots, _, terms = drives
     torque = -table[n].damping * speed_of(table, terms, n, v)
     if table[n].coordinate >= 0:
@@ -205,7 +205,7 @@ def drive(drives, t, q, v, given, tau):
 
 @sweep
 def elastic(drives, q):
-    """Return the elastic energy of the joint springs [J]."""
+    """Compute the elastic energy of the joint springs [J]."""
     table, knots, passive, terms = drives
     energy = 0.0
     for n in range(passive):

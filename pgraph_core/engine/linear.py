@@ -10,7 +10,7 @@ from .layout import SOLVED as X
 
 @part
 def factor3(j):
-    """Return (1/d0, 1/d1, 1/d2, l10, l20, l21) of j = L diag(d) Lᵀ."""
+    """Compute (1/d0, 1/d1, 1/d2, l10, l20, l21) of j = L diag(d) Lᵀ."""
     d0 = 1.0 / j[0]
     l10 = j[3] * d0
     l20 = j[4] * d0

@@ -201,7 +201,7 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
 
 @kernel(group(*[f8] * 2)(i8, F1, F1))
 def energy(scene, q, v):
-    """Return the (kinetic, potential) energy, including springs [J]."""
+    """Compute the (kinetic, potential) energy, including springs [J]."""
     data = opened(scene)
     rows, const, drives, loads, work = data.rows, data.const, data.drives, data.loads, data.work
     outboard(rows, const, work, q, v)

@@ -101,7 +101,7 @@ def nv_of(kind):
 
 @part
 def nq_of(kind):
-    """Return the number of coordinates of a row, with spatial rotations as quaternions."""
+    """Count the coordinates of a row, with spatial rotations as quaternions."""
     return 1 if kind <= TRANSLATE else 4 if kind == BALL else 7
 
 
@@ -202,7 +202,7 @@ def set_ball(work, k, factor, left):
 
 @part
 def inertia_of(work, k):
-    """Return (j, b, m) of the 6x6 inertia [j b, bᵀ m], stored as its lower triangle by rows."""
+    """Compute (j, b, m) of the 6x6 inertia [j b, bᵀ m], stored as its lower triangle by rows."""
     i = at.IA
     j = (
         work[k, i], work[k, i + 2], work[k, i + 5],

@@ -78,7 +78,7 @@ def values(code, t, q, v):
 
 @part
 def value_of(op, a, b, c):
-    """Return the value of an operation."""
+    """Compute the value of an operation."""
     if op == ADD:
         return a + b
     if op == SUB:
@@ -110,7 +110,7 @@ def value_of(op, a, b, c):
 
 @sweep
 def function_of(op, a, b):
-    """Return the value of an elementary function, or nan outside its domain."""
+    """Compute the value of an elementary function, or nan outside its domain."""
     if op == SIN:
         return sin(a)
     if op == COS:
@@ -159,7 +159,7 @@ def rates(code, times, out):
 
 @part
 def rates_of(op, a, b, c, x):
-    """Return (x', x'') of an operation with value x and operands (value, rate, second rate)."""
+    """Compute (x', x'') of an operation with value x and operands (value, rate, second rate)."""
     if op == ADD:
         return a[1] + b[1], a[2] + b[2]
     if op == SUB:
@@ -185,7 +185,7 @@ def rates_of(op, a, b, c, x):
 
 @part
 def rates_of_power(a, b, x):
-    """Return (x', x'') of x = a^b."""
+    """Compute (x', x'') of x = a^b."""
     if b[1] == 0.0 and b[2] == 0.0:
         n = b[0]
         slope = n * power(a[0], n - 1.0) if n != 0.0 else 0.0
@@ -200,7 +200,7 @@ def rates_of_power(a, b, x):
 
 @part
 def slopes_of(op, a, x):
-    """Return the first and second derivative of a function of a single number a, with value x."""
+    """Compute the first and second derivative of a function of a single number a, with value x."""
     if op == ABS:
         return (1.0 if a >= 0.0 else -1.0), 0.0
     if op == SQRT:
@@ -298,7 +298,7 @@ def sample_time(code, states, n):
 
 @sweep
 def next_sample(signals, t, near):
-    """Return the time of the first sample after t [s], which is not within `near` of it."""
+    """Compute the time of the first sample after t [s], which is not within `near` of it."""
     code, _, states = signals
     found = math.inf
     for n in range(states.shape[0]):

@@ -249,7 +249,7 @@ def rotate_sym(r, s):
 
 @part
 def about_origin(s, m, c):
-    """Return the inertia about a point c away from the centre of mass, s + m (c² 1 - c cᵀ)."""
+    """Compute the inertia about a point c away from the centre of mass, s + m (c² 1 - c cᵀ)."""
     x, y, z = m * c[0], m * c[1], m * c[2]
     return (
         s[0] + y * c[1] + z * c[2],
@@ -276,7 +276,7 @@ def rodrigues(u, s, c):
 
 @part
 def quaternion_matrix(w, x, y, z):
-    """Return the rotation matrix of a quaternion of any length: only its direction matters."""
+    """Compute the rotation matrix of a quaternion of any length: only its direction matters."""
     s = 2.0 / (w * w + x * x + y * y + z * z)
     return (
         1.0 - s * (y * y + z * z),
@@ -310,7 +310,7 @@ def store3(x, i, value):
 
 @part
 def finite(x):
-    """Return True if every entry of a vector is finite."""
+    """Check whether every entry of a vector is finite."""
     n = x.shape[0]
     even = 0.0
     odd = 0.0
@@ -324,7 +324,7 @@ def finite(x):
 
 @part
 def largest(x, m):
-    """Return the largest magnitude of the first m numbers, or nan if one is nan."""
+    """Find the largest magnitude of the first m numbers, or nan if one is nan."""
     size = 0.0
     for r in range(m):
         if not abs(x[r]) <= size:

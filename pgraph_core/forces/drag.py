@@ -107,7 +107,7 @@ def law(one, knots, work, linear, t):
 
 
 def linear(table: Any) -> bool:
-    """Return True if no load has pressure drag, which is quadratic in speed."""
+    """Check whether no load has pressure drag, which is quadratic in speed."""
     return not (table["density"] > 0).any()
 
 

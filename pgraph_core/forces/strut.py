@@ -156,7 +156,7 @@ def energy(one, knots, work):
 
 
 def linear(table: Any) -> bool:
-    """Return True if no strut has a damper with bends or a damped stop."""
+    """Check whether no strut has a damper with bends or a damped stop."""
     straight = table["knots"] == table["springs"] + STOP
     return bool((straight & (table["bump_damping"] == 0.0)).all())
 

@@ -26,7 +26,7 @@ KINDS: tuple[Kind, ...] = ("warning", "left out", "approximated", "converted", "
 
 
 def named(path: str | Path, *suffixes: str) -> Path:
-    """Return an output path after checking its suffix. Raises FileError."""
+    """Create an output path after checking its suffix. Raises FileError."""
     if Path(path).suffix.lower() not in suffixes:
         text = f"give a name that ends in {' or '.join(suffixes)}"
         raise FileError(Problem(str(path), "", text))
@@ -277,7 +277,7 @@ def suspect_meshes(report: Report, model: Model, reach: float, meshes: Iterable[
 
 
 def reach_of(bodies: Mapping[str, tuple[float, float, float]]) -> float:
-    """Return the largest extent of a set of points [m]."""
+    """Find the largest extent of a set of points [m]."""
     points = np.array([*bodies.values()]) if bodies else np.zeros((1, 3))
     return float(np.max(points.max(axis=0) - points.min(axis=0), initial=0.0))
 
@@ -298,14 +298,14 @@ class Folders:
         self.allowed = [*given, self.package or self.here]
 
     def _package(self) -> Path | None:
-        """Return the nearest folder with a package.xml, searching upwards from the file's."""
+        """Find the nearest folder with a package.xml, searching upwards from the file's."""
         for folder in (self.here, *self.here.parents):
             if (folder / MANIFEST).is_file():
                 return folder
         return None
 
     def holds(self, path: Path) -> bool:
-        """Return True if a path is inside one of the folders after resolving links."""
+        """Check whether a path is inside one of the folders after resolving links."""
         try:
             return self._inside(path.resolve())
         except (OSError, RuntimeError, ValueError):

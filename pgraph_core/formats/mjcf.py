@@ -388,7 +388,7 @@ class _Reader:
         return found
 
     def _repeats(self, j: int, before: int) -> bool:
-        """Return True if a joint moves along the axis of the preceding one, as for backlash."""
+        """Check whether a joint moves along the axis of the preceding one, as for backlash."""
         m = self.m
         if m.jnt_type[j] != m.jnt_type[before] or m.jnt_type[j] not in (SLIDE, HINGE):
             return False

@@ -264,7 +264,7 @@ class Contacts:
         return [*map(tuple, rows.tolist())]
 
     def _masks(self, g: int, h: int) -> bool:
-        """Return True if the masks of two geoms allow contact."""
+        """Check whether the masks of two geoms allow contact."""
         m = self.m
         return bool(
             m.geom_contype[g] & m.geom_conaffinity[h] or m.geom_contype[h] & m.geom_conaffinity[g]
@@ -308,7 +308,7 @@ class Contacts:
         return one, two
 
     def _related(self, a: int, b: int) -> bool:
-        """Return True if MuJoCo excludes a pair: welded, or a parent and child off the world."""
+        """Check whether MuJoCo excludes a pair: welded, or a parent and child off the world."""
         m = self.m
         one, two = int(m.body_weldid[a]), int(m.body_weldid[b])
         if one == two:
@@ -409,7 +409,7 @@ class ContactsOut:
         return law if all(x <= y for other in others for x, y in zip(other, law)) else None
 
     def _still(self, name: str) -> bool:
-        """Return True if a body cannot move."""
+        """Check whether a body cannot move."""
         while name != GROUND:
             body = self.model.body(name)
             if body.joint != "weld":
@@ -459,7 +459,7 @@ class ContactsOut:
                     yield OddPair(other, body, self._friction(c))
 
     def _apart(self, one: str, two: str) -> bool:
-        """Return True if two bodies are neighbours in MuJoCo, which touch as explicit pairs."""
+        """Check whether two bodies are neighbours in MuJoCo, which touch as explicit pairs."""
         still = self._still(one), self._still(two)
         parent = self.model.body(one).parent, self.model.body(two).parent
         tied = (parent[0] == two and not still[1]) or (parent[1] == one and not still[0])

@@ -256,7 +256,7 @@ class Forces:
         return {key: end for key, end in found.items() if abs(end) < NO_LIMIT}
 
     def _straight(self, t: int, name: str) -> Spring | None:
-        """Return a spring for a straight tendon between two sites."""
+        """Create a spring for a straight tendon between two sites."""
         m, first = self.m, int(self.m.tendon_adr[t])
         straight = m.tendon_num[t] == 2 and all(m.wrap_type[first : first + 2] == SITE)
         if not straight or m.tendon_frictionloss[t]:
@@ -402,7 +402,7 @@ class Forces:
         return {"torque_limit": high} if low == -high else {"torque_limit": high, "torque_low": low}
 
     def _within(self, j: int, factor: float, ends: tuple[float, float]) -> bool:
-        """Return True if forces in these bounds, times a factor, stay within a joint's limit."""
+        """Check whether forces in these bounds, times a factor, stay within a joint's limit."""
         low, high = self.m.jnt_actfrcrange[j]
         return all(low <= factor * end <= high for end in ends)
 

@@ -594,7 +594,7 @@ class _Ungeared:
 
 
 def _own_box(f: Drag, body: Body) -> bool:
-    """Return True if a drag matches MuJoCo's inertia box for its body."""
+    """Check whether a drag matches MuJoCo's inertia box for its body."""
     moments, axes = np.linalg.eigh(np.array(body.inertia))
     edges = np.sqrt(np.maximum(moments.sum() - 2 * moments, 0.0) / body.mass * 6)
     turn = matrix(unit(f.rotation))

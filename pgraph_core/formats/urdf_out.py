@@ -335,7 +335,7 @@ class Placed:
 
 
 def _plain(motor: Motor) -> bool:
-    """Return True if a motor only limits its torque."""
+    """Check whether a motor only limits its torque."""
     odd = motor.gear != 1.0 or motor.coefficients or motor.torque_low is not None or motor.has_state
     return motor.torque == 0.0 and motor.coordinate == 0 and not odd
 

@@ -376,7 +376,7 @@ def following(data: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _alike(a: Any, b: Any) -> bool:
-    """Return True if two derived values agree to within rounding."""
+    """Check whether two derived values agree to within rounding."""
     size = np.abs(b).max(initial=0.0)
     return a is None or bool(np.abs(np.subtract(a, b)).max(initial=0.0) <= NOTABLE * size)
 
@@ -542,7 +542,7 @@ def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
 
 
 def _is_plainly_right(inertia: tuple[tuple[float, ...], ...], slack: float) -> bool:
-    """Return True if tr(I)/2 - I + slack is positive definite, using the Cholesky pivots.
+    """Check whether tr(I)/2 - I + slack is positive definite, using the Cholesky pivots.
 
     The triangle inequality is sufficient, so no eigenvalues are required.
     """

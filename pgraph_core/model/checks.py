@@ -156,7 +156,7 @@ def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
 
 
 def fits_joint(c: Constraint, bodies: Bodies) -> bool:
-    """Return True if the joints of these bodies have the coordinates in a constraint."""
+    """Check whether the joints of these bodies have the coordinates in a constraint."""
     if isinstance(c, Sum):
         return not sum_problems(c, "", bodies, isinstance(c, Coupling), ours=True)
     return not _joint_problems(c, "", bodies)

@@ -139,7 +139,7 @@ class _Copy:
         return copy
 
     def _shared(self, part: Contact | Force) -> bool:
-        """Return True if a part reads a drive, or a control that follows the original branch."""
+        """Check whether a part reads a drive, or a control that follows the original branch."""
         if drives_read(part):
             return True
         through = read_through(part, self.controls)
@@ -203,7 +203,7 @@ class _Copy:
         return change
 
     def _in_reach(self, part: Constraint | Contact | Force) -> bool:
-        """Return True if positions on bodies that stay are in the frame of the reflection."""
+        """Check whether positions on bodies that stay are in the frame of the reflection."""
         own = (*self.names, self.root.parent)
         placed = "point" in type(part).model_fields or getattr(part, "points", ())
         if part.body not in own and placed:
@@ -215,7 +215,7 @@ class _Copy:
         )
 
     def _same_coordinates(self, part: Constraint | Contact | Force | Site) -> bool:
-        """Return True if the degrees of freedom of a part keep their values under reflection."""
+        """Check whether the degrees of freedom of a part keep their values under reflection."""
         assert self.mirror is not None
         used: list[tuple[str, int]] = []
         if isinstance(part, OfSums):
@@ -232,7 +232,7 @@ class _Copy:
         return all(self.mirror.keeps(self.known[k], i) for k, i in used if k in self.names)
 
     def _upright(self) -> bool:
-        """Return True if the parent's axes are the world axes at q = 0."""
+        """Check whether the parent's axes are the world axes at q = 0."""
         name = self.root.parent
         while name != GROUND and self.known[name].rotation == (1.0, 0.0, 0.0, 0.0):
             name = self.known[name].parent
@@ -296,7 +296,7 @@ class Mirror:
         return tuple(found)
 
     def keeps(self, body: Body, coordinate: int) -> bool:
-        """Return True if a degree of freedom of a joint keeps its value under reflection."""
+        """Check whether a degree of freedom of a joint keeps its value under reflection."""
         ones = (1.0,) * body.dof
         return self.coordinates("v", ones, body.sequence)[coordinate] == 1.0
 

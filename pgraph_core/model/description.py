@@ -153,7 +153,7 @@ class Description(World):
         return self.bodies[self.row[name]]
 
     def __contains__(self, name: Any) -> bool:
-        """Return True if the model has a part `name`."""
+        """Check whether the model has a part `name`."""
         return any(part.name == name for key in PARTS for part in getattr(self, key))
 
     def __getitem__(self, name: str, /) -> Part:

@@ -147,7 +147,7 @@ def _starts(bodies: Sequence[Body]) -> Iterator[str]:
 
 
 def in_degrees(angle: float) -> bool:
-    """Return True if an angle that should be in rad looks like degrees."""
+    """Check whether an angle that should be in rad looks like degrees."""
     return abs(angle) >= MOST_ANGLE and angle == round(angle)
 
 
@@ -226,7 +226,7 @@ def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
 
 
 def _along(x: Sequence[float], axis: Vec3) -> bool:
-    """Return True if a point lies on the axis."""
+    """Check whether a point lies on the axis."""
     square, length = _dot(axis, axis), math.hypot(*x)
     off = [a - _dot(x, axis) / square * b for a, b in zip(x, axis)]
     return math.hypot(*off) <= SOLVED * length

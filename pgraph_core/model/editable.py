@@ -532,7 +532,7 @@ class Editable(Description):
         return self.replace(**update) if update else super().model_copy(deep=deep)
 
     def _carries(self, new: Body) -> bool:
-        """Return True if the path from a row to the ground does not revisit the row."""
+        """Check whether the path from a row to the ground does not revisit the row."""
         name = new.parent
         while name in self.row and name != new.name:
             name = self.bodies[self.row[name]].parent

@@ -179,7 +179,7 @@ def _refused_as(kind: type[T], where: str, data: dict[str, Any]) -> T:
 
 
 def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
-    """Return True if a compound joint gets different motion kinds, which its q does not fit."""
+    """Check whether a compound joint gets different motion kinds, which its q does not fit."""
     motions = listed(changes.get("motions"))
     if old.joint != "compound" or not isinstance(motions, tuple):
         return False
@@ -190,7 +190,7 @@ def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
 
 
 def _set(body: Body, field: str) -> bool:
-    """Return True if a joint's field differs from the default for its kind."""
+    """Check whether a joint's field differs from the default for its kind."""
     motions = () if field in ("axes", "motions") else body.motions
     return getattr(body, field) != getattr(
         Body(name="fresh", joint=body.joint, motions=motions), field

@@ -180,7 +180,7 @@ USUAL = {  # default fields of shapes, which files omit
 
 
 def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:
-    """Return True if there is at most one shape, as in schema 1."""
+    """Check whether there is at most one shape, as in schema 1."""
     if len(shapes) > 1:
         return False
     return all(
@@ -345,7 +345,7 @@ def _refuse_too_large(text: str, source: str) -> None:
 
 
 def _plainly_small(text: str) -> bool:
-    """Return True if text is within the limits, by counts ten times faster than exact ones."""
+    """Check whether text is within the limits, by counts ten times faster than exact ones."""
     if "\\" in text or text.count(",") + text.count(":") > MOST_VALUES:
         return False
     left = text.encode(errors="replace").translate(SQUARE, OTHERS)

@@ -98,7 +98,7 @@ def negated(text: str) -> str:
 
 
 def _enclosed(text: str) -> bool:
-    """Return True if the first parenthesis closes at the last character."""
+    """Check whether the first parenthesis closes at the last character."""
     depth = [text[:k].count("(") - text[:k].count(")") for k in range(1, len(text))]
     return text[:1] == "(" and text[-1:] == ")" and min(depth, default=0) > 0
 
@@ -197,7 +197,7 @@ def _inline(kind: PartKind, items: Any, parameters: Container[str]) -> Iterator[
 
 
 def holds_formula(value: Any, depth: int = 0) -> bool:
-    """Return True if any cell in a dictionary contains a formula or an expression."""
+    """Check whether any cell in a dictionary contains a formula or an expression."""
     if isinstance(value, str):
         return is_expression(value)
     if depth > MOST_LISTS:
@@ -355,7 +355,7 @@ def ordered(formulas: Iterable[Formula]) -> tuple[Formula, ...]:
 
 
 def _holds(value: Any, number: float) -> bool:
-    """Return True if a cell, or every entry of a tuple, has this value."""
+    """Check whether a cell, or every entry of a tuple, has this value."""
     if isinstance(value, tuple) and value:
         return all(x == number for x in value)
     return value == number

@@ -43,7 +43,7 @@ def system(arrays: Arrays, nq: int) -> System:
 
 
 def length_in(const: Array, home: Array) -> float:
-    """Return the largest characteristic length of a mechanism [m], from the constants in its rows.
+    """Find the largest characteristic length of a mechanism [m], from the constants in its rows.
 
     The length is the largest of all links, centres of mass and radii of gyration. Points that slide
     have none. If all of these are zero, the largest initial position in `home` is used, or 1 m.

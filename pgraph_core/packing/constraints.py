@@ -99,11 +99,11 @@ class Endpoints:
     # -- blocks --------------------------------------------------------------------------------
 
     def held(self, dirs: Sequence[Array] = tuple(np.eye(3))) -> Block:
-        """Return a block that fixes the point along directions in the axes of b."""
+        """Create a block that fixes the point along directions in the axes of b."""
         return Block(at.T_POINT, len(dirs), self.values(dirs=dirs))
 
     def turned_as_at_home(self) -> Block:
-        """Return a block against rotation. Row r, a_s · b_t = 0, (r, s, t) cyclic, is about b_r."""
+        """Create a block against rotation. Row r, a_s · b_t = 0, (r, s, t) cyclic, is about b_r."""
         b = np.eye(3)
         a = self.turn.T @ b
         aims = [a[:, (r + 1) % 3] for r in range(3)]
@@ -111,7 +111,7 @@ class Endpoints:
         return Block(at.T_ALIGN, 3, self.values(dirs=dirs, aims=aims))
 
     def aligned(self, axis: Array, normals: Sequence[Array]) -> Block:
-        """Return a block that keeps an axis of a normal to directions on b."""
+        """Create a block that keeps an axis of a normal to directions on b."""
         dirs = [self.size * normal for normal in normals]
         return Block(at.T_ALIGN, len(dirs), self.values(dirs=dirs, aims=[axis for _ in normals]))
 
@@ -121,7 +121,7 @@ class Endpoints:
         return own - (self.position_b + self.rotation_b @ self.other_point)
 
     def rod(self, length: float) -> Block:
-        """Return a block that keeps the points a length apart [m]."""
+        """Create a block that keeps the points a length apart [m]."""
         return Block(at.T_DISTANCE, 1, self.values(length))
 
     @property
@@ -130,14 +130,14 @@ class Endpoints:
         return np.array(self.model.ground_normal if self.b == 0 else (0.0, 0.0, 1.0))
 
     def rolling(self, radius: float, dirs: Sequence[Array], axis: Array | None) -> Block:
-        """Return a block for a sphere, or for a disc about an axis, on a plane with the given
+        """Create a block for a sphere, or for a disc about an axis, on a plane with the given
         normal."""
         if axis is None:
             return Block(at.T_SPHERE, 3, self.values(radius, dirs))
         return Block(at.T_DISC, 3, self.values(radius, dirs, [axis]))
 
     def blade(self, axis: Array) -> Block:
-        """Return a block without velocity along an axis on a."""
+        """Create a block without velocity along an axis on a."""
         return Block(at.T_BLADE, 1, self.values(aims=[axis]))
 
     def coordinate(self, name: str, k: int, factor: float = 1.0) -> Term:
@@ -151,15 +151,15 @@ class Endpoints:
         return tuple(terms_of(c, self.topology, self.packed))
 
     def sum_of_q(self, terms: tuple[Term, ...], value: float) -> Block:
-        """Return a block that keeps a sum of coordinates at a value."""
+        """Create a block that keeps a sum of coordinates at a value."""
         return Block(at.T_COORD, 1, self.scaled(value), terms)
 
     def sum_of_v(self, terms: tuple[Term, ...], value: float) -> Block:
-        """Return a block that keeps a sum of velocities at a value."""
+        """Create a block that keeps a sum of velocities at a value."""
         return Block(at.T_VELOCITY, 1, self.values(value), tuple((v, -1, x) for v, _, x in terms))
 
     def following(self, own: Term, q: Any, interpolation: str) -> Block:
-        """Return a block in which a coordinate follows a function of time."""
+        """Create a block in which a coordinate follows a function of time."""
         if isinstance(q, str):
             rows = tuple(map(tuple, of_time(q, self.model.parameters).tolist()))
             return Block(at.T_COORD, 1, self.scaled(), (own,), rows, at.SINE - len(rows) // 2)
@@ -167,7 +167,7 @@ class Endpoints:
         return Block(at.T_COORD, 1, self.scaled(), (own,), curve(q, interpolation), knots)
 
     def refuse(self, field: str, text: str) -> ModelError:
-        """Return an error about this constraint."""
+        """Create an error about this constraint."""
         return ModelError(Problem(f"constraint '{self.c.name}'", field, text))
 
 

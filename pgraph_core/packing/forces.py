@@ -36,7 +36,7 @@ def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
 
 
 def exerts(f: Force) -> bool:
-    """Return True if a force may act in a run. One on bodies that is always zero does not."""
+    """Check whether a force may act in a run. One on bodies that is always zero does not."""
     return not isinstance(f, OnBody) or f._exerts
 
 
@@ -275,7 +275,7 @@ def _times_of_tables(t: Array, first: Any, count: Any) -> Array:
 
 
 def has_springs(body: Body) -> bool:
-    """Return True if a joint has a spring, a damper or friction."""
+    """Check whether a joint has a spring, a damper or friction."""
     return any(body.stiffness) or any(body.damping) or any(body.friction)
 
 

@@ -249,7 +249,7 @@ class Packed:
 
 
 def passive(f: Force) -> bool:
-    """Return True if a force acts in every question."""
+    """Check whether a force acts in every question."""
     return f.PASSIVE and not f._varies
 
 

@@ -406,7 +406,7 @@ def hold(code: Array, q: Array, v: Array) -> None:
 
 
 def unlocated(code: Array) -> bool:
-    """Return True if a value jumps where no comparison changes: at 0 of a number that chooses."""
+    """Check whether a value jumps where no comparison changes: at 0 of a number that chooses."""
     true = list[bool]()  # an instruction is true or not
     for op, *operands, number in code[::2, : kernels.COLUMNS].tolist():
         chooses = op in (kernels.CHOOSE, kernels.BLEND)

@@ -200,7 +200,7 @@ class Operators:
         return self.Phi @ self.a
 
     def point_jacobian(self, k: int, point: Array) -> Array:
-        """Return the Jacobian (6, nv) at a point in the frame of body number k."""
+        """Compute the Jacobian (6, nv) at a point in the frame of body number k."""
         shift = phi(self.rotation[k - 1] @ point)
         return shift @ self._motions[6 * k - 6 : 6 * k].toarray()
 
@@ -211,7 +211,7 @@ class Operators:
         return phi(arm) @ a + np.concatenate((np.zeros(3), np.cross(w, np.cross(w, arm))))
 
     def point_position(self, k: int, point: Array) -> Array:
-        """Return the world position (3,) of a point in the frame of body number k [m]."""
+        """Compute the world position (3,) of a point in the frame of body number k [m]."""
         return self.position[k - 1] + self.rotation[k - 1] @ point
 
     # -- equations of motion -----------------------------------------------------------------

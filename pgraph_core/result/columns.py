@@ -185,7 +185,7 @@ def frame(columns: Mapping[str, Column]) -> Any:
 
 
 def dataset(columns: Mapping[str, Column]) -> Any:
-    """Return an xarray.Dataset of the numeric columns over t [s], each with `attrs["units"]`."""
+    """Create an xarray.Dataset of the numeric columns over t [s], each with `attrs["units"]`."""
     xarray = needed("xarray", "xarray")
     numbers = {name: column for name, column in columns.items() if column.unit}
     t = numbers.pop("t")

@@ -42,7 +42,7 @@ class Status(Enum):
 
 
 def energy_drift(parts: Array) -> tuple[float, float]:
-    """Return the largest |E - E0 - work + dissipation| relative to the range of the energies, and
+    """Find the largest |E - E0 - work + dissipation| relative to the range of the energies, and
     that range [J], of `parts` (4, n): kinetic and potential energy, work and dissipation.
     """
     if parts.shape[1] < 2:
@@ -243,7 +243,7 @@ class Named(Mapping[str, Any]):
         return iter(self._arrays)
 
     def __len__(self) -> int:
-        """Return the number of arrays."""
+        """Count the arrays."""
         return len(self._arrays)
 
     def __repr__(self) -> str:

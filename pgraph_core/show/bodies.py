@@ -25,7 +25,7 @@ class Look(NamedTuple):
     plain: bool = False  # drawn in the colour of its branch
 
     def alike(self, other: Look) -> bool:
-        """Return True if both have the same appearance."""
+        """Check whether both have the same appearance."""
         same = self.pieces is other.pieces or _drawn(self.pieces) == _drawn(other.pieces)
         return same and self.color == other.color
 

@@ -251,7 +251,7 @@ def _line(
 
 
 def _gap(taken: list[Interval], x0: float, x1: float) -> float:
-    """Return the best x between x0 and x1 outside all intervals."""
+    """Find the best x between x0 and x1 outside all intervals."""
     free = [x for low, high in taken for x in (low - APART, high + APART)]
     clear = [x for x in (*free, (x0 + x1) / 2) if all(not a < x < b for a, b in taken)]
     return min(clear, key=lambda x: abs(x - x0) + abs(x - x1))

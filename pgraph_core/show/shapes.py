@@ -80,7 +80,7 @@ def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
 
 
 def _missing(shape: Any) -> bool:
-    """Return True if a shape is a mesh whose file cannot be read."""
+    """Check whether a shape is a mesh whose file cannot be read."""
     return bool(shape.file) and isinstance(_read(shape.file, _changed(shape.file)), str)
 
 
@@ -126,7 +126,7 @@ def _with_bob(body: Any, rods: tuple[Piece, ...]) -> tuple[Piece, ...]:
 
 
 def _rod(end: np.ndarray, radius: float) -> Piece:
-    """Return a capsule from the origin to `end`, with the caps included in its length."""
+    """Create a capsule from the origin to `end`, with the caps included in its length."""
     length = float(np.linalg.norm(end))
     width = min(2 * radius, length)
     x, y, z = (float(c) / 2 for c in end)
@@ -231,7 +231,7 @@ def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
 
 
 def coil(turns: int = 9, wire: float = 0.07) -> Any:
-    """Return a trimesh of a helical spring along z in the unit cube, to stretch along z."""
+    """Create a trimesh of a helical spring along z in the unit cube, to stretch along z."""
     around, along = 8, 14 * turns
     t = np.linspace(0.0, 1.0, along)
     ends = np.clip(np.minimum(t, 1 - t) / 0.06, 0.0, 1.0)  # both ends lie on the axis

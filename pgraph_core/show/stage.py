@@ -90,7 +90,7 @@ def solid(model: Any, step: Any) -> np.ndarray:
 
 
 def tilt(up: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Return the shortest rotation from `up` to `normal` as a (4,) quaternion."""
+    """Find the shortest rotation from `up` to `normal` as a (4,) quaternion."""
     wxyz = np.array([1.0 + up @ normal, *np.cross(up, normal)])
     return wxyz / np.linalg.norm(wxyz)
 
@@ -178,7 +178,7 @@ def plane_of_motion(bodies: Sequence[Any], turns: np.ndarray) -> np.ndarray | No
 def fitted(
     points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float, free: float = 1.0
 ) -> Viewpoint:
-    """Return the nearest camera in the direction `way` (a unit vector) that sees all points.
+    """Find the nearest camera in the direction `way` (a unit vector) that sees all points.
 
     The points lie within the fraction `free` of the picture's height, leaving space above and
     below.

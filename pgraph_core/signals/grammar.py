@@ -72,7 +72,7 @@ class _Token(NamedTuple):
 
 
 def is_expression(value: object) -> bool:
-    """Return True if a cell contains '=...'."""
+    """Check whether a cell contains '=...'."""
     return isinstance(value, str) and value.lstrip().startswith("=")
 
 

@@ -87,7 +87,7 @@ def places_of(node: Node) -> tuple[Node, ...]:
 
 
 def compares(node: Node) -> bool:
-    """Return True if a tree is a comparison, or comparisons combined by and, or, not."""
+    """Check whether a tree is a comparison, or comparisons combined by and, or, not."""
     if node.op in ("and", "or", "not"):
         return all(map(compares, node.args))
     return node.op in COMPARISONS
@@ -155,7 +155,7 @@ def _same(node: Node, dims: Any) -> Dim | None:
 
 
 def fits(a: Dim, b: Dim) -> bool:
-    """Return True if two quantities may be added. Angles are treated as plain numbers."""
+    """Check whether two quantities may be added. Angles are treated as plain numbers."""
     return a._replace(angle=0) == b._replace(angle=0)
 
 

@@ -111,7 +111,7 @@ class Comparison(NamedTuple):
 
 
 def _comparison(mech: Mechanism, text: str, forces: Sequence[Force]) -> Comparison:
-    """Return a comparison of signals. Raises InputError."""
+    """Create a comparison of signals. Raises InputError."""
     model, packed = mech.model, mech.packed
     bodies = {b.name: b for b in model.bodies}
     names = [c.name for c in model.constraints], [c.name for c in model.contacts]
@@ -137,7 +137,7 @@ def limits_of(mech: Mechanism, conditions: Sequence[ConditionOf]) -> Any:
 
 
 def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]]:
-    """Return the names available to conditions: entries of q, contact pairs and constraints."""
+    """Compute the names available to conditions: entries of q, contact pairs and constraints."""
     places = {}
     for name, joint in mech.joints.items():
         if joint.q.stop == joint.q.start + 1:
@@ -190,7 +190,7 @@ class Condition:
         return str(self.given.when)
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
-        """Return the distance beyond the bound, positive if the condition is true."""
+        """Compute the distance beyond the bound, positive if the condition is true."""
         _, _, when, place, _ = self.given
         if when.coordinate is not None:
             value = q.item(place)
@@ -240,7 +240,7 @@ class Condition:
         return wrench[0, 3:]
 
     def _gap(self, t: float, q: Array, v: Array) -> float:
-        """Return the smallest gap of a contact at any distance [m]."""
+        """Find the smallest gap of a contact at any distance [m]."""
         record, tables = self.record, self.given.contacts
         if record.plan.way is not None and tables is not None:  # contacts are not in force
             guard = record.steps.clearance
@@ -258,7 +258,7 @@ class Condition:
         return float(gaps.min(initial=far))
 
     def _push(self, name: str, pairs: Sequence[int], t: float, q: Array, v: Array) -> Array:
-        """Return the force of a contact [N], computed from the state if possible, and otherwise
+        """Compute the force of a contact [N], computed from the state if possible, and otherwise
         from the last step."""
         record, tables = self.record, self.given.contacts
         assert tables is not None

@@ -458,7 +458,7 @@ class ContactEvents:
                 self.causes.setdefault(s, "an impact elsewhere")
 
     def _turns(self, s: int) -> bool:
-        """Return True if a point is a limit of a rotating joint."""
+        """Check whether a point is a limit of a rotating joint."""
         if not self.scene.points["limit"][s]:
             return False
         row = self.scene.blocks.blocks_i[self.scene.points["slide_block"][s], at.B_A]
@@ -539,6 +539,6 @@ class ContactEvents:
 
 
 def _hidden(point: Any) -> float:
-    """Return the bounce speed below which rounding visibly affects its height [m/s, rad/s]."""
+    """Compute the bounce speed below which rounding visibly affects its height [m/s, rad/s]."""
     fall = max(-float(point["normal_acceleration"]), 0.0)
     return float(np.sqrt(2.0 * fall * float(point["rounding"]) / VISIBLE))

@@ -74,7 +74,7 @@ def error_estimate(record: Recording, asked: bool | None) -> Estimate:
 
 
 def _estimated(record: Recording, plan: RunPlan) -> Estimate:
-    """Return the difference from a finer run, where `plan` has the recorded times."""
+    """Compute the difference from a finer run, where `plan` has the recorded times."""
     n, mech, rows = len(plan.times), record.mech, record.mech.packed.rows
     if n < 2 or plan.times[-1] == plan.times[0]:
         return Estimate(np.zeros((n, 1 + len(states_of(mech.model)))))
@@ -122,7 +122,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
 
 
 def _rounding(record: Recording, t: Array) -> Array:
-    """Return the effect of rounding in positions and times on q and states (n, 1 + nx), which both
+    """Compute the effect of rounding in positions and times on q and states (n, 1 + nx), which both
     runs share.
 
     A corner of a table that comes late by EPS t changes the speed by that times the acceleration.
@@ -138,7 +138,7 @@ def _rounding(record: Recording, t: Array) -> Array:
 
 
 def _left_open(record: Recording, tables: Tables, n: int) -> Array | float:
-    """Return the gap or depth (n,) of rigid contacts and limits that are closed [m, rad].
+    """Compute the gap or depth (n,) of rigid contacts and limits that are closed [m, rad].
 
     In time stepping, a slow impact may leave a gap, which is a residual of the contact law. A
     penetration is included in every phase, and so is a gap smaller than the tolerated penetration.
@@ -191,7 +191,7 @@ def _told(t: Array, error: Array, size: float, words: tuple[str, str, str]) -> l
 
 
 def _digits(t: Array) -> int:
-    """Return the number of digits required to distinguish the times."""
+    """Count the digits required to distinguish the times."""
     return 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)
 
 
@@ -235,7 +235,7 @@ def _again(record: Recording, plan: RunPlan, carries: bool = True) -> Recording 
 
 
 def _until_its_end(record: Recording) -> RunPlan:
-    """Return the plan of a run that an event has ended, with its recorded times."""
+    """Compute the plan of a run that an event has ended, with its recorded times."""
     plan, n = record.planned, record.done
     times, changes = record.steps.times[:n].copy(), plan.changes
     changes = tuple(change for change in changes if n and change.t < times[-1])

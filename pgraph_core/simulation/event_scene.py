@@ -95,7 +95,7 @@ def _points(model: Model, pair: ContactPair) -> Iterator[ContactPoint]:
 
 
 def _places(body: Body, contact: Contact) -> list[tuple[tuple[float, float, float], float]]:
-    """Return (point, radius) in body axes for all features that can touch a plane."""
+    """Compute (point, radius) in body axes for all features that can touch a plane."""
     if contact.points:
         return [(point, 0.0) for point in contact.points]
     found = []
@@ -130,7 +130,7 @@ def with_points(
     topology: Topology,
     packed: System,
 ) -> tuple[Blocks, Any]:
-    """Return the constraint blocks followed by those for these points, and the POINT table.
+    """Compute the constraint blocks followed by those for these points, and the POINT table.
 
     Each point has an entry of `names` with the block for all its rows, and a second entry with its
     other blocks.
@@ -262,7 +262,7 @@ class EventScene(Scene):
         self.address, self._held_address = address_of_array(self._buffer), links.held
 
     def over(self) -> NDArray[np.bool_]:
-        """Return whether each monitor of a contact point has fallen below zero, (points, 3)."""
+        """Check whether each monitor of a contact point has fallen below zero, (points, 3)."""
         count = 3 * len(self.contact_points)
         return self.watched[point_kernels.NOW, :count].reshape(-1, 3) < 0
 
@@ -303,7 +303,7 @@ class EventScene(Scene):
             self.blocks.blocks_f[block, at.PB : at.PB + 3] = foot
 
     def impact(self, t: float, q: Array, v: Array, chosen: Sequence[int]) -> tuple[Array, Array]:
-        """Return (Ω, velocities) for the constraint rows and all rows of these points."""
+        """Compute (Ω, velocities) for the constraint rows and all rows of these points."""
         blocks = self.points["slide_block"][list(chosen)]
         self.active[0] = self.bilateral + len(blocks)
         self.active[self.bilateral + 1 : self.active[0] + 1] = blocks

@@ -90,7 +90,7 @@ def no_wider(plan: RunPlan, widest: float) -> RunPlan:
 
 
 def may_jump(record: Recording, plan: RunPlan) -> bool:
-    """Return whether forces may have jumped within steps.
+    """Check whether forces may have jumped within steps.
 
     This is possible for joint friction and torque functions. With time stepping, forces of contacts
     and limits jump if any of them were active.
@@ -101,7 +101,7 @@ def may_jump(record: Recording, plan: RunPlan) -> bool:
 
 
 def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
-    """Return the finer plan with each step of `plan` in `parts`, offset by a third of a part.
+    """Compute the finer plan with each step of `plan` in `parts`, offset by a third of a part.
 
     The plan records the times at which steps of both runs end. These are after STRETCH steps or at
     a frame, or after √n of n steps for equal steps, whose differences at a jump persist.
@@ -136,7 +136,7 @@ def shared(record: Recording, finer: Recording, n: int) -> tuple[Ints, Ints]:
 
 
 def apart(record: Recording, finer: Recording, n: int) -> Array:
-    """Return the largest angle [rad], the largest distance [m] and the differences of states of
+    """Find the largest angle [rad], the largest distance [m] and the differences of states of
     controls between two runs (n, 2 + nx), at n times of the first.
 
     For times that only the first run recorded, the difference at the next common time is returned.
@@ -279,7 +279,7 @@ def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
 
 @np.errstate(all="ignore")  # huge numbers, of which nothing is known
 def _least(t: Array, gap: Array, rate: Array, curve: Array) -> tuple[float, float]:
-    """Return (minimum gap where its rate passes zero, time [s]), using cubics between frame times.
+    """Compute (minimum gap where its rate passes zero, time [s]), using cubics between frame times.
 
     If the change of the rate is inconsistent with the accelerations, an impact has occurred. If
     polynomials of third and fifth degree differ by more than the gap, the gap is unknown.

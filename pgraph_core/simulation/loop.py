@@ -409,7 +409,7 @@ def links_of(name: str, event_driven: bool, watched: bool = False, held: bool = 
 
 
 def _stages(way: Way) -> int:
-    """Return the number of stages required by the method."""
+    """Count the stages required by the method."""
     tableau = way.method.tableau
     return max(len(tableau.c), len(tableau.dense), 1)
 

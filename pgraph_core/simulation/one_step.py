@@ -32,7 +32,7 @@ class LinearStep(NamedTuple):
 def linear_step(
     own: Recording, options: Options, width: float, tau: Any, inputs: dict[str, tuple[int, float]]
 ) -> LinearStep:
-    """Return the linearised next step, of a width [s], of a recording with torques `tau`.
+    """Compute the linearised next step, of a width [s], of a recording with torques `tau`.
 
     `inputs` are {name: (knot, its change with the input)}. Raises InputError.
     """

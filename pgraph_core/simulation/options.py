@@ -277,7 +277,7 @@ def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_e
 
 
 def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
-    """Return (substeps, step size [s]) for the fixed steps between recorded times.
+    """Compute (substeps, step size [s]) for the fixed steps between recorded times.
 
     If all recorded times are multiples of the step, every step has the requested size.
     """

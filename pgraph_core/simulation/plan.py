@@ -90,7 +90,7 @@ class Idle(NamedTuple):
     bodies: tuple[Ints, Array]  # tables of the bodies for kernels
 
     def below(self, scene: Scene, q: Array) -> bool:
-        """Return True if one of the bodies is below the ground at q."""
+        """Check whether one of the bodies is below the ground at q."""
         return lowest(scene.address, self.numbers, *self.bodies, self.normal, q) < 0.0
 
 
@@ -311,7 +311,7 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
-    """Return True if contacts and limits can be ignored until bodies come close to each other.
+    """Check whether contacts and limits can be ignored until bodies come close to each other.
 
     Contacts must be included if the requested method or other elements require them.
     """
@@ -323,7 +323,7 @@ def _on_a_way(
     mech: Mechanism, plan: RunPlan, rate: Rate, o: Options, given: Scenario | None,
     span: tuple[float, float],
 ) -> RunPlan:  # fmt: skip
-    """Return the plan with its method and times, and notices about their fit to forces."""
+    """Compute the plan with its method and times, and notices about their fit to forces."""
     asked, duration = o.step or (given.step if given else None), span[1] - span[0]
     o = o._replace(step=_given_step(plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
@@ -348,7 +348,7 @@ def _what_acts(
     extra: tuple[Force, ...],
     contacts: Tables | None,
 ) -> RunPlan:
-    """Return a plan with forces and constraints, but without a method and times.
+    """Create a plan with forces and constraints, but without a method and times.
 
     Conditions of switches may require `contacts`.
     """
@@ -514,13 +514,13 @@ def _idle(mech: Mechanism, given: Scenario | None) -> Idle | None:
 
 
 def _left_open(contacts: Tables) -> bool:
-    """Return True if a soft or penalty contact has no given stiffness or damping."""
+    """Check whether a soft or penalty contact has no given stiffness or damping."""
     laws = (t.contact for t in contacts.touches if t.contact.law != "complementarity")
     return any(c.stiffness is None or c.damping is None for c in laws)
 
 
 def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]) -> Tables:
-    """Return the tables for a run from this state, with open parameters set for its speed."""
+    """Compute the tables for a run from this state, with open parameters set for its speed."""
     from ..contact.tables import at_speed
 
     if not np.any(start[1]):
@@ -537,7 +537,7 @@ def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]
 def _event_driven(
     mech: Mechanism, contacts: Tables, loads: Loads
 ) -> tuple[Tables | None, tuple[ContactPoint, ...]]:
-    """Return (soft contacts, rigid contact points and limits) for an event-driven run."""
+    """Compute (soft contacts, rigid contact points and limits) for an event-driven run."""
     if contacts.remembers:
         text = (
             "a penalty contact stores its sticking point, so steps with events cannot be repeated"
@@ -579,7 +579,7 @@ def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
 def _method(
     rate: Rate, plan: RunPlan, name: str, o: Options, step: float | None
 ) -> tuple[Method, str]:
-    """Return the method `name`, or a suitable method for "auto", with the reason for it. Raises
+    """Compute the method `name`, or a suitable method for "auto", with the reason for it. Raises
     InputError."""
     impulses, touching = plan.impulses, plan.contacts is not None
     tendons = plan.contacts is not None and plan.contacts.tendons

@@ -85,7 +85,7 @@ def fastest_rate(
 def fastest_swings(
     mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
 ) -> bool:
-    """Return True if the imaginary part of the largest eigenvalue exceeds its real part.
+    """Check whether the imaginary part of the largest eigenvalue exceeds its real part.
 
     False for more than MOST_FREEDOMS.
     """

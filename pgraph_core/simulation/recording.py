@@ -138,7 +138,7 @@ class Recording(Running):
             self.scene.given[:nv] = 0.0 if self.tau is None else finite("tau", self.tau, nv)
 
     def _short(self) -> bool:
-        """Return True if a run with this plan is short and its scene and loop can be reused."""
+        """Check whether a run with this plan is short and its scene and loop can be reused."""
         plan = self.plan
         acts = plan.contacts or plan.contact_points or plan.changes or self.user is not None
         watched = self._events or plan.calls
@@ -324,7 +324,7 @@ class Recording(Running):
             self.ended.stop(*failure(self, code))
 
     def begin(self) -> bool:
-        """Return True if the run can start: joints have inertia and constraints can be met."""
+        """Check whether the run can start: joints have inertia and constraints can be met."""
         mech, plan, first = self.mech, self.plan, self.coarser is None
         if first and len(plan.active) and plan.project:
             try:
@@ -388,7 +388,7 @@ class Recording(Running):
         self._switch_where_true(self.start, already)
 
     def _ahead_of_start(self) -> tuple[float, Array, Array]:
-        """Return (t, q, v) shortly after the start, to determine the sign of a margin."""
+        """Compute (t, q, v) shortly after the start, to determine the sign of a margin."""
         h, vdot = NOTABLE * (float(self.planned.times[-1]) - self.start), np.zeros(self.size[1])
         self._first_evaluation(vdot)
         q, v = self.q.copy(), self.v + h * vdot
@@ -771,5 +771,5 @@ def _singular(mech: Mechanism, stretches: tuple[Stretch, ...]) -> tuple[str, ...
 
 
 def _stops(answer: Any) -> bool:
-    """Return True if the answer of `progress` ends the run: false but not None."""
+    """Check whether the answer of `progress` ends the run: false but not None."""
     return answer is not None and not answer

@@ -137,7 +137,7 @@ def _motion(record: Running, n: int) -> tuple[Array, Array]:
 
 
 def _oriented(record: Running) -> int:
-    """Return the number of frames with valid orientations, which a diverged state may lack."""
+    """Count the frames with valid orientations, which a diverged state may lack."""
     if record.ended.ok and record.done > 1:  # a stepper has one that nobody may have recorded
         return record.done
     for n in range(record.done, 0, -1):

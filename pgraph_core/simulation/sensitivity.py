@@ -447,7 +447,7 @@ def rates(record: Any, t: float, scene: Any = None) -> Array:
 
 
 def slope_along(function: Any, t: float, y: Array, nq: int, way: Array, dt: float) -> float:
-    """Return the derivative of a function of (t, q, v) along (dt, way), by central differences."""
+    """Compute the derivative of a function of (t, q, v) along (dt, way), by central differences."""
     h = SHARE / max(float(np.abs(way).max(initial=0.0)), 1.0)
     total = 0.0
     for k, weight in CENTRAL.items():

@@ -93,7 +93,7 @@ def spun_faces(
 
 
 def _slip(mech: Mechanism, point: Any, q: Array, v: Array) -> Array:
-    """Return the tangential velocity (3,) of A relative to B at a contact point."""
+    """Compute the tangential velocity (3,) of A relative to B at a contact point."""
     speed, place = np.zeros(3), 0.5 * (point["point_a"] + point["point_b"])
     for sign, k in ((1.0, int(point["shape_a"])), (-1.0, int(point["shape_b"]))):
         if k:
@@ -129,7 +129,7 @@ def _points(mech: Mechanism, tables: Tables, q: Array, pairs: Any) -> Any:
 def _columns(
     mech: Mechanism, tables: Tables, points: Any, q: Array, v: Array
 ) -> tuple[Array, Array, list[str]]:
-    """Return (unit force effects on the joints (m, nv), their wrenches (6 n, m), n pairs of
+    """Compute (unit force effects on the joints (m, nv), their wrenches (6 n, m), n pairs of
     bodies).
 
     A sliding point has one column, in which friction is proportional to the normal force.
@@ -164,7 +164,7 @@ def _columns(
 
 
 def _way(J: Array, origin: Array, place: Array) -> Array:
-    """Return the translational Jacobian (3, nv) of a point, given the Jacobian of the body
+    """Compute the translational Jacobian (3, nv) of a point, given the Jacobian of the body
     origin."""
     return J[3:] - np.cross(place - origin, J[:3].T).T
 
@@ -175,7 +175,7 @@ def _named(mech: Mechanism, a: int, b: int) -> str:
 
 
 def _held(mech: Mechanism, tables: Tables, active: Ints, t: float, q: Array, v: Array) -> Array:
-    """Return the effects of unit forces of constraints and resting friction, (m, nv)."""
+    """Compute the effects of unit forces of constraints and resting friction, (m, nv)."""
     found = [Rows.of(mech, active, q, None, t).J] if len(active) else []
     ints, _, terms, factors = tables.friction_blocks
     for block in ints:

@@ -31,7 +31,7 @@ def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
 
 
 def is_controller(tau: Any) -> bool:
-    """Return True if `tau` is a gait controller, which has a start and a clock."""
+    """Check whether `tau` is a gait controller, which has a start and a clock."""
     return hasattr(tau, "ticks") and hasattr(tau, "start")
 
 
@@ -179,7 +179,7 @@ def directionless(
 
 
 def _coincide(mech: Mechanism, f: BetweenPoints, q: Array) -> bool:
-    """Return True if the distance of a force's points is not more than rounding."""
+    """Check whether the distance of a force's points is not more than rounding."""
     points = points_of(f, mech.model.body(f.body))
     poses = [mech.pose(q, name) for name in (f.body, f.other)]
     a, b = (place + turn @ np.asarray(x) for (place, turn), x in zip(poses, points))

@@ -73,7 +73,7 @@ def _time(s: Switch) -> float:
 
 
 def switched_by(active: set[int], on: Sequence[int], off: Sequence[int], t: float) -> Change:
-    """Return the change at t relative to the currently active constraints."""
+    """Compute the change at t relative to the currently active constraints."""
     after = (active | set(on)) - set(off)
     return Change(t, _ints(after), _ints(after - active), _ints(active - after))
 
@@ -113,7 +113,7 @@ def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch
 
 
 def with_instants(times: Array, found: Sequence[Change]) -> tuple[Array, tuple[Change, ...]]:
-    """Return the times of frames and changes, with changes moved to frames within rounding."""
+    """Compute the times of frames and changes, with changes moved to frames within rounding."""
     moved: list[Change] = []
     near = ROUNDING * max(float(np.abs(times).max()), 1e-300)
     for change in found:

@@ -201,7 +201,7 @@ class Slopes:
         self._here = cache(lambda: self._flat(given.mech, given.plan))  # the same for all numbers
 
     def by(self, variables: Sequence[Variable]) -> list[Slope]:
-        """Return the derivatives by each number. Raises InputError and ModelError.
+        """Compute the derivatives by each number. Raises InputError and ModelError.
 
         Parameters that affect different words are varied simultaneously. One scene per parameter
         and one for all of them are required to detect linear words.
@@ -258,7 +258,7 @@ class Slopes:
     def _together(
         self, variables: Sequence[Variable], ends: dict[int, Flat], group: dict[int, Any]
     ) -> dict[int, Slope]:
-        """Return the derivatives of linear words, or {} if some words are nonlinear."""
+        """Compute the derivatives of linear words, or {} if some words are nonlinear."""
         given, here, chosen = self._given, self._here(), [variables[n] for n in group]
         places = [one.place for one in chosen if one.place is not None]
         try:
@@ -302,7 +302,7 @@ class Slopes:
         raise _idle(variable)
 
     def _by_differences(self, variable: Variable, h: float, end: Flat | None = None) -> Differences:
-        """Return the derivatives of the words, using steps of h. Raises InputError and
+        """Compute the derivatives of the words, using steps of h. Raises InputError and
         ModelError."""
         refused = dict[type, PgraphError]()
 

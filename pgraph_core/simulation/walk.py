@@ -100,7 +100,7 @@ class Walk(Portable):
         return run
 
     def _follows(self) -> bool:
-        """Return True if the stepper is at the walk's state, which a caller may have changed."""
+        """Check whether the stepper is at the walk's state, which a caller may have changed."""
         stepper = self._stepper
         if stepper is None:
             return True

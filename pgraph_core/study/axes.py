@@ -29,7 +29,7 @@ class Axis(NamedTuple):
 
 
 def changed(body: Body, **fields: object) -> Body:
-    """Return a validated body with some fields changed, and derived values as numbers."""
+    """Create a validated body with some fields changed, and derived values as numbers."""
     own = {**fields_of(body), "derived": (), "density": None}
     return Body(**{**own, **fields})
 
@@ -101,7 +101,7 @@ def mass_ratio(model: Model, value: float) -> Model:
 
 
 def _carried_tip(model: Model) -> Body | None:
-    """Return the last tip body with a massive parent."""
+    """Find the last tip body with a massive parent."""
     topology = Topology.of(model)
     tips = [model.body(topology.names[n - 1]) for n in topology.tips]
     tips = [b for b in tips if b.parent != GROUND and b.mass and model.body(b.parent).mass]

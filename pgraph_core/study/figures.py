@@ -112,12 +112,12 @@ class Axis(NamedTuple):
 
     @classmethod
     def of(cls, values: Sequence[float], start: float, end: float) -> Axis:
-        """Return the axis between two places that shows all values."""
+        """Compute the axis between two places that shows all values."""
         low = math.floor(math.log10(min(values)) - 0.05)
         return cls(low, max(math.ceil(math.log10(max(values)) + 0.05), low + 1), start, end)
 
     def __call__(self, value: float) -> float:
-        """Return the place of a value."""
+        """Compute the place of a value."""
         share = (math.log10(value) - self.low) / (self.high - self.low)
         return self.start + share * (self.end - self.start)
 
@@ -297,7 +297,7 @@ def heat_map(
 
 
 def _places(widths: Sequence[float]) -> list[tuple[float, int]]:
-    """Return (left end, band) for groups with these widths, placed side by side while they fit."""
+    """Compute (left end, band) for groups with these widths, placed side by side while they fit."""
     found, x, band = [], float(MAP_LEFT), 0
     for width in widths:
         if x > MAP_LEFT and x + width > WIDE:
@@ -308,7 +308,7 @@ def _places(widths: Sequence[float]) -> list[tuple[float, int]]:
 
 
 def _keys(legend: Sequence[Look], width: float) -> tuple[str, float]:
-    """Return the legend in lines of this width, and its height."""
+    """Compute the legend in lines of this width, and its height."""
     x, y, keys = 4.0, 0.0, []
     for look in legend:
         long = 28 + 6.2 * len(look.text)

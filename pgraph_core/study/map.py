@@ -120,7 +120,7 @@ def step_limit(method: str, rate: float) -> float:
 
 
 def spurious_energy(run: Result, scale: float) -> Array:
-    """Return the energy not explained by work or dissipation, divided by `scale` [J], (n,)."""
+    """Compute the energy not explained by work or dissipation, divided by `scale` [J], (n,)."""
     with np.errstate(over="ignore", invalid="ignore"):
         ledger = run.energy - run.work + run.dissipation
         found = (ledger - ledger[:1]) / (scale or 1.0)
@@ -212,7 +212,7 @@ def _inaccurate(found: Evidence) -> Cell | None:
 
 
 def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> Cell:
-    """Return the cell with the step at which `excess` meets the target at this order."""
+    """Compute the cell with the step at which `excess` meets the target at this order."""
     cell = found.cell
     if not round(cell.order) > 0:
         text += "; it does not shrink with the step"
@@ -276,7 +276,7 @@ class StabilityMap(Saved):
         return f"{value:g} {OWN}" if value == self.own else f"{value:g}"
 
     def _taken(self) -> tuple[tuple[str, float], list[Cell]] | None:
-        """Return the recommended (method, step size), and the cells in which it is accurate.
+        """Compute the recommended (method, step size), and the cells in which it is accurate.
 
         The criteria are, in order: success for the unchanged model, success for the most values,
         and cost.

@@ -64,7 +64,7 @@ class Observables(NamedTuple):
 
 
 def observer(mech: Mechanism) -> Callable[[Array], Observables]:
-    """Return a function of states q (n, nq) for the tip and rotation of every body."""
+    """Create a function of states q (n, nq) for the tip and rotation of every body."""
     tips = np.array([mech.model.body(name).tip_point for name in mech.names]).reshape(-1, 3)
 
     def observe(q: Array) -> Observables:
@@ -89,7 +89,7 @@ def differences(found: Observables, reference: Observables, scale: float) -> Arr
 
 
 def reach(mech: Mechanism) -> float:
-    """Return the characteristic length: the longest path along links to a tip [m]."""
+    """Compute the characteristic length: the longest path along links to a tip [m]."""
     model, far = mech.model, {"ground": 0.0}
     longest = mech.packed.length
     for name in mech.names:
@@ -104,7 +104,7 @@ def reach(mech: Mechanism) -> float:
 
 
 def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
-    """Return the difference between two motions (n, nq) per elementary motion, or inf if not
+    """Compute the difference between two motions (n, nq) per elementary motion, or inf if not
     finite.
 
     Rotations are in rad, translations relative to the mechanism's length.
@@ -167,7 +167,7 @@ def undisturbed() -> Iterator[None]:
 
 
 def repeats(seconds: float) -> int:
-    """Return the number of runs in a sample, given the duration of one run in seconds."""
+    """Count the runs in a sample, given the duration of one run in seconds."""
     return max(1, min(MOST_REPEATS, int(SHORTEST_SAMPLE / max(seconds, 1e-9))))
 
 
@@ -179,7 +179,7 @@ def measured(
     seed: int = 0,
     progress: Callable[[float], None] = lambda _: None,
 ) -> list[list[float]]:
-    """Return the times in seconds of every run in every round, as returned by each run.
+    """Compute the times in seconds of every run in every round, as returned by each run.
 
     `expected` are rough seconds of the runs. `progress(fraction)` is called between the runs and
     may raise to end the measurement.

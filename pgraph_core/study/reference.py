@@ -206,7 +206,7 @@ def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Ca
 
 
 def horizon(apart: Array) -> int:
-    """Return the number of leading times at which two runs agree."""
+    """Count the leading times at which two runs agree."""
     far = np.flatnonzero(apart.max(axis=1) > SOLVED)
     return int(far[0]) if len(far) else len(apart)
 
@@ -221,7 +221,7 @@ class KnownMotion(NamedTuple):
     energy: float  # range of its energies [J]
 
     def at(self, t: Array) -> Array:
-        """Return the states at times of the run as a (len(t), nq) array."""
+        """Compute the states at times of the run as a (len(t), nq) array."""
         return self.run.q[np.searchsorted(self.run.t, t * (1 - ROUNDING) - 1e-300)]
 
 
@@ -281,7 +281,7 @@ def _opinions(
 
 
 def weight_of(mech: Mechanism) -> int:
-    """Return the cost of evaluating the dynamics, measured in elementary motions."""
+    """Compute the cost of evaluating the dynamics, measured in elementary motions."""
     blocks = mech.packed.blocks
     spans = zip(mech.model.constraints, blocks.first, blocks.first[1:])
     rows = sum(blocks.blocks_i[a:b, at.B_SIZE].sum() for c, a, b in spans if c.active)
@@ -289,7 +289,7 @@ def weight_of(mech: Mechanism) -> int:
 
 
 def per_step(method: str, nv: int) -> int:
-    """Return the approximate number of evaluations per step, including a numerical Jacobian."""
+    """Compute the approximate number of evaluations per step, including a numerical Jacobian."""
     chosen = METHODS[method]
     if chosen.implicit and not chosen.jacobian:
         return NEWTON_COST * chosen.evaluations

@@ -355,7 +355,7 @@ class Study(Saved):
 
 
 def seconds_at(rows: tuple[Row, ...], error: float) -> float:
-    """Return the minimum time in which a curve reaches an error, or inf if it never does."""
+    """Compute the minimum time in which a curve reaches an error, or inf if it never does."""
     points = [(row.error or np.inf, row.time or np.inf) for row in rows]
     found = [seconds for reached, seconds in points if reached <= error]
     for (e0, s0), (e1, s1) in pairwise(points):

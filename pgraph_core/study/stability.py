@@ -370,12 +370,12 @@ def _unjudged(cell: Cell, task: Task, run: Result) -> Cell:
 
 
 def steps_of(t_end: float, step: float) -> int:
-    """Return the number of equal steps, each at most `step` long, that end at `t_end`."""
+    """Count the equal steps, each at most `step` long, that end at `t_end`."""
     return max(int(np.ceil(t_end / step - 1e-9)), 1)
 
 
 def times_of(t_end: float, step: float) -> Array:
-    """Return the times recorded in a cell's runs: some step ends, with all early ones."""
+    """Compute the times recorded in a cell's runs: some step ends, with all early ones."""
     n = steps_of(t_end, step)
     early = np.arange(min(n, EARLY) + 1)
     chosen = np.unique(np.concatenate((early, np.linspace(0, n, MAP_TIMES).round().astype(int))))

@@ -121,7 +121,7 @@ class Sweep(Portable):
         return {**points, **self.values, "status": list(self.status), "reason": list(self.reason)}
 
     def to_pandas(self) -> Any:
-        """Return a pandas DataFrame with one row per point."""
+        """Create a pandas DataFrame with one row per point."""
         from ..errors import needed
 
         return needed("pandas", "pandas").DataFrame(self.columns())

@@ -129,7 +129,7 @@ GUARD = 'to use all cores call it in your script below `if __name__ == "__main__
 
 
 def _guarded() -> bool:
-    """Return True if the main script can be re-imported safely by spawned processes."""
+    """Check whether the main script can be re-imported safely by spawned processes."""
     path = getattr(sys.modules.get("__main__"), "__file__", None)
     try:
         return path is None or "__name__" in FilePath(path).read_text(errors="replace")

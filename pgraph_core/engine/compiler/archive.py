@@ -37,7 +37,7 @@ class Unusable(Exception):
 
 
 def written(index: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
-    """Return the bytes of an archive file."""
+    """Compute the bytes of an archive file."""
     packed = {
         name: lzma.compress(data, preset=9 | lzma.PRESET_EXTREME) for name, data in sections.items()
     }

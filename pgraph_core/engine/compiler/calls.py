@@ -172,7 +172,7 @@ class _Take:
         self.b.store(value, self.code.place(self.words, at))
 
     def is_a(self, wanted: Any) -> Any:
-        """Return whether the object is an instance of a type or a subtype."""
+        """Check whether the object is an instance of a type or a subtype."""
         b = self.b
 
         def below() -> Any:
@@ -418,7 +418,7 @@ def _text(message: str) -> int:
 
 
 def _described(kind: Kind) -> tuple[list[int], int]:
-    """Return (the words that describe a kind, the number of words its values need)."""
+    """Compute (the words that describe a kind, the number of words its values need)."""
     if isinstance(kind, Array):
         ALIVE.append(kind.dtype)
         flags = ORDERED if kind.read else ORDERED | WRITEABLE
@@ -454,7 +454,7 @@ FITTING: dict[str, Any] = {
 
 
 def fits(signature: Signature, args: tuple[Any, ...]) -> bool:
-    """Return True if a signature accepts the arguments."""
+    """Check whether a signature accepts the arguments."""
     kinds = signature.arguments
     return len(kinds) == len(args) and all(map(_fits, kinds, args))
 

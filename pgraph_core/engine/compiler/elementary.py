@@ -65,7 +65,7 @@ def scaled(x, n):
 
 @part
 def two_sum(a, b):
-    """Return (a + b, its rounding error)."""
+    """Compute (a + b, its rounding error)."""
     s = a + b
     t = s - a
     return s, (a - (s - t)) + (b - t)
@@ -81,7 +81,7 @@ def halves(x):
 
 @part
 def two_product(a, b):
-    """Return (a b, its rounding error)."""
+    """Compute (a b, its rounding error)."""
     p = a * b
     a0, a1 = halves(a)
     b0, b1 = halves(b)
@@ -380,7 +380,7 @@ ASIN_BELOW = (
 
 @part
 def _asin_rest(z):
-    """Return (asin x - x) / x for z = x², x up to 1/2."""
+    """Compute (asin x - x) / x for z = x², x up to 1/2."""
     p = ASIN[0]
     for c in ASIN[1:]:
         p = p * z + c
@@ -474,7 +474,7 @@ def _exp_of(x):
 
 @sweep
 def _log(x):
-    """Return (log x, its rounding error) for 0 < x < ∞."""
+    """Compute (log x, its rounding error) for 0 < x < ∞."""
     n = 0
     if x < 2.2250738585072014e-308:
         x *= 18014398509481984.0

@@ -205,7 +205,7 @@ def closed(one: Any) -> Any:
 
 
 def made_by_numba(function: Any) -> bool:
-    """Return True if a user's function was compiled by `numba.njit`."""
+    """Check whether a user's function was compiled by `numba.njit`."""
     module = sys.modules.get("numba.core.dispatcher")  # without it there is no such function
     return JIT and module is not None and isinstance(function, module.Dispatcher)
 

@@ -162,7 +162,7 @@ class Level(NamedTuple):
     lanes: int  # doubles in a lane
 
     def runs_here(self) -> bool:
-        """Return True if the code can run on this processor."""
+        """Check whether the code can run on this processor."""
         arch, *_, system = llvm.get_process_triple().split("-", 2)
         here = llvm.get_host_cpu_features()
         return (
@@ -230,7 +230,7 @@ class _Engine:
         return found
 
     def has(self, key: str) -> bool:
-        """Return True if the machine code is loaded."""
+        """Check whether the machine code is loaded."""
         return key in self._loaded
 
     def add(self, key: str, code: bytes) -> None:

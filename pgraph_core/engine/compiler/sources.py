@@ -25,7 +25,7 @@ LOWERING = frozenset(HERE.glob("lowering/*.py"))  # instructions to numba for ev
 
 @cache
 def imported(module: Path) -> tuple[Path, ...]:
-    """Return the files that a module imports by `from .x import y`, the only form in the engine.
+    """Compute the files that a module imports by `from .x import y`, the only form in the engine.
 
     For a module of forces, only files of the engine and of forces are returned, because the other
     imports of a description are not compiled.
@@ -43,7 +43,7 @@ def imported(module: Path) -> tuple[Path, ...]:
 
 @cache
 def sources(module: Path) -> frozenset[Path]:
-    """Return the files of a module, all its direct and indirect imports, and `lowering`."""
+    """Compute the files of a module, all its direct and indirect imports, and `lowering`."""
     found, new = {module, *LOWERING}, [module, *LOWERING]
     while new:
         more = set(imported(new.pop())) - found

@@ -19,7 +19,7 @@ def code_of(kernel: Any, variant: int) -> Any:
 
 
 def fits(signature: Any, args: tuple[Any, ...]) -> bool:
-    """Return True if a signature accepts the arguments."""
+    """Check whether a signature accepts the arguments."""
     from .calls import fits
 
     return fits(signature, args)

@@ -109,19 +109,19 @@ def velocities(rows, const, work, v, linear):
 
 @part
 def along_coordinates(kind):
-    """Return True if a block constrains coordinates instead of bodies."""
+    """Check whether a block constrains coordinates instead of bodies."""
     return kind == T_COORD or kind == T_VELOCITY or kind == T_LIMIT or kind == T_FRICTION
 
 
 @part
 def one_sided(kind):
-    """Return True if a block is unilateral: a contact, a limit, or a bound on a length."""
+    """Check whether a block is unilateral: a contact, a limit, or a bound on a length."""
     return kind == T_CONTACT or kind == T_LIMIT or kind == T_SPAN
 
 
 @part
 def dry(kind):
-    """Return True if a block is bounded friction: torsional friction or joint friction."""
+    """Check whether a block is bounded friction: torsional friction or joint friction."""
     return kind == T_TURN or kind == T_FRICTION
 
 
@@ -136,7 +136,7 @@ def slack_of(blocks_i, blocks_f, i):
 
 @part
 def span(blocks_f, i, work, a, b):
-    """Return (gap to the length bound, point on A, vector to it from B's point, signed length).
+    """Compute (gap to the length bound, point on A, vector to it from B's point, signed length).
 
     The length is negative if the bound is an upper bound.
     """
@@ -180,7 +180,7 @@ def fixed_point(table, i, column, work, k):
 
 @part
 def lean(e, n):
-    """Return (m, |m|), the component of the plane's normal n perpendicular to a disc's axis e."""
+    """Compute (m, |m|), the component of the plane's normal n perpendicular to a disc's axis e."""
     m = add_scaled(n, -dot(n, e), e)
     return m, math.sqrt(dot(m, m))
 
@@ -237,13 +237,13 @@ def locate(blocks, work, place):
 
 @part
 def whole_point(blocks_i, i):
-    """Return True if block i fixes a point in all directions."""
+    """Check whether block i fixes a point in all directions."""
     return type_of(blocks_i, i) == T_POINT and size_of(blocks_i, i) == 3
 
 
 @part
 def turns_with_speed(blocks):
-    """Return True if any active block has rows that rotate with point velocities, see `turning`."""
+    """Check whether any active block has rows that rotate with point velocities, see `turning`."""
     blocks_i, active = blocks.blocks_i, blocks.active
     found = False
     for j in range(1, active[0] + 1):
@@ -268,7 +268,7 @@ def row_direction(blocks_i, blocks_f, i, r, work):
 
 @part
 def followed(blocks_i, blocks_f, curves, i, t, order):
-    """Return the curve of a coordinate row, or its first or second time derivative."""
+    """Compute the curve of a coordinate row, or its first or second time derivative."""
     count = blocks_i[i, at.B_KNOTS]
     k = blocks_i[i, at.B_CURVE]
     if count == 0:
@@ -401,7 +401,7 @@ def rolled(blocks_i, blocks_f, i, work):
 
 @part
 def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
-    """Return (e, s) for a force block with first direction d, except for a whole point."""
+    """Compute (e, s) for a force block with first direction d, except for a whole point."""
     kind = type_of(blocks_i, i)
     a, b = ends_of(blocks_i, i)
     w_a = spin_of(work, a)

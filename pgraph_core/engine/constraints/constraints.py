@@ -286,7 +286,7 @@ def wrenches(rows, blocks, work, space, out):
 
 @part
 def extent(rows, blocks, work):
-    """Return the size of the mechanism's coordinates [m], the scale for rounding in positions."""
+    """Compute the size of the mechanism's coordinates [m], the scale for rounding in positions."""
     blocks_f = blocks.blocks_f
     x, y, z = 0.0, 0.0, 0.0
     for k in range(1, rows.shape[0]):

@@ -94,7 +94,7 @@ def unit_wrenches(blocks_i, i, work, place, k, sign):
 
 @part
 def torque_block(blocks_i, i):
-    """Return True if a block's multipliers are torques, not forces."""
+    """Check whether a block's multipliers are torques, not forces."""
     return type_of(blocks_i, i) == T_ALIGN or type_of(blocks_i, i) == T_TURN
 
 
@@ -111,7 +111,7 @@ def no_triples():
 
 @part
 def meeting(rows, a, b):
-    """Return the last row that lies on the paths of both rows to the ground."""
+    """Find the last row that lies on the paths of both rows to the ground."""
     if b == 0:
         return b
     while a != b:
@@ -194,7 +194,7 @@ def past(rows, work, k, moment, force, reach, y, slots, i, slot):
 
 @part
 def any_number(x):
-    """Return True if a number of a triple is nonzero in any lane."""
+    """Check whether a number of a triple is nonzero in any lane."""
     a, b, c = numbers(x)
     return any_of(a) or any_of(b) or any_of(c)
 
@@ -258,7 +258,7 @@ def first_of(x):
 
 @part
 def reaches(whole, k):
-    """Return True if a wrench acts on row k in any instance."""
+    """Check whether a wrench acts on row k in any instance."""
     found = False
     for n in range(6):
         found = found or any_of(whole[k, n])

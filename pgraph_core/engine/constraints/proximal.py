@@ -31,7 +31,7 @@ def whole_blocks(m):
 
 @part
 def load_factor3(factor, i):
-    """Return the factor of diagonal block i, or the block itself, as stored in `factor`."""
+    """Compute the factor of diagonal block i, or the block itself, as stored in `factor`."""
     x = load(factor, i, i)
     return (x[0], factor[i + 1, i + 1], factor[i + 2, i + 2], x[1], x[2], factor[i + 1, i + 2])
 
@@ -46,7 +46,7 @@ def store_factor3(factor, i, f):
 
 @part
 def less_block(y, a, i, j, x):
-    """Return the triple y - Aᵀ x for block (i, j) of a, with entries i to i + 2 of x."""
+    """Compute the triple y - Aᵀ x for block (i, j) of a, with entries i to i + 2 of x."""
     more = x[i] * load_triple(a, i, j) + x[i + 1] * load_triple(a, i + 1, j)
     return y - x[i + 2] * load_triple(a, i + 2, j) - more  # y waits for the last two alone
 
@@ -173,7 +173,7 @@ def take_out(nulls, n, x, end):
 
 @part
 def along_nulls(nulls, count, x, m):
-    """Return the largest component of x along the null directions."""
+    """Find the largest component of x along the null directions."""
     size = 0.0
     for n in range(count):
         size = max(size, abs(inner(nulls[n], x, whole_blocks(m))))

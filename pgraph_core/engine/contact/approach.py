@@ -60,7 +60,7 @@ def bound_step(run):
 
 @sweep
 def turn_bound(phased, work):
-    """Return the time in which no body with an airborne point rotates by more than TURN [s]."""
+    """Compute the time in which no body with an airborne point rotates by more than TURN [s]."""
     points, blocks = phased.contact.points, phased.scene.blocks
     fastest = 0.0
     for s in range(points.shape[0]):
@@ -75,7 +75,7 @@ def turn_bound(phased, work):
 
 @sweep
 def contact_bound(scene, steps):
-    """Return the time in which no soft or penalty contact can be skipped [s].
+    """Compute the time in which no soft or penalty contact can be skipped [s].
 
     `steps`: their width [s], whether they are given, and their tolerance if not. Fixed steps do not
     adapt to forces, so they are also bounded during contact.
@@ -157,7 +157,7 @@ def pair_bound(scene, i, j, pair, steps):
 
 @part
 def one_bound(contacts, pair, gap, rates, thin, steps):
-    """Return the time until a gap leads a part of `thin` into a shape, or a step into an impact
+    """Compute the time until a gap leads a part of `thin` into a shape, or a step into an impact
     [s].
 
     `rates`: how fast the gap closes at most, and at the nearest point [m/s].
@@ -201,7 +201,7 @@ def one_bound(contacts, pair, gap, rates, thin, steps):
 
 @part
 def lead_of(law, speed, rtol):
-    """Return the motion of a step across a contact boundary [m] whose error is below `rtol`.
+    """Compute the motion of a step across a contact boundary [m] whose error is below `rtol`.
 
     The energy of a depth d is a share (d / D)^2.5 of the impact's, D its depth; (d / D)^2 for a
     penalty. Given steps have no tolerance.
@@ -214,14 +214,14 @@ def lead_of(law, speed, rtol):
 
 @part
 def leaving_speed(law, depth):
-    """Return the speed at which a contact point at rest at some depth parts, lossless [m/s]."""
+    """Compute the speed at which a contact point at rest at some depth parts, lossless [m/s]."""
     slope = law.stiffness if law.law == PENALTY else 0.8 * law.stiffness * math.sqrt(depth)
     return depth * math.sqrt(slope / law.mass)
 
 
 @part
 def impact_depth(law, speed):
-    """Return the depth of a lossless impact at this speed [m]."""
+    """Compute the depth of a lossless impact at this speed [m]."""
     energy = law.mass * speed * speed
     if law.law == PENALTY:
         return math.sqrt(energy / law.stiffness)

@@ -44,7 +44,7 @@ def save_guard(buffer, guard):
 
 @part
 def fastest(stages, j, count):
-    """Return the norm of `count` entries of v from j on, the larger of the last step's ends."""
+    """Compute the norm of `count` entries of v from j on, the larger of the last step's ends."""
     before, now = 0.0, 0.0
     for n in range(j, j + count):
         before += stages[at.Y_OLD, n] ** 2
@@ -83,7 +83,7 @@ def path_lengths(rows, stages, nq, h, reach):
 
 @sweep
 def limits_near(run, guard):
-    """Return whether a coordinate may have reached a limit in the last step, and the clearance.
+    """Check whether a coordinate may have reached a limit in the last step, and the clearance.
 
     Events are checked if a coordinate may have reached the bound of a condition.
     """
@@ -121,7 +121,7 @@ def pose(run, guard, row):
 
 @sweep
 def clearance(guard, ahead):
-    """Return the motion until a gap equals the margin, at most `ahead` [m], after `pose`."""
+    """Compute the motion until a gap equals the margin, at most `ahead` [m], after `pose`."""
     may, found, margin = guard.candidates, guard.found, guard.state[0].margin
     n = find_contacts(
         guard.geometry, guard.ground, may, guard.poses, guard.search, ahead + margin, found
@@ -165,7 +165,7 @@ def find_reach(run, guard, free):
 
 @sweep
 def may_touch(run, guard, moved):
-    """Return True if a contact may have occurred in the last step, and the present clearance.
+    """Check whether a contact may have occurred in the last step, and the present clearance.
 
     Called after `pose` at its end.
     """

@@ -35,14 +35,14 @@ def smaller_size(contacts, a, b):
 
 @part
 def closed_gap(contacts, a, b, p):
-    """Return the largest gap of two shapes at point p that counts as closed [m]."""
+    """Find the largest gap of two shapes at point p that counts as closed [m]."""
     rounding = COORDINATES * (abs(p[0]) + abs(p[1]) + abs(p[2]))
     return max(COINCIDENT * smaller_size(contacts, a, b), rounding)
 
 
 @part
 def hits(closing, h, size, pull):
-    """Return True if a closing speed is an impact to be located in steps of size h."""
+    """Check whether a closing speed is an impact to be located in steps of size h."""
     return closing * h > DEPTH * size and closing > HARD * pull * h
 
 

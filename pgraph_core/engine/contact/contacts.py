@@ -184,7 +184,7 @@ def resists_turning(law):
 
 @part
 def slides_now(contacts, work, linear, n):
-    """Return True if contact point n slid in the last step, or if it is new and slides now."""
+    """Check whether contact point n slid in the last step, or if it is new and slides now."""
     point = contacts.found[n]
     k = kept_place(point, contacts.kept, contacts.tally[0].kept, n)
     if k >= 0:
@@ -346,7 +346,7 @@ def push_contacts(scene, v, tau, flow):
 
 @part
 def compliant_force(contacts, n, law, u, loss):
-    """Return (force on A, slip speed) for a soft or penalty contact with closing velocity u.
+    """Compute (force on A, slip speed) for a soft or penalty contact with closing velocity u.
 
     `loss` is the result of `loss_of_touch`, for contacts without a given damping.
     """

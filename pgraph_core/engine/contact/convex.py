@@ -81,7 +81,7 @@ def node(geometry, i, x, y):
 
 @part
 def triangle_nodes(geometry, i, triangle):
-    """Return (three nodes (x, y) in order, number of the following sides on the heightfield's
+    """Compute (three nodes (x, y) in order, number of the following sides on the heightfield's
     boundary).
 
     Those come first. A cell has two triangles, which share its diagonal.
@@ -133,7 +133,7 @@ def set_unit(room, row, x):
 
 @part
 def face_corner(geometry, room, a, face):
-    """Return the first vertex of a face and the face normal."""
+    """Compute the first vertex of a face and the face normal."""
     faces, rings = geometry.faces, geometry.rings
     corner = xyz(room[a.first + rings[faces[a.face + face].first]].place)
     return corner, xyz(room[a.normal + face].place)
@@ -154,7 +154,7 @@ def lowest(room, a, n):
 
 @sweep
 def face_separation(geometry, room, a, b):
-    """Return the largest (separation, face of a, deepest vertex of b) over the faces of a."""
+    """Find the largest (separation, face of a, deepest vertex of b) over the faces of a."""
     best = -math.inf
     found = 0
     deepest = 0
@@ -171,7 +171,7 @@ def face_separation(geometry, room, a, b):
 
 @part
 def edge_line(geometry, room, a, e):
-    """Return the (start, direction) of an edge."""
+    """Compute the (start, direction) of an edge."""
     edges = geometry.edges
     start = xyz(room[a.first + edges[a.edge + e].start].place)
     return start, sub(xyz(room[a.first + edges[a.edge + e].end].place), start)
@@ -179,7 +179,7 @@ def edge_line(geometry, room, a, e):
 
 @part
 def edge_normals(geometry, room, a, e):
-    """Return the normals of the two faces adjacent to an edge."""
+    """Compute the normals of the two faces adjacent to an edge."""
     edges = geometry.edges
     f = xyz(room[a.normal + edges[a.edge + e].left].place)
     return f, xyz(room[a.normal + edges[a.edge + e].right].place)
@@ -187,7 +187,7 @@ def edge_normals(geometry, room, a, e):
 
 @part
 def arcs_cross(da, f, g, db, h, k):
-    """Return True if two edges span a face of A - B, so that arc f, g crosses arc -h, -k."""
+    """Check whether two edges span a face of A - B, so that arc f, g crosses arc -h, -k."""
     hd = -dot(h, da)
     kd = -dot(k, da)
     fd = dot(f, db)
@@ -197,7 +197,7 @@ def arcs_cross(da, f, g, db, h, k):
 
 @sweep
 def edge_separation(geometry, room, a, b, least):
-    """Return (separation, edge of a, edge of b, direction from a to b), with edge -1 if none
+    """Compute (separation, edge of a, edge of b, direction from a to b), with edge -1 if none
     exceeds `least`.
 
     The separation is computed from all vertices, so it is valid regardless of rounding errors in
@@ -252,7 +252,7 @@ def feature_of(kind, x, y):
 
 @sweep
 def facing(geometry, room, b, deepest, n):
-    """Return the face at the deepest vertex of b that is most perpendicular to n, or -1 without
+    """Compute the face at the deepest vertex of b that is most perpendicular to n, or -1 without
     faces.
 
     The result is one of the two faces at the edge with the smallest component along n, so that an
@@ -278,7 +278,7 @@ def facing(geometry, room, b, deepest, n):
 
 @sweep
 def clipped(geometry, room, row, a, face, b, deepest):
-    """Return (first row, number, smallest height) of b's facing face clipped to the sides of a's
+    """Compute (first row, number, smallest height) of b's facing face clipped to the sides of a's
     face.
 
     Heights are relative to the face of a. Segments and points are treated as faces.
@@ -411,7 +411,7 @@ def measure(room, a, n):
 
 @sweep
 def vertex_to_edge(geometry, room, a, b, way, base, best):
-    """Return (distance, vertex of a, edge of b, position on it from 0 to 1) below `best`, or edge
+    """Compute (distance, vertex of a, edge of b, position on it from 0 to 1) below `best`, or edge
     -1.
 
     `base` is the extreme height of b along `way` on the side of a. Vertices beyond the best
@@ -444,7 +444,7 @@ def vertex_to_edge(geometry, room, a, b, way, base, best):
 
 @sweep
 def edge_at(geometry, room, b, v, d):
-    """Return the edge at vertex v of b that is most parallel to d."""
+    """Compute the edge at vertex v of b that is most parallel to d."""
     edges = geometry.edges
     best = -1.0
     found = 0
@@ -460,7 +460,7 @@ def edge_at(geometry, room, b, v, d):
 
 @sweep
 def edge_number(geometry, room, b, v, n):
-    """Return the edge at vertex v that is most nearly perpendicular to n."""
+    """Compute the edge at vertex v that is most nearly perpendicular to n."""
     edges = geometry.edges
     best = 2.0
     found = 0
@@ -476,7 +476,7 @@ def edge_number(geometry, room, b, v, n):
 
 @part
 def edge_at_right_angle(geometry, room, b, v, n):
-    """Return the unit direction of the edge from `edge_number`, and its cosine to n."""
+    """Compute the unit direction of the edge from `edge_number`, and its cosine to n."""
     _, way = edge_line(geometry, room, b, edge_number(geometry, room, b, v, n))
     way = scale(1.0 / math.sqrt(dot(way, way)), way)
     return way, abs(dot(way, n))
@@ -484,7 +484,7 @@ def edge_at_right_angle(geometry, room, b, v, n):
 
 @part
 def is_over(geometry, room, b, f, n, x):
-    """Return True if a point lies in the prism above a face with normal n."""
+    """Check whether a point lies in the prism above a face with normal n."""
     rings, face = geometry.rings, geometry.faces[b.face + f]
     inside = True
     for k in range(face.corners):
@@ -497,7 +497,7 @@ def is_over(geometry, room, b, f, n, x):
 
 @sweep
 def vertex_to_face(geometry, room, a, b, way, base, best):
-    """Return (distance, vertex of a, face of b below it) under `best`, or face -1 if none."""
+    """Compute (distance, vertex of a, face of b below it) under `best`, or face -1 if none."""
     found_v, found_f = -1, -1
     for k in range(a.vertices):
         if way * (base - room[a.first + k].height) >= best:
@@ -514,7 +514,7 @@ def vertex_to_face(geometry, room, a, b, way, base, best):
 
 @sweep
 def edge_to_edge(geometry, room, a, b, best):
-    """Return (distance, edge of a, edge of b, from a to b, on b) under `best`, or edge -1."""
+    """Compute (distance, edge of a, edge of b, from a to b, on b) under `best`, or edge -1."""
     edges = geometry.edges
     found_a, found_b, between, on_b = -1, -1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(a.ridges):
@@ -544,7 +544,7 @@ def edge_to_edge(geometry, room, a, b, best):
 
 @sweep
 def by_any(geometry, room, a, b, low_b, high_a, known):
-    """Return the nearest (distance, from a to b, position on b, feature) of all pairs, or else
+    """Compute the nearest (distance, from a to b, position on b, feature) of all pairs, or else
     `known`.
 
     Heights are measured from a to b; `low_b` and `high_a` are the extreme ones.

@@ -70,7 +70,7 @@ def core_of(geometry, poses, i, only, origin, room, row):
 
 @part
 def support(room, core, d):
-    """Return the support point of a core, which is the lowest along d."""
+    """Compute the support point of a core, which is the lowest along d."""
     if core.kind == ELLIPSOID:
         g = mul_t(core.rotation, d)
         q = (core.half[0] ** 2 * g[0], core.half[1] ** 2 * g[1], core.half[2] ** 2 * g[2])
@@ -202,7 +202,7 @@ def set_farthest(room, a, b, row, k, n):
 
 @sweep
 def nearest_face(room, row, faces, certain):
-    """Return (separation, n) for the point on the polytope's faces that is nearest to the origin.
+    """Compute (separation, n) for the point on the polytope's faces that is nearest to the origin.
 
     A place nearer than `certain` [m] has no direction worth having.
     """
@@ -268,7 +268,7 @@ def grow(room, row, corners, faces, x, certain):
 
 @sweep
 def coarse_normal(room, a, b, row, size):
-    """Return (upper bound on the signed distance, n) to about `COARSE` relative to the size."""
+    """Compute (upper bound on the signed distance, n) to about `COARSE` relative to the size."""
     first_corners(room, a, b, row)
     faces = 4
     best = -math.inf
@@ -293,7 +293,7 @@ def coarse_normal(room, a, b, row, size):
 
 @part
 def flat_near(geometry, room, core, n):
-    """Return the outward normal of a core's flat face nearest to -n, and the cosine."""
+    """Compute the outward normal of a core's flat face nearest to -n, and the cosine."""
     if core.kind == CYLINDER:
         r = core.rotation
         axis = (r[2], r[5], r[8])

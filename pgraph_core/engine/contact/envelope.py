@@ -140,6 +140,6 @@ def substitute(upper, lower, start, last, rows, x):
 
 @part
 def total(x):
-    """Return the sum of four numbers."""
+    """Compute the sum of four numbers."""
     a, b, c, d = numbers_of_four(x)
     return (a + b) + (c + d)

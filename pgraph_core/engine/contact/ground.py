@@ -42,7 +42,7 @@ def height(ground, p):
 
 @part
 def is_box(ground, p):
-    """Return True if the ground under a point is a box rather than the plane."""
+    """Check whether the ground under a point is a box rather than the plane."""
     k = patch_under(ground, p)
     return k >= 0 and ground.patches[k].box == 1
 
@@ -87,7 +87,7 @@ def rim_point(geometry, ground, poses, i, k):
 
 @part
 def candidate(geometry, ground, poses, i, k):
-    """Return (position, radius, feature) of the k-th ball that may touch the ground."""
+    """Compute (position, radius, feature) of the k-th ball that may touch the ground."""
     if geometry.shapes[i].kind == CYLINDER:
         p, feature = rim_point(geometry, ground, poses, i, k)
         return p, 0.0, feature
@@ -102,7 +102,7 @@ def candidate(geometry, ground, poses, i, k):
 
 @part
 def candidates(shapes, i):
-    """Return the number of candidate balls."""
+    """Count the candidate balls."""
     if shapes[i].kind == CYLINDER:
         return 5
     return 1 if shapes[i].kind == ELLIPSOID else shapes[i].vertices

@@ -254,7 +254,7 @@ def note_left(report, left, size):
 
 @sweep
 def leaves_alone(scene, n, slack):
-    """Return True if an impact in another island does not affect island n, with no residual above
+    """Check whether an impact in another island does not affect island n, with no residual above
     `slack` [m/s].
 
     The velocities of bodies at rest are rounding errors, so convergence relative to them is
@@ -284,7 +284,7 @@ def drop(scene, n):
 
 @sweep
 def largest_velocity(scene, n):
-    """Return the largest velocity of island n's rows, without impulses or before the impact."""
+    """Find the largest velocity of island n's rows, without impulses or before the impact."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     vectors = data.space.vectors
@@ -302,7 +302,7 @@ def largest_velocity(scene, n):
 
 @sweep
 def gained(scene, n):
-    """Return (energy added by island n's unilateral impulses [J], energy that they exchange)."""
+    """Compute (energy added by island n's unilateral impulses [J], energy that they exchange)."""
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
     islands = contacts_at(data.links.contacts).islands
@@ -327,7 +327,7 @@ def gained(scene, n):
 
 @part
 def bounces(scene, n):
-    """Return True if a contact in island n bounces despite the forces of the step."""
+    """Check whether a contact in island n bounces despite the forces of the step."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     islands = contacts_at(data.links.contacts).islands

@@ -200,7 +200,7 @@ def forget_order(islands):
 
 @sweep
 def unique(scene, n):
-    """Return True if each block of island n has at least as many exclusive joints as rows.
+    """Check whether each block of island n has at least as many exclusive joints as rows.
 
     In this case, the impulses are unique, for example for the feet of legs.
     """

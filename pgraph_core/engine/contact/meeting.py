@@ -53,7 +53,7 @@ CARRIED = -2  # `shape_b` after a soft arrival, no longer followed (-1 is the gr
 
 @part
 def closed_limit(blocks, i):
-    """Return the gap below which limit i counts as closed [rad, m], from its range `at.SIZE`."""
+    """Compute the gap below which limit i counts as closed [rad, m], from its range `at.SIZE`."""
     size, value = blocks.blocks_f[i, at.SIZE], blocks.blocks_f[i, at.VALUE]
     return max(CLOSED * size, COORDINATES * abs(value))
 
@@ -86,7 +86,7 @@ def is_crowd(contacts):
 
 @sweep
 def look_ahead(scene, h):
-    """Return the closed gap, the search distance [m], and whether a shape is passed in one step.
+    """Compute the closed gap, the search distance [m], and whether a shape is passed in one step.
 
     Called after `velocities` at the middle of the step and `place`.
     """
@@ -130,7 +130,7 @@ def approach(scene, i, j, left):
 
 @part
 def outruns(scene, i, j, left):
-    """Return True if two shapes may move by their thickness in `left`. j = -1: the ground."""
+    """Check whether two shapes may move by their thickness in `left`. j = -1: the ground."""
     shapes = contacts_at(opened(scene).links.contacts).geometry.shapes
     thick = thickness(shapes[i]) + (thickness(shapes[j]) if j >= 0 else 0.0)
     return approach(scene, i, j, left) > thick
@@ -138,7 +138,7 @@ def outruns(scene, i, j, left):
 
 @sweep
 def point_meets(scene, n, h, left):
-    """Return True if contact point n, at the middle of a sub-step, hits within it.
+    """Check whether contact point n, at the middle of a sub-step, hits within it.
 
     The step is h wide, the sub-step `left`. Called after `velocities`.
     """
@@ -160,7 +160,7 @@ def point_meets(scene, n, h, left):
 
 @part
 def limit_arrival(blocks, i, back, h, left, q, v, vdot):
-    """Return the time until limit i is hit [s]: 0 if now, infinite if not within `left`.
+    """Compute the time until limit i is hit [s]: 0 if now, infinite if not within `left`.
 
     Along the path of `state_at`, the gap of a coordinate is a parabola. The parabola starts a time
     `back` before q, which was reached at the velocity v. A closed limit is hit immediately if its
@@ -228,7 +228,7 @@ def place_shapes(scene, q, v):
 
 @sweep
 def hits_at_once(scene, h, q, v, vdot):
-    """Return True if there is an impact at (q, v), such as at the end of a sub-step."""
+    """Check whether there is an impact at (q, v), such as at the end of a sub-step."""
     place_shapes(scene, q, v)
     _, limit = first_limit(scene, h, 0.0, q, v, vdot)
     return limit >= 0 or list_meetings(scene, h, 0.0) < 0
@@ -236,7 +236,7 @@ def hits_at_once(scene, h, q, v, vdot):
 
 @sweep
 def first_meeting(scene, h, left, q, v, start, vdot, speed):
-    """Return the time until the next landing [s], 0 if there is an impact now, or `left` if there
+    """Compute the time until the next landing [s], 0 if there is an impact now, or `left` if there
     is none.
 
     The time is also less than `left` if rotations make the path unknown beyond it. The
@@ -295,7 +295,7 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
 
 @part
 def time_to_close(way, closing, curving):
-    """Return the time in which a gap shrinks by `way`, from its closing speed and its bound."""
+    """Compute the time in which a gap shrinks by `way`, from its closing speed and its bound."""
     speed = max(closing, 0.0)
     root = speed + math.sqrt(speed * speed + 2.0 * curving * way)
     return 2.0 * way / root if root > 0.0 else math.inf
@@ -359,7 +359,7 @@ def nearest(contacts, i, j, pair):
 
 @part
 def straight(scene, i, j):
-    """Return the time in which paths of touching shapes curve little for their thickness [s]."""
+    """Compute the time in which paths of touching shapes curve little for their thickness [s]."""
     contacts = contacts_at(opened(scene).links.contacts)
     thin, curving = thinner(contacts, i, j), curving_bound(scene, i, j)
     return math.sqrt(PART * thin / curving) if thin * curving > 0.0 else math.inf
@@ -367,7 +367,7 @@ def straight(scene, i, j):
 
 @sweep
 def next_landing(scene, meeting, h, tau, left):
-    """Return (time without a landing, whether one occurs now, whether it is already inside).
+    """Compute (time without a landing, whether one occurs now, whether it is already inside).
 
     Of two shapes. For bodies that touched at the start, a time τ ago, the closing speed of new
     contacts is limited by rotation and gravity, and they land when they penetrate.
@@ -505,7 +505,7 @@ def list_pair(scene, i, j, pair, h, left, crowd, n):
 
 @sweep
 def may_land(scene, i, j, pair, left):
-    """Return True if other points of two touching shapes may land within `left`."""
+    """Check whether other points of two touching shapes may land within `left`."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     found = contacts.found
@@ -522,7 +522,7 @@ def may_land(scene, i, j, pair, left):
 
 @part
 def hits_now(scene, i, j, p, normal, h):
-    """Return True if two shapes that touch at p collide at this point."""
+    """Check whether two shapes that touch at p collide at this point."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, linear = contacts.geometry.shapes, data.space.linear

@@ -83,7 +83,7 @@ def velocity(data, i, w):
 
 @part
 def bounds_of(data, i):
-    """Return (friction, 0) for a contact, or the bounds of a torque about and across the normal.
+    """Compute (friction, 0) for a contact, or the bounds of a torque about and across the normal.
 
     For joint friction, the first entry is the bound.
     """
@@ -147,7 +147,7 @@ def diagonal(a, b, c):
 
 @part
 def on_rim(slope):
-    """Return True if friction follows the normal impulse, so the contact slides."""
+    """Check whether friction follows the normal impulse, so the contact slides."""
     return slope[3] != slope[1] or slope[6] != slope[2]
 
 
@@ -201,7 +201,7 @@ def look(scene, n, soft, held):
 
 @part
 def resisted(slope, ks, x):
-    """Return (1 - (1 - k s) P')⁻¹ x."""
+    """Compute (1 - (1 - k s) P')⁻¹ x."""
     c = 1.0 - ks
     first = x[0] / (1.0 - slope[0] + ks * slope[0])
     u = x[1] + c * slope[3] * first
@@ -375,7 +375,7 @@ def go(scene, n, part_of_it):
 
 @sweep
 def stays(scene, n, size):
-    """Return whether λ of the last step solves island n to rounding, and its residual divided by
+    """Check whether λ of the last step solves island n to rounding, and its residual divided by
     `size`.
 
     In this case, the impulses of least norm have already been computed. After `weigh`.
@@ -567,7 +567,7 @@ def solve_held(scene, n, size):
 
 @sweep
 def along(scene, n):
-    """Return (slope of what `solve_held` minimises, largest change of a velocity) along TRIAL."""
+    """Compute (slope of what `solve_held` minimises, largest change of a velocity) along TRIAL."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     space = data.space

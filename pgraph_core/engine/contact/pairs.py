@@ -81,13 +81,13 @@ def single_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
 
 @part
 def points(shapes, i):
-    """Return the number of separately examined parts: the points in a list, or else 1."""
+    """Count the separately examined parts: the points in a list, or else 1."""
     return shapes[i].vertices if shapes[i].kind == POINTS else 1
 
 
 @part
 def cell_range(x, width, count):
-    """Return (first, last) of the `count` cells that cover x[0] to x[1], possibly empty."""
+    """Compute (first, last) of the `count` cells that cover x[0] to x[1], possibly empty."""
     low = max(x[0] / width, 0.0)
     high = min(x[1] / width, count - 1.0)
     return int(low), int(high) if high >= 0.0 else -1
@@ -184,7 +184,7 @@ def without_covered(geometry, poses, j, triangle, out, start, n):
 
 @part
 def is_covered(geometry, j, triangle, p, normal):
-    """Return whether p is beside its triangle, or the surface rises around the leaning shape.
+    """Check whether p is beside its triangle, or the surface rises around the leaning shape.
 
     The leaning feature is an edge or a corner of the triangle, and the adjacent triangles rise
     above the plane through it.
@@ -229,7 +229,7 @@ def is_covered(geometry, j, triangle, p, normal):
 
 @part
 def rises(geometry, j, x, y, normal, level):
-    """Return whether a heightfield has a node (x, y) above a given level along a normal."""
+    """Check whether a heightfield has a node (x, y) above a given level along a normal."""
     field = geometry.shapes[j]
     columns = field.columns
     if not (0 <= x < field.vertices // columns and 0 <= y < columns):
@@ -275,7 +275,7 @@ def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
 
 @sweep
 def pair_gap(geometry, poses, i, j, room, probe):
-    """Return the signed distance of two shapes [m], with `probe` as scratch for points."""
+    """Compute the signed distance of two shapes [m], with `probe` as scratch for points."""
     gap = math.inf
     if geometry.shapes[i].kind == HEIGHTFIELD:
         i, j = j, i

@@ -58,7 +58,7 @@ def note_passage(contacts, i, j, pair, t):
 
 @part
 def passes(contacts, i, j):
-    """Return True if the centre of shape i entered and left shape j."""
+    """Check whether the centre of shape i entered and left shape j."""
     shapes = contacts.geometry.shapes
     kind = shapes[j].kind
     if shapes[i].kind == POINTS or kind == POINTS or kind == HEIGHTFIELD:
@@ -87,7 +87,7 @@ def seen_from(pose, shape, other_pose, other):
 
 @part
 def cuts_box(p, way, half):
-    """Return True if the segment from p along `way` enters and leaves a box."""
+    """Check whether the segment from p along `way` enters and leaves a box."""
     first, last = -math.inf, math.inf
     for n in range(3):
         wide = CORE * half[n]
@@ -102,7 +102,7 @@ def cuts_box(p, way, half):
 
 @part
 def cuts_ball(p, way, half, is_hull):
-    """Return True if the segment from p along `way` enters and leaves an ellipsoid."""
+    """Check whether the segment from p along `way` enters and leaves an ellipsoid."""
     core = HULL_CORE if is_hull else CORE
     x = (p[0] / (core * half[0]), p[1] / (core * half[1]), p[2] / (core * half[2]))
     d = (way[0] / (core * half[0]), way[1] / (core * half[1]), way[2] / (core * half[2]))

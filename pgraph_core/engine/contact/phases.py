@@ -43,7 +43,7 @@ def save_events(buffer, scene):
 
 @part
 def slides(phase):
-    """Return True if a point in this phase slides."""
+    """Check whether a point in this phase slides."""
     return phase in (SLIP, ACCEPTANCE)
 
 
@@ -56,7 +56,7 @@ def tangential(points, s, u):
 
 @part
 def slip_direction(points, s, u):
-    """Return the direction of u, or `slip_direction` if u is zero or after the end of a slide.
+    """Compute the direction of u, or `slip_direction` if u is zero or after the end of a slide.
 
     Friction turns slow slip across its way at the rate μ N w / |u|, too fast for an explicit step:
     there the way of the step's start weighs as much as keeps the step stable.
@@ -185,7 +185,7 @@ def share_out(blocks, space, contact, count, held):
 
 @part
 def into_cone(points, s, place, i, lam, r):
-    """Return the difference between λ of a stance and the nearest force just inside its cone."""
+    """Compute the difference between λ of a stance and the nearest force just inside its cone."""
     mu = points[s].friction * (1.0 - SOLVED)  # projections end inside the cone
     normal = xyz(points[s].normal)
     n = (

@@ -43,7 +43,7 @@ def vertex(geometry, poses, i, k):
 
 @part
 def rim_direction(geometry, r, n):
-    """Return the unit direction from a cylinder's axis to a point on its rim.
+    """Compute the unit direction from a cylinder's axis to a point on its rim.
 
     The rim is in contact with a plane with normal n. Any few points of a disc carry less than the
     disc, but not those in the direction in which it would tip: where the cylinder leans, or, as far
@@ -88,7 +88,7 @@ def bound(geometry, poses, i, slack, bounds):
 
 @part
 def far_apart(shapes, poses, i, j, margin):
-    """Return True if two shapes' bounding balls are more than `margin` apart, or not finite."""
+    """Check whether two shapes' bounding balls are more than `margin` apart, or not finite."""
     x = sub(xyz(poses[i].position), xyz(poses[j].position))
     near = shapes[i].reach + shapes[j].reach + margin
     return not dot(x, x) <= near * near

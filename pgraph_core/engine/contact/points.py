@@ -114,7 +114,7 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
 
 @part
 def path_length(rows, const, work, k, p, n):
-    """Return the sum of lengths along n from the ground to point p on row k [m]."""
+    """Compute the sum of lengths along n from the ground to point p on row k [m]."""
     length = abs(dot(sub(p, origin_of(work, k)), n))
     while k > 0:
         length += abs(dot(link_of(work, k), n))
@@ -128,7 +128,7 @@ def path_length(rows, const, work, k, p, n):
 
 @sweep
 def point_force(rows, blocks, work, space, contact, s):
-    """Return the force at a closed point from λ and its components, about the axis for a limit."""
+    """Compute the force at a closed point from λ and its components, about the axis for a limit."""
     points = contact.points
     blocks_i, terms_f = blocks.blocks_i, blocks.terms_f
     slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
@@ -270,7 +270,7 @@ def watch(contact, row, w):
 
 @part
 def over(watched, row):
-    """Return True if a phase has ended."""
+    """Check whether a phase has ended."""
     found = False
     for n in range(watched.shape[1]):
         found = found or watched[row, n] < 0.0
@@ -320,7 +320,7 @@ def accepted(contact):
 
 @sweep
 def dip_of_gap(contact, s, h):
-    """Return the time in the step at which the gap at point s may dip below zero, or else h.
+    """Compute the time in the step at which the gap at point s may dip below zero, or else h.
 
     The cubic through gaps and rates at both ends decides. A minimum just above zero counts too.
     """
@@ -341,7 +341,7 @@ def dip_of_gap(contact, s, h):
 
 @sweep
 def urgent(watched, width, sides):
-    """Return the step size from `lo` to the first zero by the secant rule, weighed by `sides`."""
+    """Compute the step size from `lo` to the first zero by the secant rule, weighed by `sides`."""
     best = width
     for n in range(watched.shape[1]):
         low = watched[LOW, n]

@@ -54,7 +54,7 @@ def factor_tree(contacts, rows, const, work, tau):
 
 @sweep
 def loss_of_touch(contacts, rows, n, count):
-    """Return (2 E w [m²/s²] or c [N s/m] of the two shapes at contact point n, next point).
+    """Compute (2 E w [m²/s²] or c [N s/m] of the two shapes at contact point n, next point).
 
     After `factor_tree`.
     """
@@ -90,7 +90,7 @@ def loss_of_touch(contacts, rows, n, count):
 
 @part
 def same_shapes(point, other):
-    """Return True if two contact points belong to the same shapes and contact pair."""
+    """Check whether two contact points belong to the same shapes and contact pair."""
     same = point.shape_a == other.shape_a and point.shape_b == other.shape_b
     return same and point.pair == other.pair
 
@@ -126,7 +126,7 @@ def at_origin(factored, k, place, moment, force):
 
 @part
 def past_joint(rows, factored, k, moment, force):
-    """Return (mobility of joint k under a unit wrench [1/kg], transmitted moment and force)."""
+    """Compute (mobility of joint k under a unit wrench [1/kg], transmitted moment and force)."""
     kind = kind_of(rows, k)
     if kind <= TRANSLATE:
         share = along_axis(factored, k, kind, moment, force)

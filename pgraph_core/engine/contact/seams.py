@@ -27,13 +27,13 @@ def to_local(poses, i, p):
 
 @part
 def is_solid(kind):
-    """Return whether a kind of shape is bounded by faces."""
+    """Check whether a kind of shape is bounded by faces."""
     return kind in (BOX, HULL)
 
 
 @sweep
 def extent(geometry, i, n):
-    """Return the maximum of n · x over a shape, in its frame [m]."""
+    """Compute the maximum of n · x over a shape, in its frame [m]."""
     shape = geometry.shapes[i]
     half = xyz(shape.half_extents)
     if shape.kind == CYLINDER:
@@ -52,7 +52,7 @@ def extent(geometry, i, n):
 
 @part
 def boundaries(geometry, i):
-    """Return the number of planes that bound a shape near a point on it."""
+    """Count the planes that bound a shape near a point on it."""
     kind = geometry.shapes[i].kind
     if is_solid(kind):
         return geometry.shapes[i].faces
@@ -61,7 +61,7 @@ def boundaries(geometry, i):
 
 @sweep
 def boundary(geometry, i, k, x):
-    """Return (outward normal, offset n · y) of plane k, which bounds shape i near point x.
+    """Compute (outward normal, offset n · y) of plane k, which bounds shape i near point x.
 
     In the shape's frame. Round surfaces have the plane that is tangent at x.
     """
@@ -122,7 +122,7 @@ def boundary_of_field(geometry, i, k, x):
 
 @sweep
 def has(geometry, k, x, size):
-    """Return whether point x, in the frame of shape k, is inside the shape."""
+    """Check whether point x, in the frame of shape k, is inside the shape."""
     shape = geometry.shapes[k]
     deep = DEPTH * size
     for c in range(3):
@@ -137,7 +137,7 @@ def has(geometry, k, x, size):
 
 @sweep
 def reaches_beyond(geometry, poses, k, p, n, size):
-    """Return whether p is in shape k and k extends beyond the plane through p with normal n."""
+    """Check whether p is in shape k and k extends beyond the plane through p with normal n."""
     x = to_local(poses, k, p)
     if not has(geometry, k, x, size):
         return False
@@ -153,7 +153,7 @@ def reaches_beyond(geometry, poses, k, p, n, size):
 
 @sweep
 def holds(geometry, poses, k, p, g, size):
-    """Return whether shape k, which contains point p, also contains the start of the path to g."""
+    """Check whether shape k, which contains point p, also contains the start of the path to g."""
     x, y = to_local(poses, k, p), to_local(poses, k, g)
     deep = DEPTH * size
     for c in range(boundaries(geometry, k)):
@@ -168,7 +168,7 @@ def holds(geometry, poses, k, p, g, size):
 
 @part
 def leaning(geometry, i):
-    """Return the number of points that `lean` yields."""
+    """Count the points that `lean` yields."""
     kind = geometry.shapes[i].kind
     if is_solid(kind):
         return geometry.shapes[i].vertices
@@ -177,7 +177,7 @@ def leaning(geometry, i):
 
 @sweep
 def lean(geometry, poses, i, k, p, n, size):
-    """Return (position, whether it counts) for corner k of shape i's feature against the plane at
+    """Compute (position, whether it counts) for corner k of shape i's feature against the plane at
     p.
 
     The points are the vertices in the plane with normal n, or points near p in this plane for a
@@ -212,7 +212,7 @@ def lean(geometry, poses, i, k, p, n, size):
 
 @sweep
 def is_hidden(geometry, poses, i, p, n, size):
-    """Return whether neighbours of shape i hide its surface with normal n at point p."""
+    """Check whether neighbours of shape i hide its surface with normal n at point p."""
     shape, neighbours = geometry.shapes[i], geometry.neighbours
     first, last = shape.first_neighbour, shape.first_neighbour + shape.neighbours
     beyond = False

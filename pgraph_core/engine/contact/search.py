@@ -27,7 +27,7 @@ FARTHEST = (1 << 20) - 1  # limit on the cells along an axis, beyond which all a
 
 @part
 def width(bounds, i):
-    """Return the longest edge of a shape's bounding box."""
+    """Find the longest edge of a shape's bounding box."""
     x = sub(xyz(bounds[i].high), xyz(bounds[i].low))
     return max(max(x[0], x[1]), x[2])
 
@@ -88,7 +88,7 @@ def overlap(bounds, i, j):
 
 @sweep
 def are_apart(apart, a, b):
-    """Return True if two bodies are in the table of excluded pairs."""
+    """Check whether two bodies are in the table of excluded pairs."""
     low, high = min(a, b), max(a, b)
     first, last = 0, apart.shape[0]
     while first < last:

@@ -27,7 +27,7 @@ def ball_ball(out, n, centre_a, radius_a, centre_b, radius_b, margin, feature):
 
 @part
 def along(p, start, way):
-    """Return the parameter t of the point on start + t way nearest to a point, 0 for no length."""
+    """Compute the parameter t of the point on start + t way nearest to a point, 0 for no length."""
     size = dot(way, way)
     return dot(sub(p, start), way) / size if size > 0.0 else 0.0
 
@@ -45,7 +45,7 @@ def ball_segment(centre, start, way):
 
 @part
 def is_over(t, way, slack):
-    """Return True if parameter t lies on a segment, within the length `slack`."""
+    """Check whether parameter t lies on a segment, within the length `slack`."""
     return abs(t - 0.5) * math.sqrt(dot(way, way)) <= 0.5 * math.sqrt(dot(way, way)) + slack
 
 
@@ -70,7 +70,7 @@ def end_pair(k, p, d, q, e, slack):
 
 @part
 def crossing(p, d, q, e):
-    """Return (s, t) where two lines are nearest, or -1 for both if parallel or a point."""
+    """Compute (s, t) where two lines are nearest, or -1 for both if parallel or a point."""
     r = sub(p, q)
     dd, ee, de = dot(d, d), dot(e, e), dot(d, e)
     n = cross(d, e)
@@ -174,7 +174,7 @@ def ball_box(out, n, centre, radius, geometry, poses, j, sign, margin, feature):
 
 @part
 def inside_box(c, half):
-    """Return (normal of the nearest face, signed distance to it) for a point inside a box."""
+    """Compute (normal of the nearest face, signed distance to it) for a point inside a box."""
     x, y, z = abs(c[0]) - half[0], abs(c[1]) - half[1], abs(c[2]) - half[2]
     if x >= y and x >= z:
         return (math.copysign(1.0, c[0]), 0.0, 0.0), x

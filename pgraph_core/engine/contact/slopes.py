@@ -75,7 +75,7 @@ def law_of(data, i, unilateral, size):
 
 @part
 def slip_of(data, i):
-    """Return the direction in which a contact slides along its tangents, and its speed."""
+    """Compute the direction in which a contact slides along its tangents, and its speed."""
     r = first_of(data.space.slots, i)
     u = gather(data.space.y, data.space.slots, i, data.space.vectors[STEP])
     x, y = data.space.vectors[RHS, r + 1] + u[1], data.space.vectors[RHS, r + 2] + u[2]
@@ -86,7 +86,7 @@ def slip_of(data, i):
 
 @part
 def changed_law(data, i, law, effect, own):
-    """Return the change of the residual of block i if λ changes by `own` in the block itself, with
+    """Compute the change of the residual of block i if λ changes by `own` in the block itself, with
     this `effect` on the speeds of all joints.
     """
     u = gather(data.space.y, data.space.slots, i, effect)
@@ -102,7 +102,7 @@ def changed_law(data, i, law, effect, own):
 
 @part
 def unknowns(law, size):
-    """Return the number of impulses of a block that are determined by its law."""
+    """Count the impulses of a block that are determined by its law."""
     if law == OPEN or law == BOUND:
         return 0
     return 1 if law == SMOOTH else size
@@ -110,7 +110,7 @@ def unknowns(law, size):
 
 @sweep
 def largest_of(data, m):
-    """Return the largest velocity of m rows before or without impulses."""
+    """Find the largest velocity of m rows before or without impulses."""
     size = 0.0
     for r in range(m):
         here = max(abs(data.space.vectors[RHS, r]), abs(data.space.vectors[BEFORE, r]))
@@ -233,7 +233,7 @@ def impulses_of_duals(scene, numbers, carried, first, m):
 
 @sweep
 def undetermined(data, carried, rank, count, m):
-    """Return whether impulses that the laws leave undetermined change velocities.
+    """Check whether impulses that the laws leave undetermined change velocities.
 
     The change of velocities by a combination of these impulses is compared with the changes by its
     parts, as energies. Values below PROXIMAL count as zero, as for the pivots of `solve_ranked`,

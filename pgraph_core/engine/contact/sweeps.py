@@ -188,7 +188,7 @@ def combine(normal, count):
 
 @part
 def times(x, y):
-    """Return the element-wise product."""
+    """Compute the element-wise product."""
     return x[0] * y[0], x[1] * y[1], x[2] * y[2]
 
 

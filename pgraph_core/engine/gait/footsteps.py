@@ -43,7 +43,7 @@ def ground(feet, guess):
 
 @part
 def level_at(felt, x):
-    """Return the height of the ground at x."""
+    """Compute the height of the ground at x."""
     sure, middle, slope, guess = felt
     return sure * (middle[1] + slope * (x - middle[0])) + (1.0 - sure) * guess
 
@@ -73,21 +73,21 @@ def raised(terrain, i, j):
 
 @part
 def height_at(terrain, s, x, z):
-    """Return the height of the known ground, in world axes."""
+    """Compute the height of the known ground, in world axes."""
     steps = raised(terrain, cell(terrain.x, x), cell(terrain.z, z))
     return s.rise_x * x + s.rise_z * z + steps
 
 
 @part
 def within(edges, i, x, low, high):
-    """Return the position nearest to x in interval i, `low` and `high` away from its ends."""
+    """Compute the position nearest to x in interval i, `low` and `high` away from its ends."""
     a, b = edges[i] + low, edges[i + 1] - high
     return 0.5 * (a + b) if a > b else min(max(x, a), b)
 
 
 @part
 def beside_edges(terrain, s, heading, at):
-    """Return the position nearest to (x, z), in heading axes, in its cell off the edges."""
+    """Compute the position nearest to (x, z), in heading axes, in its cell off the edges."""
     p = out_of(heading, (at[0], 0.0, at[1]))
     i, j = cell(terrain.x, p[0]), cell(terrain.z, p[2])
     if i < 0 or j < 0:
@@ -104,7 +104,7 @@ def beside_edges(terrain, s, heading, at):
 
 @sweep
 def ground_between(terrain, s, heading, leave, land):
-    """Return the heights of the known ground at lift-off and landing, and its maximum along the
+    """Compute the heights of the known ground at lift-off and landing, and its maximum along the
     path."""
     top = -1e300
     first = 0.0
@@ -137,7 +137,7 @@ def step_to(legs, f, s, z, speed, hip, hip_u, u, roll):
 
 @part
 def lift(s, z, whole, clearance):
-    """Return (height above ground, rate, acceleration) of a swing foot: up, then down to land."""
+    """Compute (height above ground, rate, acceleration) of a swing foot: up, then down to land."""
     zz = z * (1.0 - z)
     odd = 1.0 - 2.0 * z
     c = clearance
@@ -150,7 +150,7 @@ def lift(s, z, whole, clearance):
 
 @part
 def eased(z):
-    """Return (progress, rate, acceleration) at fraction z of a rest-to-rest motion."""
+    """Compute (progress, rate, acceleration) at fraction z of a rest-to-rest motion."""
     z = smaller(1.0, larger(0.0, z))
     m = z * z * z * (10.0 + z * (6.0 * z - 15.0))
     return m, 30.0 * z * z * (1.0 - z) * (1.0 - z), 60.0 * z * (1.0 - z) * (1.0 - 2.0 * z)
@@ -158,7 +158,7 @@ def eased(z):
 
 @part
 def over_felt(s, z, whole, felt, m, m1, leave, land):
-    """Return (height, rate, acceleration) of a swing foot above ground that others sense."""
+    """Compute (height, rate, acceleration) of a swing foot above ground that others sense."""
     y, y1, y2 = lift(s, z, whole, s.clearance)
     y += level_at(felt, leave[0] + m * (land[0] - leave[0]))
     y1 += felt[2] * m1 * (land[0] - leave[0])
@@ -167,7 +167,7 @@ def over_felt(s, z, whole, felt, m, m1, leave, land):
 
 @part
 def over_steps(s, z, whole, between, low, free):
-    """Return the lift above known ground (`ground_between`) from the foot's height `low`."""
+    """Compute the lift above known ground (`ground_between`) from the foot's height `low`."""
     first, last, top = between
     y, y1, y2 = lift(s, z, whole, s.clearance + max(top - 0.5 * (first + last), 0.0))
     up, up1, up2 = eased(2.0 * z if last > first else 2.0 * z - 1.0)  # up first, down last
@@ -180,7 +180,7 @@ def over_steps(s, z, whole, between, low, free):
 
 @sweep
 def swing_foot(feet, f, legs, s, terrain, heading, felt, leave, land):
-    """Return (position, velocity, acceleration) of a swing foot in heading axes.
+    """Compute (position, velocity, acceleration) of a swing foot in heading axes.
 
     Lanes have no terrain.
     """

@@ -34,7 +34,7 @@ def clamp(x, bound):
 
 @part
 def reach(legs, f, x, y):
-    """Return the (hip, knee) angles that bring the foot to (x, y) from the hip, or nearest."""
+    """Compute the (hip, knee) angles that bring the foot to (x, y) from the hip, or nearest."""
     ax, ay = legs[f].long[0], legs[f].long[1]
     bx, by = legs[f].shank[0], legs[f].shank[1]
     aa = ax * ax + ay * ay
@@ -51,7 +51,7 @@ def reach(legs, f, x, y):
 
 @part
 def two_rates(place, b, rate):
-    """Return the hip and knee rates that produce a given foot velocity in the leg's plane."""
+    """Compute the hip and knee rates that produce a given foot velocity in the leg's plane."""
     x, y = place
     bx, by = b
     area = x * by - y * bx

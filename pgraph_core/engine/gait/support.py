@@ -23,7 +23,7 @@ LARGEST_LOAD = 4.0  # weights: the largest load of one foot
 
 @part
 def centre(rows, const, work, linear):
-    """Return (centre of mass, its velocity) in world axes."""
+    """Compute (centre of mass, its velocity) in world axes."""
     none = 0.0 * const[0, at.MASS]
     total = none
     x = (none, none, none)

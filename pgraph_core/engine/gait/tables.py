@@ -156,7 +156,7 @@ def smooth(x):
 
 @sweep
 def wave(waves, i, s, phase):
-    """Return (value, rate, acceleration) of wave i."""
+    """Compute (value, rate, acceleration) of wave i."""
     rate = 2.0 * math.pi / s.stride
     x = phase - phase
     x1 = x
@@ -175,7 +175,7 @@ def wave(waves, i, s, phase):
 
 @part
 def speed_at(s, t):
-    """Return the desired forward speed [m/s], which follows a ramp."""
+    """Compute the desired forward speed [m/s], which follows a ramp."""
     most = s.speed_rate * larger(0.0, t - s.speed_time)
     return s.speed_from + smaller(most, larger(-most, s.speed_to - s.speed_from))
 

@@ -109,7 +109,7 @@ def feel(work, linear, legs, s, phase, heading, feet):
 
 @part
 def wanted(s, waves, phase, t, felt, angles, rates, com, u):
-    """Return the feet's desired wrench in heading axes: torque about the centre of mass, force."""
+    """Compute the feet's desired wrench in heading axes: torque about the centre of mass, force."""
     sure, middle, slope, _ = felt
     rise, rise_u, rise_a = wave(waves, RISE, s, phase)
     nod, nod_u, nod_a = wave(waves, NOD, s, phase)
@@ -136,7 +136,7 @@ def wanted(s, waves, phase, t, felt, angles, rates, com, u):
 
 @part
 def base_acceleration(work, feet, s, heading, com, vdot):
-    """Return the root's acceleration due to foot forces in world axes, also written to `vdot`."""
+    """Compute the root's acceleration due to foot forces in world axes, also written to `vdot`."""
     none = 0.0 * s.mass
     force = (none, none, none)
     moment = (none, none, none)
@@ -225,7 +225,7 @@ def take_off_forces(rows, work, legs, feet, heading, tau, walks):
 
 @part
 def has_fallen(work, s, com, level):
-    """Return True if the trunk is too low or too tilted to continue."""
+    """Check whether the trunk is too low or too tilted to continue."""
     upright = work[1, at.R + 4]
     return either(more(s.low * s.height, com[1] - level), more(s.upright, upright))
 
@@ -258,7 +258,7 @@ def torques(rows, const, work, mine, v, vdot, tau):
 
 @part
 def falls(walk, work, t, com, level):
-    """Return True if the walker has fallen. Stores the time of the first fall."""
+    """Check whether the walker has fallen. Stores the time of the first fall."""
     lies = has_fallen(work, walk.settings[0], com, level)
     first = both(lies, more(0.0, walk.fallen[0]))
     walk.fallen[0] = chosen(first, t, walk.fallen[0])

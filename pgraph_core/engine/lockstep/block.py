@@ -100,7 +100,7 @@ def tolerated(b, i, h):
 
 @part
 def fits(contacts, data, control):
-    """Return True if the instance in the run can be stepped in lanes."""
+    """Check whether the instance in the run can be stepped in lanes."""
     good = control.done == 0.0 and control.fired == 0 and control.bound == math.inf
     for k in range(contacts.laws.shape[0]):
         law = contacts.laws[k]

@@ -122,7 +122,7 @@ def find(ways, near, b, h):
 
 @part
 def own_joints(ways, near, b, n):
-    """Return the number of joints that only point n moves among the active points."""
+    """Count the joints that only point n moves among the active points."""
     zero = 0.0 * b.lane[0, of.COUNT]
     own = zero
     for s in range(ways[n, of.W_JOINTS]):

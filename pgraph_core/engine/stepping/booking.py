@@ -47,7 +47,7 @@ def note_chain(scene, first, t):
 
 @part
 def meet_at_a_body(blocks_i, i, n):
-    """Return True if two contacts share exactly one moving body."""
+    """Check whether two contacts share exactly one moving body."""
     a, b = ends_of(blocks_i, i)
     c, d = ends_of(blocks_i, n)
     shared = (a > 0 and (a == c or a == d)) or (b > 0 and (b == c or b == d))

@@ -168,19 +168,19 @@ def keep(code):
 
 @part
 def has_changed(code, i):
-    """Return True if a held comparison has another result than at the start of the step."""
+    """Check whether a held comparison has another result than at the start of the step."""
     return abs(code[i + 1, SIDE]) == 1.0 and side_of(code, i) != code[i + 1, SIDE]
 
 
 @part
 def jumps(code, i):
-    """Return True if a value jumps where the held comparison changes."""
+    """Check whether a value jumps where the held comparison changes."""
     return code[i, 0] == HELD + LESS or code[i, 0] == HELD + AT_MOST
 
 
 @sweep
 def any_changed(code):
-    """Return True if a comparison has changed."""
+    """Check whether a comparison has changed."""
     found = False
     for i in range(0, code.shape[0], 2):
         found = found or (code[i, 0] >= HELD and has_changed(code, i))
@@ -295,13 +295,13 @@ def rate_at(code, i, k):
 
 @part
 def product(a, b):
-    """Return the range of a product."""
+    """Compute the range of a product."""
     return hull(a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1])
 
 
 @sweep
 def rate_range(op, x, a, b, by_a, by_b, by_c):
-    """Return the (least, largest) rate of an operation of range x, infinite if it is not known."""
+    """Compute the (least, largest) rate of an operation of range x, infinite if it is not known."""
     if op == ADD:
         return by_a[0] + by_b[0], by_a[1] + by_b[1]
     if op == SUB:
@@ -344,7 +344,7 @@ def rate_held(op, side, by_a, by_b):
 
 @part
 def certain(op, side, a, b):
-    """Return True if a comparison has the same result for all values in two ranges."""
+    """Check whether a comparison has the same result for all values in two ranges."""
     if op == ABS:
         b = (0.0, 0.0)
     if abs(side) < 1.0:
@@ -356,7 +356,7 @@ def certain(op, side, a, b):
 
 @part
 def range_held(op, side, a, b):
-    """Return the (least, largest) value of a held comparison."""
+    """Compute the (least, largest) value of a held comparison."""
     if op == LESS or op == AT_MOST:
         return 0.5 + 0.5 * side, 0.5 + 0.5 * side
     if op == ABS:
@@ -381,7 +381,7 @@ def look_ahead(run, code, h):
 
 @part
 def way_of(run, code, i, h):
-    """Return the largest deviation of a signal within a step, given its values and rates at both
+    """Find the largest deviation of a signal within a step, given its values and rates at both
     ends."""
     stages = opened_run(run).stages
     nq, _ = size_of_state(run)
@@ -409,7 +409,7 @@ def way_of_number(table, code, i):
 
 @sweep
 def within_ranges(run, code, h):
-    """Return True if the step in CANDIDATE stays where no comparison changes."""
+    """Check whether the step in CANDIDATE stays where no comparison changes."""
     data = opened_run(run)
     stages, t = data.stages, data.control[0].time
     nq, _ = size_of_state(run)
@@ -439,7 +439,7 @@ def step_to(run, code, w):
 
 @sweep
 def first_change(run, code, h):
-    """Return (begin, end) of the first part of the step in which a comparison changes, or (0, 0).
+    """Compute (begin, end) of the first part of the step in which a comparison changes, or (0, 0).
 
     The program is evaluated at its end.
     """
@@ -464,7 +464,7 @@ def first_change(run, code, h):
 
 @sweep
 def located(run, code, h, begin, end):
-    """Return the width at which the first comparison has changed, between begin and end.
+    """Compute the width at which the first comparison has changed, between begin and end.
 
     Secants [Illinois, Dowell and Jarratt 1971] and bisection end where margins that have changed
     are zero up to rounding.
@@ -503,7 +503,7 @@ def located(run, code, h, begin, end):
 
 @sweep
 def reached(code):
-    """Return True if every margin that has changed its sign is zero up to rounding."""
+    """Check whether every margin that has changed its sign is zero up to rounding."""
     found = True
     for i in range(0, code.shape[0], 2):
         if code[i, 0] >= HELD and has_changed(code, i):
@@ -580,7 +580,7 @@ def turn_beyond(run, code, h, w):
 
 @part
 def beside(w, h):
-    """Return (begin, end) of a part of a step that ends or begins at w, for second differences."""
+    """Compute (begin, end) of a part of a step that ends or begins at w, for second differences."""
     return (w - SPAN * h, w) if 2.0 * w > h else (w, w + SPAN * h)
 
 
@@ -597,7 +597,7 @@ def vertex(x, y):
 
 @part
 def instant(control, h):
-    """Return the least difference [s] of two widths of a step."""
+    """Find the least difference [s] of two widths of a step."""
     return ROUNDED * max(h, abs(control.time))
 
 
@@ -636,7 +636,7 @@ def start_again(run):
 
 @sweep
 def begins_to_slide(run, code, h):
-    """Return True if a comparison that has changed leads to its other side from both."""
+    """Check whether a comparison that has changed leads to its other side from both."""
     control = opened_run(run).control[0]
     for i in range(0, code.shape[0], 2):
         if jumps(code, i) and has_changed(code, i):
@@ -653,7 +653,7 @@ def begins_to_slide(run, code, h):
 
 @sweep
 def kept_on(run, code, i, w):
-    """Return the weight of the true branch for which the margin is zero at width w, or 0 or 1 if
+    """Compute the weight of the true branch for which the margin is zero at width w, or 0 or 1 if
     one branch leads away from the threshold.
 
     The step is taken with this weight, and END receives the difference between the states of both

@@ -229,7 +229,7 @@ def take_factors(scene, numbers, q, v, m):
 
 @sweep
 def improves(lam, change, before, end):
-    """Return True if corrections of some derivatives are above rounding and all others shrink.
+    """Check whether corrections of some derivatives are above rounding and all others shrink.
 
     `before` (WIDTH) contains the size of the last corrections.
     """

@@ -114,7 +114,7 @@ def step_again(run, w):
 
 @part
 def phases_watched(run):
-    """Return True if contact points are monitored."""
+    """Check whether contact points are monitored."""
     data = opened_run(run)
     return data.watched.shape[1] > data.signs.shape[0]
 
@@ -200,7 +200,7 @@ def begin_events(run):
 
 @part
 def undecided(signs):
-    """Return True if the sign of an event is unknown."""
+    """Check whether the sign of an event is unknown."""
     found = False
     for i in range(signs.shape[0]):
         found = found or signs[i] == 0
@@ -248,7 +248,7 @@ def happened(run, low, width):
 
 @sweep
 def least_gap(run, low, s, w, widths):
-    """Return the width near w of the minimum gap at point s if a phase ends there, or else
+    """Compute the width near w of the minimum gap at point s if a phase ends there, or else
     widths[1].
 
     widths[0] is the width of the sub-step. The rates of the gap at the two ends have different
@@ -361,7 +361,7 @@ def dip(run, low, width, i):
 
 @sweep
 def dipped(run, low, end):
-    """Return (start, width) of an interval in which a user event has occurred and is reversed at
+    """Compute (start, width) of an interval in which a user event has occurred and is reversed at
     the end.
 
     The width is 0 if zero is only touched, and -1 if there is no event.
@@ -379,7 +379,7 @@ def dipped(run, low, end):
 
 @part
 def zero_exactly(run):
-    """Return True if an event has happened with value zero, so that its next sign is unknown."""
+    """Check whether an event has happened with value zero, so that its next sign is unknown."""
     data = opened_run(run)
     watched, values = data.watched, data.values
     first = watched.shape[1] - data.signs.shape[0]
@@ -391,7 +391,7 @@ def zero_exactly(run):
 
 @sweep
 def clear_of_zero(run, low, end):
-    """Return (low, end) of a part in which an event happens, starting clearly before the event.
+    """Compute (low, end) of a part in which an event happens, starting clearly before the event.
 
     Right after an event, rounding hides on which side of zero its value is.
     """
@@ -441,7 +441,7 @@ def turn_beyond(run, w):
 
 @sweep
 def reached(run, low, end):
-    """Return whether the first event in the interval from `low` is accepted, and its time.
+    """Check whether the first event in the interval from `low` is accepted, and its time.
 
     An event occurs before `end`, or at `low` if this is 0, where zero is only touched. A value that
     stays zero counts again when it has left it.
@@ -492,7 +492,7 @@ def next_look(run, low, n, parts):
 
 @sweep
 def looked_at(run, low, end):
-    """Return (True if a counted event has happened by `end`, its time, the time examined).
+    """Compute (True if a counted event has happened by `end`, its time, the time examined).
 
     User events are also evaluated at the midpoint. If a value is close to zero, they are also
     evaluated at the minimum of a parabola through three values.

@@ -246,7 +246,7 @@ def evaluate(run, t, i):
 
 @sweep
 def collocated(run, weights, h, out):
-    """Return (ξ, p) in the chart: (0, p₀) + h Σ weights (ξ', p')."""
+    """Compute (ξ, p) in the chart: (0, p₀) + h Σ weights (ξ', p')."""
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     for j in range(nv):

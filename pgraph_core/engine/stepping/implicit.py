@@ -171,7 +171,7 @@ def solve(rows, shift, real, nv, factors, pivots, right, x):
 
 @sweep
 def size_of_local(z, weights, n):
-    """Return the largest |z| over its tolerance, for real or complex z.
+    """Find the largest |z| over its tolerance, for real or complex z.
 
     The absolute value of a complex number would need `hypot` of the C library.
     """
@@ -327,7 +327,7 @@ def newton(run, h):
 
 @sweep
 def radau_error(run, h):
-    """Return the error of a step over its tolerance, filtered for stiff components."""
+    """Compute the error of a step over its tolerance, filtered for stiff components."""
     data = opened_run(run)
     control, stages, real = data.control[0], data.stages, data.real
     nq, nv = size_of_state(run)

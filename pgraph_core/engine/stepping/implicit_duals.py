@@ -49,14 +49,14 @@ def begin_round(report):
 
 @part
 def is_small(report, k, share):
-    """Return True if the correction of derivative k is at most this share, or a rounding error."""
+    """Check whether the correction of derivative k is at most this share, or a rounding error."""
     change = report[CHANGED, k]
     return change <= share * report[SIZE, k] or change <= ROUNDING * report[FIRST, k]
 
 
 @sweep
 def settled(report):
-    """Return True if every derivative has converged, is not finite or no longer improves."""
+    """Check whether every derivative has converged, is not finite or no longer improves."""
     done = True
     for k in range(1, WIDTH):
         change = report[CHANGED, k]

@@ -36,7 +36,7 @@ PLACE = 3  # column of a comparison: the value at which a force has a kink
 
 @sweep
 def measures(signals, t, near):
-    """Return whether a sample within `near` of t follows from a force."""
+    """Check whether a sample within `near` of t follows from a force."""
     code, _, states = signals
     due = False
     for n in range(states.shape[0]):

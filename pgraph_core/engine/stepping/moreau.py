@@ -133,7 +133,7 @@ def moreau_jean(run, h):
 
 @sweep
 def changed(before, after, nq, nv):
-    """Return whether an impact changed velocities by more than the solver's tolerance.
+    """Check whether an impact changed velocities by more than the solver's tolerance.
 
     Otherwise it would be detected again immediately, for example if a prescribed motion pushes into
     the ground.

@@ -252,7 +252,7 @@ def set_rows(scene, numbers, first, h, width, q, v):
 
 @part
 def touches(numbers):
-    """Return True if the scene has contacts between shapes."""
+    """Check whether the scene has contacts between shapes."""
     return contacts_at(opened(numbers).links.contacts).laws.shape[0] > 0
 
 

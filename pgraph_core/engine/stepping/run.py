@@ -192,7 +192,7 @@ def sampled(run):
 
 @sweep
 def is_due(run):
-    """Return True if the last step must be checked, because the check is due or a speed is too
+    """Check whether the last step must be checked, because the check is due or a speed is too
     large."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
@@ -209,7 +209,7 @@ def is_due(run):
 
 @sweep
 def blurred(run, h):
-    """Return the step's error by rounding of time, over its tolerance, which no step reduces."""
+    """Compute the step's error by rounding of time, over its tolerance, which no step reduces."""
     data = opened_run(run)
     stages = data.stages
     nq, nv = size_of_state(run)

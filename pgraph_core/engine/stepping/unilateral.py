@@ -122,7 +122,7 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
 
 @part
 def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
-    """Return True if limit i may be reached in a sub-step of width w, from its midpoint q.
+    """Check whether limit i may be reached in a sub-step of width w, from its midpoint q.
 
     The permitted speed of the joint is the speed at which it reaches the limit at the end of the
     sub-step. The joint rebounds in an impact, which has zero width, or if the `rest` of a step is
@@ -185,7 +185,7 @@ def add_passed(scene, first, w, q, v, vdot):
 
 @sweep
 def span_reaches(scene, i, w, v):
-    """Return True if a length may exceed its bound within a sub-step of width w, from its midpoint.
+    """Check whether a length may exceed its bound within a sub-step of width w, from its midpoint.
 
     The permitted speed of its block is then set such that it reaches the bound at the end of the
     sub-step, or moves along it. A transverse speed u lengthens it by w² u² / (8 length) in half a
@@ -213,7 +213,7 @@ def span_reaches(scene, i, w, v):
 
 @part
 def lands_together(contacts, n, count):
-    """Return True if another point between the same shapes as point n is closed, so both share an
+    """Check whether another point between the same shapes as point n is closed, so both share an
     impact.
 
     The arrival times of corners may differ by the asymmetry due to earlier steps.
@@ -230,14 +230,14 @@ def lands_together(contacts, n, count):
 
 @part
 def carried(contacts, n):
-    """Return True if contact point n carried load in the last step. Turning bodies drift off."""
+    """Check whether contact point n carried load in the last step. Turning bodies drift off."""
     k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
     return k >= 0 and contacts.kept[k].value[0] > 0.0
 
 
 @part
 def tolerated(contacts, n, h):
-    """Return the depth of contact point n that is tolerated [m]."""
+    """Compute the depth of contact point n that is tolerated [m]."""
     size = smaller_size(contacts, contacts.found[n].shape_a, contacts.found[n].shape_b)
     return max(DEPTH * size, WEIGHT * contacts.tally[0].pull * h * h)
 
@@ -273,7 +273,7 @@ def push_out(scene, first, h, q):
 
 @part
 def depth_to_remove(scene, n, h):
-    """Return the largest penetration in island n [m, rad], or zero if all of it is tolerated."""
+    """Find the largest penetration in island n [m, rad], or zero if all of it is tolerated."""
     data = opened(scene)
     blocks, contacts = data.blocks, contacts_at(data.links.contacts)
     islands, begin = contacts.islands, contacts.tally[0].first_contact

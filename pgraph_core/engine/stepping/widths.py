@@ -25,7 +25,7 @@ GOLDEN = (3 - math.sqrt(5)) / 2  # fraction of the golden section
 
 @sweep
 def extremes(rows, size, stages, row, spin, speed, length):
-    """Return the largest angular speed, speed and way, of `row` and the given values."""
+    """Find the largest angular speed, speed and way, of `row` and the given values."""
     nq, state = size[0], stages[row]
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
@@ -102,7 +102,7 @@ def inverse(x):
 
 @sweep
 def size_of(rows, size, stages, row):
-    """Return the largest |error in `row`| over its tolerance, with quaternions as angles."""
+    """Find the largest |error in `row`| over its tolerance, with quaternions as angles."""
     nq, nv = size
     error, state, weights = stages[row], stages[at.CANDIDATE], stages[at.WEIGHT]
     worst = 0.0
@@ -170,7 +170,7 @@ def first_width(run):
 
 @part
 def nearby(t):
-    """Return the maximum difference [s] between two times that are equal up to rounding.
+    """Compute the maximum difference [s] between two times that are equal up to rounding.
 
     A step's end is origin + count x width. All of these values are rounded, and so is the time of a
     corner.
@@ -225,7 +225,7 @@ def edge_ahead(run, stop):
 
 @sweep
 def next_width(run):
-    """Return the size of the next step, its end [s], and whether it ends at a corner or an edge.
+    """Compute the size of the next step, its end [s], and whether it ends at a corner or an edge.
 
     Steps end at corners of tables, edges of expressions and transients of lags, and before a body
     could pass through another one.
@@ -282,7 +282,7 @@ def next_width(run):
 
 @sweep
 def part_width(run, bend):
-    """Return the step size [s] that divides the step of the original run into `parts` equal parts.
+    """Compute the step size [s] that divides the step of the original run into `parts` equal parts.
 
     Each step of a finer run is therefore contained in a step of the original run, even near
     corners. `bend` is the time of the next corner or edge.
@@ -303,7 +303,7 @@ def part_width(run, bend):
 
 @part
 def given_start(control):
-    """Return the start of the next given step, or of its remainder after an event [s]."""
+    """Compute the start of the next given step, or of its remainder after an event [s]."""
     return control.origin + control.taken * control.widest + control.done
 
 
@@ -338,7 +338,7 @@ def step_taken(run):
 
 @part
 def widen(control, method, error, h):
-    """Return the step size to try after a step of size h with this error, by PI control."""
+    """Compute the step size to try after a step of size h with this error, by PI control."""
     error = max(error, 1e-10)
     if error > 1.0:
         control.width = h * max(method.least, method.safety * power(error, -method.by_error))

@@ -238,14 +238,14 @@ def articulated(rows, const, q, v, tau, work, vdot):
 
 @part
 def vanishes(size, inverse):
-    """Return True if a pivot, given by its inverse, is zero to rounding for an inertia of this
+    """Check whether a pivot, given by its inverse, is zero to rounding for an inertia of this
     size."""
     return not (16 * EPS * size * inverse < 1.0 and inverse > 0.0)
 
 
 @sweep
 def singular_row(rows, work):
-    """Return the first row, starting from the tips, with no inertia up to rounding, or 0 if there
+    """Find the first row, starting from the tips, with no inertia up to rounding, or 0 if there
     is none."""
     for k in range(rows.shape[0] - 1, 0, -1):
         kind = kind_of(rows, k)

@@ -80,7 +80,7 @@ def base_axes(const, work, p, k):
 
 @part
 def turned(q, i, r, base):
-    """Return the rotation of a ball's row, r · (base R(q) baseᵀ), for the quaternion at q[i]."""
+    """Compute the rotation of a ball's row, r · (base R(q) baseᵀ), for the quaternion at q[i]."""
     turn = quaternion_matrix(q[i], q[i + 1], q[i + 2], q[i + 3])
     return mat_mul(r, mat_mul(mat_mul(base, turn), transpose(base)))
 
@@ -316,7 +316,7 @@ def joint_force(rows, const, work, k, force, moment, out):
 
 @sweep
 def kinetic_and_potential(rows, const, work, linear, v):
-    """Return (T, V) [J] of all bodies after `outboard`, V = -Σ m g · x_c.
+    """Compute (T, V) [J] of all bodies after `outboard`, V = -Σ m g · x_c.
 
     Writes origins to X and their velocities to `linear`, so that the factors in `work` stay usable
     for a later projection. The kinetic energy T of a row is computed at its centre of mass to avoid

@@ -92,7 +92,7 @@ def read_sensors(sensors, gravity, q, v, pose, velocity, acceleration, force, ou
 
 @part
 def turned(p, q):
-    """Return the quaternion p q, which is the rotation q followed by p."""
+    """Compute the quaternion p q, which is the rotation q followed by p."""
     a, b, c, d = p
     w, x, y, z = q[0], q[1], q[2], q[3]
     return (

@@ -128,7 +128,7 @@ def find_gyrating(rows, work, h, scratch):
 
 @part
 def gyrates(rows, scratch, k):
-    """Return whether row k belongs to a marked tree."""
+    """Check whether row k belongs to a marked tree."""
     return scratch[FAST, int(scratch[TREE, k - 1])] > 0.0
 
 
@@ -308,7 +308,7 @@ def correct_momentum(rows, const, work, q, v, h, scratch, vdot, k, aim):
 
 @sweep
 def momentum_of(rows, const, work, q, v, trees, tree, fixed):
-    """Return the angular and linear momentum of a tree at (q, v), and its inertia.
+    """Compute the angular and linear momentum of a tree at (q, v), and its inertia.
 
     (angular, linear, (mass, mass times its centre from the point), inertia about the point).
     """
@@ -372,7 +372,7 @@ def swung(c, h, w):
 
 @part
 def rate_after(inertia, before, alpha, h):
-    """Return the angular velocity after a step of size h, from its initial value and the explicit
+    """Compute the angular velocity after a step of size h, from its initial value and the explicit
     ω' [1/s²].
 
     In substeps of at most TURN. If there are too many, or if they fail, the gyroscopic torque is

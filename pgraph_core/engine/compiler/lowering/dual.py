@@ -273,7 +273,7 @@ def revalued(typingctx: Any, x: Any, value: Any) -> Any:
 
 
 def carries(x: Any) -> bool:
-    """Return True if an array contains duals."""
+    """Check whether an array contains duals."""
     return False
 
 

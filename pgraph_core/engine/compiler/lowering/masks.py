@@ -13,7 +13,7 @@ from .lane import Lane, as_vector
 
 
 def _constant(kind: Any, x: float) -> Any:
-    """Return a constant, broadcast if the type is a vector."""
+    """Create a constant, broadcast if the type is a vector."""
     return ir.Constant(kind, [x] * kind.count if isinstance(kind, ir.VectorType) else x)
 
 
@@ -69,7 +69,7 @@ def _comparison(relation: str) -> Any:
 
 
 def _extreme(relation: str) -> Any:
-    """Return the first of two values where the comparison is true, and the other value
+    """Find the first of two values where the comparison is true, and the other value
     elsewhere."""
 
     @intrinsic
@@ -109,7 +109,7 @@ def chosen(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
 
 @intrinsic
 def any_of(typingctx: Any, mask: Any) -> Any:
-    """Return True if the mask is set anywhere, or if a number is not zero."""
+    """Check whether the mask is set anywhere, or if a number is not zero."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         found = _set(builder, args[0])  # selects the derivatives of a dual too
