@@ -59,7 +59,7 @@ def test_a_live_run_says_how_it_ended_and_keeps_what_was_computed(live):
         over = after(over, joined(over))
         assert over.last_run.result.t[-1] == pytest.approx(2 * STEP)
         assert how in dict(line[:2] for line in run(over)["summary"])["Status"]
-        assert how in measures(over.last_run)["ended"]
+        assert how in measures(over.last_run)["ended"].value
     assert after(state, fallen).run_problem == fallen.text
 
 

@@ -381,5 +381,6 @@ def test_events_and_phases_survive_a_file(tmp_path):
     np.testing.assert_array_equal(back.user_events[0].q, done.user_events[0].q)
     np.testing.assert_array_equal(back.phases["floor"], done.phases["floor"])
     for fact in ("0.142784312", "floor", "ball", "swing", "1.40071", "0.700357"):
-        assert fact in str(done.events[0])
+        assert fact in str(done.contacts.events[0])
+    assert done.events[0] == done.user_events[0]  # in order of time
     assert "phases.floor" in done.to_csv().splitlines()[0]
