@@ -728,3 +728,39 @@ def test_the_ground_may_be_the_first_body_of_a_part(kind, as_first, as_other):
 def test_a_part_whose_ends_differ_is_not_turned_round(part):
     with pytest.raises(pg.ModelError, match=r"'p', body: the ground.*body='arm', other='ground'"):
         pg.Model([ARM], parts=[part])
+
+
+def test_runs_of_a_batch_give_a_column_of_each_by_its_name():
+    runs = pg.simulate_batch(pg.Model.serial(2), q=[[0.1, 0.0], [0.2, 0.0]], t_end=0.1)
+    assert [column[0] for column in runs["2"]] == [0.0, 0.0]
+    assert len(runs[:1]) == 1
+    assert runs[1]["1"][0] == 0.2
+    assert repr(runs).startswith("<Runs: 2")
+
+
+def test_values_of_a_fit_say_which_paths_they_have():
+    from pgraph_core.search.free import Values
+
+    with pytest.raises(KeyError, match=r"bodies\.arm\.mass.*x"):
+        Values({"bodies.arm.mass": 1.0})[0]
+
+
+def test_each_call_that_ignores_constraints_warns_once():
+    mech = pg.Mechanism(pg.load("four_bar"))
+    state = np.zeros(3), np.zeros(3), np.zeros(3)
+    with pytest.warns(UserWarning, match="inverse_dynamics ignores"):
+        mech.inverse_dynamics(*state)
+    with pytest.warns(UserWarning, match="forward_dynamics ignores"):
+        mech.forward_dynamics(*state)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mech.inverse_dynamics(*state)
+        mech.forward_dynamics(*state)
+
+
+@pytest.mark.parametrize("call", [pg.jacobian, pg.pose])
+@pytest.mark.parametrize("word", ["body", "frame", "link"])
+def test_a_frame_is_asked_for_by_its_name(call, word):
+    if (call, word) != (pg.jacobian, "frame"):  # which chooses its axes
+        with pytest.raises(pg.InputError, match="did you mean name"):
+            call(pg.Model.serial(2), np.zeros(2), **{word: "2"})

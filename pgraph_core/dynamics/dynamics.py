@@ -40,6 +40,10 @@ WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()
 DIRECT = JIT and WITH_GIL  # kernels refuse what does not fit, and one call is atomic
 AT_ONCE = 500  # numbers: NumPy lets other threads run while it copies more into `given`
 FOLLOWED = ", and a pg.Motion constraint lets a joint follow a given motion in a run"
+IGNORED_BY = {
+    "active constraints": ("inverse_dynamics", "forward_dynamics"),
+    "forces": ("forward_dynamics", "constrained_dynamics"),
+}
 OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
 
 
@@ -66,7 +70,7 @@ class Dynamics(Portable):
     nv: int
     _springs: int
     _free: tuple[Any, ...]  # arguments of `at_once`, empty if the kernel does not suffice
-    _untold: dict[str, str]  # kinds ignored by calls without a warning so far, and their names
+    _untold: dict[tuple[str, str], str]  # (call, what it ignores): names, without a warning so far
     _bound: tuple[Any, ...] = ()  # arguments of `constrained_at_once`, after a first call
     _slopes: tuple[Any, ...] = ()  # arguments of derivatives, after a first call
     _rest: Array  # (nv,) v = 0
@@ -79,7 +83,8 @@ class Dynamics(Portable):
             raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
         packed = Packed(model)
         nq, nv, work = packed.nq, packed.nv, np.zeros((len(packed.rows), at.WORK))
-        untold, rest = _left_out(model), np.zeros(nv)
+        left, rest = _left_out(model), np.zeros(nv)
+        untold = {(call, what): left[what] for what in left for call in IGNORED_BY[what]}
         direct = DIRECT and not packed.springs and not untold
         free = (nq, nv, packed.rows, packed.const, work, rest) if direct else ()
         vars(self).update(  # at once: setting an attribute is guarded
@@ -374,7 +379,7 @@ class Dynamics(Portable):
         `external` (nb, 6) is [torque, force] on each body at its origin in world axes.
         `external_at` computes it from wrenches at other points.
         """
-        if "active constraints" in self._untold:
+        if self._untold:
             self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 5, FOLLOWED)
         return self._tree_torque(q, v, vdot, external)
 
@@ -418,25 +423,26 @@ class Dynamics(Portable):
         return vdot
 
     def _tell(self, call: str, instead: str, level: int, more: str = "") -> None:
-        """Warn once per mechanism that constraints are ignored."""
+        """Warn once per call and mechanism that constraints are ignored."""
         text = f"Mechanism.{instead} imposes them{more}"
         self._warn(call, "active constraints", text, level + 1)
 
     def _tell_forces(self, call: str, level: int) -> None:
-        """Warn once per mechanism that forces are ignored."""
+        """Warn once per call and mechanism that forces are ignored."""
         text = "they act in simulate and in a Stepper; give their torques as tau"
         self._warn(call, "forces", text, level + 1)
 
     def _warn(self, call: str, what: str, text: str, level: int) -> None:
-        """Warn once per mechanism about elements that are ignored by a call.
+        """Warn once per mechanism about elements that a call ignores.
 
         `forward_dynamics` only uses its fast path after this warning, so later calls have no
         overhead.
         """
         packed, own = self.packed, vars(self)
-        if names := self._untold.pop(what, ""):
+        if names := self._untold.pop((call, what), ""):
             warnings.warn(f"{call} ignores the {what} {names}; {text}", stacklevel=level)
-        if DIRECT and not packed.springs and not self._untold:
+        quiet = not any(other == "forward_dynamics" for other, _ in self._untold)
+        if DIRECT and not packed.springs and quiet:
             own["_free"] = self.nq, self.nv, *packed.tree, self._work, self._rest
 
     @for_each_state
@@ -448,7 +454,7 @@ class Dynamics(Portable):
         Forces are [torque, force] on the constraint's body at its point, world axes. Passive
         forces act, as in `forward_dynamics`.
         """
-        if "forces" in self._untold:
+        if self._untold:
             self._tell_forces("constrained_dynamics", 6)
         return self._constrained_acceleration(q, v, tau)
 

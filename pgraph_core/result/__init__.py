@@ -2,3 +2,4 @@
 
 from .records import Status as Status
 from .result import Result as Result
+from .runs import Runs as Runs

@@ -17,7 +17,7 @@ from ..model import Model
 from ..result import Result
 from ..result.columns import columns_of, coordinates, meant, no_column
 from ..tolerances import ROUNDING
-from .free import FAR, Case, Numbers, described, measured, option
+from .free import FAR, Case, Numbers, Values, described, measured, option
 
 Array = np.ndarray
 ROUNDS = 10  # fits at most, each weighted by the noise that the last one left
@@ -375,7 +375,7 @@ class _Task:
         if numbers.failed:
             notes.append(f"a run of the search failed: {numbers.failed}")
         return Fit(
-            model=numbers.at(x), values=dict(zip(names, x.tolist())),
+            model=numbers.at(x), values=Values(zip(names, x.tolist())),
             errors=dict(zip(names, errors.tolist())), covariance=covariance,
             correlation=covariance / np.outer(size, size),
             residuals=dict(zip(self.labels, left)), noise=dict(zip(self.labels, noise.tolist())),

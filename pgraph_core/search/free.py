@@ -27,6 +27,14 @@ TOLD = 6  # numbers in a sentence
 OURS = ("wrt", "events", "progress")  # arguments of `simulate` that a search gives itself
 
 
+class Values(dict[str, float]):
+    """The values of the free parameters by path."""
+
+    def __missing__(self, path: Any) -> float:
+        text = f"no free parameter is {path!r}; choose from {choices(self)}, or use x, an array"
+        raise KeyError(text)
+
+
 def described(call: str, model: Any) -> Model:
     """Return the model of a mechanism, or the model itself. Raises InputError."""
     base = model.model if isinstance(model, Mechanism) else model

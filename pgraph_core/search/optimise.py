@@ -20,7 +20,7 @@ from ..result import Result
 from ..sweeps.metrics import measured as metric
 from ..sweeps.metrics import words
 from ..tolerances import EPS, NOTABLE
-from .free import FAR, Case, Numbers, described, option
+from .free import FAR, Case, Numbers, Values, described, option
 
 Array = np.ndarray
 SOLVERS = ("SLSQP", "trust-constr", "L-BFGS-B", "least_squares")
@@ -501,7 +501,7 @@ class _Search:
         )  # fmt: skip
 
     def _values(self, u: Array) -> dict[str, float]:
-        return dict(zip(self.numbers.names, self._x(u).tolist()))
+        return Values(zip(self.numbers.names, self._x(u).tolist()))
 
 
 def _limit(found: Any, most: int) -> str:

@@ -17,7 +17,7 @@ from ..dynamics.arguments import stretched
 from ..errors import explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
-from ..result import Result
+from ..result import Result, Runs
 from .estimate import error_estimate
 from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of, shown_progress
@@ -216,7 +216,7 @@ def simulate(
 @explained
 def simulate_batch(
     mechanism: Mechanism | Model, q: Any = None, v: Any = None, **options: Any
-) -> list[Result]:
+) -> Runs:
     """Simulate a mechanism or a model from each of several initial states.
 
     A `pg.BatchStepper` steps many states at once, and `pg.sweep` varies the model.
@@ -233,7 +233,7 @@ def simulate_batch(
     Returns
     -------
     list of Result
-        The runs, in the order of the rows.
+        The runs, in the order of the rows. `runs["arm"]` is the list of the column of each run.
 
     Raises
     ------
@@ -248,4 +248,4 @@ def simulate_batch(
     mech = mechanism_of(mechanism, "simulate_batch")
     options = words.renamed(options, ("q", "v")) or options
     q, v = options.pop("q", q), options.pop("v", v)
-    return [simulate(mech, *state, **options) for state in rows_of(mech, q, v)]
+    return Runs(simulate(mech, *state, **options) for state in rows_of(mech, q, v))
