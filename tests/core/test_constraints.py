@@ -187,7 +187,7 @@ def test_omitted_points_and_inactive_constraints():
 
 
 def test_dynamics_of_the_tree_warn_once_that_constraints_are_left_out():
-    """The first call of a mechanism warns at the line that made it. Our own calls never do."""
+    """The first of each call warns at the line that made it. Our own calls never do."""
     mech = built_in("four_bar")
     q, v = mech.home()
     with warnings.catch_warnings():
@@ -198,10 +198,13 @@ def test_dynamics_of_the_tree_warn_once_that_constraints_are_left_out():
         pg.simulate(mech, t_end=0.01)
     with pytest.warns(UserWarning, match=r"'loop'.*constrained_dynamics\(") as warned:
         tree = mech.forward_dynamics(q, v)
-    assert [w.filename for w in warned] == [__file__]
+    with pytest.warns(UserWarning, match=r"'loop'.*constrained_inverse_dynamics\(") as of_inverse:
+        mech.inverse_dynamics(q, v, vdot)
+    assert [w.filename for w in (*warned, *of_inverse)] == 2 * [__file__]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         mech.inverse_dynamics(q, v, vdot)
+        mech.forward_dynamics(q, v)
         free = pg.Mechanism(mech.model.edit("loop", active=False))
         np.testing.assert_array_equal(free.forward_dynamics(q, v), tree)
     with pytest.warns(UserWarning, match=r"constrained_inverse_dynamics\("):
