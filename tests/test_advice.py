@@ -215,4 +215,6 @@ def test_a_controller_without_a_signal_says_which_value_is_missing():
 def test_torques_of_a_tree_with_loops_point_to_both_ways_that_impose_them():
     mech = pg.Mechanism(FOUR_BAR.model)
     with pytest.warns(UserWarning, match="constrained_inverse_dynamics.*pg.Motion"):
-        mech.inverse_dynamics(*FOUR_BAR.home(), np.zeros(FOUR_BAR.nv))
+        tree = mech.inverse_dynamics(*FOUR_BAR.home(), np.zeros(FOUR_BAR.nv))
+    free = pg.Mechanism(FOUR_BAR.model.replace(constraints=()))
+    assert np.array_equal(tree, free.inverse_dynamics(*free.home(), np.zeros(free.nv)))

@@ -749,13 +749,13 @@ def test_each_call_that_ignores_constraints_warns_once():
     mech = pg.Mechanism(pg.load("four_bar"))
     state = np.zeros(3), np.zeros(3), np.zeros(3)
     with pytest.warns(UserWarning, match="inverse_dynamics ignores"):
-        mech.inverse_dynamics(*state)
+        tau = mech.inverse_dynamics(*state)
     with pytest.warns(UserWarning, match="forward_dynamics ignores"):
-        mech.forward_dynamics(*state)
+        vdot = mech.forward_dynamics(*state)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        mech.inverse_dynamics(*state)
-        mech.forward_dynamics(*state)
+        assert np.array_equal(mech.inverse_dynamics(*state), tau)
+        assert np.array_equal(mech.forward_dynamics(*state), vdot)
 
 
 @pytest.mark.parametrize("call", [pg.jacobian, pg.pose])

@@ -59,8 +59,7 @@ class Connected(OfServer):
 
 
 class Hello(FromPage):
-    """The page of an event, and the display to which it belongs. A page that was disconnected
-    regains its state."""
+    """Identify a page and its display. A page that was disconnected regains its state."""
 
     serial: int
     page: Annotated[str, Field(max_length=100)]  # its own name, the same as long as it is open
