@@ -328,7 +328,7 @@ def sewn(before: pg.Result | None, part: pg.Result) -> pg.Result:
     known = {name: str(phase[-1]) for name, phase in was.phases.items() if len(phase)}
     events = []
     for event in now.events:  # a part that begins with new forces may tell its phases again
-        if known.get(event.contact) != event.after:
+        if known.get(event.contact) != event.after or event.before == event.after:
             events.append(event)
         known[event.contact] = event.after
     return replace(

@@ -319,7 +319,8 @@ class ContactSpace(Unportable):
             self.tally[name] = 0
         phases = self._kept.pairs["phase"][: len(self._kept.laws)]
         now = table(PHASE_CHANGE, len(phases))
-        now["time"], now["pair"], now["phase"] = t, np.arange(len(phases)), phases
+        now["time"] = now["when"] = t
+        now["pair"], now["phase"] = np.arange(len(phases)), phases
         return now[phases >= 0]
 
 

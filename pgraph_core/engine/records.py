@@ -305,6 +305,9 @@ PAIR = record(  # forces of a contact pair in world axes
     gap=REAL,  # the smallest [m]
     slip=REAL,  # the fastest [m/s]
     phase=INTEGER,  # -1 before the first step
+    # of a rigid contact: the first located impact of the step [s], and the end of its last push
+    struck=REAL,
+    ended=REAL,
 )
 
 KEPT = record(  # memory of a contact point until the next step
@@ -345,7 +348,12 @@ LIMIT = record(  # sign q - value >= 0, or the condition of an event, which is t
 
 BODY_WRENCH = record(torque=(REAL, 3), force=(REAL, 3))  # about the origin of the body's row
 
-PHASE_CHANGE = record(time=REAL, pair=INTEGER, phase=INTEGER)
+PHASE_CHANGE = record(
+    time=REAL,  # the end of the step that has the forces of the phase [s]
+    when=REAL,  # the change [s], as exact as it is known
+    pair=INTEGER,
+    phase=INTEGER,
+)
 
 CONTACT_TALLY = record(
     found=INTEGER,  # contact points

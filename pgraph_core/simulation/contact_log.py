@@ -1,6 +1,7 @@
 """Contact and switching reports for a run: the record, phases, events, counters and notices.
 
-With time stepping, phases are read from a log of changes and are accurate to one step.
+With time stepping, phases are read from a log of changes. Located impacts are accurate to rounding,
+other changes to one step.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ MOST_NAMED = 3
 CAUSES = {
     (SWING, ACCEPTANCE): "it touched down, sliding",
     (SWING, STANCE): "it touched down",
+    (SWING, SWING): "it bounced",
     (ACCEPTANCE, STANCE): "its slip came to zero",
     (SLIP, STANCE): "its slip came to zero",
     (STANCE, SLIP): "friction did not hold it",
@@ -189,10 +191,11 @@ def phases_over(
     """Return ({pair: (len(t),) phase}, events) from PHASE_CHANGE records in chronological order.
 
     The phase in the first row of a contact is its initial phase. Time stepping, with steps of
-    `width` [s], logs the ends of steps, which events say, and releases a point for a step when its
-    body is moved out of the ground: flights that short are ignored. Touches of one contact between
-    many bodies together have phases as one. A shape above the ground that never touches it has none
-    if the contact has points. For example, only the feet of a robot have a phase.
+    `width` [s], locates impacts, and events say where they are known to a step only. It releases a
+    point for a step when its body is moved out of the ground: flights that short are ignored.
+    Touches of one contact between many bodies together have phases as one. A shape above the ground
+    that never touches it has none if the contact has points. For example, only the feet of a robot
+    have a phase.
     """
     phases, events = {}, []
     points = any(pair.contact.points for pair in touches)
@@ -204,12 +207,18 @@ def phases_over(
                 phases[pair.name] = np.full(len(t), NAMES[own["phase"][0]])
             continue
         own = _without_grazes(own, (GRAZING + 0.5) * width)
-        codes = own["phase"]
         now = np.searchsorted(own["time"][1:], t, side="right")
-        phases[pair.name] = NAMES[codes[now]]
+        phases[pair.name] = NAMES[own["phase"][now]]
+        before, begun = own["phase"][:-1].copy(), own["when"][1:] < own["time"][1:]
+        after, when = own["phase"][1:], np.maximum.accumulate(own["when"][1:])
+        touch = (after[:-1] != SWING) & (after[1:] == SWING) & (when[:-1] == when[1:])
+        after[:-1][touch] = SWING  # a touch that lasts no time is a bounce
+        keep = np.ones(len(when), dtype=bool)
+        keep[1:] = ~touch
+        located = begun & (before == SWING)
+        rows = zip(when[keep], before[keep], after[keep], located[keep])
         events += [
-            _event(float(time), pair, before, after, width)
-            for time, before, after in zip(own["time"][1:], codes, codes[1:])
+            _event(float(t), pair, int(a), int(b), 0.0 if sure else width) for t, a, b, sure in rows
         ]
     return phases, tuple(sorted(events, key=lambda event: event.t))
 
@@ -227,7 +236,7 @@ def _without_grazes(own: Any, graze: float) -> Any:
 
 def _event(t: float, pair: ContactPair, before: int, after: int, width: float) -> Event:
     cause: Any = CAUSES.get((before, after), LIFTED)
-    cause += f", in the step of {width:.3g} s that ends here" if width else ""
+    cause += f", to within a step of {width:.3g} s" if width else ""
     return Event(t, pair.name, pair.body, PHASES[before], PHASES[after], cause)
 
 

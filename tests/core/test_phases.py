@@ -384,3 +384,18 @@ def test_events_and_phases_survive_a_file(tmp_path):
         assert fact in str(done.contacts.events[0])
     assert done.events[0] == done.user_events[0]  # in order of time
     assert "phases.floor" in done.to_csv().splitlines()[0]
+
+
+@pytest.mark.parametrize("step", [5e-4, 1e-3, 2.3e-3])
+@pytest.mark.parametrize(("height", "e"), [(0.37, 0.8), (1.0, 0.5), (1.3, 1.0), (2.0, 0.95)])
+def test_time_stepping_tells_a_bounce_once_and_when_it_is(step, height, e):
+    """A ball falls for √(2h/g), and rises and falls for 2e as long, until the first two impacts."""
+    ball = pg.Body("ball", joint="free", mass=0.5, shape=pg.Shape("sphere", radius=0.05))
+    model = pg.Model([ball], contacts=[pg.Contact("ball", restitution=e)])
+    fall = np.sqrt(2.0 * (height - 0.05) / 9.81)
+    t_end = fall * (1.0 + 3.0 * e)
+    options = {"method": "moreau_jean", "step": step, "estimate": False}
+    run = pg.simulate(model, {"ball": [0.0, 0.0, height]}, t_end=t_end, **options)
+    assert [(event.before, event.after) for event in run.events] == [("swing", "swing")] * 2
+    times = [event.t for event in run.impacts]
+    np.testing.assert_allclose(times, [fall, fall * (1.0 + 2.0 * e)], rtol=0, atol=1e-6 * step)

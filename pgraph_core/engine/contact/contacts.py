@@ -244,6 +244,7 @@ def clear(address):
         set_xyz(pair.torque, none)
         pair.slip = 0.0
         pair.gap = math.inf
+        pair.struck = math.inf
 
 
 @sweep
@@ -436,10 +437,15 @@ def log_phases(address, t):
         else:
             now = ACCEPTANCE if before in (SWING, ACCEPTANCE) else SLIP
         if now != before:
+            when = t
+            if laws[k].law == RIGID and before >= 0:
+                when = pair.ended if now == SWING else t
+                when = min(pair.struck, t) if before == SWING else when
             pair.phase = now
             n = tally.logged
             if n < changes.shape[0]:
                 changes[n].time = t
+                changes[n].when = when
                 changes[n].pair = k
                 changes[n].phase = now
             tally.logged = n + 1

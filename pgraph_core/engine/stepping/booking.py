@@ -56,12 +56,12 @@ def meet_at_a_body(blocks_i, i, n):
 
 
 @sweep
-def book(scene, first, t, h, last):
+def book(scene, first, t, w, h, last):
     """Store the impulses for the next step, and as forces on bodies and contact pairs.
 
-    The residuals of the contact laws are recorded for the frame and for the run. `t` is their time.
-    A sub-step that is not the last of its step only adds points to the stored ones, since it may be
-    so short that loaded contacts have no impulse.
+    The residuals of the contact laws are recorded for the frame and for the run. `t` is the
+    end of the sub-step of width w. A sub-step that is not the last of its step only adds points to
+    the stored ones, since it may be so short that loaded contacts have no impulse.
     """
     data = opened(scene)
     blocks, work, space = data.blocks, data.work, data.space
@@ -130,6 +130,10 @@ def book(scene, first, t, h, last):
             else:
                 tally.kept += 1
         note(opened(scene).links.contacts, work, n, force, slip)
+        if lam[r] > 0.0:
+            pairs[pair].ended = t
+            if w == 0.0:
+                pairs[pair].struck = min(pairs[pair].struck, t)
     if last:
         tally.kept = count
 

@@ -186,7 +186,7 @@ def part_of_step(run, done, h, w, mode):
     if this.control[0].carried != 0:
         carried = this.control[0].carried
         call_repeat(carried_at(carried).repeat, (carried, run, done, h, w, first))
-    book(scene, first, t + w, h, w == h - done)
+    book(scene, first, t + w, w, h, w == h - done)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])
     for j in range(nv - states):
