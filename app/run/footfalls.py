@@ -25,7 +25,7 @@ class Change(NamedTuple):
 
 
 def changes(run: pg.Result, known: Sequence[Change] = ()) -> tuple[Change, ...]:
-    """Return the phase changes in a run, or the changes that a new segment adds to `known`."""
+    """Return the phase changes between frames of a run, or those that a part adds to `known`."""
     if not len(run.t):
         return ()
     points = {c.name for c in run.mechanism.model.contacts if len(c.points) == 1}
@@ -35,29 +35,23 @@ def changes(run: pg.Result, known: Sequence[Change] = ()) -> tuple[Change, ...]:
         if (not points or name in points) and len(phase) and phase[0] in PHASES
     ]
     before = {change.foot for change in known}
-    found = [
-        _change(run, name, float(run.t[0]), str(run.phases[name][0]), "")
-        for name in feet
-        if name not in before
-    ]
-    for event in run.contacts.events:
-        if event.contact in feet and event.before != event.after:
-            found.append(_change(run, event.contact, event.t, event.after, event.before))
-    return tuple(found)
+    found = []
+    for name in feet:
+        phase = run.phases[name]
+        begun = np.flatnonzero(phase[1:] != phase[:-1]) + 1
+        for k in begun if name in before else (0, *begun):
+            down = phase[k] != SWING and (k == 0 or phase[k - 1] == SWING)
+            at = place(run, name, k) if down else None
+            found.append(Change(name, float(run.t[k]), PHASES.index(phase[k]), at))
+    return tuple(sorted(found, key=lambda change: change.t))
 
 
-def _change(run: pg.Result, foot: str, t: float, after: str, before: str) -> Change:
-    down = after != SWING and before in ("", SWING)
-    return Change(foot, t, PHASES.index(after), place(run, foot, t) if down else None)
-
-
-def place(run: pg.Result, foot: str, t: float) -> Place | None:
-    """Return the position of a foot in the frame at or after t, None unless it is a point."""
+def place(run: pg.Result, foot: str, frame: int) -> Place | None:
+    """Return the position of a foot in a frame, or None if the foot is not a point."""
     model = run.mechanism.model
     contact = next((c for c in model.contacts if c.name == foot), None)
     if contact is None or len(contact.points) != 1:
         return None
-    frame = min(int(np.searchsorted(run.t, t)), len(run.t) - 1)
     pose = run.body_pose[frame, run.mechanism.topology.number(contact.body) - 1]
     x, y, z = pose[:3] + to_matrix(pose[3:]) @ np.array(contact.points[0])
     return float(x), float(y), float(z)

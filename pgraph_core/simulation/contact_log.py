@@ -209,13 +209,13 @@ def phases_over(
         own = _without_grazes(own, (GRAZING + 0.5) * width)
         now = np.searchsorted(own["time"][1:], t, side="right")
         phases[pair.name] = NAMES[own["phase"][now]]
-        before, begun = own["phase"][:-1].copy(), own["when"][1:] < own["time"][1:]
-        after, when = own["phase"][1:], np.maximum.accumulate(own["when"][1:])
+        before, after = own["phase"][:-1], own["phase"][1:].copy()
+        begun, when = own["when"] < own["time"], np.maximum.accumulate(own["when"][1:])
         touch = (after[:-1] != SWING) & (after[1:] == SWING) & (when[:-1] == when[1:])
         after[:-1][touch] = SWING  # a touch that lasts no time is a bounce
         keep = np.ones(len(when), dtype=bool)
         keep[1:] = ~touch
-        located = begun & (before == SWING)
+        located = begun[1:] & (before == SWING)
         rows = zip(when[keep], before[keep], after[keep], located[keep])
         events += [
             _event(float(t), pair, int(a), int(b), 0.0 if sure else width) for t, a, b, sure in rows

@@ -59,8 +59,8 @@ def meet_at_a_body(blocks_i, i, n):
 def book(scene, first, t, w, h, last):
     """Store the impulses for the next step, and as forces on bodies and contact pairs.
 
-    The residuals of the contact laws are recorded for the frame and for the run. `t` is the
-    end of the sub-step of width w. A sub-step that is not the last of its step only adds points to
+    The residuals of the contact laws are recorded for the frame and for the run. `t` is the end of
+    the sub-step, whose width is w. A sub-step that is not the last of its step only adds points to
     the stored ones, since it may be so short that loaded contacts have no impulse.
     """
     data = opened(scene)
