@@ -345,8 +345,8 @@ class Mechanism(Dynamics):
         ----------
         targets : dict
             Targets by name of body or site. A target is a position (3,) of the origin in the world
-            [m], a homogeneous matrix (4, 4), or a pair of a position and a rotation, which is a
-            matrix (3, 3) or a quaternion [w, x, y, z]. Alternatively, use a dictionary with keys
+            [m], a homogeneous matrix (4, 4), or a pair of a position and a rotation. A rotation is
+            a matrix (3, 3) or a quaternion [w, x, y, z]. Alternatively, use a dictionary with keys
             "place", "rotation" and "point", where "point" is the point in body axes that should be
             moved to "place".
             For a single target, give its name, and position, rotation and point as arguments.

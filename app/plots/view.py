@@ -131,7 +131,7 @@ def chart(state: State, signal: Signal, display: Display) -> Payload:
         "title": title(signal),
         "none": why,
         "unit": shown_in,
-        "error": display.shown(error, felt[shown_in]) if known else 0,  # of its values
+        "error": display.shown(error, felt[shown_in]) if known else 0,  # estimated
         "curves": [curve._asdict() for curve in found],
         "kept": [
             {"name": one.name, "curves": [c._asdict() for c in lines]}

@@ -305,7 +305,7 @@ class StartSearch(FromPage):
 
 
 def possible(state: State) -> Asked:
-    """Return the search that is asked for, with the free numbers that the model has."""
+    """Return the requested search, limited to the free numbers of the model."""
     known = numbers_of(state.model)
     free = tuple(one for one in state.searching.free if one.path in known)
     return replace(state.searching, free=free)

@@ -58,7 +58,7 @@ class Remark(NamedTuple):
 
     constraint: str  # its name, or ""
     text: str
-    bad: bool = False  # True if the model may not be what was meant
+    bad: bool = False  # True if the model may not be the intended one
 
 
 @explained

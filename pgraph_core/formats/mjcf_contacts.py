@@ -60,7 +60,7 @@ class Contacts:
         walls: list[int] = []
         for g in range(m.ngeom):
             root = m.body_weldid[m.geom_bodyid[g]]
-            if m.geom_type[g] != PLANE or (root and m.body_mocapid[root] < 0):  # it moves
+            if m.geom_type[g] != PLANE or (root and m.body_mocapid[root] < 0):  # not a fixed plane
                 continue
             place, turn = self.placed[g]
             flat = turn[2, 2] > 1 - SOLVED and abs(place[2]) < SOLVED

@@ -149,7 +149,7 @@ class Forces:
     def _lifts(self) -> Iterator[Wrench]:
         """Yield gravity compensation as wrenches at the centres of mass of its bodies."""
         m, lifted = self.m, list[str]()
-        if not (self.passive and m.ngravcomp):  # it counts positive numbers only
+        if not (self.passive and m.ngravcomp):  # ngravcomp counts positive numbers
             return
         for b in np.flatnonzero(m.body_gravcomp):
             name = self.reader.names[b]

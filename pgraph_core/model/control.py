@@ -125,13 +125,13 @@ class Filter(Control):
 class PID(Control):
     """A PID controller of a signal, with limits, a filtered derivative and anti-windup.
 
-    The value is kp e + I + D, limited to the range from `low` to `high`, where e = setpoint -
-    signal, I' = ki e, and D is the filtered derivative kd s/(filter s + 1) of e, which is initially
-    0. `filter` has no default, and kd/(10 kp) is common. There are two anti-windup methods for
-    controllers with limits [Astrom, Hagglund 2006, 3.5]. With "clamp", I is limited to the same
-    range, and with "back", (value - kp e - I - D)/tracking is added to I'. If `sample` is given,
-    the value is only updated at samples, using the forward Euler rule for I and the backward Euler
-    rule for D. The states are I and the filtered error.
+    The value is kp e + I + D, limited to the range from `low` to `high`, with the error e =
+    setpoint - signal and I' = ki e. D is the filtered derivative kd s/(filter s + 1) of e, which is
+    initially 0. `filter` has no default, and kd/(10 kp) is common. There are two anti-windup
+    methods for controllers with limits [Astrom, Hagglund 2006, 3.5]. With "clamp", I is limited to
+    the same range, and with "back", (value - kp e - I - D)/tracking is added to I'. If `sample` is
+    given, the value is only updated at samples, using the forward Euler rule for I and the backward
+    Euler rule for D. The states are I and the filtered error.
     """
 
     ABOUT: ClassVar[str] = "a PID controller of a signal, with limits and anti-windup"

@@ -141,7 +141,7 @@ class Shape(Frozen):
         kind = data.get("kind") if type(data) is dict or isinstance(data, Mapping) else None
         size: Any = data.get("size") if kind == "sphere" else None
         if size is not None and np.size(size) == 1:
-            data = {**data, "radius": np.ravel(size)[0], "size": None}  # as in MuJoCo
+            data = {**data, "radius": np.ravel(size)[0], "size": None}  # MuJoCo's size of a sphere
         if (
             isinstance(kind, str)
             and kind in DIMENSIONS

@@ -590,8 +590,9 @@ def values_of(
 def _of_drive(program: Program, f: OnJoint) -> tuple[Operand | None, Operand | None]:
     """Return (target, torque) for a drive in kernel form, with None for constant values.
 
-    torque + gain u - kp length - kd rate is torque + kp (target - length) - kd rate with the target
-    gain u / kp if the input aims, else with torque + gain u.
+    The law is torque + gain u - kp length - kd rate. If the input aims, its kernel form is
+    torque + kp (target - length) - kd rate with the target gain u / kp. Otherwise, torque + gain u
+    takes the place of the torque.
     """
     gain, torque, kp, _ = f.law
     u = program.input(f)

@@ -119,7 +119,7 @@ class Framing(NamedTuple):
     margin: float = 0.9  # share of half the width and height
     distance: float = 0.02  # least distance [m], of a model that is a point
     lean: float = 1e-3  # tilt of a view along the vertical, which would have no upright direction
-    tilt: float = 0.35  # of the start view from the normal of a plane of motion, as a tangent
+    tilt: float = 0.35  # tangent of the start view's angle to the normal of a plane of motion
 
 
 FRAMING = Framing()
@@ -183,9 +183,9 @@ def fitted(
     The points lie within the fraction `free` of the picture's height, leaving space above and
     below.
 
-    A point at (x, y, z) in the camera's axes, z towards the camera at (a, b, d), is in the picture
-    if |x - a| <= h (d - z) and |y - b| <= v (d - z), with the tangents h and v of the picture's
-    half width and half height.
+    Let (x, y, z) be a point and (a, b, d) the camera, both in the camera's axes with z towards the
+    camera. The picture contains the point if |x - a| <= h (d - z) and |y - b| <= v (d - z), where
+    h and v are the tangents of half the angles of view.
     """
     right, above = frame(up, way)
     x, y, z = points @ right, points @ above, points @ way

@@ -59,7 +59,7 @@ def by_names(
     if isinstance(q, (int, float)):
         text = f"must be {mech.nq} numbers in a list, got {q}; a duration is t_end={q}"
         raise InputError(Problem("simulate", "q", text))
-    if isinstance(q, tuple) and len(q) == 2 != mech.nq:  # as in SciPy's solve_ivp
+    if isinstance(q, tuple) and len(q) == 2 != mech.nq:  # SciPy's order of arguments
         text = f"must be {mech.nq} numbers, got {shown(q)}; times are given by t_span={shown(q)}"
         raise InputError(Problem("simulate", "q", text))
     if max(getattr(q, "ndim", 1), getattr(v, "ndim", 1)) == 2:

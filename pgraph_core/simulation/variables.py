@@ -48,7 +48,7 @@ class Given(NamedTuple):
     q: Any
     v: Any
     recording: Any  # the class of recordings, which imports this module
-    wrt: Any = ()  # as given
+    wrt: Any = ()  # the argument of simulate
     kept: dict[str, Slope] | None = None  # by numbers of the model, of former runs by this plan
 
     def at(self, mech: Mechanism, options: Options) -> RunPlan:

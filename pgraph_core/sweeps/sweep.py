@@ -196,10 +196,10 @@ def sweep(
         so a body with a different mass keeps its inertia.
     metric : str, callable, list or dict
         Metrics to compute, given by a name such as "max knee", by a function that computes a number
-        from a run, or by several of these. The available names are final, max, min, mean, rms,
-        peak, range or settle (the time after which a curve stays within 2 % of its total change)
-        followed by a column of `Result.columns`, as well as energy_drift, error_estimate, t_end and
-        steps.
+        from a run, or by several of these. A name consists of an operation and a column of
+        `Result.columns`. The operations are final, max, min, mean, rms, peak, range and settle (the
+        time after which a curve stays within 2 % of its total change). Other names are
+        energy_drift, error_estimate, t_end and steps.
     scenario : str, optional
         Name of the scenario to run.
     samples : {"grid", "latin", "sobol", "random"}
