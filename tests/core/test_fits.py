@@ -1,0 +1,188 @@
+"""Fits to measured data: values, errors, directions without data, outliers, several cases."""
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+from .test_gradients import described
+
+
+@pytest.mark.parametrize("names", [("t", "upper [deg]"), ("t [ms]", "upper [rad]")])
+def test_data_in_other_units_are_refused(names):
+    data = dict(zip(names, ([0.0, 0.1, 0.2], [0.3, 0.2, 0.1])))
+    with pytest.raises(pg.InputError):
+        pg.fit(described("double_pendulum"), data, {"bodies.upper.mass": (0.1, 2.0)})
+
+
+TIMES = np.linspace(0.0, 1.5, 151)
+FIT = {"method": "rk4", "step": 1e-3}
+
+
+def measured(seed, noise=1e-3):
+    true = described("double_pendulum").edit("lower", mass=1.3).edit("upper", q=[1.0])
+    run = pg.simulate(true, t_eval=TIMES, t_end=1.5, estimate=False, **FIT)
+    rng = np.random.default_rng(seed)
+    columns = {name: run.columns()[name] for name in ("upper", "v.lower")}
+    return {"t": TIMES} | {k: x + noise * rng.normal(size=len(x)) for k, x in columns.items()}
+
+
+FREE = {"bodies.lower.mass": (0.1, 5.0), "q.upper": (-1.0, 2.0)}
+
+
+def test_fits_find_the_truth_within_their_errors():
+    start = described("double_pendulum").edit("lower", mass=0.9).edit("upper", q=[0.8])
+    apart, found = [], None
+    for seed in range(6):
+        found = pg.fit(start, measured(seed), FREE, **FIT)
+        assert found.converged
+        for path, true in zip(FREE, (1.3, 1.0)):
+            apart.append(abs(found.values[path] - true) / found.errors[path])
+    assert np.median(apart) < 2.0
+    assert max(apart) < 4.0
+    assert found is not None
+    assert found.model.body("lower").mass == found.values["bodies.lower.mass"]
+
+
+def test_files_and_tables_are_read_like_dicts(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    data = measured(0)
+    table = pandas.DataFrame(data)
+    table.rename(columns={"t": "t [s]", "upper": "upper [rad]"}).to_csv(
+        tmp_path / "x.csv", index=False
+    )
+    start = described("double_pendulum").edit("upper", q=[0.9])
+    found = [pg.fit(start, d, FREE, **FIT) for d in (data, table, tmp_path / "x.csv")]
+    assert found[0].values == pytest.approx(found[1].values, rel=1e-9)
+    assert found[0].values == pytest.approx(found[2].values, rel=1e-9)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-9, 1e-3])
+@pytest.mark.parametrize("method", ["rk4", "dop853", "radau5"])
+def test_a_direction_that_data_do_not_determine_is_named(noise, method):
+    """Masses, inertia and damping times one number give the same motion, with or without noise."""
+    rod = pg.Body(
+        name="rod", axes=(0, 1, 0), com=(0, 0, -0.4), mass=1.0, inertia=np.diag([0.03, 0.02, 0.03]),
+        damping=0.05, q=[1.0],
+    )  # fmt: skip
+    model = pg.Model(bodies=[rod])
+    given = {"method": method, "step": 1e-2 if method == "rk4" else None}
+    exact = pg.simulate(model, t_eval=TIMES, t_end=1.5, estimate=False, **given)["rod"]
+    data = {"t": TIMES, "rod": exact + noise * np.random.default_rng(0).normal(size=len(TIMES))}
+    paths = ["bodies.rod.damping", "bodies.rod.mass", "bodies.rod.inertia.1.1"]
+    found = pg.fit(model, data, dict(zip(paths, ((0.0, 1.0), (0.5, 2.0), (0.001, 0.055)))), **given)
+    assert len(found.undetermined) == 1
+    assert all(path in found.undetermined[0] for path in paths[1:])
+    assert np.isnan(found.errors["bodies.rod.mass"])
+
+
+@pytest.mark.parametrize(
+    ("change", "free"),
+    [
+        ({"upper": None}, {"bodies.lower.mass": (0.1, 5.0)}),
+        ({"uper": TIMES, "upper": None}, FREE),
+        ({"upper": TIMES * np.nan}, FREE),
+        ({"upper": TIMES[:3]}, FREE),
+        ({"t": -TIMES}, FREE),
+        ({}, {"bodies.lower.mas": (0.1, 5.0)}),
+        ({}, {"bodies.lower.mass": (-1.0, 5.0)}),
+        ({}, {"bodies.lower.mass": (2.0, 5.0)}),
+        ({}, {"bodies.lower.mass": 3.0}),
+        ({}, {"bodies.lower.tip.0": (-1.0, 1.0)}),
+        ({}, {}),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(change, free):
+    data = {k: x for k, x in (measured(0) | {"v.lower": None} | change).items() if x is not None}
+    with pytest.raises(pg.InputError):
+        pg.fit(described("double_pendulum"), data, free, **FIT)
+
+
+def outliers(seed):
+    data = measured(seed)
+    wrong = np.random.default_rng(seed).choice(len(TIMES), 15, replace=False)
+    for name in ("upper", "v.lower"):
+        data[name] = data[name].copy()
+        data[name][wrong] += 0.5
+    return data
+
+
+def test_robust_losses_bear_outliers_without_a_given_noise():
+    start = described("double_pendulum").edit("lower", mass=0.9).edit("upper", q=[0.8])
+    for loss in ("soft_l1", "huber", "cauchy"):
+        apart = []
+        for seed in range(3):
+            found = pg.fit(start, outliers(seed), FREE, loss=loss, **FIT)
+            assert found.converged
+            assert found.noise["upper"] == pytest.approx(1e-3, rel=0.5)
+            apart += [
+                abs(found.values[path] - true) / found.errors[path]
+                for path, true in zip(FREE, (1.3, 1.0))
+            ]
+        assert max(apart) < 4.0
+
+
+def test_several_cases_share_the_model_and_have_their_own_starts():
+    true = described("double_pendulum").edit("lower", mass=1.3)
+    rng = np.random.default_rng(0)
+    cases, starts = {}, {"slow": 0.3, "fast": 1.5}
+    for name, angle in starts.items():
+        run = pg.simulate(true, {"upper": angle}, t_eval=TIMES, t_end=1.5, estimate=False, **FIT)
+        noisy = run["upper"] + 1e-3 * rng.normal(size=len(TIMES))
+        cases[name] = ({"t": TIMES, "upper": noisy}, {"q": {"upper": angle + 0.05}})
+    free = {"bodies.lower.mass": (0.1, 5.0), "q.upper@slow": (-1.0, 1.0), "q.upper@fast": (1, 2)}
+    found = pg.fit(described("double_pendulum"), cases, free, **FIT)
+    assert found.converged
+    assert {*found.runs} == {*cases}
+    assert {*found.residuals} == {"upper@slow", "upper@fast"}
+    for (path, value), expected in zip(found.values.items(), (1.3, 0.3, 1.5)):
+        assert abs(value - expected) < 4.0 * found.errors[path]
+    one = pg.fit(true, {"slow": cases["slow"]}, {"bodies.lower.mass": (0.1, 5.0)}, **FIT)
+    assert one.errors["bodies.lower.mass"] > found.errors["bodies.lower.mass"]
+    for change in ({"q.upper@fats": (0, 1)}, {"q.lower@slow": (-1, 1)}, {"mass@slow": (0, 1)}):
+        with pytest.raises(pg.InputError):
+            pg.fit(described("double_pendulum"), cases, free | change, **FIT)
+
+
+@pytest.mark.parametrize("how", [False, KeyboardInterrupt])
+def test_a_fit_that_is_stopped_returns_its_best(how):
+    told = []
+
+    def progress(values, run):
+        told.append(values)
+        if len(told) == 3:
+            if how is KeyboardInterrupt:
+                raise KeyboardInterrupt
+            return False
+
+    start = described("double_pendulum").edit("lower", mass=0.9).edit("upper", q=[0.8])
+    found = pg.fit(start, measured(0), FREE, progress=progress, **FIT)
+    assert not found.converged
+    assert found.values in told
+
+
+def test_a_fit_passes_by_invalid_models():
+    """Differences of what is packed leave the valid inertias near the bound."""
+    rod = pg.Body(
+        name="rod", joint="revolute", axes=[(0, 1, 0)], mass=1.0, com=(0, 0, -0.4), q=[1.0],
+        inertia=np.diag([0.03, 0.05, 0.03]), damping=0.01,
+    )  # fmt: skip
+    model = pg.Model(bodies=[rod], gravity=(0, 0, -9.81))
+    run = pg.simulate(model.edit("rod", inertia=np.diag([0.04, 0.07, 0.04])), t_eval=TIMES,
+                      t_end=1.5, estimate=False, **FIT)  # fmt: skip
+    free = {"bodies.rod.inertia.1.1": (0.03, 0.0599), "bodies.rod.damping": (0.0, 1.0)}
+    found = pg.fit(model, {"t": TIMES, "rod": run["rod"]}, free, **FIT)
+    assert "at its bound" in found.message
+    assert found.model.body("rod").inertia[1][1] == pytest.approx(0.0599, rel=1e-3)
+
+
+@pytest.mark.nightly
+def test_errors_cover_the_truth_in_95_of_100_noise_seeds():
+    start = described("double_pendulum").edit("lower", mass=0.9).edit("upper", q=[0.8])
+    covered = dict.fromkeys(FREE, 0)
+    for seed in range(100):
+        found = pg.fit(start, measured(seed), FREE, **FIT)
+        for path, true in zip(FREE, (1.3, 1.0)):
+            covered[path] += abs(found.values[path] - true) < 2.0 * found.errors[path]
+    # 95.4 are expected of a normal variable: fewer than 90 come by chance in 1 of 100 cases
+    assert min(covered.values()) >= 90, covered
