@@ -104,7 +104,7 @@ def stability_map(
         used.
     methods, steps : iterable, optional
         Names of methods and step sizes [s]. By default, methods are sorted by the number of
-        accurate results.
+        accurate results, and at equal numbers by their evaluations of the dynamics.
     t_end : float, optional
         Duration of the runs [s].
     target : float
@@ -145,15 +145,20 @@ def stability_map(
         stabilise,
     )
     lines, cells, complete = _computed(sweep, progress, threads)
-    right = [cell.method for cell in cells if cell.status is Verdict.OK]
     names = sweep.methods
     if sweep.sorted:
-        names = tuple(sorted(names, key=lambda name: -right.count(name)))
+        names = tuple(sorted(names, key=lambda name: _rank(cells, name)))
     return StabilityMap(
         model.name, sweep.axis.name, sweep.axis.what, sweep.axis.unit, sweep.values,
         names, sweep.steps, sweep.t_end, sweep.target,
         tuple(line.reference for line in lines), _advised(cells), complete, sweep.own,
     )  # fmt: skip
+
+
+def _rank(cells: Sequence[Cell], method: str) -> tuple[int, int]:
+    """Return a key that sorts methods by accurate results, and at equal numbers by their cost."""
+    right = [c.evaluations for c in cells if c.method == method and c.status is Verdict.OK]
+    return -len(right), sum(right)
 
 
 def _checked(
