@@ -83,20 +83,13 @@ def precision(study: Any) -> Payload:
     source = f"Reference: {known['source']}, accurate to {known['accuracy']:.0e}."
     return {
         "title": f"Error against run time, {study.t_end:.4g} s",
-        "advice": _labelled(study.answer, study.methods),
+        "advice": study.said(method_label),
         "use": "" if (row := study.advised()) is None else f"{row.method} at {row.setting}",
         "table": f"All {len(rows)} runs that reached the end",
         "head": ["method", "setting", "error", "time"],
         "rows": rows,
         "notes": [source, *study.notes],
     }
-
-
-def _labelled(answer: str, methods: Sequence[str]) -> str:
-    """Return an answer with the labels of the methods, without arguments of Python."""
-    for name in methods:
-        answer = answer.replace(f"{name} at", f"{method_label(name)} at")
-    return answer.replace(": give a larger `longest`", "")
 
 
 def stability(found: Any) -> Payload:
@@ -109,7 +102,7 @@ def stability(found: Any) -> Payload:
     row = found.advised()
     return {
         "title": f"Stability over {axis}, {found.t_end:g} s",
-        "advice": found.advice,
+        "advice": found.said(method_label),
         "use": "" if row is None else f"{row.method} at step {row.step:g} s",
         "table": "Failures, with an example of each" if rows else "",
         "head": ["method", "cells", "for example"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -306,18 +307,24 @@ class StabilityMap(Saved):
     @property
     def advice(self) -> str:
         """The recommended method and step as a sentence, by completed cells if cancelled."""
+        return self.said()
+
+    def said(self, label: Callable[[str], str] = str) -> str:
+        """Return `advice`, with methods named by `label`."""
         whole = len(self.values) * len(self.methods) * (len(self.steps) or 1)
         taken = self._taken()
         if self.complete or len(self.cells) == whole:
-            return self._said(taken)
+            return self._said(taken, label)
         so_far = f"Cancelled after {len(self.cells)} of {whole} runs"
         return (
             f"{so_far}, which is too few to say more."
             if taken is None
-            else f"{so_far}. {self._said(taken)}"
+            else f"{so_far}. {self._said(taken, label)}"
         )
 
-    def _said(self, taken: tuple[tuple[str, float], list[Cell]] | None) -> str:
+    def _said(
+        self, taken: tuple[tuple[str, float], list[Cell]] | None, label: Callable[[str], str]
+    ) -> str:
         if taken is None:
             failed = [cell for cell in self.cells if cell.status is Verdict.FAILED]
             if failed and len(failed) == len(self.cells):
@@ -325,13 +332,13 @@ class StabilityMap(Saved):
             return "No method reaches the target with any of these steps. Use smaller steps."
         (method, step), cells = taken
         if not self.steps:
-            return f"Take {method} at a step of {step:g} s."
+            return f"Take {label(method)} at a step of {step:g} s."
         axis, values = self.axis.replace("_", " "), [cell.value for cell in cells]
         where = f"all values of {axis}"
         if len(cells) < len(self.values):
             where = f"{len(cells)} of {len(self.values)} values of {axis}, "
             where += f"{min(values):g} to {max(values):g}"
-        text = f"Take {method} at a step of {step:g} s: reaches the target at {where}"
+        text = f"Take {label(method)} at a step of {step:g} s: reaches the target at {where}"
         if self.own is not None and self.own in values:
             return f"{text}, this model's own {self.own:g} among them."
         if self.own is not None:

@@ -53,6 +53,7 @@ HEADER = (
 )  # fmt: skip
 WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
 
+LONGER = ": give a larger `longest`"  # what a caller can do about skipped runs
 LEFT_OUT = "omitted, because it would take more than"  # beginning of the reason of a skipped run
 
 
@@ -218,13 +219,13 @@ class Study(Saved):
             return f"no method reached the end, so none reaches {wanted:g}; try smaller steps"
         best = min(ours, key=lambda row: row.error or np.inf)
         least = f"the smallest error is {best.error:.2g} by {best.method} at {best.setting}"
-        return f"{self._missed(wanted, best)}; {least}"
+        return f"{self._missed(wanted, best, LONGER)}; {least}"
 
-    def _missed(self, wanted: float, best: Row) -> str:
+    def _missed(self, wanted: float, best: Row, remedy: str) -> str:
         why = ", and the reference is no better" if best.limited else ""
         cut = sum(not row.peer and row.reason.startswith(LEFT_OUT) for row in self.rows)
         counted = "1 run was" if cut == 1 else f"{cut} runs were"
-        more = f"; {counted} left out: give a larger `longest`" if cut else ""
+        more = f"; {counted} left out{remedy}" if cut else ""
         return f"no method reaches {wanted:g}{why}{more}"
 
     def time_at(self, error: float) -> dict[str, float]:
@@ -295,25 +296,29 @@ class Study(Saved):
     @property
     def answer(self) -> str:
         """A sentence that recommends a method and setting, or explains why it cannot."""
+        return self.said(remedy=LONGER)
+
+    def said(self, label: Callable[[str], str] = str, remedy: str = "") -> str:
+        """Return `answer`, with methods named by `label` and with `remedy` if runs were skipped."""
         if not self.cancelled:
-            return self._answer()
+            return self._answer(label, remedy)
         measured = sum(bool(row.error and row.time) for row in self.rows)
         if not measured:
             return "Cancelled before any run was measured."
-        return f"Cancelled after {counted(measured, 'run')}. {self._answer()}"
+        return f"Cancelled after {counted(measured, 'run')}. {self._answer(label, remedy)}"
 
-    def _answer(self) -> str:
+    def _answer(self, label: Callable[[str], str], remedy: str) -> str:
         row, wanted = self.advised(), NOTABLE if self.target is None else self.target
         if row is None:
             why = next((each.reason for each in self.rows if each.reason), "none was measured")
             return f"No method reached the end: {why}."
         took = duration(row.time or 0.0)
-        text = f"Take {row.method} at {row.setting}: error {row.error:.1e} in {took}"
+        text = f"Take {label(row.method)} at {row.setting}: error {row.error:.1e} in {took}"
         if self.t_end < self.asked * (1 - 1e-9):
             text += f", judged over the first {self.t_end:.4g} s of {self.asked:.4g} s"
         if (row.error or np.inf) <= wanted:
             return f"{text}."
-        return f"{text}; {self._missed(wanted, row)}."
+        return f"{text}; {self._missed(wanted, row, remedy)}."
 
     def peer_table(self) -> list[list[str]]:
         """Return a header and rows for times at equal error, or [] if there are no peers."""

@@ -89,7 +89,7 @@ def test_both_reports_stay_and_each_has_its_button(precise, both):
     row, used = found.advised(), after(both, do.UseAdvised(ME, "stability")).request
     assert (used.method, used.step, used.rtol) == (row.method, row.step, None)
     assert newest["use"] == f"{row.method} at step {row.step:g} s"
-    assert f"{row.step:g} s" in newest["advice"]
+    assert f"{method_label(row.method)} at a step of {row.step:g} s" in newest["advice"]
     use = do.UseAdvised(ME, "precision")
     assert after(both, use).request == after(precise, use).request
     again = after(both, do.Analyse(ME, "precision"))
