@@ -25,6 +25,7 @@ from ..portable import Snapshots, array_of, put_back
 from ..result.records import Named
 from ..simulation.failures import STATUS
 from ..simulation.paths import Path, counting, distinct, with_numbers
+from ..simulation.recorded import told
 from ..simulation.stepper import AUTO, Stepper, refuse_as_torques
 from .instances import (
     Instances,
@@ -160,7 +161,7 @@ class BatchStepper(Snapshots):
         self._sensed: list[tuple[Sensors, System]] = []
         self._told: dict[str, list[int]] = {}
         for kind, stepper in enumerate(self._steppers(kinds)):
-            for text in stepper.recording.told:
+            for text in told(stepper.recording):
                 self._told.setdefault(text, []).append(kind)
             if self.mech.model.outputs or not self._sensed:
                 packed = stepper.mech.packed

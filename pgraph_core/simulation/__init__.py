@@ -22,6 +22,7 @@ from .estimate import error_estimate
 from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of, shown_progress
 from .plan import begun_with, plan_of
+from .recorded import result_of
 from .recording import Recording
 from .start import (
     begun_anew,
@@ -191,7 +192,7 @@ def simulate(
 
         alone = mech.packed.run is mech.packed  # the start of a control may depend on q and v
         kept = plan.__dict__.setdefault("_slopes", {}) if alone else None
-        given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording, wrt, kept)
+        given = Given(mech, options, replace(plan, start=state), tau, q, v, wrt, kept)
         record.carried = Carried(given, variables_of(given, wrt))
     record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
     record.ended.notices += placed_twice(mech, state[0])
@@ -208,7 +209,7 @@ def simulate(
         "step_processor": busy,  # without the time of other programs
         "estimate": time.perf_counter() - stepped,
     }
-    result = record.result(error.error, error.notices, timing)
+    result = result_of(record, error.error, error.notices, timing)
     record.leave()
     return result
 

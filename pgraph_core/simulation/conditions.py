@@ -168,8 +168,7 @@ class UnderWay(Protocol):
     scene: Any
     steps: Any
     events: Any
-    held: set[int]  # constraints that are active now
-    since: dict[int, float]  # when constraints were switched last [s]
+    switching: Any  # the constraints that are active now
     start: float  # [s]
 
 
@@ -198,9 +197,10 @@ class Condition:
             self._measure(t, q, v)
             return place(t, q, v)
         elif when.constraint is not None:
-            holds = (place in self.record.held) == when.active
+            switching = self.record.switching
+            holds = (place in switching.held) == when.active
             if holds and when.after:
-                return t - self.record.since.get(place, self.record.start) - when.after
+                return t - switching.since.get(place, self.record.start) - when.after
             return 1.0 if holds else -1.0
         else:
             value = self._value(t, q, v)

@@ -24,6 +24,8 @@ from .plan import RunPlan
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
+    from .monitors import Watch
+    from .switching import Switching
 
 STATUS = {
     at.NOT_FINITE: Status.NOT_FINITE,
@@ -153,7 +155,9 @@ class Running:
     q: Array  # (nq + nx,) the present state, with the states of controls
     v: Array
     began: tuple[Array, Array]  # the first state that satisfies the constraints
-    held: set[int]  # constraints that are active now
+    start: float  # [s]
+    switching: Switching  # the constraints that are active now
+    watch: Watch | None = None  # conditions of switches, then a user's events
     events: ContactEvents | None = None  # decisions at events of contact points
     ended: Outcome
     met = ""  # description of the run until something came near
@@ -166,4 +170,4 @@ class Running:
     @property
     def active(self) -> Ints:
         """Return the indices of the currently active constraints."""
-        return np.array(sorted(self.held), dtype=np.int64)
+        return np.array(sorted(self.switching.held), dtype=np.int64)

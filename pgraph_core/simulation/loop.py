@@ -28,6 +28,7 @@ from ..engine.records import (
 )
 from ..engine.signals import SAMPLE
 from ..engine.stepping import run
+from ..errors import InputError
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
@@ -381,6 +382,10 @@ class Outcome:
     def stop(self, status: Status, message: str) -> None:
         """End the run."""
         self.status, self.message, self.ok, self.over = status, message, status.ok, True
+
+    def refuse(self, refused: InputError) -> None:
+        """End the run since constraints cannot be met."""
+        self.stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
 
 
 @cache

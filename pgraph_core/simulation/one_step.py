@@ -45,7 +45,7 @@ def linear_step(
         text = "does not support derivatives in combination with control states"
         raise InputError(Problem("Stepper.linearise", "", text))
     plan = replace(
-        own.plan, start=(own.q.copy(), own.v.copy()), active=np.array(sorted(own.held)),
+        own.plan, start=(own.q.copy(), own.v.copy()), active=own.active,
         times=np.array([options.t_start, options.t_end]), substeps=np.array([1]),
         width=np.array([width]), shown=None, changes=(), way=None,
     )  # fmt: skip
@@ -53,7 +53,7 @@ def linear_step(
     columns = [f"x.{n}" for n in range(2 * nv)]
     columns += list(inputs) or [f"tau.{n}" for n in range(nv)]
     carried = Carried(
-        Given(mech, options, plan, tau, None, None, Recording),
+        Given(mech, options, plan, tau, None, None),
         [Variable(name, 1.0, lambda _: (mech, plan)) for name in columns],
     )
     arrays = record.scene.arrays

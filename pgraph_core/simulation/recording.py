@@ -1,21 +1,18 @@
-"""A run in progress: compiled steps in chunks, constraint switching, and recorded frames."""
+"""A run in progress: compiled steps in chunks, events, and recorded frames."""
 
 from __future__ import annotations
 
 import time
 import warnings
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..analysis.assembly import NOTABLE, assembled
-from ..analysis.singular import Instant, Stretch, nulls_of, redundancy, unequal
 from ..dynamics.arguments import UserTorque, acting, finite
-from ..dynamics.scene import Scene, forces_of
+from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
@@ -25,15 +22,7 @@ from ..errors import InputError
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..packing.constraints import NO_BLOCKS
-from ..result import Result, Status
-from ..result.records import (
-    NO_DERIVATIVES,
-    NO_FORCES,
-    NOTHING,
-    OF_CONSTRAINTS,
-    ContactRecord,
-    Named,
-)
+from ..result import Status
 from ..tolerances import EPS
 from .conditions import Condition, limits_of
 from .failures import Running, failure, trouble
@@ -41,8 +30,8 @@ from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
 from .options import MOST_STEPS, Progress
 from .plan import RunPlan
-from .remarks import creeping, remarks, touching, turns_unseen
-from .switches import Change, closed, hold_here, switched_by
+from .remarks import remarks
+from .switching import Switching
 
 if TYPE_CHECKING:
     from .monitors import Monitor, Watch
@@ -51,7 +40,6 @@ if TYPE_CHECKING:
 PROGRESS_EVERY = 0.02  # s of computation between two calls of `progress`
 MOST_KEPT = 32_768  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
-FEW_FRAMES = 10  # fewer are no curve
 NO_CHANGES = table(PHASE_CHANGE, 0)
 WATCHING = "the method that detects contacts"
 NO_MONITORS = np.zeros((6, 0))  # ROWS of contact.points, which most runs do not import
@@ -83,26 +71,19 @@ class Recording(Running):
         if tau is not None:
             self.user = acting(tau, mech.nq, mech.nv, max(len(q), len(v)))
         self.ended = Outcome()
-        self.held = set(plan.active.tolist())  # constraints that are active now
-        self.since: dict[int, float] = {}  # when constraints were switched last [s]
-        self._spent: set[int] = set()  # conditions that act once and have acted
-        self._ahead = deque(plan.changes)
+        self.switching = Switching(self)
         self._events = monitors
-        self._together: list[int] = []  # conditions met at the time of the next change, after it
         self._prepare(q, v)
         self._changes = [NO_CHANGES]  # changes of contact phases logged by the kernels
-        self._unlogged = 0  # changes that there was no room for
-        self._first: Instant | None = None  # the first state that satisfies the constraints
-        self._redundant = False  # whether constraints are redundant there
-        self._stretches: list[Stretch] = []  # to be searched for singular positions
+        self.unlogged = 0  # changes that there was no room for
 
     def _prepare(self, q: Array, v: Array) -> None:
         """Build the scene, frames and stepping loop for the plan, at (q, v)."""
         plan, before, left = self.plan, self.coarser, None
-        self._reused = self._short()  # whether other frames may come into these arrays
-        if self._reused and before is None:
+        self.reused = self._short()  # whether other frames may come into these arrays
+        if self.reused and before is None:
             left = taken(self.mech, plan)
-        elif self._reused and before is not None and before.steps.finer is not None:
+        elif self.reused and before is not None and before.steps.finer is not None:
             left = before.steps.finer  # loop in the scene of the coarser run
             left = left if left.steps.plan is plan else None
         if left is not None:
@@ -124,7 +105,7 @@ class Recording(Running):
         if left is None:
             self._join()
         if plan.changes:
-            self._stop_at_next()
+            self.switching.stop_at_next()
 
     def _scene_of_finer(self, before: Recording) -> Scene:
         """Return the scene of the original run, unless it remembers or has friction to refine."""
@@ -144,12 +125,12 @@ class Recording(Running):
         watched = self._events or plan.calls
         nq, nv = self.size
         size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
-        kept = self.coarser is None or self.coarser._reused
+        kept = self.coarser is None or self.coarser.reused
         return kept and not acts and not watched and size <= MOST_KEPT
 
     def leave(self) -> None:
         """Finish the run and release its workspace for the next run of this kind."""
-        if self._reused and not self.ended.log:
+        if self.reused and not self.ended.log:
             place = Workplace(self.scene, self.steps, self.out, self.watch)
             if self.coarser is None:
                 free(self.mech, self.plan).append(place)
@@ -181,34 +162,12 @@ class Recording(Running):
 
     def _scene(self) -> Scene:
         watched = len(self.watch.monitors) if self.watch else 0
-        return self.scene_of(self.mech, self.plan, self.user, watched)
-
-    @staticmethod
-    def scene_of(
-        mech: Mechanism, plan: RunPlan, user: UserTorque | None = None, watched: int = 0
-    ) -> Scene:
-        """Return the scene of a run with `watched` monitors."""
-        acts: Any = {"contacts": plan.contacts, "user": user}
-        if plan.contact_points:
-            from .event_scene import EventScene
-
-            frames = len(plan.times)
-            return EventScene(
-                mech, plan.drives, plan.loads, plan.ever, plan.contact_points, frames,
-                watched=watched, **acts,
-            )  # fmt: skip
-        own = mech.packed.blocks
-        if not (len(plan.ever) or plan.contacts):
-            own = NO_BLOCKS
-        elif len(own.blocks_f):  # may hold places that are known only when they are switched on
-            own = own._replace(blocks_f=own.blocks_f.copy())
-        acts |= {"gains": plan.gains, "blocks": own}
-        return Scene(mech.packed, plan.drives, plan.loads, plan.ever, **acts)
+        return scene_of(self.mech, self.plan, self.user, watched)
 
     def _join(self) -> None:
         """Connect the scene to the stepping loop, with its monitors and event handling."""
         plan, points, watch = self.plan, bool(self.plan.contact_points), self.watch
-        if len(plan.ever) > len(self.held):
+        if len(plan.ever) > len(self.switching.held):
             self.scene.switch(self.active)
         steps, held = self.steps, bool(len(plan.ever)) or plan.contacts is not None
         woken = watch.wake(plan.conditions) if watch is not None and plan.way is None else []
@@ -289,10 +248,8 @@ class Recording(Running):
                     self.carried.end_at(self, self._last)
                 return
             if code == at.DONE:
-                if not self._ahead or not self._switch(change := self._ahead.popleft()):
+                if not self.switching.apply_next():
                     return
-                together, self._together = self._together, []
-                self._switch_where_true(change.t, together)
                 continue
             if code == at.NEAR:
                 if not self._come_near():
@@ -332,7 +289,7 @@ class Recording(Running):
                     mech, self.q, self.v, plan.active, self.scene, self.start
                 )
             except InputError as refused:
-                self._cannot_close(refused)
+                self.ended.refuse(refused)
                 return False
             if report.notable:
                 self.ended.notices.append(f"at the start {report}")
@@ -352,11 +309,7 @@ class Recording(Running):
             text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s{trouble(self, self.start)}"
             self.ended.stop(Status.NOT_FINITE, text)
         elif first and len(plan.active):
-            self._first = self.start, self.q.copy(), self.v.copy()
-            if notice := redundancy(self.scene):
-                self._redundant = nulls_of(self.mech, self.active, self.start, self.q) > 0
-                notice = notice if self._redundant else unequal(mech, self.active)
-                self.ended.notices += [notice] if notice else []
+            self.switching.begin()
         if self.events is not None and self.ended.ok:
             self.events.begin(self.start)
         if self.watch is not None and self.ended.ok:
@@ -385,7 +338,7 @@ class Recording(Running):
             name = self.mech.model.constraints[self.plan.conditions[i].constraint].name
             text = f"'{name}' is switched at the start: {watch.monitors[i].name} is true already"
             self.ended.notices.append(text)
-        self._switch_where_true(self.start, already)
+        self.switching.switch_where_true(self.start, already)
 
     def _ahead_of_start(self) -> tuple[float, Array, Array]:
         """Compute (t, q, v) shortly after the start, to determine the sign of a margin."""
@@ -417,7 +370,7 @@ class Recording(Running):
         if touching is not None:  # keep the logged changes of phases, make room for more
             count = int(touching.tally["logged"])
             self._changes.append(touching.changes[:count].copy())
-            self._unlogged += max(count - len(touching.changes), 0)
+            self.unlogged += max(count - len(touching.changes), 0)
             touching.tally["logged"] = 0
         return code
 
@@ -427,37 +380,12 @@ class Recording(Running):
         assert watch is not None
         fired = watch.fired(self.steps.watched)
         if fired and fired[0] < watch.waiting:
-            numbers = [i for i in fired if i < watch.waiting]
-            if self._ahead and self._ahead[0].t == t:
-                self._together = numbers
-            else:
-                self._switch_where_true(t, numbers)
+            self.switching.meet(t, [i for i in fired if i < watch.waiting])
         nq, nv = self.mech.nq, self.mech.nv
         self._last = watch.note(t, fired, self.q[:nq], self.v[:nv])
         if self._last is not None:
             text = f"{Status.STOPPED.value} at t = {t:.9g} s: {self._last.name}"
             self.ended.stop(Status.STOPPED, text)
-
-    def _switch_where_true(self, t: float, numbers: Sequence[int]) -> None:
-        """Switch constraints whose conditions have become true, including dependent switches."""
-        waiting = self.plan.conditions
-        left = list(numbers)
-        while left and not self.ended.over:
-            given = waiting[number := left.pop(0)]
-            if (given.constraint in self.held) == given.active or number in self._spent:
-                continue
-            if given.when.once:
-                self._spent.add(number)
-            on, off = ([given.constraint], []) if given.active else ([], [given.constraint])
-            by = self.watch.monitors[number] if self.watch is not None else None
-            if not self._switch(switched_by(self.held, on, off, t), by=by):
-                return
-            left += [
-                i for i, other in enumerate(waiting)
-                if other.when.constraint is not None and not other.when.after
-                and other.place == given.constraint
-                and other.when.active == given.active
-            ]  # fmt: skip
 
     def _last_frame(self) -> None:
         """Record the current state as the last frame."""
@@ -483,7 +411,7 @@ class Recording(Running):
             raise refused  # a method that takes no contacts at all, or none as at the start
         if t == self.start:
             self.plan = self.planned = plan.touching
-            self.ended, self.held = Outcome(), {*plan.active.tolist()}
+            self.ended, self.switching = Outcome(), Switching(self)
             if self.carried is not None:
                 self.carried.take_plan(self.plan)
             self._prepare(*(x.copy() for x in self.began))
@@ -492,7 +420,7 @@ class Recording(Running):
             text = f"t = {t:.6g} s: bodies come close, and the run continues with"
             self.ended.notices.append(f"{text} '{plan.way.method.name}': {refused}")
         self.met = f"{plan.method.name} until bodies came close at t = {t:.6g} s"
-        self.plan, self._reused, before = plan.onward(), False, self.steps.watched
+        self.plan, self.reused, before = plan.onward(), False, self.steps.watched
         held, self.scene, old = self.scene.blocks.blocks_f, self._scene(), self.out
         self.scene.blocks.blocks_f[: len(held)] = held  # places of switched constraints
         self._give_torques()
@@ -523,74 +451,6 @@ class Recording(Running):
 
             bound_step(self.steps.address)
 
-    # -- switches of constraints -----------------------------------------------------------------
-
-    def _stop_at_next(self) -> None:
-        """Set the loop to stop at the next change or at the end."""
-        times = self.plan.times
-        to = times[-1] if not self._ahead else self._ahead[0].t
-        self.steps.control["last"] = int(np.searchsorted(times, to)) + 1
-
-    def _switch(self, change: Change, *, by: Monitor | None = None) -> bool:
-        """Apply a change between two steps. Returns False if the run ends.
-
-        If `by` is not given, the last frame has this time and is recorded again.
-        """
-        change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
-        carried, late, places = self.steps.carried, None, self.scene.blocks.blocks_f
-        if carried is not None and by is not None and len(self.q) > self.mech.nq:
-            carried.stop(
-                self, "a condition switches a constraint in combination with control states"
-            )
-            carried = None
-        if carried is not None:
-            late = None if by is None else carried.lateness(self, change.t, by)
-            places = places.copy()
-        if self._first is not None:
-            self._end_stretch(*self._first)
-        self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
-        before = self._energy()
-        try:
-            hold_here(self.scene, change, self.q)
-            self.scene.switch(change.active)
-            if self.events is not None:
-                self.events.impulse(change.t)
-            middle = self._energy()
-            moved = closed(self.mech, self.scene, change, self.q, self.v)
-        except InputError as refused:
-            self._cannot_close(refused)
-            return False
-        if carried is not None:
-            carried.keep_late([*change.on.tolist(), *change.off.tolist()], late)
-            if np.array_equal(places, self.scene.blocks.blocks_f, equal_nan=True):
-                carried.switch(self, change.t, late)
-            else:
-                carried.stop(
-                    self,
-                    "a constraint holds bodies in a position that depends on the parameters",
-                )
-        gain = self._energy() - middle
-        self.steps.ledger[at.WORK_DONE if gain > 0 else at.DISSIPATED] += abs(gain)
-        from .contact_log import switched
-
-        self.ended.log += switched(self.mech, change, self._energy() - before)
-        if moved > NOTABLE:
-            text = f"joints were moved by up to {moved:.3g} to meet the constraints switched on"
-            self.ended.notices.append(f"at t = {change.t:g} s {text}")
-        self.held = set(change.active.tolist())
-        if by is None:
-            self.steps.restart()
-            self._stop_at_next()
-        else:
-            self.steps.go_on()
-            self.steps.control["jacobian_rate"] = 2.0
-        self.steps.control["clock"] = -np.inf  # forces a new search for the clearance
-        self._first = change.t, self.q.copy(), self.v.copy()
-        return self.ended.ok
-
-    def _energy(self) -> float:
-        return float(sum(motion.energy(self.scene.address, self.q, self.v)))
-
     # -- for a stepper ---------------------------------------------------------------------------
 
     def extend(self, times: Array, substeps: Ints, width: Array) -> None:
@@ -600,9 +460,9 @@ class Recording(Running):
         if len(times) > len(self.out.q):
             self.out = self._empty_frames(len(times))
             self._arrays = tuple(self.out)
-        self._reused = True
+        self.reused = True
         self.steps.extend(self.plan, self._arrays)
-        self.ended.log, self._first, self._unlogged = [], None, 0
+        self.ended.log, self.switching.first, self.unlogged = [], None, 0
         if (touching := self.scene.touching) is not None:
             self._changes = [touching.begin_log(float(times[0]))]
 
@@ -615,159 +475,32 @@ class Recording(Running):
         )  # fmt: skip
         self._raise_user_error()
 
-    def switch_now(self, change: Change) -> None:
-        """Apply a change at the present state. Raises InputError if it cannot be satisfied."""
-        hold_here(self.scene, change, self.q)
-        self.scene.switch(change.active)
-        closed(self.mech, self.scene, change, self.q, self.v)
-        self.steps.control["fresh"] = 0
-
-    # -- how it ended ----------------------------------------------------------------------------
-
-    def _cannot_close(self, refused: InputError) -> None:
-        self.ended.stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
-
-    def _end_stretch(self, *first: Any) -> None:
-        """Store data about singular positions since `first`, the time of the last constraint
-        switch."""
-        if not self.done:
-            return
-        last = self.done - 1
-        end = float(self.steps.times[last]), self.out.q[last], self.out.v[last]
-        found = Stretch.of(self.scene, self.active, first, end, self._redundant)
-        self._stretches += [found] if found else []
-        self._redundant = False
-
-    # -- the result ------------------------------------------------------------------------------
-
-    def result(
-        self, error: Array | None, told: tuple[str, ...], timing: dict[str, float]
-    ) -> Result:
-        """Return the requested frames as a Result.
-
-        `error` (n, 1 + nx) contains the errors of q [rad, m] and of the control states at the
-        recorded times, and `told` contains the corresponding warnings.
-        """
-        if self._first is not None:
-            self._end_stretch(*self._first)
-        rows, counted = self._rows(), self.steps.counters
-        t, (q, v, vdot, wrenches, energy, drift, *touched) = self._kept(rows)
-        nq, nv = self.mech.nq, self.mech.nv
-        x = v[:, nv:]
-        if self.size != (nq, nv):
-            q, v, vdot = q[:, :nq], v[:, :nv], vdot[:, :nv]
-        if len(t) >= FEW_FRAMES and counted["steps"] > 2 * len(t):
-            self.ended.notices += turns_unseen(self, (t, q, v, vdot))
-        forces = NO_FORCES
-        if len(self.plan.ever):
-            read = partial(forces_of, self.scene.blocks, self.plan.ever, wrenches)
-            forces = Named(read, *OF_CONSTRAINTS)
-        if error is None:
-            error = np.empty((len(self.out.q), 1 + x.shape[1]))
-            error.fill(np.nan)
-        counters: dict[str, int] = dict(zip(counted.dtype.names or (), counted.item()))
-        contacts = NOTHING
-        if self.plan.way is not None or self.plan.contacts or self.ended.log:
-            contacts = self._contacts((t, *touched), q)
-        if self.scene.touching is not None:
-            from .contact_log import contact_counters
-
-            counters |= contact_counters(self.scene)
-        if self.events is not None:
-            contacts = self.events.record(contacts, (q, v, vdot), rows)
-            counters |= self.events.tally
-            timing["events"] = self.events.seconds
-        result = Result(
-            mechanism=self.mech,
-            status=self.ended.status,
-            message=self.ended.message,
-            t=t,
-            q=q,
-            v=v,
-            vdot=vdot,
-            states=x,
-            kinetic_energy=energy[:, 0],
-            potential_energy=energy[:, 1],
-            work=energy[:, 2],
-            dissipation=energy[:, 3],
-            constraint_drift=drift,
-            constraint_force=forces,
-            contacts=contacts,
-            counters=counters,
-            timing=timing,
-            error_at=error[rows, 0],
-            state_error_at=error[rows, 1:],
-            header=self._header(),
-            notices=(*self.notices(), *told),
-            user_events=tuple(self.watch.log) if self.watch else (),
-            derivatives=NO_DERIVATIVES if self.carried is None else self.carried.of_frames(rows),
-        )
-        if self._stretches:
-            result.add_when_read(partial(_singular, self.mech, tuple(self._stretches)))
-        return result
-
-    def _kept(self, rows: slice | Ints) -> tuple[Array, Frames]:
-        """Return the times and frames of the result, apart from arrays that later runs reuse."""
-        t, out = self.steps.times[rows], self.out
-        if len(t) < len(out.q):
-            out = Frames(*[a[rows] if len(a) else a for a in out])
-        if self._reused:
-            t, out = t.copy(), Frames(*map(np.copy, out))
-        return t, out
-
-    def _header(self) -> dict[str, Any]:
-        header = {**self.plan.header, "model_hash": self.mech.packed.model.hash}
-        if self.met:
-            header["began"] = self.met
-        own = self.user is not None and self.tau is not self.plan.tau
-        if own or (self.tau is not None and self.user is None and np.any(self.tau)):
-            header["given_torques"] = True  # files do not store them
-        return header
-
-    def _contacts(self, frames: tuple[Array, Array, Array, Array], q: Array) -> ContactRecord:
-        log = tuple(self.ended.log)
-        if self.plan.way is not None and self.steps.clearance is not None:
-            return self.steps.clearance.untouched(q, log)
-        from .contact_log import contacts_of
-
-        given = self.mech, self.plan, frames, q, self.changes, log
-        return ContactRecord.later(lambda: contacts_of(*given))
-
     @property
     def changes(self) -> Any:
-        """Return the PHASE_CHANGE records logged by the kernels, in chronological order."""
+        """The PHASE_CHANGE records logged by the kernels, in chronological order."""
         return np.concatenate(self._changes)
 
-    @property
-    def told(self) -> tuple[str, ...]:
-        """Notices about the model, the start and the end of the run."""
-        return (*self.plan.notices, *self.plan.told, *self.ended.notices)
 
-    def notices(self) -> tuple[str, ...]:
-        """Notices about the run up to now."""
-        found = [*self.told, *(self.steps.notices() if self.plan.method.implicit else ())]
-        if self.scene.rubs:
-            found += creeping(self)
-        if self.scene.touching is not None or self.plan.idle is not None:
-            found += touching(self, self._unlogged)
-        if self.user is not None:
-            found += self.user.notices()
-        if self.carried is not None:
-            found += self.carried.notices(self.done)
-        return tuple(found)
+def scene_of(
+    mech: Mechanism, plan: RunPlan, user: UserTorque | None = None, watched: int = 0
+) -> Scene:
+    """Return the scene of a run with `watched` monitors."""
+    acts: Any = {"contacts": plan.contacts, "user": user}
+    if plan.contact_points:
+        from .event_scene import EventScene
 
-    def _rows(self) -> slice | Ints:
-        """Return the indices of the requested frames, and of a failed run's last frame."""
-        if self.plan.shown is None:
-            return slice(0, self.done)
-        some = self.plan.shown[: self.done].copy()
-        some[-1:] |= self.ended.over
-        return slice(0, self.done) if some.all() else np.flatnonzero(some)
-
-
-def _singular(mech: Mechanism, stretches: tuple[Stretch, ...]) -> tuple[str, ...]:
-    """Return notices about singular configurations passed during a run."""
-    return tuple(text for part in stretches if (text := part.notice(mech)))
+        frames = len(plan.times)
+        return EventScene(
+            mech, plan.drives, plan.loads, plan.ever, plan.contact_points, frames,
+            watched=watched, **acts,
+        )  # fmt: skip
+    own = mech.packed.blocks
+    if not (len(plan.ever) or plan.contacts):
+        own = NO_BLOCKS
+    elif len(own.blocks_f):  # may hold places that are known only when they are switched on
+        own = own._replace(blocks_f=own.blocks_f.copy())
+    acts |= {"gains": plan.gains, "blocks": own}
+    return Scene(mech.packed, plan.drives, plan.loads, plan.ever, **acts)
 
 
 def _stops(answer: Any) -> bool:

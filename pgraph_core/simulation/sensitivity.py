@@ -37,6 +37,8 @@ from ..result import Result
 from ..result.records import Derivatives
 from ..tolerances import EPS, NOTABLE, VISIBLE
 from .plan import RunPlan
+from .recorded import result_of
+from .recording import Recording, scene_of
 from .variables import CENTRAL, SHARE, Given, Slope, Slopes, Variable, refuse, variables_of
 
 NO_TIMES = np.zeros(0)
@@ -106,7 +108,7 @@ class Carried:
         groups = [slopes[k : k + most] for k in range(0, len(slopes), most)]
         acting = record.scene
         if (beside := self._beside) is not None:
-            acting = beside.recording.scene_of(beside.mech, beside.plan)
+            acting = scene_of(beside.mech, beside.plan)
         self._runs = [RunOfDuals(record, acting, start, group) for group in groups]
         self._strayed |= any(run.strayed for run in self._runs)
         self._addresses = np.array([run.address for run in self._runs])
@@ -117,7 +119,7 @@ class Carried:
             self._parts = Parts(record, self._runs)
             record.steps.control["carried"] = self._parts.address
         record.steps.carried = self
-        record._reused = False  # nobody else steps it
+        record.reused = False  # nobody else steps it
         corners = Corners(record)
         self._corners = corners if corners.laws else None
         self._record, self._aside = record, None
@@ -164,7 +166,7 @@ class Carried:
             self.stop(record, "the motion slides along the threshold of an expression")
             return
         if self._aside is None:  # the scene of the run keeps its memory
-            self._aside = record.scene_of(record.mech, replace(record.plan, contacts=None))
+            self._aside = scene_of(record.mech, replace(record.plan, contacts=None))
         scene = self._aside
         code, given = scene.loads.signals[0], record.scene.loads.signals[0]
         scene.activate(record.active)
@@ -401,7 +403,7 @@ class Carried:
         mech, plan = variable.made(variable.present + change)
         stepped = plan.contacts is not None
         plan = replace(plan, times=times, shown=None, changes=(), way=None, contacts=None)
-        other = self.given.recording(mech, plan, *plan.start, self.given.tau)
+        other = Recording(mech, plan, *plan.start, self.given.tau)
         states = np.zeros((len(run.t) + 1, other.steps.stages.shape[1]))
         own = np.zeros(run.states.shape), run.states
         here = np.column_stack((run.q, run.v, *own, run.work, run.dissipation))
@@ -413,7 +415,7 @@ class Carried:
         if stepped:  # impulses are not among the derivatives
             other.out.vdot[:], other.out.wrenches[:] = np.nan, np.nan
             other.out.energies[:, 3] = np.nan  # they dissipate
-        return other.result(None, (), {})
+        return result_of(other, None, (), {})
 
 
 def directions(mech: Mechanism, q: Array) -> Array:
@@ -621,7 +623,7 @@ class Corners:
         self._last: list[Array] = []
         if self.laws:  # the scene of the run keeps its memory
             plan = replace(record.plan, contacts=None)
-            self._scene = record.scene_of(record.mech, plan)
+            self._scene = scene_of(record.mech, plan)
             motion.energy(self._scene.address, record.q, record.v)
             self._last = [of(loads)[0] for _, loads, of in self.laws]
 

@@ -37,6 +37,7 @@ from .inputs import Inputs
 from .loop import Outcome
 from .options import Options, begun, driven, inputs_of, positive
 from .plan import begun_with, plan_of, touching_contacts, with_contacts
+from .recorded import notices, result_of, told
 from .recording import Recording
 from .start import by_names, given_states, torques_or_drives, with_state
 from .switches import Change
@@ -294,9 +295,9 @@ class Stepper(Snapshots):
     def notices(self) -> tuple[str, ...]:
         """Warnings about the steps taken so far."""
         if not self.status.ok:
-            return self._record.told  # contacts tell of the step that was not taken
+            return told(self._record)  # contacts tell of the step that was not taken
         record = self._record if self._recording else self._seen()
-        return record.notices()
+        return notices(record)
 
     def __repr__(self) -> str:
         name, width = self.mech.model.name, self._width
@@ -434,7 +435,7 @@ class Stepper(Snapshots):
         stepped = time.perf_counter()
         self._ended(self._record.ended)
         timing = {"build": built - before, "step": stepped - built}
-        return self._record.result(None, (), timing)
+        return result_of(self._record, None, (), timing)
 
     def linearise(
         self, tau: npt.ArrayLike | None = None, *, inputs: Sequence[str] | None = None
@@ -507,7 +508,7 @@ class Stepper(Snapshots):
         on, off = (one, none) if active else (none, one)
         before = self._content()
         try:
-            self._record.switch_now(Change(self.t, acting, on, off))
+            self._record.switching.apply_now(Change(self.t, acting, on, off))
         except InputError:
             self._restore(before)
             raise

@@ -28,6 +28,7 @@ from ..tolerances import EPS, NOTABLE, step_of_differences
 from .options import Options
 from .paths import Path, distinct, with_numbers
 from .plan import RunPlan, varied
+from .recording import scene_of
 
 # weights of f(x + k h) for h f'(x), k = -3 ... 3, and on one side, k = 0 ... 6
 CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
@@ -47,7 +48,6 @@ class Given(NamedTuple):
     tau: Any
     q: Any
     v: Any
-    recording: Any  # the class of recordings, which imports this module
     wrt: Any = ()  # the argument of simulate
     kept: dict[str, Slope] | None = None  # by numbers of the model, of former runs by this plan
 
@@ -331,8 +331,8 @@ class Slopes:
         raise refused.get(Differs) or refused[ModelError]
 
     def _flat(self, mech: Mechanism, plan: RunPlan) -> Flat:
-        scene, kinds = self._given.recording.scene_of(mech, plan), [SCENE_OF_DUALS]
-        values = [scene.arrays]
+        scene, kinds = scene_of(mech, plan), [SCENE_OF_DUALS]
+        values: list[Any] = [scene.arrays]
         if scene.touching is not None:
             kinds.append(DESCRIBED)
             values.append(scene.touching.described)

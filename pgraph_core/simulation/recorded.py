@@ -1,0 +1,154 @@
+"""The result of a recorded run, with its notices."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..dynamics.scene import forces_of
+from ..engine.arrays import Frames
+from ..packing import Array, Ints
+from ..result import Result
+from ..result.records import (
+    NO_DERIVATIVES,
+    NO_FORCES,
+    NOTHING,
+    OF_CONSTRAINTS,
+    ContactRecord,
+    Named,
+)
+from .remarks import creeping, touching, turns_unseen
+
+if TYPE_CHECKING:
+    from .recording import Recording
+
+FEW_FRAMES = 10  # fewer are no curve
+
+
+def result_of(
+    record: Recording, error: Array | None, told: tuple[str, ...], timing: dict[str, float]
+) -> Result:
+    """Return the requested frames of a run as a Result.
+
+    `error` (n, 1 + nx) contains the errors of q [rad, m] and of the control states at the
+    recorded times, and `told` contains the corresponding warnings.
+    """
+    mech, plan, steps, ended = record.mech, record.plan, record.steps, record.ended
+    rows, counted = _rows(record), steps.counters
+    t, (q, v, vdot, wrenches, energy, drift, *touched) = _kept(record, rows)
+    nq, nv = mech.nq, mech.nv
+    x = v[:, nv:]
+    if record.size != (nq, nv):
+        q, v, vdot = q[:, :nq], v[:, :nv], vdot[:, :nv]
+    if len(t) >= FEW_FRAMES and counted["steps"] > 2 * len(t):
+        ended.notices += turns_unseen(record, (t, q, v, vdot))
+    forces = NO_FORCES
+    if len(plan.ever):
+        read = partial(forces_of, record.scene.blocks, plan.ever, wrenches)
+        forces = Named(read, *OF_CONSTRAINTS)
+    if error is None:
+        error = np.empty((len(record.out.q), 1 + x.shape[1]))
+        error.fill(np.nan)
+    counters: dict[str, int] = dict(zip(counted.dtype.names or (), counted.item()))
+    contacts = NOTHING
+    if plan.way is not None or plan.contacts or ended.log:
+        contacts = _contacts(record, (t, *touched), q)
+    if record.scene.touching is not None:
+        from .contact_log import contact_counters
+
+        counters |= contact_counters(record.scene)
+    if record.events is not None:
+        contacts = record.events.record(contacts, (q, v, vdot), rows)
+        counters |= record.events.tally
+        timing["events"] = record.events.seconds
+    result = Result(
+        mechanism=mech,
+        status=ended.status,
+        message=ended.message,
+        t=t,
+        q=q,
+        v=v,
+        vdot=vdot,
+        states=x,
+        kinetic_energy=energy[:, 0],
+        potential_energy=energy[:, 1],
+        work=energy[:, 2],
+        dissipation=energy[:, 3],
+        constraint_drift=drift,
+        constraint_force=forces,
+        contacts=contacts,
+        counters=counters,
+        timing=timing,
+        error_at=error[rows, 0],
+        state_error_at=error[rows, 1:],
+        header=_header(record),
+        notices=(*notices(record), *told),
+        user_events=tuple(record.watch.log) if record.watch else (),
+        derivatives=NO_DERIVATIVES if record.carried is None else record.carried.of_frames(rows),
+    )
+    record.switching.add_singular(result)
+    return result
+
+
+def _rows(record: Recording) -> slice | Ints:
+    """Return the indices of the requested frames, and of a failed run's last frame."""
+    if record.plan.shown is None:
+        return slice(0, record.done)
+    some = record.plan.shown[: record.done].copy()
+    some[-1:] |= record.ended.over
+    return slice(0, record.done) if some.all() else np.flatnonzero(some)
+
+
+def _kept(record: Recording, rows: slice | Ints) -> tuple[Array, Frames]:
+    """Return the times and frames of the result, apart from arrays that later runs reuse."""
+    t, out = record.steps.times[rows], record.out
+    if len(t) < len(out.q):
+        out = Frames(*[a[rows] if len(a) else a for a in out])
+    if record.reused:
+        t, out = t.copy(), Frames(*map(np.copy, out))
+    return t, out
+
+
+def _header(record: Recording) -> dict[str, Any]:
+    header = {**record.plan.header, "model_hash": record.mech.packed.model.hash}
+    if record.met:
+        header["began"] = record.met
+    own = record.user is not None and record.tau is not record.plan.tau
+    if own or (record.tau is not None and record.user is None and np.any(record.tau)):
+        header["given_torques"] = True  # files do not store them
+    return header
+
+
+def _contacts(
+    record: Recording, frames: tuple[Array, Array, Array, Array], q: Array
+) -> ContactRecord:
+    log = tuple(record.ended.log)
+    if record.plan.way is not None and record.steps.clearance is not None:
+        return record.steps.clearance.untouched(q, log)
+    from .contact_log import contacts_of
+
+    given = record.mech, record.plan, frames, q, record.changes, log
+    return ContactRecord.later(lambda: contacts_of(*given))
+
+
+def told(record: Recording) -> tuple[str, ...]:
+    """Return notices about the model, the start and the end of a run."""
+    return (*record.plan.notices, *record.plan.told, *record.ended.notices)
+
+
+def notices(record: Recording) -> tuple[str, ...]:
+    """Return all notices about a run up to now."""
+    found = [*told(record)]
+    if record.plan.method.implicit:
+        found += record.steps.notices()
+    if record.scene.rubs:
+        found += creeping(record)
+    if record.scene.touching is not None or record.plan.idle is not None:
+        found += touching(record, record.unlogged)
+    if record.user is not None:
+        found += record.user.notices()
+    if record.carried is not None:
+        found += record.carried.notices(record.done)
+    return tuple(found)

@@ -1,0 +1,188 @@
+"""The constraints that are active in a run, which times and conditions switch."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..analysis.assembly import NOTABLE
+from ..analysis.singular import Instant, Stretch, nulls_of, redundancy, unequal
+from ..engine import layout as at
+from ..engine import motion
+from ..errors import InputError
+from ..result import Result
+from .failures import Running
+from .switches import Change, closed, hold_here, switched_by
+
+if TYPE_CHECKING:
+    from .monitors import Monitor
+
+
+class Switching:
+    """The active constraints of a run and the changes that are still to come."""
+
+    first: Instant | None = None  # the first state with the active constraints
+
+    def __init__(self, record: Running):
+        """Begin with the constraints and the changes of the plan of `record`."""
+        self.record = record
+        self.held = set(record.plan.active.tolist())
+        self.since: dict[int, float] = {}  # when constraints were switched last [s]
+        self._ahead = deque(record.plan.changes)
+        self._spent: set[int] = set()  # conditions that act once and have acted
+        self._together: list[int] = []  # conditions met at the time of the next change, after it
+        self._redundant = False  # whether constraints are redundant in the first state
+        self._stretches: list[Stretch] = []  # to be searched for singular positions
+
+    def begin(self) -> None:
+        """Note the first state, with a warning if constraints are redundant there."""
+        record = self.record
+        self._set_first(record.start)
+        if notice := redundancy(record.scene):
+            self._redundant = nulls_of(record.mech, record.active, record.start, record.q) > 0
+            notice = notice if self._redundant else unequal(record.mech, record.active)
+            record.ended.notices += [notice] if notice else []
+
+    def stop_at_next(self) -> None:
+        """Set the loop to stop at the next change or at the end."""
+        times = self.record.plan.times
+        to = times[-1] if not self._ahead else self._ahead[0].t
+        self.record.steps.control["last"] = int(np.searchsorted(times, to)) + 1
+
+    def apply_next(self) -> bool:
+        """Apply the next change. Returns False if there is none, or if the run ends."""
+        if not self._ahead or not self._apply(change := self._ahead.popleft()):
+            return False
+        together, self._together = self._together, []
+        self.switch_where_true(change.t, together)
+        return True
+
+    def meet(self, t: float, conditions: Sequence[int]) -> None:
+        """Switch what `conditions` switch at t, after a change that is due at that time."""
+        if self._ahead and self._ahead[0].t == t:
+            self._together = list(conditions)
+        else:
+            self.switch_where_true(t, conditions)
+
+    def switch_where_true(self, t: float, conditions: Sequence[int]) -> None:
+        """Switch constraints whose conditions have become true, including dependent switches."""
+        record, left = self.record, list(conditions)
+        waiting = record.plan.conditions
+        while left and not record.ended.over:
+            given = waiting[number := left.pop(0)]
+            if (given.constraint in self.held) == given.active or number in self._spent:
+                continue
+            if given.when.once:
+                self._spent.add(number)
+            on, off = ([given.constraint], []) if given.active else ([], [given.constraint])
+            by = record.watch.monitors[number] if record.watch is not None else None
+            if not self._apply(switched_by(self.held, on, off, t), by=by):
+                return
+            left += [
+                i for i, other in enumerate(waiting)
+                if other.when.constraint is not None and not other.when.after
+                and other.place == given.constraint
+                and other.when.active == given.active
+            ]  # fmt: skip
+
+    def _apply(self, change: Change, *, by: Monitor | None = None) -> bool:
+        """Apply a change between two steps. Returns False if the run ends.
+
+        If `by` is not given, the last frame has this time and is recorded again.
+        """
+        record = self.record
+        mech, scene, steps = record.mech, record.scene, record.steps
+        change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
+        carried, late, places = steps.carried, None, scene.blocks.blocks_f
+        if carried is not None and by is not None and len(record.q) > mech.nq:
+            carried.stop(
+                record, "a condition switches a constraint in combination with control states"
+            )
+            carried = None
+        if carried is not None:
+            late = None if by is None else carried.lateness(record, change.t, by)
+            places = places.copy()
+        self._end_stretch()
+        self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
+        before = self._energy()
+        try:
+            hold_here(scene, change, record.q)
+            scene.switch(change.active)
+            if record.events is not None:
+                record.events.impulse(change.t)
+            middle = self._energy()
+            moved = closed(mech, scene, change, record.q, record.v)
+        except InputError as refused:
+            record.ended.refuse(refused)
+            return False
+        if carried is not None:
+            carried.keep_late([*change.on.tolist(), *change.off.tolist()], late)
+            if np.array_equal(places, scene.blocks.blocks_f, equal_nan=True):
+                carried.switch(record, change.t, late)
+            else:
+                carried.stop(
+                    record,
+                    "a constraint holds bodies in a position that depends on the parameters",
+                )
+        gain = self._energy() - middle
+        steps.ledger[at.WORK_DONE if gain > 0 else at.DISSIPATED] += abs(gain)
+        from .contact_log import switched
+
+        record.ended.log += switched(mech, change, self._energy() - before)
+        if moved > NOTABLE:
+            text = f"joints were moved by up to {moved:.3g} to meet the constraints switched on"
+            record.ended.notices.append(f"at t = {change.t:g} s {text}")
+        self.held = set(change.active.tolist())
+        if by is None:
+            steps.restart()
+            self.stop_at_next()
+        else:
+            steps.go_on()
+            steps.control["jacobian_rate"] = 2.0
+        steps.control["clock"] = -np.inf  # forces a new search for the clearance
+        self._set_first(change.t)
+        return record.ended.ok
+
+    def apply_now(self, change: Change) -> None:
+        """Apply a change at the present state. Raises InputError if it cannot be satisfied."""
+        record = self.record
+        hold_here(record.scene, change, record.q)
+        record.scene.switch(change.active)
+        closed(record.mech, record.scene, change, record.q, record.v)
+        record.steps.control["fresh"] = 0
+
+    def _energy(self) -> float:
+        record = self.record
+        return float(sum(motion.energy(record.scene.address, record.q, record.v)))
+
+    # -- singular positions ------------------------------------------------------------------------
+
+    def _set_first(self, t: float) -> None:
+        self.first = t, self.record.q.copy(), self.record.v.copy()
+
+    def _end_stretch(self) -> None:
+        """Keep what a search for singular positions since the last switch needs."""
+        record = self.record
+        if self.first is None or not record.done:
+            return
+        last = record.done - 1
+        end = float(record.steps.times[last]), record.out.q[last], record.out.v[last]
+        found = Stretch.of(record.scene, record.active, self.first, end, self._redundant)
+        self._stretches += [found] if found else []
+        self._redundant = False
+
+    def add_singular(self, result: Result) -> None:
+        """Let `result` search for singular positions when its notices are read."""
+        self._end_stretch()
+        if self._stretches:
+            found = partial(_singular, self.record.mech, tuple(self._stretches))
+            result.add_when_read(found)
+
+
+def _singular(mech: Any, stretches: tuple[Stretch, ...]) -> tuple[str, ...]:
+    """Return notices about singular configurations passed during a run."""
+    return tuple(text for part in stretches if (text := part.notice(mech)))
