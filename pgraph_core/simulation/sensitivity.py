@@ -13,21 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..dynamics.lifted import MOST, flat, laid_out, lifted
-from ..engine import arrays, motion
+from ..dynamics.lifted import MOST
 from ..engine import layout as at
-from ..engine.arrays import (
-    CARRIED,
-    CONTACTS_OF_DUALS,
-    DESCRIBED,
-    FACTORED,
-    RUN_OF_DUALS,
-    SCENE_OF_DUALS,
-    RunLinks,
-)
-from ..engine.compiler.address import address_of, address_of_array, buffer
+from ..engine import motion
+from ..engine.compiler.address import address_of
 from ..engine.compiler.dual import WIDTH
-from ..engine.records import CHOSEN, COUNTERS, STEP_CONTROL, table
 from ..engine.signals import AT_MOST, HELD, LESS, SIDE, values
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
@@ -36,6 +26,8 @@ from ..packing.signals import edges_moved
 from ..result import Result
 from ..result.records import Derivatives
 from ..tolerances import EPS, NOTABLE, VISIBLE
+from .corners import Corners
+from .duals import Parts, RunOfDuals
 from .plan import RunPlan
 from .recorded import result_of
 from .recording import Recording, scene_of
@@ -87,7 +79,7 @@ class Carried:
         self.out = np.zeros((0, 0, 0, WIDTH))  # empty until a run starts
         refuse(given)
 
-    def join(self, record: Any, start: tuple[Array, Array]) -> None:
+    def join(self, record: Recording, start: tuple[Array, Array]) -> None:
         """Start computing derivatives at the beginning of a recording.
 
         `start` is the initial state before it was assembled. Raises InputError.
@@ -214,7 +206,7 @@ class Carried:
         self.given, self.slopes, self._beside = given, [], None
         self.variables = variables_of(given, given.wrt)
 
-    def go_on(self, record: Any) -> None:
+    def go_on(self, record: Recording) -> None:
         """Copy the derivatives of the state to the scene that continues the recording."""
         try:
             count, old, before = len(self.variables), self._runs, self._each()
@@ -230,13 +222,13 @@ class Carried:
         for k, one in enumerate(lanes):
             self._runs[k // self._most].take(k % self._most, one)
 
-    def stop(self, record: Any, why: str) -> None:
+    def stop(self, record: Recording, why: str) -> None:
         """Go on without derivatives."""
         t = float(record.steps.control["time"])
         record.steps.carried, record.steps.control["carried"] = None, 0
         self._ended.append(f"at t = {t:.6g} s derivatives end: {why}")
 
-    def switch(self, record: Any, t: float, late: Lateness | None) -> None:
+    def switch(self, record: Recording, t: float, late: Lateness | None) -> None:
         """Differentiate a switch of constraints at t, after the primal run.
 
         `late` are the derivatives of t, if it depends on the state.
@@ -247,7 +239,7 @@ class Carried:
             times = late.times[k : k + self._most] if late else NO_TIMES
             run.switch(t, record.steps, times, late and late.rates, after)
 
-    def lateness(self, record: Any, t: float, condition: Any) -> Lateness:
+    def lateness(self, record: Recording, t: float, condition: Any) -> Lateness:
         """Return the derivatives of the time t at which a condition becomes true. Raises
         InputError."""
         when, before = condition.given.when, rates(record, t)
@@ -256,7 +248,7 @@ class Carried:
             return Lateness(np.zeros(len(self.slopes)) if known is None else known, before)
         return self._lateness(record, t, condition, before)
 
-    def _lateness(self, record: Any, t: float, monitor: Any, before: Array) -> Lateness:
+    def _lateness(self, record: Recording, t: float, monitor: Any, before: Array) -> Lateness:
         nq, nv = len(record.q), len(record.v)
         given = monitor, t, np.concatenate((record.q, record.v)), nq
         rate = slope_along(*given, before[: nq + nv], 1.0)
@@ -266,7 +258,7 @@ class Carried:
         with np.errstate(divide="ignore", invalid="ignore"):
             return Lateness(-np.array(found) / rate, before)
 
-    def end_at(self, record: Any, monitor: Any) -> None:
+    def end_at(self, record: Recording, monitor: Any) -> None:
         """Differentiate the time of a terminal event, with which the last frame moves."""
         t = float(record.steps.control["time"])
         self._end = record.done - 1, self._lateness(record, t, monitor, rates(record, t))
@@ -435,7 +427,7 @@ def directions(mech: Mechanism, q: Array) -> Array:
     return found
 
 
-def rates(record: Any, t: float, scene: Any = None) -> Array:
+def rates(record: Recording, t: float, scene: Any = None) -> Array:
     """The rates of the state of a run: q', v', and the power put in and dissipated."""
     flow, vdot, scene = np.zeros(3), np.zeros(len(record.v)), scene or record.scene
     motion.constrained_dynamics(
@@ -462,254 +454,3 @@ def _advance_run() -> Any:
     from ..engine.stepping.run import advance_run
 
     return advance_run
-
-
-# -- runs of duals ---------------------------------------------------------------------------------
-
-
-MOST_ROWS = 3000  # limit for derivatives, whose laws form one dense system
-ROUNDS = 50  # projections of the initial state, as in `assembled`
-
-
-class RunOfDuals:
-    """The scene, the stages and the control of a run with up to seven derivatives."""
-
-    def __init__(
-        self, record: Any, acting: Any, start: tuple[Array, Array], slopes: Sequence[Slope]
-    ):
-        """`acting` is the scene of the recording, or one in which more parts act."""
-        from ..engine.stepping import duals
-
-        steps, own, self._acting = record.steps, record.scene.arrays, acting
-        blocks = acting.arrays.blocks._replace(active=own.blocks.active)
-        scene = acting.arrays._replace(blocks=blocks, given=own.given, links=own.links)
-        constrain = address_of(duals.constrain_duals) if len(record.scene.active) > 1 else 0
-        links = scene.links._replace(constraints=constrain)
-        given = np.array([slope.scene for slope in slopes])
-        if record.scene.touching is not None:
-            from ..engine.stepping import moreau_duals
-
-            self._contacts = contacts_of_duals(record.scene.touching, acting.touching, given)
-            self._at_contacts = _saved(CONTACTS_OF_DUALS, self._contacts)
-            links = links._replace(
-                contacts=address_of_array(self._at_contacts),
-                find=address_of(moreau_duals.find_of_duals),
-                forces=address_of(moreau_duals.forces_of_duals),
-            )
-        self._scene = lifted(SCENE_OF_DUALS, scene, given)
-        space = self._scene.space._replace(slots=scene.space.slots.copy())
-        self._scene = self._scene._replace(links=links, space=space)
-        self._scene.space.vectors[FACTORED] = 0.0  # these factors have no derivatives
-        self._at_scene = _saved(SCENE_OF_DUALS, self._scene)
-        nq, nv = len(steps.q), len(steps.v)
-        stages = np.zeros((*steps.stages.shape, WIDTH))
-        control = table(STEP_CONTROL, 1)
-        control[:] = steps.control_table
-        control["fresh"] = control["filled"] = control["guard"] = 0
-        control["widths"] = CHOSEN  # not used: steps are given
-        project = address_of(duals.projection_of_duals) if constrain else 0
-        links = RunLinks(address_of(duals.acceleration_of_duals), project, 0, 0)
-        kept = steps.kept
-        self._run = kept._replace(
-            scene=address_of_array(self._at_scene), links=links, stages=stages,
-            real=np.zeros((*kept.real.shape, WIDTH)), control=control,
-            counters=table(COUNTERS, 1), flow=np.zeros((3, WIDTH)),
-        )  # fmt: skip
-        self._at_run = _saved(RUN_OF_DUALS, self._run)
-        self.address = address_of_array(self._at_run)
-        y = stages[at.Y]
-        y[: nq + nv, 0] = np.concatenate(start)
-        for k, slope in enumerate(slopes, start=1):
-            y[: nq + nv, k] = np.concatenate((slope.q, slope.v))
-        self.strayed = False  # whether the start is another than that of the primal run
-        if constrain and record.plan.project:
-            t = float(record.plan.times[0])
-            duals.place_of_duals(self.address, t, ROUNDS)
-            apart = np.abs(y[: record.mech.nq, 0] - steps.q[: record.mech.nq])
-            self.strayed = bool((apart > NOTABLE).any())
-        y[: nq + nv, 0] = np.concatenate((steps.q, steps.v))
-        stages[at.CANDIDATE] = y
-
-    def take(self, k: int, derivatives: Array) -> None:
-        """Set the derivatives of the state by parameter k."""
-        for row in (at.Y, at.CANDIDATE):
-            self._run.stages[row, :, 1 + k] = derivatives
-
-    def derivatives(self, n: int | None) -> Array:
-        """(MOST, n) of the first n entries of the state, or of all."""
-        return self._run.stages[at.Y, :n, 1:].T.copy()
-
-    @property
-    def code(self) -> Array:
-        """The program of the expressions, (2 n, columns, WIDTH)."""
-        return self._scene.loads.signals[0]
-
-    def margin(self, t: float, a: int, b: int) -> Array:
-        """Return the derivatives (MOST,) of the difference of two values of the program at t."""
-        from ..engine.stepping import duals
-
-        duals.see_duals(self.address, t)
-        return self.code[a, 0, 1:] - self.code[b, 0, 1:]
-
-    def shift(self, derivatives: Array) -> None:
-        """Add to the derivatives of the state."""
-        self._run.stages[at.Y, :, 1:] += derivatives
-        self._run.stages[at.CANDIDATE] = self._run.stages[at.Y]
-        self._run.control["fresh"] = self._run.control["filled"] = 0
-
-    def switch(self, t: float, steps: Any, late: Array, before: Any, after: Any) -> None:
-        """Project the state onto other constraints at t, whose derivatives are `late`."""
-        from ..engine.stepping import duals
-
-        y, n = self._run.stages[at.Y], len(steps.q) + len(steps.v)
-        if len(late):
-            y[:, 1 : 1 + len(late)] += np.outer(before, late)
-        self._scene.space.vectors[FACTORED] = 0.0
-        y[:n, 0] = np.concatenate((steps.q, steps.v))
-        if self._scene.blocks.active[0]:
-            duals.place_of_duals(self.address, t, ROUNDS)
-            y[n:, 1:] = np.nan  # derivative of the energy lost in the impulse
-        y[:n, 0] = np.concatenate((steps.q, steps.v))
-        if len(late):
-            y[:, 1 : 1 + len(late)] -= np.outer(after, late)
-        self._run.stages[at.CANDIDATE] = y
-        self._run.control["fresh"] = self._run.control["filled"] = 0
-
-
-def contacts_of_duals(space: Any, acting: Any, slopes: Array) -> Any:
-    """Return the contacts of a scene with derivatives, the last of the `slopes`, (k, words).
-
-    Their description is that of the scene `acting`. The buffers of the solver are shared.
-    """
-    from ..engine.contact.contacts import ADDING
-
-    words = len(flat(DESCRIBED, acting.described).words)
-    described = lifted(DESCRIBED, acting.described, slopes[:, slopes.shape[1] - words :])
-    tally = space.tally_table.copy()
-    tally["frozen"] = ADDING  # forces of the last step do not act within a step
-    given = space.contacts._replace(tally=tally)
-    none = np.zeros((0, len(flat(CONTACTS_OF_DUALS, given).words)))
-    found = lifted(CONTACTS_OF_DUALS, given, none)
-    return found._replace(**dict(zip(("geometry", "ground", "laws"), described)))
-
-
-class Corners:
-    """Discontinuities of forces, at zero length of springs and struts and at half a turn of
-    torsions and bushings.
-
-    The derivatives of a run do not include the effect of the time of such a jump.
-    """
-
-    def __init__(self, record: Any):
-        self.record, loads = record, record.scene.loads
-        spring, strut, torsion, bushing = (
-            getattr(loads, kind)[0] for kind in ("spring", "strut", "torsion", "bushing")
-        )
-        line = strut["spring"]
-        pulls = line[:, 1] - line[:, 0] * line[:, 2]  # at a length of 0, as below
-        stops = strut["bump_length"] * strut["bump_stiffness"]
-        turns = bushing["stiffness"].reshape(-1, 6, 6)[:, 3:].any(axis=(1, 2))
-        stiff = (spring["stiffness"] > 0.0) | (spring["knots"] > 0)
-        found = [
-            ("spring", spring[stiff & (spring["rest"] != 0.0)], self._lengths),
-            ("strut", strut[(pulls != 0.0) | (stops != 0.0)], self._lengths),
-            ("torsion", torsion, self._twists),
-            ("bushing", bushing[turns], self._turns),
-        ]
-        self.laws = [one for one in found if len(one[1])]
-        # times of the next and the last look [s]
-        self.next = self._time = float(record.steps.control["time"])
-        self.frame = int(record.steps.control["frame"])  # the next one at the last look
-        self._last: list[Array] = []
-        if self.laws:  # the scene of the run keeps its memory
-            plan = replace(record.plan, contacts=None)
-            self._scene = scene_of(record.mech, plan)
-            motion.energy(self._scene.address, record.q, record.v)
-            self._last = [of(loads)[0] for _, loads, of in self.laws]
-
-    def passed(self) -> str:
-        """Return a message about a force that has jumped since the last check, or "".
-
-        The next check takes place after half the time to a discontinuity at the present rate, and
-        at most after twice the last interval.
-        """
-        record = self.record
-        motion.energy(self._scene.address, record.q, record.v)
-        t = float(record.steps.control["time"])
-        ahead, since = np.inf, max(t - self._time, np.finfo(float).tiny)
-        for i, (kind, loads, of) in enumerate(self.laws):
-            now, margin = of(loads)
-            before, self._last[i] = self._last[i], now
-            step = np.linalg.norm(now - before, axis=1)
-            if kind in ("torsion", "bushing"):
-                flips = step > np.pi
-            else:  # between both lies a point that is within 1 % of the step from a length of 0
-                height = np.linalg.norm(np.cross(now, before), axis=1)
-                flips = ((now * before).sum(1) < 0.0) & (height < VISIBLE * step * step)
-            if flips.any():
-                row = record.mech.topology.names[int(loads["body_a"][flips.argmax()]) - 1]
-                where = "half a turn" if kind in ("torsion", "bushing") else "a length of 0"
-                return f"the {kind} on body '{row}' passes {where}, where its force jumps"
-            rate = step / since
-            with np.errstate(divide="ignore", over="ignore"):  # at rest
-                ahead = min(ahead, float((margin / rate).min()))
-        self.next, self._time = t + min(0.5 * ahead, 2.0 * since), t
-        self.frame = int(record.steps.control["frame"])
-        return ""
-
-    def _points(self, table: Any, end: str) -> Array:
-        work, row = self._scene.work, table[f"row_{end}"]
-        turned = np.einsum("nij,nj->ni", self._rows(table, end), table[f"point_{end}"])
-        return work[row, at.X : at.X + 3] + turned
-
-    def _rows(self, table: Any, end: str) -> Array:
-        return self._scene.work[table[f"row_{end}"], at.R : at.R + 9].reshape(-1, 3, 3)
-
-    def _lengths(self, table: Any) -> tuple[Array, Array]:
-        apart = self._points(table, "a") - self._points(table, "b")
-        return apart, np.linalg.norm(apart, axis=1)
-
-    def _twists(self, table: Any) -> tuple[Array, Array]:
-        (a1, a2), (b1, b2) = (
-            [np.einsum("nij,nj->ni", self._rows(table, end), table[x]) for x in ("first", "second")]
-            for end in "ab"
-        )
-        sine, cosine = ((a1 * b2 - a2 * b1).sum(1), (a1 * b1 + a2 * b2).sum(1))
-        angle = np.arctan2(sine, cosine)
-        angle = np.remainder(angle - table["rest"] + np.pi, 2.0 * np.pi) - np.pi
-        return angle[:, None], np.pi - np.abs(angle)
-
-    def _turns(self, table: Any) -> tuple[Array, Array]:
-        mine, other = (
-            self._rows(table, end) @ table[f"axes_{end}"].reshape(-1, 3, 3) for end in "ab"
-        )
-        from scipy.spatial.transform import Rotation
-
-        turn = Rotation.from_matrix(other.transpose(0, 2, 1) @ mine).as_rotvec()
-        return turn, np.pi - np.linalg.norm(turn, axis=1)
-
-
-class Parts:
-    """The function that repeats the sub-steps of time stepping, behind an address."""
-
-    def __init__(self, record: Any, runs: Sequence[RunOfDuals]):
-        from ..engine.stepping import moreau_duals
-
-        m = record.scene.space.vectors.shape[1]
-        if m > MOST_ROWS:
-            text = f"has derivatives up to {MOST_ROWS} rows of limits and constraints; here are {m}"
-            raise InputError(Problem("simulate", "wrt", text))
-        repeat, part = map(address_of, (moreau_duals.repeat_part, moreau_duals.part_of_duals))
-        addresses = np.array([run.address for run in runs])
-        self.ended = np.zeros(2)
-        order, matrix, right = np.zeros(m, dtype=np.int64), np.zeros((m, m)), np.zeros((m, WIDTH))
-        self._kept = arrays.Carried(repeat, part, addresses, order, matrix, right, self.ended)
-        self._buffer = _saved(CARRIED, self._kept)
-        self.address = address_of_array(self._buffer)
-
-
-def _saved(kind: Any, value: Any) -> Any:
-    """A buffer with a lifted tuple."""
-    words, out = laid_out(kind, value), buffer()
-    out[: len(words)] = words
-    return out

@@ -15,11 +15,11 @@ from ..engine import layout as at
 from ..engine import motion
 from ..errors import InputError
 from ..result import Result
-from .failures import Running
 from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
     from .monitors import Monitor
+    from .recording import Recording
 
 
 class Switching:
@@ -27,7 +27,7 @@ class Switching:
 
     first: Instant | None = None  # the first state with the active constraints
 
-    def __init__(self, record: Running):
+    def __init__(self, record: Recording):
         """Begin with the constraints and the changes of the plan of `record`."""
         self.record = record
         self.held = set(record.plan.active.tolist())
