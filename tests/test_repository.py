@@ -86,6 +86,19 @@ def test_links_pictures_and_files_of_the_documents_are_there():
     assert [file for file in files if f" <{file}>\n" not in contents] == []
 
 
+def test_functions_named_for_contributors_are_in_their_files():
+    named = re.compile(r"`([\w/]+\.py)`: ((?:`\w+`(?:, )?)+)")
+    sources = [file for folder in ("pgraph_core", "app") for file in ROOT.glob(f"{folder}/**/*.py")]
+    for document in ("CONTRIBUTING.md", "docs/developer.md"):
+        found = named.findall((ROOT / document).read_text())
+        assert found
+        for name, functions in found:
+            texts = [x.read_text() for x in sources if str(x).endswith(f"/{name}")]
+            words = re.findall(r"`(\w+)`", functions)
+            missing = [x for x in words if not any(re.search(rf"\b{x}\b", t) for t in texts)]
+            assert missing == [], (document, name)
+
+
 def test_the_page_of_fields_is_that_of_the_classes():
     """`python docs/fields.py` writes it."""
     script = runpy.run_path(str(ROOT / "docs" / "fields.py"))
