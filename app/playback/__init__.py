@@ -32,13 +32,15 @@ class Scrub(FromPage):
 
     collapses = True
     time: Finite
+    held: bool = False  # the slider is not let go
 
     def applied(self, state: State) -> State:
         if state.going is None and state.t_end <= state.t_start:
             return state
         state = _held(state)
         time = min(max(self.time, state.t_start), state.t_end)
-        return at(state, time, state.playback.playing)
+        state = at(state, time, state.playback.playing)
+        return replace(state, playback=replace(state.playback, held=self.held))
 
 
 class StepFrames(FromPage):
@@ -84,7 +86,7 @@ class Loop(FromPage):
 
 def at(state: S, time: float, playing: bool) -> S:
     """Return the state that shows the run at a time."""
-    playback = replace(state.playback, time=time, playing=playing, preview=False)
+    playback = replace(state.playback, time=time, playing=playing, preview=False, held=False)
     return replace(state, playback=playback)
 
 

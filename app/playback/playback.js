@@ -6,9 +6,10 @@
   function build(host) {
     const button = (className, title, onclick) => make("button", { className: `bare ${className}`, title, onclick, "aria-label": title }, icon({ back: "start" }[className] ?? className));
     const slider = make("input", { type: "range", min: 0, max: 1, step: "any", className: "scrub", "aria-label": "time" });
+    const scrub = () => send("Scrub", { time: Number(slider.value), held: dragging });
     slider.addEventListener("pointerdown", () => { dragging = true; });
-    window.addEventListener("pointerup", () => { dragging = false; });
-    slider.addEventListener("input", () => { send("Scrub", { time: Number(slider.value) }); told(host, Number(slider.value)); });
+    for (const over of ["pointerup", "pointercancel"]) window.addEventListener(over, () => { if (dragging) { dragging = false; scrub(); } });
+    slider.addEventListener("input", () => { scrub(); told(host, Number(slider.value)); });
     const speed = make("select", { className: "cell speed", title: "Speed of playback", "aria-label": "speed", onchange: () => send("Speed", { speed: Number(speed.value) }) });
     const plots = make("button", { className: "bare plots", title: "Curves of the run" }, icon("plots"), make("span", { textContent: "Plots" }));
     plots.onclick = () => { if (pgraph.frame.isFront("Plots")) pgraph.frame.drawer(false); else pgraph.front("Plots"); };

@@ -205,11 +205,17 @@ class Playback:
     unseen: bool = False  # the preview waits at its beginning for the first page that has a 3D view
     speed: float = 1.0
     loop: bool = True
+    held: bool = False  # a person holds the slider
 
     @property
     def moves(self) -> bool:
         """True if time is advancing."""
         return self.playing or (self.preview and not self.unseen)
+
+    @property
+    def rests(self) -> bool:
+        """True if one moment is shown, and not a motion."""
+        return not (self.moves or self.held)
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,28 @@ pgraph.camera = (() => {
     pgraph.tellView();
   }
   // A camera that is set anew is set for where the model is now: a node of an older model moves it no longer.
-  pgraph.on("framed", ([node, at]) => { [followed, last] = [node, at]; if (turned) turn(false); });
+  pgraph.on("framed", ([node, at]) => {
+    [followed, last] = [node, at];
+    if (turned) turn(false);
+    [from, ease] = [viser.controls() && seen(), null];
+  });
+
+  // Then it goes there in a moment: of the way back to where it was, less and less is added to each picture.
+  const TAKES = 450, CALM = matchMedia("(prefers-reduced-motion: reduce)"); // [ms]
+  let from = null, ease = null;
+  const seen = () => { const m = viser.controls(), v = m.camera.position; return [m.getPosition(v.clone()), m.getTarget(v.clone())]; };
+  pgraph.on("eased", () => {
+    if (!from || CALM.matches) return;
+    ease = { way: seen().map((at, k) => from[k].sub(at)), rest: 0, begun: performance.now() };
+  });
+  viser.frame(() => {
+    if (!ease) return;
+    const s = Math.min((performance.now() - ease.begun) / TAKES, 1), rest = (1 - s) ** 3;
+    const [[x, y, z], [u, v, w]] = seen().map((at, k) => at.addScaledVector(ease.way[k], rest - ease.rest).toArray());
+    viser.controls().setLookAt(x, y, z, u, v, w, false);
+    viser.controls().update(0);
+    ease = s < 1 && !turned ? { ...ease, rest } : null;
+    requestAnimationFrame(() => window.__viserMutable?.requestRender());
+  });
   return { look, measure, turned: () => turned };
 })();

@@ -43,9 +43,13 @@ class CameraView:
         edited = new.derived is not old.derived and not new.playback.moves
         posed = new.pose is not old.pose  # a camera that moves under a drag would disturb it
         grown = len(new.derived.names) > len(old.derived.names)
-        changed = new.last_run is not old.last_run or (
-            edited and (grown or len(new.derived.names) <= FEW)
-        )
+        changed = (
+            new.last_run is not old.last_run
+            or (edited and (grown or len(new.derived.names) <= FEW))
+            or (new.playback.time != old.playback.time and new.playback.rests
+                and not travelled(new).any())
+        )  # fmt: skip
+        turns = new.playback.rests != old.playback.rests  # from a motion to a moment, or back
         handles = self._server.get_clients()
         asked = {view.client: view.which for view in requests(old, new, View)}
         if another and (self._framed < 0 or any(page.aspect for page in new.clients.values())):
@@ -63,11 +67,13 @@ class CameraView:
             elif page.turned or (chosen and page.aspect == before.aspect):
                 if (over or edited) and not holds(handle, new, page, poses(new)[0]).any():
                     self._look(handle, new, page, "fit")
-            elif page.aspect != before.aspect or (
+            elif page.aspect != before.aspect:
+                self._look(handle, new, page, which, chosen)
+            elif turns or (
                 (changed or page.follow != before.follow or (posed and page.reply != before.reply))
                 and not fits(handle, new, page)
             ):
-                self._look(handle, new, page, which, chosen)
+                self._look(handle, new, page, which, chosen, eased=True)
             if page.follow != self._follows.get(client):
                 self._follows[client] = page.follow
                 self._bridge.send(client, "follow", page.follow)
@@ -79,13 +85,15 @@ class CameraView:
 
     def _look(
         self, handle: viser.ClientHandle, state: State, page: Client, which: str,
-        selected: tuple[str, ...] = (),
+        selected: tuple[str, ...] = (), eased: bool = False,
     ) -> None:  # fmt: skip
         """Set a camera, and again after each resize of the view until a person moves the camera."""
         self._views[handle.client_id] = which, selected
         with handle.atomic():  # the page hears of both at once: its camera moves in each picture
             self._bridge.send(handle.client_id, "framed", [self._along.name, followed(state)])
             look(handle, state, page, which, selected)
+            if eased:
+                self._bridge.send(handle.client_id, "eased", True)
 
     def _start(self, state: State) -> None:
         """Set the up direction and the initial camera of new pages for another model."""
@@ -184,8 +192,8 @@ def start(state: State) -> np.ndarray:
 def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
     """Return the corners (n, 3) of these bodies as drawn, or of everything that is drawn [m].
 
-    The extent includes a point of the floor, unless the floor is so far below that the bodies would
-    appear small.
+    While time moves on, everything includes the bodies at all times. It includes a point of the
+    ground, unless the ground is out of reach or would make the bodies appear small.
     """
     d = state.derived
     positions, wxyz = poses(state)
@@ -198,13 +206,16 @@ def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
     joining = [found.ends.reshape(-1, 3) for found in marks.joinings(state, positions, R)]
     drawn = np.concatenate([corners, *joining, passed(state)])
     middle, up = (drawn.min(axis=0) + drawn.max(axis=0)) / 2, np.asarray(state.model.ground_normal)
-    whole = np.vstack((drawn, middle - (middle @ up + ground(state)) * up))
+    if ground(state) > 0:
+        return drawn
+    whole = np.vstack((drawn, middle - (middle @ up) * up))
     return whole if shapes.diagonal(drawn) > FILLS * shapes.diagonal(whole) else drawn
 
 
 def passed(state: State) -> np.ndarray:
-    """Return the corners (n, 3) of the bodies during the run, relative to a following camera."""
-    if frames(state) is None or state.run is None:
+    """Return the corners (n, 3) of the bodies during a run that moves on, relative to a following
+    camera, or none if one moment is shown."""
+    if state.playback.rests or frames(state) is None or state.run is None:
         return np.zeros((0, 3))
     return state.run.swept + state.run.travels * middle(state)
 

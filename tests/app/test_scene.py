@@ -313,12 +313,14 @@ def test_the_camera_never_loses_the_motion_whenever_the_page_was_opened(name):
         state = ran(state, result)
         t, drawn = np.asarray(result.t), marks.looks(state)
         for aspect, opened in ((0.6, t[0]), (1.0, t[-1]), (2.0, t[len(t) // 3])):
-            first = after(state, do.Scrub(ME, float(opened)))
+            first = after(state, do.Scrub(ME, float(opened), True))
             at = camera.viewpoint(first, aspect)
             for time in np.linspace(t[0], t[-1], 60):
-                now = after(state, do.Scrub(ME, float(time)))
+                now = after(state, do.Scrub(ME, float(time), True))
                 moved = camera.travelled(now) * (camera.middle(now) - camera.middle(first))
                 assert pictured(now, drawn, at, moved, aspect) >= 0.6, (scenario, aspect, time)
+            rest = after(state, do.Scrub(ME, float(opened)))
+            assert pictured(rest, drawn, camera.viewpoint(rest, aspect), 0.0, aspect) == 1.0
 
 
 @pytest.mark.parametrize("speed", [0.0, 2.0, 30.0])
@@ -336,18 +338,22 @@ def test_a_view_holds_the_whole_run_unless_the_mechanism_leaves(speed, whole):
     state = begun(pg.Model(bodies=(rail, slider), gravity=(0, 0, 0)))
     before = np.ptp(camera.extent(state)[:, 0])
     state = ran(state, pg.simulate(pg.Mechanism(state.model), t_end=1.0, step=1e-2))
+    assert np.ptp(camera.extent(after(state, do.Scrub(ME, 0.0)))[:, 0]) == pytest.approx(before)
+    state = after(state, do.Scrub(ME, 0.0, True))
     now = np.ptp(camera.extent(state)[:, 0])
     assert (now > max(before, 0.99 * speed)) == whole
     assert len(camera.passed(state)) > 0 or not whole
 
 
-@pytest.mark.parametrize(("height", "whole"), [(0.0, True), (50.0, False)])
-def test_the_floor_below_a_model_is_in_the_first_view_unless_it_is_deep(height, whole):
+@pytest.mark.parametrize(
+    ("height", "low", "whole"), [(0, 0.4, False), (0.42, 0, True), (50, 0, False)]
+)
+def test_the_floor_below_a_model_is_in_the_first_view_within_reach(height, low, whole):
+    """Two rods of 0.2 m hang, stand over the floor, or are far above it."""
     model = pg.Model.serial(2)
     state = begun(model.edit("1", link=(0, 0, height)))
-    floor = -state.derived.low
-    assert floor <= height - 0.4  # m: two rods reach so far down
-    assert (camera.extent(state)[:, 2].min() == pytest.approx(floor)) == whole
+    assert state.derived.low == pytest.approx(low)
+    assert (camera.extent(state)[:, 2].min() == pytest.approx(-low)) == whole
 
 
 def test_the_floor_is_just_below_the_motion_of_the_last_run():

@@ -431,7 +431,7 @@ def test_a_body_under_the_pointer_is_lit_in_all_views_and_dragging_it_poses_it(
     assert page.locator(".pgraph-pill.hover").is_hidden()
 
     settled(page, served)  # the home pose is drawn
-    page.keyboard.press("1")  # a hand that misses the body turns the view
+    page.keyboard.press("2")  # a hand that misses the body turns the view
     steady(page, served)
     far = distance(page)  # a double click frames the body, or on nothing all
     page.mouse.dblclick(*on_screen(page, middle_of(served, "arm")))
