@@ -18,7 +18,6 @@ from ..core.bridge import at_rest
 
 Clicked = Callable[[int, int], None]  # client, number of the body
 Dragged = Callable[[int, int, viser.SceneNodeDragEvent], None]  # the same, and the drag
-FLAT = 200  # faces: boxes and cylinders keep their edges
 PULLING = "cmd/ctrl"  # held while the mouse pulls on a body; else it poses it
 
 
@@ -62,14 +61,13 @@ class SeparateBodies:
         pieces: Sequence[shapes.Piece],
         number: int,
     ) -> viser.MeshHandle:
-        solid, (color, opacity) = shapes.mesh(pieces), paint
+        solid, (color, opacity) = shapes.creased(shapes.mesh(pieces)), paint
         node = self._server.scene.add_mesh_simple(
             name,
             solid.vertices,
             solid.faces,
             color=color,
             opacity=_faded(opacity, None),
-            flat_shading=len(solid.faces) < FLAT,
         )
         at_rest(node)
 
@@ -142,7 +140,8 @@ class BatchedBodies:
         for i, ((kind, file, taper, opacity), parts) in enumerate(found.items()):
             plain = not file and taper == opacity == 1.0
             name = f"/bodies/{kind}" if plain else f"/bodies/{kind} {i}"
-            self._batches.append(self._batch(name, shapes.unit(kind, file, taper), parts))
+            solid = shapes.creased(shapes.unit(kind, file, taper))
+            self._batches.append(self._batch(name, solid, parts))
 
     def _batch(self, name: str, solid: Any, parts: list[tuple[int, shapes.Piece]]) -> Any:
         owner = np.array([k for k, _ in parts])
@@ -157,7 +156,6 @@ class BatchedBodies:
             batched_scales=np.array([piece.size for _, piece in parts]),
             batched_colors=np.array([p.color or self._looks[k - 1].color for k, p in parts]),
             opacity=_faded(parts[0][1].opacity, None),
-            flat_shading=len(solid.faces) < FLAT,
             lod="off",
         )
 

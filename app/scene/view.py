@@ -27,7 +27,6 @@ from .camera import CameraView, ground
 from .camera import viewpoint as viewpoint
 from .marks import looks
 from .nodes import (
-    FLAT,
     PULLING,
     BatchedBodies,
     Bodies,
@@ -180,13 +179,15 @@ def _filling(client: viser.ClientHandle, look: Look, size: float, at: int) -> vi
         drawn.append((f"fill/{i}" if i else "fill", color, tuple(pieces)))
     for part, color, pieces in drawn:
         solid = shapes.mesh(pieces)
+        solid.vertices += ABOVE * size * solid.vertex_normals
+        if part != "outline":
+            solid = shapes.creased(solid)
         client.scene.add_mesh_simple(
             f"{node}/{part}",
-            solid.vertices + ABOVE * size * solid.vertex_normals,
+            solid.vertices,
             solid.faces,
             color=color,
             opacity=BEHIND if part == "behind" else None,
-            flat_shading=len(solid.faces) < FLAT and part != "outline",
             side="back" if part == "outline" else "front",
             cast_shadow=False,
             receive_shadow=False,

@@ -32,15 +32,17 @@ PAINTS: tuple[Color, ...] = (
 )  # fmt: skip
 COAT, RUBBER, TINT = (
     (218, 220, 224),
-    (76, 84, 98),
+    (108, 114, 125),
     0.75,
 )  # colours of bodies, and the share of the paint
 LUMA = (0.299, 0.587, 0.114)  # weights of red, green and blue (ITU-R BT.601)
 LARGEST = float(np.finfo(float).max ** 0.5) / 10  # [m] squares of it can be added
 STAND_IN: Color = (214, 51, 132)  # magenta, which no branch has
-# radii relative to the length of a link: of its hub, and of the rod and of the bob at a mass centre
-# relative to the hub's; least radius [m]
+# radii: of a joint relative to the length of its link, of the rod and of the bob at a mass centre
+# relative to the joint; least radius [m]
 SLENDER, ROD, BOB, THINNEST = 0.11, 0.65, 1.3, 0.004
+PROUD = 1.4  # radius of a joint relative to that of a slender shape
+CREASE = math.radians(30)  # more than between the facets of round solids, less than at corners
 SHORTEST = 10 * THINNEST  # [m] a shorter link is drawn as a box, as large as which a model is shown
 
 
@@ -76,7 +78,9 @@ def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
     if len(own) < len(seen):
         rods = _links(body, links)
         return own + tuple(replace(rod, color=STAND_IN, opacity=0.5) for rod in rods)
-    return own if body.shapes else _with_bob(body, _links(body, links))
+    if not body.shapes:
+        return _with_bob(body, _links(body, links))
+    return own if any(piece.color or piece.file for piece in own) else (*own, *_pin(body, own))
 
 
 def _missing(shape: Any) -> bool:
@@ -100,17 +104,24 @@ def _links(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
 
 
 def _hub(body: Any, radius: float) -> tuple[Piece, ...]:
-    """Return the piece that connects the rods of a body to its joint: a bushing, a carriage or a
-    ball."""
+    """Return the joint of a body: a pin along its axis, a sleeve or a ball."""
     if not body.sequence:
         return ()
     kind, axis, edge = body.sequence[-1].kind, body.sequence[-1].axis, 2 * radius
-    if kind not in ("rotate", "translate"):
-        return (Piece("sphere", (edge, edge, edge), (0.0, 0.0, 0.0), np.eye(3)),)
-    along = frame_of(np.asarray(axis) / np.linalg.norm(axis))
-    if kind == "rotate":
-        return (Piece("cylinder", (edge, edge, edge), (0.0, 0.0, 0.0), along),)
-    return (Piece("box", (edge, edge, 2 * edge), (0.0, 0.0, 0.0), along),)
+    along, solid, long = np.eye(3), "sphere", edge
+    if kind in ("rotate", "translate"):
+        along = frame_of(np.asarray(axis) / np.linalg.norm(axis))
+        solid, long = ("cylinder", edge) if kind == "rotate" else ("box", 2 * edge)
+    color = None if body.joint == "free" else RUBBER
+    return (Piece(solid, (edge, edge, long), (0.0, 0.0, 0.0), along, color=color),)
+
+
+def _pin(body: Any, own: Sequence[Piece]) -> tuple[Piece, ...]:
+    """Return the joint of a body with plain shapes that are as slender as links, or nothing."""
+    sizes = np.array([piece.size for piece in own])
+    if not own or body.joint == "free" or sizes.min() > 2 * SLENDER * sizes.max():
+        return ()
+    return _hub(body, float(PROUD * sizes.min() / 2))
 
 
 def _with_bob(body: Any, rods: tuple[Piece, ...]) -> tuple[Piece, ...]:
@@ -163,6 +174,12 @@ def mesh(parts: Sequence[Piece]) -> Any:
     """Return the pieces as one trimesh.Trimesh in body axes."""
     solids = [_solid(part) for part in parts]
     return needed("trimesh").util.concatenate(solids)
+
+
+def creased(solid: Any) -> Any:
+    """Return a trimesh whose faces share no vertices across edges sharper than CREASE, so that
+    renderers shade boxes and the ends of cylinders flat."""
+    return needed("trimesh").graph.smooth_shade(solid, angle=CREASE, facet_minarea=None)
 
 
 def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
@@ -363,7 +380,7 @@ def shade(color: Color | None) -> Color | None:
     if color is None:
         return None
     light = sum(w * c for w, c in zip(LUMA, color)) / 255
-    return RUBBER if light < 0.42 else COAT if light > 0.8 else None
+    return RUBBER if light < 0.46 else COAT if light > 0.8 else None
 
 
 def _tinted(paint: Color) -> Color:

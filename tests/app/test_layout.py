@@ -104,6 +104,32 @@ def test_a_body_without_a_shape_reaches_to_its_children():
         assert np.ptp(shapes.unit(kind).bounds, axis=0) == pytest.approx((1, 1, 1), rel=0.02)
 
 
+@pytest.mark.parametrize("shape", [None, pg.Shape(kind="capsule", radius=0.02, length=0.5)])
+def test_joints_are_seen_along_their_axes_in_a_colour_of_no_branch(shape):
+    for joint, kind in (("revolute", "cylinder"), ("prismatic", "box"), ("spherical", "sphere")):
+        axes = {} if joint == "spherical" else {"axes": (0, 1, 0)}
+        body = pg.Body(name="a", joint=joint, tip=(0, 0, 0.5), shape=shape, **axes)
+        rod, pin = shapes.pieces(body, ())
+        assert (pin.kind, pin.position) == (kind, (0.0, 0.0, 0.0))
+        assert pin.size[0] > rod.size[0]
+        assert joint == "spherical" or pin.rotation[:, 2] == pytest.approx((0, 1, 0))
+        assert rod.color is None
+        assert pin.color == shapes.shade(pin.color)  # whatever the colour of its body
+    cube = pg.Body(name="a", shape=pg.Shape(kind="box", size=(1, 1, 1)))
+    assert len(shapes.pieces(cube, ())) == 1
+
+
+def test_only_edges_are_sharp_in_the_light():
+    for kind, normals in (("box", 6), ("cylinder", 2 + 24), ("sphere", None)):
+        solid = shapes.unit(kind)
+        shaded = shapes.creased(solid)
+        assert shaded.area == pytest.approx(solid.area)
+        if normals is None:
+            assert len(shaded.vertices) == len(solid.vertices)
+        else:
+            assert len(np.unique(np.round(shaded.vertex_normals, 3) + 0.0, axis=0)) == normals
+
+
 @pytest.mark.parametrize(("size", "cell"), [(0.05, 0.05), (0.9, 0.5), (3.0, 2.0), (700.0, 500.0)])
 def test_grid_spacings_are_round(size, cell):
     assert shapes.spaced(size) == pytest.approx(cell)
