@@ -116,26 +116,11 @@ pgraph.stage = (() => {
         gl_Position.xy += pixels * gl_Position.w * way / max(length(way), 1e-6);`)}`;
     };
   }
-  // An arrow has a colour without light. It acts inside of bodies: what something hides of it is drawn too, fainter.
-  // Its node has its own act after it is drawn; the second time only the depth and the blending are others.
-  const USUAL = { depthFunc: 3, depthWrite: true, blending: 1 }, HIDDEN = { depthFunc: GREATER, depthWrite: false, blending: 5, blendSrc: 213, blendDst: 214, blendAlpha: 0.28 }; // of three.js
-  const twice = new WeakSet();
-  function behind(mesh) {
-    if (twice.has(mesh)) return;
-    twice.add(mesh);
-    const own = mesh.onAfterRender;
-    mesh.renderOrder = 3;
-    mesh.onAfterRender = function (gl, scene, camera, geometry, material, group) {
-      Object.assign(material, HIDDEN);
-      gl.renderBufferDirect(camera, scene, geometry, material, mesh, group);
-      Object.assign(material, USUAL);
-      own.call(mesh, gl, scene, camera, geometry, material, group);
-    };
-  }
+  // An arrow has a colour without light. It acts inside of bodies, so nothing hides it.
   for (const [arrows, colour] of [["/forces", "--force"], ["/loads", "--s1"], ["/pull", "--accent"]]) {
-    viser.frame(() => node(arrows)?.traverse((mesh) => { if (mesh.material) behind(mesh); }));
+    viser.frame(() => node(arrows)?.traverse((mesh) => { mesh.renderOrder = 4; }));
     viser.materials(arrows, (material) => {
-      if (!material.transparent) Object.assign(material, { transparent: true, toneMapped: false, needsUpdate: true });
+      if (!material.transparent) Object.assign(material, { transparent: true, toneMapped: false, depthTest: false, needsUpdate: true });
       material.color.setScalar(0);
       material.emissive.set(tone(colour));
     });

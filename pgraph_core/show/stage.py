@@ -35,10 +35,10 @@ class Tones(NamedTuple):
     shadow: float  # on the floor
 
 
-LIGHT = Tones((238, 241, 245), (250, 251, 252), (195, 202, 213), (255, 255, 255), (150, 157, 170),
-              1.75, 1.5, 0.4, 0.7, 0.34)  # fmt: skip
-DARK = Tones((14, 17, 22), (29, 35, 44), (62, 71, 85), (206, 218, 240), (72, 82, 100),
-             1.3, 1.6, 0.4, 1.1, 0.55)  # fmt: skip
+LIGHT = Tones((226, 231, 238), (243, 246, 249), (182, 190, 202), (255, 255, 255), (150, 157, 170),
+              1.75, 1.8, 0.45, 0.7, 0.4)  # fmt: skip
+DARK = Tones((16, 20, 26), (44, 51, 62), (84, 94, 110), (206, 218, 240), (72, 82, 100),
+             1.3, 1.6, 0.4, 1.1, 0.6)  # fmt: skip
 WARM, COOL = (255, 246, 234), (214, 226, 255)  # colours of the key and the rim
 # Towards the lights, with z up and the camera at the start as in TOWARDS.
 KEY, RIM, SKY = (1.6, -1.5, 3.4), (-2.0, 2.4, 1.2), (0.0, 0.0, 1.0)
