@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
 from .. import words
-from ..dynamics.arguments import stretched
 from ..errors import explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
@@ -25,11 +23,9 @@ from .plan import begun_with, plan_of
 from .recorded import result_of
 from .recording import Recording
 from .start import (
-    begun_anew,
     by_names,
-    directionless,
     given_states,
-    placed_twice,
+    notices_of_start,
     refuse_interval,
     rows_of,
     torques_or_drives,
@@ -175,9 +171,8 @@ def simulate(
         forces, switches, estimate,
         () if inputs is None else inputs_of(inputs, "simulate"),
     )  # fmt: skip
-    if isinstance(q, tuple):
-        refuse_interval(q, v, t_end)
     if q is not None or v is not None:
+        refuse_interval(q, v, t_end)
         q, v = by_names(mech, scenario, q, v, tau)
     plan = plan_of(mech, options, tau, q, v)
     if states is not None:
@@ -187,17 +182,10 @@ def simulate(
     monitors = () if events is NO_EVENTS else monitors_of(events, (mech.nq, mech.nv))
     record = Recording(mech, plan, *state, tau, monitors)
     if len(wrt):
-        from .sensitivity import Carried
-        from .variables import Given, variables_of
+        from .sensitivity import derivatives_of
 
-        alone = mech.packed.run is mech.packed  # the start of a control may depend on q and v
-        kept = plan.__dict__.setdefault("_slopes", {}) if alone else None
-        given = Given(mech, options, replace(plan, start=state), tau, q, v, wrt, kept)
-        record.carried = Carried(given, variables_of(given, wrt))
-    record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
-    record.ended.notices += placed_twice(mech, state[0])
-    record.ended.notices += directionless(mech, scenario, forces, state[0])
-    record.ended.notices += begun_anew(mech, scenario) if states is not None else []
+        record.carried = derivatives_of(record, options, q, v, wrt)
+    record.ended.notices += notices_of_start(mech, options, q, states, state[0])
     built, busy = time.perf_counter(), time.thread_time()
     with shown_progress(progress, "simulate") as bar:
         record.run(bar)

@@ -28,6 +28,7 @@ from ..result.records import Derivatives
 from ..tolerances import EPS, NOTABLE, VISIBLE
 from .corners import Corners
 from .duals import Parts, RunOfDuals
+from .options import Options
 from .plan import RunPlan
 from .recorded import result_of
 from .recording import Recording, scene_of
@@ -57,6 +58,19 @@ class Jump(NamedTuple):
 
     times: list[Array]  # (MOST,) of each run
     rates: Array  # change of the rates of the state at the jump, before minus after
+
+
+def derivatives_of(record: Recording, options: Options, q: Any, v: Any, wrt: Any) -> Carried:
+    """Return the derivatives of a recording that was begun with these arguments of `simulate`.
+
+    Raises InputError for unknown parameters, and for a run that has no derivatives.
+    """
+    mech, plan = record.mech, record.plan
+    alone = mech.packed.run is mech.packed  # the start of a control may depend on q and v
+    kept = plan.__dict__.setdefault("_slopes", {}) if alone else None
+    plan = replace(plan, start=record.given)
+    given = Given(mech, options, plan, record.tau, q, v, wrt, kept)
+    return Carried(given, variables_of(given, wrt))
 
 
 class Carried:

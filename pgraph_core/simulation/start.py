@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dynamics.arguments import fill, finite, names_in, of_state, position
+from ..dynamics.arguments import fill, finite, names_in, of_state, position, stretched
 from ..errors import InputError, Problem, choices, nearest_first, shown
 from ..forces import BetweenPoints, Force, points_of
 from ..mechanism import Mechanism
@@ -16,6 +16,7 @@ from ..packing import Array
 from ..packing.signals import states_of
 from ..portable import array_of
 from ..tolerances import ROUNDING
+from .options import Options
 
 if TYPE_CHECKING:
     from ..gait.controller import Controller
@@ -128,6 +129,16 @@ def given_states(mech: Mechanism, states: Any) -> Array:
     return found
 
 
+def notices_of_start(
+    mech: Mechanism, options: Options, q: Any, states: Any, at: Array
+) -> list[str]:
+    """Return notices about the start of a run at the position `at`, given by `q` and `states`."""
+    found = stretched(mech.packed, at) if q is not None else []
+    found += placed_twice(mech, at)
+    found += directionless(mech, options.scenario, options.forces, at)
+    return found + (begun_anew(mech, options.scenario) if states is not None else [])
+
+
 def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
     """Return a notice about drives whose internal states are not continued."""
     acting = (*mech.model.forces, *(mech.model.scenario(scenario).forces if scenario else ()))
@@ -138,9 +149,10 @@ def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
     return [f"the states (lag, integral) {text}: {choices(names)}"]
 
 
-def refuse_interval(q: tuple[Any, ...], v: Any, t_end: float | None) -> None:
+def refuse_interval(q: Any, v: Any, t_end: float | None) -> None:
     """Raise InputError if q and v look like the interval and the state of SciPy's solve_ivp."""
-    if t_end is None and v is not None and len(q) == 2 and q[0] == 0 < q[1]:
+    unended = isinstance(q, tuple) and v is not None and t_end is None
+    if unended and len(q) == 2 and q[0] == 0 < q[1]:
         span = f"({q[0]:g}, {q[1]:g})"
         text = f"{span} is a time span or two positions: write t_span={span} and q=..., v=..., or "
         text += f"for positions the list {shown([*q])}"

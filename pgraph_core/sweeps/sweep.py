@@ -10,7 +10,7 @@ import io
 import itertools
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from inspect import signature
@@ -38,7 +38,7 @@ from ..model import Model
 from ..model.files import write_atomic
 from ..portable import Portable, installed
 from ..simulation import simulate
-from ..simulation.options import shown_progress
+from ..simulation.options import Progress, shown_progress
 from ..simulation.paths import Path, counting, distinct, with_numbers
 from .metrics import measured, metrics_of, said_of
 from .tasks import Row, Task, rows_of
@@ -247,42 +247,42 @@ def sweep(
         text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}, got {shown(set)}"
         raise InputError(Problem("sweep", "set", text))
     paths = [Path(base, given) for given in set]
-    names = tuple(path.text for path in paths)
-    _fitting(paths, samples, n, workers, out, resume)
-    metrics = metrics_of(metric)
+    names, metrics = tuple(path.text for path in paths), metrics_of(metric)
+    _fitting(paths, metrics, samples, n, workers, out, resume)
     points = points_of(dict(zip(names, set.values())), samples, n, seed)
-    given = tuple(x if isinstance(x, str) else tuple(x) for x in set)
-    for name in metrics:
-        if name in (*names, "status", "reason"):
-            text = f"{name!r} is a column of the table already; give the metric another name"
-            raise InputError(Problem("sweep", "metric", text))
     settings = {"scenario": scenario, **options}
     if "error_estimate" in metrics.values():
         settings.setdefault("estimate", True)
-    task = Task(base, given, metrics, settings, installed())
-    options = _known(options)
-    counting(paths, base, "sweep", scenario, options)
+    counting(paths, base, "sweep", scenario, _known(options))
     _tried(base, paths, points, metrics, settings)
+    given = tuple(x if isinstance(x, str) else tuple(x) for x in set)
+    task = Task(base, given, metrics, settings, installed())
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
-    rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
-    todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
-    finished = False
     try:
         with shown_progress(progress, "sweep") as told:
-            for found in rows_of(task, todo, workers, scheduler):
-                rows.update({row.point: row for row in found})
-                if kept:
-                    kept.append(found)
-                if told is not None and told(len(rows) / len(points)) is False:
-                    break
+            rows = _computed(task, points, kept, told, workers, scheduler)
         table = _table(names, points, tuple(metrics), rows)
         if kept and len(rows) == len(points):
-            table.save(kept.path)
-            finished = True
+            kept.finish(table)
     finally:
         if kept:
-            kept.close(finished=finished)
+            kept.close()
     return table
+
+
+def _computed(
+    task: Task, points: Array, kept: Kept | None, told: Progress, workers: Any, scheduler: Any
+) -> dict[int, Row]:
+    """Return the rows of all points until `told` ends the sweep, starting with the kept ones."""
+    rows = {row.point: row for row in kept.rows} if kept else {}
+    todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
+    for found in rows_of(task, todo, workers, scheduler):
+        rows.update({row.point: row for row in found})
+        if kept:
+            kept.append(found)
+        if told is not None and told(len(rows) / len(points)) is False:
+            break
+    return rows
 
 
 def _known(options: dict[str, Any]) -> dict[str, Any]:
@@ -298,9 +298,16 @@ def _known(options: dict[str, Any]) -> dict[str, Any]:
     return options
 
 
-def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, resume: bool) -> None:
+def _fitting(
+    paths: list[Path], metrics: Iterable[str], samples: str, n: Any, workers: Any, out: Any,
+    resume: bool,
+) -> None:  # fmt: skip
     """Reject arguments that contradict each other or have no effect."""
     distinct(paths, "sweep")
+    for name in metrics:
+        if name in (*(path.text for path in paths), "status", "reason"):
+            text = f"{name!r} is a column of the table already; give the metric another name"
+            raise InputError(Problem("sweep", "metric", text))
     if n is not None and samples == "grid":
         text = "is for samples of ranges: give samples='latin', 'sobol' or 'random' too"
         raise InputError(Problem("sweep", "n", text))
@@ -404,9 +411,14 @@ class Kept:
             raise FileError(Problem(str(self._part), "", text)) from None
         self.rows += rows
 
-    def close(self, *, finished: bool) -> None:
-        """Close the file. It is deleted if the table has been written or there are no points."""
-        if finished or not self.rows:
+    def finish(self, table: Sweep) -> None:
+        """Write the table of all points, and delete the file."""
+        table.save(self.path)
+        self._part.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Delete the file if it has no points."""
+        if not self.rows:
             self._part.unlink(missing_ok=True)
 
 
