@@ -3,13 +3,14 @@
 Living figures are made by the commands that stand in the gallery; the notebooks are run.
 """
 
+import json
 import re
 import shlex
 from html import escape
 from importlib.metadata import version as version_of
 from pathlib import Path
 
-from docutils.nodes import SkipNode
+from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.ext.napoleon import Config, NumpyDocstring
 
@@ -106,6 +107,31 @@ def make_redirects(app, error):
         Path(app.outdir, f"{old}.html").write_text(text, encoding="utf-8")
 
 
+def make_sections(app, error):
+    """Write the words of each section, which the search reads."""
+    if app.builder.format != "html" or error:
+        return
+    found = []
+    for page in sorted(app.env.found_docs - {"api", "fields"}):  # generated, and found by name
+        doctree = app.env.get_doctree(page)
+        for section in doctree.findall(nodes.section):
+            own = [x for x in section.children if not isinstance(x, (nodes.section, nodes.raw))]
+            words = re.findall(r"[^\W\d_]+", " ".join(x.astext() for x in own).lower())
+            title = section.next_node(nodes.title).astext()
+            found.append(
+                (page, app.env.titles[page].astext(), section["ids"][0], title, " ".join(words))
+            )
+    text = f"const SECTIONS = {json.dumps(found, ensure_ascii=False)};\n"
+    Path(app.outdir, "_static", "sections.js").write_text(text, encoding="utf-8")
+
+
+def find_sections(app, pagename, templatename, context, doctree):
+    """Let the search page find sections."""
+    if pagename == "search":
+        for file in ("sections.js", "search.js"):
+            app.add_js_file(file, loading_method="defer")
+
+
 def shown_output(output):
     """What a cell printed or gave, as HTML; without progress bars."""
     if output.output_type == "stream":
@@ -135,13 +161,15 @@ def as_text(app, what, name, obj, options, lines):
 def write_math(writer, node):
     """An equation as MathML."""
     writer.body.append(tex2mathml(node.astext(), as_block=node.tagname == "math_block"))
-    raise SkipNode
+    raise nodes.SkipNode
 
 
 def setup(app):
     """Called by Sphinx."""
     app.connect("builder-inited", make_figures)
     app.connect("builder-inited", make_notebooks)
+    app.connect("html-page-context", find_sections)
+    app.connect("build-finished", make_sections)
     app.connect("build-finished", make_redirects)
     app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))
     app.connect("autodoc-process-docstring", as_text)

@@ -1,5 +1,6 @@
 """The site of the documents: it builds without a warning, and all in it leads somewhere."""
 
+import json
 import re
 import subprocess
 import sys
@@ -38,6 +39,22 @@ def test_links_and_figures_of_the_site_are_there_and_nothing_loads_from_outside(
             assert there.is_file(), f"{page.name}: {link}"
             if anchor and there in pages:
                 assert f'id="{anchor}"' in pages[there], f"{page.name}: {link}"
+
+
+def test_the_search_leads_to_sections_that_exist(site):
+    """Its script replaces a function of Sphinx and uses names of it."""
+    folder = site / "_static"
+    sections = json.loads((folder / "sections.js").read_text().partition("=")[2].rstrip(" ;\n"))
+    assert len(sections) > 5 * len(DOCS)
+    for page, _, anchor, _, _ in sections:
+        assert f'id="{anchor}"' in (site / f"{page}.html").read_text()
+    assert 'src="_static/sections.js' in (site / "search.html").read_text()
+    theirs = (folder / "searchtools.js").read_text()
+    for name in re.findall(
+        r"(?:Search|index)\.(\w+)|SearchResultKind", (folder / "search.js").read_text()
+    ):
+        assert name in theirs
+    assert "performTermsSearch: (searchTerms, excludedTerms) =>" in theirs
 
 
 def test_the_site_has_the_reference_the_equations_and_the_figures(site):
