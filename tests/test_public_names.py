@@ -4,6 +4,7 @@ import ast
 import copy
 import inspect
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -37,6 +38,11 @@ def test_every_public_name_is_there_and_documented():
         value = getattr(pg, name)
         assert value.__doc__, name
         assert value.__module__.split(".")[0] == "pgraph_core", name
+
+
+def test_the_reference_lists_every_public_name():
+    text = (Path(__file__).parent.parent / "docs" / "api.md").read_text()
+    assert {*re.findall(r"^\.\. auto\w+:: (\w+)$", text, re.MULTILINE)} == {*pg.__all__}
 
 
 def test_calls_with_a_mapping_or_a_function_have_an_example():
