@@ -390,6 +390,8 @@ class Recording(Running):
     def _last_frame(self) -> None:
         """Record the current state as the last frame."""
         control, t = self.steps.control, float(self.steps.control["time"])
+        # the step from which the event led back may have changed phases after t
+        self._changes = [rows[rows["when"] <= t] for rows in self._changes]
         i = int(control["frame"])
         if i and self.steps.times[i - 1] == t:
             return

@@ -85,6 +85,15 @@ def test_events_between_impacts(options):
     np.testing.assert_allclose(found, exact, atol=1e-9 if options else 3e-3)
 
 
+@pytest.mark.parametrize(("direction", "impacts"), [(-1, 0), (1, 1)])
+def test_a_run_that_stops_near_an_impact_lists_events_up_to_its_end(direction, impacts):
+    """The ball passes 1 mm and lands within one step, and passes 1 mm again right after it."""
+    stop = crossing(1e-3, terminal=True, direction=direction)
+    run = pg.simulate(falling(law="complementarity", restitution=0.5), step=1e-3, events=stop)
+    times = [event.t for event in run.events]
+    assert times == pytest.approx([np.sqrt(2 / G)] * impacts + [run.t[-1]], abs=1e-6)
+
+
 def broken(t, q, v):
     raise ValueError("no luck")
 
