@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path as FilePath
 from statistics import NormalDist
 from typing import Any
@@ -98,6 +99,7 @@ def fit(
     free: Mapping[Any, Sequence[float]],
     *,
     t: Any = None,
+    t_start: float | None = None,
     scenario: str | None = None,
     sigma: Mapping[str, float] | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
@@ -127,6 +129,9 @@ def fit(
         in a single measurement.
     t : (n,) array, optional
         Times of the data [s], for a dictionary without a column "t".
+    t_start : float, optional
+        Time of the initial state [s], at most the first time of the data. By default, the initial
+        state is that of the first row of each measurement.
     scenario : str, optional
         Name of the scenario to run.
     sigma : dict, optional
@@ -158,7 +163,8 @@ def fit(
     """
     base = described("fit", model)
     data = data if t is None or not isinstance(data, Mapping) else {**data, "t": t}
-    given = options if scenario is None else {"scenario": scenario, **options}
+    given = {"t_start": t_start, "scenario": scenario, **options}
+    given = {name: value for name, value in given.items() if value is not None}
     task = _Task(base, data, free, given, progress)
     sigmas, known = _noise(task, sigma), _priors(task.numbers, priors)
     return task.fitted(sigmas, known, option("fit", "loss", loss, [*LOSSES]))
@@ -177,15 +183,20 @@ class _Task:
         for name, (table, own) in _cases(data).items():
             columns, units = measured(table)
             t = columns.pop("t")
-            times = {"t_eval": t, "t_start": 0.0, "t_end": float(t[-1])}
-            cases.append(Case(name, {**options, **own, **times}))
+            times = {"t_eval": t, "t_end": float(t[-1])}
+            cases.append(Case(name, {"t_start": float(t[0]), **options, **own, **times}))
             self.data.append(columns)
             self._units.append(units)
         self.numbers = Numbers("fit", model, free, cases)
         for own in (options, *(own for _, own in _cases(data).values())):
-            for name in ("t_eval", "frames", "t_start", "t_end"):
+            for name in ("t_eval", "frames", "t_end"):
                 if name in own:
-                    raise self.numbers.refused(name, "is not given: times come from the data")
+                    raise self.numbers.refused(name, "must not be given: times come from the data")
+        for case in cases:
+            start, first = case.options["t_start"], case.options["t_eval"][0]
+            if isinstance(start, Real) and start > first:
+                text = f"must be at most the first time of the data, {first:g} s, got {start:g} s"
+                raise self.numbers.refused("t_start", text)
         self.labels = [
             f"{column}@{case.name}" if case.name else column
             for case, columns in zip(cases, self.data) for column in columns

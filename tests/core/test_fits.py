@@ -44,6 +44,54 @@ def test_fits_find_the_truth_within_their_errors():
     assert found.model.body("lower").mass == found.values["bodies.lower.mass"]
 
 
+def swinging(first, **options):
+    """Times from `first` on, and the motion of a damped pendulum that starts then, or earlier."""
+    rod = pg.Body(name="rod", axes=(0, 1, 0), com=(0, 0, -0.5), damping=0.2, inertia=(0.02,) * 3)
+    model, t = pg.Model(bodies=[rod]), first + TIMES
+    given = {"t_start": first, "estimate": False, **FIT, **options}
+    return model, {"t": t, "rod": pg.simulate(model, [1.0], t_eval=t, **given)["rod"]}
+
+
+DAMPING = {"bodies.rod.damping": (0.0, 1.0)}
+
+
+@pytest.mark.parametrize("first", [0.0, 0.2, 5.0, -3.0, 1.7e9])
+def test_the_initial_state_is_that_of_the_first_row(first):
+    """A pendulum does not depend on the origin of time, be it the clock of a logger."""
+    model, data = swinging(first)
+    found = pg.fit(model.edit("rod", damping=0.05), data, DAMPING, q=[1.0], **FIT)
+    assert found.x == pytest.approx([0.2], rel=1e-5)  # 1.7e9 s are rounded to 2e-7 s
+
+
+def test_each_measurement_starts_with_its_own_first_row():
+    model = swinging(0.0)[0].edit("rod", damping=0.05)
+    cases = {str(first): (swinging(first)[1], {"q": [1.0]}) for first in (0.0, 5.0, -3.0)}
+    assert pg.fit(model, cases, DAMPING, **FIT).x == pytest.approx([0.2], rel=1e-7)
+
+
+def test_the_initial_state_may_lie_before_the_data():
+    model, data = swinging(0.0)
+    late = {name: values[40:] for name, values in data.items()}
+    start = model.edit("rod", damping=0.05)
+    found = pg.fit(start, late, DAMPING, t_start=0, q=[1.0], **FIT)
+    assert found.x == pytest.approx([0.2], rel=1e-7)
+    own = pg.fit(start, {"late": (late, {"t_start": 0.0, "q": [1.0]})}, DAMPING, **FIT)
+    assert own.x == pytest.approx([0.2], rel=1e-7)
+    for first in (0.5, "0", np.nan):
+        with pytest.raises(pg.InputError):
+            pg.fit(start, late, DAMPING, t_start=first, q=[1.0], **FIT)
+
+
+def test_functions_of_time_keep_the_times_of_the_data():
+    push = pg.Motor(name="push", body="rod", torque="=2*sin(8*t)")
+    model, _ = swinging(0.0)
+    model = model.add(push)
+    t = 0.3 + TIMES
+    data = {"t": t, "rod": pg.simulate(model, [1.0], t_start=0.3, t_eval=t, **FIT)["rod"]}
+    found = pg.fit(model.edit("rod", damping=0.05), data, DAMPING, q=[1.0], **FIT)
+    assert found.x == pytest.approx([0.2], rel=1e-7)
+
+
 def test_files_and_tables_are_read_like_dicts(tmp_path):
     pandas = pytest.importorskip("pandas")
     data = measured(0)
