@@ -1,7 +1,7 @@
 // The digraph as a drawn tree, and the Pgraph and jdof vectors below it; every entry selects its body.
 pgraph.digraph = (() => {
   const { make, svg } = pgraph;
-  const RADIUS = 11, CORNER = 6, GAP = 6, EDGE = 8; // [px], the last ones around a name and within the panel
+  const RADIUS = 11, CORNER = 6, GAP = 6, NAME = 8, EDGE = 8; // [px], the last ones around a name and within the panel
   const pen = document.createElement("canvas").getContext("2d");
   const SPLIT = 1600; // [px] of the window from which the tree is drawn at first
   const select = (name) => pgraph.send("Select", { body: name });
@@ -17,7 +17,7 @@ pgraph.digraph = (() => {
     host.replaceChildren(
       make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas)),
       host.pgraphSteps,
-      make("h4", {}, make("span", { title: "Pgraph: the order of a walk round the tree. jdof, below it: the degrees of freedom that each entry adds", textContent: "Pgraph, jdof" }),
+      make("h4", {}, make("span", { title: "Pgraph: the order of a walk round the tree. jdof, below it: the degrees of freedom that each entry adds. In italics: back at a body that several branches leave", textContent: "Pgraph, jdof" }),
         make("button", { className: "link walk", textContent: "Steps", title: "The seven steps that make Pgraph, and a frame update", onclick: () => pgraph.steps.toggle() })),
       make("div", { className: "vectors", onclick: (event) => { const entry = event.target.closest(".entry"); if (entry) select(entry.dataset.name || null); } }));
     canvas.addEventListener("click", (event) => {
@@ -60,19 +60,22 @@ pgraph.digraph = (() => {
     if (data.kind !== "tree" || room <= 0) return data;
     const next = x.map((at, k) => Math.min(...x.filter((other, j) => y[j] === y[k] && other > at)));
     const by = Math.min(1, Math.max(room / width, (2 * RADIUS + GAP) / Math.min(...next.map((other, k) => other - x[k]))));
-    const rooms = x.map((at, k) => by * (Math.min(next[k] - RADIUS, width) - at) - RADIUS - GAP);
+    const rooms = x.map((at, k) => by * (Math.min(next[k], width) - at) - (next[k] < width ? 2 : 1) * RADIUS - NAME - GAP);
     const moved = (at) => EDGE + at * by;
     return { ...data, rooms, x: x.map(moved), width: width * by + 2 * EDGE, routes: data.routes.map((points) => points.map(([at, high]) => [moved(at), high])) };
   }
-  // As much of a name as there is room for: of its first word the initial.
+  // A name in one line, or in two of about the same length, or as much of it as there is room for.
   function label(name, room) {
     pen.font = `600 11px ${getComputedStyle(document.querySelector(".pgraph")).fontFamily}`;
     const fits = (text) => pen.measureText(text).width <= room;
-    const short = fits(name) ? name : name.replace(/^(.)[^_ ]+[_ ]/, "$1. ");
-    if (fits(short)) return short;
-    let n = short.length - 1;
-    while (n && !fits(`${short.slice(0, n)}…`)) n--;
-    return n ? `${short.slice(0, n)}…` : "";
+    if (fits(name)) return name;
+    const uneven = (two) => Math.abs(two[0].length - two[1].length);
+    const halves = [...name.matchAll(/[_ ]/g)].map(({ index }) => [name.slice(0, index + 1), name.slice(index + 1)]).sort((a, b) => uneven(a) - uneven(b));
+    const two = halves.find((each) => each.every(fits));
+    if (two) return two.join("\n");
+    let n = name.length - 1;
+    while (n && !fits(`${name.slice(0, n)}…`)) n--;
+    return n ? `${name.slice(0, n)}…` : "";
   }
 
   function draw(host, payload) {
@@ -133,7 +136,7 @@ pgraph.digraph = (() => {
       const again = met.has(k);
       met.add(k);
       const made = part(["entry", i, k, name, again, data.jdof[i]], () => make("span", {
-        className: again ? "entry again" : "entry", title: `${again ? "back to " : ""}${name}, jdof ${data.jdof[i]}`, "data-name": k > 0 ? name : "",
+        className: again ? "entry again" : "entry", title: again ? `Back to ${name} for its next branch: adds nothing, jdof ${data.jdof[i]}` : `${name}, jdof ${data.jdof[i]}`, "data-name": k > 0 ? name : "",
       }, make("span", { textContent: k }), make("span", { textContent: data.jdof[i] })));
       graph.entries[k].push(made);
       return made;
@@ -143,10 +146,10 @@ pgraph.digraph = (() => {
 
   function edge(data, k, part) {
     const p = data.parent[k - 1], x0 = data.x[p], y0 = data.y[p], x1 = data.x[k], y1 = data.y[k];
-    const d = `M${x0} ${y0} C${x0} ${y0 + 24} ${x1} ${y1 - 26} ${x1} ${y1 - RADIUS}`, dof = data.dof[k - 1];
+    const end = y1 - RADIUS - 1.5, d = `M${x0} ${y0} C${x0} ${y0 + 24} ${x1} ${y1 - 26} ${x1} ${end} m-3 -4.5 l3 4.5 l3 -4.5`, dof = data.dof[k - 1];
     return part(["edge", k, data.names[k - 1], d, dof, data.colors[k - 1]], () => {
       const g = svg("g", { class: "edge", "data-edge": data.names[k - 1], style: `--body: ${data.colors[k - 1]}` }, svg("path", { d }));
-      if (dof !== 1) g.append(written("dof", x1 + 4, y1 - RADIUS - 4, dof)); // one is ordinary
+      if (dof !== 1) g.append(written("dof", x1 + (x0 > x1 ? -12 : 7), y1 - RADIUS - 4, dof)); // one is ordinary
       return g;
     });
   }
@@ -199,7 +202,8 @@ pgraph.digraph = (() => {
       style: `--body: ${data.colors[k - 1]}`,
     });
     if (kind === " separation") g.append(svg("circle", { class: "outer", cx: x, cy: y, r: RADIUS + 3 }));
-    g.append(svg("title"), svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k), written("label", x + RADIUS + 5, y + 4, said));
+    g.append(svg("title"), svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k),
+      ...said.split("\n").map((line, i, all) => written("label", x + RADIUS + NAME, y + (all.length > 1 ? 12 * i - 2 : 4), line)));
     return g;
   }
   const numberAt = (el) => Number(el.closest?.("g.node")?.dataset.number ?? 0);

@@ -45,7 +45,7 @@
     if (box.dataset.of === `${start} ${end}`) return;
     box.dataset.of = `${start} ${end}`;
     const { at, step } = end > start ? pgraph.ticks(start, end, 10) : { at: [] };
-    box.replaceChildren(...at.map((t) => Object.assign(make("span", { textContent: pgraph.tick(t, step) }), { style: `left:${(100 * (t - start)) / (end - start)}%` })));
+    box.replaceChildren(...at.map((t) => Object.assign(make("span", { textContent: pgraph.tick(t, step) }), { style: `left:${(100 * (t - start)) / (end - start)}%` + (end - t < step / 2 ? ";translate:-100%" : "") })));
   }
   function told(host, time) {
     const [now, total] = host.querySelector(".time").children;

@@ -97,7 +97,7 @@
       const parsed = new DOMParser().parseFromString(svg || "<svg xmlns='http://www.w3.org/2000/svg'/>", "image/svg+xml");
       for (const script of parsed.querySelectorAll("script")) script.remove();
       figure.replaceChildren(document.importNode(parsed.documentElement, true));
-      if (host.pgraphShow) host.querySelector(".outcomes").scrollIntoView({ block: "start" });
+      if (host.pgraphShow) host.closest(".pane").scrollTop = 0;
       host.pgraphShow = false;
     }
   }

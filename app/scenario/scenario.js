@@ -109,7 +109,8 @@
       if (by) { event.preventDefault(); look(events[host.pgraphShown + by]); }
     };
     host.pgraphShown = null;
-    host.replaceChildren(make("ol", { className: "falls", role: "listbox", tabIndex: 0, "aria-label": "events", onkeydown }, ...events.map(line)));
+    const head = make("div", { className: "fall head" }, ...["Time s", "Where", "What"].map((one) => text("span", one === "Time s" ? "t" : "", one)));
+    host.replaceChildren(head, make("ol", { className: "falls", role: "listbox", tabIndex: 0, "aria-label": "events", onkeydown }, ...events.map(line)));
     follow(host);
   }
   // The last event so far is marked and in sight, and those to come are fainter.

@@ -30,7 +30,8 @@ def walker(page: Any, served: Server, compiled: Server) -> Iterator[Any]:
 
 # whether bodies hide shafts and heads
 HIDES = """() => { const found = [];
-  window.__viserMutable.nodeRefFromName["/forces"]?.traverse(({ material }) => { if (material) found.push(material.depthTest); });
+  window.__viserMutable.nodeRefFromName["/forces"]?.traverse(({ material }) => {
+    if (material) found.push(material.depthTest); });
   return found.join(); }"""
 
 

@@ -86,6 +86,22 @@ INSIDE = """(name) => {
 }"""
 
 
+def test_the_drawn_tree_has_whole_names_and_stays_within_its_place(page, served):
+    long = pg.Model.serial(30).edit("30", name="a_name_of_some_length_in_two_lines")
+    opened(page, served, long)
+    page.evaluate("pgraph.digraph.toggle(true, false)")
+    tree = page.locator("svg.digraph")
+    tree.wait_for()
+    edges = "(e) => { const { top, bottom } = e.getBoundingClientRect(); return [top, bottom]; }"
+    sheet = page.locator(".picture .sheet").evaluate(edges)
+    numbers = page.locator('[data-view="digraph"] > h4').evaluate(edges)
+    assert tree.bounding_box()["height"] > sheet[1] - sheet[0]  # it scrolls
+    assert sheet[1] <= numbers[0] + 1
+    lines = node(page, "a_name_of_some_length_in_two_lines").locator("text.label")
+    assert "".join(lines.all_text_contents()) == "a_name_of_some_length_in_two_lines"
+    page.evaluate("pgraph.digraph.toggle(false, false)")
+
+
 def test_the_seven_steps_and_a_frame_update_are_stepped_through(page, served):
     page.get_by_role("button", name="Steps", exact=True).click()
     page.wait_for_selector(".steps .said strong")
