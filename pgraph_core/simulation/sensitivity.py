@@ -344,14 +344,15 @@ class Carried:
             return []
         found, nq = [], len(self.given.plan.start[0])
         nv = len(self.given.plan.start[1])
-        values = self.out[0, ..., 0]
+        out = self._record.out
+        values = np.column_stack((out.q[rows], out.v[rows]))
         for one, mine, other in zip(self.variables, self._each(), finer._each()):
             path = one.path
             worst, first = 0.0, t[-1]
             for part in (slice(0, nq), slice(nq, nq + nv)):
                 a, b = mine[rows, part], other[others, part]
                 # below this, a change of the number by itself is not visible in the state
-                least = NOTABLE * np.abs(values[rows, part]).max(initial=0.0) / self.scale_of(path)
+                least = NOTABLE * np.abs(values[:, part]).max(initial=0.0) / self.scale_of(path)
                 sizes = np.nan_to_num(np.abs(b)).max(axis=1, initial=least)
                 apart = np.nan_to_num(np.abs(a - b)).max(axis=1, initial=0.0)
                 if (size := sizes.max()) > 0.0 and (share := float(apart.max() / size)) > VISIBLE:

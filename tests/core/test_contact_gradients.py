@@ -275,6 +275,34 @@ def test_a_soft_contact(method):
     assert max(found.values()) < 1e-5, found
 
 
+@pytest.mark.parametrize("depth", [1e-1, 1e-2, 1e-3, 1e-4])  # of the impact, relative to the radius
+def test_a_hard_soft_contact_has_right_derivatives_or_a_warning(depth):
+    """In the limit of a hard contact, t and v do not change in an elastic impact.
+
+    The ball falls without sliding, where the slip speed has no derivative but friction has.
+    """
+    g, height, radius = 9.81, 0.5, 0.1
+    ball = pg.Body(
+        name="ball", joint="prismatic", axes=(0, 0, 1), mass=1.0, inertia=(0.004, 0.004, 0.004),
+        shape=pg.Shape("sphere", radius=radius), q=radius + height,
+    )  # fmt: skip
+    stiffness = 1.25 * 2.0 * g * height / (radius * depth) ** 2.5
+    contact = pg.Contact(
+        name="c", body="ball", law="soft", stiffness=stiffness, damping=0.0, friction=0.3
+    )
+    model = pg.Model(bodies=(ball,), contacts=(contact,))
+    landed = np.sqrt(2.0 * height / g)
+    run = pg.simulate(model, t_eval=(0.0, 0.5 * landed, 1.3 * landed), wrt=["v.ball"])
+    found = run.sensitivity("v.ball")[:, 0]
+    assert found[1] == pytest.approx(0.5 * landed)
+    told = any("derivatives by v.ball are" in text for text in run.notices)
+    assert told or found[2] == pytest.approx(-0.7 * landed, rel=0.06)
+    assert told or depth > 1e-3
+    lossy = pg.Model(bodies=(ball,), contacts=(contact.model_copy(update={"damping": None}),))
+    run = pg.simulate(lossy, t_end=1.3 * landed, wrt=["v.ball"])  # touches at a depth of 0
+    assert np.isfinite(run.sensitivity("v.ball")).all()
+
+
 def test_laws_without_derivatives_are_refused():
     model = ball(**BALL).remove("c")
     for law in ({"law": "penalty", "stiffness": 1e4}, {"rolling_friction": 0.01}):

@@ -32,7 +32,7 @@ from ..vec import (
     xyz,
 )
 from .placing import place
-from .restitution import factor_tree, loss_of_touch, lost_share
+from .restitution import elastic_force, factor_tree, loss_of_touch, lost_share
 from .search import find_contacts
 
 _save, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
@@ -357,22 +357,22 @@ def compliant_force(contacts, n, law, u, loss):
     speed = -dot(u, normal)
     slide = add_scaled(u, speed, normal)
     slide = add_scaled(slide, -dot(slide, normal), normal)  # once more: what rounding has left
-    slip = math.sqrt(dot(slide, slide))
-    k = law.stiffness
+    slip_2 = dot(slide, slide)  # unlike the slip itself, it has derivatives where it is zero
+    slip = math.sqrt(slip_2)
     c = loss if law.law == PENALTY and law.loss > 0.0 else law.damping
     mu = law.friction
     if law.law == SOFT:
         more = lost_share(law, speed, loss) if law.loss > 0.0 else c * speed
-        size = max(k * depth * math.sqrt(depth) * (1.0 + more), 0.0)
+        size = max(elastic_force(law, depth) * (1.0 + more), 0.0)
         creep = max(CREEP, SOLVED * abs(speed))
-        drag = mu * size / math.sqrt(slip * slip + creep * creep)
+        drag = mu * size / math.sqrt(slip_2 + creep * creep)
         return add_scaled(scale(size, normal), -drag, slide), slip
-    size = max(k * depth + c * speed, 0.0) if depth > 0.0 else 0.0
+    size = max(elastic_force(law, depth) + c * speed, 0.0) if depth > 0.0 else 0.0
     stretch = (0.0, 0.0, 0.0)
     at_k = kept_place(point, contacts.anchors, contacts.tally[0].anchored, n)
     if at_k >= 0:
         stretch = stretched(contacts, point, contacts.anchors[at_k])
-    pull = add_scaled(scale(-k, stretch), -c, slide)
+    pull = add_scaled(scale(-law.stiffness, stretch), -c, slide)
     total = math.sqrt(dot(pull, pull))
     if total > mu * size:
         pull = scale(mu * size / total, pull)

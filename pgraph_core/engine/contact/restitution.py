@@ -37,6 +37,14 @@ from ..vec import add, add_cross, add_scaled, cross, dot, mul_t, scale, sub, xyz
 
 
 @part
+def elastic_force(law, depth):
+    """Return the force k d^1.5 of a soft contact or k d of a penalty contact at depth d [m]."""
+    if law.law == SOFT:
+        return law.stiffness * depth * math.sqrt(depth + TINY)  # its slope is finite at depth 0
+    return law.stiffness * depth
+
+
+@part
 def lost_share(law, speed, stored):
     """Return χ d' / V of a contact point closing at `speed` [m/s], with `stored` = 2 E w."""
     return law.loss * speed / math.sqrt(speed * speed + stored + TINY)
@@ -68,7 +76,7 @@ def loss_of_touch(contacts, rows, n, count):
     while end < count and same_shapes(found[end], first):
         point = found[end]
         depth = max(-point.gap, 0.0)
-        size = law.stiffness * depth * (math.sqrt(depth) if law.law == SOFT else 1.0)
+        size = elastic_force(law, depth)
         pushed = scale(size, xyz(point.normal))
         force = add(force, pushed)
         moment = add_cross(moment, sub(xyz(point.point_a), place), pushed)
