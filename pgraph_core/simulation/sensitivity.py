@@ -456,7 +456,12 @@ def rates(record: Recording, t: float, scene: Any = None) -> Array:
 
 
 def slope_along(function: Any, t: float, y: Array, nq: int, way: Array, dt: float) -> float:
-    """Compute the derivative of a function of (t, q, v) along (dt, way), by central differences."""
+    """Compute the derivative of a function of (t, q, v) along (dt, way), by central differences.
+
+    It is nan if the way is not known, since derivatives have ended.
+    """
+    if not np.isfinite(way).all():
+        return np.nan
     h = SHARE / max(float(np.abs(way).max(initial=0.0)), 1.0)
     total = 0.0
     for k, weight in CENTRAL.items():

@@ -331,6 +331,46 @@ def test_user_events_do_not_change_derivatives():
             assert missed(run.sensitivity(path), plain.sensitivity(path)) < 1e-6
 
 
+FALLING = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), q=(0.5,), limits=((0.0, None),))
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("options", [{}, {"method": "moreau_jean", "step": 2e-3}])
+def test_events_of_a_fall_have_the_derivatives_of_the_closed_form(options, count):
+    """Time stepping takes shorter steps to locate them, which must not be added to the motion."""
+
+    def passed(t, q, v):
+        return q[0] - 0.3
+
+    def low(t, q, v):
+        return q[0] - 0.01
+
+    low.terminal = True
+    model = pg.Model(bodies=(FALLING,))
+    run = pg.simulate(model, t_end=0.3, wrt=["v.b"], events=[passed] * count, **options)
+    assert run.sensitivity("v.b")[-1, 0] == pytest.approx(0.3, rel=1e-6)
+    run = pg.simulate(model, t_end=1.0, wrt=["v.b"], events=[passed, low], **options)
+    assert run.gradient(lambda r: r.t[-1])["v.b"] == pytest.approx(1.0 / 9.81, rel=1e-6)
+    assert run.sensitivity("v.b")[-1, 1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_an_event_after_the_end_of_derivatives_is_not_evaluated_at_nan():
+    contact = pg.Contact(name="c", body="b", points=((0, 0, 0),), restitution=0.5, friction=0.0)
+    model = pg.Model(bodies=(FALLING.model_copy(update={"limits": None}),), contacts=(contact,))
+    landed = np.sqrt(2.0 * 0.5 / 9.81)
+    for after in (0.1, 0.5, 1.1, 2.0):  # steps after the impact
+        rise = 0.5 * 9.81 * landed * 0.01 * after - 0.5 * 9.81 * (0.01 * after) ** 2
+
+        def up(t, q, v, rise=rise):
+            return q[0] - rise
+
+        up.terminal, up.direction = True, 1
+        run = pg.simulate(
+            model, t_end=1.0, events=[up], wrt=["q.b"], method="moreau_jean", step=0.01
+        )
+        assert run.status == pg.Status.STOPPED
+
+
 def swing_free():
     arm = pg.Body(name="arm", axes=(0, 1, 0), com=(0, 0, -1), mass=1.0, q=[0.7])
     end = pg.Body(

@@ -31,6 +31,7 @@ from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard
 from ..tree.moving import advance, normalise_all
 from .batch import call_advance
+from .events import step_again
 from .explicit import dense_output, last_stage, runge_kutta_step, semi_implicit_step, turn_spins
 from .measured import hold
 from .state import acceleration_of, copied, onto_constraints, size_of_state
@@ -337,6 +338,8 @@ def advance_with_duals(run, advance, others, step, note, out, until, budget):
         frame, steps = control.frame, counters.steps
         code = call_advance(advance, (run, 1))
         if counters.steps > steps and control.fired != NEAR:  # which takes the step back
+            if control.repeated == 1 and control.carried != 0:  # duals are at the end of a trial
+                step_again(run, width_of_step(run))
             for k in range(others.shape[0]):
                 call_step_of_duals(step, (others[k], run))
         if control.frame > frame:

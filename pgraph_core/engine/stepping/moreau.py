@@ -73,6 +73,7 @@ from .state import copied, size_of_state
 from .unilateral import ASK, CUT, REST, add_passed, add_unilateral, push_out
 
 # runs of duals, run of numbers, finished part of the step, its width, that of the part, first block
+# or 0 to begin the step, perhaps again
 REPEAT = void(i8, i8, f8, f8, f8, i8)
 call_repeat = caller(REPEAT)
 
@@ -88,6 +89,7 @@ def moreau_jean(run, h):
     tally = contacts_at(opened(scene).links.contacts).tally[0]
     nq, nv = size_of_state(run)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
+    repeat(run, 0.0, h, 0.0, 0)
     q = stages[at.CANDIDATE, :nq]
     v = stages[at.CANDIDATE, nq : nq + nv]
     vdot = stages[at.SLOPE, nq : nq + nv]
@@ -129,6 +131,14 @@ def moreau_jean(run, h):
         note_passages(scene, t + h)
     tally.frozen = FROZEN
     return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
+
+
+@part
+def repeat(run, done, h, w, first):
+    """Repeat what the arguments of REPEAT say in all runs of duals, if there are any."""
+    carried = opened_run(run).control[0].carried
+    if carried != 0:
+        call_repeat(carried_at(carried).repeat, (carried, run, done, h, w, first))
 
 
 @sweep
@@ -183,9 +193,7 @@ def part_of_step(run, done, h, w, mode):
         this.counters[0].solver_iterations += solve_part(scene, own, q, v, vdot, ledger)
     else:
         space.vectors[STEP, :nv] = 0.0
-    if this.control[0].carried != 0:
-        carried = this.control[0].carried
-        call_repeat(carried_at(carried).repeat, (carried, run, done, h, w, first))
+    repeat(run, done, h, w, first)
     book(scene, first, t + w, w, h, w == h - done)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])

@@ -92,9 +92,17 @@ def repeat_part(carried, numbers, done, h, w, first):
 
 @kernel(PART, nogil=True, later=True)
 def part_of_duals(run, numbers, carried, done, h, w, first):
-    """Repeat a sub-step from the state CANDIDATE."""
+    """Repeat a sub-step from the state CANDIDATE, or begin a step (`first` = 0).
+
+    A step may be taken again, since the location of an event takes shorter ones in between.
+    """
     data = opened_run(run)
     scene, stages = data.scene, data.stages
+    if first == 0:
+        copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
+        stages[at.END, BEGUN] = 0.0
+        parted(stages[at.END])[LEFT, 0] = 0.0
+        return
     take_values(run, numbers, at.CANDIDATE, at.TRIAL)
     if w == 0.0:
         locate_impact(run, numbers, carried, (done, h), first)
@@ -545,5 +553,3 @@ def moreau_jean_of_duals(run, numbers):
     for i in range(stages.shape[1]):
         parted(stages[at.CANDIDATE])[i, BY_WIDTH] = 0.0
     end_step(run, numbers)
-    copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
-    stages[at.END, BEGUN] = 0.0
