@@ -38,7 +38,7 @@ def changes(run: pg.Result, known: Sequence[Change] = ()) -> tuple[Change, ...]:
     found = []
     for name in feet:
         phase = run.phases[name]
-        begun = np.flatnonzero(phase[1:] != phase[:-1]) + 1
+        begun = (np.flatnonzero(phase[1:] != phase[:-1]) + 1).tolist()
         for k in begun if name in before else (0, *begun):
             down = phase[k] != SWING and (k == 0 or phase[k - 1] == SWING)
             at = place(run, name, k) if down else None

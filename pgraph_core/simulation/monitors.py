@@ -57,9 +57,8 @@ class FunctionMonitor:
             text = "direction must be 1 (rising), -1 (falling) or 0 (both); "
             raise refusal("simulate", where, f"{text}given {shown(direction)}")
         if terminal not in (True, False):
-            raise refusal(
-                "simulate", where, f"terminal must be True or False, got {shown(terminal)}"
-            )
+            text = f"terminal must be True or False, got {shown(terminal)}"
+            raise refusal("simulate", where, text)
         self.direction, self.terminal = int(direction), bool(terminal)
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
@@ -89,9 +88,8 @@ def monitors_of(events: Any, size: tuple[int, int]) -> tuple[FunctionMonitor, ..
     """
     given = (events,) if callable(events) else events
     if not isinstance(given, Sequence) or isinstance(given, str):
-        raise refusal(
-            "simulate", "events", f"must be a list of functions f(t, q, v), got {shown(events)}"
-        )
+        text = f"must be a list of functions f(t, q, v), got {shown(events)}"
+        raise refusal("simulate", "events", text)
     return tuple(FunctionMonitor(function, i, size) for i, function in enumerate(given))
 
 
@@ -186,11 +184,8 @@ class Watch:
             self.log.append(UserEvent(t, monitor.name, number, q.copy(), v.copy()))
             ends = monitor if monitor.terminal else ends
         if len(self.log) > MOST_EVENTS:
-            raise refusal(
-                "simulate",
-                "events",
-                f"{MOST_EVENTS} of them by t = {t:.6g} s: the function may be noisy",
-            )
+            text = f"{MOST_EVENTS} of them by t = {t:.6g} s: the function may be noisy"
+            raise refusal("simulate", "events", text)
         return ends
 
 

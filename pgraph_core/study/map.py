@@ -316,11 +316,9 @@ class StabilityMap(Saved):
         if self.complete or len(self.cells) == whole:
             return self._said(taken, label)
         so_far = f"Cancelled after {len(self.cells)} of {whole} runs"
-        return (
-            f"{so_far}, which is too few to say more."
-            if taken is None
-            else f"{so_far}. {self._said(taken, label)}"
-        )
+        if taken is None:
+            return f"{so_far}, which is too few to say more."
+        return f"{so_far}. {self._said(taken, label)}"
 
     def _said(
         self, taken: tuple[tuple[str, float], list[Cell]] | None, label: Callable[[str], str]

@@ -23,13 +23,7 @@ from ..simulation.options import positive
 from ..tolerances import NOTABLE, SOLVED
 from . import reference as references
 from .figures import Curve, Point, Saved, aligned, duration, error_diagram
-from .measures import (
-    Errors,
-    Spread,
-    least,
-    machine,
-    measured,
-)
+from .measures import Errors, Spread, least, machine, measured
 from .reference import Reference
 from .task import (
     Ladder,
@@ -568,10 +562,8 @@ class Work:
     ) -> list[tuple[Callable[[], float], float]]:
         """Fill `rows`. Return functions that repeat each row's timing, and the seconds taken."""
         runs: list[tuple[Callable[[], float], float]] = []
-        part, total = (
-            SHARE["first"] - SHARE["reference"],
-            sum(len(p.settings) for p in participants),
-        )
+        part = SHARE["first"] - SHARE["reference"]
+        total = sum(len(p.settings) for p in participants)
         for one in participants:
             took: list[float] = []
             for setting in one.settings:
@@ -609,11 +601,9 @@ class Work:
         chosen = [i for i, row in enumerate(self.rows) if row.ok]
         first = SHARE["first"]
         seconds = measured(
-            [runs[i][0] for i in chosen],
-            [runs[i][1] for i in chosen],
-            self.rounds,
+            [runs[i][0] for i in chosen], [runs[i][1] for i in chosen], self.rounds,
             progress=lambda part: self.report(first + (1.0 - first) * part),
-        )
+        )  # fmt: skip
         for i, each in zip(chosen, seconds):
             self.rows[i] = replace(self.rows[i], seconds=least(each))
 
@@ -623,19 +613,9 @@ class Work:
         if known is not None:
             reference = {"source": known.source, "accuracy": known.accuracy, "limit": known.limit}
         return Study(
-            task.mech.model.name,
-            task.scenario,
-            task.t_end,
-            len(task.t),
-            tuple(self.rows),
-            reference,
-            target,
-            self.rounds,
-            machine(),
-            tuple(self.notes),
-            cancelled,
-            task.asked,
-        )
+            task.mech.model.name, task.scenario, task.t_end, len(task.t), tuple(self.rows),
+            reference, target, self.rounds, machine(), tuple(self.notes), cancelled, task.asked,
+        )  # fmt: skip
 
 
 def _expected(settings: tuple[Setting, ...], took: list[float]) -> float:

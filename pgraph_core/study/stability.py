@@ -134,16 +134,9 @@ def stability_map(
     model, duration = in_scenario(given, scenario)
     model = started(model, q, v)
     sweep = _checked(
-        model,
-        axis or first_axis(model),
-        values,
-        methods,
-        steps,
-        t_end or duration,
-        target,
-        budget,
+        model, axis or first_axis(model), values, methods, steps, t_end or duration, target, budget,
         stabilise,
-    )
+    )  # fmt: skip
     lines, cells, complete = _computed(sweep, progress, threads)
     names = sweep.methods
     if sweep.sorted:
@@ -162,16 +155,9 @@ def _rank(cells: Sequence[Cell], method: str) -> tuple[int, int]:
 
 
 def _checked(
-    model: Model,
-    axis: str,
-    values: Any,
-    methods: Any,
-    steps: Any,
-    t_end: Any,
-    target: Any,
-    budget: int,
-    stabilise: str | None,
-) -> Sweep:
+    model: Model, axis: str, values: Any, methods: Any, steps: Any, t_end: Any, target: Any,
+    budget: int, stabilise: str | None,
+) -> Sweep:  # fmt: skip
     if axis not in AXES:
         text = f"no axis is named {axis!r}; choose one of {choices(AXES, len(AXES))}"
         raise refusal(CALL, "axis", text)
@@ -230,13 +216,8 @@ def in_scenario(model: Model, name: str | None) -> tuple[Model, float]:
         else tuple(p.unchecked_copy({"active": p.name in names}) for p in parts)
         for parts, names in ((model.constraints, s.constraints), (model.contacts, s.contacts))
     )
-    return model.replace(
-        bodies=bodies,
-        constraints=constraints,
-        contacts=contacts,
-        forces=(*model.forces, *s.forces),
-        scenarios=(),
-    ), s.t_end
+    parts = {"bodies": bodies, "constraints": constraints, "contacts": contacts, "scenarios": ()}
+    return model.replace(**parts, forces=(*model.forces, *s.forces)), s.t_end
 
 
 def started(model: Model, q: Any, v: Any) -> Model:

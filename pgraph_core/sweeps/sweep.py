@@ -373,10 +373,8 @@ class Kept:
             if self._part.exists():
                 self.rows = self._read(fingerprint)
             elif resume and self.path.exists():
-                text = (
-                    f"exists without {self._part.name} to continue from: it is a finished table, "
-                )
-                text += "or none; without resume it is written over, or give another file"
+                text = f"exists without {self._part.name} to continue from: it is a finished "
+                text += "table, or none; without resume it is written over, or give another file"
                 raise InputError(Problem(str(self.path), "", text))
             if self.rows and not resume:
                 text = f"has {len(self.rows)} points of this sweep, which was interrupted: "
