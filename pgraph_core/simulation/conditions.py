@@ -168,7 +168,8 @@ class UnderWay(Protocol):
     scene: Any
     steps: Any
     events: Any
-    switching: Any  # the constraints that are active now
+    held: set[int]  # constraints that are active now
+    switching: Any
     start: float  # [s]
 
 
@@ -197,10 +198,10 @@ class Condition:
             self._measure(t, q, v)
             return place(t, q, v)
         elif when.constraint is not None:
-            switching = self.record.switching
-            holds = (place in switching.held) == when.active
+            holds = (place in self.record.held) == when.active
             if holds and when.after:
-                return t - switching.since.get(place, self.record.start) - when.after
+                since = self.record.switching.since.get(place, self.record.start)
+                return t - since - when.after
             return 1.0 if holds else -1.0
         else:
             value = self._value(t, q, v)

@@ -25,7 +25,6 @@ from .plan import RunPlan
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
     from .monitors import Watch
-    from .switching import Switching
 
 STATUS = {
     at.NOT_FINITE: Status.NOT_FINITE,
@@ -156,7 +155,7 @@ class Running:
     v: Array
     began: tuple[Array, Array]  # the first state that satisfies the constraints
     start: float  # [s]
-    switching: Switching  # the constraints that are active now
+    held: set[int]  # constraints that are active now
     watch: Watch | None = None  # conditions of switches, then a user's events
     events: ContactEvents | None = None  # decisions at events of contact points
     ended: Outcome
@@ -170,4 +169,4 @@ class Running:
     @property
     def active(self) -> Ints:
         """Return the indices of the currently active constraints."""
-        return np.array(sorted(self.switching.held), dtype=np.int64)
+        return np.array(sorted(self.held), dtype=np.int64)

@@ -42,7 +42,6 @@ from .plan import MANY_STEPS, RunPlan, Way, keep
 if TYPE_CHECKING:
     from .clearance import Clearance
     from .monitors import Watch
-    from .sensitivity import Carried
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
@@ -55,7 +54,7 @@ TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relat
 class Steps:
     """The state of a run in progress, which `advance` continues."""
 
-    carried: Carried | None = None  # derivatives
+    carried: Any = None  # what computes derivatives, as `sensitivity.Carried`
     finer: Workplace | None = None  # left by the finer run of the last run
 
     def __init__(self, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]):

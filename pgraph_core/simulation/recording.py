@@ -35,7 +35,6 @@ from .switching import Switching
 
 if TYPE_CHECKING:
     from .monitors import Monitor, Watch
-    from .sensitivity import Carried
 
 PROGRESS_EVERY = 0.02  # s of computation between two calls of `progress`
 MOST_KEPT = 32_768  # numbers in the frames of a run, for which a mechanism keeps room
@@ -52,7 +51,7 @@ class Recording(Running):
     watch: Watch | None = None  # conditions of switches, then a user's events
     _last: Monitor | None = None  # the terminal event that ended the run
     _crawls = ""  # the warning that the run would take very many steps
-    carried: Carried | None = None  # derivatives
+    carried: Any = None  # what computes derivatives, as `sensitivity.Carried`
 
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
@@ -167,7 +166,7 @@ class Recording(Running):
     def _join(self) -> None:
         """Connect the scene to the stepping loop, with its monitors and event handling."""
         plan, points, watch = self.plan, bool(self.plan.contact_points), self.watch
-        if len(plan.ever) > len(self.switching.held):
+        if len(plan.ever) > len(self.held):
             self.scene.switch(self.active)
         steps, held = self.steps, bool(len(plan.ever)) or plan.contacts is not None
         woken = watch.wake(plan.conditions) if watch is not None and plan.way is None else []

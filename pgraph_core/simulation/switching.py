@@ -15,11 +15,11 @@ from ..engine import layout as at
 from ..engine import motion
 from ..errors import InputError
 from ..result import Result
+from .failures import Running
 from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
     from .monitors import Monitor
-    from .recording import Recording
 
 
 class Switching:
@@ -27,10 +27,10 @@ class Switching:
 
     first: Instant | None = None  # the first state with the active constraints
 
-    def __init__(self, record: Recording):
+    def __init__(self, record: Running):
         """Begin with the constraints and the changes of the plan of `record`."""
         self.record = record
-        self.held = set(record.plan.active.tolist())
+        record.held = set(record.plan.active.tolist())
         self.since: dict[int, float] = {}  # when constraints were switched last [s]
         self._ahead = deque(record.plan.changes)
         self._spent: set[int] = set()  # conditions that act once and have acted
@@ -74,13 +74,13 @@ class Switching:
         waiting = record.plan.conditions
         while left and not record.ended.over:
             given = waiting[number := left.pop(0)]
-            if (given.constraint in self.held) == given.active or number in self._spent:
+            if (given.constraint in record.held) == given.active or number in self._spent:
                 continue
             if given.when.once:
                 self._spent.add(number)
             on, off = ([given.constraint], []) if given.active else ([], [given.constraint])
             by = record.watch.monitors[number] if record.watch is not None else None
-            if not self._apply(switched_by(self.held, on, off, t), by=by):
+            if not self._apply(switched_by(record.held, on, off, t), by=by):
                 return
             left += [
                 i for i, other in enumerate(waiting)
@@ -96,7 +96,7 @@ class Switching:
         """
         record = self.record
         mech, scene, steps = record.mech, record.scene, record.steps
-        change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
+        change = switched_by(record.held, change.on.tolist(), change.off.tolist(), change.t)
         carried, late, places = steps.carried, None, scene.blocks.blocks_f
         if carried is not None and by is not None and len(record.q) > mech.nq:
             carried.stop(
@@ -136,7 +136,7 @@ class Switching:
         if moved > NOTABLE:
             text = f"joints were moved by up to {moved:.3g} to meet the constraints switched on"
             record.ended.notices.append(f"at t = {change.t:g} s {text}")
-        self.held = set(change.active.tolist())
+        record.held = set(change.active.tolist())
         if by is None:
             steps.restart()
             self.stop_at_next()
