@@ -47,7 +47,7 @@ HEADER = (
 )  # fmt: skip
 WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
 
-LONGER = ": give a larger `longest`"  # what a caller can do about skipped runs
+LONGER = ": give a larger `longest`"  # advice for a caller, about skipped runs
 LEFT_OUT = "omitted, because it would take more than"  # beginning of the reason of a skipped run
 
 
