@@ -1,6 +1,7 @@
 """Stacks, heavy on light, piles, dominoes and falling boxes against MuJoCo.
 
-MuJoCo runs with its elliptic cone and Newton's method, and its default softness.
+MuJoCo runs with its elliptic cone and Newton's method, and its default softness. Soft contacts
+rebound, so its heaps spread. Each row therefore states the contacts of both at the end.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from .scenes import STEP
 MINUTES = 10.0
 PEERS = ("mujoco",)
 SIDE = 0.2  # m, of boxes
+NEAR = 1e-5  # m: a gap that counts as a contact
 Start = dict[str, tuple[float, ...]]  # velocities of bodies: angular, linear
 
 
@@ -48,18 +50,20 @@ def rows(effort: Effort) -> Iterator[Row]:
 def both(
     effort: Effort, name: str, model: pg.Model, seconds: float, start: Start | None = None
 ) -> Iterator[Row]:
-    """Processor time per step of both, and how fast the fastest body is at the end."""
+    """Processor time per step of both, and contacts and the fastest body of each at the end."""
     mech, steps = pg.Mechanism(model), round(seconds / STEP)
     q, v = mech.home()
     for body, speeds in (start or {}).items():
         v[mech.joints[body].v] = speeds
     given: dict[str, Any] = {"t_end": seconds, "step": STEP, "method": "moreau_jean"}
     last: dict[str, float] = {}
+    ends: dict[str, Any] = {}
     notices: list[str] = []
 
     def ours() -> float:
         run = pg.simulate(mech, q, v, frames=3, estimate=False, **given)
         last["ours"], notices[:] = abs(run.v[-1]).max(), run.notices
+        ends["ours"] = run.body_pose[-1].ravel()
         return run.timing["step_processor"]
 
     def theirs() -> float:
@@ -68,8 +72,9 @@ def both(
         built, data = mujoco_of(model, start or {})
         begin = time.thread_time()
         mujoco.mj_step(built, data, steps)
-        last["MuJoCo"] = abs(data.qvel).max()
-        return time.thread_time() - begin
+        spent = time.thread_time() - begin
+        last["MuJoCo"], ends["MuJoCo"] = abs(data.qvel).max(), data.qpos.copy()
+        return spent
 
     sides: dict[str, Callable[[], object]] = {"pgraph": ours}
     if has("mujoco"):
@@ -77,8 +82,21 @@ def both(
     options: dict[str, Any] = {"clocked": set(sides), "rounds": effort.pick(3, 1)}
     found = list(compared(effort, name, sides, unit="step", per_call=steps, **options))
     said = ", ".join(f"{side} {speed:.0e}" for side, speed in last.items())
+    if has("mujoco"):
+        built = mujoco_of(model, {})
+        touch = ", ".join(f"{side} {contacts(*built, q)}" for side, q in ends.items())
+        said += f"; contacts at the end: {touch}"
     found[0]["agrees"] = "; ".join((f"fastest at the end: {said}", *notices))
     return iter(found)
+
+
+def contacts(built: Any, data: Any, q: Any) -> int:
+    """Count the contact points at a position of all free bodies, as MuJoCo finds them."""
+    import mujoco
+
+    built.geom_margin[:], data.qpos[:] = NEAR, q
+    mujoco.mj_fwdPosition(built, data)
+    return data.ncon
 
 
 def box(name: str, place: Any, mass: float = 1.0, size: Any = (SIDE,) * 3, turn: Any = None) -> Any:
