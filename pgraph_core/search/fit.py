@@ -18,7 +18,7 @@ from ..model import Model
 from ..result import Result
 from ..result.columns import columns_of, coordinates, meant, no_column
 from ..tolerances import ROUNDING
-from .free import FAR, Case, Numbers, Values, described, measured, option
+from .free import FAR, TOLD, Case, Numbers, Values, described, measured, option
 
 Array = np.ndarray
 ROUNDS = 10  # fits at most, each weighted by the noise that the last one left
@@ -51,6 +51,7 @@ class Fit(Suggests):
     covariance: Array  # (k, k)
     correlation: Array  # (k, k)
     residuals: Mapping[str, Array]  # {column: (n,)} run - data
+    units: Mapping[str, str]  # {column: unit} of residuals and data
     noise: Mapping[str, float]  # {column: standard deviation}, as given or as left by the fit
     undetermined: tuple[str, ...]  # a sentence for each direction that the data do not determine
     converged: bool
@@ -70,10 +71,32 @@ class Fit(Suggests):
         return next(iter(self.runs.values()))
 
     def __repr__(self) -> str:
-        lines = [f"<Fit: {self.message}"]
+        lines = [self.message]
         for path, value in self.values.items():
-            lines.append(f"  {path} = {value:.6g} ± {self.errors[path]:.2g}")
-        return "\n".join([*lines, *(f"  {text}" for text in self.undetermined)]) + ">"
+            error = self.errors[path]
+            known = f"± {error:.2g}" if math.isfinite(error) else "(not determined)"
+            lines.append(f"{path} = {value:.6g} {known}")
+        lines += self.undetermined
+        misses = sorted(self._misses(), key=lambda miss: miss[1] / (miss[2] or miss[1] or 1.0))
+        worst = misses[: -TOLD - 1 : -1]
+        cells = [(f"{name} [{self.units[name]}]", f"{rms:.3g}", f"{spread:.3g}")
+                 for name, rms, spread in worst]  # fmt: skip
+        cells.insert(0, ("column", "rms of residuals", "standard deviation of data"))
+        wide = [max(map(len, column)) for column in zip(*cells)]
+        lines += ["  ".join(x.ljust(n) for x, n in zip(row, wide)).rstrip() for row in cells]
+        if more := len(misses) - len(worst):
+            lines.append(f"and {more} columns whose residuals are smaller parts of the data")
+        for name, rms, spread in worst:
+            if rms > spread:
+                lines.append(f"the mean of the data is closer to {name} than the run is")
+        return "<Fit: " + "\n  ".join(lines) + ">"
+
+    def _misses(self) -> list[tuple[str, float, float]]:
+        """Return the rms residual and the standard deviation of the data of each column."""
+        return [
+            (name, math.sqrt(float(np.mean(left**2))), float(np.std(self.data[name])))
+            for name, left in self.residuals.items()
+        ]
 
     def plot(self) -> Any:
         """A matplotlib figure of data, run and residuals. Raises MissingPackage."""
@@ -203,6 +226,7 @@ class _Task:
         ]  # fmt: skip
         self.measured = [x for columns in self.data for x in columns.values()]
         self.lengths = [len(x) for x in self.measured]
+        self.units: list[str] = []  # of the measured columns
         self._last: tuple[Array, list[Result] | None] | None = None
         self._cancelled = False
         self.best: tuple[float, Array] | None = None
@@ -225,8 +249,9 @@ class _Task:
         out = []
         for i, run in enumerate(runs):
             found = columns_of(run)
-            out += [found[self._name(found, i, name)].values for name in self.data[i]]
-        return out
+            out += [found[self._name(found, i, name)] for name in self.data[i]]
+        self.units = [column.unit for column in out]
+        return [column.values for column in out]
 
     def _name(self, found: Mapping[str, Any], i: int, name: str) -> str:
         """The column of a run for one of the data. Raises InputError."""
@@ -389,7 +414,8 @@ class _Task:
             model=numbers.at(x), values=Values(zip(names, x.tolist())),
             errors=dict(zip(names, errors.tolist())), covariance=covariance,
             correlation=covariance / np.outer(size, size),
-            residuals=dict(zip(self.labels, left)), noise=dict(zip(self.labels, noise.tolist())),
+            residuals=dict(zip(self.labels, left)), units=dict(zip(self.labels, self.units)),
+            noise=dict(zip(self.labels, noise.tolist())),
             undetermined=told, converged=not text, message="; ".join(notes),
             evaluations=numbers.evaluations,
             runs={case.name: run for case, run in zip(numbers.cases, runs)},
@@ -413,8 +439,9 @@ def _direction(names: Sequence[str], direction: Array) -> str:
     large = [i for i in np.argsort(-np.abs(direction)) if abs(direction[i]) > 0.1]
     if len(large) == 1:
         return f"the data do not determine {names[large[0]]}"
-    parts = [f"{direction[i] / direction[large[0]]:+.2g} {names[i]}" for i in large]
-    return f"the data do not determine {' '.join(parts).lstrip('+')}, each within its range"
+    parts = [f"{direction[i] / direction[large[0]]:.2g} {names[i]}" for i in large]
+    text = "the data do not determine these, which may change together by parts of their ranges"
+    return f"{text}: {', '.join(parts)}"
 
 
 def _cases(data: Any) -> dict[str, tuple[Any, Mapping[str, Any]]]:

@@ -1,5 +1,7 @@
 """Fits to measured data: values, errors, directions without data, outliers, several cases."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -77,7 +79,8 @@ def test_the_initial_state_may_lie_before_the_data():
     assert found.x == pytest.approx([0.2], rel=1e-7)
     own = pg.fit(start, {"late": (late, {"t_start": 0.0, "q": [1.0]})}, DAMPING, **FIT)
     assert own.x == pytest.approx([0.2], rel=1e-7)
-    for first in (0.5, "0", np.nan):
+    refused: tuple[Any, ...] = (0.5, "0", np.nan)
+    for first in refused:
         with pytest.raises(pg.InputError):
             pg.fit(start, late, DAMPING, t_start=first, q=[1.0], **FIT)
 
@@ -90,6 +93,23 @@ def test_functions_of_time_keep_the_times_of_the_data():
     data = {"t": t, "rod": pg.simulate(model, [1.0], t_start=0.3, t_eval=t, **FIT)["rod"]}
     found = pg.fit(model.edit("rod", damping=0.05), data, DAMPING, q=[1.0], **FIT)
     assert found.x == pytest.approx([0.2], rel=1e-7)
+
+
+def test_a_printed_fit_compares_residuals_with_the_spread_of_the_data():
+    """Only a run that is farther from the data than their mean is said to be so."""
+    model, data = swinging(0.0)
+    rod, rng = data["rod"], np.random.default_rng(0)
+    fits = {
+        rms: pg.fit(model, {**data, "rod": rod + shift}, DAMPING, q=[1.0], **FIT)
+        for rms, shift in ((1e-3, 1e-3 * rng.normal(size=len(rod))), (2.0, 2.0))
+    }
+    for rms, found in fits.items():
+        told, left = repr(found), np.sqrt(np.mean(found.residuals["rod"] ** 2))
+        assert f"{left:.3g}" in told
+        assert left == pytest.approx(rms, rel=0.1)
+        assert f"{np.std(rod):.3g}" in told
+        assert found.units["rod"] == "rad"
+        assert ("mean" in told) == (left > np.std(rod))
 
 
 def test_files_and_tables_are_read_like_dicts(tmp_path):
@@ -122,6 +142,7 @@ def test_a_direction_that_data_do_not_determine_is_named(noise, method):
     assert len(found.undetermined) == 1
     assert all(path in found.undetermined[0] for path in paths[1:])
     assert np.isnan(found.errors["bodies.rod.mass"])
+    assert "nan" not in repr(found)
 
 
 @pytest.mark.parametrize(
