@@ -42,3 +42,15 @@ def test_motions_of_a_compound_joint_act_in_order_each_in_the_frame_turned_so_fa
             shift = shift + P @ start @ axis * left.pop(0)
     np.testing.assert_allclose(R, P @ start, atol=1e-15)
     np.testing.assert_allclose(position, shift, atol=1e-15)
+
+
+def test_the_position_in_q_of_a_free_joint_is_relative_to_its_link():
+    """At the ground a body is at link + q, and below another body this turns with it."""
+    first = pg.Body(name="first", joint="free", link=LINK)
+    second = pg.Body(name="second", joint="free", parent="first", link=LINK)
+    mech = pg.Mechanism(pg.Model(bodies=(first, second)))
+    q = np.array((1.0, -2.0, 0.5, *TURNED, 0.3, 0.2, 0.1, *BALL))
+    place = np.add(LINK, (1.0, -2.0, 0.5))
+    np.testing.assert_allclose(mech.pose(q, "first")[0], place, atol=1e-15)
+    place += rotation.matrix(TURNED) @ np.add(LINK, (0.3, 0.2, 0.1))
+    np.testing.assert_allclose(mech.pose(q, "second")[0], place, atol=1e-15)

@@ -135,8 +135,8 @@ class Body(Described):
         help="end point of the body, in body axes; default: the centre of mass",
     )  # fmt: skip
     q: PerMotion = field(
-        "one finite number per position coordinate [rad, m]; of a free joint x, y, z and the "
-        "quaternion w, x, y, z",
+        "one finite number per position coordinate [rad, m]; of a free joint x, y, z from "
+        "`link` and the quaternion w, x, y, z",
         converter=per_motion, default=(), dim=Q, role="joint", label="q",
         help="initial joint position",
     )  # fmt: skip

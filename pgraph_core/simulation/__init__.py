@@ -79,10 +79,10 @@ def simulate(
         Initial configuration (nq,) and velocity (nv,), in the order of `mech.names`. A dictionary
         or pandas row maps body names to values. All other coordinates then keep their values from
         the scenario or model. Lists are not accepted if the table of bodies is in a different
-        order. A free joint has q = [x, y, z, qw, qx, qy, qz] and v = [angular, linear]. A
-        dictionary may contain the position [x, y, z] only. The velocities of free and ball joints
-        are in the axes of the parent. To convert an angular velocity w in body axes, as used by
-        MuJoCo, pass R @ w, where R is the rotation of the body.
+        order. A free joint has q = [x, y, z, qw, qx, qy, qz] and v = [angular, linear], where
+        [x, y, z] is relative to the `link` of the body. A dictionary may contain [x, y, z] only.
+        The velocities of free and ball joints are in the axes of the parent. To convert an angular
+        velocity w in body axes, as used by MuJoCo, pass R @ w, where R is the rotation of the body.
     states : array or dict, optional
         Initial states (nx,) of the controls, in the order of `run.states`, or values by control
         name. All other controls use the initial states of the model. If states are given, a sample

@@ -151,6 +151,24 @@ def test_a_gear_between_rotors_without_lengths(options):
     assert np.isfinite(run.error_estimate)
 
 
+@pytest.mark.parametrize("axis", [(0, 0, 1), (1, 0, 0)])
+@pytest.mark.parametrize("ratio", [3.0, -0.5])
+def test_the_torque_of_a_gear_in_the_second_joint_is_that_in_the_first_times_minus_ratio(
+    axis, ratio
+):
+    """Inertia times acceleration of each rotor is the torque on it, also across crossed axes."""
+    first, second = (
+        pg.Body(name=n, axes=a, inertia=np.eye(3)) for n, a in (("a", (0, 0, 1)), ("b", axis))
+    )
+    tie = pg.Gear(name="tie", body="a", other="b", ratio=ratio)
+    push = pg.Motor(name="push", body="a", torque=1.0)
+    model = pg.Model(bodies=(first, second), constraints=(tie,), forces=(push,))
+    run = pg.simulate(model, t_end=0.1)
+    torque = run.constraint_force["tie"][0, 2]
+    assert run.vdot[0] == pytest.approx([1.0 + torque, -ratio * torque], rel=1e-12)
+    assert run.vdot[0, 0] == pytest.approx(ratio * run.vdot[0, 1], rel=1e-12)
+
+
 @pytest.mark.parametrize("curve", [*CURVES, pg.Polynomial(coefficients=(0.3,))])
 @pytest.mark.parametrize("begin", [-4.0, -1.0, 0.25])
 def test_motions_hold_for_all_times(curve, begin):
