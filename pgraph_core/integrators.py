@@ -66,6 +66,11 @@ class Method(NamedTuple):
         return getattr(import_module(f"{STEPPING}.{where}"), f"{name}_of_duals")
 
     @property
+    def gain(self) -> float:
+        """The factor by which half the step reduces the error."""
+        return 2.0**self.order
+
+    @property
     def starts(self) -> bool:
         """Return True if a step requires v' at its start."""
         return self.name != "moreau_jean"

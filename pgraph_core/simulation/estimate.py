@@ -1,11 +1,11 @@
 """The error of a run, estimated from a finer run of the same motion.
 
-The second run uses half the step size, or a tolerance that is tighter by the factor FINER. The
-tolerances for solving equations and locating impacts are tightened as well. At half the step, the
-error of a method of order p is 2^p times smaller ([Hairer, Norsett, Wanner 1993, II.4]): the two
-runs differ by between half of the error and all of it, for any p >= 1. The difference is the
-estimate. The estimate does not rely on the order of the method, because the difference is not
-divided by 2^p.
+The second run uses half the step size, or a tolerance that is 2^p times tighter, with which steps
+of a method of order p are half as long. The tolerances for solving equations and locating impacts
+are tightened as well. At half the step, the error is 2^p times smaller ([Hairer, Norsett, Wanner
+1993, II.4]): the two runs differ by between half of the error and all of it, for any p >= 1. The
+difference is the estimate. It does not rely on the order of the method, because the difference is
+not divided by 2^p.
 """
 
 from __future__ import annotations

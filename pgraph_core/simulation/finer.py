@@ -29,7 +29,6 @@ from ..engine.stepping.widths import GOLDEN
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 from .failures import readers
-from .options import FINER
 from .plan import NO_PLAN, RunPlan
 from .recording import Recording
 
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
 FINER_PLAN = "_finer"  # attribute of a plan with its finer one, and what that was made for
 LIMITS = "_limits"  # attribute of a plan with its limits on coordinates
+MOST_FINER = 32  # steps for one of the run, where two are expected
 STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
 
 
@@ -64,7 +64,7 @@ def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     plan = replace(plan, parts=2 * plan.parts, way=way, drives=plan.drives._replace(table=table))
     if given is None:
         return plan
-    finer = given._replace(most=int(FINER) * (steps + len(plan.times)))
+    finer = given._replace(most=MOST_FINER * (steps + len(plan.times)))
     if given.fixed and not divided:
         return replace(plan, tolerance=finer)
     ends_run = plan.times[[0, -1]][: 2 * len(plan.corners)]
@@ -75,7 +75,7 @@ def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     ahead, after = ends[:-1][~wide], ends[1:][~wide]  # one time, but for rounding
     same = np.append(ahead[np.isin(after, frames)], after[np.isin(ahead, frames)])
     widest = given.widest * (0.5 if given.fixed else 1.0)
-    rtol = min(max(given.rtol / FINER, 100.0 * EPS), given.rtol)
+    rtol = min(max(given.rtol / plan.method.gain, 100.0 * EPS), given.rtol)
     atol = given.atol * rtol / given.rtol
     finer = finer._replace(widest=widest, fixed=False, rtol=rtol, atol=atol)
     corners = np.union1d(np.setdiff1d(plan.corners, same), between)

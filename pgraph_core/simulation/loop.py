@@ -36,7 +36,7 @@ from ..packing.signals import count_of_edges, count_of_held
 from ..result import Status
 from ..result.records import Event
 from ..tolerances import SOLVED
-from .options import FINER, MOST_CHOSEN, RTOL
+from .options import MOST_CHOSEN, RTOL
 from .plan import MANY_STEPS, RunPlan, Way, keep
 
 if TYPE_CHECKING:
@@ -204,9 +204,9 @@ class Steps:
         tally["frozen"] = 0 if hit else FROZEN
 
     def solve_tighter(self) -> None:
-        """Solve the equations of given implicit steps to a tolerance FINER times tighter."""
+        """Solve the equations of given implicit steps to the tolerance of half the step."""
         if self.tolerance is None:
-            self.control["rtol"] /= FINER
+            self.control["rtol"] /= self.plan.method.gain
 
     def open_ended(self, width: float) -> None:
         """Continue with steps of this size, without frames."""

@@ -30,7 +30,6 @@ MOST_STEPS = 1_000_000_000  # a day of computing
 MOST_FRAMES = 100_000_000  # gigabytes
 FRAMES = 1000  # recorded by default
 RTOL = 1e-8  # default tolerance of adaptive runs
-FINER = 32.0  # ratio of the tolerances of a run and of the one that tells its error
 STABILISE = ("project", "baumgarte", None)
 ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numba import njit
 from scipy.interpolate import PPoly, make_interp_spline
-from scipy.special import ellipj, ellipk
+from scipy.special import ellipj, ellipk, gamma
 
 import pgraph_core as pg
 from pgraph_core.dynamics.states import differences
@@ -614,3 +614,24 @@ def test_steps_after_an_impact_are_not_repeated(rtol):
         back = bound * np.cos(run.t - met) - 0.9 * np.cos(met) * np.sin(run.t - met)
         error = np.abs(run.q[:, 0] - np.where(run.t < met, np.sin(run.t), back)).max()
         assert error < 10.0 * run.error_estimate + 1e-13
+
+
+@pytest.mark.parametrize("heavy", [0.05, 20.0])
+@pytest.mark.parametrize("gap", [2.0, 20.0])
+def test_a_finer_run_is_finer_within_a_short_contact(heavy, gap):
+    """Two soft balls meet without losses, by Hertz's law. The run meets them in a few steps."""
+    line: dict[str, Any] = {"joint": "prismatic", "axes": ((1, 0, 0),), "inertia": np.zeros((3, 3))}
+    line["shape"] = {"kind": "sphere", "radius": 1.0}
+    one = pg.Body(name="a", v=(1.0,), **line)
+    two = pg.Body(name="b", mass=heavy, link=(2.0 + gap, 0, 0), **line)
+    for depth in np.geomspace(2e-3, 5e-2, 10):
+        stiffness = 1.25 * heavy / (1.0 + heavy) / depth**2.5
+        law: dict[str, Any] = {"law": "soft", "damping": 0.0, "stiffness": stiffness}
+        pair = pg.Contact(name="c", body="a", other="b", **law)
+        model = pg.Model(bodies=(one, two), contacts=(pair,), gravity=(0, 0, 0))
+        run = pg.simulate(model, t_end=3 * gap, frames=101, method="dop853", rtol=7e-4)
+        lasts = 2.0 * depth * np.sqrt(np.pi) * gamma(1.4) / gamma(0.9)
+        ahead = gap - lasts  # of b, at the end: they part as fast as they met
+        ends = np.array((3 * gap - heavy * ahead, 3 * gap + ahead)) / (1.0 + heavy)
+        error = np.abs(run.q[-1] - ends).max()
+        assert 0.2 * error < run.error_estimate < 10.0 * error
