@@ -128,3 +128,24 @@ def test_balls_in_a_row(masses, restitution, gap):
     exact, count = collided(places, masses, speeds, restitution, run.t)
     assert count > n
     assert right_or_told(run, exact + 2 * RADIUS * np.arange(n), 1e-7)
+
+
+@pytest.mark.parametrize("step", [2e-3, 1e-3, 5e-4])
+@pytest.mark.parametrize("spin", [0.5, 2.0])
+def test_a_spinning_box_that_tips_lands_with_all_corners_of_a_face(spin, step):
+    """Errors of earlier steps would let one corner land first, which turns the box."""
+    a, c, tilt = 0.35, 0.12, 0.5
+    edge = 0.5 * (a * math.sin(tilt) + c * math.cos(tilt))
+    body = pg.Body(
+        name="b", joint="free", mass=1.0, derived=("inertia",),
+        shape={"kind": "box", "size": (a, a, c)},
+        q=(0, 0, edge, math.cos(0.5 * tilt), math.sin(0.5 * tilt), 0, 0),
+        v=(0, spin * math.sin(tilt), spin * math.cos(tilt), 0.3, 0.2, 0),
+    )  # fmt: skip
+    floor = pg.Contact(name="g", body="b", friction=0.2, restitution=0.3)
+    model = pg.Model(bodies=(body,), contacts=(floor,))
+    given = {"t_end": 0.35, "frames": 36, "method": "moreau_jean"}
+    run = pg.simulate(model, step=step, **given)
+    fine = pg.simulate(model, step=6.25e-5, estimate=False, **given)
+    assert np.abs(run.q - fine.q).max() < 1e-3
+    assert run.error_estimate < 1e-3

@@ -103,8 +103,8 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
         if point.gap > near and carried(contacts, n):
             near = DRIFT * tolerated(contacts, n, h)
             slack = point.gap / h
-        if w == 0.0 and point.gap > near and lands_together(contacts, n, count):
-            near = NOTABLE * smaller_size(contacts, point.shape_a, point.shape_b)
+        if w == 0.0 and point.gap > near:
+            near = max(near, together(contacts, n, count, h))
         if laws[point.pair].law == RIGID and point.gap <= near:
             law = laws[point.pair]
             slides = law.static_friction == law.friction
@@ -212,20 +212,25 @@ def span_reaches(scene, i, w, v):
 
 
 @part
-def lands_together(contacts, n, count):
-    """Check whether another point between the same shapes as point n is closed, so both share an
-    impact.
+def together(contacts, n, count, h):
+    """Return the largest gap at which point n shares an impact of closed points between its shapes.
 
-    The arrival times of corners may differ by the asymmetry due to earlier steps.
+    The arrival times of corners may differ by the asymmetry due to earlier steps. If their shapes
+    rest on other corners, this is as large as the tolerated depth of these. A finer run then takes
+    corners together that are farther apart: if the order of their impacts is not certain and
+    affects the motion, the runs differ.
     """
     this = contacts.found[n]
+    hit, rests = False, False
     for m in range(count):
         other = contacts.found[m]
         if other.shape_a == this.shape_a and other.shape_b == this.shape_b:
             near = 4.0 * closed_gap(contacts, other.shape_a, other.shape_b, xyz(other.point_a))
-            if other.gap <= near:
-                return True
-    return False
+            hit = hit or other.gap <= near
+            rests = rests or carried(contacts, m)
+    if hit and rests:
+        return tolerated(contacts, n, h) / contacts.tally[0].fine ** 3
+    return NOTABLE * smaller_size(contacts, this.shape_a, this.shape_b) if hit else 0.0
 
 
 @part
