@@ -168,7 +168,8 @@ def _grid(x: Axis, y: Axis, titles: tuple[str, str]) -> str:
     for k in x.decades:
         at = x(10.0**k)
         parts.append(_line(at, TOP, at, y.start))
-        parts.append(_text(at, y.start + 18, duration(10.0**k)))
+        anchor = "middle" if at < x.end else "end"  # within the figure
+        parts.append(_text(at, y.start + 18, duration(10.0**k), anchor))
     for k in y.decades:
         at = y(10.0**k)
         parts.append(_line(LEFT, at, x.end, at) + _text(LEFT - 8, at + 4, f"1e{k}", "end"))
