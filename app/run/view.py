@@ -130,7 +130,7 @@ class Measure(NamedTuple):
             return ""
         error = max(self.error, other.error)
         if abs(self.value - other.value) < error:
-            return "0" if str(self) == str(other) else "≈ 0"
+            return "0" if str(self) == str(other) else "< error"
         found = supported(float(str(self)) - float(str(other)), error)
         return f"{found:+.4g}".replace("-", "−") if found else "0"
 
