@@ -20,6 +20,7 @@ SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames if moti
 TURN = np.pi  # rad of an oscillation: wider frames show a slower one (Nyquist's limit)
 TOO_WIDE = "frames are too coarse"  # beginning of the notice about such an oscillation
 CUBIC_GAIN = 16  # the error over one frame is 1/64 of that over two if q is smooth; 4 is a reserve
+KINK = 5  # the error at a jump of v, at any place between frames, is up to 4.5 (quintic - cubic)
 
 
 def states_at(
@@ -183,14 +184,26 @@ def _quintic_rate(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
     )
 
 
+def _quintic_bend(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
+    """Evaluate the second time derivatives of the quintic Hermite polynomials."""
+    t, y, rate, bend = frames
+    h = (t[k] - t[i])[:, None]
+    s = (x - t[i])[:, None] / h
+    left = 1 - s
+    found = 5 * (1 - 2 * s) * (y[k] - y[i]) / h - (3 - 5 * s) * rate[i] - (2 - 5 * s) * rate[k]
+    found = 12 * s * left * found / h + left * (1 + s * (10 * s - 8)) * bend[i]
+    return found + s * (1 + left * (10 * left - 8)) * bend[k]
+
+
 def _missed(frames: Any, i: Ints, x: Array) -> Array:
     """Estimate the interpolation error in q at times x, in the intervals starting at frames i.
 
     In smooth motion, the error q⁽⁶⁾/720 (t - t_i)³ (t_k - t)³ of a quintic over two intervals is
-    seen at the frame in between: it gives q⁽⁶⁾, and so the error over the interval itself.
-    Otherwise, for example if there is an impact, the error is the difference between the quintic
-    and the cubic. The estimate is inf if it exceeds the motion, if there are only two frames, or if
-    the frames are so far apart that the polynomials may agree by chance.
+    seen at the frame in between: it gives q⁽⁶⁾, and so the error over the interval itself. Both q
+    and q'' are compared there, because a jump of v is missed by q at some place, and by q'' at none
+    if frames are evenly spaced. If there is such a jump, the error is KINK times the difference
+    between the quintic and the cubic. The estimate is inf if it exceeds the motion, if there are
+    only two frames, or if the frames are so far apart that the polynomials may agree by chance.
     """
     t, q, rate, bend = frames
     rounding = 4 * np.finfo(float).eps * np.abs(q).max(initial=0.0)
@@ -201,19 +214,25 @@ def _missed(frames: Any, i: Ints, x: Array) -> Array:
     turned = np.maximum(width * steep / TURN, (width / TURN) ** 2 * curved)  # > most past Nyquist
     rough = np.where(turned > most, np.inf, rough)
     if len(t) < 3:
-        return np.where((rough <= SMOOTH * bent + rounding) & (rough <= most), rough, np.inf)
+        smooth = rough <= SMOOTH * bent + rounding
+        return np.where(smooth & (KINK * rough <= most), KINK * rough, np.inf)
     middle = np.arange(1, len(t) - 1)
     wide = np.abs(_quintic(frames, middle - 1, middle + 1, t[middle]) - q[middle])
     wide = wide.max(axis=1, initial=0.0)
     coarse = np.abs(_cubic(t, q, rate, middle - 1, middle + 1, t[middle]) - q[middle])
     coarse = coarse.max(axis=1, initial=0.0)
     apart = np.diff(t)
+    area = apart[:-1] * apart[1:]
+    # the second derivative of the error of smooth motion is at most the error / share
+    share = area**2 / (6 * (area + np.diff(apart) ** 2))
+    bent = np.abs(_quintic_bend(frames, middle - 1, middle + 1, t[middle]) - bend[middle])
+    wide = np.maximum(wide, share * bent.max(axis=1, initial=0.0))
     near = np.stack([np.clip(i - 1, 0, len(wide) - 1), np.clip(i, 0, len(wide) - 1)])
-    wider = apart[i] ** 2 / (apart[:-1] * apart[1:])[near]
+    wider = apart[i] ** 2 / area[near]
     seen = np.maximum(wide[near] - rounding, 0.0)
     smooth = (seen * np.maximum(wider, 1.0) <= SMOOTH * coarse[near] + rounding).all(axis=0)
     grown = (seen * wider**3).max(axis=0) + (rounding * np.maximum(wider, 1.0) ** 3).min(axis=0)
-    jump = np.maximum(rough, (seen * np.sqrt(np.maximum(wider, 1.0))).max(axis=0))
+    jump = np.maximum(KINK * rough, (seen * np.sqrt(np.maximum(wider, 1.0))).max(axis=0))
     smooth &= np.isfinite(rough)
     missed = np.where(smooth, grown / CUBIC_GAIN + rounding, np.maximum(jump, grown / CUBIC_GAIN))
     return np.where(missed <= most, missed, np.inf)

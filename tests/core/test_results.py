@@ -94,6 +94,24 @@ def test_an_impact_between_frames_is_in_the_error():
     assert (true <= error + 1e-9).all()
 
 
+@pytest.mark.parametrize(("frames", "after"), [(2, 0), (3, 1), (4, 1), (11, 9)])
+def test_an_impact_at_any_place_of_any_interval_is_in_the_error(frames, after):
+    """A mass falls from 1 m to its limit. Until its next impact, its motion has a closed form."""
+    kept = {"joint": "prismatic", "axes": (0, 0, 1), "limits": [(0, None)]}
+    body = pg.Body(name="b", q=(1.0,), limit_restitution=0.9, **kept)
+    mech = pg.Mechanism(pg.Model(bodies=[body]))
+    hit = np.sqrt(2 / 9.81)
+    for place in np.linspace(0.03, 0.97, 25):
+        run = pg.simulate(mech, t_end=hit * (frames - 1) / (after + place), frames=frames)
+        t = np.linspace(*run.t[after : after + 2], 50)
+        t = t[t < 2.8 * hit]
+        q, _, error = run.at(t)
+        true = np.where(
+            t < hit, 1 - 4.905 * t**2, (0.9 * 9.81 * hit - 4.905 * (t - hit)) * (t - hit)
+        )
+        assert (np.abs(q[:, 0] - true) <= error + 1e-9).all()
+
+
 @pytest.mark.parametrize("t", [-0.1, 2.1, [0.5, 2.5], np.nan, "now", [[0.1]], True, [False]])
 def test_times_outside_of_the_run_are_refused(run, t):
     with pytest.raises(pg.InputError, match=r"run\.at"):
