@@ -690,9 +690,12 @@ def _stiff(plan: RunPlan, rate: Rate) -> list[str]:
 
 
 def _hard(plan: RunPlan) -> list[str]:
-    """Return a notice if fixed steps are too large for the stiffness or friction of contacts."""
+    """Return a notice if fixed steps are too large for the stiffness or friction of contacts.
+
+    A method without a limit damps rates that its steps do not resolve.
+    """
     rate = plan.contacts.rate if plan.contacts is not None else 0.0
-    if plan.step is None or plan.method.implicit or rate * plan.step <= 1.0:
+    if plan.step is None or not plan.method.limit or rate * plan.step <= 1.0:
         return []
     return [
         f"soft or penalty contacts make rates of about {rate:.3g}/s, which steps of "

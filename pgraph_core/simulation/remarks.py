@@ -180,7 +180,8 @@ def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
 
 
 def unbalanced(record: Running, n: int) -> tuple[str, ...]:
-    """Return a message about energies that miss the work done, where the motion is accurate.
+    """Return a message about energies that miss the work done, where the motion is accurate, or
+    that contacts increase.
 
     Steps suit the motion alone. For a prescribed motion, the largest step is used regardless of the
     required power, so forces that start and end within a step are missed. Impulses and methods of
@@ -190,12 +191,32 @@ def unbalanced(record: Running, n: int) -> tuple[str, ...]:
     if plan.impulses or plan.method.order < 2:
         return ()
     drift, scale = energy_drift(parts)
-    if drift <= VISIBLE or not scale > SOLVED * np.abs(parts).max():
+    if not scale > SOLVED * np.abs(parts).max():
+        return ()
+    if (gain := _given_by_contacts(record, n)) > VISIBLE * scale:
+        return (
+            f"the dissipation decreases by {gain:.3g} J, {100 * gain / scale:.2g} % of the range "
+            "of the energies, although contacts only take energy: the steps do not resolve the "
+            "contacts; give a smaller step",
+        )
+    if drift <= VISIBLE:
         return ()
     return (
         f"the energy balance of the run is violated by {100 * drift:.2g} % of their range: "
         "the steps are too large for the power of the forces, or skip a force; give a step",
     )
+
+
+def _given_by_contacts(record: Running, n: int) -> float:
+    """Compute the largest decrease of the dissipation since a frame with open contacts [J].
+
+    The dissipation includes the energy that compliant contacts store, none where they are open.
+    """
+    lost, gaps = record.out.energies[:n, 3], record.out.pairs["gap"][:n]
+    if not gaps.size:
+        return 0.0
+    most = np.maximum.accumulate(np.where((gaps < 0.0).any(axis=1), -np.inf, lost))
+    return float((most - lost).max(initial=0.0))
 
 
 def passed_over(record: Running, error: float) -> tuple[str, ...]:
