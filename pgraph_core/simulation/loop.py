@@ -326,17 +326,17 @@ class Steps:
         )
 
     def notices(self) -> list[str]:
-        """Return a notice about fixed steps that were divided."""
+        """Return a notice about fixed steps that were divided, some of them repeatedly."""
         count, given = self.divided, self.tolerance
         widest = float(self.plan.width.max(initial=0.0)) if given is None else given.widest
         if given is None and self.plan.method.implicit:
             count = int(self.counters["rejected_steps"])
         if count == 0:
             return []
-        of = "1 step" if count == 1 else f"{count} steps"
+        times = "once" if count == 1 else f"{count} times"
         return [
-            f"the equations of {of} of {widest:.4g} s did not converge, "
-            "for example because forces change quickly, so smaller steps were used"
+            f"the equations of steps of {widest:.4g} s did not converge {times}, for example "
+            "because forces change or oscillate quickly, so these steps were divided"
         ]
 
 
