@@ -156,7 +156,7 @@ class Endpoints:
 
     def sum_of_v(self, terms: tuple[Term, ...], value: float) -> Block:
         """Create a block that keeps a sum of velocities at a value."""
-        return Block(at.T_VELOCITY, 1, self.values(value), tuple((v, -1, x) for v, _, x in terms))
+        return Block(at.T_VELOCITY, 1, self.scaled(value), tuple((v, -1, x) for v, _, x in terms))
 
     def following(self, own: Term, q: Any, interpolation: str) -> Block:
         """Create a block in which a coordinate follows a function of time."""

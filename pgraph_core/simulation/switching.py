@@ -15,6 +15,7 @@ from ..engine import layout as at
 from ..engine import motion
 from ..errors import InputError
 from ..result import Result
+from ..tolerances import ROUNDING
 from .failures import Running
 from .switches import Change, closed, hold_here, switched_by
 
@@ -33,7 +34,8 @@ class Switching:
         record.held = set(record.plan.active.tolist())
         self.since: dict[int, float] = {}  # when constraints were switched last [s]
         self._ahead = deque(record.plan.changes)
-        self._spent: set[int] = set()  # conditions that act once and have acted
+        self._acted: set[int] = set()  # conditions that have switched a constraint
+        self._undone: set[int] = set()  # those that did so again where it was switched back
         self._together: list[int] = []  # conditions met at the time of the next change, after it
         self._redundant = False  # whether constraints are redundant in the first state
         self._stretches: list[Stretch] = []  # to be searched for singular positions
@@ -74,10 +76,12 @@ class Switching:
         waiting = record.plan.conditions
         while left and not record.ended.over:
             given = waiting[number := left.pop(0)]
-            if (given.constraint in record.held) == given.active or number in self._spent:
+            acted = number in self._acted
+            if (given.constraint in record.held) == given.active or (acted and given.when.once):
                 continue
-            if given.when.once:
-                self._spent.add(number)
+            if acted and given.when.constraint is None:
+                self._note_undone(t, number)
+            self._acted.add(number)
             on, off = ([given.constraint], []) if given.active else ([], [given.constraint])
             by = record.watch.monitors[number] if record.watch is not None else None
             if not self._apply(switched_by(record.held, on, off, t), by=by):
@@ -88,6 +92,24 @@ class Switching:
                 and other.place == given.constraint
                 and other.when.active == given.active
             ]  # fmt: skip
+
+    def _note_undone(self, t: float, number: int) -> None:
+        """Add a notice if a condition acts again where its constraint was switched back.
+
+        A motion from rest leaves the rounding of its position after the root of it, in time.
+        """
+        record, given = self.record, self.record.plan.conditions[number]
+        near = np.sqrt(ROUNDING) * np.ptp(record.plan.times)
+        if number in self._undone or t - self.since[given.constraint] > near:
+            return
+        self._undone.add(number)
+        name = record.mech.model.constraints[given.constraint].name
+        record.ended.notices.append(
+            f"at t = {t:.6g} s '{name}' is switched {'on' if given.active else 'off'} again as "
+            f"soon as it was switched {'off' if given.active else 'on'}: the motion is at the "
+            f"threshold of its condition {given.when}, where rounding decides; give the condition "
+            "once=True, or a threshold that the motion has left"
+        )
 
     def _apply(self, change: Change, *, by: Monitor | None = None) -> bool:
         """Apply a change between two steps. Returns False if the run ends.

@@ -89,6 +89,38 @@ def test_a_switch_that_acts_once_catches_an_oscillator_once(options):
     assert kept.scenarios[0].switches[0].when.once
 
 
+@pytest.mark.parametrize("options", [{"rtol": 1e-6, "method": "radau5"}, {"step": 3e-3}])
+def test_a_latch_that_acts_again_where_it_was_released_is_reported(options):
+    """The spring pulls away from the threshold, on which the release leaves the slider."""
+
+    def released(**once):
+        when = {"coordinate": "b", "below": -0.376, **once}
+        let_go = {"constraint": "latch", "active": True, "after": 0.25}
+        switches = [(when, "latch", True), (let_go, "latch", False)]
+        start = {"q": [4.7], "t_end": 2.0, "switches": switches, **options}
+        run = pg.simulate(slider().edit("b", stiffness=(11.52,)), **start)
+        told = [text for text in run.notices if "'latch'" in text and "once" in text]
+        at_once = np.diff([event.t for event in run.events])[1::2]
+        return len(told), (at_once < 1e-6).any()
+
+    assert released() == (1, True)
+    assert released(once=True) == (0, False)
+
+
+@pytest.mark.parametrize("kind", [pg.Velocity, pg.Coupling])
+def test_a_constraint_on_coordinates_that_a_condition_activates_keeps_derivatives(kind):
+    """A slider at v stops where q = 0.53, so that its position then depends on neither."""
+    held = {} if kind is pg.Velocity else {"value": 0.53}
+    latch = kind(name="latch", coefficients={"b": [1.0]}, active=False, **held)
+    model = slider(v=1.0).replace(constraints=(latch,))
+    switches = [({"coordinate": "b", "above": 0.53}, "latch", True)]
+    run = pg.simulate(model, t_end=1.0, frames=5, switches=switches, wrt=["q.b", "v.b"])
+    for path, factor in (("q.b", 1.0), ("v.b", run.t)):
+        exact = np.where(run.t < 0.53, factor, 0.0)
+        np.testing.assert_allclose(run.sensitivity(path)[:, 0], exact, atol=1e-7)
+    assert not any("position" in text for text in run.notices)
+
+
 def test_the_force_of_a_contact_switches_a_latch():
     """1 kg on the ground under 10 N/s: 12 N are passed at (12 - 9.80665) / 10 s."""
     table = pg.Table(t=(0.0, 1.0), value=(0.0, -10.0))
