@@ -231,7 +231,7 @@ def _bound(owner: Any, name: str) -> Any:
     ours = __getattr__(name) if name in _HOME else None
     if inspect.isfunction(ours):
         first = next(iter(inspect.signature(ours).parameters.values()))
-        if kind in str(first.annotation):
+        if any(each.__name__ in str(first.annotation) for each in type(owner).__mro__):
             return partial(ours, owner)
     return getattr(_mechanism(owner, name), name, None) if kind == "Model" else None
 

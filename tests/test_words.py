@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -394,3 +395,26 @@ def test_a_target_has_a_position_or_a_place():
         for name in ("position", "place")
     )
     assert np.array_equal(a, b)
+
+
+def test_functions_of_a_model_take_a_mechanism_and_are_its_methods(tmp_path):
+    cart = pg.Body(name="cart", joint="prismatic", axes=[(1, 0, 0)], shape=pg.Sphere(0.1))
+    pole = pg.Body(name="pole", parent="cart", axes=[(0, 1, 0)], com=(0, 0, 0.5))
+    contact = pg.Contact(name="ground", body="cart")
+    drives = [pg.Motor(name="push", body="cart")]
+    model = pg.Model(bodies=[cart, pole], forces=drives)
+    standing = model.replace(contacts=[contact])
+    file = str(tmp_path / "model")
+    calls = (
+        lambda each: pg.lqr(each, 1.0).K.tolist(),
+        lambda each: each.lqr(1.0).K.tolist(),
+        lambda each: pg.place_poles(each, [-1.0, -2.0, -3.0, -4.0]).K.tolist(),
+        lambda each: str(pg.write_mjcf(each, file + ".xml")),
+        lambda each: str(pg.write_urdf(each, file + ".urdf")),
+    )
+    for call in calls:
+        assert call(model) == call(pg.Mechanism(model))
+    assert pg.underfoot(pg.Mechanism(standing), slope=0.1) == pg.underfoot(standing, slope=0.1)
+    wrong: Any = "arm.json"
+    with pytest.raises(pg.InputError):
+        pg.lqr(wrong, 1.0)

@@ -14,7 +14,7 @@ from scipy.linalg import LinAlgError, block_diag, solve, solve_continuous_are
 from scipy.signal import place_poles as placed
 
 from .. import joints
-from ..dynamics import Dynamics
+from ..dynamics import Dynamics, model_of
 from ..errors import InputError, Problem, Suggests, explained, nearest, shown
 from ..forces import Force, Motor, OnJoint
 from ..model import Model
@@ -74,7 +74,7 @@ class Feedback(Suggests):
 
 @explained
 def lqr(
-    model: Model,
+    model: Model | Dynamics,
     Q: Any,
     R: Any = 1.0,
     *,
@@ -86,7 +86,7 @@ def lqr(
 
     Parameters
     ----------
-    model : Model
+    model : Model or Mechanism
         The feedback replaces the torque, target, speed or input of each drive. Other fields of the
         drives, such as kp and kd of a servo, are kept.
     Q : number, (n,), (n, n) or dict
@@ -153,7 +153,7 @@ def _check_signs(Q: Array, R: Array) -> None:
 
 @explained
 def place_poles(
-    model: Model,
+    model: Model | Dynamics,
     poles: Any,
     /,
     *,
@@ -165,7 +165,7 @@ def place_poles(
 
     Parameters
     ----------
-    model : Model
+    model : Model or Mechanism
         The feedback replaces the torque, target, speed or input of each drive.
     poles : (n,) array
         Poles of the closed loop [1/s]. Complex poles must occur in conjugate pairs.
@@ -259,13 +259,18 @@ class _Plant:
 
 
 def _closed(
-    call: str, model: Model, inputs: Any, states: Any, q: Any, gains: Callable[[_Plant], Array]
+    call: str,
+    given: Model | Dynamics,
+    inputs: Any,
+    states: Any,
+    q: Any,
+    gains: Callable[[_Plant], Array],
 ) -> Feedback:
     """Build the feedback about a state at rest, using the gains returned by `gains`.
 
     A model without drives gets a motor for each degree of freedom that `inputs` names, or for all.
     """
-    names = [inputs] if isinstance(inputs, str) else inputs
+    model, names = model_of(call, given), [inputs] if isinstance(inputs, str) else inputs
     if not any(isinstance(f, OnJoint) for f in model.forces):
         for label, body, k, _ in _degrees(Dynamics(model)):
             if names is None or not {label, body}.isdisjoint(names):

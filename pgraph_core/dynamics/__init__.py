@@ -5,3 +5,4 @@ the kernels take of a run.
 """
 
 from .dynamics import Dynamics as Dynamics
+from .dynamics import model_of as model_of

@@ -738,3 +738,11 @@ def accelerated(
     if external is None:
         return ready(FORWARD)(*packed.tree, *state, work, vdot)
     return dynamics.forward_dynamics_external(*packed.system[:4], *state, external, work, vdot)
+
+
+def model_of(call: str, value: Any, more: str = "") -> Model:
+    """Return the model of a mechanism, or the model itself. Raises InputError."""
+    model = value.model if isinstance(value, Dynamics) else value
+    if not isinstance(model, Model):
+        raise wrong_type(call, "model", "a pg.Model or a pg.Mechanism", value, more)
+    return model

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..dynamics import Dynamics
+from ..dynamics import Dynamics, model_of
 from ..errors import FileError, ModelError, Problem, choices, explained, shown
 from ..fields import GROUND
 from ..forces import OnJoint, ends_of
@@ -42,7 +42,7 @@ NOTHING = (1.0, 0.0, 0.0, 0.0)
 
 
 @explained
-def write_mjcf(model: Model, path: str | Path) -> Report:
+def write_mjcf(model: Model | Dynamics, path: str | Path) -> Report:
     """Write a model as an MJCF file.
 
     The supported parts are trees, contacts, motors, servos, springs, and constraints of the kinds
@@ -51,7 +51,7 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
 
     Parameters
     ----------
-    model : Model
+    model : Model or Mechanism
         The model.
     path : str or path
         The file, with the suffix .xml or .mjcf.
@@ -69,6 +69,7 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
         If the model has a screw joint, or a free joint that is not at the root, which MJCF does not
         support. No file is written in this case.
     """
+    model = model_of("write_mjcf", model)
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))

@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ..dynamics import Dynamics
+from ..dynamics import Dynamics, model_of
 from ..errors import FileError, ModelError, Problem, choices, counted, explained
 from ..fields import GROUND
 from ..model import Actuator, Body, Constraint, Gear, Model, Motor, Shape
@@ -28,14 +28,14 @@ TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
 
 
 @explained
-def write_urdf(model: Model, path: str | Path) -> Report:
+def write_urdf(model: Model | Dynamics, path: str | Path) -> Report:
     """Write a model to a URDF file.
 
     Meshes from other folders are copied to `meshes` next to the file.
 
     Parameters
     ----------
-    model : Model
+    model : Model or Mechanism
         The model.
     path : str or path
         The file, with the suffix .urdf.
@@ -52,6 +52,7 @@ def write_urdf(model: Model, path: str | Path) -> Report:
     ModelError
         If the model has a ball joint, which URDF does not support. No file is written in this case.
     """
+    model = model_of("write_urdf", model)
     path = named(path, ".urdf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..dynamics import Dynamics, model_of
 from ..dynamics.arguments import wrong_type
 from ..dynamics.states import turned
 from ..engine.gait.tables import Terrain
@@ -120,7 +121,7 @@ LAWS: dict[str, dict[str, float]] = {  # contact of a paw's sole, which yields 2
 
 @explained
 def underfoot(
-    model: Model,
+    model: Model | Dynamics,
     *,
     law: str | None = None,
     friction: float | None = None,
@@ -133,7 +134,7 @@ def underfoot(
 
     Parameters
     ----------
-    model : Model
+    model : Model or Mechanism
         The model with ground contacts.
     law : str, optional
         Contact law, including the stiffness and damping of the soles. With "penalty", explicit
@@ -146,6 +147,7 @@ def underfoot(
     steps : sequence of Step, optional
         Rectangular areas of the ground at other heights.
     """
+    model = model_of("underfoot", model)
     changes: dict[str, Any] = {} if friction is None else {"friction": friction}
     if changes:
         Contact(name="underfoot", body="any", **changes)  # even if no contact takes it

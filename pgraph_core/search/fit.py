@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics import model_of
 from ..errors import Suggests, choices, explained, needed, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
 from ..result.columns import columns_of, coordinates, meant, no_column
 from ..tolerances import ROUNDING
-from .free import FAR, TOLD, Case, Numbers, Values, described, measured, option
+from .free import FAR, TOLD, Case, Numbers, Values, measured, option
 
 Array = np.ndarray
 ROUNDS = 10  # fits at most, each weighted by the noise that the last one left
@@ -184,7 +185,7 @@ def fit(
     --------
         best = pg.fit(model, {"t": t, "arm": q}, {"bodies.arm.mass": (0.1, 2.0)})
     """
-    base = described("fit", model)
+    base = model_of("fit", model)
     data = data if t is None or not isinstance(data, Mapping) else {**data, "t": t}
     given = {"t_start": t_start, "scenario": scenario, **options}
     given = {name: value for name, value in given.items() if value is not None}

@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..dynamics.arguments import wrong_type
 from ..errors import InputError, ModelError, PgraphError, Problem, choices, shown
 from ..markup import ordinary
-from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
 from ..simulation import simulate
@@ -33,14 +31,6 @@ class Values(dict[str, float]):
     def __missing__(self, path: Any) -> float:
         text = f"no free parameter is {path!r}; choose from {choices(self)}, or use x, an array"
         raise KeyError(text)
-
-
-def described(call: str, model: Any) -> Model:
-    """Return the model of a mechanism, or the model itself. Raises InputError."""
-    base = model.model if isinstance(model, Mechanism) else model
-    if not isinstance(base, Model):
-        raise wrong_type(call, "model", "a pg.Model", model)
-    return base
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..dynamics import model_of
 from ..errors import InputError, ModelError, Suggests, counted, explained, needed, shown
 from ..mechanism import Mechanism
 from ..model import Model
@@ -20,7 +21,7 @@ from ..result import Result
 from ..sweeps.metrics import measured as metric
 from ..sweeps.metrics import words
 from ..tolerances import EPS, NOTABLE
-from .free import FAR, Case, Numbers, Values, described, option
+from .free import FAR, Case, Numbers, Values, option
 
 Array = np.ndarray
 SOLVERS = ("SLSQP", "trust-constr", "L-BFGS-B", "least_squares")
@@ -162,7 +163,7 @@ def optimise(
     True
     """
     given = options if scenario is None else {"scenario": scenario, **options}
-    base = described("optimise", model)
+    base = model_of("optimise", model)
     numbers = Numbers("optimise", base, free, [Case("", given)], bounded=False)
     _check(numbers, solver, differences, tol, most)
     goals = Goals(numbers, objective, subject_to or {})

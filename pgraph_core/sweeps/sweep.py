@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from .. import words
-from ..dynamics.arguments import numbers_in, wrong_type
+from ..dynamics import model_of
+from ..dynamics.arguments import numbers_in
 from ..errors import (
     FileError,
     InputError,
@@ -240,9 +241,7 @@ def sweep(
     --------
         table = pg.sweep(model, {"bodies.arm.mass": [1.0, 2.0]}, "max arm", t_end=1.0)
     """
-    base = model.model if isinstance(model, Mechanism) else model
-    if not isinstance(base, Model):
-        raise wrong_type("sweep", "model", "a pg.Model", model, example_of(sweep))
+    base = model_of("sweep", model, example_of(sweep))
     if not isinstance(set, Mapping) or not set:
         text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}, got {shown(set)}"
         raise InputError(Problem("sweep", "set", text))
