@@ -108,6 +108,7 @@ ROWS = [
     body("inertia", "positive semidefinite", "-1 kg", inertia=moments(-1, 1, 1)),
     body("inertia", "positive semidefinite", inertia=[[1, 2, 0], [2, 1, 0], [0, 0, 1]]),
     body("inertia", "triangle", "1 + 1 < 3", "by 1 kg m^2", inertia=moments(1, 1, 3)),
+    body("inertia", "triangle", "(I, I, I)", "any_inertia=True", inertia=moments(0, 1, 0)),
     body("inertia", "symmetric", "2.0", inertia=[[1, 2, 0], [0, 1, 0], [0, 0, 1]]),
     body("inertia", "(xx, xy, xz)", inertia=[1, 2, 3, 0, 0, 0]),
     body("axes", "zero", "[0.0, 0.0, 0.0]", axes=[[0, 0, 0]]),

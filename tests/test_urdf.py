@@ -359,7 +359,11 @@ def test_commands_report_the_losses_and_warnings_of_an_import(capsys, tmp_path):
     assert main(["convert", str(path), str(tmp_path / "arm.json")]) == 0
     assert "'zz'" in capsys.readouterr().out
     assert pg.Model.load(tmp_path / "arm.json").bodies == model.bodies
-    assert any("'zz'" in notice for notice in pg.load(path).notices)
+    again = pg.load(path)
+    assert any("'zz'" in notice for notice in again.notices)
+    assert f"{len(again.notices)} notices" in str(again)
+    assert again.notices[0] in str(again)
+    assert "notice" not in str(pg.Model(bodies=again.bodies))
     assert main(["convert", str(path), str(tmp_path / "arm.step")]) == 1
     assert ".urdf" in capsys.readouterr().err
 

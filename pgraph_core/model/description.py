@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
 from pydantic import ValidationError
 
-from ..errors import ModelError, Problem, choices, explained, nearest_first, shown
+from ..errors import ModelError, Problem, choices, counted, explained, nearest_first, shown
 from ..fields import Vec3, field, listed, parts_of
 from ..forces import Force, ends_of
 from ..sentences import in_our_words
@@ -86,7 +86,9 @@ class Description(World):
             f"{n} {key if n != 1 else word}" for n, (word, key) in zip(counts, PARTS_OF.items())
         ]
         named = [words[0], *(text for n, text in zip(counts[1:], words[1:]) if n)]
-        return f"<Model {shown(self.name)}: {', '.join(named)}; up {self.up}>"
+        told = f"\n  {counted(len(self.notices), 'notice')}, the first: " if self.notices else ""
+        told += "".join(self.notices[:1])
+        return f"<Model {shown(self.name)}: {', '.join(named)}; up {self.up}{told}>"
 
     __str__ = __repr__
 

@@ -210,7 +210,8 @@ def sweep(
     n, seed : int
         Number of points and random seed.
     workers : int, optional
-        Number of processes. By default, one per core is used.
+        Number of processes besides this one, which computes the first points, and all points if
+        the others would take less than 1 s. By default, one per core is used.
     scheduler : optional
         Address of a Dask cluster to run on.
     out : str or path, optional
