@@ -418,3 +418,24 @@ def test_functions_of_a_model_take_a_mechanism_and_are_its_methods(tmp_path):
     wrong: Any = "arm.json"
     with pytest.raises(pg.InputError):
         pg.lqr(wrong, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("read", "named"),
+    [
+        (lambda run, mech: run.kinetic, "kinetic_energy"),
+        (lambda run, mech: run.potential, "potential_energy"),
+        (lambda run, mech: pg.simulate_batch(mech, [[0.1], [0.2]]).q, "run.q for run in runs"),
+        (lambda run, mech: mech.inverse_dynamics_along, "constrained_inverse_dynamics"),
+    ],
+)
+def test_a_name_that_is_near_is_answered_with_what_it_means(read, named):
+    mech = pg.Mechanism(pg.Model.serial(1))
+    with pytest.raises(AttributeError, match=named):
+        read(pg.simulate(mech, t_end=0.1), mech)
+
+
+def test_a_batch_is_copied_and_stored_as_a_list():
+    runs = pg.simulate_batch(pg.Model.serial(1), [[0.1], [0.2]], t_end=0.1)
+    for again in (pickle.loads(pickle.dumps(runs)), runs[:]):
+        assert [run.q[-1, 0] for run in again] == [run.q[-1, 0] for run in runs]

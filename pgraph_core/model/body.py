@@ -535,8 +535,8 @@ def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
             (
                 "inertia",
                 f"breaks the triangle inequality: principal moments {a:.6g} + {b:.6g} < {c:.6g} by "
-                f"{c - a - b:.3g} kg m^2; no rigid body has it: where only rotations about one axis "
-                "matter, give that moment for all three, (I, I, I), or any_inertia=True",
+                f"{c - a - b:.3g} kg m^2; no rigid body has it: if only one axis "
+                "matters, give (I, I, I) or any_inertia=True",
             )
         ]
     return []

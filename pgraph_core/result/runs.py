@@ -16,6 +16,13 @@ class Runs(list[Result]):
         found = super().__getitem__(key)
         return Runs(found) if isinstance(key, slice) else found
 
+    def __getattr__(self, name: str) -> Any:
+        """Refuse the attributes of a run."""
+        text = f"the runs of a batch have no attribute '{name}'"
+        if name in Result.__dataclass_fields__ or hasattr(Result, name):
+            text += f"; each of them has: [run.{name} for run in runs]"
+        raise AttributeError(text)
+
     def __repr__(self) -> str:
         first = f", the first {self[0]!r}" if self else ""
         return f"<Runs: {len(self)}{first}>"
