@@ -331,6 +331,17 @@ def test_user_events_do_not_change_derivatives():
             assert missed(run.sensitivity(path), plain.sensitivity(path)) < 1e-6
 
 
+def test_a_switched_constraint_does_not_end_derivatives_of_the_motion():
+    """Those of the energy that its impulse takes are not known."""
+    slider = pg.Body(name="c", joint="prismatic", axes=(1, 0, 0), mass=1.0, v=(1.0,))
+    lock = pg.Velocity(name="lock", coefficients={"c": (1.0,)}, active=False)
+    model = pg.Model(gravity=(0, 0, 0), bodies=(slider,), constraints=(lock,))
+    switches = [({"coordinate": "c", "above": 0.53}, "lock", True)]
+    run = pg.simulate(model, t_end=1.0, frames=5, wrt=["q.c", "v.c"], switches=switches)
+    assert run.sensitivity("q.c")[-1, 0] == pytest.approx(0.0, abs=1e-9)  # it stops at 0.53
+    assert not any("derivatives" in text for text in run.notices)
+
+
 FALLING = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), q=(0.5,), limits=((0.0, None),))
 
 
