@@ -164,6 +164,15 @@ def test_a_model_shows_as_one_line_and_as_a_drawing(model):
     assert "<svg" in model._repr_html_()
 
 
+@pytest.mark.parametrize("kind", pg.Constraint.KINDS)
+def test_a_model_with_a_constraint_of_any_kind_shows_as_a_drawing(kind):
+    """Some kinds act on one body, or on a sum over several."""
+    part = pg.Constraint.KINDS[kind]
+    bodies = [pg.Body(name=name, axes=(0, 0, 1), mass=1.0, tip=(1, 0, 0)) for name in "12"]
+    tie = part.model_validate({"name": "x", "body": "2", **NEEDS.get(kind, {})})
+    assert "<svg" in pg.Model(bodies=bodies, constraints=[tie])._repr_html_()
+
+
 def test_a_site_is_a_frame_of_its_body_and_follows_edits():
     body = {"axes": (0, 1, 0), "mass": 1.0, "tip": (0, 0, -1), "link": (0, 0, -1)}
     model = pg.Model(

@@ -85,7 +85,7 @@ def digraph_of(model: Any) -> tuple[list[str], list[int], list[tuple[int, int]]]
     """Return (names, parent numbers, pairs of bodies that close loops) for a model's digraph."""
     bodies, parent = numbered(model)
     number = {body.name: k for k, body in enumerate(bodies, 1)}
-    ends = [(number.get(c.body, 0), number.get(c.other, 0)) for c in model.constraints]
+    ends = [tuple(number.get(name, 0) for name in c.pair) for c in model.constraints]
     loops = [(a, b) for a, b in ends if a and b and a != b and a != parent[b - 1] != b]
     return [body.name for body in bodies], parent, loops
 
