@@ -112,12 +112,15 @@ pgraph.keys = (() => {
     tr.focus({ preventScroll: true });
     send("SelectBodies", { body: tr.dataset.name, bodies: names });
   }
-  window.addEventListener("keydown", (event) => { // where nothing is typed in, the browser would select the page's text
-    if (!(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey || event.key.toLowerCase() !== "a") return;
-    if (event.defaultPrevented || event.target.closest?.("input, textarea, select, dialog")) return;
-    event.preventDefault();
-    const first = table().tr(table().shown()[0]);
-    if (first) everything(first);
+  window.addEventListener("keydown", (event) => { // where nothing is typed in
+    const { key, target, ctrlKey, metaKey, shiftKey, altKey } = event, ctrl = ctrlKey || metaKey;
+    if (shiftKey || altKey || event.defaultPrevented || target.closest?.("input, textarea, select, dialog")) return;
+    if (key === "Delete" && !ctrl && !target.closest?.(".pgraph")) pgraph.rows.remove(pgraph.host("table")); // in the 3D view
+    else if (ctrl && key.toLowerCase() === "a") { // the browser would select the page's text
+      event.preventDefault();
+      const first = table().tr(table().shown()[0]);
+      if (first) everything(first);
+    }
   });
 
   // Alt: up and down among the rows, right below the row above, left to the parent's parent.

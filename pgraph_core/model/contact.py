@@ -53,7 +53,7 @@ class Contact(Acting):
 
     VARIES_SINCE: ClassVar[int] = 9
     ABOUT: ClassVar[Mapping[str, str]] = {  # one line a law, for who chooses
-        "complementarity": "rigid: no depth, impulses in the friction cone, restitution",
+        "complementarity": "rigid contact: no depth, impulses in the friction cone, restitution",
         "soft": "Hunt and Crossley: k d^1.5 (1 + c d'), smooth friction",
         "penalty": "spring and damper: k d + c d', friction that sticks",
     }
