@@ -253,7 +253,7 @@ class ContactSpace(Unportable):
         self.tally["first_turn"] = first + limits + count if contacts.turns else -1
         self.tally["length"], self.tally["fine"] = packed.length, 1.0
         self.tally["pull"] = np.linalg.norm(packed.model.gravity)
-        self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * n))
+        self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * (n + limits)))
         self.pairs = pairs = table(PAIR, n + limits)
         pairs["phase"] = -1
         compliant = bool((contacts.laws["law"] != RIGID).any())
@@ -317,7 +317,7 @@ class ContactSpace(Unportable):
         names = "fallbacks", "calmed", "overflows", "logged", "cuts", "crowded", "residual", "depth"
         for name in (*names, "strayed", "chains"):
             self.tally[name] = 0
-        phases = self._kept.pairs["phase"][: len(self._kept.laws)]
+        phases = self._kept.pairs["phase"]
         now = table(PHASE_CHANGE, len(phases))
         now["time"] = now["when"] = t
         now["pair"], now["phase"] = np.arange(len(phases)), phases

@@ -305,7 +305,7 @@ PAIR = record(  # forces of a contact pair in world axes
     gap=REAL,  # the smallest [m]
     slip=REAL,  # the fastest [m/s]
     phase=INTEGER,  # -1 before the first step
-    # of a rigid contact: the first located impact of the step [s], and the end of its last push
+    # if it is rigid: the first located impact of the step [s], and the end of its last push
     struck=REAL,
     ended=REAL,
 )

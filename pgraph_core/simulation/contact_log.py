@@ -25,7 +25,7 @@ from ..forces import ends_of
 from ..mechanism import Mechanism
 from ..model import Spring
 from ..packing import Array, Ints
-from ..result.records import NOTHING, PHASES, ContactRecord, Event
+from ..result.records import FREE, NOTHING, PHASES, STOP, ContactRecord, Event
 from ..tolerances import NOTABLE, VISIBLE
 from .clearance import gaps_later
 from .plan import Idle, RunPlan
@@ -46,7 +46,13 @@ CAUSES = {
     (STANCE, SLIP): "friction did not hold it",
 }
 LIFTED = "the ground cannot pull"
+CAUSES_OF_LIMIT = {
+    (SWING, STANCE): "it reached its limit",
+    (SWING, SWING): "it rebounded from its limit",
+    (STANCE, SWING): "a limit cannot pull",
+}
 NAMES = np.array(PHASES)
+OF_LIMIT = np.array((FREE, "", "", STOP))
 
 
 COUNTED = {  # field of the tally -> notice if it is not 0
@@ -85,7 +91,8 @@ def contacts_of(
     up = np.array(mech.model.ground_normal)
     impulses = plan.method.name == "moreau_jean"
     width = float(np.max(plan.width, initial=0.0)) if impulses else 0.0
-    found = stepped_record(plan.contacts, up, *frames, changes, width)
+    bodies = limited_bodies(mech, plan.contacts)
+    found = stepped_record(plan.contacts, bodies, up, *frames, changes, width)
     events = sorted((*found.events, *log), key=lambda event: event.t)
     gaps = gaps_later(mech, plan.contacts, q, found.gap)
     return replace(found, gap=gaps, events=tuple(events))
@@ -151,8 +158,15 @@ def contact_notices(
     return found
 
 
+def limited_bodies(mech: Mechanism, tables: Tables) -> list[str]:
+    """Return the name of the body that moves towards each limit."""
+    ends = mech.packed.system.body_of_row[tables.limit_blocks[0][:, (at.B_A, at.B_B)]]
+    return [mech.topology.names[(int(a) or int(b)) - 1] for a, b in ends]  # the ground is 0
+
+
 def stepped_record(
     tables: Tables,
+    limited: Sequence[str],
     up: Array,
     t: Array,
     pushes: Array,
@@ -163,11 +177,12 @@ def stepped_record(
 ) -> ContactRecord:
     """Return the record of contacts and limits from frames and the change log.
 
-    `up` is the ground's normal.
+    `up` is the ground's normal, and `limited` the body of each limit.
     """
     names = [pair.name for pair in tables.touches]
     forces = np.concatenate((pairs["torque"], pairs["force"]), axis=-1).swapaxes(0, 1)
-    phases, events = phases_over(changes, tables.touches, t, width)
+    limits = [*zip(tables.limits, limited)]
+    phases, events = phases_over(changes, tables.touches, limits, t, width)
     return ContactRecord(
         force=dict(zip(names, forces)),
         gap=dict(zip(names, pairs["gap"].T)),
@@ -186,29 +201,37 @@ def stepped_record(
 
 
 def phases_over(
-    changes: Any, touches: Sequence[ContactPair], t: Array, width: float = 0.0
+    changes: Any,
+    touches: Sequence[ContactPair],
+    limits: Sequence[tuple[str, str]],
+    t: Array,
+    width: float = 0.0,
 ) -> tuple[dict[str, NDArray[np.str_]], tuple[Event, ...]]:
     """Return ({pair: (len(t),) phase}, events) from PHASE_CHANGE records in chronological order.
 
-    The phase in the first row of a contact is its initial phase. Time stepping, with steps of
-    `width` [s], locates impacts, and events say where they are known to a step only. It releases a
-    point for a step when its body is moved out of the ground: flights that short are ignored.
+    `limits` contains (name, body). The phase in the first row of a contact is its initial phase.
+    Time stepping, with steps of `width` [s], locates impacts, and events say where they are known
+    to a step only. It releases a point for a step when its body is moved out of the ground: flights
+    that short are ignored.
     Touches of one contact between many bodies together have phases as one. A shape above the ground
     that never touches it has none if the contact has points. For example, only the feet of a robot
     have a phase.
     """
     phases, events = {}, []
     points = any(pair.contact.points for pair in touches)
-    for k, pair in enumerate(touches):
-        own = changes[changes["pair"] == k]
+    pairs: list[tuple[str, str, bool]] = [
+        (x.name, x.body, points and not x.contact.points and x.other == GROUND) for x in touches
+    ]
+    pairs += [(name, body, False) for name, body in limits]
+    for k, (name, body, aloft) in enumerate(pairs):
+        own, words = changes[changes["pair"] == k], NAMES if k < len(touches) else OF_LIMIT
         if len(own) < 2:
-            aloft = points and not pair.contact.points and pair.other == GROUND
             if len(own) and not (aloft and own["phase"][0] == SWING):
-                phases[pair.name] = np.full(len(t), NAMES[own["phase"][0]])
+                phases[name] = np.full(len(t), words[own["phase"][0]])
             continue
         own = _without_grazes(own, (GRAZING + 0.5) * width)
         now = np.searchsorted(own["time"][1:], t, side="right")
-        phases[pair.name] = NAMES[own["phase"][now]]
+        phases[name] = words[own["phase"][now]]
         before, after = own["phase"][:-1], own["phase"][1:].copy()
         begun, when = own["when"] < own["time"], np.maximum.accumulate(own["when"][1:])
         touch = (after[:-1] != SWING) & (after[1:] == SWING) & (when[:-1] == when[1:])
@@ -216,10 +239,11 @@ def phases_over(
         keep = np.ones(len(when), dtype=bool)
         keep[1:] = ~touch
         located = begun[1:] & (before == SWING)
-        rows = zip(when[keep], before[keep], after[keep], located[keep])
-        events += [
-            _event(float(t), pair, int(a), int(b), 0.0 if sure else width) for t, a, b, sure in rows
-        ]
+        causes = CAUSES if k < len(touches) else CAUSES_OF_LIMIT
+        for x, a, b, sure in zip(when[keep], before[keep], after[keep], located[keep]):
+            cause = causes.get((a, b), LIFTED)
+            cause += f", to within a step of {width:.3g} s" if width and not sure else ""
+            events.append(Event(float(x), name, body, str(words[a]), str(words[b]), cause))
     return phases, tuple(sorted(events, key=lambda event: event.t))
 
 
@@ -232,12 +256,6 @@ def _without_grazes(own: Any, graze: float) -> Any:
     own = own[~short]
     changed = np.append(True, np.diff(own["phase"]) != 0)
     return own[changed]
-
-
-def _event(t: float, pair: ContactPair, before: int, after: int, width: float) -> Event:
-    cause: Any = CAUSES.get((before, after), LIFTED)
-    cause += f", to within a step of {width:.3g} s" if width else ""
-    return Event(t, pair.name, pair.body, PHASES[before], PHASES[after], cause)
 
 
 # -- contacts and limits that give way because constraints drive bodies against them ---------------

@@ -399,3 +399,27 @@ def test_time_stepping_tells_a_bounce_once_and_when_it_is(step, height, e):
     assert [(event.before, event.after) for event in run.events] == [("swing", "swing")] * 2
     times = [event.t for event in run.impacts]
     np.testing.assert_allclose(times, [fall, fall * (1.0 + 2.0 * e)], rtol=0, atol=1e-6 * step)
+
+
+@pytest.mark.parametrize("step", [5e-4, 1e-3, 5e-3])
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.8])
+def test_hits_of_a_joint_limit_are_events_of_time_stepping(e, step):
+    """They are located, and the events are those of an event-driven run."""
+    body = pg.Body(
+        name="b", joint="prismatic", axes=(0, 0, 1), q=(0.5,), limits=((0.0, None),),
+        limit_restitution=(e,),
+    )  # fmt: skip
+    model = pg.Model(bodies=(body,))
+    first = np.sqrt(2.0 * 0.5 / G)
+    t_end = first * (1.0 + e)  # during the flight after the second hit
+    done = run(model, t_end=t_end, step=step, method="moreau_jean")
+    fine = run(model, t_end=t_end, rtol=1e-9)
+    assert done.events[0].t == pytest.approx(first, abs=1e-8)
+    assert len(done.events) == len(fine.events)
+    assert [x.contact for x in done.events] == [x.contact for x in fine.events]
+    if e == 0.0:
+        (hit,) = done.events
+        assert (hit.body, hit.before, hit.after) == ("b", "free", "stop")
+        assert done.phases["b low limit"][-1] == "stop"
+    else:
+        assert done.events[0].after == "free"

@@ -422,13 +422,14 @@ def settle_contacts(scene, t, q, v):
 
 @sweep
 def log_phases(address, t):
-    """Log the pairs whose phase has changed, based on the forces and slips in the last step."""
+    """Log the pairs and limits whose phase has changed, based on forces and slips in the step."""
     contacts = contacts_at(address)
     laws, changes, tally = contacts.laws, contacts.changes, contacts.tally[0]
-    for k in range(laws.shape[0]):
+    for k in range(contacts.pairs.shape[0]):
         pair = contacts.pairs[k]
         force = xyz(pair.force)
-        still = STILL if laws[k].law == RIGID else CREEPING
+        rigid = k >= laws.shape[0] or laws[k].law == RIGID  # limits come last
+        still = STILL if rigid else CREEPING
         before = pair.phase
         if not dot(force, force) > 0.0:
             now = SWING
@@ -438,7 +439,7 @@ def log_phases(address, t):
             now = ACCEPTANCE if before in (SWING, ACCEPTANCE) else SLIP
         if now != before:
             when = t
-            if laws[k].law == RIGID and before >= 0:
+            if rigid and before >= 0:
                 when = pair.ended if now == SWING else t
                 when = min(pair.struck, t) if before == SWING else when
             pair.phase = now

@@ -82,6 +82,7 @@ def book(scene, first, t, w, h, last):
             pull = math.copysign(lam[r] / h, blocks.blocks_f[active[j], at.VALUE])
             note_span(scene, active[j], force)
             pairs[pairs.shape[0] + n].force[0] += pull
+            pushed(pairs[pairs.shape[0] + n], lam[r], t, w)
             log_missed(tally, missed[active[j], 0] / h, 0.0, abs(pull), pairs.shape[0] + n, t)
             continue
         if n < 0:
@@ -94,6 +95,7 @@ def book(scene, first, t, w, h, last):
                 one[at.HELD] = lam[r] * one[at.VALUE] / one[at.AIM]
                 continue
             pairs[pairs.shape[0] + n].force[0] += torque
+            pushed(pairs[pairs.shape[0] + n], lam[r], t, w)
             log_missed(tally, missed[active[j], 0] / h, 0.0, abs(torque), pairs.shape[0] + n, t)
             continue
         force = (0.0, 0.0, 0.0)
@@ -130,12 +132,18 @@ def book(scene, first, t, w, h, last):
             else:
                 tally.kept += 1
         note(opened(scene).links.contacts, work, n, force, slip)
-        if lam[r] > 0.0:
-            pairs[pair].ended = t
-            if w == 0.0:
-                pairs[pair].struck = min(pairs[pair].struck, t)
+        pushed(pairs[pair], lam[r], t, w)
     if last:
         tally.kept = count
+
+
+@part
+def pushed(pair, impulse, t, w):
+    """Note the end t of a sub-step of width w in which a contact pair or a limit pushes."""
+    if impulse > 0.0:
+        pair.ended = t
+        if w == 0.0:
+            pair.struck = min(pair.struck, t)
 
 
 @sweep
