@@ -241,7 +241,8 @@ class Exports:
             write_atomic(path, matlab(columns_of(self)))
             return
         if suffix != ".npz":
-            text = "must end in .npz (the whole run), .csv or .mat (tables); to_html makes a figure"
+            text = "must end in .npz (the whole run), .csv or .mat (tables); to_html makes a "
+            text += "figure, to_film a film"
             raise FileError(Problem(str(path), "", text))
         write_atomic(path, file_of(self, Path(path).parent))
 

@@ -55,6 +55,7 @@ from .records import (
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
+    from ..model import Model
 
 
 # weights of f(x + k h) for 2 h f'(x): central, and on one side if the other is invalid
@@ -234,6 +235,11 @@ class Result(Exports, EqualByFields, Portable):
     def _shares_of_states(self) -> Array:
         """Return the errors of states over their ranges, (n, nx)."""
         return self.state_error_at / sizes_of_states(self.states, self.mechanism.packed.length)
+
+    @property
+    def model(self) -> Model:
+        """The model that was simulated."""
+        return self.mechanism.model
 
     @property
     def accuracy(self) -> str:

@@ -274,3 +274,11 @@ def test_names_of_a_file_stay_in_the_order_of_the_run(tmp_path):
     same = pg.Result.load(tmp_path / "run.npz")
     assert list(same.contacts.force) == list(run.contacts.force)
     assert list(same.columns()) == list(run.columns())
+
+
+def test_a_run_has_its_model_and_names_what_makes_films(tmp_path):
+    model = pg.Model(bodies=(pg.Body(name="a", axes=(0, 1, 0), mass=1.0, com=(1, 0, 0)),))
+    run = pg.simulate(model, t_end=0.01)
+    assert run.model == model
+    with pytest.raises(pg.FileError, match="to_film"):
+        run.save(tmp_path / "run.mp4")
