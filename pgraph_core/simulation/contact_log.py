@@ -212,10 +212,9 @@ def phases_over(
     `limits` contains (name, body). The phase in the first row of a contact is its initial phase.
     Time stepping, with steps of `width` [s], locates impacts, and events say where they are known
     to a step only. It releases a point for a step when its body is moved out of the ground: flights
-    that short are ignored.
-    Touches of one contact between many bodies together have phases as one. A shape above the ground
-    that never touches it has none if the contact has points. For example, only the feet of a robot
-    have a phase.
+    that short are ignored. Touches of one contact between many bodies together have phases as one.
+    A shape above the ground that never touches it has none if the contact has points. For example,
+    only the feet of a robot have a phase.
     """
     phases, events = {}, []
     points = any(pair.contact.points for pair in touches)
