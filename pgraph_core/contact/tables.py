@@ -32,7 +32,15 @@ from ..forces.spring import points_of
 from ..model import Body, Contact, Model, Shape, Spring, Tendon
 from ..model.contact import PAIRED
 from ..packing import Array, Drives, Ints, System, home_of, point_in_row, row_of_velocity
-from ..packing.constraints import Blocks, block_arrays, radius_of_gyration
+from ..packing.constraints import (
+    Block,
+    Blocks,
+    Term,
+    block_arrays,
+    block_values,
+    radius_of_gyration,
+    with_blocks,
+)
 from ..packing.forces import acting_on, terms_of
 from ..rotation import matrix
 from ..tolerances import NAMED
@@ -60,6 +68,27 @@ class ContactPair(NamedTuple):
     contact: Contact
 
 
+class Limit(NamedTuple):
+    """A limit on a weighted sum of coordinates."""
+
+    name: str
+    row: int  # of its first coordinate
+    at_v: Ints
+    at_q: Ints
+    weights: Array
+    bound: float
+    size: float  # scale of its gaps [rad, m]
+    rebound: float  # restitution
+
+    def gap(self, q: Array) -> Array:
+        """Return the gap (...) at states q (..., nq) [rad, m]."""
+        return q[..., self.at_q] @ self.weights - self.bound
+
+    def slope(self, nv: int) -> Array:
+        """Return the derivative of the gap in the motion of the joints (nv,)."""
+        return self.weights @ np.eye(nv)[self.at_v]
+
+
 class Tables(NamedTuple):
     """Contacts and limits in a scene: the kernel arrays, and the meaning of their rows."""
 
@@ -76,9 +105,7 @@ class Tables(NamedTuple):
     rate: float  # about the fastest [1/s] that soft and penalty contacts make of a body at rest
     tendons: bool  # some limits bound sums of coordinates, or lengths
     hulls: tuple[tuple[float, str], ...]  # (volume over the mesh's, body) of hulls far larger
-    friction_blocks: tuple[Ints, Array, Ints, Array] = block_arrays(
-        (), (), (), ()
-    )  # joint friction
+    friction_blocks: tuple[Ints, Array, Ints, Array] = block_arrays(())  # joint friction
 
     def __bool__(self) -> bool:
         return bool(self.touches or self.limits or self.frictions)
@@ -87,6 +114,17 @@ class Tables(NamedTuple):
     def frictions(self) -> int:
         """The number of joint coordinates and tendons with friction."""
         return len(self.friction_blocks[0])
+
+    @property
+    def coordinate_limits(self) -> Iterator[Limit]:
+        """Yield the limits of joints and tendons, excluding lengths between points."""
+        ints, floats, terms, factors = self.limit_blocks
+        scales = floats[:, (at.VALUE, at.SIZE, at.REBOUND)].tolist()
+        for name, block, values in zip(self.limits, ints.tolist(), scales):
+            if block[at.B_TYPE] != at.T_SPAN:
+                own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
+                at_v, at_q = terms[own].T
+                yield Limit(name, block[at.B_A], at_v, at_q, factors[own], *values)
 
     @property
     def compliant(self) -> bool:
@@ -105,25 +143,19 @@ def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
     found = _Shapes(mech)
     for contact in active:
         found.add(contact)
-    return found.tables(*_limits(mech))
+    return found.tables([*_limits(mech)])
 
 
 def with_friction(contacts: Tables, drives: Drives, rows: Ints) -> Tables:
     """Add a block to the tables for each drive with friction. `rows` are the rows of the system."""
-    ints: list[tuple[int, ...]] = []
-    values: list[Array] = []
-    terms: list[tuple[int, int]] = []
-    factors: list[float] = []
+    found = list[Block]()
     for one in drives.table[drives.table["friction"] > 0.0]:
-        own, some = acting_on(drives, one)
-        block = np.zeros(at.BLOCK_F)
-        block[at.VALUE] = one["friction"]
-        row = row_of_velocity(rows, int(own[0]))
-        ints.append((at.T_FRICTION, row, 0, 1, len(terms), len(own), 0, 0))
-        values.append(block)
-        terms += [(i, -1) for i in own.tolist()]
-        factors += some.tolist()
-    return contacts._replace(friction_blocks=block_arrays(ints, values, terms, factors))
+        own, factors = acting_on(drives, one)
+        terms = tuple((i, -1, x) for i, x in zip(own.tolist(), factors.tolist()))
+        ends = row_of_velocity(rows, int(own[0])), 0
+        values = block_values({at.VALUE: one["friction"]})
+        found.append(Block(at.T_FRICTION, 1, values, terms, ends=ends))
+    return contacts._replace(friction_blocks=block_arrays(found))
 
 
 class _Shapes:
@@ -243,7 +275,7 @@ class _Shapes:
         surface = shape.surface_velocity, shape.surface_spin
         return [Placed(solid, row, number, position, rotation, surface) for solid in parts]
 
-    def tables(self, limits: tuple[str, ...], blocks: tuple[Ints, Array, Ints, Array]) -> Tables:
+    def tables(self, limits: list[tuple[str, Block]]) -> Tables:
         neighbours = shape_kinds.neighbours_of(self.placed, self._partners())
         geometry = shape_kinds.packed(self.placed, neighbours, self.model.gravity)
         room = sum(self._points(i) for i, _ in self.on_ground)
@@ -251,10 +283,9 @@ class _Shapes:
         room += sum(8 * min(len(self.boxes), 4) for _ in self.on_ground)
         room += sum(8 for _ in self.members)
         laws = rows_of(PAIR_LAW, [law(t.contact, *self.parts) for t in self.touches])
-        ints, *_ = blocks
         return Tables(
             tuple(self.touches),
-            limits,
+            tuple(name for name, _ in limits),
             geometry,
             self.terrain.ground,
             Candidates(
@@ -264,12 +295,12 @@ class _Shapes:
                 rows_of(APART, sorted(self.apart) if self.members else []),
             ),
             laws,
-            blocks,
+            block_arrays([block for _, block in limits]),
             room,
             any(t.contact.law == "penalty" for t in self.touches),
             bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
             max((rate_of(row, pull_of(self.model)) for row in laws), default=0.0),
-            bool((ints[:, at.B_TERMS] != 1).any()),
+            any(len(block.terms) != 1 for _, block in limits),
             tuple(self.hulls),
         )
 
@@ -474,13 +505,8 @@ def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
         raise ModelError(problems) from None
 
 
-def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Array]]:
-    """Return names and blocks for all joint, tendon and spring limits, with one row each."""
-    names: list[str] = []
-    rows: list[tuple[int, ...]] = []
-    values: list[Array] = []
-    terms: list[tuple[int, int]] = []
-    factors: list[float] = []
+def _limits(mech: Packed) -> Iterator[tuple[str, Block]]:
+    """Yield (name, block) for all joint, tendon and spring limits, with one row each."""
     for body in mech.model.bodies:
         if not any(body.limits):
             continue
@@ -492,46 +518,36 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
                 continue
             for sign, bound, side in _sides(*pair):
                 _, _, qi, vi = mech.system.rows[k].tolist()
-                block = np.zeros(at.BLOCK_F)
-                block[at.VALUE], block[at.REBOUND] = sign * bound, bounce
-                block[at.SIZE] = _size(mech, k, pair)
-                rows.append((at.T_LIMIT, k, 0, 1, len(terms), 1, 0, 0))
-                values.append(block)
-                terms.append((vi, qi))
-                factors.append(sign)
-                names.append(f"{body.name} {side} limit" + (f" {m}" if many else ""))
+                size = _size(mech, k, pair)
+                values = {at.VALUE: sign * bound, at.REBOUND: bounce, at.SIZE: size}
+                name = f"{body.name} {side} limit" + (f" {m}" if many else "")
+                yield name, _limit(values, ((vi, qi, sign),), k)
     for tendon in mech.model.forces:
         if not isinstance(tendon, Tendon):
             continue
         own, low, high = terms_of(tendon, mech.topology, mech.system), tendon.low, tendon.high
         for sign, bound, side in _sides(low, high):
-            block = np.zeros(at.BLOCK_F)
-            block[at.VALUE] = sign * bound
             moves = max(abs(x) for *_, x in own)  # a joint's turn by a radian
             near = min(high - low, moves) if low is not None and high is not None else moves
-            block[at.SIZE] = near
-            first = min(own)[0]
-            row = row_of_velocity(mech.system.rows, first)
-            rows.append((at.T_LIMIT, row, 0, 1, len(terms), len(own), 0, 0))
-            values.append(block)
-            terms += [(at_v, at_q) for at_v, at_q, _ in own]
-            factors += [sign * x for *_, x in own]
-            names.append(f"tendon {tendon.name} {side} limit")
+            row = row_of_velocity(mech.system.rows, min(own)[0])
+            terms = tuple((at_v, at_q, sign * x) for at_v, at_q, x in own)
+            values = {at.VALUE: sign * bound, at.SIZE: near}
+            yield f"tendon {tendon.name} {side} limit", _limit(values, terms, row)
     for spring in mech.model.forces:
         if not isinstance(spring, Spring):
             continue
-        bodies = [mech.topology.number(name) for name in spring.pair]
-        ends = [int(mech.system.bodies_i[number, at.ROW]) for number in bodies]
-        places = points_of(spring, mech.model.body(spring.body))
+        a, b = (mech.topology.number(name) for name in spring.pair)
+        ends = mech.system.row_of(a), mech.system.row_of(b)
+        p, q = points_of(spring, mech.model.body(spring.body))
+        points = {at.PA: point_in_row(mech.system, a, p), at.PB: point_in_row(mech.system, b, q)}
         for sign, bound, side in _sides(spring.low, spring.high):
-            block = np.zeros(at.BLOCK_F)
-            block[at.VALUE], block[at.SIZE] = sign * bound, bound
-            for column, number, place in zip((at.PA, at.PB), bodies, places):
-                block[column : column + 3] = point_in_row(mech.system, number, place)
-            rows.append((at.T_SPAN, *ends, 1, 0, 0, *bodies))
-            values.append(block)
-            names.append(f"spring {spring.name} {side} limit")
-    return tuple(names), block_arrays(rows, values, terms, factors)
+            values = block_values({**points, at.VALUE: sign * bound, at.SIZE: bound})
+            block = Block(at.T_SPAN, 1, values, ends=ends, bodies=(a, b))
+            yield f"spring {spring.name} {side} limit", block
+
+
+def _limit(values: dict[int, float], terms: tuple[Term, ...], row: int) -> Block:
+    return Block(at.T_LIMIT, 1, block_values(values), terms, ends=(row, 0))
 
 
 def _sides(low: float | None, high: float | None) -> Iterator[tuple[float, float, str]]:
@@ -562,15 +578,8 @@ def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
 def extended(blocks: Blocks, contacts: Tables) -> Blocks:
     """Append blocks for joint friction and limits, then buffer blocks for contact points."""
     room = contacts.room * (2 if contacts.turns else 1)  # a second block that resists turning
-    for ints, floats, terms_i, terms_f in (contacts.friction_blocks, contacts.limit_blocks):
-        ints = ints.copy()
-        ints[:, at.B_TERM] += len(blocks.terms_i)
-        blocks = blocks._replace(
-            blocks_i=np.vstack((blocks.blocks_i, ints)),
-            blocks_f=np.vstack((blocks.blocks_f, floats)),
-            terms_i=np.vstack((blocks.terms_i, terms_i)),
-            terms_f=np.concatenate((blocks.terms_f, terms_f)),
-        )
+    for arrays in (contacts.friction_blocks, contacts.limit_blocks):
+        blocks = with_blocks(blocks, *arrays)
     return blocks._replace(
         blocks_i=np.vstack((blocks.blocks_i, np.zeros((room, at.BLOCK_I), np.int64))),
         blocks_f=np.vstack((blocks.blocks_f, np.zeros((room, at.BLOCK_F)))),

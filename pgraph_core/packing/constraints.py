@@ -6,7 +6,7 @@ class of each kind makes blocks of them. `blocks` packs all constraints of a mod
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -34,6 +34,8 @@ class Block(NamedTuple):
     terms: tuple[Term, ...] = ()
     curve: tuple[tuple[float, ...], ...] = ()
     knots: int | None = None  # B_KNOTS, None: the rows of the curve
+    ends: tuple[int, int] = (0, 0)  # rows of the bodies, or (that of the first term, 0)
+    bodies: tuple[int, int] | None = None  # of a span, in place of a curve
 
 
 class Endpoints:
@@ -80,21 +82,18 @@ class Endpoints:
         self, value: float = 0.0, dirs: Sequence[Array] = (), aims: Sequence[Array] = ()
     ) -> Array:
         """Return the (28,) values of a block from points and from directions in body axes."""
-        out = np.zeros(at.BLOCK_F)
-        out[at.PA : at.PA + 3] = point_in_row(self.packed, self.a, self.point)
-        out[at.PB : at.PB + 3] = point_in_row(self.packed, self.b, self.other_point)
+        points = (self.a, self.point), (self.b, self.other_point)
+        own, other = (point_in_row(self.packed, *point) for point in points)
+        out = block_values({at.PA: own, at.PB: other, at.VALUE: value})
         for column, number, vectors in ((at.DIR, self.b, dirs), (at.AIM, self.a, aims)):
             home = home_of(self.packed, number)
             for r, vector in enumerate(vectors):
                 out[column + 3 * r : column + 3 * r + 3] = home @ vector
-        out[at.VALUE] = value
         return out
 
     def scaled(self, offset: float = 0.0) -> Array:
         """Return the (28,) values of a coordinate row, with a scale of rounding for points."""
-        out = np.zeros(at.BLOCK_F)
-        out[at.PA], out[at.VALUE] = self.size, offset
-        return out
+        return block_values({at.PA: self.size, at.VALUE: offset})
 
     # -- blocks --------------------------------------------------------------------------------
 
@@ -221,44 +220,61 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
     found = [
         blocks_of(Endpoints(c, model, topology, packed, home, size)) for c in model.constraints
     ]
-    flat = [block for items in found for block in items]
-    ends = [
-        _rows(c, b, topology, packed) for c, items in zip(model.constraints, found) for b in items
-    ]
-    terms = [term for block in flat for term in block.terms]
-    curves = [knot for block in flat for knot in block.curve]
-    starts = _starts([len(block.terms) for block in flat]), _starts([len(b.curve) for b in flat])
-    knots = [len(b.curve) if b.knots is None else b.knots for b in flat]
-    table = [
-        (b.type, *rows, b.rows, term, len(b.terms), knot, count)
-        for b, rows, term, knot, count in zip(flat, ends, *starts, knots)
+    flat = [
+        block._replace(ends=_rows(c, block, topology, packed))
+        for c, items in zip(model.constraints, found)
+        for block in items
     ]
     return Blocks(
         tuple(c.name for c in model.constraints),
-        np.array([*_starts([len(items) for items in found]), len(flat)], dtype=np.int64),
-        *block_arrays(
-            table,
-            [block.values for block in flat],
-            [term[:2] for term in terms],
-            [term[2] for term in terms],
-        ),
-        np.array(curves).reshape(-1, 5),
+        np.array(_starts([len(items) for items in found]), dtype=np.int64),
+        *block_arrays(flat),
+        np.array([knot for block in flat for knot in block.curve]).reshape(-1, 5),
     )
 
 
-def block_arrays(
-    ints: Sequence[Any], floats: Sequence[Array], terms: Sequence[Any], factors: Sequence[float]
-) -> tuple[Ints, Array, Ints, Array]:
+def _starts(counts: Sequence[int]) -> list[int]:
+    """Return the first index of each group, and the end of the last group."""
+    return [*accumulate(counts, initial=0)]
+
+
+def block_values(entries: Mapping[int, Any]) -> Array:
+    """Return the (28,) values of a block, given {first column: number or vector}."""
+    out = np.zeros(at.BLOCK_F)
+    for column, x in entries.items():
+        out[column : column + np.size(x)] = x
+    return out
+
+
+def block_arrays(found: Sequence[Block]) -> tuple[Ints, Array, Ints, Array]:
     """Return blocks_i, blocks_f, terms_i and terms_f for these blocks, which may be empty."""
+    terms = [term for block in found for term in block.terms]
+    starts = _starts([len(b.terms) for b in found]), _starts([len(b.curve) for b in found])
+    ints = []
+    for b, term, knot in zip(found, *starts):
+        curve = knot, len(b.curve) if b.knots is None else b.knots
+        ints.append((b.type, *b.ends, b.rows, term, len(b.terms), *(b.bodies or curve)))
     return (
         np.array(ints, dtype=np.int64).reshape(-1, at.BLOCK_I),
-        np.array(floats, dtype=float).reshape(-1, at.BLOCK_F),
-        np.array(terms, dtype=np.int64).reshape(-1, 2),
-        np.array(factors, dtype=float),
+        np.array([b.values for b in found], dtype=float).reshape(-1, at.BLOCK_F),
+        np.array([term[:2] for term in terms], dtype=np.int64).reshape(-1, 2),
+        np.array([term[2] for term in terms], dtype=float),
     )
 
 
-NO_BLOCKS = Blocks((), np.zeros(1, np.int64), *block_arrays((), (), (), ()), np.zeros((0, 5)))
+def with_blocks(blocks: Blocks, ints: Ints, floats: Array, terms_i: Ints, terms_f: Array) -> Blocks:
+    """Append blocks, given as by `block_arrays`, which belong to no constraint."""
+    ints = ints.copy()
+    ints[:, at.B_TERM] += len(blocks.terms_i)
+    return blocks._replace(
+        blocks_i=np.vstack((blocks.blocks_i, ints)),
+        blocks_f=np.vstack((blocks.blocks_f, floats)),
+        terms_i=np.vstack((blocks.terms_i, terms_i)),
+        terms_f=np.concatenate((blocks.terms_f, terms_f)),
+    )
+
+
+NO_BLOCKS = Blocks((), np.zeros(1, np.int64), *block_arrays(()), np.zeros((0, 5)))
 
 
 def values_of(
@@ -267,10 +283,6 @@ def values_of(
     """Return the (28,) values of each block of a constraint, by default at these poses."""
     ends = Endpoints(c, model, topology, packed, poses, radius_of_gyration(packed))
     return [block.values for block in blocks_of(ends)]
-
-
-def _starts(counts: Sequence[int]) -> list[int]:
-    return list(accumulate(counts, initial=0))[: len(counts)]
 
 
 def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tuple[int, int]:

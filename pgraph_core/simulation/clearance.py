@@ -11,7 +11,6 @@ from ..contact import shape_kinds
 from ..contact.tables import Tables
 from ..contact.tables import tables as tables_of
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
-from ..engine import layout as at
 from ..engine.arrays import Guard
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.contact import clearance as kernels
@@ -71,12 +70,11 @@ class Clearance(Unportable):
 
 
 def _limits(tables: Tables) -> Any:
-    ints, floats, terms, signs = tables.limit_blocks
-    of_one = ints[:, at.B_TERMS] == 1  # a run with others does not look ahead
-    ints, floats = ints[of_one], floats[of_one]
+    """Return LIMIT records for the limits of joints. A run with others does not look ahead."""
     rows = [
-        (int(terms[block[at.B_TERM], 1]), int(terms[block[at.B_TERM], 0]), sign, value, -1)
-        for block, sign, value in zip(ints, signs[ints[:, at.B_TERM]], floats[:, at.VALUE])
+        (*one.at_q.tolist(), *one.at_v.tolist(), *one.weights.tolist(), one.bound, -1)
+        for one in tables.coordinate_limits
+        if len(one.at_q) == 1
     ]
     return rows_of(LIMIT, rows)
 

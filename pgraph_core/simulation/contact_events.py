@@ -508,7 +508,7 @@ class ContactEvents:
             missed[:, 0] = np.maximum(missed[:, 0], -push)
             missed[:, 2] = np.maximum(missed[:, 2], -gap)
             if point.limit is not None:
-                found["limit"][point.name] = point.limit.sign * push
+                found["limit"][point.name] = point.limit.weights[0] * push
                 found["gap"][point.name] = gap
                 phase[point.name] = np.array((FREE, "", "", STOP))[code]
                 continue

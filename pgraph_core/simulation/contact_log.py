@@ -262,26 +262,25 @@ def _without_grazes(own: Any, graze: float) -> Any:
 
 def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Array) -> list[str]:
     """Return a notice for each limit passed by a coordinate or length at the states q (n, nq)."""
-    ints, floats, terms, factors = tables.limit_blocks
-    found = []
+    ints, floats, *_ = tables.limit_blocks
+    found, limits = [], tables.coordinate_limits
     springs = (f for f in mech.model.forces if isinstance(f, Spring) for x in ends_of(f) if x)
     for name, block, values in zip(tables.limits, ints, floats):
-        spring = next(springs) if block[at.B_TYPE] == at.T_SPAN else None
-        own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
-        if spring is not None:
+        limit = next(limits) if block[at.B_TYPE] != at.T_SPAN else None
+        spring: Any = next(springs) if limit is None else None
+        if limit is not None:
+            gap = limit.gap(q)
+        else:
             lengths = [length_of(mech, spring, one) for one in q]
             gap = np.copysign(lengths, values[at.VALUE]) - values[at.VALUE]
-        else:
-            gap = q[:, terms[own, 1]] @ factors[own] - values[at.VALUE]
         passed = np.flatnonzero(gap < -VISIBLE * values[at.SIZE])
         if len(passed):
             i, deepest = int(passed[0]), float(-gap.min())
-            if spring is not None:
+            if limit is not None:
+                way, body = limit.slope(mech.nv), _of(mech, int(limit.at_v[0]))
+            else:
                 apart, slopes = between(mech, spring, q[i])
                 way, body = np.copysign(1.0, values[at.VALUE]) * apart @ slopes, spring.body
-            else:
-                way = factors[own] @ np.eye(mech.nv)[terms[own, 0]]
-                body = _of(mech, int(terms[own.start, 0]))
             by = _by(holding(mech, active, float(t[i]), q[i], way), body, f"limit '{name}'")
             text = (
                 f"at t = {t[i]:.6g} s limit '{name}' is exceeded by up to {deepest:.3g} rad or m: "
@@ -449,7 +448,7 @@ def contradicted(
     found: dict[str, str] = {}
     for p in points:
         if p.limit is not None:
-            way, what = p.limit.sign * np.eye(mech.nv)[p.limit.at_v], f"limit '{p.name}'"
+            way, what = p.limit.slope(mech.nv), f"limit '{p.name}'"
         else:
             normal = np.array(mech.model.ground_normal)
             way, what = mech.jacobian(q, p.body, p.point)[3:].T @ normal, f"contact '{p.pair}'"

@@ -26,7 +26,6 @@ from .finer import (
     apart,
     finer_plan,
     grazed,
-    limits_on_coordinates,
     may_jump,
     no_wider,
     offset_plan,
@@ -151,7 +150,7 @@ def _left_open(record: Recording, tables: Tables, n: int) -> Array | float:
     rigid = np.flatnonzero(tables.laws["law"] == RIGID)
     gap, closed = pairs["gap"][:, rigid], pairs["phase"][:, rigid] > SWING
     found = np.where(closed | (gap < DEPTH * record.plan.length), np.abs(gap), 0.0)
-    beyond = [-limit.gap(record.out.q[:n]) for limit in limits_on_coordinates(tables)]
+    beyond = [-limit.gap(record.out.q[:n]) for limit in tables.coordinate_limits]
     return np.maximum(found.max(axis=1, initial=0.0), np.max(beyond, axis=0, initial=0.0))
 
 

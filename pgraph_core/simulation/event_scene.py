@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.shape_kinds import balls_on_ground
-from ..contact.tables import ContactPair, Tables
+from ..contact.tables import ContactPair, Limit, Tables
 from ..dynamics.arguments import UserTorque
 from ..dynamics.scene import Scene
 from ..engine import layout as at
@@ -26,23 +26,12 @@ from ..fields import GROUND
 from ..mechanism import Mechanism
 from ..model import Body, Contact, Model
 from ..packing import Array, Drives, Ints, Loads, System, point_in_row
-from ..packing.constraints import Blocks, block_arrays
+from ..packing.constraints import Block, Blocks, block_arrays, block_values, with_blocks
 from ..rotation import matrix, normals_of
 from ..topology import Topology
 from .monitors import room_for
 
 INSTEAD = "use method 'moreau_jean'"
-
-
-class Limit(NamedTuple):
-    """One end of a coordinate's range: sign q - value >= 0."""
-
-    row: int
-    at_v: int
-    at_q: int
-    sign: float
-    value: float  # the bound itself times the sign
-    size: float  # scale of gaps [rad, m]
 
 
 class ContactPoint(NamedTuple):
@@ -114,13 +103,9 @@ def _refused(contact: Contact, field: str, text: str) -> InputError:
 
 
 def _limits(topology: Topology, packed: System, tables: Tables) -> Iterator[ContactPoint]:
-    ints, floats, terms, factors = tables.limit_blocks
-    for name, block, values, term, sign in zip(tables.limits, ints, floats, terms, factors):
-        row = int(block[at.B_A])
-        body = topology.names[int(packed.body_of_row[row]) - 1]
-        bound, size = float(values[at.VALUE]), float(values[at.SIZE])
-        limit = Limit(row, int(term[0]), int(term[1]), float(sign), bound, size)
-        yield ContactPoint(name, name, body, 0.0, float(values[at.REBOUND]), limit=limit)
+    for limit in tables.coordinate_limits:
+        body = topology.names[int(packed.body_of_row[limit.row]) - 1]
+        yield ContactPoint(limit.name, limit.name, body, 0.0, limit.rebound, limit=limit)
 
 
 def with_points(
@@ -137,53 +122,31 @@ def with_points(
     """
     normal = np.array(model.ground_normal)
     frame = (normal, *normals_of(normal))
-    rows_i, rows_f = list(blocks.blocks_i), list(blocks.blocks_f)
-    terms_i, terms_f = list(blocks.terms_i), list(blocks.terms_f)
-    first = list(blocks.first)
+    found, first = list[Block](), blocks.first.tolist()
     points = table(POINT, len(declared))
     points["normal"], points["slip_direction"] = frame[:2]
-    for n, p in enumerate(declared):
-        number = topology.number(p.body)
-        row = packed.row_of(number)
-        start = len(rows_i)
+    for one, p in zip(points, declared):
+        start = first[-1]
         if p.limit is not None:
-            rows_i.append(np.array([at.T_LIMIT, p.limit.row, 0, 1, len(terms_f), 1, 0, 0]))
-            rows_f.append(_values(offset=p.limit.value))
-            terms_i.append(np.array([p.limit.at_v, p.limit.at_q]))
-            terms_f.append(p.limit.sign)
+            limit = p.limit
+            term = int(limit.at_v[0]), int(limit.at_q[0]), float(limit.weights[0])
+            values = block_values({at.VALUE: limit.bound})
+            found.append(Block(at.T_LIMIT, 1, values, (term,), ends=(limit.row, 0)))
             places = (start, start, start)
         else:
-            point = point_in_row(packed, number, p.point)
-            values = _values(point, frame, p.radius)
+            number = topology.number(p.body)
+            point, ends = point_in_row(packed, number, p.point), (packed.row_of(number), 0)
+            values = block_values({at.PA: point, at.DIR: np.concatenate(frame), at.VALUE: p.radius})
             for kind, size in ((at.T_SPHERE, 3), (at.T_SPHERE, 1), (at.T_POINT, 3)):
-                rows_i.append(np.array([kind, row, 0, size, 0, 0, 0, 0]))
-                rows_f.append(values.copy())
+                found.append(Block(kind, size, values, ends=ends))
             held = start if p.radius > 0 else start + 2
             places = (held, start, start + 1)
-        one = points[n]
         one["held_block"], one["slide_block"], one["gap_block"] = places
         one["limit"], one["friction"] = p.limit is not None, p.friction
-        first += [start + 1, len(rows_i)]
+        first += [start + 1, len(blocks.blocks_i) + len(found)]
     names = (*blocks.names, *(name for s in declared for name in (s.name, s.name)))
-    extended = Blocks(
-        names,
-        np.array(first, dtype=np.int64),
-        *block_arrays(rows_i, rows_f, terms_i, terms_f),
-        blocks.curves,
-    )
-    return extended, points
-
-
-def _values(
-    point: Array | None = None, frame: Sequence[Array] = (), radius: float = 0.0, offset: float = 0
-) -> Array:
-    """Return the (28,) values of a block, of a point above the ground plane or a coordinate."""
-    out = np.zeros(at.BLOCK_F)
-    if point is not None:
-        out[at.PA : at.PA + 3] = point
-        out[at.DIR : at.DIR + 9] = np.concatenate(frame)
-    out[at.VALUE] = radius or offset
-    return out
+    extended = with_blocks(blocks, *block_arrays(found))
+    return extended._replace(names=names, first=np.array(first, dtype=np.int64)), points
 
 
 class EventScene(Scene):

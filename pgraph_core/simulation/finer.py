@@ -15,7 +15,7 @@ a step in both runs, such as an impact or the change of a comparison.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,7 +23,6 @@ import numpy as np
 
 from ..dynamics.scene import contact_tables
 from ..dynamics.states import differences
-from ..engine import layout as at
 from ..engine.signals import AT_MOST, HELD, LESS, NEAREST, SIDE, WHEN, values
 from ..engine.stepping.widths import GOLDEN
 from ..packing import Array, Ints
@@ -33,7 +32,7 @@ from .plan import NO_PLAN, RunPlan
 from .recording import Recording
 
 if TYPE_CHECKING:
-    from ..contact.tables import Tables
+    from ..contact.tables import Limit
     from .monitors import Watch
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
@@ -235,8 +234,8 @@ def _limits(record: Recording, moved: float, off: Array) -> list[Approach]:
         tables = plan.contacts if plan.declared is None else plan.declared
         if tables is None:
             tables = contact_tables(record.mech.packed, ())
-        plan.__dict__[LIMITS] = () if tables is None else tuple(limits_on_coordinates(tables))
-    limits: tuple[LimitGap, ...] = plan.__dict__[LIMITS]
+        plan.__dict__[LIMITS] = () if tables is None else tuple(tables.coordinate_limits)
+    limits: tuple[Limit, ...] = plan.__dict__[LIMITS]
     if not limits or n < 2:
         return []
     out, t, found = record.out, record.steps.times[:n], list[Approach]()
@@ -251,30 +250,6 @@ def _limits(record: Recording, moved: float, off: Array) -> list[Approach]:
             watched = lambda _t, q, _v, limit=limit: float(limit.gap(q))  # noqa: E731
             found.append(Approach(f"limit '{limit.name}'", value, when, watched))
     return found
-
-
-class LimitGap(NamedTuple):
-    """A limit on a weighted sum of coordinates."""
-
-    name: str
-    at_v: Ints
-    at_q: Ints
-    weights: Array
-    bound: float
-
-    def gap(self, q: Array) -> Array:
-        """Return the gap (...) at states q (..., nq) [rad, m]."""
-        return q[..., self.at_q] @ self.weights - self.bound
-
-
-def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
-    """Yield the limits of joints and tendons, excluding lengths between points."""
-    ints, floats, terms, factors = tables.limit_blocks
-    for name, block, bound in zip(tables.limits, ints.tolist(), floats[:, at.VALUE].tolist()):
-        if block[at.B_TYPE] != at.T_SPAN:
-            own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
-            at_v, at_q = terms[own].T
-            yield LimitGap(name, at_v, at_q, factors[own], bound)
 
 
 @np.errstate(all="ignore")  # huge numbers, of which nothing is known
