@@ -57,6 +57,17 @@ def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
     child.stdout.close()
 
 
+def test_functions_of_kernels_last_as_long_as_the_interpreter():
+    """It reads their definitions after it has freed modules, here with pages of memory."""
+    use = (
+        "import pgraph_core as pg\n"
+        "lag = pg.Servo(name='d', body='2', kp=5, target=0.4, lag=0.1, start=0.0)\n"
+        "run = pg.simulate(pg.Model.serial(2).add(lag), t_end=1, method='rk4', frames=20001)\n"
+        "run.drive_force['d']"
+    )
+    assert subprocess.run([sys.executable, "-W", "ignore", "-c", use]).returncode == 0
+
+
 def test_no_two_modules_have_a_kernel_of_one_name():
     import pgraph_core.engine.stepping.run  # noqa: F401 (registers its kernels)
 

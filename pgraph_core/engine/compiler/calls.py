@@ -406,7 +406,9 @@ def function(name: str, signature: Signature, nogil: bool, enter: int, address: 
         [ctypes.POINTER(_Method), ctypes.py_object, ctypes.c_void_p],
     )
     made = new(ctypes.byref(method), own, None)
-    ALIVE.extend((method, own, made))
+    # the interpreter reads the method of a function when it ends, after it has freed modules
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(method))
+    ALIVE.extend((own, made))
     return made
 
 
