@@ -11,6 +11,8 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core import joints
 from pgraph_core.model.output import OF_JOINT
+from pgraph_core.packing.signals import known_forces
+from pgraph_core.result.bodies import units_of_drives
 from pgraph_core.show.notebook import between, pictures
 from pgraph_core.show.shapes import to_matrix
 
@@ -103,6 +105,11 @@ def single(array: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.nda
     return lambda run, name: (("",), np.asarray(getattr(run, array)[name])[:, None])
 
 
+def limit(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
+    """Return the torque or force of a limit along its coordinate."""
+    return ("",), run.contacts.limit[name][:, None]
+
+
 def reading(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
     """Return the readings of an output."""
     found = run.mechanism.model.part(name, kind="output")
@@ -136,6 +143,8 @@ KINDS = {
     "drift": Kind("constraint drift", "m, m/s", drifts),
     "constraint_force": Kind("force of", "N", named("constraint_force", 3)),
     "constraint_torque": Kind("torque of", "N m", named("constraint_force", 0)),
+    "drive_force": Kind("torque or force of", "N m, N", single("drive_force")),
+    "limit": Kind("torque or force of the", "N m, N", limit),
     "contact_force": Kind("contact force of", "N", named("contact_force", 3)),
     "contact_gap": Kind("gap of", "m", single("contact_gap")),
     "contact_slip": Kind("slip of", "m/s", single("contact_slip")),
@@ -202,6 +211,8 @@ def of_scene(run: pg.Result) -> list[Signal]:
         found.append(Signal("constraint_force", name))
         if kinds.get(name) != "point":  # a point transmits no torque
             found.append(Signal("constraint_torque", name))
+    found += [Signal("drive_force", name) for name in run.drive_force]
+    found += [Signal("limit", name) for name in run.contacts.limit]
     for name in run.contact_force:
         found += [Signal(kind, name) for kind in ("contact_force", "contact_gap", "contact_slip")]
     return [*found, *(Signal("output", output.name) for output in run.mechanism.model.outputs)]
@@ -235,6 +246,9 @@ def units(model: pg.Model, signal: Signal, name: str) -> list[str]:
         motions = model.body(output.at).sequence
         found = [unit for motion in motions for unit in joints.KINDS[motion.kind].v]
         return [found[output.coordinate] + "/s" * (output.kind == "joint_velocity")]
+    if what == "drive_force":
+        known = units_of_drives(model, known_forces(model))
+        return known.get(name, KINDS[what].unit).split(", ")
     if what not in OF_JOINTS:
         return KINDS[what].unit.split(", ")
     kinds = [joints.KINDS[motion.kind] for motion in model.body(name).sequence]

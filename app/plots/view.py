@@ -34,7 +34,7 @@ from . import (
 
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
 LIVE_SPAN = 15.0  # [s] least plotted span of a live run
-CARRIED = ("constraint_force", "constraint_torque", "contact_force")
+CARRIED = ("constraint_force", "constraint_torque", "contact_force", "drive_force", "limit")
 NOTHING = "Nothing to plot yet: press Play."
 EMPTY = "No bodies yet: add one to the table."
 IDLE = "0 throughout this run: it is off or carries no load"

@@ -22,7 +22,7 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..packing import Array, Ints, System
 from ..portable import Snapshots, array_of, put_back
-from ..result.records import Named
+from ..result.records import OF_DRIVES, Named
 from ..simulation.failures import STATUS
 from ..simulation.paths import Path, counting, distinct, with_numbers
 from ..simulation.recorded import told
@@ -272,6 +272,18 @@ class BatchStepper(Snapshots):
                 motion = bodies_over(system, q, v, rates, external[which])
             read[which] = sensors.read(q, v, motion)
         return Named(shared.by_name(read), "outputs", "output")
+
+    @property
+    def drive_force(self) -> Mapping[str, Array]:
+        """Current {drive: (size,)} torques or forces of motors, servos and actuators [N m, N].
+
+        As in `Result`, they are within their limits and before the gear.
+        """
+        found = {name: np.empty(self.size) for name in self._first.recording.plan.driving}
+        for i in range(self.size) if found else ():
+            for name, force in self._many.into_worker(i).stepper.drive_force.items():
+                found[name][i] = force
+        return Named(found, *OF_DRIVES)
 
     def _touches(self, value: Any) -> dict[str, Array]:
         contacts = self._first.recording.plan.contacts

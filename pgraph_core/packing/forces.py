@@ -14,12 +14,13 @@ import numpy as np
 
 from .. import joints
 from ..engine.records import CREEP, JOINT_FORCE, rows_of, table
+from ..engine.signals import DRIVE
 from ..fields import GROUND, OfSums
 from ..forces import LOADS, Load, OnBody, OnJoint
 from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates, point_in_row
-from .signals import NO_SIGNALS
+from .signals import NO_SIGNALS, limits_of, values_of_targets
 
 
 def empty(kind: Load) -> tuple[Any, Array]:
@@ -172,6 +173,44 @@ def acting_on(drives: Drives, row: Any) -> tuple[Ints, Array]:
     return own[:, 0].astype(np.int64), own[:, 2]
 
 
+def drive_forces(drives: Drives, signals: Any, t: Array, q: Array, v: Array) -> Array:
+    """Return the torque or force of each motor, servo and actuator at n states, (n, drives).
+
+    It is that of `engine.forces.drive`: within its limits, and before the gear.
+    """
+    varying = values_of_targets(signals, DRIVE, t, q, v)
+    found = np.empty((len(t), len(drives.table) - drives.passive))
+    limits = limits_of(drives.table, signals[0])
+    for one, force, limit in zip(drives.table[drives.passive :], found.T, limits[drives.passive :]):
+        own, factors = acting_on(drives, one)
+        aims, follows = one["coordinate"] >= 0, tuple(one[name] for name in FOLLOWS)
+        torque, target = (
+            varying[first] if first in varying else acting(drives.knots, first, count, how, t)
+            for first, count, how in (
+                (int(one["first_torque"]), one["torques"], AT_ONCE if aims else follows),
+                (int(one["first_target"]), one["targets"], follows if aims else AT_ONCE),
+            )
+        )
+        force[:] = torque - one["damping"] * (v[:, own] @ factors)
+        if aims:
+            terms = drives.terms[one["first_term"] :][: one["terms"]]
+            at_q = terms[:, 1].astype(np.int64) if len(terms) else [one["coordinate"]]
+            force += one["stiffness"] * (target - q[:, at_q] @ factors)
+        np.clip(force, *limit, out=force)
+    return found
+
+
+def acting(knots: Array, first: int, count: int, follows: Follows, t: Array) -> Array:
+    """Return the effective value of an input at times t (n,), as `engine.forces.acting` does."""
+    own = knots[first : first + count]
+    k = np.maximum(np.searchsorted(own[:, 0], t, side="right") - 1, 0)
+    ahead, slope = np.maximum(t - own[k, 0], 0.0), np.where(k + 1 < count, own[k, 2], 0.0)
+    if follows == AT_ONCE:
+        return own[k, 1] + slope * ahead
+    now = zip(own[k, 1].tolist(), slope.tolist(), own[k, 3].tolist(), ahead.tolist())
+    return np.array([followed(follows, *each) for each in now])
+
+
 def length_at(terms: Sequence[tuple[int, int, float]], q: Array) -> float:
     """Return the sum of factor x q."""
     return float(sum(x * q[at_q] for _, at_q, x in terms))
@@ -321,7 +360,8 @@ class Knots:
         return np.concatenate([np.zeros((0, 4)), *self._parts.values()])
 
 
-Follows = tuple[float, int, float, float]  # lag, whether the integral acts, its bounds
+Follows = tuple[Any, ...]  # lag, whether the integral acts, its bounds
+FOLLOWS = ("lag", "integrates", "least", "most")  # their fields in a row of drives
 AT_ONCE: Follows = (0.0, 0, -np.inf, np.inf)
 
 

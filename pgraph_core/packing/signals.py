@@ -22,6 +22,7 @@ from ..engine.stepping.measured import (
     INPUT,
     LENGTH,
     SPEED,
+    VALUE,
     WHAT,
 )
 from ..fields import EMPTY
@@ -585,6 +586,36 @@ def values_of(
         kernels.values(code, t[i], q[i], v[i])
         found[:, i] = code[last, 0]
     return dict(zip(controls, found))
+
+
+def values_of_targets(signals: Any, kind: int, t: Array, q: Array, v: Array) -> dict[int, Array]:
+    """Return the values {first knot: (n,)} of expressions for drives or for one kind of load, at n
+    states of a run.
+    """
+    code, targets, _ = signals
+    targets = targets[targets[:, 1] == kind]
+    if not len(targets):
+        return {}
+    code, last, found = code.copy(), 2 * targets[:, 0] + 1, np.empty((len(targets), len(t)))
+    code[1::2, kernels.SIDE] = 0.0  # comparisons have their own results at each state
+    for i in range(len(t)):
+        kernels.values(code, t[i], q[i], v[i])
+        found[:, i] = code[last, 0]
+    return dict(zip(targets[:, 2].tolist(), found))
+
+
+def limits_of(table: Any, code: Array) -> Array:
+    """Return the least and the largest torque of each drive (n, 2).
+
+    A run moves those of its table while it holds a drive on one side of a limit. Its program keeps
+    the limits.
+    """
+    found = np.column_stack((table["low"], table["high"]))
+    rows = code[::2][(code[::2, 0] == kernels.NUMBER) & (code[::2, WHAT] == BOUND)]
+    of = rows[:, FIRST].astype(int)
+    found[of] = -np.inf, np.inf
+    found[of, rows[:, COUNT].astype(int)] = rows[:, VALUE]
+    return found
 
 
 def _of_drive(program: Program, f: OnJoint) -> tuple[Operand | None, Operand | None]:

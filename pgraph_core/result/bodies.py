@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,9 +11,12 @@ from ..curves import Table
 from ..dynamics.scene import load_wrenches
 from ..dynamics.states import BodyMotion, bodies_over, turned
 from ..forces import OnJoint
-from ..model import Force
+from ..model import Force, Model
 from ..model.constraint import InJoints
+from ..model.expressions import wanted
 from ..packing import Array
+from ..signals.meaning import unit
+from ..units import UNITS, J, Q
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -71,6 +74,19 @@ def acting(run: Any) -> tuple[Force, ...]:
 
     own = model.forces + (model.scenario(name).forces if name is not None else ())
     return tuple(map(driven, own))
+
+
+def units_of_drives(model: Model, forces: Iterable[Force]) -> dict[str, str]:
+    """Return the unit of the torque or force of each motor, servo and actuator among `forces`."""
+    bodies = {b.name: b for b in model.bodies}
+    dims = {f.name: wanted(f, "torque", bodies) for f in forces if isinstance(f, OnJoint)}
+    return {name: unit(dim) if dim is not None else UNITS[J / Q] for name, dim in dims.items()}
+
+
+def all_forces(run: Any) -> tuple[Force, ...]:
+    """Return the forces of a run's model, scenario and call."""
+    given = (Force.model_validate(x) for _, _, x in run.header.get("forces", ()))
+    return (*acting(run), *given)
 
 
 def add_constraint_wrenches(

@@ -20,6 +20,7 @@ from ..errors import InputError, NameLookupError, Problem, choices, needed
 from ..joints import KINDS
 from ..packing import Array
 from ..packing.signals import states_of
+from .bodies import all_forces, units_of_drives
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -96,7 +97,7 @@ def _bodies(run: Any) -> dict[str, Column]:
 
 
 def _forces(run: Any) -> dict[str, Column]:
-    """Return the columns for constraints, contacts, limits and phases."""
+    """Return the columns for constraints, contacts, drives, limits and phases."""
     found: dict[str, Column] = {}
     for name, force in run.constraint_force.items():
         found |= _along_axes(f"constraint_force.{name}", force)
@@ -107,6 +108,9 @@ def _forces(run: Any) -> dict[str, Column]:
             found[f"contact_normal.{name}"] = Column("N", touched.normal[name])
         found[f"contact_gap.{name}"] = Column("m", touched.gap[name])
         found[f"contact_slip.{name}"] = Column("m/s", touched.slip[name])
+    units = units_of_drives(run.mechanism.model, all_forces(run)) if run.drive_force else {}
+    for name, force in run.drive_force.items():
+        found[f"drive_force.{name}"] = Column(units.get(name, "N m, N"), force)
     found |= {f"limit.{name}": Column("N m, N", x) for name, x in touched.limit.items()}
     return found | {f"phases.{name}": Column("", x) for name, x in touched.phases.items()}
 

@@ -27,6 +27,7 @@ from ..packing import Array
 from .columns import Column, columns_of, dataset, frame, matlab, no_column
 from .records import (
     OF_CONSTRAINTS,
+    OF_DRIVES,
     ContactRecord,
     Derivatives,
     Named,
@@ -331,7 +332,8 @@ ARRAYS = (
     "constraint_drift", "error_at", "states", "state_error_at",
 )  # fmt: skip
 SCALARS = ("message", "counters", "timing", "header", "notices")
-FORCE, DERIVATIVE = "force:", "derivative:"  # before the names of constraints and paths
+# before the names of constraints, drives and paths
+FORCE, DRIVE, DERIVATIVE = "force:", "drive:", "derivative:"
 
 
 def file_of(run: Any, folder: Path) -> bytes:
@@ -341,6 +343,7 @@ def file_of(run: Any, folder: Path) -> bytes:
         model = model.unchecked_copy({"bodies": gathered(model.bodies, folder)})
     arrays = {name: getattr(run, name) for name in ARRAYS}
     arrays |= {FORCE + name: value for name, value in run.constraint_force.items()}
+    arrays |= {DRIVE + name: value for name, value in run.drive_force.items()}
     arrays |= {DERIVATIVE + path: value for path, value in run.derivatives.items()}
     arrays |= run.contacts.arrays() | event_arrays(run.user_events)
     header = {
@@ -368,9 +371,9 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
     arrays.setdefault("states", np.zeros((n, 0)))  # older files have none
     arrays.setdefault("state_error_at", np.full((n, arrays["states"].shape[1]), np.nan))
     found = {name: header[name] for name in SCALARS} | {name: arrays[name] for name in ARRAYS}
-    forces, derivatives = (
+    forces, driven, derivatives = (
         {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
-        for prefix in (FORCE, DERIVATIVE)
+        for prefix in (FORCE, DRIVE, DERIVATIVE)
     )
     mech = Mechanism(model)
     fits = found["q"].shape[1:] == (mech.nq,) and found["v"].shape[1:] == (mech.nv,)
@@ -385,6 +388,7 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
         "status": header["status"],
         "notices": tuple(found["notices"]),
         "constraint_force": Named(forces, *OF_CONSTRAINTS),
+        "drive_force": Named(driven, *OF_DRIVES),
         "contacts": ContactRecord.of_arrays(arrays),
         "user_events": events_of_arrays(arrays),
         "derivatives": Derivatives(derivatives),

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError, Problem, explained
 from .exports import ARRAYS
-from .records import KINDS, OF_CONSTRAINTS, ContactRecord, Named
+from .records import KINDS, OF_CONSTRAINTS, OF_DRIVES, ContactRecord, Named
 from .result import Result
 
 ADDED = ("work", "dissipation")  # start from zero in each run
@@ -66,6 +66,7 @@ def joined(runs: Sequence[Result], /) -> Result:
         constraint_force=Named(
             _by_name([r.constraint_force for r in runs], keep, runs), *OF_CONSTRAINTS
         ),
+        drive_force=Named(_by_name([r.drive_force for r in runs], keep, runs), *OF_DRIVES),
         contacts=_contacts(runs, keep),
         counters=_added([r.counters for r in runs]),
         timing=_added([r.timing for r in runs]),

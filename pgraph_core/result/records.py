@@ -311,7 +311,8 @@ class ByTouch(Named):
 
 KINDS = ("force", "gap", "slip", "limit", "normal", "phases")
 OF_CONSTRAINTS = ("constraint_force", "constraint")  # arguments of Named for constraints
-NOTHING, NO_FORCES = ContactRecord(), Named({}, *OF_CONSTRAINTS)
+OF_DRIVES = ("drive_force", "motor, servo or actuator")  # and for drives
+NOTHING, NO_FORCES, NO_DRIVES = ContactRecord(), Named({}, *OF_CONSTRAINTS), Named({}, *OF_DRIVES)
 
 
 # -- user event ------------------------------------------------------------------------------------

@@ -40,6 +40,7 @@ from .dense import states_at
 from .exports import ARRAYS, Exports
 from .records import (
     NO_DERIVATIVES,
+    NO_DRIVES,
     NO_FORCES,
     NOTHING,
     SWING,
@@ -137,6 +138,9 @@ class Result(Exports, EqualByFields, Portable):
     """(n, nx) The states of the model's controls, in their order."""
     state_error_at: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """(n, nx) Estimated errors of the states, as `error_at`, in their units."""
+    drive_force: Named = field(default_factory=lambda: NO_DRIVES)
+    """{name: (n,)} Torques or forces of motors, servos and actuators [N m, N], within their limits
+    and before the gear."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, because a run does not change."""
@@ -147,8 +151,9 @@ class Result(Exports, EqualByFields, Portable):
             view = labelled(array, name, places, joints) if places else array.view()
             own[name] = view
             view.setflags(write=False)
-        if self.constraint_force is not NO_FORCES:
-            self.constraint_force.keep_unchanged()
+        for forces in (self.constraint_force, self.drive_force):
+            if forces is not NO_FORCES and forces is not NO_DRIVES:
+                forces.keep_unchanged()
         if self.contacts is not NOTHING:
             self.contacts.keep_unchanged()
         instead = "a run does not change; dict(...) makes a copy"

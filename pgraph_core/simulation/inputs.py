@@ -10,11 +10,10 @@ from ..errors import InputError, Problem, one_of, shown
 from ..forces import OnJoint
 from ..model import Force, Servo, Table
 from ..packing import Drives
-from ..packing.forces import AT_ONCE, Follows, followed
+from ..packing.forces import AT_ONCE, FOLLOWS, Follows, followed
 from .options import first_of
 
 KNOTS = ("first_target", "targets", "first_torque", "torques")  # fields that locate inputs
-FOLLOWS = ("lag", "integrates", "least", "most")  # fields of the response to an input
 
 
 class Input(NamedTuple):

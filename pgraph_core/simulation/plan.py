@@ -24,6 +24,7 @@ from ..engine import layout as at
 from ..engine.tree.heights import lowest
 from ..errors import InputError, Problem, choices
 from ..fields import EVERY, GROUND, Frozen
+from ..forces import OnJoint
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
@@ -150,6 +151,7 @@ class RunPlan(Way):
     """
 
     drives: Drives
+    driving: tuple[str, ...]  # names of the motors, servos and actuators among them
     loads: Loads
     varying: tuple[Force | Contact, ...] = ()  # parts with expressions, by their numbers
     active: Ints  # indices of the constraints active at the start
@@ -359,6 +361,7 @@ def _what_acts(
     conditions = conditions_of(mech, switches, contacts, forces)
     return RunPlan(
         drives=mech.packed.drives(forces), loads=_loads(mech, forces, conditions), active=active,
+        driving=tuple(f.name for f in forces if isinstance(f, OnJoint)),
         varying=tuple(f for f in forces if f._varies and exerts(f)) + mech.model.rubbing,
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,

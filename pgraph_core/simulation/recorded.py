@@ -10,12 +10,15 @@ import numpy as np
 from ..dynamics.scene import forces_of
 from ..engine.arrays import Frames
 from ..packing import Array, Ints
+from ..packing.forces import drive_forces
 from ..result import Result
 from ..result.records import (
     NO_DERIVATIVES,
+    NO_DRIVES,
     NO_FORCES,
     NOTHING,
     OF_CONSTRAINTS,
+    OF_DRIVES,
     ContactRecord,
     Named,
 )
@@ -40,6 +43,12 @@ def result_of(
     t, (q, v, vdot, wrenches, energy, drift, *touched) = _kept(record, rows)
     nq, nv = mech.nq, mech.nv
     x = v[:, nv:]
+    driven = NO_DRIVES
+    if plan.driving:
+        knots = record.scene.drives.knots.copy()  # a stepper goes on to set its inputs
+        acting = record.scene.drives._replace(knots=knots), record.scene.loads.signals
+        of_drives = partial(drive_forces, *acting, t, q, v)
+        driven = Named(lambda: dict(zip(plan.driving, of_drives().T)), *OF_DRIVES)
     if record.size != (nq, nv):
         q, v, vdot = q[:, :nq], v[:, :nv], vdot[:, :nv]
     if len(t) >= FEW_FRAMES and counted["steps"] > 2 * len(t):
@@ -78,6 +87,7 @@ def result_of(
         dissipation=energy[:, 3],
         constraint_drift=drift,
         constraint_force=forces,
+        drive_force=driven,
         contacts=contacts,
         counters=counters,
         timing=timing,

@@ -26,12 +26,12 @@ from ..model import Force, Model
 from ..model.expressions import drives_read
 from ..model.scenario import STEP
 from ..packing import Array
-from ..packing.forces import on_bodies
+from ..packing.forces import drive_forces, on_bodies
 from ..packing.signals import values_of
 from ..portable import ReadOnly, Snapshots, put_back
 from ..result import Result, Status
 from ..result.bodies import add_constraint_wrenches
-from ..result.records import OF_CONSTRAINTS, ByTouch, Named
+from ..result.records import OF_CONSTRAINTS, OF_DRIVES, ByTouch, Named
 from ..tolerances import SOLVED
 from .inputs import Inputs
 from .loop import Outcome
@@ -242,6 +242,16 @@ class Stepper(Snapshots):
         """Constraint wrenches {constraint: (6,)} on `body` at `point` [N m, N], world axes."""
         record = self._seen()
         return Named(record.scene.forces(record.out.wrenches[0].copy()), *OF_CONSTRAINTS)
+
+    @property
+    def drive_force(self) -> Mapping[str, float]:
+        """The current {drive: torque or force} of motors, servos and actuators [N m, N].
+
+        As in `Result`, they are within their limits and before the gear.
+        """
+        plan, state = self._record.plan, (self._steps.q[None], self._steps.v[None])
+        found = drive_forces(plan.drives, plan.loads.signals, np.array([self.t]), *state)
+        return Named(dict(zip(plan.driving, found[0].tolist())), *OF_DRIVES)
 
     @property
     def outputs(self) -> Mapping[str, Any]:

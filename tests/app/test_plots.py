@@ -84,6 +84,29 @@ def test_units_are_those_of_the_joint(joint, units):
     assert data.unit(model, data.Signal("energy", "")) == "J"
 
 
+def test_torques_of_drives_and_limits_are_plotted_in_their_units():
+    model = pg.Model(
+        bodies=(
+            pg.Body(name="cart", joint="prismatic", mass=1, limits=((-0.001, 0.001),)),
+            pg.Body(name="arm", parent="cart", com=(0.5, 0, 0), inertia=(1, 1, 1)),
+        ),
+        forces=(pg.Servo(name="push", body="cart", kp=90, target=1, torque_limit=20.0),
+                pg.Motor(name="turn", body="arm", torque=2.0)),
+    )  # fmt: skip
+    result = pg.simulate(model, t_end=0.2)
+    found = data.of_scene(result)
+    for name, unit in (("push", "N"), ("turn", "N m")):
+        signal = data.Signal("drive_force", name)
+        assert signal in found
+        assert data.unit(model, signal) == unit
+        assert data.curves(result, signal)[0].y == result.drive_force[name].tolist()
+    stop = data.Signal("limit", "cart high limit")
+    assert stop in found
+    pushed = data.curves(result, stop)[0].y
+    assert pushed == result.contacts.limit["cart high limit"].tolist()
+    assert min(pushed) < -100.0  # the impact, within a step
+
+
 JOINTS = ["revolute", "prismatic", "universal", "spherical", "cylindrical", "screw", "free"]
 
 
