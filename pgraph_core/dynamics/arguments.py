@@ -257,7 +257,7 @@ class UserTorque(Unportable):
         Raises InputError if numba cannot compile it.
         """
         self.function = of_state(function)
-        self.exchange = np.zeros((4, max(room, 1)))
+        self.exchange = np.zeros((5, max(room, 1)))
         self.answer = np.zeros(1, dtype=np.int64)
         self.error: InputError | None = None
         self._q, self._v = self.exchange[0, :nq], self.exchange[1, :nv]
@@ -273,6 +273,7 @@ class UserTorque(Unportable):
             self.address = address_of_function(self._called)
 
     interpreted = True  # by Python, not compiled
+    most: Array | None = None  # (nv,) the largest |τ| of all calls, if it is kept
 
     @property
     def memory(self) -> list[Array]:
@@ -283,6 +284,10 @@ class UserTorque(Unportable):
     def numbers(self) -> list[Array]:
         """The arrays of the description that are read by calls."""
         return []
+
+    def keep_most(self) -> None:
+        """Keep the largest torques of all calls as `most`."""
+        self.most = self.exchange[4, : len(self._v)]
 
     def join(self, packed: Packed, work: Array) -> None:
         """Join a run whose kernels keep body data in `work`. It is not used here."""
@@ -335,6 +340,8 @@ class UserTorque(Unportable):
             raise InputError(Problem("simulate", "tau", text))
         if not np.isfinite(found).all():
             self._bad[0] = t
+        if self.most is not None:
+            np.fmax(self.most, np.abs(found), out=self.most)
         return found
 
 
@@ -352,8 +359,8 @@ def _compiled(function: Any, nq: int, nv: int, behind: int) -> Any:
     """Wrap the function in C's calling convention.
 
     It returns 0, or 1 and the number of torques if this number is not nv. If the function raises, τ
-    is not finite, because numba continues after errors. The entry after τ is the time of the last
-    result that was not finite.
+    is not finite, because numba continues after errors. The row after τ begins with the time of the
+    last result that was not finite, and the next one has the largest torques.
     """
     # a user's function that is compiled has brought numba
     from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
@@ -362,7 +369,7 @@ def _compiled(function: Any, nq: int, nv: int, behind: int) -> Any:
     pointer = types.CPointer(types.float64)
 
     def called(t: float, q: Any, v: Any, tau: Any) -> int:
-        out = carray(tau, (behind + 1,))
+        out = carray(tau, (2 * behind + nv,))
         for j in range(nv):
             out[j] = np.nan
         last, out[behind] = out[behind], t
@@ -373,6 +380,8 @@ def _compiled(function: Any, nq: int, nv: int, behind: int) -> Any:
         for j in range(nv):
             out[j] = given[j]
             finite = finite and np.isfinite(out[j])
+            if abs(out[j]) > out[2 * behind + j]:
+                out[2 * behind + j] = abs(out[j])
         if finite:
             out[behind] = last
         return 0

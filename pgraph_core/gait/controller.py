@@ -187,6 +187,9 @@ class GaitTorque(UserTorque):
         kept = self.kept
         return [kept.rows, kept.const, kept.legs, kept.waves, kept.limit, kept.spine]
 
+    def keep_most(self) -> None:
+        """Keep nothing, because the torques are within limits of their own."""
+
     def join(self, packed: Packed, work: Array) -> None:
         """Use frames, velocities and inertias from a run of the same bodies.
 

@@ -22,7 +22,7 @@ from ..result.records import (
     ContactRecord,
     Named,
 )
-from .remarks import creeping, touching, turns_unseen
+from .remarks import beyond_limits, creeping, touching, turns_unseen
 
 if TYPE_CHECKING:
     from .recording import Recording
@@ -157,6 +157,8 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += creeping(record)
     if record.scene.touching is not None or record.plan.idle is not None:
         found += touching(record, record.unlogged)
+    if record.plan.driving:
+        found += beyond_limits(record)
     if record.user is not None:
         found += record.user.notices()
     if record.carried is not None:

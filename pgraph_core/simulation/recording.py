@@ -69,6 +69,8 @@ class Recording(Running):
         self.start = float(plan.times[0])  # [s]
         if tau is not None:
             self.user = acting(tau, mech.nq, mech.nv, max(len(q), len(v)))
+            if self.user is not None and plan.driving:
+                self.user.keep_most()
         self.ended = Outcome()
         self.switching = Switching(self)
         self._events = monitors

@@ -15,6 +15,7 @@ from ..mechanism import Mechanism
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
 from ..packing import Array, Drives, row_of_velocity
 from ..packing.forces import acting_on
+from ..packing.signals import limits_of
 from ..result.records import energy_drift
 from ..tolerances import NAMED, NOTABLE, SOLVED, VISIBLE
 from .failures import Running
@@ -98,6 +99,37 @@ def turns_unseen(record: Running, frames: tuple[Array, Array, Array, Array]) -> 
     text = f"{TOO_WIDE} for the motion of {choices(names, 3)}, which reverses between two of "
     text += f"them: curves, ranges and peaks may miss it; give frames={steps + 1}, one per step"
     yield text
+
+
+def beyond_limits(record: Running) -> Iterator[str]:
+    """Yield a notice about the joint whose given torque exceeds the limits of its motors most.
+
+    Drives of a sum of coordinates limit no coordinate alone.
+    """
+    nv, drives, user = record.mech.nv, record.scene.drives, record.user
+    most = np.abs(record.scene.given[:nv]) if user is None else user.most
+    if most is None or not most.any():
+        return
+    limits, names = np.zeros(nv), dict[int, str]()
+    each = limits_of(drives.table, record.scene.loads.signals[0])[drives.passive :]
+    for one, limit, name in zip(drives.table[drives.passive :], each, record.plan.driving):
+        own, factors = acting_on(drives, one)
+        if len(own) == 1:
+            j = int(own[0])
+            limits[j] += np.abs(factors[0] * limit).max()
+            names[j] = f"{names[j]}, '{name}'" if j in names else f"'{name}'"
+    beyond = {j: most[j] / limits[j] for j in names if most[j] > limits[j]}
+    if not beyond:
+        return
+    j = max(beyond, key=lambda j: beyond[j])
+    row = row_of_velocity(record.mech.packed.system.rows, j)
+    unit = "N" if record.mech.packed.system.rows[row, at.KIND] == at.TRANSLATE else "N m"
+    body = record.mech.packed.body_of(row)
+    yield (
+        f"tau asks for up to {most[j]:.3g} {unit} in the joint of '{body}', more than the "
+        f"{limits[j]:.3g} {unit} of its motors ({names[j]}): tau is added to motors, and no limit "
+        "of theirs applies to it; clip it, or give it to a motor as torque="
+    )
 
 
 def creeping(record: Running) -> Iterator[str]:

@@ -249,3 +249,25 @@ def test_the_force_of_a_drive_has_its_derivative():
     exact = pg.simulate(model, wrt=["forces.d.kp"], **given).gradient(last)["forces.d.kp"]
     up, down = (last(pg.simulate(model.edit("d", kp=kp), **given)) for kp in (30.01, 29.99))
     assert exact == pytest.approx((up - down) / 0.02, rel=1e-5)
+
+
+def test_torques_of_a_call_beyond_the_limits_of_motors_are_told_and_not_limited():
+    """The limits of two motors of a joint add up, times their gears. Drives of sums limit none."""
+    numba = pytest.importorskip("numba")
+    motors = (
+        pg.Motor(name="a", body="2", torque_limit=2.0, gear=-2.0),
+        pg.Motor(name="b", body="2", torque_limit=1.0),
+        pg.Motor(name="c", coefficients={"1": 1.0, "2": 1.0}, torque_limit=0.1),
+    )
+    model = chain().replace(forces=motors)
+    rises = lambda t, q, v: np.array([9.0, 60.0 * t, 0.0, 0.0, 0.0])  # noqa: E731
+    for tau, most in (
+        ({"2": 4.9}, None), ({"2": -5.1}, "5.1"), (rises, "6"), (numba.njit(rises), "6"),
+    ):  # fmt: skip
+        run = pg.simulate(model, t_end=0.1, tau=tau)
+        free = pg.simulate(chain(), t_end=0.1, tau=tau)
+        np.testing.assert_allclose(run.q, free.q, atol=1e-9)
+        told = [text for text in run.notices if "tau" in text and "5 N m" in text]
+        assert len(told) == (most is not None)
+        assert all(f"{most} N m in the joint of '2'" in text for text in told)
+        assert all("'a', 'b'" in text for text in told)
