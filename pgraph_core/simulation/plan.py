@@ -268,7 +268,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     bare = _what_acts(mech, o, given, span, extra, contacts)
     bare = replace(bare, start=start, tau=tau if is_controller(tau) else None)
     acts, length = (bare.drives, bare.loads), span[1] - span[0]
-    rate = Rate(mech, acts, bare.active, start, length, known=not callable(tau))
+    rate = Rate(mech, acts, bare.active, start, length)
     plan = _on_a_way(mech, replace(bare, contacts=contacts), rate, o, given, span)
     if declared is not None and _may_wait(plan, declared, o.method_name(given)):
         way = Way(**{one.name: getattr(plan, one.name) for one in fields(Way)})
@@ -295,7 +295,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     forces = _forces(mech, o, given, span[0], extra)
     if plan.method.order > 1 and any(f._bends for f in forces):
         plan = replace(plan, loads=_loads(mech, forces, plan.conditions, bent=True))
-    return plan, rated or (rate.known and rate.found is not None)
+    return plan, rated or rate.found is not None
 
 
 def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any) -> RunPlan:

@@ -22,7 +22,10 @@ NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))
 
 
 class Rate:
-    """The fastest rate of the motion at the start, computed on first use."""
+    """The fastest rate of the motion at the start, computed on first use.
+
+    Torques of a function are not included, because it may remember its calls.
+    """
 
     def __init__(
         self,
@@ -31,23 +34,19 @@ class Rate:
         active: Ints,
         start: tuple[Array, Array],
         span: float,
-        *,
-        known: bool,
     ):
         self.mech, self.forces, self.active, self.start = mech, forces, active, start
-        self.span, self.known = span, known
+        self.span = span
         self.found: float | None = None
 
     def __call__(self) -> float:
-        """Return the rate [1/s], or 0 if torques are given by a function."""
+        """Return the rate [1/s]."""
         if self.found is None:
-            self.found = self._of(self.forces) if self.known else 0.0
+            self.found = self._of(self.forces)
         return self.found
 
     def swings(self) -> bool:
         """Return True if the fastest mode swings rather than decays, or False if unknown."""
-        if not self.known:
-            return False
         return fastest_swings(self.mech, self.forces, self.active, *self.start)
 
     def explicit(self) -> float:
@@ -56,11 +55,11 @@ class Rate:
         table = drives.table.copy()
         implicit = (table["terms"] == 0) & (table["damping"] > 0.0)
         table["damping"][implicit] = table["stiffness"][implicit] = table["friction"] = 0.0
-        return self._of((drives._replace(table=table), loads)) if self.known else 0.0
+        return self._of((drives._replace(table=table), loads))
 
     def without_forces(self) -> float:
         """The rate of the same motion without springs, dampers and other forces [1/s]."""
-        return self._of(NO_FORCES) if self.known else 0.0
+        return self._of(NO_FORCES)
 
     def _of(self, forces: Any) -> float:
         return fastest_rate(self.mech, forces, self.active, *self.start)

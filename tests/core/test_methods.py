@@ -81,6 +81,16 @@ def test_radau_swings_right_however_stiff(k):
     assert done.counters["steps"] < 1000
 
 
+@pytest.mark.parametrize("tau", [None, [1.0, 0.0], lambda t, q, v: np.array([1.0, 0.0])])
+def test_torques_of_any_form_leave_the_method_that_stiff_forces_need(tau):
+    """With a function, dop853 took 500 times as many steps."""
+    mech, q = stiff_pendulum(1e12)
+    run = pg.simulate(mech, q, t_end=0.2, tau=tau, estimate=False)
+    assert run.header["method"] == "radau5"
+    at_steps = pg.simulate(mech, q, t_end=0.02, step=1e-3, tau=tau, method="rk4", estimate=False)
+    assert any("radau5" in text for text in at_steps.notices)
+
+
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
 def test_steps_too_wide_for_an_explicit_method_are_reported(method):
     """The limit is that of the method. A run 20 % above it fails or knows its error."""
