@@ -67,9 +67,13 @@ def _bare(name: str) -> str:
 
 
 def _alike(name: str, known: Iterable[str]) -> list[str]:
-    """Return the known names, and the names in the tables, that are another spelling of `name`."""
-    bare = _bare(name)
-    return [each for each in known if len(bare) > 2 and _bare(each) == bare and each != name]
+    """Return the known names, and the names in the tables, that are another spelling of `name`.
+
+    What sets a quantity is not another spelling of the quantity.
+    """
+    bare, sets = _bare(name), spelt(name).startswith("set_")
+    alike = [each for each in known if len(bare) > 2 and _bare(each) == bare and each != name]
+    return [each for each in alike if sets or not spelt(each).startswith("set_")]
 
 
 def same_attribute(name: str) -> str:
