@@ -12,7 +12,7 @@ import numpy as np
 from .analysis.assembly import Assembly, assemble, changes, followed
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
-from .dynamics.arguments import for_each_state, wrong_type
+from .dynamics.arguments import by_name, for_each_state, named_in, wrong_type
 from .dynamics.dynamics import EMPTY, UNFIT
 from .errors import Called, InputError, Problem, explained, shown
 from .model import Model, Motion, Polynomial
@@ -36,7 +36,8 @@ class Mechanism(Dynamics):
     """A model with depth-first numbering, packed for the compiled kernels.
 
     The arrays q (nq,), v (nv,) and tau (nv,) are ordered by body number, as given by `names`. Body
-    0 is the ground. A mechanism has no internal state, so results only depend on the arguments.
+    0 is the ground. A dictionary or pandas row by body name is accepted in place of each of them. A
+    mechanism has no internal state, so results only depend on the arguments.
     Methods raise InputError for arrays that have the wrong length or contain values that are not
     finite.
 
@@ -94,8 +95,9 @@ class Mechanism(Dynamics):
         InputError
             If the constraints cannot be satisfied.
         """
-        named = {k: x for k, x in {"q": q, "v": v}.items() if isinstance(x, dict)}
+        named = named_in({"q": q, "v": v})
         if not named or active is not None:
+            q, v = by_name(self, "q", q), by_name(self, "v", v, self.home()[1])
             return assemble(self, q, v, active)
         given = {"q": q, "v": v, **super()._by_names(named, {})}
         q, v, _ = assemble(self, *{"q": q, "v": v, **self._by_names(named, {"q": q})}.values())
@@ -156,9 +158,9 @@ class Mechanism(Dynamics):
 
         Parameters
         ----------
-        q : (nq,) array, optional
+        q : (nq,) array or dict, optional
             Configuration, by default the initial one.
-        v : (nv,) array, optional
+        v : (nv,) array or dict, optional
             Velocity used to select a branch at a singular position.
         active : sequence of str, optional
             Names of the constraints. By default, all active constraints.
@@ -173,7 +175,9 @@ class Mechanism(Dynamics):
         InputError
             If the constraints cannot be met.
         """
-        return mobility(self, q, v, active)
+        if active is None:
+            q, v = self._numbers(q=q, v=v)
+        return mobility(self, by_name(self, "q", q), by_name(self, "v", v), active)
 
     @for_each_state
     def constrained_inverse_dynamics(
@@ -272,9 +276,9 @@ class Mechanism(Dynamics):
 
         Parameters
         ----------
-        q : (nq,) array, optional
+        q : (nq,) array or dict, optional
             Configuration. The default is the initial state of the scenario or model.
-        v : (nv,) array, optional
+        v : (nv,) array or dict, optional
             Velocity. If q is given, v defaults to zero.
         scenario : str, optional
             Name of a scenario.
@@ -305,7 +309,7 @@ class Mechanism(Dynamics):
 
         Parameters
         ----------
-        q : (nq,) array, optional
+        q : (nq,) array or dict, optional
             Configuration to start from, by default the initial one.
         scenario : str, optional
             Name of a scenario.
@@ -350,7 +354,7 @@ class Mechanism(Dynamics):
             "place", "rotation" and "point", where "point" is the point in body axes that should be
             moved to "place".
             For a single target, give its name, and position, rotation and point as arguments.
-        q : (nq,) array, optional
+        q : (nq,) array or dict, optional
             Configuration to start from, by default the initial one.
         position, rotation, point : arrays, optional
             Target of a single body or site, whose name is `targets`.

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from ..dynamics import Dynamics
-from ..dynamics.arguments import finite, position
+from ..dynamics.arguments import by_name, finite, position
 from ..dynamics.scene import NO_CONSTRAINTS, Scene, contact_tables
 from ..engine import arrays, motion
 from ..engine.compiler.address import address_of_array, buffer, unnamed
@@ -308,6 +308,9 @@ def state_of(
     if scenario is not None:
         for name, values in mech.model.scenario(scenario).q.items():
             start[mech.joints[name].q] = values
+    if scenario is None:
+        q, v = mech._numbers(q=q, v=v)
+    q, v = by_name(mech, "q", q, start), by_name(mech, "v", v)
     at = start if q is None else position(mech.packed, q)
     speed = np.zeros(mech.nv) if v is None else finite("v", v, mech.nv)
     names = [mech.model.constraints[i].name for i in acting(mech, scenario)[1]]

@@ -100,7 +100,7 @@ def lqr(
     states : list of str, optional
         Bodies whose coordinates are used as states, one per degree of freedom, if constraints
         couple the coordinates. By default, the best conditioned ones are selected.
-    q : (nq,) array, optional
+    q : (nq,) array or dict, optional
         Equilibrium configuration. The default is the initial state.
 
     Returns

@@ -11,7 +11,14 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from ..dynamics.arguments import numbers_in, positions, whole_number
+from ..dynamics.arguments import (
+    by_name,
+    names_in,
+    numbers_in,
+    positions,
+    rows_by_name,
+    whole_number,
+)
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine.compiler.jit import made_by_numba
@@ -72,7 +79,7 @@ class BatchStepper(Snapshots):
         Number of instances.
     step, method, scenario, forces, stabilise, switches :
         As in `Stepper`. All instances use the same values.
-    tau : (nv,) or (size, nv) array, or callable, optional
+    tau : (nv,) or (size, nv) array, dict, or callable, optional
         Constant torques, or a function of (t, q, v) compiled with `numba.njit`.
     threads : int, optional
         Number of threads. By default, one per core is used.
@@ -308,7 +315,7 @@ class BatchStepper(Snapshots):
 
         Parameters
         ----------
-        tau : array_like (size, nv) or (nv,), optional
+        tau : array_like (size, nv) or (nv,), or dict, optional
             Torques [N·m, N] that replace those given at the start.
         n : int, optional
             Number of steps.
@@ -343,7 +350,7 @@ class BatchStepper(Snapshots):
 
     def _give(self, tau: Any) -> None:
         refuse_as_torques(tau, "BatchStepper")
-        given = self._tau if tau is None else _table("tau", tau, self.size, self.mech.nv)
+        given = self._tau if tau is None else self._given("tau", tau, self.size)
         self._many.given[:, : self.mech.nv] = given
 
     def reset(
@@ -359,10 +366,10 @@ class BatchStepper(Snapshots):
 
         Parameters
         ----------
-        q : array_like (k, nq) or (nq,), optional
+        q : array_like (k, nq) or (nq,), or dict, optional
             Configurations of the k instances, or of all instances. The default is their initial
-            state.
-        v : array_like (k, nv) or (nv,), optional
+            state. A dictionary maps body names to a value, or to k values.
+        v : array_like (k, nv) or (nv,), or dict, optional
             Velocities in the same form.
         which : array_like, optional
             Indices of the instances to reset, or a boolean mask (size,). By default, all are reset.
@@ -381,8 +388,10 @@ class BatchStepper(Snapshots):
         kinds = many.kind[chosen] if numbers is None else _places(numbers, entries, len(chosen))
         if numbers is not None and not self._set:
             raise _refused("numbers", "requires set={path: values}", "reset")
-        qs = None if q is None else self._configurations(q, len(chosen))
-        vs = None if v is None else _table("v", v, len(chosen), self.mech.nv)
+        qs = None if q is None else self._given("q", q, len(chosen))
+        if qs is not None:
+            positions(self.mech.packed, qs)
+        vs = None if v is None else self._given("v", v, len(chosen))
         nx = self.states.shape[1]
         own = None if states is None else _table("states", states, len(chosen), nx)
         before = many.states[chosen], many.codes[chosen], many.kind[chosen]
@@ -406,11 +415,19 @@ class BatchStepper(Snapshots):
         if own is not None:
             many.v[chosen, self.mech.nv :] = own
 
-    def _configurations(self, q: Any, n: int) -> Array:
-        """Return finite configurations (n, nq) with nonzero quaternions. Raises InputError."""
-        table = _table("q", q, n, self.mech.nq)
-        positions(self.mech.packed, table)
-        return table
+    def _given(self, kind: str, value: Any, n: int) -> Array:
+        """Return finite q, v, vdot or tau of n instances, which may be by name of body.
+
+        Other joints then have their initial values, or 0 of vdot and tau. Raises InputError.
+        """
+        width = self.mech.nq if kind == "q" else self.mech.nv
+        if (entries := names_in(value)) is not None:
+            start = dict(zip("qv", self._first.recording.given)).get(kind)
+            rest = np.zeros(width) if start is None else start[:width]
+            rows = rows_by_name(self.mech, kind, entries)
+            value = [by_name(self.mech, kind, row, rest) for row in rows]
+            value = value[0] if len(value) == 1 else value
+        return _table(kind, value, n, width)
 
     def acceleration(self, tau: npt.ArrayLike | None = None) -> Array:
         """Return the accelerations of all instances.
@@ -420,7 +437,7 @@ class BatchStepper(Snapshots):
 
         Parameters
         ----------
-        tau : array_like (size, nv) or (nv,), optional
+        tau : array_like (size, nv) or (nv,), or dict, optional
             Torques [N·m, N], as for `step`.
 
         Returns
@@ -441,7 +458,7 @@ class BatchStepper(Snapshots):
 
         Parameters
         ----------
-        vdot : array_like (size, nv)
+        vdot : array_like (size, nv), or dict
             Accelerations [rad/s², m/s²].
 
         Returns
@@ -457,7 +474,7 @@ class BatchStepper(Snapshots):
         if not isinstance(self._many, TreeLanes):
             text = "is for free trees that are stepped in lanes; call `inverse_dynamics` of a "
             raise _refused("", text + "mechanism for each instance", "inverse_dynamics")
-        return self._many.torques(_table("vdot", vdot, self.size, self.mech.nv))
+        return self._many.torques(self._given("vdot", vdot, self.size))
 
     def target(self, servo: str, value: Any) -> None:
         """Set the target of a servo, which stays constant until `reset`.

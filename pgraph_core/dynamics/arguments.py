@@ -21,6 +21,7 @@ from ..portable import Unportable, array_of
 
 # what the numbers of a free joint are
 OF_FREE = {("q", 7): " = [x, y, z, qw, qx, qy, qz]", ("v", 6): " = [angular, linear]"}
+NAMELESS = {np.ndarray, list, tuple, str, float, int, bool, type(None)}  # no names in them
 OF_STATES = ("v", "vdot", "tau")  # arguments that may have a row for each of many states
 
 
@@ -142,6 +143,42 @@ def fill(mech: Any, state: Array, entries: Mapping[str, Any], kind: str) -> None
         )
 
 
+def by_name(mech: Any, kind: str, given: Any, rest: Array | None = None) -> Any:
+    """Return q, v, vdot or tau as numbers if it is given by body name, else unchanged.
+
+    Other joints have their entries of `rest`, by default the initial q, and 0 of v, vdot and tau.
+    Raises InputError.
+    """
+    entries = None if given is None or type(given) is np.ndarray else names_in(given)
+    if entries is None:
+        return given
+    found = (mech.home()[0] if kind == "q" else np.zeros(mech.nv)) if rest is None else rest.copy()
+    fill(mech, found, entries, kind)
+    return found
+
+
+def rows_by_name(mech: Any, kind: str, entries: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the entries of each state, if some joints have a value for each of several states."""
+    many = {name: x for name, x in entries.items() if np.ndim(x) > _dimensions(mech, kind, name)}
+    if len({len(x) for x in many.values()}) != 1:
+        return [entries]
+    return [{**entries, **dict(zip(many, each))} for each in zip(*many.values())]
+
+
+def _dimensions(mech: Any, kind: str, name: Any) -> int:
+    """Return the dimensions of the value of a joint in one state, 2 without such a joint."""
+    if name not in mech.joints:
+        return 2
+    place = mech.joints[name].q if kind == "q" else mech.joints[name].v
+    return int(place.stop > place.start + 1)
+
+
+def named_in(given: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return the arguments q, v, vdot and tau that are given by body name."""
+    found = {k: names_in(x) for k, x in given.items() if k in ("q", *OF_STATES)}
+    return {k: x for k, x in found.items() if x is not None}
+
+
 def for_each_state(method: Called) -> Called:
     """Let a method of a state q (nq,) take many states q (n, nq), and give a row of results each.
 
@@ -152,10 +189,9 @@ def for_each_state(method: Called) -> Called:
 
     @functools.wraps(method)
     def call(self: Any, q: Any, *args: Any, **named: Any) -> Any:
-        if dict in map(type, (q, *args, *named.values())):
+        if not NAMELESS.issuperset(map(type, (q, *args, *named.values()))):
             given = {**dict(zip(names, args)), **named, "q": q}
-            by_name = {k: x for k, x in given.items() if k in ("q", *OF_STATES) and type(x) is dict}
-            if by_name:
+            if by_name := named_in(given):
                 return call(self, **{**given, **self._by_names(by_name, given)})
         after_q = args[0] if args and names[0] in OF_STATES else None
         if isinstance(q, str) or isinstance(after_q, str):

@@ -6,7 +6,7 @@ import functools
 import sys
 import threading
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self, cast, overload
 
@@ -28,7 +28,7 @@ from ..paper import Operators
 from ..portable import Portable, ReadOnly, keep_unchanged
 from ..rotation import matrix, unit
 from ..topology import Topology
-from .arguments import fill, finite, for_each_state, numbers, position, wrong_type
+from .arguments import by_name, finite, for_each_state, named_in, numbers, position, wrong_type
 from .scene import Scene
 from .states import BodyMotion, Carried, bodies_over, carried, mass_points, shifted
 
@@ -177,10 +177,12 @@ class Dynamics(Portable):
 
     def kernel_operator(self, q: Array) -> Any:
         """The kernel operator ε_φ, eq. (13), as a (6 nb, 6 nb) scipy.sparse array."""
+        (q,) = self._numbers(q=q)
         return operators(self.packed, q, self._rest).eps_phi
 
     def propagation_operator(self, q: Array) -> Any:
         """The propagation operator Φ, eq. (16), as a (6 nb, 6 nb) scipy.sparse array."""
+        (q,) = self._numbers(q=q)
         return operators(self.packed, q, self._rest).Phi
 
     # -- states and places -----------------------------------------------------------------------
@@ -195,11 +197,12 @@ class Dynamics(Portable):
 
         Other joints have the initial q, and 0 for the rest. `given` has all arguments.
         """
-        found = {}
-        for kind, entries in named.items():
-            found[kind] = self.home()[0] if kind == "q" else np.zeros(self.nv)
-            fill(self, found[kind], entries, kind)
-        return found
+        return {kind: by_name(self, kind, entries) for kind, entries in named.items()}
+
+    def _numbers(self, **given: Any) -> Iterable[Any]:
+        """Return arguments in their order, as arrays where they are given by body name."""
+        named = named_in(given)
+        return ({**given, **self._by_names(named, given)} if named else given).values()
 
     def state_from(self, other: Dynamics, q: Array, v: Array) -> Carried:
         """Transfer the state of another mechanism to this one.
@@ -211,7 +214,7 @@ class Dynamics(Portable):
         ----------
         other : Mechanism
             The other mechanism.
-        q, v : arrays
+        q, v : arrays or dict
             Its configuration and velocity.
 
         Returns
@@ -221,6 +224,7 @@ class Dynamics(Portable):
         reset : tuple of str
             Names of the joints that took initial values.
         """
+        q, v = other._numbers(q=q, v=v)
         return carried(self.packed, other.packed, position(other.packed, q), other._speed(v))
 
     @for_each_state

@@ -214,7 +214,7 @@ def simulate_batch(
     ----------
     mechanism : Mechanism or Model
         The system to simulate.
-    q, v : (n, nq) and (n, nv) arrays
+    q, v : (n, nq) and (n, nv) arrays, or dict
         Initial states, one in each row. One of them may be None, or a single row for all runs.
     **options
         Other arguments of `simulate`.

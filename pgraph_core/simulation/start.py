@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dynamics.arguments import fill, finite, names_in, of_state, position, stretched
+from ..dynamics.arguments import (
+    by_name,
+    fill,
+    finite,
+    names_in,
+    of_state,
+    position,
+    rows_by_name,
+    stretched,
+)
 from ..errors import InputError, Problem, choices, nearest_first, shown
 from ..forces import BetweenPoints, Force, points_of
 from ..mechanism import Mechanism
@@ -76,12 +85,7 @@ def by_names(
     given = mech.model.scenario(scenario) if scenario is not None else None
     q0, v0 = initial_state(mech, given, None, None, tau)
     start = q0[: mech.nq], v0[: mech.nv]  # without the states of controls
-    found: list[Any] = [q, v]
-    for k, (entries, state) in enumerate(zip(named, start)):
-        if entries is not None:
-            fill(mech, state, entries, "qv"[k])
-            found[k] = state
-    return found[0], found[1]
+    return by_name(mech, "q", q, start[0]), by_name(mech, "v", v, start[1])
 
 
 def rows_of(mech: Mechanism, q: Any, v: Any) -> list[tuple[Any, Any]]:
@@ -90,22 +94,25 @@ def rows_of(mech: Mechanism, q: Any, v: Any) -> list[tuple[Any, Any]]:
     Raises InputError.
     """
     many = {"q": (q, mech.nq), "v": (v, mech.nv)}
-    rows = {}
+    rows: dict[str, Any] = {}
     for name, (given, width) in many.items():
-        if given is not None:
-            array = array_of(given)
-            array = array[None] if array.ndim == 1 else array
-            if array.ndim != 2 or array.shape[1] != width:
-                text = f"must have a row of {width} numbers for each run, got {array.shape}"
-                raise InputError(Problem("simulate_batch", name, text))
-            rows[name] = array
-    number = max(map(len, rows.values()), default=1)
-    for name, array in rows.items():
-        if len(array) not in (1, number):
-            text = f"must have {number} rows, as the other, or one for all, got {len(array)}"
+        if given is None:
+            continue
+        if (entries := names_in(given)) is not None:
+            rows[name] = rows_by_name(mech, name, entries)
+            continue
+        array = array_of(given)
+        array = array[None] if array.ndim == 1 else array
+        if array.ndim != 2 or array.shape[1] != width:
+            text = f"must have a row of {width} numbers for each run, got {array.shape}"
             raise InputError(Problem("simulate_batch", name, text))
-    rows = {name: np.broadcast_to(array, (number, array.shape[1])) for name, array in rows.items()}
-    of = lambda name, i: rows[name][i] if name in rows else None  # noqa: E731
+        rows[name] = array
+    number = max(map(len, rows.values()), default=1)
+    for name, found in rows.items():
+        if len(found) not in (1, number):
+            text = f"must have {number} rows, as the other, or one for all, got {len(found)}"
+            raise InputError(Problem("simulate_batch", name, text))
+    of = lambda name, i: rows[name][i % len(rows[name])] if name in rows else None  # noqa: E731
     return [(of("q", i), of("v", i)) for i in range(number)]
 
 
@@ -230,11 +237,7 @@ def torques_by_names(mech: Mechanism, tau: Any) -> Any:
         return _of_functions(mech, tau)
     if isinstance(tau, Control):
         raise InputError(Problem("simulate", "tau", _of_control(mech, tau)))
-    if entries is None:
-        return tau
-    found = np.zeros(mech.nv)
-    fill(mech, found, entries, "tau")
-    return found
+    return by_name(mech, "tau", tau) if entries is not None else tau
 
 
 def _of_functions(mech: Mechanism, tau: Any) -> Any:
@@ -285,6 +288,9 @@ def with_state(
 
     The control states at time t follow those of the bodies.
     """
-    q = start[0] if q is None else position(mech.packed, q)
-    v = start[1] if v is None else finite("v", v, mech.nv)
+    if q is not None:
+        q = position(mech.packed, by_name(mech, "q", q, start[0][: mech.nq]))
+    if v is not None:
+        v = finite("v", by_name(mech, "v", v, start[1][: mech.nv]), mech.nv)
+    q, v = start[0] if q is None else q, start[1] if v is None else v
     return mech.packed.with_states(t, q.copy(), v.copy())

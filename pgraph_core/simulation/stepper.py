@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..dynamics.arguments import finite, whole_number
+from ..dynamics.arguments import by_name, finite, whole_number
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine import motion as kernels
@@ -77,7 +77,7 @@ class Stepper(Snapshots):
         "rk4" for all other models. Rigid contacts and limits always use "moreau_jean".
     scenario, forces, inputs, stabilise :
         As in `simulate`.
-    tau : (nv,) array, callable or Feedback, optional
+    tau : (nv,) array, dict, callable or Feedback, optional
         Constant torques, or a function f(t, q, v), as in `simulate`.
     switches : sequence, optional
         As in `simulate`. Use () to ignore the switches of the scenario, and call `switch` instead.
@@ -350,7 +350,7 @@ class Stepper(Snapshots):
 
         Parameters
         ----------
-        tau : array_like (nv,), optional
+        tau : array_like (nv,) or dict, optional
             Torques [N·m, N] that replace those given at the start.
         n : int, optional
             Number of steps.
@@ -402,7 +402,7 @@ class Stepper(Snapshots):
             Number of steps.
         frames : int, optional
             Number of evenly spaced frames to record. By default, every step is recorded.
-        tau : array_like (nv,), optional
+        tau : array_like (nv,) or dict, optional
             Torques [N·m, N], as for `step`.
         """
         return self._recorded(whole_number("Stepper", "n", n, 1), self._width, frames, tau)
@@ -457,7 +457,7 @@ class Stepper(Snapshots):
 
         Parameters
         ----------
-        tau : array_like (nv,), optional
+        tau : array_like (nv,) or dict, optional
             Torques of the step [N·m, N], as for `step`.
         inputs : sequence of str, optional
             Names of the inputs u. By default, u contains the torques of all joints.
@@ -482,7 +482,7 @@ class Stepper(Snapshots):
             _, knot, _, slope, _ = self._inputs.known[name]
             chosen[name] = knot, slope
         acting = self._tau if callable(self._tau) else self._record.scene.given.copy()
-        torques = acting if tau is None else tau
+        torques = acting if tau is None else by_name(self.mech, "tau", tau)
         return linear_step(self._record, self.options_of_step, self.width, torques, chosen)
 
     # -- changes between steps -------------------------------------------------------------------
@@ -681,7 +681,7 @@ class Stepper(Snapshots):
         given = self._own
         if tau is not None:
             refuse_as_torques(tau, "Stepper")
-            given = finite("tau", tau, self.mech.nv)
+            given = finite("tau", by_name(self.mech, "tau", tau), self.mech.nv)
         self._record.scene.given[: self.mech.nv] = given
         self._steps.anew()
 

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..dynamics.arguments import finite, position
 from ..dynamics.states import with_initial
 from ..errors import PgraphError, choices, explained, refusal
 from ..mechanism import Mechanism, mechanism_of
@@ -21,6 +20,7 @@ from ..packing import Array
 from ..result import Result, Status
 from ..simulation import simulate
 from ..simulation.options import positive
+from ..simulation.start import with_state
 from ..tolerances import NOTABLE
 from .axes import AXES, Axis, changed, first_axis
 from .map import Cell, StabilityMap, Verdict, judged, step_limit
@@ -221,14 +221,12 @@ def in_scenario(model: Model, name: str | None) -> tuple[Model, float]:
 
 
 def started(model: Model, q: Any, v: Any) -> Model:
-    """Return the model with (q, v), in number order, as initial state. Raises InputError."""
+    """Return the model with (q, v) as initial state. Raises InputError."""
     if q is None and v is None:
         return model
     mech = Mechanism(model)
-    start = mech.home()
-    at = position(mech.packed, q) if q is not None else start[0]
-    speed = finite("v", v, mech.nv) if v is not None else start[1]
-    return with_initial(model, at, speed)
+    at, speed = with_state(mech, mech.home(), q, v, 0.0)
+    return with_initial(model, at[: mech.nq], speed[: mech.nv])
 
 
 # -- cells, in parallel on all cores ---------------------------------------------------------------

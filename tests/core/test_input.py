@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.study.stability import started
 
 MECH = pg.Mechanism(pg.Model.serial(3))
 TOP = pg.Mechanism(pg.Model(bodies=(pg.Body(name="top", joint="spherical", inertia=(0.01,) * 3),)))
@@ -25,6 +26,61 @@ def test_numbers_of_numpy_are_numbers():
     assert len(run(frames=np.int64(3)).t) == 3
     done = pg.simulate(MECH, t_end=np.float32(0.5), step=np.float32(0.25))
     np.testing.assert_allclose(done.t, [0, 0.25, 0.5])
+
+
+FREE = pg.Mechanism(pg.Model.serial(3).replace(gravity=(0, 0, 0)))
+HAND = FREE.pose([0.1, 0.2, 0.3], "3")[0]
+ARM = FREE.model.add(*(pg.Motor(name=f"m{b}", body=b) for b in "123"))
+BY_NAME = {  # what a call returns for one of q, v, vdot or tau
+    "forward_dynamics": lambda x: FREE.forward_dynamics(x, x, x),
+    "propagation_operator": lambda x: FREE.propagation_operator(x).toarray(),
+    "kernel_operator": lambda x: FREE.kernel_operator(x).toarray(),
+    "assemble": lambda x: FREE.assemble(x, x, [])[1],
+    "mobility": lambda x: FREE.mobility(x, x).dof,
+    "linearise": lambda x: FREE.linearise(x, x).A,
+    "equilibrium": lambda x: FREE.equilibrium(x),
+    "inverse_kinematics": lambda x: FREE.inverse_kinematics("3", position=HAND, q=x),
+    "state_from": lambda x: FREE.state_from(MECH, x, x)[1],
+    "place_poles": lambda x: pg.place_poles(ARM, [-1, -1.1, -2, -2.1, -3, -3.1], q=x).K,
+    "simulate": lambda x: pg.simulate(FREE, x, x, tau=x, t_end=0.01).q[-1],
+    "simulate_batch": lambda x: pg.simulate_batch(FREE, x, x, tau=x, t_end=0.01)[0].q[-1],
+    "Stepper": lambda x: stepped(pg.Stepper(FREE, q=x, v=x, tau=x)),
+    "Stepper.record": lambda x: pg.Stepper(FREE).record(2, tau=x).q[-1],
+    "Stepper.linearise": lambda x: pg.Stepper(FREE).linearise(x).A,
+    "BatchStepper.step": lambda x: stepped(pg.BatchStepper(FREE, 2), x),
+    "BatchStepper.acceleration": lambda x: pg.BatchStepper(FREE, 2).acceleration(x),
+    "BatchStepper.inverse_dynamics": lambda x: pg.BatchStepper(FREE, 2).inverse_dynamics(x),
+    "started": lambda x: [b.q for b in started(FREE.model, x, x).bodies],
+}
+
+
+def stepped(stepper, tau=None):
+    if tau is not None:
+        stepper.reset(tau, tau)
+    stepper.step(tau)
+    return np.concatenate((stepper.q, stepper.v), axis=-1)
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_states_and_torques_are_taken_by_name_by_all_calls(name):
+    values = {"1": 0.1, "2": 0.2, "3": 0.3}
+    expected = BY_NAME[name]([*values.values()])
+    pandas = pytest.importorskip("pandas")
+    for given in (values, dict(reversed(values.items())), pandas.Series(values)):
+        np.testing.assert_array_equal(BY_NAME[name](given), expected)
+    with pytest.raises(pg.InputError, match="nobody"):
+        BY_NAME[name]({"1": 0.1, "nobody": 0.2})
+
+
+def test_a_joint_may_have_a_value_for_each_of_many_states():
+    many = {"2": np.array([0.1, 0.2]), "3": 0.3}
+    rows = np.array([[0.0, 0.1, 0.3], [0.0, 0.2, 0.3]])
+    batch = pg.BatchStepper(FREE, 2)
+    batch.reset(many, many)
+    np.testing.assert_array_equal(np.stack((batch.q, batch.v)), [rows, rows])
+    for run, row in zip(pg.simulate_batch(FREE, many, v={"1": 2.0}, t_end=0.01), rows):
+        np.testing.assert_array_equal(run.q[0], row)
+        np.testing.assert_array_equal(run.v[0], [2.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("grid", [[0.0], [0.005], [0.002, 0.01], (0.0, 0.01)])

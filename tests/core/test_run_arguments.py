@@ -32,7 +32,7 @@ def test_a_row_of_pandas_is_taken_by_its_names():
     pushed = pg.simulate(MODEL, tau=row, t_end=0.01, estimate=False)
     assert (pushed.q == pg.simulate(MODEL, tau=[0.7, 0.3], t_end=0.01, estimate=False).q).all()
     assert pg.simulate(MODEL, q=pandas.Series([0.7, 0.3]), t_end=0.01).q[0].tolist() == [0.7, 0.3]
-    with pytest.raises(pg.InputError, match="names"):
+    with pytest.raises(pg.InputError, match=r"'fore'.*1, 2"):
         MECH.mass_matrix(row)
 
 
