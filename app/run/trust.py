@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from pgraph_core.analysis.singular import TOO_LOW
-from pgraph_core.integrators import METHODS
 from pgraph_core.model.scenario import METHOD_NAMES
 from pgraph_core.result.records import Status
 
@@ -70,8 +69,8 @@ def verdict(run: Run) -> tuple[str, str, str]:
     """Return (level, sentence, reason) for a run. The level is "good", "rough", "unknown" or
     "failed".
 
-    The level is determined by the worst entry. The energies of a first-order method have errors of
-    first order even if the motion is accurate, so they are listed below the verdict.
+    The level is determined by the worst entry. The error estimate is that of the positions, and a
+    drift of energy is an error of velocities or forces that it does not include.
     """
     result = run.result
     if not result.status.ok and not run.ended:
@@ -109,12 +108,6 @@ def _until(result: Any) -> str:
     """Return the last time at which the error is known, such as 'until 0.396 s'."""
     known = np.flatnonzero(np.isfinite(result.error_at))
     return f"until {float(result.t[known[-1] if len(known) else 0]):.3g} s"
-
-
-def _first_order(result: Any) -> bool:
-    """Check whether the errors of energies are of first order in the step size."""
-    method = METHODS.get(str(result.header.get("method")))
-    return method is not None and method.order == 1
 
 
 def drift(result: Any) -> str:
@@ -186,7 +179,7 @@ def summary(run: Run) -> list[Line]:
     """Return lines (label, value, ok) about the end, accuracy and cost of a run."""
     result = run.result
     off, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
-    estimated, first = not math.isnan(estimate), _first_order(result)
+    estimated = not math.isnan(estimate)
     lines = [
         ("Status", run.ended or result.message or result.status.value, result.status.ok),
         (METHOD, method(result), True),
@@ -195,7 +188,7 @@ def summary(run: Run) -> list[Line]:
             f"{_accuracy(run)}{why(estimate)}" if estimated else "",
             estimate < POOR,
         ),
-        (ENERGY, f"{drift(result)}{why(off, first)}", off < POOR or first),
+        (ENERGY, f"{drift(result)}{why(off)}", off < POOR),
     ]
     if run.model.constraints and len(result.constraint_drift):
         position, velocity = result.constraint_drift.max(axis=0)
@@ -226,13 +219,9 @@ def _accuracy(run: Run) -> str:
     return ": ".join(filter(None, (felt(run), run.result.accuracy.partition(", ")[2])))
 
 
-def why(error: float, first: bool = False) -> str:
-    """Return advice for a large error or drift, or "" if both are small."""
-    if not error >= POOR:
-        return ""
-    if first:
-        return "; less accurate than the motion: half the step halves it"
-    return "; a smaller step makes it smaller"
+def why(error: float) -> str:
+    """Return advice for a large error or drift, or "" if it is small."""
+    return "; a smaller step makes it smaller" if error >= POOR else ""
 
 
 def cost(result: Any) -> str:
