@@ -13,6 +13,7 @@ from pgraph_core import joints
 from pgraph_core.model.output import OF_JOINT
 from pgraph_core.packing.signals import known_forces
 from pgraph_core.result.bodies import units_of_drives
+from pgraph_core.result.records import FREE
 from pgraph_core.show.notebook import between, pictures
 from pgraph_core.show.shapes import to_matrix
 
@@ -216,6 +217,14 @@ def of_scene(run: pg.Result) -> list[Signal]:
     for name in run.contact_force:
         found += [Signal(kind, name) for kind in ("contact_force", "contact_gap", "contact_slip")]
     return [*found, *(Signal("output", output.name) for output in run.mechanism.model.outputs)]
+
+
+def hits(run: pg.Result, signal: Signal) -> list[float]:
+    """Return the times at which a joint hits its limit, for the torques that lack its impulse."""
+    if signal.quantity not in ("limit", "joint_force", "joint_torque"):
+        return []
+    of = set(signal.bodies)
+    return [e.t for e in run.contacts.events if e.before == FREE and of & {e.contact, e.body}]
 
 
 def idle(run: pg.Result) -> set[str]:

@@ -234,11 +234,14 @@
     g.beginPath(); g.rect(LEFT, TOP, width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM); g.clip();
     for (const line of all.toReversed()) curve(g, line, x, y, color(line.i), dashes(line), line.kept ? 0.7 : 1);
     if (chart.band) { g.fillStyle = `${style.getPropertyValue("--accent")}26`; g.fillRect(chart.band[0], TOP, chart.band[1] - chart.band[0], HEIGHT); }
+    g.fillStyle = soft;
+    if (!spectra) for (const t of chart.data.impacts) { g.beginPath(); g.moveTo(x(t) - 4, TOP); g.lineTo(x(t) + 4, TOP); g.lineTo(x(t), TOP + 7); g.fill(); }
     g.strokeStyle = ink; g.lineWidth = 1;
     if (!spectra) { g.beginPath(); g.moveTo(x(cursor), TOP); g.lineTo(x(cursor), HEIGHT); g.stroke(); }
     g.restore();
     const at = chart.hover !== null ? timeAt(chart, chart.hover) : spectra ? null : cursor;
     legend(chart, all.map((line) => [line.label, color(line.i), at === null ? null : valueAt(line, at), dashes(line)]));
+    if (chart.data.impacts.length && !spectra) chart.legend.append(make("span", { className: "entry muted", title: "An impact at a limit is an impulse [N m s, N s], which no torque or force over time shows", textContent: `▾ ${chart.data.impacts.length} at a limit` }));
     measures(chart, own, span);
   }
   // Of the first eight curves, the next and the ones after; of each kept run another.

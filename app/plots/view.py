@@ -22,6 +22,7 @@ from . import (
     State,
     components,
     curves,
+    hits,
     idle,
     of_body,
     of_scene,
@@ -117,7 +118,9 @@ def chart(state: State, signal: Signal, display: Display) -> Payload:
     """Return the chart for one signal, including the curves of each kept run."""
     run = state.plotted.result if state.plotted is not None else None
     found, why = of_state(state, signal, display), missing(state, signal)
-    if signal.quantity in CARRIED and found and not any(np.any(curve.y) for curve in found):
+    impacts = hits(run, signal) if run is not None else []
+    carries = impacts or any(np.any(curve.y) for curve in found)
+    if signal.quantity in CARRIED and found and not carries:
         found, why = [], IDLE  # an axis of 1e-12 would look like a force
     shown_in = unit(state.plotted.model if state.plotted else state.model, signal, display)
     error = math.nan if run is None or state.live else float(run.error_estimate)
@@ -133,6 +136,7 @@ def chart(state: State, signal: Signal, display: Display) -> Payload:
         "unit": shown_in,
         "error": display.shown(error, felt[shown_in]) if known else 0,  # estimated
         "curves": [curve._asdict() for curve in found],
+        "impacts": impacts,
         "kept": [
             {"name": one.name, "curves": [c._asdict() for c in lines]}
             for one in state.runs

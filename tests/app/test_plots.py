@@ -102,9 +102,26 @@ def test_torques_of_drives_and_limits_are_plotted_in_their_units():
         assert data.curves(result, signal)[0].y == result.drive_force[name].tolist()
     stop = data.Signal("limit", "cart high limit")
     assert stop in found
-    pushed = data.curves(result, stop)[0].y
-    assert pushed == result.contacts.limit["cart high limit"].tolist()
-    assert min(pushed) < -100.0  # the impact, within a step
+    assert data.curves(result, stop)[0].y == result.contacts.limit["cart high limit"].tolist()
+
+
+@pytest.mark.parametrize("method", ["moreau_jean", "dop853"])
+def test_torques_of_a_joint_show_when_it_hits_its_limit(method):
+    """Its impulse is no torque over time: it was a zero between the frames."""
+    arm = pg.Body(name="arm", axes=(0, 1, 0), com=(0.5, 0, 0), mass=1.0, inertia=(1, 1, 1),
+                  limits=((-0.1, 0.1),), limit_restitution=(0.5,))  # fmt: skip
+    result = pg.simulate(pg.Model(up="z", bodies=(arm,)), t_end=0.5, method=method, frames=5)
+    times = [e.t for e in result.events if e.before == "free"]
+    assert times
+    state = ran(begun(result.mechanism.model), result)
+    for kind, of, marked in (
+        ("limit", "arm high limit", times), ("joint_torque", "arm", times),
+        ("limit", "arm low limit", []), ("q", "arm", []),
+    ):  # fmt: skip
+        shown = after(state, do.Plot(ME, kind, of, True))
+        chart = plots(shown, shown.clients[ME])["charts"][0]
+        assert chart["impacts"] == marked
+        assert chart["none"] == "" or not marked
 
 
 JOINTS = ["revolute", "prismatic", "universal", "spherical", "cylindrical", "screw", "free"]
