@@ -135,6 +135,9 @@ def _gone(state: State, back: str, onto: str) -> State:
     *left, step = steps
     inverse = replace(step, model=state.model, document=state.document)
     there = replace(showing(state, step.model), document=step.document)
+    if step.document != state.document:  # the choices were for another model
+        clients = {number: client.afresh() for number, client in there.clients.items()}
+        there = replace(there, clients=clients)
     for client in state.clients:
         there = told(there, client, Notice(edit.ALSO, withdrawn=True))
     return replace(there, **{back: tuple(left), onto: (*getattr(state, onto), inverse)})

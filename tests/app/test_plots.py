@@ -84,6 +84,15 @@ def test_units_are_those_of_the_joint(joint, units):
     assert data.unit(model, data.Signal("energy", "")) == "J"
 
 
+def test_undo_across_another_model_leaves_no_plots_of_it():
+    old = begun(built_in("double_pendulum"))
+    new = after(old, do.NewModel(ME, 1, "3"), do.Plot(ME, "q", "3", True))
+    back = after(new, do.Undo(ME))
+    assert new.clients[ME].plots
+    assert back.model is old.model
+    assert back.clients[ME].plots == after(back, do.Redo(ME)).clients[ME].plots == ()
+
+
 def test_torques_of_drives_and_limits_are_plotted_in_their_units():
     model = pg.Model(
         bodies=(
