@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from hashlib import sha256
 from typing import Any
 
@@ -252,10 +252,14 @@ class BatchStepper(Snapshots):
     @property
     def contact_gap(self) -> Mapping[str, Array]:
         """Current minimum gaps as {contact pair: (size,)} [m], negative for penetration."""
-        found = {name: np.empty(self.size) for name in self._touches(len)}
+        return self._of_each(self._touches(len), Stepper._gaps)
+
+    def _of_each(self, names: Iterable[str], read: Callable[[Stepper], Any]) -> dict[str, Array]:
+        """Return {name: (size,)} of what `read` returns for the stepper of each instance."""
+        found = {name: np.empty(self.size) for name in names}
         for i in range(self.size) if found else ():
-            for name, gap in self._many.into_worker(i).stepper._gaps().items():
-                found[name][i] = gap
+            for name, value in read(self._many.into_worker(i).stepper).items():
+                found[name][i] = value
         return found
 
     @property
@@ -286,11 +290,8 @@ class BatchStepper(Snapshots):
 
         As in `Result`, they are within their limits and before the gear.
         """
-        found = {name: np.empty(self.size) for name in self._first.recording.plan.driving}
-        for i in range(self.size) if found else ():
-            for name, force in self._many.into_worker(i).stepper.drive_force.items():
-                found[name][i] = force
-        return Named(found, *OF_DRIVES)
+        names = self._first.recording.plan.driving
+        return Named(self._of_each(names, lambda one: one.drive_force), *OF_DRIVES)
 
     def _touches(self, value: Any) -> dict[str, Array]:
         contacts = self._first.recording.plan.contacts

@@ -581,11 +581,7 @@ def values_of(
     places = Places(model, packed.topology, packed.system)
     program = Program(model.parameters, places, controls, (*known_forces(model), *forces))
     last = [2 * program.signal("x", name, 0) + 1 for name in controls]
-    code, found = program.code(), np.empty((len(last), len(t)))
-    for i in range(len(t)):
-        kernels.values(code, t[i], q[i], v[i])
-        found[:, i] = code[last, 0]
-    return dict(zip(controls, found))
+    return dict(zip(controls, _over(program.code(), last, t, q, v)))
 
 
 def values_of_targets(signals: Any, kind: int, t: Array, q: Array, v: Array) -> dict[int, Array]:
@@ -596,12 +592,19 @@ def values_of_targets(signals: Any, kind: int, t: Array, q: Array, v: Array) -> 
     targets = targets[targets[:, 1] == kind]
     if not len(targets):
         return {}
-    code, last, found = code.copy(), 2 * targets[:, 0] + 1, np.empty((len(targets), len(t)))
+    code = code.copy()
     code[1::2, kernels.SIDE] = 0.0  # comparisons have their own results at each state
+    found = _over(code, 2 * targets[:, 0] + 1, t, q, v)
+    return dict(zip(targets[:, 2].tolist(), found))
+
+
+def _over(code: Array, rows: Any, t: Array, q: Array, v: Array) -> Array:
+    """Return the values in these rows of a program at n states, (rows, n)."""
+    found = np.empty((len(rows), len(t)))
     for i in range(len(t)):
         kernels.values(code, t[i], q[i], v[i])
-        found[:, i] = code[last, 0]
-    return dict(zip(targets[:, 2].tolist(), found))
+        found[:, i] = code[rows, 0]
+    return found
 
 
 def limits_of(table: Any, code: Array) -> Array:
