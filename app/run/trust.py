@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pgraph_core.analysis.singular import TOO_LOW
+from pgraph_core.integrators import METHODS
 from pgraph_core.model.scenario import METHOD_NAMES
 from pgraph_core.result.records import Status
 
@@ -69,8 +70,9 @@ def verdict(run: Run) -> tuple[str, str, str]:
     """Return (level, sentence, reason) for a run. The level is "good", "rough", "unknown" or
     "failed".
 
-    The level is determined by the worst entry. The error estimate is that of the positions, and a
-    drift of energy is an error of velocities or forces that it does not include.
+    The level is determined by the worst entry. The error estimate is that of the positions. The
+    energies of a first-order method have errors of first order even if the motion is accurate, so
+    they do not change the level, and the sentence says how far they can be trusted.
     """
     result = run.result
     if not result.status.ok and not run.ended:
@@ -84,8 +86,13 @@ def verdict(run: Run) -> tuple[str, str, str]:
         return "unknown", "Uncertain: singular position", SINGULAR
     amount = felt(run)
     bad = {what: value for what, value, fine in summary(run) if not fine}
-    if not bad:
-        return "good", f"Good {amount if amount.startswith('within') else f'to {amount}'}", ""
+    if not bad or (bad.keys() == {ENERGY} and _first_order(result)):
+        said = f"Good {amount if amount.startswith('within') else f'to {amount}'}"
+        return (
+            "good",
+            f"{said}, energies to {drift(result)}" if bad else said,
+            "".join(bad.values()),
+        )
     words = {ERROR: f"off by {amount}", ENERGY: f"energy drifts {drift(result)}"}
     if LOOPS in bad:
         words[LOOPS] = f"loops open by {length(float(result.constraint_drift[:, 0].max()))}"
@@ -108,6 +115,12 @@ def _until(result: Any) -> str:
     """Return the last time at which the error is known, such as 'until 0.396 s'."""
     known = np.flatnonzero(np.isfinite(result.error_at))
     return f"until {float(result.t[known[-1] if len(known) else 0]):.3g} s"
+
+
+def _first_order(result: Any) -> bool:
+    """Check whether the errors of energies are of first order in the step size."""
+    method = METHODS.get(str(result.header.get("method")))
+    return method is not None and method.order == 1
 
 
 def drift(result: Any) -> str:
