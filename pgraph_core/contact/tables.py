@@ -495,10 +495,8 @@ def _trees(topology: Topology, packed: System) -> tuple[list[int], list[float]]:
 
 def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
     """Convert a body's shape for the kernels. Raises ModelError with the contact and body names."""
-    from .shape_kinds import solids_of  # trimesh is imported by scenes with meshes alone
-
     try:
-        return solids_of(shape)
+        return shape_kinds.solids_of(shape)
     except PgraphError as error:
         where = f"contact '{contact}'"
         problems = [Problem(where, "", f"the shape of '{body}': {p}") for p in error.problems]

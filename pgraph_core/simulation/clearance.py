@@ -1,8 +1,8 @@
-"""Gaps between shapes that may touch, and the contact records of runs without contact."""
+"""Gaps between shapes that may touch."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,12 @@ from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine.arrays import Guard
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.contact import clearance as kernels
-from ..engine.records import CLEARANCE, CONTACT, LIMIT, POSE, SWING, rows_of, table
-from ..fields import EVERY, GROUND
+from ..engine.records import CLEARANCE, CONTACT, LIMIT, POSE, rows_of, table
+from ..fields import EVERY
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..portable import Unportable
-from ..result.records import FREE, PHASES, ContactRecord, Event, Named
+from ..result.records import Named
 
 LEAST_ROOM = 8  # contact points for which a search has room
 
@@ -38,7 +38,6 @@ class Clearance(Unportable):
         limits = [] if tables is None else [_limits(tables)]
         limits += [] if conditions is None else [conditions]
         count = len(given.candidates.on_ground) + len(given.candidates.pairs)
-        self._mech, self._tables = mech, given
         self._kept = Guard(
             given.geometry, given.ground, given.candidates,
             table(POSE, len(given.geometry.shapes)),
@@ -62,11 +61,6 @@ class Clearance(Unportable):
         found = np.full((len(q), pairs), np.inf)
         kernels.frame_gaps(scene.address, self.address, np.ascontiguousarray(q), found)
         return found
-
-    def untouched(self, q: Array, log: tuple[Event, ...]) -> ContactRecord:
-        """Return the contact record of a run with states q (n, nq) and without contact."""
-        given = self._mech, self._tables, q, log
-        return ContactRecord.later(lambda: untouched(*given))
 
 
 def _limits(tables: Tables) -> Any:
@@ -94,19 +88,3 @@ def gaps_later(mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Ar
         }
 
     return Named(found, "contact_gap", "contact")
-
-
-def untouched(mech: Mechanism, tables: Tables, q: Array, log: Sequence[Event]) -> ContactRecord:
-    """Return the contact record of a run with states q (n, nq) and without contact."""
-    n, names = len(q), [t.name for t in tables.touches]
-    swings, is_free = np.full(n, PHASES[SWING]), np.full(n, FREE)
-    return ContactRecord(
-        force={name: np.zeros((n, 6)) for name in names},
-        gap=gaps_later(mech, tables, q, {}),
-        slip={name: np.zeros(n) for name in names},
-        limit={name: np.zeros(n) for name in tables.limits},
-        wrench=np.zeros((n, mech.nb, 6)),
-        normal={t.name: np.zeros(n) for t in tables.touches if t.other == GROUND},
-        phases=dict.fromkeys(names, swings) | dict.fromkeys(tables.limits, is_free),
-        events=tuple(log),
-    )

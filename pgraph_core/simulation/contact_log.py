@@ -19,7 +19,7 @@ from ..analysis.singular import holding
 from ..contact.tables import ContactPair, Tables, pull_of
 from ..dynamics.scene import Scene
 from ..engine import layout as at
-from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
+from ..engine.records import ACCEPTANCE, PAIR, PHASE_CHANGE, SLIP, STANCE, SWING, table
 from ..fields import EVERY, GROUND
 from ..forces import ends_of
 from ..mechanism import Mechanism
@@ -84,18 +84,44 @@ def contacts_of(
 ) -> ContactRecord:
     """Return contacts and limits over the frames, and the events in between.
 
-    The frames are (times, wrenches on bodies, pairs, by how much laws are missed), at the states q.
+    The frames are (times, wrenches on bodies, pairs, residuals of laws), at the states q. If
+    contacts were ignored until the end, only the times are used.
     """
-    if not plan.contacts:
+    tables = plan.contacts if plan.way is None else plan.declared
+    if not tables:
         return replace(NOTHING, events=tuple(log))
-    up = np.array(mech.model.ground_normal)
-    impulses = plan.method.name == "moreau_jean"
+    if plan.way is not None:
+        frames, changes = _untouched(mech, tables, frames[0])
+    t, pushes, pairs, missed = frames
+    impulses, up = plan.method.name == "moreau_jean", np.array(mech.model.ground_normal)
     width = float(np.max(plan.width, initial=0.0)) if impulses else 0.0
-    bodies = limited_bodies(mech, plan.contacts)
-    found = stepped_record(plan.contacts, bodies, up, *frames, changes, width)
-    events = sorted((*found.events, *log), key=lambda event: event.t)
-    gaps = gaps_later(mech, plan.contacts, q, found.gap)
-    return replace(found, gap=gaps, events=tuple(events))
+    names = [pair.name for pair in tables.touches]
+    forces = np.concatenate((pairs["torque"], pairs["force"]), axis=-1).swapaxes(0, 1)
+    limits = [*zip(tables.limits, limited_bodies(mech, tables))]
+    phases, events = phases_over(changes, tables.touches, limits, t, width)
+    return ContactRecord(
+        force=dict(zip(names, forces)),
+        gap=gaps_later(mech, tables, q, dict(zip(names, pairs["gap"].T))),
+        slip=dict(zip(names, pairs["slip"].T)),
+        limit=dict(zip(tables.limits, pairs["force"][:, len(names) :, 0].T)),
+        wrench=pushes,
+        residual=missed,
+        normal={
+            pair.name: force[:, 3:] @ up
+            for pair, force in zip(tables.touches, forces)
+            if pair.other == GROUND
+        },
+        phases=phases,
+        events=tuple(sorted((*events, *log), key=lambda event: event.t)),
+    )
+
+
+def _untouched(mech: Mechanism, tables: Tables, t: Array) -> tuple[Any, Any]:
+    """Return the frames and the changes of a run without contact, for `contacts_of`."""
+    count = len(tables.touches) + len(tables.limits)
+    pairs, changes = table(PAIR, len(t), count), table(PHASE_CHANGE, count)
+    pairs["gap"], changes["pair"], changes["phase"] = np.inf, np.arange(count), SWING
+    return (t, np.zeros((len(t), mech.nb, 6)), pairs, np.zeros((0, 3))), changes
 
 
 def switched(mech: Mechanism, change: Change, gain: float) -> list[Event]:
@@ -162,42 +188,6 @@ def limited_bodies(mech: Mechanism, tables: Tables) -> list[str]:
     """Return the name of the body that moves towards each limit."""
     ends = mech.packed.system.body_of_row[tables.limit_blocks[0][:, (at.B_A, at.B_B)]]
     return [mech.topology.names[(int(a) or int(b)) - 1] for a, b in ends]  # the ground is 0
-
-
-def stepped_record(
-    tables: Tables,
-    limited: Sequence[str],
-    up: Array,
-    t: Array,
-    pushes: Array,
-    pairs: Any,
-    missed: Array,
-    changes: Any,
-    width: float,
-) -> ContactRecord:
-    """Return the record of contacts and limits from frames and the change log.
-
-    `up` is the ground's normal, and `limited` the body of each limit.
-    """
-    names = [pair.name for pair in tables.touches]
-    forces = np.concatenate((pairs["torque"], pairs["force"]), axis=-1).swapaxes(0, 1)
-    limits = [*zip(tables.limits, limited)]
-    phases, events = phases_over(changes, tables.touches, limits, t, width)
-    return ContactRecord(
-        force=dict(zip(names, forces)),
-        gap=dict(zip(names, pairs["gap"].T)),
-        slip=dict(zip(names, pairs["slip"].T)),
-        limit=dict(zip(tables.limits, pairs["force"][:, len(names) :, 0].T)),
-        wrench=pushes,
-        residual=missed,
-        normal={
-            pair.name: force[:, 3:] @ up
-            for pair, force in zip(tables.touches, forces)
-            if pair.other == GROUND
-        },
-        phases=phases,
-        events=events,
-    )
 
 
 def phases_over(

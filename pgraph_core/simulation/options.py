@@ -106,21 +106,18 @@ class Options(NamedTuple):
     def tolerance(self, method: Method, length: float) -> Tolerance | None:
         """Return the tolerances of `method`, or None for fixed steps. Raises InputError."""
         rtol, step = self.rtol, self.step
-        if rtol is not None and not method.adaptive:
-            text = f"{method.name} takes a step, not a tolerance; for one choose "
-            raise InputError(Problem("simulate", "rtol", text + choices(ADAPTIVE)))
+        most = whole_number("simulate", "max_steps", self.max_steps, 1)
+        if not method.adaptive:
+            if given := "rtol" if rtol is not None else "atol" if self.atol else "":
+                text = f"{method.name} takes a step, not a tolerance; for one choose "
+                raise InputError(Problem("simulate", given, text + choices(ADAPTIVE)))
+            return None
         if rtol is not None:
             rtol = positive("rtol", rtol, unit="")
             if not LEAST_RTOL <= rtol <= 0.1:
                 text = f"must lie within {LEAST_RTOL:g}, rounding, and 0.1, got {rtol:g}"
                 raise InputError(Problem("simulate", "rtol", text))
         atol = self.atol if self.atol == 0.0 else positive("atol", self.atol, unit="")
-        if atol and not method.adaptive:
-            text = f"{method.name} takes a step, not a tolerance; for one choose "
-            raise InputError(Problem("simulate", "atol", text + choices(ADAPTIVE)))
-        most = whole_number("simulate", "max_steps", self.max_steps, 1)
-        if not method.adaptive:
-            return None
         widest = length if step is None else positive("step", step)
         fixed = step is not None and rtol is None
         rtol = rtol or (SOLVED if fixed else RTOL)

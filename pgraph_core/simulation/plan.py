@@ -30,6 +30,7 @@ from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..model.scenario import STEP
 from ..packing import Array, Drives, Ints, Loads
+from ..packing.constraints import block_arrays
 from ..packing.forces import bends_of_loads, exerts
 from ..packing.signals import begun_from, contacts_read
 from ..portable import array_of
@@ -356,8 +357,8 @@ def _what_acts(
     """
     forces = _forces(mech, o, given, span[0], extra)
     now = active_constraints(mech, given)
-    active, changes = switch_changes(mech, given, o.switches, now, span)
     switches = switches_of(mech, given, o.switches, span)
+    active, changes = switch_changes(mech, switches, now, span)
     conditions = conditions_of(mech, switches, contacts, forces)
     return RunPlan(
         drives=mech.packed.drives(forces), loads=_loads(mech, forces, conditions), active=active,
@@ -562,8 +563,7 @@ def _event_driven(
     rest = contact_tables(mech.packed, tuple(dict.fromkeys(soft)))
     if rest is None or not rest.touches:
         return None, points
-    none = tuple(array[:0] for array in rest.limit_blocks)
-    return rest._replace(limits=(), limit_blocks=none), points
+    return rest._replace(limits=(), limit_blocks=block_arrays(())), points
 
 
 # -- how it is stepped ---------------------------------------------------------------------------

@@ -135,8 +135,6 @@ def _contacts(
     record: Recording, frames: tuple[Array, Array, Array, Array], q: Array
 ) -> ContactRecord:
     log = tuple(record.ended.log)
-    if record.plan.way is not None and record.steps.clearance is not None:
-        return record.steps.clearance.untouched(q, log)
     from .contact_log import contacts_of
 
     given = record.mech, record.plan, frames, q, record.changes, log

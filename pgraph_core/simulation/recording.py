@@ -436,11 +436,8 @@ class Recording(Running):
         if self.steps.carried is not None:
             self.steps.carried.go_on(self)
         if self.scene.touching is not None:
-            # no contact has occurred yet
-            space = self.scene.touching
-            assert space is not None
-            space.pairs["phase"] = SWING
-            self._changes = [space.begin_log(self.start)]
+            self.scene.touching.pairs["phase"] = SWING  # no contact has occurred yet
+            self._changes = [self.scene.touching.begin_log(self.start)]
         if self.events is not None:
             self.events.look_at(old.q[:done], old.v[:done], self.plan.times[:done])
             self.events.begin(t)

@@ -33,13 +33,9 @@ class Change(NamedTuple):
 
 
 def switch_changes(
-    mech: Mechanism, given: Scenario | None, asked: Any, active: Ints, span: tuple[float, float]
+    mech: Mechanism, every: Sequence[Switch], active: Ints, span: tuple[float, float]
 ) -> tuple[Ints, tuple[Change, ...]]:
-    """Return (constraints active at the start, later changes) for a run over `span`.
-
-    If `asked` is given, it replaces the switches of the scenario. Raises InputError.
-    """
-    every = switches_of(mech, given, asked, span)
+    """Return (constraints active at the start, later changes) for a run over `span`."""
     switches = [s for s in every if s.t is not None]
     if not switches:
         return active, ()

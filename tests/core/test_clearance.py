@@ -50,6 +50,26 @@ def test_contacts_and_limits_out_of_reach_change_no_bit(way):
             assert np.all((gap > 997) & (gap < 1000))
 
 
+def test_a_run_out_of_reach_has_the_record_of_one_in_which_contacts_act():
+    """A leg far above the ground, of which only the foot has phases, with a limit and a pair."""
+    leg = ball("leg", (0, 0, 9))
+    hip = pg.Body(name="hip", axes=((0, 1, 0),), com=(0.1, 0, 0), link=(5, 0, 9), limits=(-3, 3))
+    contacts = (
+        pg.Contact(name="foot", body="leg", points=((0, 0, -0.2),)),
+        pg.Contact(name="shin", body="leg"),
+        pg.Contact(name="pair", body="leg", other="rock"),
+    )
+    bodies = leg, hip, ball("rock", (0, 3, 9))
+    mech = pg.Mechanism(pg.Model(bodies=bodies, contacts=contacts))
+    far = pg.simulate(mech, t_end=0.1, method="rk4", step=1e-3).contacts
+    active = pg.simulate(mech, t_end=0.1, method="moreau_jean", step=1e-3).contacts
+    assert set(far.phases) == {"foot", "pair", "hip low limit", "hip high limit"}
+    for name in ("force", "slip", "limit", "normal", "phases"):
+        ours, theirs = getattr(far, name), getattr(active, name)
+        assert list(ours) == list(theirs)
+        assert all(np.array_equal(ours[key], theirs[key]) for key in ours), name
+
+
 LONG = {"method": "rk4", "step": 1e-4, "frames": 2001}  # too long to share memory
 
 
