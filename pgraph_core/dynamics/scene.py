@@ -224,6 +224,29 @@ def _summed(wrenches: Array, spans: list[tuple[str, int, int]]) -> dict[str, Arr
     return {name: wrenches[a] if b == a + 1 else wrenches[a:b].sum(axis=0) for name, a, b in spans}
 
 
+def empty_frames(
+    n: int, size: tuple[int, int], blocks: int, nb: int, touches: int
+) -> arrays.Frames:
+    """Return arrays for n frames of a run with a state of this size (nq, nv).
+
+    `blocks` is the number of blocks of constraints, and `touches` that of contact pairs and limits,
+    which act on `nb` bodies. Without contacts and limits, `nb` is 0.
+    """
+    nq, nv = size
+    touched = n if nb else 0
+    return arrays.Frames(
+        q=np.zeros((n, nq)),
+        v=np.zeros((n, nv)),
+        vdot=np.zeros((n, nv)),
+        wrenches=np.zeros((n, blocks, 6)),
+        energies=np.zeros((n, 4)),
+        drifts=np.zeros((n, 2)),
+        pushes=np.zeros((touched, nb, 6)),
+        pairs=table(PAIR, touched, touches),
+        missed=np.zeros((touched, 3)),
+    )
+
+
 def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:
     """Copy the drives and loads, so that expression values are written to separate arrays."""
     own = ((table, knots.copy()) for table, knots in loads[:-1])

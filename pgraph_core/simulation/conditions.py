@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..dynamics.scene import Scene, forces_of
+from ..dynamics.scene import NO_CONSTRAINTS, Scene, empty_frames, forces_of
 from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
-from ..engine.records import LIMIT, PAIR, rows_of, table
+from ..engine.records import LIMIT, rows_of
 from ..engine.signals import values
 from ..engine.stepping.measured import CONSTRAINT, CONTACT, FIRST, VALUE, WHAT
 from ..errors import choices, refusal, shown
@@ -283,9 +283,8 @@ class Condition:
         """Return the contacts without memory of steps: evaluating them has no side effects."""
         if self._scene is None:
             plan, tables = self.record.plan, self.given.contacts
-            none = np.zeros(0, dtype=np.int64)
-            packed = self.record.mech.packed
-            self._scene = Scene(packed, plan.drives, plan.loads, none, contacts=tables)
+            given = self.record.mech.packed, plan.drives, plan.loads, NO_CONSTRAINTS
+            self._scene = Scene(*given, contacts=tables)
         return self._scene
 
     def _evaluated(self, scene: int, t: float, q: Array, v: Array) -> Frames:
@@ -295,12 +294,8 @@ class Condition:
         blocks = len(self.record.scene.active) + touches
         if self._frame is not None and len(self._frame.wrenches[0]) != blocks:
             self._frame = None  # another scene
-        frame = self._frame = self._frame or Frames(
-            q=np.zeros((1, len(q))), v=np.zeros((1, len(v))), vdot=np.zeros((1, len(v))),
-            wrenches=np.zeros((1, blocks, 6)), energies=np.zeros((1, 4)),
-            drifts=np.zeros((1, 2)), pushes=np.zeros((1, mech.nb, 6)),
-            pairs=table(PAIR, 1, touches), missed=np.zeros((1, 3)),
-        )  # fmt: skip
+        size = len(q), len(v)
+        frame = self._frame = self._frame or empty_frames(1, size, blocks, mech.nb, touches)
         frame.wrenches[:] = 0.0  # none is recorded while no constraint is active
         accelerate = address_of(motion.acceleration)
         if scene == self.record.scene.address:

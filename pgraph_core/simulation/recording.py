@@ -12,12 +12,12 @@ import numpy as np
 
 from ..analysis.assembly import NOTABLE, assembled
 from ..dynamics.arguments import UserTorque, acting, finite
-from ..dynamics.scene import Scene
+from ..dynamics.scene import Scene, empty_frames
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
-from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
+from ..engine.records import PHASE_CHANGE, SWING, table
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
@@ -141,25 +141,8 @@ class Recording(Running):
             free(self.mech, (self.plan, WATCHING)).append(self.steps.clearance)
 
     def _empty_frames(self, n: int) -> Frames:
-        nq, nv = self.size
-        return Frames(
-            q=np.zeros((n, nq)),
-            v=np.zeros((n, nv)),
-            vdot=np.zeros((n, nv)),
-            energies=np.zeros((n, 4)),
-            drifts=np.zeros((n, 2)),
-            **self._forces_in(n),
-        )
-
-    def _forces_in(self, n: int) -> dict[str, Any]:
-        """Return empty arrays for the forces of active constraints, contacts and limits."""
         nb = self.mech.nb if self.plan.contacts else 0
-        return {
-            "wrenches": np.zeros((n, len(self.scene.active) - 1, 6)),
-            "pushes": np.zeros((n if nb else 0, nb, 6)),
-            "missed": np.zeros((n if nb else 0, 3)),
-            "pairs": table(PAIR, n if nb else 0, self.plan.touches),
-        }
+        return empty_frames(n, self.size, len(self.scene.active) - 1, nb, self.plan.touches)
 
     def _scene(self) -> Scene:
         watched = len(self.watch.monitors) if self.watch else 0
@@ -427,7 +410,8 @@ class Recording(Running):
         held, self.scene, old = self.scene.blocks.blocks_f, self._scene(), self.out
         self.scene.blocks.blocks_f[: len(held)] = held  # places of switched constraints
         self._give_torques()
-        self.out = old._replace(**self._forces_in(len(old.q)))
+        same = {name: getattr(old, name) for name in ("q", "v", "vdot", "energies", "drifts")}
+        self.out = self._empty_frames(len(old.q))._replace(**same)
         self.out.wrenches[:done, : old.wrenches.shape[1]] = old.wrenches[:done]
         self._arrays, self.steps.clearance = tuple(self.out), None
         self.steps.go_another_way(self.plan, self.out)
