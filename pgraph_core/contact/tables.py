@@ -10,6 +10,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine.arrays import Candidates, Geometry, Ground
+from ..engine.contact.manifold import MOST
 from ..engine.records import (
     APART,
     CAPSULE,
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
     from ..packing.packed import Packed
 
 LAWS = {"complementarity": RIGID, "soft": SOFT, "penalty": PENALTY}
-ROOM = {SPHERE: 1, CAPSULE: 2}  # contact points of a shape, 8 of others
+ROOM = {SPHERE: 1, CAPSULE: 2}  # contact points of a shape, MOST of others
 ON_FIELD = 64  # room for contact points of a shape on a heightfield
 SINKS = 1e-4  # default depth of a contact under its weight, relative to the bodies' size
 LOWEST = 0.05  # restitution of soft and penalty contacts: less would take ever more
@@ -276,32 +277,32 @@ class _Shapes:
         return [Placed(solid, row, number, position, rotation, surface) for solid in parts]
 
     def tables(self, limits: list[tuple[str, Block]]) -> Tables:
+        """Return the tables with these limits, given by name and block."""
         neighbours = shape_kinds.neighbours_of(self.placed, self._partners())
         geometry = shape_kinds.packed(self.placed, neighbours, self.model.gravity)
         room = sum(self._points(i) for i, _ in self.on_ground)
         room += sum(self._room(a, b) for a, b, _ in self.pairs if b not in self.boxes)
-        room += sum(8 * min(len(self.boxes), 4) for _ in self.on_ground)
-        room += sum(8 for _ in self.members)
+        room += MOST * (min(len(self.boxes), 4) * len(self.on_ground) + len(self.members))
         laws = rows_of(PAIR_LAW, [law(t.contact, *self.parts) for t in self.touches])
         return Tables(
-            tuple(self.touches),
-            tuple(name for name, _ in limits),
-            geometry,
-            self.terrain.ground,
-            Candidates(
+            touches=tuple(self.touches),
+            limits=tuple(name for name, _ in limits),
+            geometry=geometry,
+            ground=self.terrain.ground,
+            candidates=Candidates(
                 rows_of(GROUND_PAIR, self.on_ground),
                 rows_of(SHAPE_PAIR, self.pairs),
                 rows_of(MEMBER, self.members),
                 rows_of(APART, sorted(self.apart) if self.members else []),
             ),
-            laws,
-            block_arrays([block for _, block in limits]),
-            room,
-            any(t.contact.law == "penalty" for t in self.touches),
-            bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
-            max((rate_of(row, pull_of(self.model)) for row in laws), default=0.0),
-            any(len(block.terms) != 1 for _, block in limits),
-            tuple(self.hulls),
+            laws=laws,
+            limit_blocks=block_arrays([block for _, block in limits]),
+            room=room,
+            remembers=any(t.contact.law == "penalty" for t in self.touches),
+            turns=bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
+            rate=max((rate_of(row, pull_of(self.model)) for row in laws), default=0.0),
+            tendons=any(len(block.terms) != 1 for _, block in limits),
+            hulls=tuple(self.hulls),
         )
 
     def _partners(self) -> list[set[Any]]:
@@ -324,11 +325,11 @@ class _Shapes:
     def _room(self, a: int, b: int) -> int:
         """Return the maximum number of contact points between two shapes."""
         field = HEIGHTFIELD in (self.placed[a].solid.kind, self.placed[b].solid.kind)
-        return ON_FIELD if field else 8
+        return ON_FIELD if field else MOST
 
     def _points(self, i: int) -> int:
         solid = self.placed[i].solid
-        return len(solid.vertices) if solid.kind == POINTS else ROOM.get(solid.kind, 8)
+        return len(solid.vertices) if solid.kind == POINTS else ROOM.get(solid.kind, MOST)
 
 
 def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
