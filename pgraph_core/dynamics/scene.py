@@ -266,7 +266,7 @@ class ContactSpace(Unportable):
         from ..engine.contact import contacts as kernels  # compiled only if something touches
 
         n, count = len(contacts.touches), contacts.room
-        limits = len(contacts.limits)
+        limits, points = len(contacts.limits), count * (2 if contacts.turns else 1)
         tally = table(CONTACT_TALLY, 1)
         self.tally_table, self.tally = tally, tally[0]
         self.tally["frictions"] = contacts.frictions
@@ -282,25 +282,26 @@ class ContactSpace(Unportable):
         compliant = bool((contacts.laws["law"] != RIGID).any())
         factored = np.zeros((len(packed.rows) if compliant else 0, at.WORK))
         self._kept = Contacts(
-            contacts.geometry,
-            contacts.ground,
-            contacts.candidates,
-            table(POSE, len(contacts.geometry.shapes)),
-            table(POSE, len(contacts.geometry.shapes)),
-            shape_kinds.search_space(contacts.geometry, len(contacts.candidates.members)),
-            table(CONTACT, count),
-            contacts.laws,
-            table(KEPT, count),
-            table(KEPT, count if contacts.remembers else 0),
-            table(MEETING, count + limits + MOST_MEETINGS),
-            table(BODY_WRENCH, packed.nb + 1),
-            pairs,
-            tally,
-            *packed.system[2:4],
-            np.zeros(packed.nv),
-            self.changes,
-            islands(packed.rows, packed.nv, first + limits + count * (2 if contacts.turns else 1)),
-            factored,
+            geometry=contacts.geometry,
+            ground=contacts.ground,
+            candidates=contacts.candidates,
+            poses=table(POSE, len(contacts.geometry.shapes)),
+            start_poses=table(POSE, len(contacts.geometry.shapes)),
+            search=shape_kinds.search_space(contacts.geometry, len(contacts.candidates.members)),
+            found=table(CONTACT, count),
+            laws=contacts.laws,
+            kept=table(KEPT, count),
+            anchors=table(KEPT, count if contacts.remembers else 0),
+            meetings=table(MEETING, count + limits + MOST_MEETINGS),
+            wrenches=table(BODY_WRENCH, packed.nb + 1),
+            pairs=pairs,
+            tally=tally,
+            bodies_i=packed.system.bodies_i,
+            bodies_f=packed.system.bodies_f,
+            limit_tau=np.zeros(packed.nv),
+            changes=self.changes,
+            islands=islands(packed.rows, packed.nv, first + limits + points),
+            factored=factored,
         )
         self.shapes, self.found = contacts.geometry.shapes, self._kept.found
         self.pairs = pairs  # results of each pair in the last step
@@ -454,20 +455,20 @@ def workspace(
     m = -(-m // 3) * 3  # whole blocks of three
     width = path_width(rows, nv, blocks) if count else 0
     return Workspace(
-        np.zeros((count, 3 * width)),
-        np.zeros((count, width + at.SLOT), dtype=np.int64),
-        np.zeros((m, m)),
-        np.zeros((m, m)),
-        np.zeros((count, at.PLACE)),
-        np.zeros((VECTORS, max(most + 2, nq, nv, CALMED + 1))),
-        np.zeros((n, 3)),
-        np.zeros((n, 6)),
-        table(WATCH, 1),
-        table(DIP, MOST_DIPS if count else 0),
-        np.zeros((MOST_DIPS if count else 0, nq + nv)),
-        np.zeros((m, m)),
-        np.zeros(nv, dtype=np.int64),
-        np.zeros((count, 9)),
+        y=np.zeros((count, 3 * width)),
+        slots=np.zeros((count, width + at.SLOT), dtype=np.int64),
+        omega=np.zeros((m, m)),
+        factor=np.zeros((m, m)),
+        place=np.zeros((count, at.PLACE)),
+        vectors=np.zeros((VECTORS, max(most + 2, nq, nv, CALMED + 1))),
+        linear=np.zeros((n, 3)),
+        carried=np.zeros((n, 6)),
+        watch=table(WATCH, 1),
+        dips=table(DIP, MOST_DIPS if count else 0),
+        dip_states=np.zeros((MOST_DIPS if count else 0, nq + nv)),
+        nulls=np.zeros((m, m)),
+        where=np.zeros(nv, dtype=np.int64),
+        own=np.zeros((count, 9)),
     )
 
 

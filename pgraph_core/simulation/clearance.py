@@ -39,12 +39,12 @@ class Clearance(Unportable):
         limits += [] if conditions is None else [conditions]
         count = len(given.candidates.on_ground) + len(given.candidates.pairs)
         self._kept = Guard(
-            given.geometry, given.ground, given.candidates,
-            table(POSE, len(given.geometry.shapes)),
-            shape_kinds.search_space(given.geometry, len(given.candidates.members)),
-            table(CONTACT, max(given.room, LEAST_ROOM) if given.touches else 0),
-            np.concatenate(limits), table(CLEARANCE, 1),
-            np.zeros(len(mech.packed.run.rows)), np.zeros(count),
+            geometry=given.geometry, ground=given.ground, candidates=given.candidates,
+            poses=table(POSE, len(given.geometry.shapes)),
+            search=shape_kinds.search_space(given.geometry, len(given.candidates.members)),
+            found=table(CONTACT, max(given.room, LEAST_ROOM) if given.touches else 0),
+            limits=np.concatenate(limits), state=table(CLEARANCE, 1),
+            reach=np.zeros(len(mech.packed.run.rows)), gaps=np.zeros(count),
         )  # fmt: skip
         self._kept.state["margin"] = margin
         self._buffer = buffer()

@@ -211,13 +211,13 @@ class EventScene(Scene):
         )
         count, rows = len(self.contact_points), len(self.space.omega)
         parts = EventContacts(
-            links,
-            self.points,
-            self.every,
-            self.watched,
-            np.zeros((3 * count + 2, max(rows, 1))),
-            np.zeros((3 * count + 2, max(count, 1))),
-            self.frames,
+            links=links,
+            points=self.points,
+            every=self.every,
+            watched=self.watched,
+            columns=np.zeros((3 * count + 2, max(rows, 1))),
+            small=np.zeros((3 * count + 2, max(count, 1))),
+            frames=self.frames,
         )
         self._alive = (tree, held, both, parts)
         self._buffer = buffer()
