@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -45,10 +46,7 @@ def result_of(
     x = v[:, nv:]
     driven = NO_DRIVES
     if plan.driving:
-        knots = record.scene.drives.knots.copy()  # a stepper goes on to set its inputs
-        acting = record.scene.drives._replace(knots=knots), record.scene.loads.signals
-        of_drives = partial(drive_forces, *acting, t, q, v)
-        driven = Named(lambda: dict(zip(plan.driving, of_drives().T)), *OF_DRIVES)
+        driven = Named(_of_drives(record, t, q, v), *OF_DRIVES)
     if record.size != (nq, nv):
         q, v, vdot = q[:, :nq], v[:, :nv], vdot[:, :nv]
     if len(t) >= FEW_FRAMES and counted["steps"] > 2 * len(t):
@@ -100,6 +98,13 @@ def result_of(
     )
     record.switching.add_singular(result)
     return result
+
+
+def _of_drives(record: Recording, t: Array, q: Array, v: Array) -> Callable[[], dict[str, Array]]:
+    """Return what computes the forces of drives at these frames, {name: (n,)}."""
+    names, drives, signals = record.plan.driving, record.scene.drives, record.scene.loads.signals
+    knots = drives.knots.copy()  # a stepper goes on to set its inputs
+    return lambda: dict(zip(names, drive_forces(drives._replace(knots=knots), signals, t, q, v).T))
 
 
 def _rows(record: Recording) -> slice | Ints:
@@ -155,7 +160,7 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += creeping(record)
     if record.scene.touching is not None or record.plan.idle is not None:
         found += touching(record, record.unlogged)
-    if record.plan.driving:
+    if record.plan.driving and (record.user or np.count_nonzero(record.scene.given)):
         found += beyond_limits(record)
     if record.user is not None:
         found += record.user.notices()
