@@ -127,8 +127,8 @@ def couple(blocks_i, i, n, y, slots, where, dinv, omega):
 
 
 @part
-def respond(rows, const, blocks, work, space):
-    """Compute M⁻¹ Jᵀ λ and store it in STEP."""
+def joint_impulses(blocks, space):
+    """Compute diag(1/d) Yᵀ λ of the active blocks and store it in STEP."""
     blocks_i, active = blocks.blocks_i, blocks.active
     y, slots, vectors = space.y, space.slots, space.vectors
     lam = vectors[LAMBDA]
@@ -147,7 +147,13 @@ def respond(rows, const, blocks, work, space):
             k = joint_of(slots, i, s)
             total = x * y[i, 3 * s] + z * y[i, 3 * s + 1] + w * y[i, 3 * s + 2]
             step[k] += total * dinv[k]
-    spread(rows, const, work, step)
+
+
+@part
+def respond(rows, const, blocks, work, space):
+    """Compute M⁻¹ Jᵀ λ and store it in STEP."""
+    joint_impulses(blocks, space)
+    spread(rows, const, work, space.vectors[STEP])
 
 
 @sweep

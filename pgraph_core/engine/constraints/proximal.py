@@ -131,7 +131,10 @@ def begin_null(factor, f, i, n, x, end):
 
 @sweep
 def refine_null(factor, mu, nulls, n, iterations, m):
-    """Refine null direction n by inverse iteration, orthogonal to earlier ones. 1 if null."""
+    """Refine null direction n by inverse iteration, orthogonal to earlier ones.
+
+    Returns 1 if it is a null direction, else 0.
+    """
     growth = 0.0
     end = whole_blocks(m)
     for _ in range(iterations):
@@ -144,7 +147,7 @@ def refine_null(factor, mu, nulls, n, iterations, m):
 
 @part
 def inner(x, y, end):
-    """x · y."""
+    """Compute x · y."""
     a, b, c = 0.0, 0.0, 0.0
     for r in range(0, end, 3):
         a += x[r] * y[r]

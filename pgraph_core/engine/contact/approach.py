@@ -26,8 +26,8 @@ from .contacts import contacts_at
 from .ground import candidates, normal_of, top
 from .meeting import ground_point, nearest
 from .phases import opened_events
-from .placing import place
-from .search import are_apart
+from .placing import far_apart, place
+from .search import may_collide
 
 TURN = 0.5  # rad: how far a body may turn in a step with points in the air
 WITHIN = 0.05  # given steps inside a hard contact, relative to its own time
@@ -106,8 +106,7 @@ def contact_bound(scene, steps):
             continue
         for k in range(members.shape[0]):
             j = members[k].shape
-            same = members[m].pair != members[k].pair or shapes[i].row == shapes[j].row
-            if not same and not are_apart(may.apart, shapes[i].body, shapes[j].body):
+            if may_collide(may, shapes, m, k):
                 one = pair_bound(scene, min(i, j), max(i, j), members[m].pair, steps)
                 bound = min(bound, one)
     return bound
@@ -144,9 +143,7 @@ def pair_bound(scene, i, j, pair, steps):
     thin = thickness(shapes[j])
     if shapes[i].kind != POINTS:
         thin = min(thin, thickness(shapes[i]))
-    apart = sub(xyz(poses[i].position), xyz(poses[j].position))
-    reach = shapes[i].reach + shapes[j].reach + moved
-    if not dot(apart, apart) <= reach * reach:
+    if far_apart(shapes, poses, i, j, moved):
         return math.inf
     gap, p, normal = nearest(contacts, i, j, pair)
     u = point_velocity(data.work, data.space.linear, shapes[i].row, p)

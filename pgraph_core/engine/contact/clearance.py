@@ -63,7 +63,7 @@ def path_of(stages, i, j, h):
 def path_lengths(rows, stages, nq, h, reach):
     """Return bounds on the motion of any shape [m] and any coordinate [rad, m] over the last step.
 
-    `reach` is of each row.
+    `reach` contains the reach of the shapes that each row carries.
     """
     moved = 0.0
     turn = 0.0
@@ -167,7 +167,7 @@ def find_reach(run, guard, free):
 def may_touch(run, guard, moved):
     """Check whether a contact may have occurred in the last step, and the present clearance.
 
-    Called after `pose` at its end.
+    `pose` must have been called at the end of the step.
     """
     data = opened_run(run)
     state = guard.state[0]

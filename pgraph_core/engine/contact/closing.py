@@ -12,7 +12,7 @@ from ..constraints.blocks import point_velocity
 from ..records import POINTS, SPHERE
 from ..rows import spin_of
 from ..vec import dot, sub, xyz
-from .contacts import contacts_at, endpoints, middle
+from .contacts import contacts_at, relative_velocity
 from .placing import DEPTH
 
 COORDINATES = 4 * EPS  # rounding of a gap, relative to the coordinates it is the difference of
@@ -73,19 +73,14 @@ def thinner(contacts, a, b):
 @part
 def shape_speed(work, linear, shape, pose):
     """Return an upper bound on the speed of a shape's points [m/s]."""
-    u = point_velocity(work, linear, shape.row, xyz(pose.position))
-    turn = spin_of(work, shape.row)
-    arm = 0.0 if shape.kind == SPHERE else shape.reach
-    return math.sqrt(dot(u, u)) + arm * math.sqrt(dot(turn, turn))
+    u, _, turning = motion_of(work, linear, shape, pose)
+    return math.sqrt(dot(u, u)) + turning
 
 
 @part
 def point_closing(work, linear, contacts, n):
     """Return the speed at which the gap at contact point n closes [m/s]."""
-    a, b, _, _, _ = endpoints(contacts, n)
-    p = middle(contacts.found[n])
-    u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
-    return -dot(u, xyz(contacts.found[n].normal))
+    return -dot(relative_velocity(contacts, work, linear, n), xyz(contacts.found[n].normal))
 
 
 @part

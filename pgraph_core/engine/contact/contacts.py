@@ -31,6 +31,7 @@ from ..vec import (
     sub,
     xyz,
 )
+from .manifold import tangents
 from .placing import place
 from .restitution import elastic_force, factor_tree, loss_of_touch, lost_share
 from .search import find_contacts
@@ -56,7 +57,7 @@ _call_find = caller(FIND)
 
 @kernel(FIND, nogil=True)
 def find(scene, margin, placed):
-    """`contact_points`."""
+    """Run `contact_points`, called by address."""
     return contact_points(scene, margin, placed)
 
 
@@ -65,7 +66,7 @@ def contact_points(scene, margin, placed):
     """Find contact points within `margin`, after `positions`. Returns their number, at most the
     capacity.
 
-    `placed` is 1 after `place`.
+    If `placed` is 1, `place` has computed the poses of the shapes.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -107,11 +108,11 @@ def middle(point):
 
 
 @part
-def tangents(n):
-    """Return two unit vectors that complete a right-handed frame with the unit vector n."""
-    t = (0.0, n[2], -n[1]) if abs(n[0]) < 0.6 else (-n[2], 0.0, n[0])
-    t = scale(1.0 / math.sqrt(dot(t, t)), t)
-    return t, cross(n, t)
+def relative_velocity(contacts, work, linear, n):
+    """Return the velocity of body A relative to body B at contact point n."""
+    a, b, _, _, _ = endpoints(contacts, n)
+    p = middle(contacts.found[n])
+    return sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
 
 
 @part
@@ -179,6 +180,7 @@ def set_turn(contacts, blocks, n, i):
 
 @part
 def resists_turning(law):
+    """Check whether a contact has rolling or spinning friction."""
     return law.rolling > 0.0 or law.spinning > 0.0
 
 
@@ -189,11 +191,9 @@ def slides_now(contacts, work, linear, n):
     k = kept_place(point, contacts.kept, contacts.tally[0].kept, n)
     if k >= 0:
         return contacts.kept[k].slides == 1
-    a, b, _, _, _ = endpoints(contacts, n)
-    p = middle(point)
-    u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
+    u = relative_velocity(contacts, work, linear, n)
     across = add_scaled(u, -dot(u, xyz(point.normal)), xyz(point.normal))
-    across = add(across, surface_slip(contacts, n, p))
+    across = add(across, surface_slip(contacts, n, middle(point)))
     return dot(across, across) > SLIDING * SLIDING
 
 
@@ -247,6 +247,14 @@ def clear(address):
         pair.struck = math.inf
 
 
+@part
+def add_wrench(wrenches, work, body, row, p, force):
+    """Add a force at p to the wrench on a body that a row carries, unless it is the ground."""
+    if body > 0:
+        add_xyz(wrenches[body].torque, cross(sub(p, origin_of(work, row)), force))
+        add_xyz(wrenches[body].force, force)
+
+
 @sweep
 def note(address, work, n, force, slip):
     """Add a force on A at contact point n to the wrenches on its bodies and to its contact pair."""
@@ -254,17 +262,12 @@ def note(address, work, n, force, slip):
     point, wrenches = contacts.found[n], contacts.wrenches
     a, b, body_a, body_b, k = endpoints(contacts, n)
     p = middle(point)
-    arm = sub(p, origin_of(work, a))
-    add_xyz(wrenches[body_a].torque, cross(arm, force))
-    add_xyz(wrenches[body_a].force, force)
-    if body_b > 0:
-        torque = cross(sub(p, origin_of(work, b)), force)
-        add_xyz(wrenches[body_b].torque, scale(-1.0, torque))
-        add_xyz(wrenches[body_b].force, scale(-1.0, force))
+    add_wrench(wrenches, work, body_a, a, p, force)
+    add_wrench(wrenches, work, body_b, b, p, scale(-1.0, force))
     offset = mul(rotation_of(work, a), offset_of(contacts.bodies_f, body_a))
     pair = contacts.pairs[k]
     add_xyz(pair.force, force)
-    add_xyz(pair.torque, cross(sub(arm, offset), force))
+    add_xyz(pair.torque, cross(sub(sub(p, origin_of(work, a)), offset), force))
     pair.gap = min(pair.gap, point.gap)
     pair.slip = max(pair.slip, slip)
 
@@ -282,7 +285,7 @@ def note_turn(address, n, torque):
 
 @kernel(CONTACT_FORCES, nogil=True)
 def contact_forces(scene, v, tau, flow):
-    """`push_contacts`."""
+    """Run `push_contacts`, called by address."""
     return push_contacts(scene, v, tau, flow)
 
 
@@ -331,11 +334,8 @@ def push_contacts(scene, v, tau, flow):
                     factored = True
                 loss, end = loss_of_touch(contacts, rows, n, count)
             p = middle(contacts.found[n])
-            u = sub(
-                point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
-            )
             past = surface_slip(contacts, n, p)
-            u = add(u, past)
+            u = add(relative_velocity(contacts, work, space.linear, n), past)
             force, slip = compliant_force(contacts, n, laws[pair], u, loss)
             apply(work, a, p, (0.0, 0.0, 0.0), force)
             apply(work, b, p, (0.0, 0.0, 0.0), scale(-1.0, force))
@@ -347,9 +347,10 @@ def push_contacts(scene, v, tau, flow):
 
 @part
 def compliant_force(contacts, n, law, u, loss):
-    """Compute (force on A, slip speed) for a soft or penalty contact with closing velocity u.
+    """Compute (force on A, slip speed) for a soft or penalty contact.
 
-    `loss` is the result of `loss_of_touch`, for contacts without a given damping.
+    u is the velocity of A's surface relative to that of B. `loss` is the result of `loss_of_touch`,
+    for contacts without a given damping.
     """
     point = contacts.found[n]
     normal = xyz(point.normal)
@@ -357,15 +358,15 @@ def compliant_force(contacts, n, law, u, loss):
     speed = -dot(u, normal)
     slide = add_scaled(u, speed, normal)
     slide = add_scaled(slide, -dot(slide, normal), normal)  # once more: what rounding has left
-    slip_2 = dot(slide, slide)  # unlike the slip itself, it has derivatives where it is zero
-    slip = math.sqrt(slip_2)
+    slip_squared = dot(slide, slide)  # unlike the slip, it has derivatives where it is zero
+    slip = math.sqrt(slip_squared)
     c = loss if law.law == PENALTY and law.loss > 0.0 else law.damping
     mu = law.friction
     if law.law == SOFT:
         more = lost_share(law, speed, loss) if law.loss > 0.0 else c * speed
         size = max(elastic_force(law, depth) * (1.0 + more), 0.0)
         creep = max(CREEP, SOLVED * abs(speed))
-        drag = mu * size / math.sqrt(slip_2 + creep * creep)
+        drag = mu * size / math.sqrt(slip_squared + creep * creep)
         return add_scaled(scale(size, normal), -drag, slide), slip
     size = max(elastic_force(law, depth) + c * speed, 0.0) if depth > 0.0 else 0.0
     stretch = (0.0, 0.0, 0.0)
@@ -454,7 +455,10 @@ def log_phases(address, t):
 
 @sweep
 def keep_anchors(scene, q, v):
-    """Update the anchors for penalty friction. Sliding anchors follow on the rim."""
+    """Update the anchors for penalty friction.
+
+    An anchor slides if its force exceeds the friction.
+    """
     data = opened(scene)
     rows, const, work, space = data.rows, data.const, data.work, data.space
     contacts = contacts_at(data.links.contacts)
@@ -465,17 +469,14 @@ def keep_anchors(scene, q, v):
     tally = contacts.tally[0]
     count = touching(scene, 0.0, 0)
     for n in range(count):  # the new points of A and B wait in `held` and `point_b`
-        a, b, _, _, pair = endpoints(contacts, n)
-        law = laws[pair]
         point = found[n]
+        law = laws[point.pair]
         p = middle(point)
         anchor = p
         at_k = kept_place(point, anchors, tally.anchored, n)
         if at_k >= 0 and law.law == PENALTY:
             stretch = stretched(contacts, point, anchors[at_k])
-            u = sub(
-                point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
-            )
+            u = relative_velocity(contacts, work, space.linear, n)
             force, _ = compliant_force(contacts, n, law, u, 0.0)
             most = law.friction * max(dot(force, xyz(point.normal)), 0.0) / law.stiffness
             size = math.sqrt(dot(stretch, stretch))

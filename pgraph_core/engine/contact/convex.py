@@ -84,7 +84,7 @@ def triangle_nodes(geometry, i, triangle):
     """Compute (three nodes (x, y) in order, number of the following sides on the heightfield's
     boundary).
 
-    Those come first. A cell has two triangles, which share its diagonal.
+    Sides on the boundary come first. A cell has two triangles, which share its diagonal.
     """
     columns = geometry.shapes[i].columns
     rows = geometry.shapes[i].vertices // columns
@@ -443,41 +443,26 @@ def vertex_to_edge(geometry, room, a, b, way, base, best):
 
 
 @sweep
-def edge_at(geometry, room, b, v, d):
-    """Compute the edge at vertex v of b that is most parallel to d."""
+def edge_at(geometry, room, b, v, d, parallel):
+    """Find the edge at vertex v of b that is most parallel to d, or else most perpendicular."""
     edges = geometry.edges
-    best = -1.0
+    best = -math.inf
     found = 0
     for e in range(b.edges):
         if edges[b.edge + e].start == v or edges[b.edge + e].end == v:
             _, way = edge_line(geometry, room, b, e)
             x = dot(way, d) ** 2 / dot(way, way)
+            x = x if parallel else -x
             if x > best:
                 best = x
                 found = e
     return found
 
 
-@sweep
-def edge_number(geometry, room, b, v, n):
-    """Compute the edge at vertex v that is most nearly perpendicular to n."""
-    edges = geometry.edges
-    best = 2.0
-    found = 0
-    for e in range(b.edges):
-        if edges[b.edge + e].start == v or edges[b.edge + e].end == v:
-            _, way = edge_line(geometry, room, b, e)
-            c = dot(way, n) ** 2 / dot(way, way)
-            if c < best:
-                best = c
-                found = e
-    return found
-
-
 @part
 def edge_at_right_angle(geometry, room, b, v, n):
-    """Compute the unit direction of the edge from `edge_number`, and its cosine to n."""
-    _, way = edge_line(geometry, room, b, edge_number(geometry, room, b, v, n))
+    """Compute the unit direction of the edge at v most perpendicular to n, and its cosine to n."""
+    _, way = edge_line(geometry, room, b, edge_at(geometry, room, b, v, n, False))
     way = scale(1.0 / math.sqrt(dot(way, way)), way)
     return way, abs(dot(way, n))
 
@@ -597,13 +582,13 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
         return n
     if corner and a.faces == 0 and a.vertices == 2:
         p, d = edge_line(geometry, room, a, 0)
-        edge = e if of_a else edge_at(geometry, room, b, v, d)
+        edge = e if of_a else edge_at(geometry, room, b, v, d, True)
         q, db = edge_line(geometry, room, b, edge)
         feature = feature_of(CAPSULE_EDGE, 0, edge)
         return ends_of_capsule(p, d, radii, q, db, origin, margin, feature, out, n)
     if corner and b.faces == 0 and b.vertices == 2:
         q, d = edge_line(geometry, room, b, 0)
-        edge = edge_at(geometry, room, a, v, d) if of_a else e
+        edge = edge_at(geometry, room, a, v, d, True) if of_a else e
         p, da = edge_line(geometry, room, a, edge)
         feature = feature_of(CAPSULE_EDGE, edge, 0)
         return ends_of_capsule(p, da, radii, q, d, origin, margin, feature, out, n)

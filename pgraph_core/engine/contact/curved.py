@@ -17,9 +17,9 @@ from ..compiler.jit import part, sweep
 from ..records import CYLINDER, ELLIPSOID
 from ..vec import add, add_scaled, cross, dot, matrix, mul, mul_t, scale, set_xyz, sub, xyz
 from .convex import (
+    edge_at,
     edge_at_right_angle,
     edge_line,
-    edge_number,
     face_corner,
     facing,
     feature_of,
@@ -452,7 +452,7 @@ def straight_edge(geometry, room, core, n, row):
         set_point(room, row + 1, add_scaled(middle, half, direction), 1)
         return direction, c
     _, k = lowest(room, core.side, n)
-    e = edge_number(geometry, room, core.side, k, n)
+    e = edge_at(geometry, room, core.side, k, n, False)
     start, way = edge_line(geometry, room, core.side, e)
     set_point(room, row, start, 0)
     set_point(room, row + 1, add(start, way), 1)

@@ -123,10 +123,10 @@ def ground_gap(geometry, ground, poses, i):
 def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
     """Append contacts between shape i and the ground within `margin`. Returns the new number.
 
-    Sphere and ellipsoid have 1 point, a capsule 2, a box its vertices, a cylinder up to 5 (the
-    lowest of both rims and a square on the lower one), a hull its vertices thinned to 8, points
-    all. The feature is the vertex. For a cylinder, features 0 and 1 are the lowest points of its
-    ends, and features 2-4 and 5-7 are the remaining corners of the squares.
+    Spheres and ellipsoids have 1 point, and capsules 2. Boxes and lists of points have all their
+    vertices, and hulls at most 8. A cylinder has up to 5, the lowest of both rims and a square on
+    the lower rim. The feature is the number of the vertex. For a cylinder, features 0 and 1 are the
+    lowest points of its ends, and features 2-4 and 5-7 are the remaining corners of the squares.
     """
     shapes = geometry.shapes
     normal = normal_of(ground)

@@ -41,6 +41,7 @@ from ..constraints.blocks import (
     slack_of,
     type_of,
 )
+from ..constraints.constraints import joint_impulses
 from ..vec import dot, load
 from .contacts import contacts_at
 from .islands import find_islands, forget_order, order_island, unique
@@ -66,14 +67,14 @@ TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies th
 
 
 @sweep
-def solve_impulses(scene, m, first):
+def solve_impulses(scene):
     """Compute λ of all active rows from b in RHS. The result is written to LAMBDA, whose previous
     value is the initial guess.
 
-    What they do to the joints goes into STEP; into REPORT sweeps and Newton's steps taken, the
-    largest velocity by which a law is missed, over that of its island and by itself, the kinetic
-    energy that unilateral impulses add [J], islands that were hard, and islands whose bounce was
-    left out because it would have gained energy. Active blocks from the `first` on are unilateral.
+    Their effect on the joints is written to STEP. REPORT receives the numbers of sweeps and of
+    Newton steps, the largest velocity residual of a law, relative to its island and in m/s, the
+    kinetic energy added by unilateral impulses [J], the number of islands that were hard, and the
+    number of islands that did not bounce because they would have gained energy.
     """
     data = opened(scene)
     blocks, space = data.blocks, data.space
@@ -110,7 +111,7 @@ def solve_impulses(scene, m, first):
             gain, size = gained(scene, n)
         report[GAINED] += gain
         note_missed(scene, n)
-    effects(scene)
+    joint_impulses(blocks, space)
 
 
 @sweep
@@ -118,8 +119,8 @@ def aim(scene, n):
     """Write joint speeds without impulses into FREE and the remaining row speeds of island n into
     TARGET.
 
-    TARGET includes bounces, the motion of surfaces past their bodies, and the speed at which a
-    contact point may close the gap that it drifted off by, or a length go on to its bound
+    TARGET includes bounces and the motion of surfaces past their bodies. It also includes the
+    permitted speed at which a contact point closes its gap, or a length reaches its bound
     (`slack_of`). For bodies with a large common velocity, differences of speeds would only contain
     rounding errors. In this case FREE is zero, and TARGET contains the velocities of the rows.
     """
@@ -161,23 +162,6 @@ def aim(scene, n):
         if unilateral:
             vectors[TARGET, r] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
             vectors[TARGET, r] += slack_of(blocks_i, blocks_f, i)
-
-
-@sweep
-def effects(scene):
-    """Write diag(1/d) Yᵀ λ of all active blocks into STEP."""
-    data = opened(scene)
-    blocks, space = data.blocks, data.space
-    slots, vectors = space.slots, space.vectors
-    dinv, step = vectors[DINV], vectors[STEP]
-    for k in range(contacts_at(data.links.contacts).islands.place.shape[0]):
-        step[k] = 0.0
-    for j in range(1, blocks.active[0] + 1):
-        i = blocks.active[j]
-        lam = rows_of(vectors[LAMBDA], first_of(slots, i), size_of(blocks.blocks_i, i))
-        for s in range(joints_of(slots, i)):
-            k = joint_of(slots, i, s)
-            step[k] += dinv[k] * dot(load(space.y, i, 3 * s), lam)
 
 
 @sweep

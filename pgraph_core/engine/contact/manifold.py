@@ -94,7 +94,7 @@ def thin(room, first, m, normal):
 
 @part
 def tangents(n):
-    """Return two unit vectors that span the plane normal to n."""
-    t = cross(n, (1.0, 0.0, 0.0)) if abs(n[0]) < 0.6 else cross(n, (0.0, 1.0, 0.0))
+    """Return two unit vectors that complete a right-handed frame with the unit vector n."""
+    t = (0.0, n[2], -n[1]) if abs(n[0]) < 0.6 else (-n[2], 0.0, n[0])
     t = scale(1.0 / math.sqrt(dot(t, t)), t)
     return t, cross(n, t)

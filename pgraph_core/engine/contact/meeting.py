@@ -37,8 +37,8 @@ from .closing import (
 from .contacts import contacts_at, middle
 from .ground import above, candidate, candidates, normal_of, top
 from .pairs import pair_contacts
-from .placing import place
-from .search import are_apart
+from .placing import far_apart, place
+from .search import may_collide
 
 CLOSED = 1e-10  # gap of a reached limit relative to its range
 CROWD = 64  # pairs that may touch: with more, slow impacts are taken where the step finds them
@@ -75,7 +75,7 @@ def limit_speeds(blocks, i, v, vdot):
 
 @part
 def is_crowd(contacts):
-    """True if too many pairs may touch to locate slow impacts one by one.
+    """Check whether too many pairs may touch to locate slow impacts one by one.
 
     A contact between all bodies is always a crowd, because its members are only listed without
     pairs if there are many bodies.
@@ -130,7 +130,7 @@ def approach(scene, i, j, left):
 
 @part
 def outruns(scene, i, j, left):
-    """Check whether two shapes may move by their thickness in `left`. j = -1: the ground."""
+    """Check whether two shapes may move by their thickness in `left`. Use j = -1 for the ground."""
     shapes = contacts_at(opened(scene).links.contacts).geometry.shapes
     thick = thickness(shapes[i]) + (thickness(shapes[j]) if j >= 0 else 0.0)
     return approach(scene, i, j, left) > thick
@@ -369,8 +369,8 @@ def straight(scene, i, j):
 def next_landing(scene, meeting, h, tau, left):
     """Compute (time without a landing, whether one occurs now, whether it is already inside).
 
-    Of two shapes. For bodies that touched at the start, a time τ ago, the closing speed of new
-    contacts is limited by rotation and gravity, and they land when they penetrate.
+    If the two shapes touched at the start, a time τ ago, the closing speed of new contact points is
+    limited by rotation and gravity, and they land when they penetrate.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -460,11 +460,8 @@ def list_meetings(scene, h, left):
             continue
         for k in range(members.shape[0]):
             j = members[k].shape
-            same = members[m].pair != members[k].pair or shapes[i].row == shapes[j].row
             twice = k > m and (not crowd or outruns(scene, j, -1, left))
-            if n >= 0 and not (
-                same or twice or are_apart(may.apart, shapes[i].body, shapes[j].body)
-            ):
+            if n >= 0 and not twice and may_collide(may, shapes, m, k):
                 n = list_pair(scene, min(i, j), max(i, j), members[m].pair, h, left, crowd, n)
     if n > meetings.shape[0]:
         tally.overflows += 1
@@ -481,9 +478,7 @@ def list_pair(scene, i, j, pair, h, left, crowd, n):
     if contacts.laws[pair].law != RIGID:
         return n
     moved = approach(scene, i, j, left)
-    apart = sub(xyz(poses[i].position), xyz(poses[j].position))
-    reach = shapes[i].reach + shapes[j].reach + moved
-    if not dot(apart, apart) <= reach * reach:
+    if far_apart(shapes, poses, i, j, moved):
         return n
     if crowd and not outruns(scene, i, j, left):
         return n

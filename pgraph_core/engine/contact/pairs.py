@@ -57,21 +57,21 @@ def single_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
         centre = vertex(geometry, poses, i, only_a)
         if is_ball(kind_b):
             other = vertex(geometry, poses, j, only_b)
-            return ball_ball(out, n, centre, radius_a, other, radius_b, margin, 0)
+            return ball_ball(out, n, centre, radius_a, other, radius_b, margin)
         if kind_b == CAPSULE:
             start, way = capsule_line(geometry, poses, j)
             other = ball_segment(centre, start, way)
-            return ball_ball(out, n, centre, radius_a, other, radius_b, margin, 0)
+            return ball_ball(out, n, centre, radius_a, other, radius_b, margin)
         if kind_b == BOX:
-            return ball_box(out, n, centre, radius_a, geometry, poses, j, 1.0, margin, 0)
+            return ball_box(out, n, centre, radius_a, geometry, poses, j, 1.0, margin)
     elif is_ball(kind_b):
         centre = vertex(geometry, poses, j, only_b)
         if kind_a == CAPSULE:
             start, way = capsule_line(geometry, poses, i)
             other = ball_segment(centre, start, way)
-            return ball_ball(out, n, other, radius_a, centre, radius_b, margin, 0)
+            return ball_ball(out, n, other, radius_a, centre, radius_b, margin)
         if kind_a == BOX:
-            return ball_box(out, n, centre, radius_b, geometry, poses, i, -1.0, margin, 0)
+            return ball_box(out, n, centre, radius_b, geometry, poses, i, -1.0, margin)
     elif kind_a == CAPSULE and kind_b == CAPSULE:
         p, d = capsule_line(geometry, poses, i)
         q, e = capsule_line(geometry, poses, j)

@@ -12,7 +12,7 @@ from ..records import BOX, HEIGHTFIELD, HULL, POINTS, RIGID
 from ..vec import add, dot, matrix, mul, mul_t, set_matrix, set_xyz, sub, xyz
 from .closing import thickness
 from .contacts import contacts_at
-from .search import are_apart
+from .search import may_collide
 
 CORE = 0.9  # examined core of a shape relative to its extents, since its rim may be grazed
 HULL_CORE = 0.4  # examined core of a hull, whose shape its extents do not describe
@@ -39,10 +39,8 @@ def note_passages(scene, t):
     members = may.members
     for m in range(members.shape[0]):
         for k in range(m):
-            i, j = members[m].shape, members[k].shape
-            same = members[m].pair != members[k].pair or shapes[i].row == shapes[j].row
-            if not same and not are_apart(may.apart, shapes[i].body, shapes[j].body):
-                note_passage(contacts, i, j, members[m].pair, t)
+            if may_collide(may, shapes, m, k):
+                note_passage(contacts, members[m].shape, members[k].shape, members[m].pair, t)
 
 
 @part

@@ -58,8 +58,9 @@ def tangential(points, s, u):
 def slip_direction(points, s, u):
     """Compute the direction of u, or `slip_direction` if u is zero or after the end of a slide.
 
-    Friction turns slow slip across its way at the rate μ N w / |u|, too fast for an explicit step:
-    there the way of the step's start weighs as much as keeps the step stable.
+    Friction rotates slow slip at the rate μ N w / |u|, which is too fast for an explicit step. The
+    direction is therefore averaged with that at the start of the step, with the weight that keeps
+    the step stable.
     """
     before = xyz(points[s].slip_direction)
     u = tangential(points, s, u)
@@ -131,7 +132,7 @@ def solve_points(blocks, work, space, contact, m, flow):
                 columns[k + 1 + j, r] = lam[r]
     if k == 0:
         if held > 0 and count > 0:
-            share_out(blocks, space, contact, count, held)
+            share_out(space, contact, count, held)
         return 0.0
     reduce_slides(contact, held, k)
     if k == 1:
@@ -140,12 +141,12 @@ def solve_points(blocks, work, space, contact, m, flow):
         solve_small(small, k)
     power = share_slides(blocks, space, contact, held, k, work)
     if count > 0:
-        share_out(blocks, space, contact, count, held)
+        share_out(space, contact, count, held)
     return power
 
 
 @sweep
-def share_out(blocks, space, contact, count, held):
+def share_out(space, contact, count, held):
     """Move λ of stances along null directions of Ω into their cones, where possible.
 
     The forces of redundant supports are not unique. The solution of least norm may violate a cone
@@ -254,8 +255,8 @@ def solve_small(small, k):
     """Write the minimum-norm solution of S s = r into row 2 k of `small` by one-sided Jacobi
     rotations.
 
-    S is in rows 0 to k - 1, r in row k; rows k + 1 to 2 k - 1 and on are scratch: a box that
-    slides on four corners makes S singular, and forces of least norm are those of a soft ground.
+    S is in rows 0 to k - 1, and r in row k. The rows from 2 k + 1 on are scratch. S is singular for
+    a box that slides on four corners. The forces of minimum norm are those of a soft ground.
     """
     base = 2 * k + 1  # V, row by row
     for i in range(k):
@@ -285,6 +286,7 @@ def solve_small(small, k):
 
 @part
 def column_dot(small, p, q, k):
+    """Compute the inner product of columns p and q."""
     total = 0.0
     for i in range(k):
         total += small[i, p] * small[i, q]

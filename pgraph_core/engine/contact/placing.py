@@ -45,9 +45,9 @@ def vertex(geometry, poses, i, k):
 def rim_direction(geometry, r, n):
     """Compute the unit direction from a cylinder's axis to a point on its rim.
 
-    The rim is in contact with a plane with normal n. Any few points of a disc carry less than the
-    disc, but not those in the direction in which it would tip: where the cylinder leans, or, as far
-    as it stands flat to the depth that is tolerated, where its weight leans.
+    The rim is in contact with a plane with normal n. A few points of a disc support less than the
+    disc, except in the direction in which it would tip. The cylinder tips in the direction in which
+    it leans. If it is flat within the tolerated depth, it tips in the direction of its weight.
     """
     axis = (r[2], r[5], r[8])
     lean = add_scaled(scale(dot(n, axis), axis), -1.0, n)

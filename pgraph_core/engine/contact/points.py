@@ -65,7 +65,7 @@ def observe(scene, t, q, v, vdot, flow):
         call_acceleration(links.acceleration, (scene, t, q, v, tau, vdot, flow))
         for s in range(points.shape[0]):
             if points[s].phase != SWING:
-                point_force(rows, blocks, work, space, contact, s)
+                point_force(blocks, work, space, contact, s)
     else:
         outboard(rows, const, work, q, v)
         positions(rows, work)
@@ -127,7 +127,7 @@ def path_length(rows, const, work, k, p, n):
 
 
 @sweep
-def point_force(rows, blocks, work, space, contact, s):
+def point_force(blocks, work, space, contact, s):
     """Compute the force at a closed point from λ and its components, about the axis for a limit."""
     points = contact.points
     blocks_i, terms_f = blocks.blocks_i, blocks.terms_f

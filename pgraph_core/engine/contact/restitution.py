@@ -62,9 +62,9 @@ def factor_tree(contacts, rows, const, work, tau):
 
 @sweep
 def loss_of_touch(contacts, rows, n, count):
-    """Compute (2 E w [m²/s²] or c [N s/m] of the two shapes at contact point n, next point).
+    """Compute (2 E w [m²/s²] or c [N s/m], next point) of the two shapes at contact point n.
 
-    After `factor_tree`.
+    Contact points of the same shapes follow each other. `factor_tree` must have been called.
     """
     found = contacts.found
     first = found[n]
@@ -105,11 +105,10 @@ def same_shapes(point, other):
 
 @sweep
 def inverse_mass(rows, factored, a, b, place, moment, force):
-    """Return the relative speed from a unit impulse on row a and its opposite on row b, along it
-    [1/kg].
+    """Return the relative speed along a unit impulse on row a and its opposite on row b [1/kg].
 
-    A wrench at a position in units of length. The effect is propagated to the ground as in
-    `constraints.paths`. The result is the sum over all joints on both paths.
+    The impulse is `force`, with the `moment` [m] about `place`. Its effect is propagated to the
+    ground as in `constraints.paths`. The result is the sum over all joints on both paths.
     """
     w = 0.0
     k, x, y = a, at_origin(factored, a, place, moment, force), force

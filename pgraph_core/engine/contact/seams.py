@@ -63,7 +63,7 @@ def boundaries(geometry, i):
 def boundary(geometry, i, k, x):
     """Compute (outward normal, offset n · y) of plane k, which bounds shape i near point x.
 
-    In the shape's frame. Round surfaces have the plane that is tangent at x.
+    All of them are in the shape's frame. A round surface is bounded by its tangent plane at x.
     """
     shape = geometry.shapes[i]
     kind = shape.kind
@@ -104,7 +104,7 @@ def node_of_cell(geometry, i, x, k):
 
 @part
 def boundary_of_field(geometry, i, k, x):
-    """Do as `boundary` for the faces of a cell: its triangle, four sides and the bottom."""
+    """Return `boundary` for the faces of a cell: its triangle, four sides and the bottom."""
     shape = geometry.shapes[i]
     half = xyz(shape.half_extents)
     if k == 5:
@@ -239,8 +239,8 @@ def hidden_side(geometry, poses, i, j, out, first, n):
     """Return which of two shapes hides all contact points from `first` to n: 0 for none, 1 for i, 2
     for j.
 
-    A point whose gap is larger than the depth that is tolerated is a distance, not a touch; one
-    that is beside its shape, as where a rim is longer than the face under it, shows nothing.
+    A point whose gap exceeds the tolerated depth is a distance, not a contact, so it is ignored. A
+    point beside its shape, for example of a rim that extends beyond a face, is ignored as well.
     """
     size = min(geometry.shapes[i].reach, geometry.shapes[j].reach)
     of_a, of_b = geometry.shapes[i].neighbours > 0, geometry.shapes[j].neighbours > 0
@@ -264,8 +264,8 @@ def hidden_side(geometry, poses, i, j, out, first, n):
 def open_face(geometry, poses, i, only_a, j, only_b, side, margin, room, out, n):
     """Append contacts between shapes i and j along a face of one of them that is not hidden.
 
-    `side` is 1 for the faces of i, 2 for those of j: the one that separates them most, if they
-    overlap beneath it.
+    `side` is 1 for the faces of i, and 2 for those of j. The face with the largest separation is
+    used if the shapes overlap below it.
     """
     shapes = geometry.shapes
     origin = xyz(poses[i].position)

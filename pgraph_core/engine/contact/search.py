@@ -101,34 +101,32 @@ def are_apart(apart, a, b):
 
 
 @part
-def two_spheres(geometry, poses, i, j, margin, out, n):
-    """Handle two spheres, the common case in heaps, without the cost of the generic routine."""
-    a, b = xyz(poses[i].position), xyz(poses[j].position)
-    return ball_ball(out, n, a, geometry.shapes[i].radius, b, geometry.shapes[j].radius, margin, 0)
+def may_collide(candidates, shapes, m, k):
+    """Check whether members m and k belong to the same contact and no joint connects them."""
+    one, other = candidates.members[m], candidates.members[k]
+    i, j = one.shape, other.shape
+    if one.pair != other.pair or shapes[i].row == shapes[j].row:
+        return False
+    return not are_apart(candidates.apart, shapes[i].body, shapes[j].body)
 
 
 @inlined
 def member_pair(geometry, candidates, poses, search, m, k, margin, out, n):
-    """Return members m and k if their boxes overlap and they may collide."""
-    members, apart = candidates.members, candidates.apart
-    room, bounds = search.room, search.bounds
-    i, j = members[m].shape, members[k].shape
-    if not overlap(bounds, i, j) or members[m].pair != members[k].pair:
+    """Append the contact points of members m and k within `margin`. Returns the new number."""
+    shapes, members = geometry.shapes, candidates.members
+    i, j, pair = members[m].shape, members[k].shape, members[m].pair
+    if not overlap(search.bounds, i, j) or far_apart(shapes, poses, i, j, margin):
         return n
-    shapes = geometry.shapes
-    if far_apart(geometry.shapes, poses, i, j, margin):
-        return n
-    same_row = shapes[i].row == shapes[j].row
-    if same_row or are_apart(apart, shapes[i].body, shapes[j].body):
+    if not may_collide(candidates, shapes, m, k):
         return n
     if i > j:
         i, j = j, i
-    if shapes[i].kind == SPHERE and shapes[j].kind == SPHERE:
-        first = n
-        n = two_spheres(geometry, poses, i, j, margin, out, n)
-        label(out, first, n, i, j, members[m].pair)
+    if shapes[i].kind == SPHERE and shapes[j].kind == SPHERE:  # without the cost of other kinds
+        first, a, b = n, xyz(poses[i].position), xyz(poses[j].position)
+        n = ball_ball(out, n, a, shapes[i].radius, b, shapes[j].radius, margin)
+        label(out, first, n, i, j, pair)
         return n
-    return pair_contacts(geometry, poses, i, j, members[m].pair, margin, room, out, n)
+    return pair_contacts(geometry, poses, i, j, pair, margin, search.room, out, n)
 
 
 @inlined
@@ -207,11 +205,11 @@ def find_gaps(geometry, ground, candidates, poses, room, probe, gaps):
 
 @kernel(i8(GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, f8, FOUND))
 def contacts(geometry, ground, candidates, poses, search, margin, out):
-    """`find_contacts`."""
+    """Run `find_contacts`, for tests and benchmarks."""
     return find_contacts(geometry, ground, candidates, poses, search, margin, out)
 
 
 @kernel(void(GEOMETRY, GROUND, CANDIDATES, POSES, array_of(CANDIDATE), FOUND, F1))
 def gaps(geometry, ground, candidates, poses, room, probe, found):
-    """`find_gaps`."""
+    """Run `find_gaps`, for tests."""
     find_gaps(geometry, ground, candidates, poses, room, probe, found)

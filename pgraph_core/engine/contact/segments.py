@@ -14,7 +14,7 @@ PARALLEL = ROUNDING * ROUNDING  # squared sine of lines that cross nowhere and s
 
 
 @sweep
-def ball_ball(out, n, centre_a, radius_a, centre_b, radius_b, margin, feature):
+def ball_ball(out, n, centre_a, radius_a, centre_b, radius_b, margin):
     """Write the contact between two balls, with normal z if their centres coincide."""
     between = sub(centre_a, centre_b)
     distance = math.sqrt(dot(between, between))
@@ -22,7 +22,7 @@ def ball_ball(out, n, centre_a, radius_a, centre_b, radius_b, margin, feature):
     if gap > margin:
         return n
     normal = scale(1.0 / distance, between) if distance > 0.0 else (0.0, 0.0, 1.0)
-    return put(out, n, add_scaled(centre_b, radius_b, normal), normal, gap, feature)
+    return put(out, n, add_scaled(centre_b, radius_b, normal), normal, gap, 0)
 
 
 @part
@@ -144,7 +144,7 @@ def segment_segment(out, n, p, d, radius_a, q, e, radius_b, margin, feature):
 
 
 @sweep
-def ball_box(out, n, centre, radius, geometry, poses, j, sign, margin, feature):
+def ball_box(out, n, centre, radius, geometry, poses, j, sign, margin):
     """Write the contact between a ball and box j, which is B if `sign` is 1 and A if it is -1."""
     r = matrix(poses[j].rotation)
     origin = xyz(poses[j].position)
@@ -168,8 +168,8 @@ def ball_box(out, n, centre, radius, geometry, poses, j, sign, margin, feature):
     normal = mul(r, normal)
     on_box = add(origin, mul(r, nearest))
     if sign > 0.0:
-        return put(out, n, on_box, normal, gap, feature)
-    return put(out, n, add_scaled(on_box, gap, normal), scale(-1.0, normal), gap, feature)
+        return put(out, n, on_box, normal, gap, 0)
+    return put(out, n, add_scaled(on_box, gap, normal), scale(-1.0, normal), gap, 0)
 
 
 @part

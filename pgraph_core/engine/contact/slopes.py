@@ -1,11 +1,11 @@
 """Derivatives of impulses, where a run of numbers has found their values.
 
 The laws of the active rows are equations, with u = 0 for sticking rows and λ_t = -μ λ_n u_t / |u_t|
-for sliding contacts. By the implicit function
-theorem the derivatives of λ solve the linearised laws, with the right side of duals at the values
-of λ. If impulses are redundant, some of their derivatives are set to zero. This does not affect the
-derivatives of the velocities, except if redundant contacts slide in different directions. The laws
-do not determine the velocities in this case, so that they have no derivatives.
+for sliding contacts. By the implicit function theorem, the derivatives of λ solve the linearised
+laws, with the right side of duals at the values of λ. If impulses are redundant, some of their
+derivatives are set to zero. This does not affect the derivatives of the velocities, except if
+redundant contacts slide in different directions. The laws do not determine the velocities in this
+case, so that they have no derivatives.
 """
 
 import math
@@ -33,7 +33,7 @@ from ..constraints.blocks import (
     slack_of,
     type_of,
 )
-from ..vec import dot, load
+from ..constraints.constraints import joint_impulses
 from .newton import gather, rows_of, scatter
 
 # State of a block according to its law: without impulse, at its bound, held in all rows, held in
@@ -182,22 +182,6 @@ def miss_laws(scene, data, first, size):
 
 
 @sweep
-def effects_of_duals(scene):
-    """Write diag(1/d) Yᵀ λ of all active blocks of duals into STEP."""
-    data = opened(scene)
-    blocks, space = data.blocks, data.space
-    vectors, slots = space.vectors, space.slots
-    for k in range(space.where.shape[0]):
-        vectors[STEP, k] = 0.0
-    for j in range(1, blocks.active[0] + 1):
-        i = blocks.active[j]
-        lam = rows_of(vectors[LAMBDA], first_of(slots, i), size_of(blocks.blocks_i, i))
-        for s in range(joints_of(slots, i)):
-            k = joint_of(slots, i, s)
-            vectors[STEP, k] += vectors[DINV, k] * dot(load(space.y, i, 3 * s), lam)
-
-
-@sweep
 def impulses_of_duals(scene, numbers, carried, first, m):
     """Compute the dual λ from RHS and BEFORE, and its effect on the joints in STEP.
 
@@ -214,7 +198,7 @@ def impulses_of_duals(scene, numbers, carried, first, m):
         if law_of(data, i, True, size) == BOUND:
             r, bound = first_of(own.space.slots, i), own.blocks.blocks_f[i, at.AIM]
             vectors[LAMBDA, r] = bound if given[r] > 0.0 else -bound
-    effects_of_duals(scene)
+    joint_impulses(own.blocks, own.space)
     count, unclear = linearise_laws(data, carried, first, size)
     miss_laws(scene, data, first, size)
     missed, impulses = parted(vectors[CHANGE]), parted(vectors[LAMBDA])
@@ -227,7 +211,7 @@ def impulses_of_duals(scene, numbers, carried, first, m):
     for row in range(count):
         for k in range(1, WIDTH):
             impulses[order[row], k] += right[row, k]
-    effects_of_duals(scene)
+    joint_impulses(own.blocks, own.space)
     return unclear, loose
 
 

@@ -11,7 +11,8 @@ from ..compiler.jit import part, sweep
 from ..compiler.lane import LANE_WIDTH, lanes
 from ..compiler.masks import larger
 from ..contact.closing import COORDINATES, DEPTH, thickness
-from ..contact.contacts import FROZEN, contacts_at, tangents
+from ..contact.contacts import FROZEN, contacts_at
+from ..contact.manifold import tangents
 from ..motion import opened
 from ..stepping.state import size_of_state
 from ..stepping.unilateral import WEIGHT

@@ -9,11 +9,18 @@ from ..compiler.jit import part, sweep
 from ..compiler.masks import both, either, more, most
 from ..constraints.blocks import along, ends_of, first_of, place_a, place_b, type_of
 from ..contact.closing import smaller_size, thinner
-from ..contact.contacts import SLIDING, contacts_at, keep_point, kept_place, note, note_turn
+from ..contact.contacts import (
+    SLIDING,
+    add_wrench,
+    contacts_at,
+    keep_point,
+    kept_place,
+    note,
+    note_turn,
+)
 from ..contact.newton import gather
 from ..motion import opened
-from ..rows import origin_of
-from ..vec import add_scaled, add_xyz, cross, load, load3, scale, set_xyz, sub, xyz
+from ..vec import add_scaled, load, load3, scale, set_xyz, xyz
 
 BRIEF = 1e-3  # shortest sub-step whose impulses start the next step, relative to the step
 
@@ -69,7 +76,7 @@ def book(scene, first, t, w, h, last):
     active, slots = blocks.active, space.slots
     lam = space.vectors[LAMBDA]
     found, kept, tally = contacts.found, contacts.kept, contacts.tally[0]
-    pairs, limit_tau = contacts.pairs, contacts.limit_tau
+    pairs = contacts.pairs
     begin = tally.first_contact
     missed = contacts.islands.pushed
     whole = 1.0 / tally.share if tally.share > BRIEF else 1.0
@@ -77,26 +84,8 @@ def book(scene, first, t, w, h, last):
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         r = first_of(slots, active[j])
-        if n < 0 and type_of(blocks.blocks_i, active[j]) == at.T_SPAN:
-            force = scale(lam[r] / h, along(space.place, active[j], 0))
-            pull = math.copysign(lam[r] / h, blocks.blocks_f[active[j], at.VALUE])
-            note_span(scene, active[j], force)
-            pairs[pairs.shape[0] + n].force[0] += pull
-            pushed(pairs[pairs.shape[0] + n], lam[r], t, w)
-            log_missed(tally, missed[active[j], 0] / h, 0.0, abs(pull), pairs.shape[0] + n, t)
-            continue
         if n < 0:
-            term = blocks.blocks_i[active[j], at.B_TERM]
-            torque = blocks.terms_f[term] * lam[r] / h  # on the first joint that it bounds
-            for i in range(term, term + blocks.blocks_i[active[j], at.B_TERMS]):
-                limit_tau[blocks.terms_i[i, 0]] += blocks.terms_f[i] * lam[r] / h
-            if type_of(blocks.blocks_i, active[j]) == at.T_FRICTION:
-                one = blocks.blocks_f[active[j]]
-                one[at.HELD] = lam[r] * one[at.VALUE] / one[at.AIM]
-                continue
-            pairs[pairs.shape[0] + n].force[0] += torque
-            pushed(pairs[pairs.shape[0] + n], lam[r], t, w)
-            log_missed(tally, missed[active[j], 0] / h, 0.0, abs(torque), pairs.shape[0] + n, t)
+            book_limit(scene, active[j], pairs.shape[0] + n, t, w, h)
             continue
         force = (0.0, 0.0, 0.0)
         for c in range(3):
@@ -137,6 +126,30 @@ def book(scene, first, t, w, h, last):
         tally.kept = count
 
 
+@sweep
+def book_limit(scene, i, n, t, w, h):
+    """Store the impulse of joint friction, or of a limit in row n of the contact pairs."""
+    data = opened(scene)
+    blocks, contacts = data.blocks, contacts_at(data.links.contacts)
+    lam = data.space.vectors[LAMBDA, first_of(data.space.slots, i)]
+    kind, one = type_of(blocks.blocks_i, i), blocks.blocks_f[i]
+    if kind == at.T_SPAN:
+        note_span(scene, i, scale(lam / h, along(data.space.place, i, 0)))
+        force = math.copysign(lam / h, one[at.VALUE])
+    else:
+        term = blocks.blocks_i[i, at.B_TERM]
+        force = blocks.terms_f[term] * lam / h  # on the first joint that it bounds
+        for k in range(term, term + blocks.blocks_i[i, at.B_TERMS]):
+            contacts.limit_tau[blocks.terms_i[k, 0]] += blocks.terms_f[k] * lam / h
+    if kind == at.T_FRICTION:
+        one[at.HELD] = lam * one[at.VALUE] / one[at.AIM]
+        return
+    contacts.pairs[n].force[0] += force
+    pushed(contacts.pairs[n], lam, t, w)
+    missed = contacts.islands.pushed[i, 0] / h
+    log_missed(contacts.tally[0], missed, 0.0, abs(force), n, t)
+
+
 @part
 def pushed(pair, impulse, t, w):
     """Note the end t of a sub-step of width w in which a contact pair or a limit pushes."""
@@ -153,15 +166,9 @@ def note_span(scene, i, force):
     work, place = data.work, data.space.place
     wrenches = contacts_at(data.links.contacts).wrenches
     a, b = ends_of(data.blocks.blocks_i, i)
-    body_a = data.blocks.blocks_i[i, at.B_BODY_A]
-    body_b = data.blocks.blocks_i[i, at.B_BODY_B]
-    torque = cross(sub(place_a(place, i), origin_of(work, a)), force)
-    add_xyz(wrenches[body_a].torque, torque)
-    add_xyz(wrenches[body_a].force, force)
-    if body_b > 0:
-        torque = cross(sub(place_b(place, i), origin_of(work, b)), force)
-        add_xyz(wrenches[body_b].torque, scale(-1.0, torque))
-        add_xyz(wrenches[body_b].force, scale(-1.0, force))
+    body_a, body_b = data.blocks.blocks_i[i, at.B_BODY_A], data.blocks.blocks_i[i, at.B_BODY_B]
+    add_wrench(wrenches, work, body_a, a, place_a(place, i), force)
+    add_wrench(wrenches, work, body_b, b, place_b(place, i), scale(-1.0, force))
 
 
 @part

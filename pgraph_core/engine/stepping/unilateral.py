@@ -70,19 +70,16 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
     for i in range(first - tally.frictions, first):
         if w > 0.0:  # a force without an impulse: it does nothing in an impact
             blocks.blocks_f[i, at.AIM] = w * blocks.blocks_f[i, at.VALUE]
-            active[0] += 1
-            active[active[0]] = i
+            append(active, i)
     for i in range(first, first + tally.limits):
         if type_of(blocks_i, i) == at.T_SPAN:
             if w > 0.0 and span_reaches(scene, i, w, v):
-                active[0] += 1
-                active[active[0]] = i
+                append(active, i)
             continue
         if look and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
             return True
         if limit_reaches(blocks, i, h, w, left, mode == REST, q, v, vdot):
-            active[0] += 1
-            active[active[0]] = i
+            append(active, i)
     if laws.shape[0] == 0:
         return False
     velocities(data.rows, data.const, data.work, v, data.space.linear)
@@ -111,13 +108,18 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
             slides = slides or slides_now(contacts, data.work, data.space.linear, n)
             set_block(contacts, blocks, n, first + n, slides)
             blocks.blocks_f[first + n, at.VALUE] = slack
-            active[0] += 1
-            active[active[0]] = first + n
+            append(active, first + n)
             if resists_turning(law):
                 set_turn(contacts, blocks, n, tally.first_turn + n)
-                active[0] += 1
-                active[active[0]] = tally.first_turn + n
+                append(active, tally.first_turn + n)
     return False
+
+
+@part
+def append(active, i):
+    """Append block i to the active blocks."""
+    active[0] += 1
+    active[active[0]] = i
 
 
 @part
@@ -178,8 +180,7 @@ def add_passed(scene, first, w, q, v, vdot):
             for j in range(first, count + 1):
                 known = known or active[j] == i
             if not known:
-                active[0] += 1
-                active[active[0]] = i
+                append(active, i)
     return active[0] > count
 
 
@@ -235,7 +236,10 @@ def together(contacts, n, count, h):
 
 @part
 def carried(contacts, n):
-    """Check whether contact point n carried load in the last step. Turning bodies drift off."""
+    """Check whether contact point n carried load in the last step.
+
+    Rotation may since have moved it off the surface.
+    """
     k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
     return k >= 0 and contacts.kept[k].value[0] > 0.0
 
