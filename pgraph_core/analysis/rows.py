@@ -265,7 +265,7 @@ def _groups(c: Constraint, kind: int, first: int, directions: Array) -> Iterator
         return
     norms = np.linalg.norm(directions, axis=1, keepdims=True)
     units = directions / np.where(norms > 0, norms, 1.0)
-    if kind in (at.T_SPHERE, at.T_DISC):
+    if kind == at.T_ROUND:
         yield Group(c, LENGTH, slice(first, first + 1), units[:1], True)
         yield Group(c, SLIP, slice(first + 1, first + size), units[1:], False)
         return

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -439,13 +438,21 @@ def solid_of(shape: Shape, unit: str = "m") -> Solid:
     """Return the solid of a shape that is one, in its own frame. Raises FileError, ModelError."""
     if shape.kind == "mesh":
         return convex_hull(shape.file or "", shape.scale, unit, closed=shape.hull is None)
-    return KINDS[shape.kind].solid(shape)
+    return KINDS[shape.kind](shape)
 
 
-def balls_on_ground(shape: Shape) -> tuple[Array, float] | None:
-    """Return (centres (n, 3), radius) of the balls that can touch a plane, or None."""
-    kind = KINDS.get(shape.kind)
-    return kind.balls(shape) if kind and kind.balls else None
+def rounds_of(solid: Solid) -> tuple[Array, Array]:
+    """Return (centres (n, 3), semi-axes (n, 3, 3)) of ellipsoids, discs or points, whose convex
+    hull is the solid.
+
+    The solid touches a plane where one of them does. Not for heightfields.
+    """
+    if solid.kind == CYLINDER:
+        ends = np.array(((0.0, 0.0, -solid.half), (0.0, 0.0, solid.half)))
+        return ends, np.tile(np.diag((solid.radius, solid.radius, 0.0)), (2, 1, 1))
+    if solid.radii is not None:
+        return np.zeros((1, 3)), np.diag(solid.radii)[None]
+    return solid.vertices, np.tile(solid.radius * np.eye(3), (len(solid.vertices), 1, 1))
 
 
 def convex_hull(
@@ -514,42 +521,21 @@ def _convex_parts(file: str, scale: Scale, changed: int) -> tuple[Solid, ...]:
     return tuple(hull(np.unique(vertices, axis=0)) for vertices, _ in parts)
 
 
-class Kind(NamedTuple):
-    """The contact geometry for a kind of shape.
-
-    `balls` are (centres, radius) by which it touches a plane in event-driven runs, or None if a few
-    balls do not suffice.
-    """
-
-    solid: Callable[[Shape], Solid]
-    balls: Callable[[Shape], tuple[Array, float]] | None = None
-
-
 # Every kind of shape but meshes, which are read from files. A new kind is an entry here, its mass
 # properties in `model.shape`, a builder in this module, and for the kernels a branch in
 # `engine.contact.pairs.single_pair` and in `engine.contact.ground.candidate`, unless it is a convex
 # solid with corners.
-KINDS = {
-    "box": Kind(
-        lambda s: box(s.size or ()),
-        lambda s: (np.array([*product((-0.5, 0.5), repeat=3)]) * (s.size or ()), 0.0),
+KINDS: dict[str, Callable[[Shape], Solid]] = {
+    "box": lambda s: box(s.size or ()),
+    "sphere": lambda s: sphere(s.radius or 0.0),
+    "ellipsoid": lambda s: ellipsoid(s.radii or ()),
+    "heightfield": lambda s: heightfield(s.size or (), s.heights or ()),
+    "cylinder": lambda s: (
+        cylinder(s.radius or 0.0, s.length or 0.0)
+        if s.end_radius is None
+        else frustum(s.radius or 0.0, s.end_radius, s.length or 0.0)
     ),
-    "sphere": Kind(
-        lambda s: sphere(s.radius or 0.0), lambda s: (np.zeros((1, 3)), s.radius or 0.0)
-    ),
-    "ellipsoid": Kind(lambda s: ellipsoid(s.radii or ())),
-    "heightfield": Kind(lambda s: heightfield(s.size or (), s.heights or ())),
-    "cylinder": Kind(
-        lambda s: (
-            cylinder(s.radius or 0.0, s.length or 0.0)
-            if s.end_radius is None
-            else frustum(s.radius or 0.0, s.end_radius, s.length or 0.0)
-        )
-    ),
-    "capsule": Kind(
-        lambda s: capsule(s.radius or 0.0, s.length or 0.0),
-        lambda s: (np.outer((-0.5, 0.5), (0.0, 0.0, s.length or 0.0)), s.radius or 0.0),
-    ),
+    "capsule": lambda s: capsule(s.radius or 0.0, s.length or 0.0),
 }
 
 

@@ -105,9 +105,9 @@ T_POINT = 0  # DIR_r · (x_A - x_B) = 0
 T_ALIGN = 1  # AIM_r · DIR_r = 0, one of them as long as the model, so residuals are in m
 T_DISTANCE = 2  # |x_A - x_B| = VALUE
 T_BLADE = 3  # AIM_0 · velocity of A's point against B = 0
-T_SPHERE = 4  # a sphere of radius VALUE about x_A rolls on the plane through x_B normal to DIR_0,
-# three rows: its gap, then the slip along DIR_1 and DIR_2
-T_DISC = 5  # the same for a thin disc with the axis AIM_0
+T_ROUND = 4  # an ellipsoid with semi-axes AIM_r about x_A rolls on the plane through x_B normal to
+# DIR_0: its gap, then the slip along DIR_1 and DIR_2. One semi-axis of a thin disc is zero
+T_PIN = 5  # x_A = x_B, along the axes of the world
 T_COORD = 6  # Σ coefficient q = VALUE, or the curve at t
 T_VELOCITY = 7  # Σ coefficient v = VALUE
 T_LIMIT = 8  # Σ coefficient q - VALUE ≥ 0, unilateral; in AIM the speed at which it may close

@@ -126,7 +126,7 @@ class Point(AtPoints):
     kind: Literal["point"] = field(KIND, default="point")
 
     def _blocks(self, e: Any) -> list[Any]:
-        return [e.held()]
+        return [e.pinned()]
 
 
 class Weld(AtPoints):
@@ -137,7 +137,7 @@ class Weld(AtPoints):
     kind: Literal["weld"] = field(KIND, default="weld")
 
     def _blocks(self, e: Any) -> list[Any]:
-        return [e.held(), e.turned_as_at_home()]
+        return [e.pinned(), e.turned_as_at_home()]
 
 
 class Revolute(AlongAxes):
@@ -149,7 +149,7 @@ class Revolute(AlongAxes):
 
     def _blocks(self, e: Any) -> list[Any]:
         axis, other = e.directions()
-        return [e.held(), e.aligned(axis, normals_of(other))]
+        return [e.pinned(), e.aligned(axis, normals_of(other))]
 
 
 class Prismatic(AlongAxes):
@@ -210,7 +210,7 @@ class Universal(AlongAxes):
             axis, other = np.eye(3)[1], e.turn @ np.eye(3)[0]
         else:
             axis, other = e.directions()
-        return [e.held(), e.aligned(axis, [other])]
+        return [e.pinned(), e.aligned(axis, [other])]
 
 
 class Distance(AtPoints):

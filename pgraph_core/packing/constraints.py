@@ -16,7 +16,7 @@ from ..engine import layout as at
 from ..errors import ModelError, Problem
 from ..model import Constraint, Model, Polynomial, Rolling, Sine, Table
 from ..model.constraint import AtPoints
-from ..rotation import unit_vector
+from ..rotation import normals_of, unit_vector
 from ..topology import Topology
 from . import Array, Ints, System, home_of, joint_coordinates, point_in_row, row_of_velocity
 from .forces import terms_of
@@ -97,7 +97,11 @@ class Endpoints:
 
     # -- blocks --------------------------------------------------------------------------------
 
-    def held(self, dirs: Sequence[Array] = tuple(np.eye(3))) -> Block:
+    def pinned(self) -> Block:
+        """Create a block that fixes the point in all directions."""
+        return Block(at.T_PIN, 3, self.values())
+
+    def held(self, dirs: Sequence[Array]) -> Block:
         """Create a block that fixes the point along directions in the axes of b."""
         return Block(at.T_POINT, len(dirs), self.values(dirs=dirs))
 
@@ -131,9 +135,8 @@ class Endpoints:
     def rolling(self, radius: float, dirs: Sequence[Array], axis: Array | None) -> Block:
         """Create a block for a sphere, or for a disc about an axis, on a plane with the given
         normal."""
-        if axis is None:
-            return Block(at.T_SPHERE, 3, self.values(radius, dirs))
-        return Block(at.T_DISC, 3, self.values(radius, dirs, [axis]))
+        semi_axes = np.eye(3) if axis is None else normals_of(axis)
+        return Block(at.T_ROUND, 3, self.values(0.0, dirs, [radius * a for a in semi_axes]))
 
     def blade(self, axis: Array) -> Block:
         """Create a block without velocity along an axis on a."""

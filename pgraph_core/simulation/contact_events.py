@@ -26,7 +26,7 @@ from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
 from ..tolerances import COINCIDENT, SOLVED, VISIBLE
-from .event_scene import EventScene
+from .event_scene import INSTEAD, EventScene
 from .loop import Outcome, Steps
 from .plan import RunPlan
 
@@ -70,6 +70,9 @@ class ContactEvents:
         f = self.scene.points
         gravity = float(np.linalg.norm(self.mech.model.gravity))
         self._observe(t)
+        for s in np.flatnonzero(np.isnan(f["gap"])).tolist():
+            self._stop_flat(t, s)
+            return
         heights = self.scene.points["rounding"] / point_kernels.COORDINATES
         limits = [point.limit for point in self.scene.contact_points]
         sizes = np.array([h if x is None else x.size for h, x in zip(heights.tolist(), limits)])
@@ -169,7 +172,10 @@ class ContactEvents:
                 elif f["gap_rate"][s] <= self._hidden(t, s):
                     self._close(s, ACCEPTANCE)
             elif over[s, 2]:
-                self._painleve(t, s)
+                if f["rim"][s] and f["arm"][s] @ f["start_arm"][s] < 0:
+                    self._stop_flat(t, s)
+                else:
+                    self._painleve(t, s)
             elif over[s, 0]:
                 self._open(s, self._cannot_pull(s))
             elif before[s] == STANCE:
@@ -191,6 +197,12 @@ class ContactEvents:
             )
             text = f"at t = {t:.9g} s ({where}); try method 'moreau_jean'"
             self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}")
+
+    def _stop_flat(self, t: float, s: int) -> None:
+        """Stop the run where an end of a cylinder touches along its whole circle."""
+        name = self.scene.contact_points[s].name
+        text = f"at t = {t:.9g} s: an end of {name} lies flat on the ground; {INSTEAD}"
+        self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}")
 
     def _note_changes(self, t: float, before: Ints) -> None:
         """Log the phase changes and monitor the new phases."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.shape_kinds import balls_on_ground
+from ..contact.shape_kinds import rounds_of, solids_of
 from ..contact.tables import ContactPair, Limit, Tables
 from ..dynamics.arguments import UserTorque
 from ..dynamics.scene import Scene
@@ -25,7 +25,7 @@ from ..errors import InputError, Problem
 from ..fields import GROUND
 from ..mechanism import Mechanism
 from ..model import Body, Contact, Model
-from ..packing import Array, Drives, Ints, Loads, System, point_in_row
+from ..packing import Array, Drives, Ints, Loads, System, home_of, point_in_row
 from ..packing.constraints import Block, Blocks, block_arrays, block_values, with_blocks
 from ..rotation import matrix, normals_of
 from ..topology import Topology
@@ -35,15 +35,15 @@ INSTEAD = "use method 'moreau_jean'"
 
 
 class ContactPoint(NamedTuple):
-    """A material point or sphere on a body above the ground, or one end of a joint's range."""
+    """A point, ellipsoid or disc on a body above the ground, or one end of a joint's range."""
 
     name: str
     pair: str  # its contact pair, or a limit's own name
     body: str
     friction: float
     restitution: float
-    point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # point of the body, centre of a sphere [m]
-    radius: float = 0.0
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # or the centre, in body axes [m]
+    semi_axes: tuple[tuple[float, ...], ...] = ()  # of an ellipsoid or disc, in body axes [m]
     limit: Limit | None = None
 
 
@@ -78,23 +78,24 @@ def _points(model: Model, pair: ContactPair) -> Iterator[ContactPoint]:
         raise _refused(contact, "friction", text)
     bounce = ground.restitution if contact.restitution is None else contact.restitution
     places = _places(model.body(pair.body), contact)
-    for k, (point, radius) in enumerate(places):
+    for k, (point, semi_axes) in enumerate(places):
         name = pair.name if len(places) == 1 else f"{pair.name}[{k}]"
-        yield ContactPoint(name, pair.name, pair.body, friction, bounce, point, radius)
+        yield ContactPoint(name, pair.name, pair.body, friction, bounce, point, semi_axes)
 
 
-def _places(body: Body, contact: Contact) -> list[tuple[tuple[float, float, float], float]]:
-    """Compute (point, radius) in body axes for all features that can touch a plane."""
+def _places(body: Body, contact: Contact) -> list[tuple[Any, Any]]:
+    """Compute (point, semi-axes) in body axes for all features that can touch a plane."""
     if contact.points:
-        return [(point, 0.0) for point in contact.points]
-    found = []
+        return [(point, ()) for point in contact.points]
+    found: list[tuple[Any, Any]] = []
     for shape in body.touching:
-        balls = balls_on_ground(shape)
-        if balls is None:
-            text = "events are located for points, spheres, capsules and boxes, not for a "
-            raise _refused(contact, "body", text + shape.kind)
-        places = np.array(shape.position) + balls[0] @ matrix(shape.rotation).T
-        found += [((float(x), float(y), float(z)), balls[1]) for x, y, z in places]
+        turn = matrix(shape.rotation)
+        for solid in solids_of(shape):
+            for centre, axes in zip(*rounds_of(solid)):
+                point = tuple((np.array(shape.position) + turn @ centre).tolist())
+                alike = np.ptp(axes.diagonal()) == 0  # a sphere or point, however it is turned
+                axes = axes if alike else axes @ turn.T
+                found.append((point, tuple(map(tuple, axes.tolist())) if axes.any() else ()))
     return found
 
 
@@ -136,10 +137,16 @@ def with_points(
         else:
             number = topology.number(p.body)
             point, ends = point_in_row(packed, number, p.point), (packed.row_of(number), 0)
-            values = block_values({at.PA: point, at.DIR: np.concatenate(frame), at.VALUE: p.radius})
-            for kind, size in ((at.T_SPHERE, 3), (at.T_SPHERE, 1), (at.T_POINT, 3)):
-                found.append(Block(kind, size, values, ends=ends))
-            held = start if p.radius > 0 else start + 2
+            axes = np.array(p.semi_axes).reshape(-1, 3)
+            alike = len({float(a @ a) for a in axes}) <= 1
+            axes = axes if alike else axes @ home_of(packed, number).T
+            one["turns"] = not alike or point.any()
+            one["rim"] = len(axes) > 0 and not axes.any(axis=1).all()
+            entries = {at.PA: point, at.DIR: np.concatenate(frame), at.AIM: axes.ravel()}
+            kind, values = at.T_ROUND if len(axes) else at.T_POINT, block_values(entries)
+            for each, size in ((kind, 3), (kind, 1), (at.T_PIN, 3)):
+                found.append(Block(each, size, values, ends=ends))
+            held = start if len(axes) else start + 2
             places = (held, start, start + 1)
         one["held_block"], one["slide_block"], one["gap_block"] = places
         one["limit"], one["friction"] = p.limit is not None, p.friction
@@ -259,7 +266,7 @@ class EventScene(Scene):
     def hold(self, s: int) -> None:
         """Fix point s in stance to the ground point below it."""
         block = self.points["held_block"][s]
-        if self.blocks.blocks_i[block, at.B_TYPE] == at.T_POINT:
+        if self.blocks.blocks_i[block, at.B_TYPE] == at.T_PIN:
             f = self.points[s]
             normal = f["normal"]
             foot = f["position"] - f["gap"] * normal

@@ -1,8 +1,8 @@
 """Constraint blocks: points of action, and residuals of position, velocity and acceleration.
 
 A row between two bodies applies a force along d, or a torque about t, to A at a point p, and the
-opposite force or torque to B at the same point. A whole point (three rows) acts along the world's
-axes at both its ends. With u = v_A(p) - v_B(p) of the two bodies' material points
+opposite force or torque to B at the same point. A pin (three rows) acts along the world's axes at
+both its ends. With u = v_A(p) - v_B(p) of the two bodies' material points
 
     g' = d · u                                       g' = t · (ω_A - ω_B)
     g'' = d · (v'_A - v'_B) + d · e + u · (s × d)    g'' = t · (ω'_A - ω'_B) + t' · (ω_A - ω_B)
@@ -24,13 +24,13 @@ from ..layout import (
     T_BLADE,
     T_CONTACT,
     T_COORD,
-    T_DISC,
     T_DISTANCE,
     T_FRICTION,
     T_LIMIT,
+    T_PIN,
     T_POINT,
+    T_ROUND,
     T_SPAN,
-    T_SPHERE,
     T_TURN,
     T_VELOCITY,
 )
@@ -179,22 +179,23 @@ def fixed_point(table, i, column, work, k):
 
 
 @part
-def lean(e, n):
-    """Compute (m, |m|), the component of the plane's normal n perpendicular to a disc's axis e."""
-    m = add_scaled(n, -dot(n, e), e)
-    return m, math.sqrt(dot(m, m))
-
-
-@part
 def to_contact(blocks_i, blocks_f, i, work):
-    """Return ρ, the vector from a rolling body's centre to its contact point on the plane."""
-    n = direction_b(blocks_f, i, 0, work, ends_of(blocks_i, i)[1])
-    radius = value_of(blocks_f, i)
-    if type_of(blocks_i, i) == T_SPHERE:
-        return scale(-radius, n)
-    e = direction_a(blocks_f, i, 0, work, ends_of(blocks_i, i)[0])
-    m, size = lean(e, n)
-    return scale(-radius / size, m)
+    """Compute (ρ, m), the vector from a round body's centre to its contact point on the plane.
+
+    With the semi-axes a_k and the plane's normal n, ρ = -Σ (a_k · n) a_k / m, where m is the
+    distance of the centre from the plane, m² = Σ (a_k · n)².
+    """
+    a, b = ends_of(blocks_i, i)
+    n = direction_b(blocks_f, i, 0, work, b)
+    rho = (0.0, 0.0, 0.0)
+    square = 0.0
+    for k in range(3):
+        axis = direction_a(blocks_f, i, k, work, a)
+        height = dot(axis, n)
+        rho = add_scaled(rho, -height, axis)
+        square += height * height
+    m = math.sqrt(square)
+    return scale(1.0 / m, rho), m
 
 
 @part
@@ -214,10 +215,10 @@ def locate(blocks, work, place):
             continue
         a, b = ends_of(blocks_i, i)
         p = point_a(blocks_f, i, work, a)
-        if kind == T_SPHERE or kind == T_DISC:
-            p = add(p, to_contact(blocks_i, blocks_f, i, work))
+        if kind == T_ROUND:
+            p = add(p, to_contact(blocks_i, blocks_f, i, work)[0])
         set_place(place, i, p, p)
-        if whole_point(blocks_i, i):
+        if kind == T_PIN:
             set_place(place, i, p, point_b(blocks_f, i, work, b))
             set_along(place, i, 0, (1.0, 0.0, 0.0))
             set_along(place, i, 1, (0.0, 1.0, 0.0))
@@ -236,12 +237,6 @@ def locate(blocks, work, place):
 
 
 @part
-def whole_point(blocks_i, i):
-    """Check whether block i fixes a point in all directions."""
-    return type_of(blocks_i, i) == T_POINT and size_of(blocks_i, i) == 3
-
-
-@part
 def turns_with_speed(blocks):
     """Check whether any active block has rows that rotate with point velocities, see `turning`."""
     blocks_i, active = blocks.blocks_i, blocks.active
@@ -249,7 +244,7 @@ def turns_with_speed(blocks):
     for j in range(1, active[0] + 1):
         i = active[j]
         kind = type_of(blocks_i, i)
-        still = along_coordinates(kind) or kind == T_ALIGN or whole_point(blocks_i, i)
+        still = along_coordinates(kind) or kind == T_ALIGN or kind == T_PIN
         found = found or not still
     return found
 
@@ -319,9 +314,9 @@ def residual(blocks, work, space, t, q, out):
         a, b = ends_of(blocks_i, i)
         for r in range(size_of(blocks_i, i)):
             out[at_r + r] = 0.0
-        if kind == T_POINT or kind == T_SPHERE or kind == T_DISC:
+        if kind == T_POINT or kind == T_PIN or kind == T_ROUND:
             apart = sub(place_a(place, i), point_b(blocks_f, i, work, b))
-            for r in range(size_of(blocks_i, i) if kind == T_POINT else 1):
+            for r in range(1 if kind == T_ROUND else size_of(blocks_i, i)):
                 out[at_r + r] = dot(along(place, i, r), apart)
         elif kind == T_ALIGN:
             for r in range(size_of(blocks_i, i)):
@@ -383,25 +378,25 @@ def point_acceleration(work, k, p):
 
 @part
 def rolled(blocks_i, blocks_f, i, work):
-    """Return ρ' for a rolling block, the rate of its contact point relative to the centre."""
+    """Compute ρ' of a round body, where ρ is the result of `to_contact`.
+
+    With x = (ω_B - ω_A) × n, the velocity of n relative to A, this is
+    ω_A × ρ + ((ρ · x) ρ - Σ (a_k · x) a_k) / m.
+    """
     a, b = ends_of(blocks_i, i)
     n = direction_b(blocks_f, i, 0, work, b)
-    n_dot = cross(spin_of(work, b), n)
-    radius = value_of(blocks_f, i)
-    if type_of(blocks_i, i) == T_SPHERE:
-        return scale(-radius, n_dot)
-    e = direction_a(blocks_f, i, 0, work, a)
-    e_dot = cross(spin_of(work, a), e)
-    m, size = lean(e, n)
-    m_dot = add_scaled(n_dot, -dot(n_dot, e) - dot(n, e_dot), e)
-    m_dot = add_scaled(m_dot, -dot(n, e), e_dot)
-    m_dot = add_scaled(m_dot, -dot(m, m_dot) / (size * size), m)
-    return scale(-radius / size, m_dot)
+    rho, m = to_contact(blocks_i, blocks_f, i, work)
+    x = cross(sub(spin_of(work, b), spin_of(work, a)), n)
+    moved = scale(dot(rho, x), rho)
+    for k in range(3):
+        axis = direction_a(blocks_f, i, k, work, a)
+        moved = add_scaled(moved, -dot(axis, x), axis)
+    return add_scaled(cross(spin_of(work, a), rho), 1.0 / m, moved)
 
 
 @part
 def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
-    """Compute (e, s) for a force block with first direction d, except for a whole point."""
+    """Compute (e, s) for a force block with first direction d, except for `T_PIN`."""
     kind = type_of(blocks_i, i)
     a, b = ends_of(blocks_i, i)
     w_a = spin_of(work, a)
@@ -438,7 +433,7 @@ def residual_acceleration(blocks, work, space, t, vdot, out):
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
         elif kind == T_ALIGN:
             align_acceleration(blocks_i, blocks_f, i, work, place, out, at_r)
-        elif whole_point(blocks_i, i):
+        elif kind == T_PIN:
             mine = point_acceleration(work, a, place_a(place, i))
             store3(out, at_r, sub(mine, point_acceleration(work, b, place_b(place, i))))
         else:

@@ -20,7 +20,7 @@ from ..rows import spin_of
 from ..stepping.run import LOOK_BACK
 from ..stepping.state import size_of_state
 from ..tree.kinematics import outboard, positions
-from ..vec import dot, load, sub, xyz
+from ..vec import dot, sub, xyz
 from .closing import PART, closing_bound, shape_speed, thickness
 from .contacts import contacts_at
 from .ground import candidates, normal_of, top
@@ -64,12 +64,9 @@ def turn_bound(phased, work):
     points, blocks = phased.contact.points, phased.scene.blocks
     fastest = 0.0
     for s in range(points.shape[0]):
-        i = points[s].slide_block
-        if points[s].phase == SWING and points[s].limit == 0:
-            arm = load(blocks.blocks_f, i, at.PA)
-            turn = spin_of(work, blocks.blocks_i[i, at.B_A])
-            if dot(arm, arm) > 0.0:
-                fastest = max(fastest, math.sqrt(dot(turn, turn)))
+        if points[s].phase == SWING and points[s].turns == 1:
+            turn = spin_of(work, blocks.blocks_i[points[s].slide_block, at.B_A])
+            fastest = max(fastest, math.sqrt(dot(turn, turn)))
     return TURN / fastest if fastest > 0.0 else math.inf
 
 

@@ -20,6 +20,7 @@ from ..constraints.blocks import (
     residual_acceleration,
     residual_velocity,
     slip,
+    to_contact,
     velocities,
 )
 from ..constraints.constraints import couplings, drift, number_rows, respond, unit_responses
@@ -105,6 +106,8 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
         else:
             p = load(place, i, at.PLACE_P)
             set_xyz(points[s].position, p)
+            if points[s].rim == 1:
+                set_xyz(points[s].arm, to_contact(blocks_i, blocks_f, i, work)[0])
             u = slip(blocks_i, i, work, linear, place)
             set_xyz(points[s].slip_velocity, tangential(points, s, u))
             normal = xyz(points[s].normal)
@@ -263,6 +266,9 @@ def watch(contact, row, w):
                 if fresh:
                     b += points[s].slip_tolerance - points[s].start
                     b = b / w if w > 0.0 else NOTHING
+        if phase != SWING and points[s].rim == 1:
+            start_arm = xyz(points[s].start_arm)
+            c = min(c, dot(xyz(points[s].arm), start_arm) / dot(start_arm, start_arm))
         watched[row, 3 * s] = a
         watched[row, 3 * s + 1] = b
         watched[row, 3 * s + 2] = c
@@ -288,6 +294,7 @@ def start(contact, h):
     for s in range(points.shape[0]):
         points[s].start = points[s].gap
         points[s].start_rate = points[s].gap_rate
+        set_xyz(points[s].start_arm, xyz(points[s].arm))
         if slides(points[s].phase):
             slip_v = xyz(points[s].slip_velocity)
             along = dot(slip_v, xyz(points[s].slip_direction))
