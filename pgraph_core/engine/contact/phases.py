@@ -18,7 +18,14 @@ from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import I1, plain, void
 from ..constraints.blocks import first_of, locate, residual_acceleration, slip, velocities
-from ..constraints.constraints import couplings, number_rows, respond, unit_responses, watch
+from ..constraints.constraints import (
+    couplings,
+    driven_power,
+    number_rows,
+    respond,
+    unit_responses,
+    watch,
+)
 from ..constraints.proximal import factor_proximal, solve_proximal
 from ..motion import ACCELERATION, call_acceleration
 from ..records import ACCEPTANCE, SLIP, STANCE
@@ -97,6 +104,7 @@ def event_acceleration(scene, t, q, v, tau, vdot, flow):
     couplings(blocks, space)
     flow[2] = 0.0
     flow[1] += solve_points(blocks, work, space, contact, m, flow)
+    flow[0] += driven_power(blocks, space, v)
     watch(scene, t, q, v)  # rows of constraints come first: their pivots know nothing of points
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
