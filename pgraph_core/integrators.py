@@ -258,7 +258,8 @@ METHODS = {
         ),
     )
 }  # fmt: skip
-RK4, DOPRI5, DOP853, RADAU5 = (METHODS[name] for name in ("rk4", "dopri5", "dop853", "radau5"))
+CHOICES = "rk4", "dopri5", "dop853", "radau5", "moreau_jean"  # of "auto"
+RK4, DOPRI5, DOP853, RADAU5, MOREAU_JEAN = (METHODS[name] for name in CHOICES)
 
 
 def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Method:

@@ -93,10 +93,10 @@ def simulate(
         `t_eval`, or otherwise after the duration of the scenario, which defaults to 1 s.
     method : str, optional
         Name of the integration method. By default ("auto"), it is selected automatically. For
-        models with rigid contacts or joint limits, "moreau_jean" (time stepping) is used, or
-        "dop853" or "dopri5" if `rtol` is given. With the latter two, "rk4" and
-        "semi_implicit_euler", such runs are event-driven and always use projection onto the
-        constraints.
+        models with rigid contacts, joint limits or joint friction, "moreau_jean" (time stepping) is
+        used, or "dop853" or "dopri5" if `rtol` is given. With the latter two, "rk4" and
+        "semi_implicit_euler", runs with contacts or limits are event-driven and always use
+        projection onto the constraints.
     step : float, optional
         Step size [s]. If `rtol` is given, this is the maximum step size.
     rtol, atol : float, optional

@@ -25,7 +25,7 @@ from ..engine.tree.heights import lowest
 from ..errors import InputError, Problem, choices
 from ..fields import EVERY, GROUND, Frozen
 from ..forces import OnJoint
-from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
+from ..integrators import DOP853, DOPRI5, METHODS, MOREAU_JEAN, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..model.scenario import STEP
@@ -273,8 +273,9 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     plan = _on_a_way(mech, replace(bare, contacts=contacts), rate, o, given, span)
     if declared is not None and _may_wait(plan, declared, o.method_name(given)):
         way = Way(**{one.name: getattr(plan, one.name) for one in fields(Way)})
-        plan = _on_a_way(mech, bare, rate, o, given, span)
-        plan = replace(plan, way=way, declared=declared)
+        bare = _on_a_way(mech, bare, rate, o, given, span)
+        if bare.method.name != "moreau_jean":  # the same method takes them from the start
+            plan = replace(bare, way=way, declared=declared)
     elif plan.refused is not None:
         raise plan.refused
     if q is None or v is None:  # for other runs by this plan
@@ -586,11 +587,14 @@ def _method(
     InputError."""
     impulses, touching = plan.impulses, plan.contacts is not None
     tendons = plan.contacts is not None and plan.contacts.tendons
-    if name != "auto" or (impulses and (o.rtol is None or tendons)):
-        known = "moreau_jean" if name == "auto" else name
-        method = method_of(known, impulses=impulses, touching=touching or rubs(plan.drives))
-        impacts = "moreau_jean: the scene has rigid contacts or joint limits"
-        return method, impacts if name == "auto" else f"{name}: as asked"
+    rubbing = rubs(plan.drives)
+    if name != "auto":
+        method = method_of(name, impulses=impulses, touching=touching or rubbing)
+        return method, f"{name}: as asked"
+    if impulses and (o.rtol is None or tendons):
+        return MOREAU_JEAN, "moreau_jean: the scene has rigid contacts or joint limits"
+    if rubbing and o.rtol is None:
+        return MOREAU_JEAN, "moreau_jean: dry friction of joints or tendons, which may stick"
     loose = o.rtol is not None and o.rtol > 1e-5
     if impulses:
         if loose:

@@ -15,11 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ..dynamics.arguments import by_name, finite, whole_number
+from ..dynamics.scene import rubs
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine import motion as kernels
 from ..engine.compiler.loading import cache_folder
 from ..errors import InputError, Problem, choices, explained, guarded, one_of, shown
+from ..forces import Tendon
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
@@ -73,8 +75,9 @@ class Stepper(Snapshots):
         Step size [s]. The default is the step of the scenario, or 1e-3.
     method : str
         Name of a fixed-step method. With "auto", the method of the scenario is used if it has a
-        fixed step. Otherwise, "moreau_jean" is used for models with contacts or joint limits, and
-        "rk4" for all other models. Rigid contacts and limits always use "moreau_jean".
+        fixed step. Otherwise, "moreau_jean" is used for models with contacts, joint limits or dry
+        friction of joints, and "rk4" for all other models. Rigid contacts and limits always use
+        "moreau_jean".
     scenario, forces, inputs, stabilise :
         As in `simulate`.
     tau : (nv,) array, dict, callable or Feedback, optional
@@ -130,7 +133,11 @@ class Stepper(Snapshots):
         contacts = touching_contacts(mech, given)
         limited = mech.model.limited
         if method == AUTO:
-            method = "moreau_jean" if contacts or limited else "rk4"
+            own = (*mech.model.forces, *(given.forces if given else ()), *forces)
+            sticks = rubs(mech.packed.passive) or any(
+                isinstance(f, Tendon) and f.friction for f in own
+            )
+            method = "moreau_jean" if contacts or limited or sticks else "rk4"
             rigid = limited or any(c.law == "complementarity" for c in contacts)
             if given is not None and given.method in GIVEN_STEPS and not rigid:
                 method = given.method
