@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
 from ..dynamics.arguments import positions
 from ..engine import layout as at
+from ..engine import motion
+from ..engine.compiler.address import address_of
 from ..engine.records import CREEP
 from ..errors import InputError, choices
-from ..mechanism import Mechanism
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
-from ..packing import Array, Drives, row_of_velocity
+from ..packing import Array, Ints, row_of_velocity
 from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..result.records import energy_drift
@@ -133,9 +135,58 @@ def beyond_limits(record: Running) -> Iterator[str]:
 
 
 def creeping(record: Running) -> Iterator[str]:
-    """Yield notices about joints that creep although friction should hold them."""
-    n = record.done
-    yield from crept(record.mech, record.scene.drives, record.steps.times[:n], record.out.v[:n])
+    """Yield a notice about the joint that moves farthest while its friction should hold it."""
+    mech, n, t = record.mech, record.done, record.steps.times[: record.done]
+    (q, v), system, drives = _motion(record, n), mech.packed.system, record.scene.drives
+    worst, text = NOTABLE, ""
+    with suppress(InputError, np.linalg.LinAlgError):  # a diverged state may lack orientations
+        mobility = np.array([np.linalg.inv(mech.mass_matrix(x)) for x in q])
+        for one in drives.table[drives.table["friction"] > 0.0]:
+            own, factors = acting_on(drives, one)
+            row = row_of_velocity(system.rows, int(own[0]))
+            slides = system.rows[row, at.KIND] == at.TRANSLATE
+            unit, length = ("m", mech.packed.length or 1.0) if slides else ("rad", 1.0)
+            braking = one["friction"] * (mobility[:, own][:, :, own] @ factors @ factors)
+            speed = v[:, own] @ factors
+            held = sticking(t, speed, braking, float(one["creep"]))
+            way = _way(t, speed, held)
+            if way > worst * length and (record.user is None or not record.user.interpreted):
+                held[held] = (
+                    np.abs(_pulls(record, np.flatnonzero(held), own, factors)) <= braking[held]
+                )
+                way = _way(t, speed, held)
+            if way > worst * length:
+                body = mech.topology.names[system.body_of_row[row] - 1]
+                worst = way / length
+                text = (
+                    f"the joint of '{body}' creeps by {way:.3g} {unit}, although its friction "
+                    "should hold it, because this method regularises friction at speeds of about "
+                    f"{CREEP:g} {unit}/s; use method 'moreau_jean' without rtol for sticking"
+                )
+    if text:
+        yield text
+
+
+def _way(t: Array, v: Array, held: Any) -> float:
+    """Compute the distance covered between frames that are both held [m, rad]."""
+    way = 0.5 * (np.abs(v[:-1]) + np.abs(v[1:])) * np.diff(t)
+    return float(way[held[:-1] & held[1:]].sum())
+
+
+def _pulls(record: Running, frames: Ints, own: Ints, factors: Array) -> Array:
+    """Compute the accelerations of a drive, if it were at rest, at these frames."""
+    scene, out, t = record.scene, record.out, record.steps.times
+    found, wrenches = np.zeros(len(frames)), np.empty_like(out.wrenches[0])
+    accelerate = address_of(motion.acceleration)
+    for i, n in enumerate(frames.tolist()):
+        q, v = out.q[n].copy(), out.v[n].copy()
+        v[own] -= factors * (factors @ v[own] / (factors @ factors))
+        vdot = np.zeros(len(v))
+        motion.constrained_dynamics(
+            scene.address, accelerate, float(t[n]), q, v, scene.given, np.zeros(3), vdot, wrenches
+        )
+        found[i] = vdot[own] @ factors
+    return found
 
 
 def touching(record: Running, unlogged: int) -> Iterator[str]:
@@ -179,33 +230,24 @@ def _oriented(record: Running) -> int:
     return 0
 
 
-def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
-    """Return a notice about the joint that moves farthest at a steady speed that friction should
-    stop.
+def sticking(t: Array, v: Array, braking: Array, creep: float) -> Any:
+    """Return a mask of the frames (n,) at which a joint would be at rest by Coulomb's law.
 
-    `t` (n,) and `v` (n, nv) are the frames. Time stepping gives drives without friction.
+    `t` (n,) and `v` (n,) are the times and speeds of the frames, and `braking` (n,) is the
+    deceleration by the whole friction. The speed by Coulomb's law under the same load is less by
+    the impulse that regularised friction lacks. Between frames the speed is linear.
     """
-    worst, text = NOTABLE, ""
-    slow = CREEP / np.sqrt(2.0 * VISIBLE)  # below it, friction is visibly less than Coulomb's
-    system = mech.packed.system
-    for one in drives.table[drives.table["friction"] > 0.0]:
-        own, factors = acting_on(drives, one)
-        row = row_of_velocity(system.rows, int(own[0]))
-        slides = system.rows[row, at.KIND] == at.TRANSLATE
-        speed = v[:, own] @ factors
-        mean = 0.5 * (speed[:-1] + speed[1:])
-        steady = (np.abs(mean) <= slow) & (np.abs(np.diff(speed)) <= np.abs(mean))
-        way = float(np.abs(steady * mean * np.diff(t)).sum())
-        size = way / mech.packed.length if slides and mech.packed.length else way
-        if size > worst:
-            body, unit = mech.topology.names[system.body_of_row[row] - 1], "m" if slides else "rad"
-            worst = size
-            text = (
-                f"the joint of '{body}' creeps by {way:.3g} {unit}, although its friction should "
-                f"hold it, because this method regularises friction below {CREEP:g} {unit}/s; "
-                "use method 'moreau_jean' for sticking"
-            )
-    return [text] if text else []
+    size = np.abs(v)
+    root, turns = np.hypot(v, creep), v[:-1] * v[1:] < 0.0
+    sums = size[:-1] + size[1:]
+    share = sums / (root[:-1] + root[1:])  # mean of |v| / √(v² + creep²)
+    share[turns] = ((root[:-1] + root[1:] - 2.0 * creep)[turns]) / sums[turns]
+    change = np.where(turns, size[1:], np.diff(size))
+    change -= np.diff(t) * 0.5 * (braking[:-1] + braking[1:]) * (1.0 - share)
+    speeds = size[:1].tolist()
+    for more, turned in zip(change.tolist(), turns.tolist()):
+        speeds.append(max(0.0, more if turned else speeds[-1] + more))
+    return np.array(speeds) == 0.0
 
 
 # -- energies and vibrations ----------------------------------------------------------------------
