@@ -5,6 +5,7 @@ Each row of `room` is a candidate with its position, its height (the gap) and a 
 
 import math
 
+from ...tolerances import COINCIDENT
 from ..compiler.elementary import cos, sin
 from ..compiler.jit import part, sweep
 from ..vec import add_scaled, cross, dot, scale, set_xyz, sub, xyz
@@ -42,23 +43,26 @@ def cross_over(room, target, inner, outer, d_inner, d_outer, tag):
 def clip_polygon(room, source, m, target, plane, offset, tag):
     """Clip a polygon, segment or point to plane · x <= offset. Returns its number of corners.
 
-    There are at most m + 1 corners, which is the maximum for a convex polygon cut by a line, even
-    with rounding errors.
+    `plane` is as long as the side that it contains. Corners on the plane are kept and no edge ends
+    there twice, so that edges that coincide leave the same corners whatever their rounding. There
+    are at most m + 1 corners, which is the maximum for a convex polygon cut by a line, even with
+    rounding errors.
     """
+    on = COINCIDENT * dot(plane, plane)
     kept = 0
     for k in range(m):
         following = k + 1 if k + 1 < m else 0
         d = dot(plane, xyz(room[source + k].place)) - offset
         d_next = dot(plane, xyz(room[source + following].place)) - offset
-        if d <= 0.0 and kept <= m:
+        if d <= on and kept <= m:
             copy(room, target + kept, source + k)
             kept += 1
         if kept > m or (m == 2 and k == 1):  # a segment is one side, walked from its first end
             break
-        if d <= 0.0 < d_next:
+        if d < -on and d_next > on:
             cross_over(room, target + kept, source + k, source + following, d, d_next, tag)
             kept += 1
-        elif d_next <= 0.0 < d:
+        elif d_next < -on and d > on:
             cross_over(room, target + kept, source + following, source + k, d_next, d, tag + 1)
             kept += 1
     return kept

@@ -15,7 +15,7 @@ from .convex import node, solid_solid, triangle_nodes
 from .curved import curved_pair
 from .manifold import MOST, thin
 from .placing import label, vertex
-from .seams import hidden_side, open_face
+from .seams import has, hidden_side, open_face, to_local
 from .segments import ball_ball, ball_box, ball_segment, segment_segment
 
 POINT = 1 << 51  # features of point k of a list of points start at k times this
@@ -125,7 +125,7 @@ def field_contacts(geometry, poses, i, j, margin, room, out, n):
                 for k in range(points(geometry.shapes, i)):
                     start = n
                     n = single_pair(geometry, poses, i, k, j, triangle, margin, room, out, n)
-                    n = without_covered(geometry, poses, j, triangle, out, start, n)
+                    n = without_covered(geometry, poses, i, j, triangle, out, start, n)
                     if hidden_side(geometry, poses, i, j, out, start, n) > 0:
                         n = start
                     for c in range(start, min(n, out.shape[0])):
@@ -166,16 +166,22 @@ def fewer(out, first, n, room):
 
 
 @sweep
-def without_covered(geometry, poses, j, triangle, out, start, n):
-    """Drop points, starting at `start`, that a neighbour of their triangle covers. Returns n."""
+def without_covered(geometry, poses, i, j, triangle, out, start, n):
+    """Drop points, starting at `start`, that a neighbour of their triangle covers. Returns n.
+
+    The inner sides of a triangle do not separate it from shape i, so that its points may lie beside
+    the shape.
+    """
     if n > out.shape[0]:
         return n
+    size = geometry.shapes[i].reach
     r = matrix(poses[j].rotation)
     origin = xyz(poses[j].position)
     kept = start
     for c in range(start, n):
         p = mul_t(r, sub(xyz(out[c].point_b), origin))
-        if not is_covered(geometry, j, triangle, p, mul_t(r, xyz(out[c].normal))):
+        beside = not has(geometry, i, to_local(poses, i, xyz(out[c].point_a)), size)
+        if not (beside or is_covered(geometry, j, triangle, p, mul_t(r, xyz(out[c].normal)))):
             if kept < c:
                 out[kept] = out[c]
             kept += 1
