@@ -101,7 +101,9 @@ class Scene(Unportable):
         self.work = np.zeros((len(packed.rows), at.WORK))
         before = len(own.blocks_i)
         self.touching = (
-            ContactSpace(packed, contacts, before, steps=self.once) if contacts else None
+            ContactSpace(packed, contacts, self.blocks, before, steps=self.once)
+            if contacts
+            else None
         )
         # whether contacts or constraints keep something from one evaluation to the next
         self.remembers = self.touching is not None or len(self.blocks.blocks_i) > 0
@@ -257,16 +259,17 @@ def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:
 class ContactSpace(Unportable):
     """The contacts in a scene as one record, with the state that they keep between steps."""
 
-    def __init__(self, packed: Packed, contacts: Tables, first: int, *, steps: bool):
-        """Create the contact space. `first` is the number of blocks preceding those for contacts.
+    def __init__(
+        self, packed: Packed, contacts: Tables, blocks: Blocks, first: int, *, steps: bool
+    ):
+        """Create the contact space. `first` is the number of `blocks` preceding those for contacts.
 
         If `steps` is True, no step is repeated, so its contact history can be stored.
         """
         from ..contact import shape_kinds
         from ..engine.contact import contacts as kernels  # compiled only if something touches
 
-        n, count = len(contacts.touches), contacts.room
-        limits, points = len(contacts.limits), count * (2 if contacts.turns else 1)
+        n, count, limits = len(contacts.touches), contacts.room, len(contacts.limits)
         tally = table(CONTACT_TALLY, 1)
         self.tally_table, self.tally = tally, tally[0]
         self.tally["frictions"] = contacts.frictions
@@ -300,7 +303,7 @@ class ContactSpace(Unportable):
             bodies_f=packed.system.bodies_f,
             limit_tau=np.zeros(packed.nv),
             changes=self.changes,
-            islands=islands(packed.rows, packed.nv, first + limits + points),
+            islands=islands(packed.rows, packed.nv, blocks),
             factored=factored,
         )
         self.shapes, self.found = contacts.geometry.shapes, self._kept.found
@@ -351,12 +354,12 @@ class ContactSpace(Unportable):
 ENVELOPE = 38  # 4 x 4 blocks a row of the contact solver's matrix: wider islands are swept
 
 
-def islands(rows: Ints, nv: int, blocks: int) -> Islands:
-    """Allocate buffers in the contact solver for the given number of blocks."""
-    from ..engine.contact.newton import MARK  # compiled only if something touches
-    from ..engine.contact.sweeps import NORMAL, WIDTH
+def islands(rows: Ints, nv: int, blocks: Blocks) -> Islands:
+    """Allocate buffers in the contact solver."""
+    from ..engine.contact.sweeps import NORMAL, WIDTH  # compiled only if something touches
 
-    n, fours = len(rows), -(-nv // 4)
+    n, count, fours = len(rows), len(blocks.blocks_i), -(-nv // 4)
+    reached = count * min(fours, path_width(rows, nv, blocks))
     room = min(fours * (fours + 1) // 2, ENVELOPE * fours)
     by_row = [np.zeros(n, dtype=np.int64) for _ in range(8)]
     root, head, below, chief, number, edge, seen, queue = by_row
@@ -369,9 +372,9 @@ def islands(rows: Ints, nv: int, blocks: int) -> Islands:
         chief,
         number,
         edge,
-        np.zeros((4 * blocks, 2), dtype=np.int64),
-        np.zeros(blocks, dtype=np.int64),
-        np.zeros(blocks + 2, dtype=np.int64),
+        np.zeros((4 * count, 2), dtype=np.int64),
+        np.zeros(count, dtype=np.int64),
+        np.zeros(count + 2, dtype=np.int64),
         seen,
         queue,
         np.zeros(1, dtype=np.int64),
@@ -381,13 +384,15 @@ def islands(rows: Ints, nv: int, blocks: int) -> Islands:
         last,
         np.zeros((room, 16)),
         np.zeros((room, 16)),
-        np.zeros((fours, 4)),
-        np.zeros((fours, MARK + 1)),
-        np.zeros(fours, dtype=np.int64),
-        np.zeros((blocks, 3)),
-        np.zeros((blocks + NORMAL, WIDTH)),
-        np.zeros(blocks),
-        np.zeros(blocks),
+        *(np.zeros((fours, 4)) for _ in range(4)),
+        np.zeros(nv),
+        np.zeros((reached, 12)),
+        np.zeros(reached, dtype=np.int64),
+        np.zeros(count + 1, dtype=np.int64),
+        np.zeros((count, 3)),
+        np.zeros((count + NORMAL, WIDTH)),
+        np.zeros(count),
+        np.zeros(count),
     )
 
 

@@ -74,10 +74,10 @@ REPORT = 14  # report on the impulse solver, by these:
 SWEEPS_DONE, STEPS_DONE, MISSED, STRAYS, GAINED, HARD, CALMED = range(7)
 DAMPING, STIFFNESS = 15, 16  # drives in a step as inertia, as torque
 ARMATURE, GIVEN = 17, 18  # the same without drives
-TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds in Newton's method, and the best λ so far
+TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds, and the best λ so far in Newton's method
 SPEEDS = 22  # joint speeds without impulses, behind the articulated factors
-HELD, PATH = 23, 24  # λ with given friction bounds, and the change of w that leads to it
-GYRE = 25  # the `spinning.GYRE_ROWS` columns of the search for velocities at the middle of a step
+HELD = 23  # λ with given friction bounds
+GYRE = 24  # the `spinning.GYRE_ROWS` columns of the search for velocities at the middle of a step
 VECTORS = GYRE + 26
 
 
@@ -251,8 +251,13 @@ class Islands(NamedTuple):
     upper: Any  # (nu, 16) the matrix, then its factor
     lower: Any  # (nu, 16)
     change: Any  # (at least nv / 4, 4) right-hand side, then solution
-    across: Any  # (at least nv / 4, 13) rows of Y of one block, by four columns of the matrix
-    reached: Any  # (at least nv / 4,) the fours of columns that the block reaches
+    speeds: Any  # (at least nv / 4, 4) w
+    free: Any  # (at least nv / 4, 4) w without impulses
+    path: Any  # (at least nv / 4, 4) change of w that λ does not include yet
+    scale: Any  # (nv,) what a freedom's w is multiplied by to get its speed
+    across: Any  # (nf, 12) rows of Y of all blocks, by four columns of the matrix
+    reached: Any  # (nf,) these fours of columns
+    fours: Any  # (nb + 1,) where those of a block begin
     pushed: Any  # (nb, 3) by how much impulses miss their laws [N s]
     slope: Any  # memory of Newton's method and sweeps per block
     weight: Any  # (nb,) largest mobility of all points of a touch [1/kg]
@@ -404,7 +409,7 @@ GROUND = named(Ground, array_of(PLANE), array_of(PATCH))
 CANDIDATES = named(Candidates, *map(array_of, (GROUND_PAIR, SHAPE_PAIR, MEMBER, APART)))
 POSES, FOUND = array_of(POSE), array_of(CONTACT)
 SEARCH = named(Search, *map(array_of, (CANDIDATE, BOUNDS, CELL)), I1)
-ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, *[F2] * 4, I1, F2, F2, F1, F1)
+ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, *[F2] * 6, F1, F2, I1, I1, F2, F2, F1, F1)
 CONTACTS = named(
     Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, POSES, SEARCH, FOUND,
     *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,

@@ -49,7 +49,6 @@ from .newton import (
     TOLERANCE,
     drop_impulses,
     gather,
-    respond,
     rows_of,
     solve_exact,
     stays,
@@ -206,32 +205,22 @@ def solve_island(scene, n):
     islands, fine = contacts.islands, contacts.tally[0].fine
     count = islands.first[n + 1] - islands.first[n]
     weigh(scene, n)
-    alone = unique(scene, n)
-    if not alone:
-        done, left = stays(scene, n, size)
-        if done:
-            note_left(report, left, size)
-            return
     work, room = order_island(scene, n)
     small = room and work <= SWEPT * count
     tolerance = fine * (TOLERANCE if small else CROWD)
-    left = math.inf
-    if alone or not small:
+    alone = unique(scene, n)
+    left = math.inf if alone else stays(scene, n, size)
+    solved = left < math.inf
+    if not solved and (alone or not small):
         left = gauss_seidel(scene, n, size, FEW_SWEEPS if small else SWEEPS, tolerance)
-    if room and left > (tolerance if small else NOTABLE):
+    if not solved and room and left > (tolerance if small else NOTABLE):
         left, taken = solve_exact(scene, n, size)
         report[STEPS_DONE] += taken
     elif left > NOTABLE:
         left = gauss_seidel(scene, n, size, MOST_SWEEPS, NOTABLE)
     if left > NOTABLE:
         report[HARD] += 1.0
-    forget_order(islands)
-    note_left(report, left, size)
-
-
-@part
-def note_left(report, left, size):
-    """Record an island's residual, relative to its largest velocity `size`."""
+    forget_order(islands, opened(scene).space.vectors[STEP])
     report[MISSED] = max(report[MISSED], left)
     report[STRAYS] = max(report[STRAYS], left * size)
 
@@ -263,7 +252,13 @@ def leaves_alone(scene, n, slack):
 def drop(scene, n):
     """Set the impulses of island n to zero."""
     drop_impulses(scene, n)
-    respond(scene, n)
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    slots, vectors = data.space.slots, data.space.vectors
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        for s in range(joints_of(slots, i)):
+            vectors[STEP, joint_of(slots, i, s)] = vectors[FREE, joint_of(slots, i, s)]
 
 
 @sweep

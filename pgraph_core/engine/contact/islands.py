@@ -4,10 +4,17 @@ Two blocks belong to the same island if they act on the same tree or on trees th
 other blocks. Islands have no common degrees of freedom, so each is solved separately, with its own
 scale and accuracy. The trees of an island are ordered breadth-first from a peripheral node of the
 contact graph, so that the matrix of Newton's method has a narrow envelope [George 1971].
+
+The speeds of an island are kept in this order, divided by sqrt(1/d), so that its mass matrix is 1
+and the speeds of joints with impulses are w + Yᵀ λ.
 """
 
-from ..arrays import opened
+import math
+
+from ..arrays import DINV, opened
+from ..arrays import FREE as NO_IMPULSES
 from ..compiler.jit import part, sweep
+from ..compiler.lane import four, store_four
 from ..constraints.blocks import joint_of, joints_of, size_of
 from ..rows import FREE, kind_of, nv_of, parent_of, v_of
 from .contacts import contacts_at
@@ -121,7 +128,7 @@ def order_island(scene, n):
     `place` is the position of a freedom, `start` and `last` are as in `envelope`.
     """
     data = opened(scene)
-    slots = data.space.slots
+    slots, vectors = data.space.slots, data.space.vectors
     islands = contacts_at(data.links.contacts).islands
     order, first, place = islands.blocks, islands.first, islands.place
     last, start = islands.last, islands.start
@@ -138,6 +145,7 @@ def order_island(scene, n):
                 if place[i] != NOWHERE:
                     place[i] = count
                     islands.freedoms[count] = i
+                    islands.scale[count] = math.sqrt(vectors[DINV, i])
                     last[count] = count
                     count += 1
             k = islands.below[k]
@@ -159,6 +167,11 @@ def order_island(scene, n):
         start[p + 1] = start[p] + last[p] - p + 1
         work += 64.0 * float(last[p] - p) ** 2
     islands.size[0] = count
+    store_four(islands.free, rows - 1, 0, four(0.0, 0.0, 0.0, 0.0))
+    for p in range(count):
+        islands.free[p >> 2, p & 3] = vectors[NO_IMPULSES, islands.freedoms[p]] / islands.scale[p]
+    for j in range(first[n], first[n + 1]):
+        lay_out(islands, data.space, first[n], j)
     return work, start[rows] <= islands.upper.shape[0]
 
 
@@ -191,9 +204,37 @@ def breadth_first(islands, begin, mark):
 
 
 @part
-def forget_order(islands):
-    """Clear the ordering before the next island."""
+def lay_out(islands, space, begin, j):
+    """Write the rows of Y of the j-th block to `across`, by fours of columns of the matrix.
+
+    Blocks follow each other, from j = `begin` on. Each column is multiplied by its scale.
+    """
+    y, slots, place, scale = space.y, space.slots, islands.place, islands.scale
+    across, reached, fours = islands.across, islands.reached, islands.fours
+    i = islands.blocks[j]
+    first = fours[j] if j > begin else 0
+    end = first
+    for s in range(joints_of(slots, i)):
+        p = place[joint_of(slots, i, s)]
+        e = first
+        while e < end and reached[e] != p >> 2:
+            e += 1
+        if e == end:
+            reached[e] = p >> 2
+            for c in range(12):
+                across[e, c] = 0.0
+            end += 1
+        for c in range(3):
+            across[e, 4 * c + (p & 3)] = scale[p] * y[i, 3 * s + c]
+    fours[j] = first
+    fours[j + 1] = end
+
+
+@part
+def forget_order(islands, step):
+    """Write the speeds of joints into `step`, and clear the ordering before the next island."""
     for p in range(islands.size[0]):
+        step[islands.freedoms[p]] = islands.scale[p] * islands.speeds[p >> 2, p & 3]
         islands.place[islands.freedoms[p]] = NOWHERE
         islands.seen[islands.tree[islands.freedoms[p]]] = 0
 

@@ -1,14 +1,14 @@
 """Contact laws of an island by Newton's method, solved for impulses and speeds simultaneously.
 
-The unknowns are the impulses λ and the transformed velocities w, for which the mass matrix is
-diag(d) and the velocity of a block is u = Y w + g. A block's law is λ = P(λ - k u), the same for
-every k > 0: P projects the normal impulse onto its half line and friction onto the disc μ λ_n
+The unknowns are the impulses λ and the transformed velocities w, for which the mass matrix is 1
+and the velocity of a block is u = Y w + g (`islands`). A block's law is λ = P(λ - k u), the same
+for every k > 0: P projects the normal impulse onto its half line and friction onto the disc μ λ_n
 ([Alart & Curnier 1991]). P determines whether a block is open, sticking or sliding, where k is its
 effective mass. Linearised, with a compliance s that limits the change of λ,
 
-    (1 - (1 - k s) P') Δλ = P - λ - k P' Y Δw,      d Δw = Yᵀ Δλ.
+    (1 - (1 - k s) P') Δλ = P - λ - k P' Y Δw,      Δw = Yᵀ Δλ.
 
-Without Δλ that is (diag(d) + Σ Yᵀ R Y) Δw = Yᵀ (...), R = k (1 - (1 - k s) P')⁻¹ P', whose factor
+Without Δλ that is (1 + Σ Yᵀ R Y) Δw = Yᵀ (...), R = k (1 - (1 - k s) P')⁻¹ P', whose factor
 is sparse in the order of the trees. Sticking blocks have R = 1/s. As s → 0, this is Newton's
 method, while a larger s leads to shorter steps ([Levenberg 1944]). If s is proportional to the
 square root of the residual, the method is of order 3/2 near the solution ([Fan & Yuan 2005]).
@@ -22,13 +22,21 @@ import math
 
 from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED, SOLVED
 from .. import layout as at
-from ..arrays import BEST, DINV, FREE, HELD, LAMBDA, OTHER, PATH, STEP, TARGET, TRIAL, opened
+from ..arrays import BEST, HELD, LAMBDA, OTHER, TARGET, opened
 from ..compiler.jit import part, sweep
-from ..compiler.lane import four, load_four, load_triple, numbers, store_four, triple
+from ..compiler.lane import (
+    four,
+    load_four,
+    load_triple,
+    numbers,
+    numbers_of_four,
+    store_four,
+    triple,
+)
 from ..constraints.blocks import dry, first_of, joint_of, joints_of, one_sided, size_of, type_of
-from ..vec import add_scaled, dot, load, load3, scale, store, sub
+from ..vec import add_scaled, dot, load, scale, store, sub
 from .contacts import contacts_at
-from .envelope import factor, substitute
+from .envelope import factor, substitute, total
 
 TOLERANCE = 1e-10  # residual of a solved island relative to its largest velocity
 HIT = 16 * EPS  # rounding of a speed to which that many impulses add up, relative to the largest
@@ -45,7 +53,6 @@ FIRM = (128.0, 4.0)
 INNER_STEPS = 30  # of one such problem
 HALVINGS = 20  # of one such step, until the slope along it is a tenth
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
-MARK = 12  # column behind the three rows of Y in `across`: whether a block reaches these
 # Where the scratch of an island keeps them: columns of a block.
 SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
 
@@ -79,6 +86,28 @@ def velocity(data, i, w):
     n = size_of(data.blocks.blocks_i, i)
     u = gather(space.y, space.slots, i, w)
     return add_scaled(u, 1.0, rows_of(space.vectors[TARGET], first_of(space.slots, i), n))
+
+
+@part
+def felt(islands, j, z):
+    """Return Y z of the j-th block, where z is in the order of the matrix."""
+    across, reached = islands.across, islands.reached
+    u = four(0.0, 0.0, 0.0, 0.0)
+    v, w = u, u
+    for e in range(islands.fours[j], islands.fours[j + 1]):
+        x = load_four(z, reached[e], 0)
+        u = u + x * load_four(across, e, 0)
+        v = v + x * load_four(across, e, 4)
+        w = w + x * load_four(across, e, 8)
+    return total(u), total(v), total(w)
+
+
+@part
+def pull(islands, j, change, z):
+    """Add Yᵀ times the change in the j-th block's λ to z, which is in the order of the matrix."""
+    across, reached = islands.across, islands.reached
+    for e in range(islands.fours[j], islands.fours[j + 1]):
+        add_four(z, reached[e], 0, across, e, change)
 
 
 @part
@@ -180,7 +209,9 @@ def look(scene, n, soft, held):
         mobility = islands.mobility[i]
         k = 1.0 / mobility
         lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
-        u = add_scaled(velocity(data, i, vectors[STEP]), soft * islands.weight[i], lam)
+        target = rows_of(vectors[TARGET], first_of(slots, i), size)
+        u = add_scaled(target, 1.0, felt(islands, j, islands.speeds))
+        u = add_scaled(u, soft * islands.weight[i], lam)
         z = add_scaled(lam, -k, u)
         bounds = bounds_of(data, i)
         if held and kind == at.T_CONTACT and size > 1:
@@ -219,15 +250,10 @@ def prepare(scene, n, soft, refactor):
 
     Whether the matrix is symmetric.
     """
-    data = opened(scene)
-    space = data.space
-    islands = contacts_at(data.links.contacts).islands
-    y, slots, place, start = space.y, space.slots, islands.place, islands.start
-    upper, lower, kept, change = islands.upper, islands.lower, islands.slope, islands.change
-    count = islands.size[0]
-    rows = (count + 3) >> 2
-    for p in range(rows):
-        store_four(change, p, 0, four(0.0, 0.0, 0.0, 0.0))
+    islands = contacts_at(opened(scene).links.contacts).islands
+    upper, lower, kept, start = islands.upper, islands.lower, islands.slope, islands.start
+    rows = fours_of(islands)
+    clear(islands.change, rows)
     symmetric = True
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
@@ -238,9 +264,7 @@ def prepare(scene, n, soft, refactor):
         symmetric = symmetric and not on_rim(slope)
         move = resisted(slope, ks, load(kept, i, MISS))
         store(kept, i, MOVE, move)
-        for s in range(joints_of(slots, i)):
-            p = place[joint_of(slots, i, s)]
-            change[p >> 2, p & 3] += dot(load(y, i, 3 * s), move)
+        pull(islands, j, move, islands.change)
         if refactor:
             store(kept, i, RATE, scale(k, resisted(slope, ks, (slope[0], slope[3], slope[6]))))
             store(kept, i, RATE + 3, scale(k, resisted(slope, ks, (0.0, slope[4], slope[7]))))
@@ -254,59 +278,55 @@ def prepare(scene, n, soft, refactor):
         for e in range(start[rows]):
             for c in range(16):
                 lower[e, c] = 0.0
-    for p in range(4 * rows):
-        own = 1.0 / space.vectors[DINV, islands.freedoms[p]] if p < count else 1.0
-        upper[start[p >> 2], 5 * (p & 3)] = own
+    for p in range(rows):
+        for c in range(4):
+            upper[start[p], 5 * c] = 1.0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         if kept[i, RATE] == 0.0 and kept[i, RATE + 4] == 0.0 and kept[i, RATE + 8] == 0.0:
             continue
-        add_block(islands, slots, y[i], i, symmetric)
+        add_block(islands, j, symmetric)
     return symmetric
 
 
 @sweep
-def add_block(islands, slots, own, i, symmetric):
-    """Add Yᵀ R Y of block i to the matrix.
+def add_block(islands, j, symmetric):
+    """Add Yᵀ R Y of the j-th block to the matrix."""
+    start, upper, lower = islands.start, islands.upper, islands.lower
+    across, reached, i = islands.across, islands.reached, islands.blocks[j]
+    r0, r1 = load(islands.slope, i, RATE), load(islands.slope, i, RATE + 3)
+    r2 = load(islands.slope, i, RATE + 6)
+    first, end = islands.fours[j], islands.fours[j + 1]
+    for e in range(first, end):
+        u = columns(across, e, r0, r1, r2)
+        v = u
+        if not symmetric:
+            t0, t1, t2 = (r0[0], r1[0], r2[0]), (r0[1], r1[1], r2[1]), (r0[2], r1[2], r2[2])
+            v = columns(across, e, t0, t1, t2)
+        for f in range(first, end):
+            beside = reached[f] - reached[e]
+            if beside >= 0:
+                to = start[reached[e]] + beside
+                for c in range(4):
+                    add_four(upper, to, 4 * c, across, f, (u[0][c], u[1][c], u[2][c]))
+                    if beside > 0 and not symmetric:
+                        add_four(lower, to, 4 * c, across, f, (v[0][c], v[1][c], v[2][c]))
 
-    The rows of Y of this block are written to ACROSS, at the columns of the matrix.
-    """
-    place, start, kept = islands.place, islands.start, islands.slope
-    upper, lower, across, reached = islands.upper, islands.lower, islands.across, islands.reached
-    r0, r1, r2 = load(kept, i, RATE), load(kept, i, RATE + 3), load(kept, i, RATE + 6)
-    t0, t1, t2 = (r0[0], r1[0], r2[0]), (r0[1], r1[1], r2[1]), (r0[2], r1[2], r2[2])
-    joints = joints_of(slots, i)
-    fours = 0
-    for s in range(joints):
-        p = place[joint_of(slots, i, s)]
-        g = p >> 2
-        if across[g, MARK] == 0.0:
-            across[g, MARK] = 1.0
-            reached[fours] = g
-            fours += 1
-        for c in range(3):
-            across[g, 4 * c + (p & 3)] = own[3 * s + c]
-    for s in range(joints):
-        p = place[joint_of(slots, i, s)]
-        row, here = p >> 2, 4 * (p & 3)
-        a = load3(own, 3 * s)
-        u = (dot(a, r0), dot(a, r1), dot(a, r2))
-        v = (dot(a, t0), dot(a, t1), dot(a, t2))
-        for n in range(fours):
-            g = reached[n]
-            to = start[row] + g - row
-            if g >= row:
-                add_four(upper, to, here, across, g, u)
-            if g > row and not symmetric:
-                add_four(lower, to, here, across, g, v)
-    for n in range(fours):
-        for c in range(MARK + 1):
-            across[reached[n], c] = 0.0
+
+@part
+def columns(across, e, a, b, c):
+    """Return a · Y, b · Y and c · Y of four columns."""
+    x, y, z = load_four(across, e, 0), load_four(across, e, 4), load_four(across, e, 8)
+    return (
+        numbers_of_four(a[0] * x + a[1] * y + a[2] * z),
+        numbers_of_four(b[0] * x + b[1] * y + b[2] * z),
+        numbers_of_four(c[0] * x + c[1] * y + c[2] * z),
+    )
 
 
 @part
 def add_four(x, to, here, across, g, u):
-    """Add u · (four columns of Y) to four entries of the matrix."""
+    """Add u · (four columns of Y) to four numbers of x."""
     more = u[0] * load_four(across, g, 0) + u[1] * load_four(across, g, 4)
     more = more + u[2] * load_four(across, g, 8)
     store_four(x, to, here, load_four(x, to, here) + more)
@@ -314,31 +334,24 @@ def add_four(x, to, here, across, g, u):
 
 @sweep
 def direction(scene, n, soft, refactor, held):
-    """Compute the Newton updates of λ and w, and store them in MOVE and TRIAL. Returns whether
+    """Compute the Newton updates of λ and w, and store them in MOVE and `change`. Returns whether
     there is a factor.
 
-    If `held`, w has moved along PATH, but λ does not include that move.
+    If `held`, w has moved along `path`, but λ does not include that move.
     """
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    slots, vectors, kept = data.space.slots, data.space.vectors, islands.slope
+    islands = contacts_at(opened(scene).links.contacts).islands
     upper, lower, start, last = islands.upper, islands.lower, islands.start, islands.last
-    change, speeds = islands.change, vectors[TRIAL]
-    count = islands.size[0]
-    rows = (count + 3) >> 2
+    change, kept, rows = islands.change, islands.slope, fours_of(islands)
     symmetric = prepare(scene, n, soft, refactor)
     if held:
-        for p in range(count):
-            k = islands.freedoms[p]
-            change[p >> 2, p & 3] -= vectors[PATH, k] / vectors[DINV, k]
+        for p in range(rows):
+            store_four(change, p, 0, load_four(change, p, 0) - load_four(islands.path, p, 0))
     if refactor and not factor(upper, lower, start, last, rows, symmetric):
         return False
     substitute(upper, lower, start, last, rows, change)
-    for p in range(count):
-        speeds[islands.freedoms[p]] = change[p >> 2, p & 3]
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        u = gather(data.space.y, slots, i, speeds)
+        u = felt(islands, j, change)
         move = load(kept, i, MOVE)
         for c in range(3):
             move = add_scaled(move, -u[c], load(kept, i, RATE + 3 * c))
@@ -375,10 +388,10 @@ def go(scene, n, part_of_it):
 
 @sweep
 def stays(scene, n, size):
-    """Check whether λ of the last step solves island n to rounding, and its residual divided by
-    `size`.
+    """Return the residual of λ of the last step over `size`, or infinity if it does not solve
+    island n to rounding.
 
-    In this case, the impulses of least norm have already been computed. After `weigh`.
+    If it does, the impulses of least norm have already been computed. After `weigh`.
     """
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
@@ -386,10 +399,10 @@ def stays(scene, n, size):
         i = islands.blocks[j]
         touches = type_of(data.blocks.blocks_i, i) == at.T_CONTACT
         if touches and data.blocks.blocks_f[i, at.SETTLED] == 0.0:
-            return False, 0.0
+            return math.inf
     respond(scene, n)
     _, left, noise, _ = look(scene, n, 0.0, False)
-    return left <= ROUNDING * size + noise, left / size
+    return left / size if left <= ROUNDING * size + noise else math.inf
 
 
 @sweep
@@ -524,11 +537,10 @@ def solve_held(scene, n, size):
     This is a step of the proximal method ([Rockafellar 1976]): w minimises the kinetic energy plus
     |P|²/2k. Returns (number of Newton steps, whether they converged).
     """
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    vectors, kept = data.space.vectors, islands.slope
-    for p in range(islands.size[0]):
-        vectors[PATH, islands.freedoms[p]] = 0.0
+    islands = contacts_at(opened(scene).links.contacts).islands
+    kept = islands.slope
+    rows = fours_of(islands)
+    clear(islands.path, rows)
     respond(scene, n)
     look(scene, n, 0.0, True)
     taken, solved = 0, False
@@ -540,10 +552,10 @@ def solve_held(scene, n, size):
         enough = abs(rise) / TENFOLD
         low, high, part_of_it, moved = 0.0, 1.0, 1.0, 0.0
         for _ in range(HALVINGS):
-            for p in range(islands.size[0]):
-                k = islands.freedoms[p]
-                vectors[PATH, k] += (part_of_it - moved) * vectors[TRIAL, k]
-                vectors[STEP, k] += (part_of_it - moved) * vectors[TRIAL, k]
+            for p in range(rows):
+                more = (part_of_it - moved) * load_four(islands.change, p, 0)
+                store_four(islands.path, p, 0, load_four(islands.path, p, 0) + more)
+                store_four(islands.speeds, p, 0, load_four(islands.speeds, p, 0) + more)
             moved = part_of_it
             look(scene, n, 0.0, True)
             rise, _ = along(scene, n)
@@ -567,18 +579,14 @@ def solve_held(scene, n, size):
 
 @sweep
 def along(scene, n):
-    """Compute (slope of what `solve_held` minimises, largest change of a velocity) along TRIAL."""
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    space = data.space
-    vectors = space.vectors
+    """Compute (slope of what `solve_held` minimises, largest velocity change) along `change`."""
+    islands = contacts_at(opened(scene).links.contacts).islands
     rise, fastest = 0.0, 0.0
-    for p in range(islands.size[0]):
-        k = islands.freedoms[p]
-        rise += vectors[PATH, k] * vectors[TRIAL, k] / vectors[DINV, k]
+    for p in range(fours_of(islands)):
+        rise += total(load_four(islands.path, p, 0) * load_four(islands.change, p, 0))
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        u = gather(space.y, space.slots, i, vectors[TRIAL])
+        u = felt(islands, j, islands.change)
         rise -= dot(load(islands.slope, i, MISS), u)
         fastest = max(fastest, max(abs(u[0]), max(abs(u[1]), abs(u[2]))))
     return rise, fastest
@@ -676,20 +684,26 @@ def copy_impulses(scene, n, source, target):
 
 @sweep
 def respond(scene, n):
-    """Write w = w₀ + diag(1/d) Yᵀ λ of island n into STEP."""
+    """Write w = w₀ + Yᵀ λ of island n into `speeds`."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
-    blocks_i, space = data.blocks.blocks_i, data.space
-    slots, vectors = space.slots, space.vectors
-    w, dinv = vectors[STEP], vectors[DINV]
+    vectors, speeds = data.space.vectors, islands.speeds
+    for p in range(fours_of(islands)):
+        store_four(speeds, p, 0, load_four(islands.free, p, 0))
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        for s in range(joints_of(slots, i)):
-            k = joint_of(slots, i, s)
-            w[k] = vectors[FREE, k]
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        lam = rows_of(vectors[LAMBDA], first_of(slots, i), size_of(blocks_i, i))
-        for s in range(joints_of(slots, i)):
-            k = joint_of(slots, i, s)
-            w[k] += dinv[k] * dot(load(space.y, i, 3 * s), lam)
+        r, size = first_of(data.space.slots, i), size_of(data.blocks.blocks_i, i)
+        pull(islands, j, rows_of(vectors[LAMBDA], r, size), speeds)
+
+
+@part
+def fours_of(islands):
+    """Return the number of rows of 4 x 4 blocks."""
+    return (islands.size[0] + 3) >> 2
+
+
+@part
+def clear(x, rows):
+    """Set fours of numbers to zero."""
+    for p in range(rows):
+        store_four(x, p, 0, four(0.0, 0.0, 0.0, 0.0))

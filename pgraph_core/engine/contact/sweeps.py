@@ -10,7 +10,7 @@ import math
 
 from ...tolerances import EPS, ROUNDING
 from .. import layout as at
-from ..arrays import DINV, LAMBDA, REPORT, STEP, SWEEPS_DONE, opened
+from ..arrays import LAMBDA, REPORT, SWEEPS_DONE, TARGET, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
@@ -18,7 +18,7 @@ from ..vec import add_scaled, dot, load, store, sub
 from .contacts import contacts_at
 from .coulomb import contact
 from .islands import NOWHERE
-from .newton import bounds_of, respond, rows_of, velocity
+from .newton import bounds_of, felt, pull, respond, rows_of
 
 DEPTH = 4  # sweeps that are combined
 SMALL = 16  # blocks of one tree, as of feet: sweeps of no more converge by themselves
@@ -84,8 +84,8 @@ def sweep_once(scene, n, slot, count):
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
     islands = contacts_at(data.links.contacts).islands
-    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
-    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
+    slots, vectors, own = space.slots, space.vectors, space.own
+    lam = vectors[LAMBDA]
     past = islands.slope
     normal = past[past.shape[0] - NORMAL :]
     share = normal[DEPTH]
@@ -99,12 +99,11 @@ def sweep_once(scene, n, slot, count):
         r = first_of(slots, i)
         rows = size_of(blocks_i, i)
         old = rows_of(lam, r, rows)
-        u = velocity(data, i, w)
+        target = rows_of(vectors[TARGET], r, rows)
+        u = add_scaled(target, 1.0, felt(islands, j, islands.speeds))
         new = answer(type_of(blocks_i, i), rows, bounds_of(data, i), i, own, u, old)
         step = sub(new, old)
-        for s in range(joints_of(slots, i)):
-            k = joint_of(slots, i, s)
-            w[k] += dinv[k] * dot(load(y, i, 3 * s), step)
+        pull(islands, j, step, islands.speeds)
         for c in range(rows):
             lam[r + c] = new[c]
             largest = max(largest, abs(step[c]) * own[i, 4 * c])
@@ -136,8 +135,7 @@ def move_on(scene, n, slot, count):
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
     islands = contacts_at(data.links.contacts).islands
-    y, slots, vectors = space.y, space.slots, space.vectors
-    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
+    slots, lam = space.slots, space.vectors[LAMBDA]
     past = islands.slope
     normal = past[past.shape[0] - NORMAL :]
     share = normal[DEPTH]
@@ -153,9 +151,7 @@ def move_on(scene, n, slot, count):
             step = add_scaled(step, -share[p], load(past, i, VALUES + 3 * p))
         for c in range(size_of(blocks_i, i)):
             lam[r + c] += step[c]
-        for s in range(joints_of(slots, i)):
-            k = joint_of(slots, i, s)
-            w[k] += dinv[k] * dot(load(y, i, 3 * s), step)
+        pull(islands, j, step, islands.speeds)
 
 
 @sweep
