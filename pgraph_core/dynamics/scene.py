@@ -351,49 +351,57 @@ class ContactSpace(Unportable):
         return now[phases >= 0]
 
 
-ENVELOPE = 38  # 4 x 4 blocks a row of the contact solver's matrix: wider islands are swept
+FILL = 38  # 4 x 4 blocks a row of the contact solver's factor: islands with more are swept
 
 
 def islands(rows: Ints, nv: int, blocks: Blocks) -> Islands:
     """Allocate buffers in the contact solver."""
-    from ..engine.contact.sweeps import NORMAL, WIDTH  # compiled only if something touches
+    from ..engine.contact.islands import COLUMNS  # compiled only if something touches
+    from ..engine.contact.sweeps import NORMAL, WIDTH
 
-    n, count, fours = len(rows), len(blocks.blocks_i), -(-nv // 4)
+    n, count = len(rows), len(blocks.blocks_i)
+    fours = nv // 4 + n  # a tree may begin with a new one
     reached = count * min(fours, path_width(rows, nv, blocks))
-    room = min(fours * (fours + 1) // 2, ENVELOPE * fours)
-    by_row = [np.zeros(n, dtype=np.int64) for _ in range(8)]
-    root, head, below, chief, number, edge, seen, queue = by_row
-    tree, freedoms, last = (np.zeros(nv, dtype=np.int64) for _ in range(3))
+    room = min(fours * (fours + 1) // 2, FILL * fours) + fours
     return Islands(
-        tree,
-        root,
-        head,
-        below,
-        chief,
-        number,
-        edge,
-        np.zeros((4 * count, 2), dtype=np.int64),
-        np.zeros(count, dtype=np.int64),
-        np.zeros(count + 2, dtype=np.int64),
-        seen,
-        queue,
-        np.zeros(1, dtype=np.int64),
-        freedoms,
-        np.full(nv, -1),
-        np.zeros(nv + 1, dtype=np.int64),
-        last,
-        np.zeros((room, 16)),
-        np.zeros((room, 16)),
-        *(np.zeros((fours, 4)) for _ in range(4)),
-        np.zeros(nv),
-        np.zeros((reached, 12)),
-        np.zeros(reached, dtype=np.int64),
-        np.zeros(count + 1, dtype=np.int64),
-        np.zeros((count, 3)),
-        np.zeros((count + NORMAL, WIDTH)),
-        np.zeros(count),
-        np.zeros(count),
+        tree=_integers(nv),
+        root=_integers(n),
+        head=_integers(n),
+        below=_integers(n),
+        chief=_integers(n),
+        number=_integers(n),
+        edge=_integers(n),
+        edges=_integers(8 * count, 2),
+        blocks=_integers(count),
+        first=_integers(count + 2),
+        graph=_integers(n, COLUMNS),
+        queue=_integers(n),
+        size=_integers(2),
+        freedoms=_integers(4 * fours),
+        place=np.full(nv, -1),
+        start=_integers(fours + 1),
+        column=_integers(room),
+        waiting=_integers(fours),
+        after=_integers(fours + count),
+        upper=np.zeros((room, 16)),
+        lower=np.zeros((room, 16)),
+        change=np.zeros((fours, 4)),
+        speeds=np.zeros((fours, 4)),
+        free=np.zeros((fours, 4)),
+        path=np.zeros((fours, 4)),
+        scale=np.zeros(4 * fours),
+        across=np.zeros((reached, 12)),
+        reached=_integers(reached),
+        fours=_integers(count + 1),
+        pushed=np.zeros((count, 3)),
+        slope=np.zeros((count + NORMAL, WIDTH)),
+        weight=np.zeros(count),
+        mobility=np.zeros(count),
     )
+
+
+def _integers(*shape: int) -> Ints:
+    return np.zeros(shape, dtype=np.int64)
 
 
 MOST_DIPS = 8  # limit on recorded dips of pivots of constraints

@@ -241,13 +241,15 @@ class Islands(NamedTuple):
     edges: Any  # (ne, 2) the next edge of the same tree or -1, and the tree at its other end
     blocks: Any  # (nb,) active blocks, island after island
     first: Any  # (nb + 2,) where the blocks of an island begin
-    seen: Any  # (n + 1,) marks of a search
-    queue: Any  # (n + 1,) trees in the order of a search
-    size: Any  # (1,) freedoms of the island at hand
+    graph: Any  # (n + 1, 7) of every tree, named in `islands`
+    queue: Any  # (n + 1,) trees in the order of elimination
+    size: Any  # (2,) freedoms of the island at hand, and edges
     freedoms: Any  # (nv,) in the order of elimination
     place: Any  # (nv,) where a freedom stands in that order, -1: nowhere
-    start: Any  # (nv + 1,) where rows of 4 x 4 blocks begin
-    last: Any  # (nv,) their last columns
+    start: Any  # (nv / 4 + 1,) where rows of 4 x 4 blocks begin
+    column: Any  # (nu,) columns of blocks
+    waiting: Any  # (nv / 4,) the first row or block that has columns for a row, -1: none
+    after: Any  # (nv / 4 + nb,) the next one
     upper: Any  # (nu, 16) the matrix, then its factor
     lower: Any  # (nu, 16)
     change: Any  # (at least nv / 4, 4) right-hand side, then solution
@@ -409,7 +411,9 @@ GROUND = named(Ground, array_of(PLANE), array_of(PATCH))
 CANDIDATES = named(Candidates, *map(array_of, (GROUND_PAIR, SHAPE_PAIR, MEMBER, APART)))
 POSES, FOUND = array_of(POSE), array_of(CONTACT)
 SEARCH = named(Search, *map(array_of, (CANDIDATE, BOUNDS, CELL)), I1)
-ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, *[F2] * 6, F1, F2, I1, I1, F2, F2, F1, F1)
+ISLANDS = named(
+    Islands, *[I1] * 7, *[I2, I1, I1] * 2, *[I1] * 6, *[F2] * 6, F1, F2, I1, I1, F2, F2, F1, F1
+)
 CONTACTS = named(
     Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, POSES, SEARCH, FOUND,
     *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,

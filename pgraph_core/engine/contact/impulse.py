@@ -61,7 +61,7 @@ CROWD = math.sqrt(EPS)  # tolerance of large heaps: half of the digits, as force
 SWEEPS = 200  # limit on sweeps where a factor would cost more
 MOST_SWEEPS = 1000  # further ones where there is no room for a factor and the residual is notable
 FEW_SWEEPS = 40  # before Newton's method
-SWEPT = 1e3  # a factor's work per block above which its steps cost more than sweeps
+SWEPT = 3e3  # a factor's work per block above which its steps cost more than sweeps
 TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies that move together
 
 

@@ -2,8 +2,8 @@
 
 Two blocks belong to the same island if they act on the same tree or on trees that are connected by
 other blocks. Islands have no common degrees of freedom, so each is solved separately, with its own
-scale and accuracy. The trees of an island are ordered breadth-first from a peripheral node of the
-contact graph, so that the matrix of Newton's method has a narrow envelope [George 1971].
+scale and accuracy. Trees with few neighbours in the contact graph are eliminated first, so that the
+factor of the matrix of Newton's method is sparse [George & Liu 1989].
 
 The speeds of an island are kept in this order, divided by sqrt(1/d), so that its mass matrix is 1
 and the speeds of joints with impulses are w + Yᵀ λ.
@@ -20,6 +20,11 @@ from ..rows import FREE, kind_of, nv_of, parent_of, v_of
 from .contacts import contacts_at
 
 NOWHERE = -1
+# Columns of `graph`. Of a tree: a mark, the number of its neighbours, NOWHERE once eliminated, the
+# tree that it is eliminated into, 0: none, the number of those that are eliminated into it and
+# itself, and where they end. By numbers: trees in the order they are chosen, and neighbours.
+MARK, DEGREE, PARENT, SIZE, END, CHOSEN, NEAR = range(7)
+COLUMNS = 7
 
 
 @sweep
@@ -35,7 +40,7 @@ def find_islands(scene):
     active, tree, chief = blocks.active, islands.tree, islands.chief
     number, order, first = islands.number, islands.blocks, islands.first
     plant(data.rows, islands)
-    edges = 0
+    islands.size[1] = 0
     before, beyond = NOWHERE, NOWHERE
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -44,9 +49,9 @@ def find_islands(scene):
             other = tree[joint_of(slots, i, s)]
             if one != NOWHERE and other != one:
                 unite(chief, one, other)
-                if (one != before or other != beyond) and edges + 2 <= islands.edges.shape[0]:
-                    edges = connect(islands, edges, one, other)
-                    edges = connect(islands, edges, other, one)
+                if one != before or other != beyond:
+                    connect(islands, one, other)
+                    connect(islands, other, one)
                     before, beyond = one, other
             one = other
     count = 0
@@ -112,33 +117,36 @@ def unite(chief, a, b):
 
 
 @part
-def connect(islands, edges, a, b):
-    """Record that tree b is adjacent to tree a."""
-    islands.edges[edges, 0] = islands.edge[a]
-    islands.edges[edges, 1] = b
-    islands.edge[a] = edges
-    return edges + 1
+def connect(islands, a, b):
+    """Record that tree b is adjacent to tree a, if there is room."""
+    edges, n = islands.edges, islands.size[1]
+    if n < edges.shape[0]:
+        edges[n, 0] = islands.edge[a]
+        edges[n, 1] = b
+        islands.edge[a] = n
+        islands.size[1] += 1
 
 
 @sweep
 def order_island(scene, n):
-    """Order the elimination of island n and its envelope. Returns (cost of a factorisation, whether
-    it fits).
+    """Order the elimination of island n. Returns (cost of a factorisation, whether it fits).
 
-    `place` is the position of a freedom, `start` and `last` are as in `envelope`.
+    `place` is the position of a freedom, `start` and `column` are as in `sparse`.
     """
     data = opened(scene)
     slots, vectors = data.space.slots, data.space.vectors
     islands = contacts_at(data.links.contacts).islands
     order, first, place = islands.blocks, islands.first, islands.place
-    last, start = islands.last, islands.start
     for j in range(first[n], first[n + 1]):
         for s in range(joints_of(slots, order[j])):
             place[joint_of(slots, order[j], s)] = 0
-    trees = far_end_first(islands, islands.tree[joint_of(slots, order[first[n]], 0)])
+    trees = order_trees(islands, islands.tree[joint_of(slots, order[first[n]], 0)])
     count = 0
-    for t in range(trees):
-        k = islands.head[islands.queue[t]]
+    for turn in range(trees):
+        t = islands.queue[turn]
+        if islands.graph[t, SIZE] == 1:
+            count = whole_fours(islands, count)
+        k = islands.head[t]
         while k != NOWHERE:
             for c in range(nv_of(kind_of(data.rows, k))):
                 i = v_of(data.rows, k) + c
@@ -146,61 +154,178 @@ def order_island(scene, n):
                     place[i] = count
                     islands.freedoms[count] = i
                     islands.scale[count] = math.sqrt(vectors[DINV, i])
-                    last[count] = count
                     count += 1
             k = islands.below[k]
-    for j in range(first[n], first[n + 1]):
-        i = order[j]
-        end = 0
-        for s in range(joints_of(slots, i)):
-            end = max(end, place[joint_of(slots, i, s)])
-        for s in range(joints_of(slots, i)):
-            p = place[joint_of(slots, i, s)]
-            last[p] = max(last[p], end)
-    for p in range(1, count):
-        last[p] = max(last[p], last[p - 1])
-    rows = (count + 3) >> 2
-    start[0] = 0
-    work = 0.0
-    for p in range(rows):  # blocks of 4 x 4
-        last[p] = last[min(4 * p + 3, count - 1)] >> 2
-        start[p + 1] = start[p] + last[p] - p + 1
-        work += 64.0 * float(last[p] - p) ** 2
+    count = whole_fours(islands, count)
     islands.size[0] = count
-    store_four(islands.free, rows - 1, 0, four(0.0, 0.0, 0.0, 0.0))
     for p in range(count):
-        islands.free[p >> 2, p & 3] = vectors[NO_IMPULSES, islands.freedoms[p]] / islands.scale[p]
+        i = islands.freedoms[p]
+        free = vectors[NO_IMPULSES, i] / islands.scale[p] if i != NOWHERE else 0.0
+        islands.free[p >> 2, p & 3] = free
     for j in range(first[n], first[n + 1]):
         lay_out(islands, data.space, first[n], j)
-    return work, start[rows] <= islands.upper.shape[0]
+    return find_fill(islands, count >> 2, first[n], first[n + 1])
 
 
 @part
-def far_end_first(islands, begin):
-    """Write the trees of an island into `queue`, breadth first from one far from `begin`."""
-    found = breadth_first(islands, begin, 1)
-    return breadth_first(islands, islands.queue[found - 1], 2)
+def whole_fours(islands, count):
+    """Fill up the last four of freedoms, so that trees which are not connected share none."""
+    while count & 3:
+        islands.freedoms[count] = NOWHERE
+        count += 1
+    return count
 
 
 @part
-def breadth_first(islands, begin, mark):
-    """Write the trees connected to `begin` into `queue`, marked with `mark`."""
-    queue, seen, edges = islands.queue, islands.seen, islands.edges
+def order_trees(islands, begin):
+    """Write the trees connected to `begin` into `queue` in the order of elimination. Returns their
+    number.
+
+    Trees with few neighbours are chosen first. Each then comes behind those that are eliminated
+    into it.
+    """
+    queue, graph = islands.queue, islands.graph
+    trees = breadth_first(islands, begin)
+    chosen, left, least = 0, trees, 0
+    while left > 0:
+        limit, least, kept = least, islands.size[1], 0
+        for n in range(trees - 1, trees - 1 - left, -1):
+            t = queue[n]
+            if graph[t, DEGREE] > limit:
+                least = min(least, graph[t, DEGREE])
+                queue[trees - 1 - kept] = t
+                kept += 1
+            else:
+                eliminate(islands, t)
+                graph[chosen, CHOSEN] = t
+                chosen += 1
+        left = kept
+    graph[0, END] = trees
+    for n in range(trees - 1, -1, -1):
+        t = graph[n, CHOSEN]
+        parent = graph[t, PARENT]
+        graph[t, END] = graph[parent, END] - 1
+        graph[parent, END] -= graph[t, SIZE]
+        queue[graph[t, END]] = t
+    return trees
+
+
+@part
+def breadth_first(islands, begin):
+    """Write the trees connected to `begin` into `queue`. Returns their number."""
+    queue, graph, edges = islands.queue, islands.graph, islands.edges
     queue[0] = begin
-    seen[begin] = mark
+    graph[begin, SIZE] = 1
     found = 1
-    at_tree = 0
-    while at_tree < found:
-        e = islands.edge[queue[at_tree]]
+    n = 0
+    while n < found:
+        t = queue[n]
+        graph[t, PARENT], graph[t, DEGREE] = 0, 0
+        e = islands.edge[t]
         while e != NOWHERE:
             other = edges[e, 1]
-            if seen[other] != mark:
-                seen[other] = mark
+            graph[t, DEGREE] += 1
+            if graph[other, SIZE] == 0:
+                graph[other, SIZE] = 1
                 queue[found] = other
                 found += 1
             e = edges[e, 0]
-        at_tree += 1
+        n += 1
     return found
+
+
+@part
+def eliminate(islands, t):
+    """Connect all remaining neighbours of tree t, and update their number of neighbours."""
+    graph, edges = islands.graph, islands.edges
+    graph[0, MARK] += 1
+    near = 0
+    e = islands.edge[t]
+    while e != NOWHERE:
+        other = edges[e, 1]
+        if graph[other, DEGREE] == NOWHERE:
+            if graph[other, PARENT] == 0:
+                graph[other, PARENT] = t
+                graph[t, SIZE] += graph[other, SIZE]
+        elif graph[other, MARK] != graph[0, MARK]:
+            graph[other, MARK] = graph[0, MARK]
+            graph[near, NEAR] = other
+            near += 1
+        e = edges[e, 0]
+    graph[t, DEGREE] = NOWHERE
+    for k in range(near):
+        a = graph[k, NEAR]
+        graph[0, MARK] += 1
+        graph[a, MARK] = graph[0, MARK]
+        graph[a, DEGREE] = 0
+        e = islands.edge[a]
+        while e != NOWHERE:
+            other = edges[e, 1]
+            if graph[other, DEGREE] != NOWHERE and graph[other, MARK] != graph[0, MARK]:
+                graph[other, MARK] = graph[0, MARK]
+                graph[a, DEGREE] += 1
+            e = edges[e, 0]
+        for m in range(near):
+            other = graph[m, NEAR]
+            if graph[other, MARK] != graph[0, MARK]:
+                connect(islands, a, other)
+                graph[a, DEGREE] += 1
+
+
+@part
+def find_fill(islands, rows, begin, end):
+    """Find the blocks of the factor from blocks `begin` to `end`. Returns (cost, whether it fits).
+
+    A row has the columns of the blocks that begin there, and of the rows that are eliminated into
+    it, which are those whose first other column it is.
+    """
+    start, column, waiting, after = islands.start, islands.column, islands.waiting, islands.after
+    fours = islands.fours
+    for p in range(rows):
+        waiting[p] = NOWHERE
+    for j in range(begin, end):
+        p = islands.reached[fours[j]]
+        after[rows + j - begin] = waiting[p]
+        waiting[p] = rows + j - begin
+    work = 0.0
+    start[0] = 0
+    for p in range(rows):
+        first = start[p]
+        column[first] = p
+        stop = first + 1
+        k = waiting[p]
+        while k != NOWHERE:
+            if k < rows:
+                for e in range(start[k] + 1, start[k + 1]):
+                    stop = insert(column, stop, column[e])
+            else:
+                j = begin + k - rows
+                for e in range(fours[j], fours[j + 1]):
+                    stop = insert(column, stop, islands.reached[e])
+            k = after[k]
+        if stop + rows > column.shape[0]:
+            return math.inf, False
+        start[p + 1] = stop
+        work += 64.0 * float(stop - first - 1) ** 2
+        if stop > first + 1:
+            after[p] = waiting[column[first + 1]]
+            waiting[column[first + 1]] = p
+    return work, True
+
+
+@part
+def insert(column, end, c):
+    """Insert c into the ascending numbers before `end`, at least one of which is not larger, unless
+    it is there. Returns the new end."""
+    k = end
+    while column[k - 1] > c:
+        k -= 1
+    if column[k - 1] == c:
+        return end
+    for m in range(end, k, -1):
+        column[m] = column[m - 1]
+    column[k] = c
+    return end + 1
 
 
 @part
@@ -213,30 +338,37 @@ def lay_out(islands, space, begin, j):
     across, reached, fours = islands.across, islands.reached, islands.fours
     i = islands.blocks[j]
     first = fours[j] if j > begin else 0
-    end = first
+    fours[j] = first
+    reached[first] = place[joint_of(slots, i, 0)] >> 2
+    for s in range(joints_of(slots, i)):
+        reached[first] = min(reached[first], place[joint_of(slots, i, s)] >> 2)
+    end = first + 1
+    for s in range(joints_of(slots, i)):
+        end = insert(reached, end, place[joint_of(slots, i, s)] >> 2)
+    fours[j + 1] = end
+    for e in range(first, end):
+        for c in range(0, 12, 4):
+            store_four(across, e, c, four(0.0, 0.0, 0.0, 0.0))
+    e = first
     for s in range(joints_of(slots, i)):
         p = place[joint_of(slots, i, s)]
-        e = first
-        while e < end and reached[e] != p >> 2:
-            e += 1
-        if e == end:
-            reached[e] = p >> 2
-            for c in range(12):
-                across[e, c] = 0.0
-            end += 1
+        if reached[e] != p >> 2:
+            e = first
+            while reached[e] != p >> 2:
+                e += 1
         for c in range(3):
             across[e, 4 * c + (p & 3)] = scale[p] * y[i, 3 * s + c]
-    fours[j] = first
-    fours[j + 1] = end
 
 
 @part
 def forget_order(islands, step):
     """Write the speeds of joints into `step`, and clear the ordering before the next island."""
     for p in range(islands.size[0]):
-        step[islands.freedoms[p]] = islands.scale[p] * islands.speeds[p >> 2, p & 3]
-        islands.place[islands.freedoms[p]] = NOWHERE
-        islands.seen[islands.tree[islands.freedoms[p]]] = 0
+        i = islands.freedoms[p]
+        if i != NOWHERE:
+            step[i] = islands.scale[p] * islands.speeds[p >> 2, p & 3]
+            islands.place[i] = NOWHERE
+            islands.graph[islands.tree[i], SIZE] = 0
 
 
 @sweep

@@ -36,7 +36,7 @@ from ..compiler.lane import (
 from ..constraints.blocks import dry, first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, scale, store, sub
 from .contacts import contacts_at
-from .envelope import factor, substitute, total
+from .sparse import factor, substitute, total
 
 TOLERANCE = 1e-10  # residual of a solved island relative to its largest velocity
 HIT = 16 * EPS  # rounding of a speed to which that many impulses add up, relative to the largest
@@ -292,7 +292,7 @@ def prepare(scene, n, soft, refactor):
 @sweep
 def add_block(islands, j, symmetric):
     """Add Yᵀ R Y of the j-th block to the matrix."""
-    start, upper, lower = islands.start, islands.upper, islands.lower
+    start, column, upper, lower = islands.start, islands.column, islands.upper, islands.lower
     across, reached, i = islands.across, islands.reached, islands.blocks[j]
     r0, r1 = load(islands.slope, i, RATE), load(islands.slope, i, RATE + 3)
     r2 = load(islands.slope, i, RATE + 6)
@@ -303,14 +303,14 @@ def add_block(islands, j, symmetric):
         if not symmetric:
             t0, t1, t2 = (r0[0], r1[0], r2[0]), (r0[1], r1[1], r2[1]), (r0[2], r1[2], r2[2])
             v = columns(across, e, t0, t1, t2)
-        for f in range(first, end):
-            beside = reached[f] - reached[e]
-            if beside >= 0:
-                to = start[reached[e]] + beside
-                for c in range(4):
-                    add_four(upper, to, 4 * c, across, f, (u[0][c], u[1][c], u[2][c]))
-                    if beside > 0 and not symmetric:
-                        add_four(lower, to, 4 * c, across, f, (v[0][c], v[1][c], v[2][c]))
+        to = start[reached[e]]
+        for f in range(e, end):
+            while column[to] != reached[f]:
+                to += 1
+            for c in range(4):
+                add_four(upper, to, 4 * c, across, f, (u[0][c], u[1][c], u[2][c]))
+                if f > e and not symmetric:
+                    add_four(lower, to, 4 * c, across, f, (v[0][c], v[1][c], v[2][c]))
 
 
 @part
@@ -340,15 +340,15 @@ def direction(scene, n, soft, refactor, held):
     If `held`, w has moved along `path`, but λ does not include that move.
     """
     islands = contacts_at(opened(scene).links.contacts).islands
-    upper, lower, start, last = islands.upper, islands.lower, islands.start, islands.last
+    upper, lower, start, column = islands.upper, islands.lower, islands.start, islands.column
     change, kept, rows = islands.change, islands.slope, fours_of(islands)
     symmetric = prepare(scene, n, soft, refactor)
     if held:
         for p in range(rows):
             store_four(change, p, 0, load_four(change, p, 0) - load_four(islands.path, p, 0))
-    if refactor and not factor(upper, lower, start, last, rows, symmetric):
+    if refactor and not factor(upper, lower, start, column, rows, symmetric):
         return False
-    substitute(upper, lower, start, last, rows, change)
+    substitute(upper, lower, start, column, rows, change)
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         u = felt(islands, j, change)
@@ -699,7 +699,7 @@ def respond(scene, n):
 @part
 def fours_of(islands):
     """Return the number of rows of 4 x 4 blocks."""
-    return (islands.size[0] + 3) >> 2
+    return islands.size[0] >> 2
 
 
 @part

@@ -1,11 +1,11 @@
 """Factors of a sparse matrix in blocks of 4 x 4, for Newton's method of contact.
 
-Rows and columns are processed in groups of four. `upper` stores the blocks of
-block row p, from the diagonal to column `last[p]`, from the index `start[p]` on. The 16 entries of
-a block are in row-major order. `lower` stores the transposes of the blocks below the diagonal at
-the same indices. A = L U without pivoting, in place, with
-1/U on the diagonal of U. The rows of a block are vectors of four numbers, and four pivots are
-eliminated at once. Rows beyond the matrix are those of the identity.
+Rows and columns are processed in groups of four. `upper` stores the blocks of block row p from the
+index `start[p]` on, those in the columns `column`, first the diagonal. The 16 entries of a block
+are in row-major order. `lower` stores the transposes of the blocks below the diagonal at the same
+indices. A = L U without pivoting, in place, with 1/U on the diagonal of U. The rows of a block are
+vectors of four numbers, and four pivots are eliminated at once. Rows beyond the matrix are those of
+the identity.
 """
 
 from ..compiler.jit import part, sweep
@@ -65,49 +65,51 @@ def mirror(x, d, y, b):
 
 
 @part
-def take(x, b, f, c, y, d, count):
-    """Subtract (block c of f)ᵀ (block d of y) from block b of x, and so on for `count` blocks."""
+def take(x, b, f, c, y, end, column):
+    """Subtract (block c of f)ᵀ (block n of y) from the block of x in the same column, for the
+    blocks n from c to `end`. Those of x begin at b."""
     f0, f1, f2, f3 = f[c, 0], f[c, 1], f[c, 2], f[c, 3]
     g0, g1, g2, g3 = f[c, 4], f[c, 5], f[c, 6], f[c, 7]
     h0, h1, h2, h3 = f[c, 8], f[c, 9], f[c, 10], f[c, 11]
     k0, k1, k2, k3 = f[c, 12], f[c, 13], f[c, 14], f[c, 15]
-    for n in range(count):
-        one, two = load_four(y, d + n, 0), load_four(y, d + n, 4)
-        three, rest = load_four(y, d + n, 8), load_four(y, d + n, 12)
-        p, q = load_four(x, b + n, 0), load_four(x, b + n, 4)
-        r, s = load_four(x, b + n, 8), load_four(x, b + n, 12)
-        store_four(x, b + n, 0, p - (f0 * one + g0 * two + (h0 * three + k0 * rest)))
-        store_four(x, b + n, 4, q - (f1 * one + g1 * two + (h1 * three + k1 * rest)))
-        store_four(x, b + n, 8, r - (f2 * one + g2 * two + (h2 * three + k2 * rest)))
-        store_four(x, b + n, 12, s - (f3 * one + g3 * two + (h3 * three + k3 * rest)))
+    for n in range(c, end):
+        while column[b] != column[n]:
+            b += 1
+        one, two = load_four(y, n, 0), load_four(y, n, 4)
+        three, rest = load_four(y, n, 8), load_four(y, n, 12)
+        p, q = load_four(x, b, 0), load_four(x, b, 4)
+        r, s = load_four(x, b, 8), load_four(x, b, 12)
+        store_four(x, b, 0, p - (f0 * one + g0 * two + (h0 * three + k0 * rest)))
+        store_four(x, b, 4, q - (f1 * one + g1 * two + (h1 * three + k1 * rest)))
+        store_four(x, b, 8, r - (f2 * one + g2 * two + (h2 * three + k2 * rest)))
+        store_four(x, b, 12, s - (f3 * one + g3 * two + (h3 * three + k3 * rest)))
 
 
 @sweep
-def factor(upper, lower, start, last, rows, symmetric):
+def factor(upper, lower, start, column, rows, symmetric):
     """Compute the factors L and U in place, of so many rows of blocks. Returns False if that fails.
 
     Only the upper blocks of a symmetric matrix are read.
     """
     for p in range(rows):
-        d, count = start[p], last[p] - p
+        d, end = start[p], start[p + 1]
         if not reduce_diagonal(upper, d, symmetric):
             return False
-        for n in range(1, count + 1):
-            reduce_right(upper, d, d + n)
+        for n in range(d + 1, end):
+            reduce_right(upper, d, n)
             if symmetric:
-                mirror(upper, d, lower, d + n)
+                mirror(upper, d, lower, n)
             else:
-                reduce_below(upper, d, lower, d + n)
-        for n in range(1, count + 1):
-            to = start[p + n]
-            take(upper, to, lower, d + n, upper, d + n, count - n + 1)
+                reduce_below(upper, d, lower, n)
+        for n in range(d + 1, end):
+            take(upper, start[column[n]], lower, n, upper, end, column)
             if not symmetric:
-                take(lower, to + 1, upper, d + n, lower, d + n + 1, count - n)
+                take(lower, start[column[n]], upper, n, lower, end, column)
     return True
 
 
 @sweep
-def substitute(upper, lower, start, last, rows, x):
+def substitute(upper, lower, start, column, rows, x):
     """Solve for x (rows, 4) in place, after `factor`."""
     for p in range(rows):
         d = start[p]
@@ -116,21 +118,21 @@ def substitute(upper, lower, start, last, rows, x):
         c = x[p, 2] - upper[d, 8] * a - upper[d, 9] * b
         e = x[p, 3] - upper[d, 12] * a - upper[d, 13] * b - upper[d, 14] * c
         x[p, 1], x[p, 2], x[p, 3] = b, c, e
-        for n in range(1, last[p] - p + 1):
-            one, two = load_four(lower, d + n, 0), load_four(lower, d + n, 4)
-            three, rest = load_four(lower, d + n, 8), load_four(lower, d + n, 12)
+        for n in range(d + 1, start[p + 1]):
+            one, two = load_four(lower, n, 0), load_four(lower, n, 4)
+            three, rest = load_four(lower, n, 8), load_four(lower, n, 12)
             moved = a * one + b * two + (c * three + e * rest)
-            store_four(x, p + n, 0, load_four(x, p + n, 0) - moved)
+            store_four(x, column[n], 0, load_four(x, column[n], 0) - moved)
     for p in range(rows - 1, -1, -1):
         d = start[p]
         one = four(0.0, 0.0, 0.0, 0.0)
         two, three, rest = one, one, one
-        for n in range(1, last[p] - p + 1):
-            right = load_four(x, p + n, 0)
-            one = one + load_four(upper, d + n, 0) * right
-            two = two + load_four(upper, d + n, 4) * right
-            three = three + load_four(upper, d + n, 8) * right
-            rest = rest + load_four(upper, d + n, 12) * right
+        for n in range(d + 1, start[p + 1]):
+            right = load_four(x, column[n], 0)
+            one = one + load_four(upper, n, 0) * right
+            two = two + load_four(upper, n, 4) * right
+            three = three + load_four(upper, n, 8) * right
+            rest = rest + load_four(upper, n, 12) * right
         e = upper[d, 15] * (x[p, 3] - total(rest))
         c = upper[d, 10] * (x[p, 2] - total(three) - upper[d, 11] * e)
         b = upper[d, 5] * (x[p, 1] - total(two) - upper[d, 6] * c - upper[d, 7] * e)
