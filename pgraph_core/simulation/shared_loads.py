@@ -27,7 +27,7 @@ from ..tolerances import NOTABLE, SOLVED, VISIBLE
 if TYPE_CHECKING:
     from ..contact.tables import Tables
 
-MOST_POINTS = 200  # the work grows with the third power of their number
+MOST_WORK = 3e8  # forces times the square of degrees of freedom: a fifth of a second
 LISTED = 4  # names in a notice
 
 
@@ -41,16 +41,17 @@ def shared_loads(
     """
     t, q, v = state
     points = _points(mech, tables, q, pairs)
-    if not 2 <= len(points) <= MOST_POINTS:
+    if len(points) < 2 or 3 * len(points) * mech.nv**2 > MOST_WORK:
         return []
     effects, wrenches, names = _columns(mech, tables, points, q, v)
     held = _held(mech, tables, active, t, q, v)
     rows = np.vstack((effects, held))
     size = np.abs(rows).max(axis=0, initial=0.0)
-    left, values, _ = np.linalg.svd(rows / np.where(size > 0.0, size, 1.0))
-    rank = int(np.sum(values > NOTABLE * values.max(initial=0.0)))
-    change = np.abs(wrenches @ left[: len(effects), rank:]).reshape(len(names), 6, -1)
-    among = [name for name, x in zip(names, change) if x.max(initial=0.0) > NOTABLE]
+    left, values, _ = np.linalg.svd(rows / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    felt = left[: len(effects), values > NOTABLE * values.max(initial=0.0)]
+    unfelt = wrenches - (wrenches @ felt) @ felt.T  # by the part of each force without an effect
+    change = np.abs(unfelt).reshape(len(names), -1).max(axis=1, initial=0.0)
+    among = [name for name, x in zip(names, change) if x > NOTABLE]
     if not among:
         return []
     more = f" and {len(among) - LISTED} more" if len(among) > LISTED else ""

@@ -86,3 +86,84 @@ def test_loads_of_a_cart_are_those_of_least_norm(order, friction):
     run = pg.simulate(pg.Model(bodies=bodies, contacts=contacts), t_end=0.2, estimate=False)
     loads = [run.contact_force[f"c{i}"][-1, 5] for i in range(4)]
     assert loads == pytest.approx([19.62, 19.62, 12.753, 12.753], rel=1e-9)
+
+
+def wall(rows, gap, friction, order):
+    """Rows of boxes of 0.4 x 0.2 x 0.2 m and 1 kg, each row shifted by half a box."""
+    bodies = []
+    for r, count in enumerate(rows):
+        for c in range(count):
+            x = (c - (count - 1) / 2) * (0.4 + gap)
+            bodies.append(
+                pg.Body(
+                    name=f"b{len(bodies)}", joint="free", q=(x, 0, 0.1 + 0.2 * r, 1, 0, 0, 0),
+                    shape={"kind": "box", "size": (0.4, 0.2, 0.2)}, derived=("inertia",),
+                )
+            )  # fmt: skip
+    if order:
+        np.random.default_rng(order).shuffle(bodies)
+    contacts = [
+        pg.Contact(name="floor", body="*", friction=friction),
+        pg.Contact(name="heap", body="*", other="*", friction=friction),
+    ]
+    return pg.Model(bodies=bodies, contacts=contacts)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+@pytest.mark.parametrize("gap", [0.0, 1e-3])
+@pytest.mark.parametrize("rows", [(2, 1), (3, 2), (3, 2, 1)], ids=str)
+def test_loads_of_a_wall_are_symmetric_in_any_order(rows, gap, friction):
+    """Edges coincide, so that the contact points must not depend on rounding either."""
+    loads = []
+    for order in range(3):
+        model = wall(rows, gap, friction, order)
+        run = pg.simulate(model, t_end=0.1, step=1e-3, frames=2, estimate=False)
+        forces = [run.contact_force[f"floor[b{k}]"][-1, 3:] for k in range(rows[0])]
+        loads.append([f[2] for f in forces])
+        assert [f[0] for f in forces] == pytest.approx(
+            [-f[0] for f in forces[::-1]], abs=1e-9 * sum(rows) * G
+        )
+        assert "not unique" in " ".join(run.notices) or not friction
+    assert loads[0] == pytest.approx(loads[0][::-1], rel=1e-9)
+    assert loads[1:] == [pytest.approx(loads[0], rel=1e-9)] * 2
+    assert sum(loads[0]) == pytest.approx(sum(rows) * G, rel=1e-9)
+
+
+def test_wheels_that_are_light_carry_their_share():
+    """Wheels of 1 g at the ends and 0.3 kg in the middle: as a beam on equal springs."""
+    car = pg.Body(
+        name="car", joint="free", mass=1.0, inertia=np.diag([0.05, 0.1, 0.1]),
+        q=(0, 0, 0.1, 1, 0, 0, 0),
+    )  # fmt: skip
+    bodies, masses = [car], {-0.2: 1e-3, 0.0: 0.3, 0.2: 1e-3}
+    for x, mass in masses.items():
+        for y in (-0.2, 0.2):
+            inertia = np.diag([0.5, 1, 0.5]) * mass * 0.005
+            bodies.append(
+                pg.Body(
+                    name=f"w{len(bodies)}", parent="car", axes=(0, 1, 0), link=(x, y, 0),
+                    mass=mass, inertia=inertia, shape=ball(0.1),
+                )
+            )  # fmt: skip
+    contacts = [pg.Contact(name=b.name, body=b.name, friction=0.5) for b in bodies[1:]]
+    run = pg.simulate(pg.Model(bodies=bodies, contacts=contacts), t_end=0.1, estimate=False)
+    loads = [run.contact_force[b.name][-1, 5] for b in bodies[1:]]
+    assert loads == pytest.approx([sum(b.mass for b in bodies) * G / 6] * 6, rel=1e-9)
+
+
+def test_boxes_at_rest_without_forces_need_no_impulses():
+    """Their speeds are rounding, against which no law can be met to a tolerance."""
+    rail = {"joint": "prismatic", "axes": [(1, 0, 0)], "derived": ("inertia",)}
+    shape = {"kind": "box", "size": (0.1, 0.1, 0.1)}
+    bodies = [
+        pg.Body(name="a", mass=1.0, v=(2.0,), shape=shape, **rail),
+        pg.Body(name="b", mass=10**-0.5, link=(0.15, 0, 0), shape=shape, **rail),
+        pg.Body(
+            name="wall", joint="weld", link=(0.3, 0, 0), shape={"kind": "box", "size": (0.1, 1, 1)}
+        ),
+    ]
+    heap = pg.Contact(name="heap", body="*", other="*", friction=0.0, restitution=0.0)
+    model = pg.Model(bodies=bodies, contacts=[heap], gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=0.5, step=1e-3, estimate=False)
+    assert run.counters["contact_fallbacks"] == 0
+    assert abs(run.v[-1]).max() < 1e-12

@@ -34,7 +34,7 @@ from ..compiler.lane import (
     triple,
 )
 from ..constraints.blocks import dry, first_of, joint_of, joints_of, one_sided, size_of, type_of
-from ..vec import add_scaled, dot, load, scale, store, sub
+from ..vec import add_scaled, dot, load, mul, scale, store, sub
 from .contacts import contacts_at
 from .sparse import factor, substitute, total
 
@@ -54,7 +54,8 @@ INNER_STEPS = 30  # of one such problem
 HALVINGS = 20  # of one such step, until the slope along it is a tenth
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
 # Where the scratch of an island keeps them: columns of a block.
-SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
+SLOPE, MISS, RATE, MOVE, FROM, STATE, RESTS = 0, 9, 12, 21, 24, 27, 28
+LAWS, BOUNDS, CONES = 0, 1, 2  # what `look` projects onto
 
 
 @part
@@ -170,6 +171,23 @@ def turning(z, least, most, radius):
 
 
 @part
+def into_cone(z, mu):
+    """Project z onto the cone |z_t| <= μ z_n. Returns the same as `admitted`."""
+    pull = math.sqrt(z[1] * z[1] + z[2] * z[2])
+    if pull <= mu * z[0]:
+        return z, diagonal(1.0, 1.0, 1.0)
+    if mu * pull <= -z[0]:
+        return (0.0, 0.0, 0.0), diagonal(0.0, 0.0, 0.0)
+    share = 1.0 / (1.0 + mu * mu)
+    push = share * (z[0] + mu * pull)
+    x, y, a, b = z[1] / pull, z[2] / pull, mu * push / pull, share * mu
+    more = mu * b - a
+    across = more * x * y
+    slope = (share, b * x, b * y, b * x, a + more * x * x, across, b * y, across, a + more * y * y)
+    return (push, mu * push * x, mu * push * y), slope
+
+
+@part
 def diagonal(a, b, c):
     return (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c)
 
@@ -187,11 +205,12 @@ def state_of(slope):
 
 
 @sweep
-def look(scene, n, soft, held):
+def look(scene, n, soft, onto):
     """Write P - λ of island n's blocks into MISS and P' into SLOPE, with `soft` applied to all of
     λ.
 
-    If `held`, the friction bounds are those of λ. Return (norm of the residual [m/s], its largest
+    P projects onto the LAWS, with BOUNDS onto those with the friction bounds of λ, and with CONES
+    onto the cones of the contacts that rest. Return (norm of the residual [m/s], its largest
     entry, the rounding error of that entry, the number of blocks whose state has changed since the
     last evaluation).
     """
@@ -214,8 +233,10 @@ def look(scene, n, soft, held):
         u = add_scaled(u, soft * islands.weight[i], lam)
         z = add_scaled(lam, -k, u)
         bounds = bounds_of(data, i)
-        if held and kind == at.T_CONTACT and size > 1:
+        if onto == BOUNDS and kind == at.T_CONTACT and size > 1:
             p, slope = turning(z, 0.0, math.inf, bounds[0] * max(lam[0], 0.0))
+        elif onto == CONES and kept[i, RESTS] == 1.0:
+            p, slope = into_cone(z, bounds[0])
         else:
             p, slope = admitted(kind, size, z, bounds)
         miss = sub(p, lam)
@@ -231,17 +252,19 @@ def look(scene, n, soft, held):
 
 
 @part
-def resisted(slope, ks, x):
-    """Compute (1 - (1 - k s) P')⁻¹ x."""
-    c = 1.0 - ks
-    first = x[0] / (1.0 - slope[0] + ks * slope[0])
-    u = x[1] + c * slope[3] * first
-    v = x[2] + c * slope[6] * first
-    a = 1.0 - slope[4] + ks * slope[4]
-    b = -c * slope[5]
-    d = 1.0 - slope[8] + ks * slope[8]
-    inverse = 1.0 / (a * d - b * b)
-    return (first, inverse * (d * u - b * v), inverse * (a * v - b * u))
+def resistance(slope, ks):
+    """Compute (1 - (1 - k s) P')⁻¹, row by row."""
+    c = ks - 1.0
+    a, b, d = 1.0 - slope[0] + ks * slope[0], c * slope[1], c * slope[2]
+    e, f, g = c * slope[3], 1.0 - slope[4] + ks * slope[4], c * slope[5]
+    p, q, r = c * slope[6], c * slope[7], 1.0 - slope[8] + ks * slope[8]
+    x, y, z = f * r - g * q, g * p - e * r, e * q - f * p
+    inverse = 1.0 / (a * x + b * y + d * z)
+    return (
+        inverse * x, inverse * (d * q - b * r), inverse * (b * g - d * f),
+        inverse * y, inverse * (a * r - d * p), inverse * (d * e - a * g),
+        inverse * z, inverse * (b * p - a * q), inverse * (a * f - b * e),
+    )  # fmt: skip
 
 
 @sweep
@@ -262,13 +285,14 @@ def prepare(scene, n, soft, refactor):
         first, second, third = load(kept, i, 0), load(kept, i, 3), load(kept, i, 6)
         slope = (*first, *second, *third)
         symmetric = symmetric and not on_rim(slope)
-        move = resisted(slope, ks, load(kept, i, MISS))
+        inverse = resistance(slope, ks)
+        move = mul(inverse, load(kept, i, MISS))
         store(kept, i, MOVE, move)
         pull(islands, j, move, islands.change)
         if refactor:
-            store(kept, i, RATE, scale(k, resisted(slope, ks, (slope[0], slope[3], slope[6]))))
-            store(kept, i, RATE + 3, scale(k, resisted(slope, ks, (0.0, slope[4], slope[7]))))
-            store(kept, i, RATE + 6, scale(k, resisted(slope, ks, (0.0, slope[5], slope[8]))))
+            store(kept, i, RATE, scale(k, mul(inverse, (slope[0], slope[3], slope[6]))))
+            store(kept, i, RATE + 3, scale(k, mul(inverse, (slope[1], slope[4], slope[7]))))
+            store(kept, i, RATE + 6, scale(k, mul(inverse, (slope[2], slope[5], slope[8]))))
     if not refactor:
         return symmetric
     for e in range(start[rows]):
@@ -401,7 +425,7 @@ def stays(scene, n, size):
         if touches and data.blocks.blocks_f[i, at.SETTLED] == 0.0:
             return math.inf
     respond(scene, n)
-    _, left, noise, _ = look(scene, n, 0.0, False)
+    _, left, noise, _ = look(scene, n, 0.0, LAWS)
     return left / size if left <= ROUNDING * size + noise else math.inf
 
 
@@ -454,7 +478,7 @@ def converge(scene, n, size, careful):
     number of steps, True if no contact state has changed).
     """
     respond(scene, n)
-    first, left, noise, _ = look(scene, n, 0.0, False)
+    first, left, noise, _ = look(scene, n, 0.0, LAWS)
     best = left
     copy_impulses(scene, n, LAMBDA, BEST)
     care, stuck = careful, 0
@@ -469,7 +493,7 @@ def converge(scene, n, size, careful):
         if not direction(scene, n, soft, True, False):
             break
         go(scene, n, 1.0)
-        norm, now, noise, changed = look(scene, n, 0.0, False)
+        norm, now, noise, changed = look(scene, n, 0.0, LAWS)
         same = same and changed == 0
         stuck = 0 if now < 0.5 * best else stuck + 1
         if now < best:
@@ -481,7 +505,7 @@ def converge(scene, n, size, careful):
         else:
             care *= TENFOLD
             go(scene, n, 0.0)
-            look(scene, n, 0.0, False)
+            look(scene, n, 0.0, LAWS)
     copy_impulses(scene, n, BEST, LAMBDA)
     respond(scene, n)
     return best / size, taken, same
@@ -542,7 +566,7 @@ def solve_held(scene, n, size):
     rows = fours_of(islands)
     clear(islands.path, rows)
     respond(scene, n)
-    look(scene, n, 0.0, True)
+    look(scene, n, 0.0, BOUNDS)
     taken, solved = 0, False
     while taken < INNER_STEPS:
         taken += 1
@@ -557,7 +581,7 @@ def solve_held(scene, n, size):
                 store_four(islands.path, p, 0, load_four(islands.path, p, 0) + more)
                 store_four(islands.speeds, p, 0, load_four(islands.speeds, p, 0) + more)
             moved = part_of_it
-            look(scene, n, 0.0, True)
+            look(scene, n, 0.0, BOUNDS)
             rise, _ = along(scene, n)
             if abs(rise) <= enough or (rise < 0.0 and part_of_it == 1.0):
                 break
@@ -596,15 +620,22 @@ def along(scene, n):
 def least_norm(scene, n, size):
     """Continue to the minimum-norm λ with the same effect.
 
-    Returns (residual over `size`, its rounding over `size`).
+    Where a contact rests, all impulses within its cone are admitted, so that the problem is convex
+    and has one solution. Returns (residual over `size`, its rounding over `size`).
     """
     share_evenly(scene, n)
-    look(scene, n, SHARED, False)
-    start_from_here(scene, n)
-    if not direction(scene, n, SHARED, True, False):
-        return math.inf, 0.0
-    go(scene, n, 1.0)
-    _, left, noise, _ = look(scene, n, 0.0, False)
+    note_resting(scene, n, size)
+    _, left, noise, _ = look(scene, n, SHARED, CONES)
+    for _ in range(MOST_STEPS):
+        before = left
+        start_from_here(scene, n)
+        if not direction(scene, n, SHARED, True, False):
+            return math.inf, 0.0
+        go(scene, n, 1.0)
+        _, left, noise, changed = look(scene, n, SHARED, CONES)
+        if left <= max(ROUNDING * size, noise) or (changed == 0 and not left < before):
+            break
+    _, left, noise, _ = look(scene, n, 0.0, CONES)
     for _ in range(CORRECTIONS):
         if left <= max(ROUNDING * size, noise):
             break
@@ -612,12 +643,27 @@ def least_norm(scene, n, size):
         start_from_here(scene, n)
         direction(scene, n, SHARED, False, False)
         go(scene, n, 1.0)
-        _, left, noise, _ = look(scene, n, 0.0, False)
+        _, left, noise, _ = look(scene, n, 0.0, CONES)
         if not left < before:
             go(scene, n, 0.0)
-            left = before
             break
+    _, left, noise, _ = look(scene, n, 0.0, LAWS)
     return left / size, noise / size
+
+
+@sweep
+def note_resting(scene, n, size):
+    """Store for each contact of island n whether it does not slide."""
+    data = opened(scene)
+    blocks_i, slots, targets = data.blocks.blocks_i, data.space.slots, data.space.vectors[TARGET]
+    islands = contacts_at(data.links.contacts).islands
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        target = rows_of(targets, first_of(slots, i), size_of(blocks_i, i))
+        u = add_scaled(target, 1.0, felt(islands, j, islands.speeds))
+        rests = max(abs(u[1]), abs(u[2])) <= TOLERANCE * size
+        rests = rests and type_of(blocks_i, i) == at.T_CONTACT
+        islands.slope[i, RESTS] = 1.0 if rests else 0.0
 
 
 @sweep
@@ -643,14 +689,19 @@ def rescale(scene, n, factor):
 
 @sweep
 def share_evenly(scene, n):
-    """Give all contact points of island n the same compliance, their mean."""
+    """Give all contact points of island n the same compliance, their mean.
+
+    The sum of the diagonal of a block does not depend on the axes of its rows.
+    """
     data = opened(scene)
+    own = data.space.own
     islands = contacts_at(data.links.contacts).islands
     total, count = 0.0, 0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
+        islands.weight[i] = own[i, 0] + own[i, 4] + own[i, 8]
         if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
-            total += islands.mobility[i]
+            total += islands.weight[i]
             count += 1
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
