@@ -66,9 +66,9 @@ TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies th
 
 
 @sweep
-def solve_impulses(scene):
-    """Compute λ of all active rows from b in RHS. The result is written to LAMBDA, whose previous
-    value is the initial guess.
+def solve_impulses(scene, h):
+    """Compute λ of all active rows from b in RHS, in a step of h. The result is written to LAMBDA,
+    whose previous value is the initial guess.
 
     Their effect on the joints is written to STEP. REPORT receives the numbers of sweeps and of
     Newton steps, the largest velocity residual of a law, relative to its island and in m/s, the
@@ -89,8 +89,9 @@ def solve_impulses(scene):
                 vectors[LAMBDA, first_of(space.slots, i) + c] = 0.0
     count = find_islands(scene)
     largest = 0.0
-    fine = contacts_at(data.links.contacts).tally[0].fine
-    if contacts_at(data.links.contacts).tally[0].share == 0.0:
+    tally = contacts_at(data.links.contacts).tally[0]
+    fine, still = tally.fine, EPS * tally.length / h
+    if tally.share == 0.0:
         for n in range(count):
             largest = max(largest, largest_velocity(scene, n))
     for n in range(count):
@@ -99,14 +100,14 @@ def solve_impulses(scene):
             drop(scene, n)
             note_missed(scene, n)
             continue
-        solve_island(scene, n)
+        solve_island(scene, n, still)
         gain, size = gained(scene, n)
         if gain > NOTABLE * size and bounces(scene, n):
             report[CALMED] += 1.0
             for j in range(islands.first[n], islands.first[n + 1]):
                 blocks.blocks_f[islands.blocks[j], at.BOUNCE] = 0.0
             aim(scene, n)
-            solve_island(scene, n)
+            solve_island(scene, n, still)
             gain, size = gained(scene, n)
         report[GAINED] += gain
         note_missed(scene, n)
@@ -194,11 +195,14 @@ def note_missed(scene, n):
 
 
 @sweep
-def solve_island(scene, n):
-    """Solve for λ of one island, and write the resulting speeds w into STEP."""
+def solve_island(scene, n, still):
+    """Solve for λ of one island, and write the resulting speeds w into STEP.
+
+    A velocity of at most `still` moves nothing by more than the rounding of its position in a step.
+    """
     report = opened(scene).space.vectors[REPORT]
     size = largest_velocity(scene, n)
-    if size == 0.0:
+    if size <= still:
         drop(scene, n)
         return
     contacts = contacts_at(opened(scene).links.contacts)

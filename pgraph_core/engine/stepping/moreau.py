@@ -433,7 +433,7 @@ def solve_part(scene, own, q, v, vdot, ledger):
         unspread(rows, const, work, space.vectors[SPEEDS])
         unit_responses(rows, const, blocks, work, space)
         warm_start(scene, first, m)
-        solve_impulses(scene)
+        solve_impulses(scene, h)
         taken += int(report[SWEEPS_DONE] + report[STEPS_DONE])
         if w == 0.0 or not add_passed(scene, first, w, q, v, vdot):
             break
