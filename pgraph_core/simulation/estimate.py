@@ -203,16 +203,24 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     steps, given = int(record.steps.counters["steps"]), plan.tolerance
     finer = finer_plan(plan, steps, record.steps.divided > 0)
     ahead = plan.onward() if record.met else plan
-    if ahead.tolerance is None and (ahead.impulses or may_jump(record, ahead)):
-        finer = offset_plan(finer, ahead, 2)
-    first = _again(record, finer)
-    if given is None or given.fixed:
+    halved = ahead.tolerance is None and (ahead.impulses or may_jump(record, ahead))
+    plans = (offset_plan(finer, ahead, 2**k) for k in range(1, 5)) if halved else (finer,)
+    first: Recording | str = ""
+    half = finer
+    for half in plans:  # the run may have divided its own steps, as where bodies that touch turn
+        first = _again(record, half)
+        if isinstance(first, str) or _more(record, first, "evaluations"):
+            break
+    finished = not isinstance(first, str) and _more(record, first, "steps")
+    if given is None or given.fixed or finished:
         return first
-    if not isinstance(first, str) and first.steps.counters["steps"] >= MORE * steps:
-        return first
-    tight = plan if isinstance(first, str) else finer
+    tight = plan if isinstance(first, str) else half
     second = _again(record, no_wider(tight, 0.5 * float(np.ptp(plan.times)) / steps))
     return first if isinstance(second, str) else second
+
+
+def _more(record: Recording, finer: Recording, what: str) -> bool:
+    return bool(finer.steps.counters[what] >= MORE * record.steps.counters[what])
 
 
 def _again(record: Recording, plan: RunPlan, carries: bool = True) -> Recording | str:

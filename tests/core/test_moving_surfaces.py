@@ -306,3 +306,22 @@ def test_a_file_keeps_a_moving_surface_and_says_which_version_it_needs():
     assert '"schema_version": 7' in text
     assert pg.Model.from_json(text) == model
     assert '"schema_version": 1' in pg.Model(bodies=[belt(inertia=(1, 1, 1))]).to_json()
+
+
+@pytest.mark.parametrize("turn", [0.006, 0.01, 0.015, 0.03])
+def test_the_estimate_covers_the_creep_of_a_box_on_a_turntable(turn):
+    """Of first order, where the paths of shapes that touch curve within a step and divide it."""
+    radius, size = 0.2, 0.004
+    speed = 0.5 * math.sqrt(G / radius)
+    table = {"kind": "cylinder", "radius": 0.4, "length": 0.02, "position": (0, 0, -0.01)}
+    model = world(
+        pg.Body(name="belt", joint="weld", shape={**table, "surface_spin": (0, 0, speed)}),
+        box(
+            size=(size, size, 0.2 * size), place=(0, 0, 0),
+            q=(radius, 0, 0.1 * size, 1, 0, 0, 0), v=(0, 0, speed, 0, speed * radius, 0),
+        ),
+        friction=1.0,
+    )  # fmt: skip
+    run = pg.simulate(model, t_end=1.0 / speed, step=turn / speed, frames=3)
+    error = abs(math.hypot(*run["b"][-1, :2]) - radius)
+    assert error < 3.0 * run.error_estimate
