@@ -172,3 +172,20 @@ def test_a_ball_lies_in_the_corner_of_a_mesh_by_its_parts(tmp_path):
     model = pg.Model(up="y", bodies=[ball, corner], contacts=[contact])
     result = pg.simulate(model, t_end=0.5, method="moreau_jean", step=1e-3)
     assert result.q[-1, :2] == pytest.approx((0.5, 0.3), abs=0.01)
+
+
+@pytest.mark.parametrize("nodes", [3, 9])
+def test_the_bottom_of_a_box_on_a_flat_heightfield_touches_at_its_corners(nodes):
+    """No contact point is beside the box, wherever it is among the triangles."""
+    rng = np.random.default_rng(nodes)
+    field, block = (
+        solids.heightfield((4.0, 4.0, 0.5), np.zeros((nodes, nodes))),
+        solids.box((0.2,) * 3),
+    )
+    corners = np.array([(x, y, 0.0) for x in (-0.1, 0.1) for y in (-0.1, 0.1)])
+    for x, y in rng.uniform(-0.6, 0.6, (300, 2)).tolist():
+        found = Scene([block, field], [pose((x, y, 0.1)), pose()]).pair(margin=1e-6)
+        places = found.a - (x, y, 0.0)
+        assert abs(places).max() < 0.1 + 1e-9
+        assert np.linalg.norm(places[:, None] - corners, axis=2).min(axis=0).max() < 1e-9
+        assert found.normal == pytest.approx(np.tile((0.0, 0.0, 1.0), (len(places), 1)), abs=1e-12)

@@ -14,7 +14,7 @@ from ..vec import dot, matrix, mul_t, scale, set_xyz, sub, xyz
 from .convex import node, solid_solid, triangle_nodes
 from .curved import curved_pair
 from .manifold import MOST, thin
-from .placing import label, vertex
+from .placing import DEPTH, label, vertex
 from .seams import has, hidden_side, open_face, to_local
 from .segments import ball_ball, ball_box, ball_segment, segment_segment
 
@@ -180,7 +180,8 @@ def without_covered(geometry, poses, i, j, triangle, out, start, n):
     kept = start
     for c in range(start, n):
         p = mul_t(r, sub(xyz(out[c].point_b), origin))
-        beside = not has(geometry, i, to_local(poses, i, xyz(out[c].point_a)), size)
+        beside = out[c].gap <= DEPTH * size
+        beside = beside and not has(geometry, i, to_local(poses, i, xyz(out[c].point_a)), size)
         if not (beside or is_covered(geometry, j, triangle, p, mul_t(r, xyz(out[c].normal)))):
             if kept < c:
                 out[kept] = out[c]
