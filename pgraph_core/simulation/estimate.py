@@ -249,5 +249,5 @@ def _until_its_end(record: Recording) -> RunPlan:
     if plan.tolerance is not None or n < 2:
         return replace(plan, times=times, changes=changes)
     spans, substeps = np.diff(times), plan.substeps[: n - 1].copy()
-    substeps[-1] = np.ceil(spans[-1] / plan.width[n - 2] - SOLVED)
+    substeps[-1] = max(np.ceil(spans[-1] / plan.width[n - 2] - SOLVED), 1)
     return replace(plan, times=times, changes=changes, substeps=substeps, width=spans / substeps)

@@ -502,6 +502,18 @@ def test_a_run_that_an_event_ends_has_an_error_at_each_frame():
         assert true / 5 < run.error_estimate < 10 * true
 
 
+def test_a_run_that_an_event_ends_in_an_instant_has_an_estimate():
+    def moves(t, q, v):
+        return v[0] + 1e-12
+
+    vars(moves)["terminal"] = True
+    body = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), limits=((-1.0, None),))
+    options: dict[str, Any] = {"method": "moreau_jean", "step": 0.005, "events": moves}
+    run = pg.simulate(pg.Model(bodies=(body,)), t_end=1.0, **options)
+    assert 0.0 < run.t[-1] < 1e-12
+    assert run.error_estimate < 1e-12
+
+
 def test_finished_runs_keep_no_memory():
     """Neither the mechanism nor a module keeps what the finer run recorded."""
     mech = model("double_pendulum")
