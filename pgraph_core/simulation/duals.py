@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,15 @@ from .variables import Slope
 
 MOST_ROWS = 3000  # limit for derivatives, whose laws form one dense system
 ROUNDS = 50  # projections of the initial state, as in `assembled`
+
+
+class Part(NamedTuple):
+    """A sub-step of time stepping."""
+
+    width: float  # [s]
+    start: Array  # q and v
+    times: Array  # derivatives (MOST - 1,) of the time of its end, if it stays of no width
+    rates: Array  # of the state at its end
 
 
 class RunOfDuals:
@@ -99,6 +108,16 @@ class RunOfDuals:
     def derivatives(self, n: int | None) -> Array:
         """(MOST, n) of the first n entries of the state, or of all."""
         return self._run.stages[at.Y, :n, 1:].T.copy()
+
+    @property
+    def last_part(self) -> Part:
+        """The last sub-step of a step of time stepping that ended at an event."""
+        from ..engine.stepping.moreau_duals import START, TAKEN
+
+        stages = self._run.stages
+        start, width, moved = stages[START], stages[at.END, TAKEN], stages[at.FROM, 0]
+        times = -width[1:-1] / (moved - width)[1:-1]  # at which its width stays zero
+        return Part(width[0], start[:-2, 0].copy(), times, start[:, 1].copy())
 
     @property
     def code(self) -> Array:

@@ -43,7 +43,10 @@ ENDS = {
     5: "contacts slide in different directions, and how they share their load is not determined",
     6: "a parameter changes the gap of bodies or of a limit that carry load from the start; begin "
     "with a gap, or leave the parameter out",
+    7: "several impacts coincide, and their impulses depend on earlier ones; leave events out",
 }
+
+NO_CROSSING = "what ends the step jumps there without an impact, or touches its threshold"
 
 
 class Lateness(NamedTuple):
@@ -51,6 +54,7 @@ class Lateness(NamedTuple):
 
     times: Array
     rates: Array
+    hits: bool = False  # the time is that of an impact
 
 
 class Jump(NamedTuple):
@@ -260,17 +264,37 @@ class Carried:
         if when.constraint is not None:  # follows a switch, at once or after a given time
             known = self._late.get(condition.given.place)
             return Lateness(np.zeros(len(self.slopes)) if known is None else known, before)
-        return self._lateness(record, t, condition, before)
+        # impulses of the step are in the rates after the switch, too
+        return self._lateness(record, t, condition, before)._replace(rates=before)
 
     def _lateness(self, record: Recording, t: float, monitor: Any, before: Array) -> Lateness:
-        nq, nv = len(record.q), len(record.v)
-        given = monitor, t, np.concatenate((record.q, record.v)), nq
-        rate = slope_along(*given, before[: nq + nv], 1.0)
-        ways = [run.derivatives(nq + nv) for run in self._runs]
+        """Differentiate the time t at which a monitor crosses zero, or jumps in an impact."""
+        if record.steps.carried is not self:  # derivatives have ended
+            return Lateness(np.full(len(self.slopes), np.nan), before)
+        nq, n, old = len(record.q), len(record.q) + len(record.v), record.steps.stages[at.Y_OLD]
+        y, since = record.steps.stages[at.Y, :n], float(record.steps.control["old_time"])
+
+        def value(t: float, y: Array) -> float:
+            return monitor(t, y[:nq].copy(), y[nq:n].copy())
+
+        here, begin, width = value(t, y), value(since, old), t - since
+        if record.plan.method.name == "moreau_jean":
+            parts = [run.last_part for run in self._runs]
+            before = parts[0].rates
+            if parts[0].width < record.steps.control["old_width"]:
+                there = value(t - parts[0].width, parts[0].start)
+                if there == 0.0 or here * there > 0.0:
+                    times = np.concatenate([part.times for part in parts])
+                    return Lateness(times[: len(self.slopes)], before, True)
+        given = monitor, t, y, nq
+        rate = slope_along(*given, before[:n], 1.0)
+        size = max(abs(begin), abs(rate * width))
+        if abs(here) > NOTABLE * size or abs(rate * width) <= NOTABLE * size:
+            self._ended.append(f"at t = {t:.6g} s derivatives end: {NO_CROSSING}")
+            rate = np.nan
+        ways = [run.derivatives(n) for run in self._runs]
         found = [slope_along(*given, d, 0.0) for run in ways for d in run[: self._most]]
-        found = found[: len(self.slopes)]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return Lateness(-np.array(found) / rate, before)
+        return Lateness(-np.array(found[: len(self.slopes)]) / rate, before)
 
     def end_at(self, record: Recording, monitor: Any) -> None:
         """Differentiate the time of a terminal event, with which the last frame moves."""
@@ -339,6 +363,8 @@ class Carried:
         """
         t = t[rows]
         known = self._settled(finer, t)
+        if self._end is not None and self._end[1].hits:  # the finer run may end before the impact
+            known = known[known < len(t) - 1]
         t, rows, others = t[known], rows[known], others[known]
         if not len(t):
             return []

@@ -365,6 +365,112 @@ def test_events_of_a_fall_have_the_derivatives_of_the_closed_form(options, count
     assert run.sensitivity("v.b")[-1, 1] == pytest.approx(0.0, abs=1e-6)
 
 
+GROUND = pg.Contact(name="c", body="b", points=((0, 0, 0),), restitution=0.5, friction=0.0)
+BOUNCING = {
+    "limit": pg.Model(bodies=(FALLING.model_copy(update={"limit_restitution": (0.5,)}),)),
+    "ground": pg.Model(bodies=(FALLING.model_copy(update={"limits": None}),), contacts=(GROUND,)),
+}
+
+
+def ended_by(model, event, wrt=(), **options):
+    """The run that an event ends."""
+    event.terminal = True
+    run = pg.simulate(model, t_end=1.0, events=[event], wrt=wrt, estimate=False, **options)
+    assert run.status == pg.Status.STOPPED
+    return run
+
+
+def last_slopes(*given, **options):
+    """{path: derivatives of (q, v, t) of the last frame}."""
+    run = ended_by(*given, **options)
+    ends = run.gradient(lambda r: r.t[-1])
+    return {path: np.append(run.sensitivity(path)[-1], end) for path, end in ends.items()}
+
+
+@pytest.mark.parametrize("kind", BOUNCING)
+@pytest.mark.parametrize("options", [{}, {"method": "moreau_jean", "step": 2e-3}])
+@pytest.mark.parametrize("after", [0.6e-3, 3e-3, 2e-2])
+def test_an_event_in_the_step_of_an_impact_or_later(kind, options, after):
+    """After a fall from h, e v rises at a speed w to a level at the time (v + e v - w) / g."""
+    h, g, e = 0.5, 9.81, 0.5
+    v = np.sqrt(2.0 * g * h)
+    level = e * v * after - 0.5 * g * after**2
+    found = last_slopes(BOUNCING[kind], rising_to(level), ["q.b", "v.b"], **options)
+    w, by_h = np.sqrt(e * e * v * v - 2.0 * g * level), e * e * g
+    wanted = np.array((0.0, by_h / w, ((1.0 + e) * g / v - by_h / w) / g))
+    np.testing.assert_allclose(found["q.b"], wanted, atol=1e-6)
+    np.testing.assert_allclose(found["v.b"], (0.0, 0.0, 1.0 / g), atol=1e-6)
+
+
+def rising_to(level):
+    def up(t, q, v):
+        return q[0] - level
+
+    vars(up)["direction"] = 1
+    return up
+
+
+@pytest.mark.parametrize("kind", BOUNCING)
+@pytest.mark.parametrize("options", [{}, {"method": "moreau_jean", "step": 1e-3}])
+@pytest.mark.parametrize("level", [-1.0, 0.5, 1.0])
+def test_an_event_on_a_velocity_that_an_impact_reverses_has_the_time_of_the_impact(
+    kind, options, level
+):
+    def turned(t, q, v):
+        return v[0] - level
+
+    turned.direction = 1
+    found = last_slopes(BOUNCING[kind], turned, ["q.b", "v.b"], **options)
+    speed = np.sqrt(2.0 * 9.81 * 0.5)  # (h, v): position 0, speed e (v^2 + 2 g h)^(1/2) after it
+    np.testing.assert_allclose(found["q.b"], (0.0, 0.5 * 9.81 / speed, 1.0 / speed), atol=1e-6)
+    np.testing.assert_allclose(found["v.b"], (0.0, 0.0, 1.0 / 9.81), atol=1e-6)
+
+
+def test_the_last_frame_has_the_rates_of_the_steps():
+    """A wide step is another motion than the exact one, of which runs have the differences."""
+
+    def fast(t, q, v):
+        return v[0] + 0.9
+
+    fast.direction = 1
+
+    def make(top=1.2, mass=1.0):
+        arm = pg.Body(name="arm", axes=(0, 1, 0), com=(1, 0, 0), inertia=(0.01,) * 3, mass=mass,
+                      q=[0.3], v=[1.5], limits=[(-1.0, top)], limit_restitution=(0.6,))  # fmt: skip
+        push = pg.Torsion(name="s", body="arm", stiffness=3.0)
+        return pg.Model(bodies=[arm], forces=[push])
+
+    def end(**numbers):
+        run = ended_by(make(**numbers), fast, method="moreau_jean", step=2e-2)
+        return np.concatenate((run.q[-1], run.v[-1], run.t[-1:]))
+
+    paths = {"bodies.arm.limits.0.1": ("top", 1.2), "bodies.arm.mass": ("mass", 1.0)}
+    found = last_slopes(make(), fast, list(paths), method="moreau_jean", step=2e-2)
+    for path, (name, at) in paths.items():
+        slope = (end(**{name: at + 1e-5}) - end(**{name: at - 1e-5})) / 2e-5
+        np.testing.assert_allclose(found[path], slope, atol=1e-4 * np.abs(slope).max())
+
+
+STEPPED = {"method": "moreau_jean", "step": 1e-2}
+
+
+@pytest.mark.parametrize("options", [STEPPED, {"method": "rk4", "step": 1e-2}, {}])
+def test_an_event_that_touches_zero_or_jumps_ends_derivatives(options):
+    thrown = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), v=(1.0,), limits=((-9.0, None),))
+    model = pg.Model(bodies=(thrown,), gravity=(0, 0, -10))
+
+    def highest(t, q, v):
+        return q[0] - 0.05
+
+    def sign(t, q, v):
+        return 1.0 if q[0] > 0.03 else -1.0
+
+    for event in (highest, sign) if options is STEPPED else (sign,):
+        run = ended_by(model, event, ["v.b"], **options)
+        assert np.isnan(run.sensitivity("v.b")[-1]).all()
+        assert any("derivatives end" in text for text in run.notices)
+
+
 def test_an_event_after_the_end_of_derivatives_is_not_evaluated_at_nan():
     contact = pg.Contact(name="c", body="b", points=((0, 0, 0),), restitution=0.5, friction=0.0)
     model = pg.Model(bodies=(FALLING.model_copy(update={"limits": None}),), contacts=(contact,))

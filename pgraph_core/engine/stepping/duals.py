@@ -7,9 +7,9 @@ after each step.
 
 import math
 
-from ...tolerances import ROUNDING
+from ...tolerances import NOTABLE, ROUNDING
 from .. import layout as at
-from ..arrays import CHANGE, DINV, FACTORED, LAMBDA, OUT, RHS, STEP, ZERO, opened_run
+from ..arrays import CHANGE, DINV, FACTORED, LAMBDA, OUT, RHS, STEP, ZERO, carried_at, opened_run
 from ..compiler.address import caller
 from ..compiler.dual import WIDTH, duals, parted, revalued
 from ..compiler.jit import kernel, part, sweep
@@ -41,6 +41,9 @@ STEP_OF_DUALS = void(of_duals, i8)  # run of duals, run of numbers
 NOTE = void(of_duals, i8, i8, F3)  # the same, frame, its derivatives
 call_step_of_duals = caller(STEP_OF_DUALS)
 call_note = caller(NOTE)
+
+ANOTHER = 7.0  # why derivatives end
+MOVING = 2  # value of `repeated` while a step is taken with derivatives by its width
 
 
 @kernel(i8(of_duals, f8, D1, D1, D1, D1, D1), nogil=True, later=True)
@@ -324,6 +327,18 @@ def note_duals(run, numbers, i, out):
         wanted[i, n] = stages[row, n]
 
 
+@sweep
+def is_another(run):
+    """Check whether the step just repeated ends elsewhere, as contacts keep their last forces."""
+    stages = opened_run(run).stages
+    nq, nv = size_of_state(run)
+    size, apart = 0.0, 0.0
+    for i in range(nq + nv):
+        size = max(size, abs(stages[at.Y, i]))
+        apart = max(apart, abs(stages[at.TRIAL, i] - stages[at.Y, i]))
+    return apart > NOTABLE * size
+
+
 @kernel(i8(i8, i8, I1, i8, i8, F4, f8, i8), nogil=True, later=True)
 def advance_with_duals(run, advance, others, step, note, out, until, budget):
     """`advance_run` with the runs of duals at the addresses `others`. Returns its status code.
@@ -339,7 +354,15 @@ def advance_with_duals(run, advance, others, step, note, out, until, budget):
         code = call_advance(advance, (run, 1))
         if counters.steps > steps and control.fired != NEAR:  # which takes the step back
             if control.repeated == 1 and control.carried != 0:  # duals are at the end of a trial
-                step_again(run, width_of_step(run))
+                if control.fired == REACHED:
+                    control.repeated = MOVING
+                    step_again(run, control.old_width)
+                step_again(run, control.old_width)
+                if is_another(run):
+                    ended = carried_at(control.carried).ended
+                    if ended[1] == 0.0:
+                        ended[0], ended[1] = control.old_time, ANOTHER
+                    step_again(run, control.old_width)
             for k in range(others.shape[0]):
                 call_step_of_duals(step, (others[k], run))
         if control.frame > frame:

@@ -540,6 +540,8 @@ def look_back(run):
         if counts:
             copied(stages, at.TRIAL, at.Y, stages.shape[1])
             control.time = control.old_time + low
+            if parts == 1 and control.carried != 0:  # duals repeat it, without rounding of time
+                control.old_width = low
             control.fresh = 0
             control.fired = REACHED
             return

@@ -4,6 +4,9 @@ An impact ends a sub-step at a time that depends on all parameters. The last der
 therefore with respect to the width of the sub-step. Since the gap is zero at the impact, the
 derivatives of the sub-step width follow from the derivatives of the gap. They determine the jump of
 the state derivatives, which is also known as saltation ([Müller 1995]).
+
+A step that ends at an event is repeated twice, the first time with an end that moves. The
+difference of the derivatives is the rate of the state at the end.
 """
 
 import math
@@ -51,7 +54,7 @@ from ..motion import call_acceleration, opened
 from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
 from ..vec import xyz
-from .duals import D1, STEP_OF_DUALS, end_step, take_values
+from .duals import D1, MOVING, STEP_OF_DUALS, end_step, take_values
 from .moreau import REPEAT, book_drives, end_acceleration, relax, set_velocities, stiffen
 from .state import copied, size_of_state
 from .unilateral import push_out, span_reaches
@@ -94,11 +97,14 @@ def repeat_part(carried, numbers, done, h, w, first):
 def part_of_duals(run, numbers, carried, done, h, w, first):
     """Repeat a sub-step from the state CANDIDATE, or begin a step (`first` = 0).
 
-    A step may be taken again, since the location of an event takes shorter ones in between.
+    A step may be taken again, since the location of an event takes shorter ones in between. The end
+    of the time before is kept in Y_OLD, and the width of its last sub-step in FROM.
     """
     data = opened_run(run)
     scene, stages = data.scene, data.stages
     if first == 0:
+        copied(stages, at.CANDIDATE, at.Y_OLD, stages.shape[1])
+        stages[at.FROM, 0] = stages[at.END, TAKEN]
         copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
         stages[at.END, BEGUN] = 0.0
         parted(stages[at.END])[LEFT, 0] = 0.0
@@ -108,12 +114,13 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
         locate_impact(run, numbers, carried, (done, h), first)
     elif parted(stages[at.END])[LEFT, 0] > 0.0:
         locate_end(run, numbers, (done, h))
-    begin_part(run, done, h, w)
+    moves = end_moves(numbers)
+    begin_part(run, done, h, w, moves)
     if w > 0.0 and done == 0.0 and opened_run(numbers).counters[0].steps == 0:
         end_where_parted(run, numbers, carried, first)
     copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
     t, width = opened_run(numbers).control[0].time + done, stages[at.END, TAKEN]
-    move_freely(run, t, h, w)
+    move_freely(run, t, h, w, w < h or moves > 0.0)
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     vdot, before = stages[at.SLOPE, nq : nq + nv], stages[at.TRIAL, nq : nq + nv]
@@ -129,7 +136,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
     if own.blocks.active[0] > 0:
         m = number_rows(own.blocks, space.slots)
         set_velocities(scene, t, t + w, width, v, vdot)
-        if w < h and first > 1:
+        if (w < h or moves > 0.0) and first > 1:
             follow_width(run, t + w, h, m)
         unit_responses(own.rows, own.const, own.blocks, own.work, space)
         given = carried_at(carried)
@@ -155,9 +162,17 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
     cease(carried, stages[at.CANDIDATE])
 
 
+@part
+def end_moves(numbers):
+    """Return 1 if all derivatives of the width of the step are 1, else 0."""
+    return 1.0 if opened_run(numbers).control[0].repeated == MOVING else 0.0
+
+
 @sweep
-def begin_part(run, done, h, w):
-    """Set the derivatives of the width of a sub-step. The last one ends with the step."""
+def begin_part(run, done, h, w, moves):
+    """Set the derivatives of the width of a sub-step. The last one ends with the step, the width of
+    which has the derivatives `moves`.
+    """
     stages = opened_run(run).stages
     begun, taken = parted(stages[at.END])[BEGUN], parted(stages[at.END])[TAKEN]
     if w > 0.0:
@@ -166,22 +181,21 @@ def begin_part(run, done, h, w):
             state[i, BY_WIDTH] = 0.0
         begun[BY_WIDTH] = 0.0
     last = w > 0.0 and w == h - done
-    for k in range(1, WIDTH):
-        taken[k] = -begun[k] if last else 0.0
+    for k in range(1, BY_WIDTH):
+        taken[k] = moves - begun[k] if last else 0.0
     taken[0] = w
+    taken[BY_WIDTH] = 1.0 if w > 0.0 and not last else 0.0
     if w > 0.0:
         left = parted(stages[at.END])[LEFT]
         left[0] = 0.0 if last else h - done
-        for k in range(1, WIDTH):
-            left[k] = -begun[k]
+        for k in range(1, BY_WIDTH):
+            left[k] = moves - begun[k]
         copied(stages, at.CANDIDATE, START, stages.shape[1])
-    if w > 0.0 and not last:
-        taken[BY_WIDTH] = 1.0
 
 
 @sweep
-def move_freely(run, t, h, w):
-    """Move to the middle of a sub-step, and compute v' and the power."""
+def move_freely(run, t, h, w, moves):
+    """Move to the middle of a sub-step, whose time may move, and compute v' and the power."""
     data = opened_run(run)
     scene, stages, flow = data.scene, data.stages, data.flow
     nq, nv = size_of_state(run)
@@ -191,10 +205,10 @@ def move_freely(run, t, h, w):
     count = active[0]
     active[0] = 0
     advance(own.rows, q, v, 0.5 * width)
-    if 0.0 < w < h:
+    if moves and w > 0.0:
         differ_in_time(run, t + 0.5 * w, SHIFT * h)
     accelerate(run, t + 0.5 * w)
-    if 0.0 < w < h:
+    if moves and w > 0.0:
         late = revalued(stages[at.END, BEGUN] + 0.5 * width, 0.0)
         for j in range(nv):
             vdot[j] += stages[at.FROM, nq + j] * late
@@ -509,8 +523,13 @@ def follow_path(run, numbers, place):
     copied(stages, START, at.TRIAL, stages.shape[1])
     stages[at.END, KEPT] = stages[at.END, BEGUN]
     stages[at.END, BEGUN] = -stages[at.END, LEFT]
+    moves, begun = end_moves(numbers), parted(stages[at.END])[BEGUN]
+    for k in range(1, BY_WIDTH):
+        begun[k] += moves
     stages[at.END, TAKEN] = stages[at.END, LEFT]
-    move_freely(run, opened_run(numbers).control[0].time + (h - left), h, left)
+    move_freely(
+        run, opened_run(numbers).control[0].time + (h - left), h, left, left < h or moves > 0.0
+    )
     copied(stages, START, at.CANDIDATE, stages.shape[1])
     stages[at.END, TAKEN] = done - (h - left)
     parted(stages[at.END])[TAKEN, BY_WIDTH] = 1.0
@@ -548,8 +567,18 @@ def cease(carried, state):
 
 @kernel(STEP_OF_DUALS, nogil=True, later=True)
 def moreau_jean_of_duals(run, numbers):
-    """Complete a step after repeating all sub-steps."""
+    """Complete a step after repeating all sub-steps.
+
+    The derivatives of START become how much more those of the repetition before are.
+    """
     stages = opened_run(run).stages
+    start, end, moved = (
+        parted(stages[START]),
+        parted(stages[at.CANDIDATE]),
+        parted(stages[at.Y_OLD]),
+    )
     for i in range(stages.shape[1]):
-        parted(stages[at.CANDIDATE])[i, BY_WIDTH] = 0.0
+        for k in range(1, BY_WIDTH):
+            start[i, k] = moved[i, k] - end[i, k]
+        end[i, BY_WIDTH] = 0.0
     end_step(run, numbers)
