@@ -93,7 +93,7 @@ class Problem:
 
 
 def newton(p: Problem) -> tuple[float, int]:
-    """As the engine does (`engine/contact/newton.py`); (what is missed, factors)."""
+    """As the engine (`engine/contact/newton.py`) with whole steps; (what is missed, factors)."""
     lam, taken = _converged(p, p.warm, 2e-3)
     best = abs(p.missed(lam)[0]).max()
     held, firm, growth = 0 * p.warm, 128.0, 4.0

@@ -472,14 +472,15 @@ def converge(scene, n, size, careful):
 
     A step is taken back if more is missed after it than at the start, and more than NOTABLE. More
     may be missed than before the step: steps that change contact states often miss more before
-    they lead on ([Grippo et al. 1986] have bounds of this kind). Contact points at the friction
-    limit may exchange impulses indefinitely, so that NOTABLE is enough if steps no longer help.
-    `careful` is the least s over the root of what is missed. Return (residual divided by `size`,
-    number of steps, True if no contact state has changed).
+    they lead on ([Grippo et al. 1986] have bounds of this kind). A step after which TENFOLD² times
+    as much is missed ends where it first changes a state (`unchanged`). Contact points at the
+    friction limit may exchange impulses indefinitely, so that NOTABLE is enough if steps no longer
+    help. `careful` is the least s over the root of what is missed. Return (residual divided by
+    `size`, number of steps, True if no contact state has changed).
     """
     respond(scene, n)
     first, left, noise, _ = look(scene, n, 0.0, LAWS)
-    best = left
+    best, before = left, first
     copy_impulses(scene, n, LAMBDA, BEST)
     care, stuck = careful, 0
     taken = 0
@@ -495,13 +496,18 @@ def converge(scene, n, size, careful):
         go(scene, n, 1.0)
         norm, now, noise, changed = look(scene, n, 0.0, LAWS)
         same = same and changed == 0
+        whole = norm <= max(TENFOLD * TENFOLD * before, NOTABLE * size)
+        if not whole:
+            go(scene, n, 0.0)
+            go(scene, n, min((1.0 + NOTABLE) * unchanged(scene, n), 1.0))
+            norm, now, noise, _ = look(scene, n, 0.0, LAWS)
         stuck = 0 if now < 0.5 * best else stuck + 1
         if now < best:
             best = now
             copy_impulses(scene, n, LAMBDA, BEST)
         if norm <= max(first, NOTABLE * size) or soft == 1.0:
-            left = now
-            care = max(care / TENFOLD, careful)
+            left, before = now, norm
+            care = max(care / TENFOLD, careful) if whole else care
         else:
             care *= TENFOLD
             go(scene, n, 0.0)
@@ -509,6 +515,39 @@ def converge(scene, n, size, careful):
     copy_impulses(scene, n, BEST, LAMBDA)
     respond(scene, n)
     return best / size, taken, same
+
+
+@sweep
+def unchanged(scene, n):
+    """Compute the part of MOVE and `change` after which the first contact opens, or slides.
+
+    In a chain of bodies that touch at several points, impulses that hardly move any of them are
+    large. Many contacts would open in such a step, but the first one that opens ends the chain.
+    """
+    data = opened(scene)
+    blocks_i, space = data.blocks.blocks_i, data.space
+    islands = contacts_at(data.links.contacts).islands
+    kept, reach = islands.slope, math.inf
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        if not one_sided(type_of(blocks_i, i)):
+            continue
+        k, mu = 1.0 / islands.mobility[i], bounds_of(data, i)[0]
+        target = rows_of(space.vectors[TARGET], first_of(space.slots, i), size_of(blocks_i, i))
+        u = add_scaled(target, 1.0, felt(islands, j, islands.speeds))
+        x = add_scaled(load(kept, i, FROM), -k, u)
+        move = add_scaled(load(kept, i, MOVE), -k, felt(islands, j, islands.change))
+        if x[0] > 0.0 and move[0] < 0.0:
+            reach = min(reach, -x[0] / move[0])
+        room = mu * mu * x[0] * x[0] - x[1] * x[1] - x[2] * x[2]
+        if size_of(blocks_i, i) == 1 or not x[0] > 0.0 or room < 0.0:
+            continue
+        half = x[1] * move[1] + x[2] * move[2] - mu * mu * x[0] * move[0]
+        turn = move[1] * move[1] + move[2] * move[2] - mu * mu * move[0] * move[0]
+        half += math.sqrt(max(half * half + turn * room, 0.0))
+        if half > 0.0:
+            reach = min(reach, room / half)
+    return reach
 
 
 @sweep
