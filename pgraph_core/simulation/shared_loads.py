@@ -27,7 +27,7 @@ from ..tolerances import NOTABLE, SOLVED, VISIBLE
 if TYPE_CHECKING:
     from ..contact.tables import Tables
 
-MOST_WORK = 3e8  # forces times the square of degrees of freedom: a fifth of a second
+MOST_WORK = 300_000_000  # forces times the square of degrees of freedom: a fifth of a second
 LISTED = 4  # names in a notice
 
 
