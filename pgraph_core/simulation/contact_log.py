@@ -24,7 +24,8 @@ from ..fields import EVERY, GROUND
 from ..forces import ends_of
 from ..mechanism import Mechanism
 from ..model import Spring
-from ..packing import Array, Ints
+from ..packing import Array, Ints, row_of_velocity
+from ..packing.forces import acting_on, drive_forces
 from ..result.records import FREE, NOTHING, PHASES, STOP, ContactRecord, Event
 from ..tolerances import NOTABLE, VISIBLE
 from .clearance import gaps_later
@@ -152,10 +153,12 @@ def contact_notices(
     tables: Tables,
     active: Ints,
     frames: tuple[Array, Array, Array],
+    strong: str,
 ) -> list[str]:
     """Return notices about how contacts were solved.
 
-    The frames contain (times, states q, gaps of pairs), and `active` the constraints.
+    The frames contain (times, states q, gaps of pairs), `active` the constraints, and `strong` the
+    notice of `overpowering`.
     """
     if scene.touching is None:
         return []
@@ -175,8 +178,10 @@ def contact_notices(
         found.append(
             f"at t = {when:.6g} s {names[k]} penetrated by {tally['deepest_depth']:.3g} m, "
             f"{share:.2g} of {of}; "
-            f"{why or 'use a smaller step, or start without overlap'}"
+            f"{why or strong or 'use a smaller step, or start without overlap'}"
         )
+        strong = strong if why else ""
+    found += filter(None, [strong])
     found += limits_passed(mech, tables, active, t, q)
     found += pressed(mech, tables, frames[2][0])
     found += bounced(mech, tables, active)
@@ -418,11 +423,66 @@ def driven_into(
     way = normal @ _parting(mech, pair, q[i])
     if alone := holding(mech, active, when, q[i], way):
         return _by(alone, pair.body, f"contact '{pair.name}'")
-    others = [p for n, p in enumerate(pairs) if p and n != k and gap[i, n] <= 0.0]
+    began = int(np.flatnonzero(np.append(True, gap[:i, k] > 0.0))[-1])
+    closed = gap[began : i + 1].min(axis=0) <= 0.0  # what is pressed rebounds between frames
+    others = [p for n, p in enumerate(pairs) if p and n != k and closed[n]]
     rows = [row for other in others for row in _parting(mech, other, q[i])]
     by = holding(mech, active, when, q[i], way, rows) if rows else []
     names = " and ".join(f"'{p.name}'" for p in [pair, *others][:MOST_NAMED])
     return _by(by, pair.body, f"contacts {names}")
+
+
+def overpowering(
+    mech: Mechanism, scene: Scene, plan: RunPlan, frames: tuple[Array, Array, Array]
+) -> str:
+    """Return the drive that moves a touching body by a thickness within a step, or "".
+
+    Contacts are searched as far as the velocity at the start of a step leads. The frames (t, q, v)
+    include the states of controls.
+    """
+    drives, (t, q, v), nv = scene.drives, frames, mech.nv
+    if plan.contacts is None or drives.passive == len(drives.table):
+        return ""
+    width, thick = float(plan.width.max(initial=0.0)), _thinner(mech, plan.contacts)
+    least = min((x for *_, x in thick), default=np.inf)
+    fastest = int(np.abs(v[:, :nv]).sum(axis=1).argmax())
+    if not np.abs(v[fastest]).max() * width * max(1.0, mech.packed.length) > least:
+        return ""
+    forces = np.abs(drive_forces(drives, scene.loads.signals, t, q, v)).T
+    for name, one, force in zip(plan.driving, drives.table[drives.passive :], forces):
+        i, (own, factors), pushed = int(force.argmax()), acting_on(drives, one), np.zeros(nv)
+        pushed[own] = force[i] * width**2 * factors
+        moved = np.linalg.solve(mech.mass_matrix(q[i, : mech.nq]), pushed)
+        for pair, body, thickness in thick:
+            far = float(np.linalg.norm(mech.jacobian(q[i, : mech.nq], body)[3:] @ moved))
+            slopes = mech.jacobian(q[fastest, : mech.nq], body)[3:]
+            went = width * float(np.linalg.norm(slopes @ v[fastest, :nv]))
+            if thickness < min(far, went) < np.inf:
+                row = row_of_velocity(mech.packed.system.rows, int(own[0]))
+                slides = mech.packed.system.rows[row, at.KIND] == at.TRANSLATE
+                kind, unit = ("force", "N") if slides else ("torque", "N m")
+                share = thickness / far
+                return (
+                    f"at t = {t[i]:.6g} s '{name}' moves '{body}' by {far:.3g} m within a step of "
+                    f"{width:.3g} s, more than the thickness of what touches in contact "
+                    f"'{pair.name}' ({thickness:.3g} m), which cannot stop it: limit the {kind} of "
+                    f"'{name}' to {0.5 * force[i] * share:.2g} {unit}, or use a step of "
+                    f"{0.5 * width * np.sqrt(share):.2g} s"
+                )
+    return ""
+
+
+def _thinner(mech: Mechanism, tables: Tables) -> list[tuple[ContactPair, str, float]]:
+    """Return (pair, body, thickness of the thinner shape [m]) for the bodies of rigid contacts."""
+    shapes, found = tables.geometry.shapes, []
+    thick = 2.0 * shapes["half_extents"].min(axis=1)
+    for pair in tables.touches:
+        names = [name for name in pair[1:3] if name not in (GROUND, EVERY)]
+        own = thick[np.isin(shapes["body"], [mech.topology.number(name) for name in names])]
+        least = float(own[own > 0.0].min(initial=np.inf))
+        if pair.contact.law == "complementarity" and least < np.inf:
+            found += [(pair, name, least) for name in names]
+    return found
 
 
 def _parting(mech: Mechanism, pair: ContactPair, q: Array) -> Array:
@@ -459,5 +519,5 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
     named = " and ".join(f"'{name}'" for name in names[:MOST_NAMED])
     return (
         f"{drive.format(named)} '{body}' against {what}, and neither can yield: end the motion "
-        "earlier, or use a servo, whose force is finite"
+        "earlier, or use a servo with a torque_limit"
     )

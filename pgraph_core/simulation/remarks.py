@@ -194,11 +194,14 @@ def touching(record: Running, unlogged: int) -> Iterator[str]:
     mech, tables, last = record.mech, record.plan.contacts, record.done - 1
     n = 0 if record.scene.touching is None or tables is None else _oriented(record)
     if n and tables is not None:
-        from .contact_log import contact_notices
+        from .contact_log import contact_notices, overpowering
 
         (q, v), t, pairs = _motion(record, n), record.steps.times[:n], record.out.pairs[:n]
         frames = t, q, pairs["gap"]
-        yield from contact_notices(mech, record.scene, unlogged, tables, record.active, frames)
+        whole = t, record.out.q[:n], record.out.v[:n]
+        strong = overpowering(mech, record.scene, record.plan, whole)
+        given = record.scene, unlogged, tables, record.active, frames, strong
+        yield from contact_notices(mech, *given)
         if tables.touches:
             from .shared_loads import shared_loads, spun_faces
 

@@ -1,4 +1,7 @@
-"""A drive that is stronger than everything holds a joint at its limit, and not beyond."""
+"""Drives that are stronger than everything, against limits and against contacts."""
+
+import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,3 +52,54 @@ def test_a_falling_arm_does_not_pass_its_limits(friction, step):
     )
     assert np.abs(run.q).max() < 0.5 + 1e-9
     assert np.abs(run.v[-1]).max() < 1e-3
+
+
+def _crush(mass: float, step: float, t_end: float = 0.3, **parts: Any) -> pg.Result:
+    """Return the run of a plate that is driven onto a box on the ground."""
+    own = {"mass": mass, "derived": ("inertia",)}
+    plate = pg.Body(
+        name="plate", joint="prismatic", axes=(0, 0, 1), link=(0, 0, 0.5), mass=mass,
+        shape=pg.Shape(kind="box", size=(1, 1, 0.1)),
+    )  # fmt: skip
+    box = pg.Body(
+        name="box", joint="free", q=(0, 0, 0.1, 1, 0, 0, 0),
+        shape=pg.Shape(kind="box", size=(0.2, 0.2, 0.2)), **own,
+    )  # fmt: skip
+    touches = [pg.Contact(name="top", body="box", other="plate"), pg.Contact(name="g", body="box")]
+    model = pg.Model(bodies=[plate, box], contacts=touches, **parts)
+    return pg.simulate(model, t_end=t_end, step=step, estimate=False)
+
+
+def _pressed(force: float, mass: float, step: float, kind: str) -> pg.Result:
+    drive: Any = pg.Motor(name="drive", body="plate", torque=-force)
+    if kind == "servo":
+        drive = pg.Servo(
+            name="drive", body="plate", kp=1e9, kd=1e6, target=-1.0, torque_limit=force
+        )
+    return _crush(mass, step, forces=[drive])
+
+
+@pytest.mark.parametrize("kind", ["motor", "servo"])
+@pytest.mark.parametrize(
+    ("force", "mass", "step"), [(1e6, 1.0, 1e-3), (1e3, 1e-3, 1e-3), (1e7, 1e3, 1e-2)]
+)
+def test_a_drive_too_strong_for_contacts_is_named_with_remedies_that_help(force, mass, step, kind):
+    run = _pressed(force, mass, step, kind)
+    assert run["plate"][-1] < -0.5  # through the box
+    text = " ".join(run.notices)
+    assert "'drive' moves 'plate'" in text
+    found = re.search(r"of 'drive' to (\S+) N, or use a step of (\S+) s", text)
+    assert found is not None
+    weaker, finer = (float(x) for x in found.groups())
+    for held in (_pressed(weaker, mass, step, kind), _pressed(force, mass, finer, kind)):
+        assert held["plate"].min() > -0.26  # it lies on the box, 0.25 m below its start
+        assert "'drive'" not in " ".join(held.notices)
+
+
+@pytest.mark.parametrize(
+    "course", [pg.Table(t=[0, 0.55], value=[0, -0.3]), pg.Polynomial(coefficients=[0, -0.6])]
+)
+def test_a_motion_that_crushes_a_box_is_named_where_the_box_rebounds(course):
+    motion = pg.Motion(name="drive", body="plate", q_of_t=course)
+    text = " ".join(_crush(1.0, 1e-3, 0.55, constraints=[motion]).notices)
+    assert "'drive' drives 'box' against contacts 'top' and 'g'" in text
