@@ -55,7 +55,7 @@ from .newton import (
     velocity,
     weigh,
 )
-from .sweeps import gauss_seidel, own_block
+from .sweeps import gauss_seidel, joint_speeds, own_block
 
 CROWD = math.sqrt(EPS)  # tolerance of large heaps: half of the digits, as forces are not unique
 SWEEPS = 200  # limit on sweeps where a factor would cost more
@@ -224,7 +224,7 @@ def solve_island(scene, n, still):
         left = gauss_seidel(scene, n, size, MOST_SWEEPS, NOTABLE)
     if left > NOTABLE:
         report[HARD] += 1.0
-    forget_order(islands, opened(scene).space.vectors[STEP])
+    forget_order(islands)
     report[MISSED] = max(report[MISSED], left)
     report[STRAYS] = max(report[STRAYS], left * size)
 
@@ -256,13 +256,7 @@ def leaves_alone(scene, n, slack):
 def drop(scene, n):
     """Set the impulses of island n to zero."""
     drop_impulses(scene, n)
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    slots, vectors = data.space.slots, data.space.vectors
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        for s in range(joints_of(slots, i)):
-            vectors[STEP, joint_of(slots, i, s)] = vectors[FREE, joint_of(slots, i, s)]
+    joint_speeds(scene, n)
 
 
 @sweep

@@ -361,12 +361,11 @@ def lay_out(islands, space, begin, j):
 
 
 @part
-def forget_order(islands, step):
-    """Write the speeds of joints into `step`, and clear the ordering before the next island."""
+def forget_order(islands):
+    """Clear the ordering before the next island."""
     for p in range(islands.size[0]):
         i = islands.freedoms[p]
         if i != NOWHERE:
-            step[i] = islands.scale[p] * islands.speeds[p >> 2, p & 3]
             islands.place[i] = NOWHERE
             islands.graph[islands.tree[i], SIZE] = 0
 

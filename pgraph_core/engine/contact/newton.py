@@ -22,7 +22,7 @@ import math
 
 from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED, SOLVED
 from .. import layout as at
-from ..arrays import BEST, HELD, LAMBDA, OTHER, TARGET, opened
+from ..arrays import BEST, HELD, LAMBDA, OTHER, STEP, TARGET, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import (
     four,
@@ -774,7 +774,7 @@ def copy_impulses(scene, n, source, target):
 
 @sweep
 def respond(scene, n):
-    """Write w = w₀ + Yᵀ λ of island n into `speeds`."""
+    """Write w = w₀ + Yᵀ λ of island n into `speeds`, and the speeds of joints into STEP."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     vectors, speeds = data.space.vectors, islands.speeds
@@ -784,6 +784,10 @@ def respond(scene, n):
         i = islands.blocks[j]
         r, size = first_of(data.space.slots, i), size_of(data.blocks.blocks_i, i)
         pull(islands, j, rows_of(vectors[LAMBDA], r, size), speeds)
+    for p in range(islands.size[0]):
+        i = islands.freedoms[p]
+        if i >= 0:
+            vectors[STEP, i] = islands.scale[p] * speeds[p >> 2, p & 3]
 
 
 @part

@@ -10,7 +10,7 @@ import math
 
 from ...tolerances import EPS, ROUNDING
 from .. import layout as at
-from ..arrays import LAMBDA, REPORT, SWEEPS_DONE, TARGET, opened
+from ..arrays import DINV, FREE, LAMBDA, REPORT, STEP, SWEEPS_DONE, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
@@ -18,7 +18,7 @@ from ..vec import add_scaled, dot, load, store, sub
 from .contacts import contacts_at
 from .coulomb import contact
 from .islands import NOWHERE
-from .newton import bounds_of, felt, pull, respond, rows_of
+from .newton import bounds_of, rows_of, velocity
 
 DEPTH = 4  # sweeps that are combined
 SMALL = 16  # blocks of one tree, as of feet: sweeps of no more converge by themselves
@@ -53,7 +53,7 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
     one = islands.tree[joint_of(data.space.slots, islands.blocks[islands.first[n]], 0)]
     few = SMALL if islands.edge[one] == NOWHERE else FEWEST
     large = islands.first[n + 1] - islands.first[n] > few
-    respond(scene, n)
+    joint_speeds(scene, n)
     least = math.inf
     used = 0
     change = 0.0
@@ -74,6 +74,26 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
 
 
 @sweep
+def joint_speeds(scene, n):
+    """Write w = w₀ + diag(1/d) Yᵀ λ of island n into STEP."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    y, slots, vectors = data.space.y, data.space.slots, data.space.vectors
+    w, dinv = vectors[STEP], vectors[DINV]
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        for s in range(joints_of(slots, i)):
+            w[joint_of(slots, i, s)] = vectors[FREE, joint_of(slots, i, s)]
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        size = size_of(data.blocks.blocks_i, i)
+        lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
+            w[k] += dinv[k] * dot(load(y, i, 3 * s), lam)
+
+
+@sweep
 def sweep_once(scene, n, slot, count):
     """Sweep once. Returns (largest velocity change, energy of all changes).
 
@@ -84,8 +104,8 @@ def sweep_once(scene, n, slot, count):
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
     islands = contacts_at(data.links.contacts).islands
-    slots, vectors, own = space.slots, space.vectors, space.own
-    lam = vectors[LAMBDA]
+    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
+    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
     past = islands.slope
     normal = past[past.shape[0] - NORMAL :]
     share = normal[DEPTH]
@@ -99,11 +119,12 @@ def sweep_once(scene, n, slot, count):
         r = first_of(slots, i)
         rows = size_of(blocks_i, i)
         old = rows_of(lam, r, rows)
-        target = rows_of(vectors[TARGET], r, rows)
-        u = add_scaled(target, 1.0, felt(islands, j, islands.speeds))
+        u = velocity(data, i, w)
         new = answer(type_of(blocks_i, i), rows, bounds_of(data, i), i, own, u, old)
         step = sub(new, old)
-        pull(islands, j, step, islands.speeds)
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
+            w[k] += dinv[k] * dot(load(y, i, 3 * s), step)
         for c in range(rows):
             lam[r + c] = new[c]
             largest = max(largest, abs(step[c]) * own[i, 4 * c])
@@ -135,7 +156,8 @@ def move_on(scene, n, slot, count):
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
     islands = contacts_at(data.links.contacts).islands
-    slots, lam = space.slots, space.vectors[LAMBDA]
+    y, slots, vectors = space.y, space.slots, space.vectors
+    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
     past = islands.slope
     normal = past[past.shape[0] - NORMAL :]
     share = normal[DEPTH]
@@ -151,7 +173,9 @@ def move_on(scene, n, slot, count):
             step = add_scaled(step, -share[p], load(past, i, VALUES + 3 * p))
         for c in range(size_of(blocks_i, i)):
             lam[r + c] += step[c]
-        pull(islands, j, step, islands.speeds)
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
+            w[k] += dinv[k] * dot(load(y, i, 3 * s), step)
 
 
 @sweep
