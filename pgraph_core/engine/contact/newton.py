@@ -172,7 +172,12 @@ def turning(z, least, most, radius):
 
 @part
 def into_cone(z, mu):
-    """Project z onto the cone |z_t| <= μ z_n. Returns the same as `admitted`."""
+    """Project z onto a cone that is notably narrower than |z_t| <= μ z_n. Returns the same as
+    `admitted`.
+
+    A contact on the cone is about to slip, which its share of a load is no reason for.
+    """
+    mu *= 1.0 - 2.0 * NOTABLE
     pull = math.sqrt(z[1] * z[1] + z[2] * z[2])
     if pull <= mu * z[0]:
         return z, diagonal(1.0, 1.0, 1.0)
