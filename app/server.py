@@ -54,7 +54,7 @@ class Server:
         self.viser = open_server(host, port, secret)
         self.port = self.viser.get_port()
         query = f"?token={secret}" if secret else ""
-        self.url = f"http://{host}:{self.port}/{query}"
+        self.url = f"http://{f'[{host}]' if ':' in host else host}:{self.port}/{query}"
         state = initial(model, built_in())
         left = left_behind(keep) if keep is not None else ()
         state = recovered(state, left, given)
@@ -63,7 +63,8 @@ class Server:
         bridge = Bridge(self.viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
         self._autosave = Autosave(keep, given, self.send, again) if keep else None
-        work: list[View] = [Worker(kind, act, self.send) for kind, act in JOBS.items()]
+        self._jobs = [Worker(kind, act, self.send) for kind, act in JOBS.items()]
+        work: list[View] = [*self._jobs]
         work += [worker(self.send) for worker in (LiveRunner, Files, Reports, Errands)]
         keeps = filter(None, [self._autosave])  # first, so confirmed edits are on disk
         self.store.ready, bridge.shown = bridge.ready, self.store.wake
@@ -89,6 +90,8 @@ class Server:
         """Close every page's connection and end the background work."""
         self._compiler.stop()
         self.store.stop()
+        for worker in self._jobs:
+            worker.stop()
         if self._autosave is not None:
             self._autosave.stop()
         with quiet():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import collections.abc
-import difflib
 import functools
 import inspect
 import math
@@ -168,7 +167,7 @@ def one_of(names: Iterable[str]) -> str:
 def nearest_first(name: str, known: Iterable[str]) -> list[str]:
     """Return the names sorted so that those most similar to `name` come first."""
     names = list(dict.fromkeys(known))
-    close = difflib.get_close_matches(name, names, n=3)
+    close = words.similar(name, names)
     return [*close, *(x for x in names if x not in close)]
 
 

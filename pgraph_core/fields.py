@@ -193,11 +193,23 @@ def _readable(text: str) -> str:
     """Return an expression, '=...', with whitespace stripped. Reject one that cannot be parsed."""
     if not is_expression(text):
         raise ValueError("an expression begins with '='")
-    text = text.strip()
+    text = _storable(text).strip()
     try:
         parsed(text)
     except Unreadable as error:
         refuse([("", f"{shown(text)} is not a valid expression: {error}")])
+    return text
+
+
+def _storable(text: str) -> str:
+    """Reject text with lone surrogates, which stand for bytes that are not UTF-8.
+
+    No file or page can hold them. They come from names of files and from escapes in JSON.
+    """
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        refuse([("", f"must be text that UTF-8 can hold, got {shown(text)}; rename it")])
     return text
 
 
@@ -212,7 +224,7 @@ Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(_inertia)]
 Numbers = Annotated[tuple[Finite, ...], BeforeValidator(_ordered)]
 Vec3s = Annotated[tuple[Row3, ...], BeforeValidator(_ordered)]
 Whole = Annotated[int, Strict(), BeforeValidator(listed)]
-Text = Annotated[str, Strict()]
+Text = Annotated[str, Strict(), AfterValidator(_storable)]
 Flag = Annotated[bool, Strict(), BeforeValidator(listed)]
 PerMotion = Annotated[tuple[Finite, ...], BeforeValidator(_per_motion)]  # or one number for all
 Expression = Annotated[str, Strict(), AfterValidator(_readable)]  # '=...' of time and of the motion

@@ -29,6 +29,7 @@ FLAGS = {  # flags of other programs that correspond to a name
     ("fixed_base", False): ("base", "free"), ("useFixedBase", False): ("base", "free"),
 }  # fmt: skip
 VERBS = re.compile("^(?:mj|calc|calculate|compute|eval|evaluate|get|set|num)_")
+MOST_LETTERS = 200  # of a name with a typing error
 OF_JOINTS = ("rest", "friction")  # no length, and no coefficient
 
 
@@ -54,6 +55,17 @@ ADVICE: dict[str, list[tuple[str, str]]] = {}  # name -> (name of ours beside it
 for _name, _texts in _TABLES["advice"].items():
     _name, _, _beside = _name.partition("@")
     ADVICE.setdefault(_name, []).extend((_beside, text) for text in _texts)
+
+
+def similar(name: str, known: Iterable[str], n: int = 3, cutoff: float = 0.6) -> list[str]:
+    """Return at most n names that are spelt like `name`, the most similar first.
+
+    `cutoff` is the least similarity, from 0 to 1 (`difflib.get_close_matches`). A text longer than
+    MOST_LETTERS is no name, and comparing it would take a time that grows with its length.
+    """
+    if len(name) > MOST_LETTERS:
+        return []
+    return difflib.get_close_matches(name, list(known), n=n, cutoff=cutoff)
 
 
 def spelt(name: str) -> str:
@@ -143,7 +155,7 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
     near = [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
     if alike:
         near += _alike(name, names)
-        near += difflib.get_close_matches(name, names, n=1, cutoff=0.7)
+        near += similar(name, names, n=1, cutoff=0.7)
     return next(iter(near), "")
 
 
@@ -166,7 +178,7 @@ def attributes(
     found = found or [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
     far = elsewhere or {}
     found = found or [far[head(each)] + each for each in meant if head(each) in far]
-    spelt_alike = partial(difflib.get_close_matches, name, cutoff=0.7)
+    spelt_alike = partial(similar, name, cutoff=0.7)
     found = found[:2] or spelt_alike(sorted(names), n=3)
     return found or [far[each] + each for each in spelt_alike(sorted(far), n=1)]
 

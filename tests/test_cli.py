@@ -1,6 +1,7 @@
 """The command line: its answers, its exit codes, and the packages that it loads."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -255,6 +256,15 @@ def test_a_reader_that_has_seen_enough_ends_the_command(tmp_path):
     assert writer.stderr.read() == b""
     writer.stderr.close()
     assert writer.wait(timeout=120) == 0
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no full device")
+@pytest.mark.parametrize(("to", "code", "said"), [("> /dev/full", 1, "No space"), (">&-", 0, "")])
+def test_an_output_that_is_full_or_closed_is_no_traceback(to, code, said):
+    words = f"{sys.executable} -m app info four_bar --json {to}"
+    done = subprocess.run(words, shell=True, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (code, code)
+    assert said in done.stderr
 
 
 def test_verify_tells_how_near_it_comes(capsys, tmp_path):

@@ -55,3 +55,20 @@ def test_two_kinds_have_no_name_in_common_and_every_file_one_of_its_own():
         assert one.part.SCALES, where(one.part)
     on_bodies = {k for k, c in pg.Force.KINDS.items() if issubclass(c, forces.OnBody)}
     assert on_bodies == set(kinds)
+
+
+TEXTS = [
+    (kind, name)
+    for kind, name in FIELDS
+    if "str" in (holds := str(kind.model_fields[name].annotation)) and "Literal" not in holds
+]
+
+
+@pytest.mark.parametrize(("kind", "name"), TEXTS, ids=lambda x: getattr(x, "__name__", x))
+def test_a_text_that_no_file_can_hold_is_refused(kind, name):
+    """Names of files that are not UTF-8 and escapes in JSON have lone surrogates."""
+    with pytest.raises(pg.ModelError) as refused:
+        kind(**{name: "caf\udce9"})
+    problems = [p.text for p in refused.value.problems if p.field.split("[")[0] == name]
+    assert problems, refused.value
+    assert "UTF-8" in problems[0] or "udce9" in problems[0]

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -366,16 +367,31 @@ def test_means_are_over_time_and_names_mean_what_they_mean_in_a_run():
     assert table.values["rms v.x"][0] == pytest.approx(np.sqrt(0.05 / 10.0), rel=5e-3)
 
 
-def killed_when_heavy(run: pg.Result) -> float:
+def killed(run: pg.Result, first: str = "") -> float:
+    """Kill the process of a sweep at a mass of 9 kg: always, or the first time, which makes a file
+    named `first`."""
     mass = run.mechanism.model.bodies[0].mass
-    if mass == 99.0 and multiprocessing.parent_process():
+    if mass == 9.0 and multiprocessing.parent_process() and not (first and os.path.exists(first)):
+        if first:
+            open(first, "x").close()
         os.kill(os.getpid(), signal.SIGKILL)
     return mass
 
 
-def test_a_worker_that_is_killed_is_named_with_what_was_done(pendulum, monkeypatch):
+MASSES = {"bodies.my.bob.mass": [*np.linspace(1, 2, 40), 9.0]}
+
+
+def test_points_of_a_worker_that_is_killed_are_computed_by_another(pendulum, monkeypatch, tmp_path):
     """A chunk of work is made a point, so that even this sweep goes to processes."""
     monkeypatch.setattr(tasks, "CHUNK", 1e-6)
-    given = {"set": {"bodies.my.bob.mass": [*np.linspace(1, 2, 40), 99.0]}}
-    with pytest.raises(pg.InputError, match=r"workers.*stopped by the system after \d+ of \d+"):
-        pg.sweep(pendulum, **given, metric=killed_when_heavy, **SHORT, workers=2)
+    metric = partial(killed, first=str(tmp_path / "killed"))
+    table = pg.sweep(pendulum, MASSES, {"mass": metric}, **SHORT, workers=2)
+    assert (tmp_path / "killed").exists()
+    assert (table.values["mass"] == MASSES["bodies.my.bob.mass"]).all()
+
+
+@pytest.mark.nightly
+def test_a_point_that_kills_every_worker_ends_the_sweep(pendulum, monkeypatch):
+    monkeypatch.setattr(tasks, "CHUNK", 1e-6)
+    with pytest.raises(pg.InputError, match=r"workers.*stopped by the system.* points left"):
+        pg.sweep(pendulum, MASSES, killed, **SHORT, workers=2)

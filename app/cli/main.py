@@ -50,6 +50,8 @@ START = (
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program. Return 0 on success, 1 for a model or run problem, 2 for incorrect usage."""
     words = list(sys.argv[1:] if argv is None else argv)
+    for name in ("stdout", "stderr"):  # None if the shell has closed them
+        setattr(sys, name, getattr(sys, name) or open(os.devnull, "w"))  # noqa: SIM115
     try:
         if words and words[0] in COMMANDS:
             return _command(words[0], words[1:])
@@ -57,9 +59,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(text, file=sys.stderr)
             raise SystemExit(2)  # the code of wrong usage
         return _start(words)
-    except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
+    except OSError as error:
+        if error.filename is not None:
+            raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush
-        return 0
+        if isinstance(error, BrokenPipeError):  # the reader, such as `head`, has closed the pipe
+            return 0
+        print(f"pgraph: error: the output cannot be written: {error.strerror}", file=sys.stderr)
+        return 1
 
 
 MEANT = {

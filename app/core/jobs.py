@@ -132,7 +132,11 @@ class Worker:
             args, name = (job, self._over), f"pgraph-{job.NAME}"
             threading.Thread(target=self._run, args=args, name=name, daemon=True).start()
         if job is not None and job.cancelled:
-            self._over.set()
+            self.stop()
+
+    def stop(self) -> None:
+        """Ask the job in progress to end. A process waits for its threads before it exits."""
+        self._over.set()
 
     def _run(self, job: Any, over: threading.Event) -> None:
         reported = 0.0

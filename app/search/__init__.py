@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import count
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from pydantic import Field
 
 import pgraph_core as pg
 from pgraph_core.result.columns import columns_of
@@ -17,7 +18,7 @@ from pgraph_core.search.free import columns_in, measured
 from pgraph_core.simulation.paths import Path, with_numbers
 from pgraph_core.sweeps.metrics import WAYS
 
-from .. import run
+from .. import model as model_
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import FromPage, ModelEdit, Text, TypedText
@@ -98,7 +99,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class State(run.State):
+class State(model_.State):
     searching: Asked = field(default_factory=Asked)
     search: Search | None = None
     search_problem: str = ""  # why the last one found nothing
@@ -183,20 +184,37 @@ class AskSearch(FromPage):
 
 
 class OpenData(FromPage):
-    """Open a .csv file with measured curves."""
+    """Open a .csv file with measured curves. Long ones are read in an errand."""
 
     name: Text
-    content: str
+    content: Annotated[str, Field(max_length=20_000_000)]
 
-    def applied(self, state: State) -> State:
-        try:
-            data, _ = measured(columns_in(self.content))
-        except pg.PgraphError as error:
-            return replace(state, search_problem=f"{self.name}: {error.problems[0].text}")
-        columns = {name: tuple(x.tolist()) for name, x in data.items()}
-        known = signals_of(state.model)
-        match = {name: name if name in known else "" for name in columns if name != "t"}
-        return _asked(state, file=self.name, data=columns, match=match, kind="fit")
+    def applied(self, state: State) -> Any:
+        name, work = self.name, partial(_curves_in, self.content)
+        if len(self.content) <= model_.LONG:
+            try:
+                return _with_data(state, name, work(None).value)
+            except pg.PgraphError as error:
+                return replace(state, search_problem=f"{name}: {error.problems[0].text}")
+
+        def then(now: State, done: model_.ErrandDone) -> State:
+            if done.problem:
+                return replace(now, search_problem=f"{name}: {done.problem}")
+            return _with_data(now, name, done.found.value)
+
+        return model_.sent(state, self.client, f"open {name}", work, apart=True, then=then)
+
+
+def _curves_in(content: str, _: Any) -> model_.Found:
+    """Parse columns of numbers, by name. Raises PgraphError."""
+    data, _ = measured(columns_in(content))
+    return model_.Found(value={name: tuple(x.tolist()) for name, x in data.items()})
+
+
+def _with_data(state: State, file: str, columns: Mapping[str, tuple[float, ...]]) -> State:
+    known = signals_of(state.model)
+    match = {name: name if name in known else "" for name in columns if name != "t"}
+    return _asked(state, file=file, data=columns, match=match, kind="fit")
 
 
 class MatchColumn(TypedText):

@@ -3,9 +3,10 @@
 A session is one run of the server, with a random id. Each model opened in a session (a document)
 has a separate file, `ID-DOCUMENT.json`, which is not written by any other session. A lock on
 `ID.lock`, which the operating system frees when the process ends, shows whether the session is
-still running. A file is removed once its model is saved, opened by another session or discarded.
-The store renders Autosave before the views. A thread flushes files to the disk a moment later and
-retries failed writes.
+still running. Where files cannot be locked or the lock is missing, the process named in the file
+shows it. A file is removed once its model is saved, opened by another session or discarded. The
+store renders Autosave before the views. A thread flushes files to the disk a moment later, retries
+failed writes, and writes again what others have removed.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pathlib import Path
 from typing import IO
 
 import pgraph_core as pg
-from pgraph_core.markup import reason_of
+from pgraph_core.markup import ordinary, reason_of
 from pgraph_core.model.files import shown_path, user_folder
 
 from ..core.events import Event
@@ -35,7 +36,8 @@ try:
 except ImportError:  # Windows: sessions that still run are offered as well
     fcntl = None
 
-DELAY, RETRY = 0.4, 1.0  # [s] before a file is flushed, and before it is tried again
+DELAY, RETRY = 0.4, 1.0  # [s] before a file is flushed, and before it is tried or looked at again
+LARGEST = 1 << 28  # [bytes] of a session file that is read
 log = logging.getLogger(__name__)
 
 
@@ -51,15 +53,33 @@ class Session:
     given: str  # the model that the server was started with
     text: str  # the model as JSON
     ended: bool  # the server was stopped, not killed
+    process: int = 0  # id of the server's process
 
     def kept(self, path: Path) -> Kept:
         """Return the content shown on the page. Raises KeyError, TypeError or ValueError."""
-        name = json.loads(self.text)["name"]
-        return Kept(path, self.given, path.stat().st_mtime, self.text, self.ended, str(name))
+        name = str(json.loads(self.text)["name"])
+        name.encode()
+        return Kept(path, self.given, path.stat().st_mtime, self.text, self.ended, name)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the server's process may still run."""
+        if self.ended or self.process in (0, os.getpid()) or fcntl is None:
+            return False  # on Windows, asking would end the process
+        try:
+            os.kill(self.process, 0)
+        except (ProcessLookupError, OverflowError):
+            return False
+        except OSError:  # a process of another user
+            return True
+        return True
 
 
 def left_behind(folder: Path) -> tuple[Kept, ...]:
-    """Return the models of terminated sessions, newest first. Other files are skipped."""
+    """Return the models of terminated sessions, newest first.
+
+    A warning names a file that cannot be read, which stays where it is.
+    """
     found, sessions = [], dict[str, list[Path]]()
     for path in folder.glob("*.*"):
         sessions.setdefault(path.stem.rpartition("-")[0] or path.stem, []).append(path)
@@ -67,33 +87,49 @@ def left_behind(folder: Path) -> tuple[Kept, ...]:
         files = [path for path in paths if path.suffix == ".json"]
         rest = [path for path in paths if path.suffix == ".new"]
         lock = folder / f"{session}.lock"
-        for path in files if _over(lock, rest if files else [*rest, lock]) else ():
-            with contextlib.suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
-                found.append(Session(**json.loads(path.read_text("utf-8"))).kept(path))
+        held = _held(lock)
+        if held is False:
+            for path in rest if files else [*rest, lock]:
+                path.unlink(missing_ok=True)
+        for path in files if not held else ():
+            try:
+                one = Session(**json.loads(_content(path)))
+                if held is False or not one.runs:
+                    found.append(one.kept(path))
+            except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+                log.warning("the autosave %s cannot be read: %s", path, reason_of(error))
     return tuple(sorted(found, key=lambda kept: kept.time, reverse=True))
 
 
-def _over(lock: Path, rest: Iterable[Path]) -> bool:
-    """Check whether no process holds the lock of a session. The files of such a session are
-    removed."""
-    with contextlib.suppress(OSError), lock.open("rb") as file:
-        if not _locked(file, shared=True):
-            return False
-        for path in rest:
-            path.unlink(missing_ok=True)
-    return True
+def _content(path: Path) -> str:
+    """Return the text of an ordinary file of at most LARGEST bytes. Raises OSError, ValueError."""
+    with ordinary(path) as file:
+        text = file.read(LARGEST + 1)
+    if len(text) > LARGEST:
+        raise ValueError(f"it has more than {LARGEST >> 20} MB")
+    return text.decode()
 
 
-def _locked(file: IO[bytes], *, shared: bool) -> bool:
-    """Lock a file for this process. Returns False if another process holds the lock."""
+def _held(lock: Path) -> bool | None:
+    """Check whether a process holds the lock of a session. Returns None if that is not known."""
+    try:
+        with ordinary(lock) as file:
+            return {True: False, False: True, None: None}[_locked(file, shared=True)]
+    except (OSError, ValueError):
+        return None
+
+
+def _locked(file: IO[bytes], *, shared: bool) -> bool | None:
+    """Lock a file for this process. Returns False if another process holds the lock, and None if
+    files cannot be locked."""
     if fcntl is None:
-        return True
+        return None
     try:
         fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:  # a file system without locks
-        return True
+        return None
     return True
 
 
@@ -159,15 +195,16 @@ class Autosave:
         stopped = False
         while not stopped:
             with self._changed:
-                self._changed.wait_for(lambda: self._stopped or not self._settled)
+                self._changed.wait_for(lambda: self._stopped or not self._settled, RETRY)
                 self._changed.wait_for(lambda: self._stopped, RETRY if self._failed else DELAY)
                 stopped = self._stopped
-                if stopped:
+                if stopped or self._removed():
                     self._due |= self._files.keys()
-                if self._failed or stopped:
+                if self._due or stopped:
+                    self._settled = False
                     self._write_due(ended=stopped)
+                files = [] if self._settled else list(self._files.values())
                 self._settled = not self._failed
-                files = list(self._files.values())
             for path in files:
                 _flush(path)
 
@@ -175,7 +212,8 @@ class Autosave:
         """Write all files that are due. The files remain after this process ends."""
         problem = ""
         try:
-            for document in sorted(self._due):
+            while self._due:
+                document = min(self._due)
                 self._write(document, ended)
                 self._due.discard(document)
             if self._over and self._current in self._files:
@@ -185,6 +223,9 @@ class Autosave:
         except OSError as error:
             where = error.filename or self._folder
             problem = f"{where} cannot be written: {error.strerror or error}."
+        except Exception as error:  # whatever it is, people must know that edits are not kept
+            log.exception("autosave failed")
+            problem = f"the model cannot be written: {type(error).__name__}: {error}."
         if problem != self._failed:
             log.warning("the model is %s", f"not kept: {problem}" if problem else "kept again")
             self._send(NotKept(problem))
@@ -198,26 +239,51 @@ class Autosave:
             if document in self._files:
                 self._files.pop(document).unlink(missing_ok=True)
             return
-        if self._lock is None:
+        if self._lock is None or not _is(self._lock, self._folder / f"{self._id}.lock"):
             self._begin()
         path = self._folder / f"{self._id}-{document}.json"
-        session = Session(self._given, model.model_dump_json(exclude_none=True), ended)
+        text = model.model_dump_json(exclude_none=True)
+        session = Session(self._given, text, ended, os.getpid())
         new = path.with_suffix(".new")
         new.write_text(json.dumps(asdict(session)), "utf-8")
         new.replace(path)
         self._files[document] = path
 
     def _begin(self) -> None:
-        """Choose an id and lock it. Another process may remove the lock file before that."""
+        """Choose an id and lock it. Another process may remove the lock file before that.
+
+        Files under an earlier id, whose lock has been removed, are due again.
+        """
         self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        self._due |= self._files.keys()
+        self._over |= set(self._files.values())
+        self._files.clear()
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
         while self._lock is None:
             self._id = secrets.token_hex(8)
             path = self._folder / f"{self._id}.lock"
             file = path.open("xb")
-            if _locked(file, shared=False) and path.exists():
+            if _locked(file, shared=False) is not False and path.exists():
                 self._lock = file
             else:
                 file.close()
+
+    def _removed(self) -> bool:
+        """Check whether somebody has removed the lock or a file of this session."""
+        if self._lock is None:
+            return False
+        lock = self._folder / f"{self._id}.lock"
+        return not _is(self._lock, lock) or not all(path.exists() for path in self._files.values())
+
+
+def _is(file: IO[bytes], path: Path) -> bool:
+    """Check whether a path still leads to an open file."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except OSError:
+        return False
 
 
 def _flush(path: Path) -> None:

@@ -150,8 +150,8 @@ class Paste(FromPage):
             model, names, notice = pasting.rows_of(
                 old, self.text, self.rows, self.column, self.under, rod
             )
-            if len(model.bodies) > MOST_BODIES or (self.afresh and not names):
-                raise Refusal(f"it would be {len(model.bodies)} bodies; from 1 to {MOST_BODIES}")
+            if self.afresh and not names:
+                raise Refusal(f"it would be 0 bodies; from 1 to {MOST_BODIES}")
         except (Refusal, pg.PgraphError) as problem:
             return replied(state, client, serial, f"Nothing was pasted: {problem}")
         if names and not old.bodies and STAND_IN.fullmatch(model.name):

@@ -18,6 +18,7 @@ from pgraph_core.model.shape import mass_properties_of
 
 from ..core import cells
 from ..core.cells import Refusal
+from ..core.edit import MOST_BODIES
 from ..core.state import CONTACT
 from ..properties.body_cells import quantity_of, shows
 
@@ -27,7 +28,7 @@ HEADINGS = {
     "joint": "joint", "constraint": "constraint", "constraints": "constraint",
     "constraint type": "constraint", "mass": "mass",
 }  # fmt: skip
-UNIT = re.compile(r"\s*[\[(]\s*([^\])]*)[\])]\s*$")  # at the end of a heading: mass [kg]
+UNIT = re.compile(r"[\[(]\s*([^\[\]()]*)[\])]\s*$")  # at the end of a heading: mass [kg]
 AXIS = re.compile(r"[+-]?[xyzXYZ]")
 VECTOR = re.compile(r"(link|com|tip) ([xyz])")
 FIELDS = (*(f for f in pg.Body.model_fields if f not in ("motions", "shapes")), "motions", "shapes")
@@ -64,6 +65,8 @@ def rows_of(
     new = lines[len(rows) :]
     if new and rows and "name" not in columns:
         raise Refusal(f"line {len(rows) + 1} has no row; paste into the Body column to add rows")
+    if (bodies := len(model.bodies) + len(new)) > MOST_BODIES:
+        raise Refusal(f"it would be {bodies} bodies; from 1 to {MOST_BODIES}")
     before = model
     places = _places(model, len(new))
     described = not {"joint", "", *COLUMNS}.issuperset(columns)

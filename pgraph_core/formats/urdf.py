@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from .. import words
 from ..errors import (
     FileError,
     InputError,
@@ -542,7 +542,7 @@ class _Reader(Shapes):
         read = sorted(KNOWN | OF_LINK | OF_JOINT)
         for tag, count in seen.items():
             many = f"{count} elements <{tag}>, the first here" if count > 1 else f"<{tag}>"
-            close = get_close_matches(tag, read, n=1, cutoff=0.75)  # misspelt, so it may act
+            close = words.similar(tag, read, n=1, cutoff=0.75)  # misspelt, so it may act
             if tag in read:
                 many += ", which means nothing inside of this element"
             elif close:

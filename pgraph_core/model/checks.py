@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import joints, words
-from ..errors import ModelError, Problem, choices, counted, shown
+from ..errors import MOST_TOLD, ModelError, Problem, choices, counted, shown
 from ..fields import EVERY, GROUND, Described, OfSums, name_problem, part_problems
 from ..forces import Force, OnJoint, Tendon, ends_of
 from ..joints import quaternion_problems
@@ -38,9 +38,10 @@ def tree_problems(names: Sequence[str], parents: Sequence[str]) -> list[Problem]
         row.setdefault(name, i)
     for name, parent in zip(names, parents):
         if parent != GROUND and parent not in row:
-            known = [GROUND, *(each for each in row if each != name)]
-            text = f"no body is named {shown(parent)}; choose one of {choices(known)}"
-            text += words.synonym(parent, known)
+            text = f"no body is named {shown(parent)}"
+            if len(found) < MOST_TOLD:  # suggestions take a time that grows with the table
+                known = [GROUND, *(each for each in row if each != name)]
+                text += f"; choose one of {choices(known)}{words.synonym(parent, known)}"
             found.append(Problem(f"body {shown(name)}", "parent", text))
     return found + [_cycle_problem(cycle) for cycle in _cycles(names, parents, row)]
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .. import words
 from ..dynamics.arguments import finite
 from ..errors import InputError, NameLookupError, Problem, choices, needed
 from ..joints import KINDS
@@ -170,7 +170,7 @@ def no_column(columns: Iterable[str], name: str) -> str:
     """Return the message for an unknown column, with the closest names."""
     known = list(columns)
     last = name.rpartition(".")[2].rpartition("_")[2]
-    close = get_close_matches(name, known, n=6, cutoff=0.5)
+    close = words.similar(name, known, n=6, cutoff=0.5)
     close += [c for c in known if name in c.split(".") or last in c.split(".")]
     hint = f"; did you mean {choices(dict.fromkeys(close), 6)}?" if close else ""
     return f"there is no column {name!r}{hint or '; choose one of ' + choices(known, 24)}"

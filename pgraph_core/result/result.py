@@ -5,12 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from .. import words
 from ..dynamics.states import (
     BodyMotion,
     Sensors,
@@ -309,7 +309,7 @@ class Result(Exports, EqualByFields, Portable):
             return f"no body is named {name!r}; the array of all is run.{name}"
         if isinstance(name, (int, slice)):
             return f"no body is named {name!r}; frames are rows of run.q, run.v and run.t"
-        near = get_close_matches(str(name), joints)
+        near = words.similar(str(name), joints)
         hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ";"
         return f"no body is named {name!r}{hint} choose one of {choices(joints)}"
 

@@ -294,7 +294,10 @@ def measured(data: Any) -> tuple[dict[str, Array], dict[str, str]]:
 
 def columns_in(text: str, source: str = "the text") -> dict[str, list[str]]:
     """Return {name: values} of comma-separated text. Raises InputError."""
-    rows = [row for row in csv.reader(text.splitlines()) if row]
+    try:
+        rows = [row for row in csv.reader(text.splitlines()) if row]
+    except csv.Error as error:
+        raise _refused(source, f"is not a table of comma-separated values: {error}") from None
     if len(rows) < 2:
         raise _refused(source, "needs a line of names and lines of numbers")
     width = len(rows[0])

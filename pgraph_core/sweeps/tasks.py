@@ -27,6 +27,7 @@ from .metrics import Metric, measured
 
 CHUNK = 1.0  # [s] work sent to a process at once. Shorter sweeps start no processes
 MOST_NUMBERS = 10_000_000  # limit on the frames of a run that is repeated with a frame per step
+MOST_LOST = 2  # times in a row that processes are stopped before any of their points is done
 ANSWER = 10  # [s] for a scheduler to answer
 
 
@@ -158,24 +159,34 @@ def _by_processes(
         return
     context = multiprocessing.get_context("spawn")  # forks of a process with threads may hang
     given: Any = {"mp_context": context, "initializer": _keep, "initargs": (task,)}
-    with ProcessPoolExecutor(workers or os.cpu_count(), **given) as pool:
-        chunks = _chunks(points, each)
-        futures = [pool.submit(_run_kept, part) for part in chunks]
-        try:
-            for future in as_completed(futures):
-                yield future.result()
-        except BrokenProcessPool:
-            text = f"the processes could not start; {GUARD}, or give workers=1"
-            ended = (one.done() and one.exception() is None for one in futures)
-            if done := sum(len(part) for part, well in zip(chunks, ended) if well):
-                text = (
-                    f"a process was stopped by the system after {done} of {len(points)} points, as "
-                    "systems do that run out of memory; give fewer workers, and out= with "
-                    "resume=True to keep what is done"
-                )
-            raise InputError(Problem("sweep", "workers", text)) from None
-        finally:
-            pool.shutdown(cancel_futures=True)
+    left, lost = _chunks(points, each), 0
+    while left:  # again with new processes for the points of one that was stopped
+        before = len(left)
+        with ProcessPoolExecutor(workers or os.cpu_count(), **given) as pool:
+            futures = {pool.submit(_run_kept, part): part for part in left}
+            try:
+                for future in as_completed(futures):
+                    rows = future.result()
+                    left.remove(futures[future])
+                    yield rows
+            except BrokenProcessPool:
+                lost = 0 if len(left) < before else lost + 1
+            finally:
+                pool.shutdown(cancel_futures=True)
+        if lost == MOST_LOST:
+            raise InputError(Problem("sweep", "workers", _stopped(points, left)))
+
+
+def _stopped(points: Sequence[Any], left: Sequence[Sequence[Any]]) -> str:
+    """Return the reason why the processes of a sweep end before any of the points left is done."""
+    count = sum(map(len, left))
+    if count == len(points):
+        return f"the processes ended before the first point; {GUARD}, or give workers=1"
+    return (
+        f"the processes are stopped by the system, with {count} points left, as systems do "
+        "that run out of memory; give fewer workers, and out= with resume=True to keep what is "
+        "done"
+    )
 
 
 _KEPT: list[Task] = []  # the sweep whose points this process computes

@@ -262,3 +262,75 @@ def test_commands_that_are_killed_lose_no_edit_whatever_their_ports_and_folders(
     assert last.bodies == 5
     assert "3 models" in last.said
     last.kill()
+
+
+def kept_of(folder):
+    return [pg.Model.from_json(kept.text) for kept in left_behind(folder)]
+
+
+@pytest.mark.parametrize("gone", ["the lock", "the file", "the folder"])
+def test_what_others_remove_is_written_again(tmp_path, state, gone):
+    """A second server, or somebody who tidies up, does not lose an edit of a server that runs."""
+    folder = tmp_path / "state"
+    keeper, now = saver(folder), edited(state, "5")
+    keeper.render(state, state)
+    keeper.render(state, now)
+    for path in list(folder.iterdir()):
+        if gone == "the folder" or path.suffix == {"the lock": ".lock", "the file": ".json"}[gone]:
+            path.unlink()
+    if gone == "the folder":
+        folder.rmdir()
+    until(lambda: [*folder.glob("*.json")] and [*folder.glob("*.lock")], "files of the session")
+    until(lambda: left_behind(folder) == (), "a lock that is held")
+    keeper.stop()
+    assert kept_of(folder) == [now.model]
+
+
+def test_where_files_cannot_be_locked_a_process_that_runs_keeps_its_files(
+    tmp_path, state, monkeypatch
+):
+    """Another process is a child that sleeps; once it has ended, its model is offered."""
+
+    def refused(*_):
+        raise OSError("no locks here")
+
+    monkeypatch.setattr("pgraph_app.session.autosave.fcntl.flock", refused)
+    keeper, now = saver(tmp_path), edited(state, "5")
+    keeper.render(state, state)
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
+        monkeypatch.setattr("pgraph_app.session.autosave.os.getpid", lambda: other.pid)
+        keeper.render(state, now)
+        monkeypatch.undo()
+        monkeypatch.setattr("pgraph_app.session.autosave.fcntl.flock", refused)
+        assert left_behind(tmp_path) == ()
+        other.communicate(b"\n")
+    assert kept_of(tmp_path) == [now.model]
+
+
+def test_a_model_that_cannot_be_written_is_told_whatever_the_error(tmp_path, state, monkeypatch):
+    told = []
+    keeper = saver(tmp_path, told)
+    keeper.render(state, state)
+    with monkeypatch.context() as broken:
+        broken.setattr(pg.Model, "model_dump_json", lambda *_, **__: 1 / 0)
+        keeper.render(state, now := edited(state, "5"))
+        assert "ZeroDivisionError" in told[-1].problem
+    until(lambda: told[-1].problem == "", "the write that is tried again")
+    keeper.stop()
+    assert kept_of(tmp_path) == [now.model]
+
+
+@pytest.mark.parametrize("made", ["damaged", "a pipe", "a device", "unreadable text"])
+def test_a_file_that_cannot_be_read_is_named_and_stays(tmp_path, caplog, made):
+    path = tmp_path / "0123456789abcdef-0.json"
+    if made == "a pipe":
+        os.mkfifo(path)
+    elif made == "a device":
+        path.symlink_to("/dev/zero")
+    else:
+        name = r"\\ud800" if made == "unreadable text" else "arm"
+        text = f'{{"given": "", "text": "{{\\"name\\": \\"{name}\\"}}", "ended": false}}'
+        path.write_text(text if made == "unreadable text" else text[:-3])
+    assert left_behind(tmp_path) == ()
+    assert path.name in caplog.text
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]

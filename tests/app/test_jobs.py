@@ -1,10 +1,12 @@
 """Background jobs: one class does simulations, reports and searches."""
 
+import math
 from dataclasses import replace
 
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.core import jobs
 from pgraph_app.core.jobs import Job, Worker, cancelled
 from pgraph_app.report import Analysis
 from pgraph_app.run import Kernels, Simulation
@@ -88,3 +90,20 @@ def test_a_job_ends_when_it_is_dropped_or_cancelled(kind, how):
         worker.render(ready, over)
     until(lambda: ends, "the end")
     assert ends == [getattr(state, kind.FIELD).id]
+
+
+@every
+def test_a_server_that_stops_ends_its_jobs(kind, monkeypatch):
+    """Python waits for threads that compute before it exits."""
+    monkeypatch.setattr(jobs, "REPORT", math.inf)
+    heard = []
+
+    def work(job, progress):
+        while progress():
+            pass
+
+    worker, state = Worker(kind, work, heard.append), asked(kind)
+    worker.render(state, state)
+    worker.stop()
+    until(lambda: heard, "the end of the job")
+    assert isinstance(heard[0], do.Done)

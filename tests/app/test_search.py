@@ -8,6 +8,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app import search as work_of_search
 from pgraph_app.core.jobs import Worker
+from pgraph_app.model.apart import answer
 from pgraph_app.search import Search
 from pgraph_app.search import searched as work
 from pgraph_app.search.view import searches
@@ -186,3 +187,18 @@ def test_bounds_stay_in_order():
     state = after(state, do.BoundNumber(ME, 8, "q.rod", "low", "-2"))
     assert state.searching.free[0].low == -2.0
     assert not state.clients[ME].reply.text
+
+
+def test_long_curves_are_read_in_a_child_process():
+    """Reading them would hold up the edits of all pages."""
+    text = "t,1\n" + "\n".join(f"{k},{k / 7}" for k in range(40_000))
+    state = begun(pendulum())
+    now = after(state, do.OpenData(ME, "long.csv", text))
+    (errand,) = now.errands
+    assert errand.apart
+    assert now.searching.data == {}
+    done = after(now, answer(errand))
+    assert (done.searching.file, len(done.searching.data["t"])) == ("long.csv", 40_000)
+    assert done.errands == ()
+    damaged = after(state, do.OpenData(ME, "x.csv", "t,1\n0," + "1" * 200_000))
+    assert "x.csv" in damaged.search_problem

@@ -61,3 +61,17 @@ def test_an_archive_that_cannot_be_used_is_a_reason(tmp_path, monkeypatch, conte
         path.write_bytes(content)
     monkeypatch.setattr(worker, "current", lambda: Archive(path))
     assert "archive" in why_compiled()
+
+
+def test_the_address_of_a_host_of_version_6_is_in_brackets(monkeypatch):
+    """Browsers take `http://::1:8080/` for an invalid address."""
+    try:
+        page = server.serve(pg.Model.serial(1), host="::1", port=0, open_browser=False)
+    except OSError:
+        pytest.skip("this machine has no addresses of version 6")
+    try:
+        assert page.url.startswith("http://[::1]:")
+        with urllib.request.urlopen(page.url, timeout=120) as answer:
+            assert answer.status == 200
+    finally:
+        page.stop()

@@ -10,8 +10,10 @@ import pgraph_core as pg
 from pgraph_app import table
 from pgraph_app.features import initial
 from pgraph_app.model.view import toolbar
+from pgraph_app.table import paste as pasting
 from pgraph_app.table.paste import copied
 
+from ..refusals import assert_names
 from .store import ME, OTHER, after, begun, do, notice, reply, seven
 
 pytestmark = pytest.mark.quick
@@ -393,3 +395,20 @@ def test_a_table_may_have_exactly_as_many_bodies_as_allowed(state, monkeypatch):
     monkeypatch.setattr(table, "MOST_BODIES", 8)
     state = after(state, do.AddBody(ME, "3"))
     assert len(state.model.bodies) == len(after(state, do.AddBody(ME, "3")).model.bodies) == 8
+
+
+def test_what_is_pasted_is_counted_before_it_is_read(state, monkeypatch):
+    """A column of data, pasted by mistake, would hold up other pages while each line is read."""
+    monkeypatch.setattr(pasting, "_change", lambda *_: pytest.fail("a line was read"))
+    rows = "\n".join(f"{k}\t{k}.5" for k in range(1000))
+    assert_names(reply(after(state, do.Paste(ME, 1, rows))), "1007 bodies", "1000")
+
+
+def test_suggestions_are_given_for_the_problems_that_are_shown_alone():
+    """Each takes a time that grows with the table."""
+    bodies = [{"name": str(k), "parent": f"p{k}"} for k in range(200)]
+    with pytest.raises(pg.ModelError) as refused:
+        pg.Model(bodies=bodies)
+    problems = refused.value.problems
+    assert len(problems) == 200
+    assert ["choose one of" in problem.text for problem in problems] == [k < 50 for k in range(200)]
