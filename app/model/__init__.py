@@ -105,7 +105,7 @@ class State(run.State):
 # -- new, open, undo, redo, and errands, which run in a thread and then edit the model (pure) ------
 
 
-LONG = 500_000  # characters of a model that are read at once
+LONG = 100_000  # characters that are read at once, in 0.1 s at most
 MOST_HEIGHTS = 100_000  # limit on the heights of all heightfields, which are drawn
 MOST_PARTS = 2000  # limit on the parts of any other kind, which are listed
 MOST_NAMED = 5  # models of earlier sessions that the greeting names
