@@ -107,9 +107,9 @@ if TYPE_CHECKING:
     from .simulation.stepper import Stepper as Stepper
     from .simulation.walk import Walk as Walk
     from .study.map import StabilityMap as StabilityMap
+    from .study.precision import work_precision as work_precision
     from .study.reference import Reference as Reference
     from .study.report import Study as Study
-    from .study.report import work_precision as work_precision
     from .study.stability import stability_map as stability_map
     from .sweeps.sweep import Sweep as Sweep
     from .sweeps.sweep import sweep as sweep

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -154,6 +155,24 @@ def test_progress_is_shown_on_a_terminal_only(capsys, monkeypatch):
     bar = printed(capsys, "run", "pendulum", "--t-end", "0.1")[1]
     assert f"[{'#' * pgraph_app.cli.terminal.WIDTH}] 100%" in bar
     assert bar.endswith(" \r")  # wiped off
+
+
+def test_long_work_says_how_far_it_is_where_output_is_piped(capsys, monkeypatch):
+    for name in ("SILENCE", "SHORT"):
+        monkeypatch.setattr(pgraph_app.cli.terminal, name, -1.0)
+    small = ("--steps", "1e-2", "--methods", "rk4", "--values", "1e4,1e6", "--within", "500")
+    out, err = printed(capsys, *STIFF, *small)
+    lines = [line for line in err.splitlines() if line.startswith("map: ")]
+    assert re.fullmatch(r"map: 100%, about 0 s left", lines[-1])
+    assert "rk4" in out
+
+
+def test_a_terminal_shows_the_cells_of_a_map_as_they_come(capsys, monkeypatch):
+    for stream in (sys.stdout, sys.stderr):
+        monkeypatch.setattr(stream, "isatty", lambda: True)
+    small = ("--steps", "1e-2", "--methods", "rk4", "--values", "1e4,1e6")
+    err = printed(capsys, *STIFF, *small)[1]
+    assert re.search(r"1e\+06 .*  U\n", err)
 
 
 SWEEP = ("sweep", "pendulum", "--metric", "t_end", "--t-end", "0.1")

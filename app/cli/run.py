@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,6 @@ from .terminal import (
     SCENARIO,
     T_END,
     Answer,
-    Bar,
     above_0,
     aligned,
     command,
@@ -201,8 +198,8 @@ def sweep(args: Namespace) -> Answer:
     table = pg.sweep(
         model, dict(args.set), args.metric, first_scenario(model, args.scenario),
         samples=args.samples, n=args.n, seed=args.seed, workers=args.workers,
-        scheduler=args.scheduler, out=args.output, resume=args.resume, progress=_with_time(bar),
-        **_options(args),
+        scheduler=args.scheduler, out=args.output, resume=args.resume,
+        progress=lambda x: bar("sweep", x), **_options(args),
     )  # fmt: skip
     bar("", 1.0)
     columns = table.columns()
@@ -210,16 +207,6 @@ def sweep(args: Namespace) -> Answer:
     data = {"model": model.name, "points": len(table), "failed": failed, "table": columns}
     problem = f"{len(failed)} of {len(table)} points failed" if failed else ""
     return Answer(data, "\n".join(_table_lines(table, failed, args.output)), problem)
-
-
-def _with_time(bar: Bar) -> Callable[[float], bool]:
-    began = time.perf_counter()
-
-    def progress(fraction: float) -> bool:
-        left = (time.perf_counter() - began) * (1.0 / fraction - 1.0)
-        return bar(f"{left:6.0f} s  ", fraction)
-
-    return progress
 
 
 def _table_lines(table: pg.Sweep, failed: list[int], output: str | None) -> list[str]:

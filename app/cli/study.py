@@ -36,6 +36,9 @@ from .terminal import (
 T_END = takes("--t-end", type=positive, metavar="S", help="duration [s]")
 
 
+WITHIN = takes("--within", type=positive, metavar="S", help="time for all runs; default: 45 s")
+
+
 def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
     """Check the output path in advance. Raises FileError if the suffix is unknown."""
     if output and Path(output).suffix.lower() not in suffixes:
@@ -59,6 +62,7 @@ def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
     takes("--target", type=positive, metavar="E", help="error to recommend for"),
     takes("--rounds", type=count, default=3, help="rounds of timing; default: 3"),
     takes("--longest", type=positive, metavar="S", help="skip longer runs; default: 1"),
+    WITHIN,
     takes(
         "--peers", action=BooleanOptionalAction, default=True, help="compare with other engines"
     ),
@@ -102,7 +106,7 @@ def _case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
 def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Bar) -> pg.Study:
     from pgraph_core.study.task import installed_peers
 
-    asked = ("t_end", "methods", "steps", "tolerances", "target", "longest")
+    asked = ("t_end", "methods", "steps", "tolerances", "target", "longest", "within")
     options |= {name: getattr(args, name) for name in asked if getattr(args, name) is not None}
     try:
         return pg.work_precision(
@@ -150,16 +154,23 @@ def _axis(parser: ArgumentParser) -> None:
     T_END,
     takes("--target", type=positive, metavar="E", help="largest acceptable error"),
     takes("--scenario", help="default: none"),
+    WITHIN,
     takes("-o", "--output", metavar="FILE", help="write a page (.html), .json, .svg or .txt"),
 )
 def stability(args: Namespace) -> Answer:
     """Make a map of one axis. Raises PgraphError."""
     _writable(args.output, pg.StabilityMap.SUFFIXES)
-    asked = ("axis", "values", "methods", "steps", "t_end", "target", "scenario")
+    asked = ("axis", "values", "methods", "steps", "t_end", "target", "scenario", "within")
     options = {name: x for name in asked if (x := getattr(args, name)) is not None}
     bar = progress_bar()
+
+    def shown(so_far: pg.StabilityMap) -> None:
+        bar.table = tuple(so_far.grid)
+
     try:
-        found = pg.stability_map(open_model(args), progress=lambda x: bar("map", x), **options)
+        found = pg.stability_map(
+            open_model(args), progress=lambda x: bar("map", x), partial=shown, **options
+        )
     finally:
         bar("", 1.0)
     if args.output:

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import sys
+import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -24,7 +25,8 @@ LARGEST = 100_000  # bodies of a new model: more is a typing error
 LONGEST = 1e9  # [s] limit on a run's duration (thirty years), beyond which it does not end
 WIDTH = 30  # characters of the bar
 
-Bar = Callable[[str, float], bool]  # (what is done, the fraction done) -> True
+SILENCE = 5.0  # [s] between two lines about long work, if output is piped
+SHORT = 2.0  # [s] after which the time left is worth a word
 
 
 # -- arguments -------------------------------------------------------------------------------------
@@ -243,18 +245,46 @@ def aligned(rows: Iterable[Iterable[Any]], header: Iterable[str]) -> str:
 # -- progress --------------------------------------------------------------------------------------
 
 
+class Bar:
+    """The progress of a command with the time left, on stderr.
+
+    A terminal shows a bar, below a table if there is one. Elsewhere, long work writes a line now
+    and then.
+    """
+
+    def __init__(self) -> None:
+        self.drawn = sys.stderr.isatty() and sys.stdout.isatty()
+        self.table: tuple[str, ...] = ()  # lines to show above the bar
+        self._above = 0  # lines of it on the terminal
+        self._began = self._told = time.perf_counter()
+
+    def __call__(self, what: str, fraction: float) -> bool:
+        """Show the fraction done, or erase the bar if `what` is empty. Return True to continue."""
+        if self.drawn:
+            self._draw(what, fraction)
+        elif what and time.perf_counter() - self._told > SILENCE:
+            self._told = time.perf_counter()
+            print(f"{what}: {fraction:.0%}{self._left(fraction)}", file=sys.stderr, flush=True)
+        return True
+
+    def _left(self, fraction: float) -> str:
+        """Return the time left at the pace so far, or "" at the beginning."""
+        gone = time.perf_counter() - self._began
+        if not (gone > SHORT and fraction > 0.0):
+            return ""
+        return f", about {gone * (1.0 / fraction - 1.0):.0f} s left"
+
+    def _draw(self, what: str, fraction: float) -> None:
+        done = round(WIDTH * fraction)
+        bar = f"{what:10}[{'#' * done}{'.' * (WIDTH - done)}] {fraction:4.0%}" if what else ""
+        above = f"\033[{self._above}A\033[J" if self._above else ""
+        table = "".join(f"{line}\n" for line in self.table) if what else ""
+        self._above = len(self.table) if what else 0
+        line = f"{bar}{self._left(fraction)}" if bar else ""
+        text = f"\r{above}{table}{line:{WIDTH + 40}}"
+        print(text, end="" if what else "\r", file=sys.stderr, flush=True)
+
+
 def progress_bar() -> Bar:
-    """Return a progress bar for a terminal, or nothing if output is piped."""
-    return _draw if sys.stderr.isatty() and sys.stdout.isatty() else _ignore
-
-
-def _draw(what: str, fraction: float) -> bool:
-    """Draw a bar on stderr, or erase it if `what` is empty. Return True to continue the work."""
-    done = round(WIDTH * fraction)
-    bar = f"{what:10}[{'#' * done}{'.' * (WIDTH - done)}] {fraction:4.0%}" if what else ""
-    print(f"\r{bar or ' ' * (WIDTH + 17)}", end="" if what else "\r", file=sys.stderr, flush=True)
-    return True
-
-
-def _ignore(what: str, fraction: float) -> bool:
-    return True
+    """Return the progress of a command that begins now."""
+    return Bar()

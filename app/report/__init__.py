@@ -36,13 +36,22 @@ class Analysis(Job):
     kind: str  # precision or stability
     request: Request
     reporting: ReportRequest
+    partial: Any = None  # the map so far
+
+    def changes(self, *news: Any) -> dict[str, Any]:
+        """Return the fraction done, and the map so far."""
+        return {"fraction": float(news[0]), "partial": news[1] if len(news) > 1 else self.partial}
+
+    @property
+    def duration(self) -> float:
+        """The duration that was asked for [s]."""
+        return self.reporting.t_end or self.request.t_end
 
     def ended(self, state: State, result: Any) -> State:
         """Show a Study or StabilityMap, and keep the latest one of the other kind."""
-        duration = self.reporting.t_end or self.request.t_end
         other = latest(state.report, "stability" if self.kind == "precision" else "precision")
         kept = None if other is None else replace(other, other=None)
-        return replace(state, report=Report(self.kind, self.model, result, duration, kept))
+        return replace(state, report=Report(self.kind, self.model, result, self.duration, kept))
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,14 @@ def latest(report: Report | None, kind: str) -> Report | None:
     if report is None or report.kind == kind:
         return report
     return report.other
+
+
+def in_progress(state: State) -> Report | None:
+    """Return the map so far, if one is being computed."""
+    now = state.analysis
+    if now is None or now.partial is None:
+        return None
+    return Report(now.kind, now.model, now.partial, now.duration)
 
 
 def advised(report: Report | None) -> Request | None:
@@ -185,7 +202,16 @@ def stability(now: Analysis, progress: Progress) -> object:
     """Test the stability of the methods over the first part of the run."""
     given = settings(now)
     given["t_end"] = now.reporting.t_end or min(given["t_end"], HORIZON)
-    return pg.stability_map(now.model, axis=now.reporting.axis or None, progress=progress, **given)
+    so_far: list[Any] = [None]  # the newest map
+
+    def advanced(fraction: float) -> bool:
+        return progress(fraction, so_far[0])
+
+    def kept(found: pg.StabilityMap) -> None:
+        so_far[0] = found
+
+    axis = now.reporting.axis or None
+    return pg.stability_map(now.model, axis=axis, progress=advanced, partial=kept, **given)
 
 
 MEASURES = {"precision": precision, "stability": stability}

@@ -69,8 +69,8 @@
   function left(host, { fraction }) {
     const now = performance.now(), [at, first] = host.pgraphBegan ??= [now, fraction], done = fraction - first;
     const seconds = (1 - fraction) * (now - at) / 1e3 / done;
-    if (now - at < 5e3 || !(done > 0) || seconds < 10) return "";
-    return seconds < 90 ? `, about ${Math.round(seconds / 10) * 10} s left` : seconds < 5400 ? `, about ${Math.round(seconds / 60)} min left` : `, about ${Math.round(seconds / 3600)} h left`;
+    if (now - at < 2e3 || !(done > 0)) return "";
+    return seconds < 10 ? `, about ${Math.ceil(seconds)} s left` : seconds < 90 ? `, about ${Math.round(seconds / 10) * 10} s left` : seconds < 5400 ? `, about ${Math.round(seconds / 60)} min left` : `, about ${Math.round(seconds / 3600)} h left`;
   }
 
   function fill(el, result) {
@@ -80,6 +80,7 @@
     $(".advice").textContent = result.advice;
     const use = button("advised", "Use it", `Run with ${result.use} from now on`, () => send("UseAdvised", { kind: result.kind }));
     $(".use").replaceChildren(...(result.use ? [use] : []), button("page", "Download", "The whole report as one HTML file", () => send("DownloadReport", { kind: result.kind })));
+    $(".use").hidden = result.running;
     $(".stale").hidden = !result.stale;
     $(".stale").textContent = result.stale;
     $("details").hidden = !result.rows.length;

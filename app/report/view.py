@@ -6,12 +6,12 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from pgraph_core.study.axes import AXES, first_axis
+from pgraph_core.study.axes import applicable, first_axis
 
 from ..core.bridge import Bridge
 from ..core.views import Host, Payload, Place, requests, topic
 from ..run.trust import method_label
-from . import Client, DownloadReport, Report, State, latest
+from . import Client, DownloadReport, Report, State, in_progress, latest
 
 KINDS = ("precision", "stability")
 KNOWN = ": known to "
@@ -37,6 +37,8 @@ def page(report: Report) -> str:
 def drawn(state: State) -> dict[str, str]:
     """Return the figure of the latest report of each kind, or ""."""
     found = {kind: latest(state.report, kind) for kind in KINDS}
+    if (now := in_progress(state)) is not None:
+        found[now.kind] = now
     return {kind: "" if one is None else one.result.figure() for kind, one in found.items()}
 
 
@@ -47,29 +49,36 @@ def _measured(state: State, page: Client) -> tuple[object, ...]:
 def reports(state: State) -> Payload:
     """Return the content of the reports tab, except the figure."""
     asked, now, newest = state.reporting, state.analysis, state.report
-    both = (newest, newest and newest.other)
+    running = in_progress(state)
+    both = [newest, newest and newest.other]
+    if running is not None:  # in place of the last one of this kind
+        both = [running, latest(newest, "precision")]
     return {
         "target": asked.target,
         "t_end": asked.t_end,
         "axis": asked.axis or first_axis(state.model),
-        "axes": [[name, name.replace("_", " ")] for name in AXES],
+        "axes": [[name, name.replace("_", " ")] for name in applicable(state.model)],
         "empty": not state.model.bodies,
         "job": None if now is None else {"kind": now.kind, "fraction": now.fraction},
         "problem": state.analysis_problem,
-        "results": [result(one, one.model is state.model) for one in both if one is not None],
+        "results": [
+            result(one, one.model is state.model, one is running) for one in both if one is not None
+        ],
     }
 
 
-def result(report: Report, current: bool) -> Payload:
+def result(report: Report, current: bool, running: bool) -> Payload:
     """Return the result as text and rows."""
     found = (precision if report.kind == "precision" else stability)(report.result)
     if report.result.t_end < report.asked * (1 - 1e-9):
         found["title"] += f" of {report.asked:g} s"
     ended = report.result
-    if ended.cancelled if report.kind == "precision" else not ended.complete:
+    if running:
+        found |= {"title": f"{found['title']}, so far", "advice": ""}
+    elif ended.cancelled if report.kind == "precision" else not ended.complete:
         found["title"] += ", cancelled"
     stale = "" if current else "Measured before the model was changed."
-    return {"kind": report.kind, "stale": stale, **found}
+    return {"kind": report.kind, "stale": stale, "running": running, **found}
 
 
 def precision(study: Any) -> Payload:
@@ -135,6 +144,6 @@ VIEWS = (
         topic("reports", lambda state, page: reports(state), *PARTS, page=_measured),
         50, Host("reports", "drawer", "Accuracy"),
     ),
-    Place(topic("figure", drawn, "report"), 50),
+    Place(topic("figure", drawn, "report", "analysis"), 50),
     Place(lambda desk: DownloadView(desk.bridge), 50),
 )  # fmt: skip

@@ -252,11 +252,13 @@ class Recording(Running):
                 return
 
     def _note_crawl(self) -> None:
-        """Warn immediately, and only once, about a run that would take very many steps."""
+        """Tell of a run that would take very many steps, once, and immediately if nobody follows
+        its progress."""
         if self.coarser is None and not self._crawls and (text := self.steps.crawl()):
             self._crawls = text
             self.ended.notices.append(text)
-            warnings.warn(text, stacklevel=2)
+            if self.progress is None:
+                warnings.warn(text, stacklevel=2)
 
     def fail(self, code: int) -> None:
         """End the run with a kernel's status code. Re-raises exceptions from a user's function."""

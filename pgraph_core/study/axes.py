@@ -172,14 +172,19 @@ TABLE = (
 AXES: dict[str, Axis] = {axis.name: axis for axis in TABLE}
 
 
+def applicable(model: Model) -> tuple[str, ...]:
+    """Return the axes that apply to the model, of which "step" always does."""
+    return tuple(name for name, axis in AXES.items() if axis.of_steps or _applies(axis, model))
+
+
+def _applies(axis: Axis, model: Model) -> bool:
+    try:
+        axis.applied(model, axis.values[0])
+    except PgraphError:  # the model lacks what the axis varies, or does not allow the value
+        return False
+    return True
+
+
 def first_axis(model: Model) -> str:
     """Return the first axis that applies to the model, the default for a map."""
-    for name, axis in AXES.items():
-        if axis.of_steps:
-            continue
-        try:
-            axis.applied(model, axis.values[0])
-        except PgraphError:  # the axis does not apply to this model or value
-            continue
-        return name
-    return "step"
+    return applicable(model)[0]

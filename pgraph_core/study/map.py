@@ -28,12 +28,14 @@ class Verdict(StrEnum):
     """The verdict on a run, exactly one per cell. (How a run ended is its `Status`.)"""
 
     OK = "OK"
+    DIVIDED = "DIVIDED"
     INACCURATE = "INACCURATE"
     UNSTABLE = "UNSTABLE"
     DAMPED = "DAMPED"
     DRIFT = "DRIFT"
     FAILED = "FAILED"
     SLOW = "SLOW"
+    NOT_RUN = "NOT_RUN"
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,7 @@ class Cell:
     energy_gained: float = 0.0
     constraint_drift: float = 0.0  # over the mechanism's length
     evaluations: int = 0  # evaluations of the dynamics
+    step_taken: float = NAN  # mean step, shorter than `step` if steps were divided [s]
 
 
 @dataclass(frozen=True)
@@ -83,9 +86,25 @@ def judged(
     for question in (_unstable, _failed, _drifts, _unknown, _damped, _inaccurate):
         answer = question(found)
         if answer is not None:
-            return answer
+            return _with_division(answer)
     order = f", order {found.cell.order:.1f}" if np.isfinite(found.cell.order) else ""
-    return replace(found.cell, text=f"error {found.cell.error:.1e}{order}")
+    return _with_division(replace(found.cell, text=f"error {found.cell.error:.1e}{order}"))
+
+
+def _with_division(cell: Cell) -> Cell:
+    """Say that the steps of a cell were divided. A cell that is OK was not run with its step."""
+    if not cell.step_taken < cell.step:
+        return cell
+    status = Verdict.DIVIDED if cell.status is Verdict.OK else cell.status
+    text = f"{cell.text}; its equations were not solved at this step, so steps were divided, to "
+    return replace(cell, status=status, text=f"{text}{cell.step_taken:.2g} s on average")
+
+
+def mean_step(run: Result, method: str, step: float) -> float:
+    """Return the mean step [s] of a run that divided steps of this size, or the size."""
+    divided = METHODS[method].implicit and run.counters["rejected_steps"] > 0
+    count = run.counters["steps"]
+    return float(run.t[-1] - run.t[0]) / count if divided and count else step
 
 
 def evidence(
@@ -110,6 +129,7 @@ def evidence(
         energy_gained=float(growth.max(initial=0.0)),
         constraint_drift=drift / (mech.packed.length or 1.0),
         evaluations=whole.counters["evaluations"],
+        step_taken=mean_step(whole, cell.method, cell.step),
     )
     return Evidence(target, mech, whole, known, errors, growth, cell)
 
@@ -215,6 +235,8 @@ def _inaccurate(found: Evidence) -> Cell | None:
 def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> Cell:
     """Compute the cell with the step at which `excess` meets the target at this order."""
     cell = found.cell
+    if not np.isfinite(cell.order):
+        return _without_order(found, status, text)
     if not round(cell.order) > 0:
         text += "; it does not shrink with the step"
         return replace(cell, status=status, text=text)
@@ -224,9 +246,24 @@ def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> 
     return replace(cell, status=status, text=text, step_needed=step)
 
 
+def _without_order(found: Evidence, status: Verdict, text: str) -> Cell:
+    """Return a cell whose order is unknown, with the result of the run at half of the step."""
+    cell = found.cell
+    if np.isfinite(cell.error_half) and cell.error_half + found.known.accuracy <= found.target:
+        text += f"; half of the step has error {cell.error_half:.1e}"
+        return replace(cell, status=status, text=text, step_needed=cell.step / 2)
+    why = "the run at half of the step ended early" if np.isnan(cell.error_half) else (
+        f"at half of the step it is {cell.error_half:.1e}, below what the reference resolves"
+    )  # fmt: skip
+    return replace(cell, status=status, text=f"{text}; its order is not known, since {why}")
+
+
 OWN = "◂"  # marks the model's own value
 LOOK = {  # letter of the text map, colour and ink of the figure, meaning
     Verdict.OK: Look(".", "#2e9e5b", "#ffffff", "reaches the target"),
+    Verdict.DIVIDED: Look(
+        ":", "#5fa8a0", "#ffffff", "reaches the target, but with shorter steps than this one"
+    ),
     Verdict.INACCURATE: Look(
         "i", "#e3b341", "#1b1f24", "bounded, but less accurate than the target"
     ),
@@ -237,6 +274,7 @@ LOOK = {  # letter of the text map, colour and ink of the figure, meaning
     Verdict.DRIFT: Look("D", "#d9782d", "#ffffff", "constraints drift"),
     Verdict.FAILED: Look("F", "#5a2327", "#ffffff", "the run ended early, or was refused"),
     Verdict.SLOW: Look("s", "#8a939e", "#ffffff", "more steps than the budget allows"),
+    Verdict.NOT_RUN: Look("-", "#d5d9de", "#1b1f24", "not run in the time of the map"),
 }
 
 
@@ -260,18 +298,26 @@ class StabilityMap(Saved):
     own: float | None = None  # the value of the model as it is, if it is among them
 
     def __str__(self) -> str:
+        text = [self.title, "", *self.grid, "", *self._legend(), "", self.advice, ""]
+        return "\n".join([*text, *self.findings()]).rstrip()
+
+    @property
+    def grid(self) -> list[str]:
+        """The lines of the map: a letter for each run, and a space for one that is not known."""
         per = len(self.steps) or 1
         widest = max(len(self._label(v)) for v in self.values)
         head = "".join(f"  {name:{per}}" for name in self.methods)
-        lines = [self.title, "", f"{'':{widest}}{head}"]
+        lines = [f"{'':{widest}}{head}".rstrip()]
         for value in self.values:
             line = f"{self._label(value):{widest}}"
             for name in self.methods:
-                own = (c for c in self.cells if (c.value, c.method) == (value, name))
-                line += f"  {''.join(LOOK[c.status].letter for c in own):{max(per, len(name))}}"
+                letters = [" "] * per  # of a cell that is not known yet
+                for c in self.cells:
+                    if (c.value, c.method) == (value, name):
+                        letters[self._column(c)] = LOOK[c.status].letter
+                line += f"  {''.join(letters):{max(per, len(name))}}"
             lines.append(line.rstrip())
-        text = [*lines, "", *self._legend(), "", self.advice, "", *self.findings()]
-        return "\n".join(text).rstrip()
+        return lines
 
     def _label(self, value: float) -> str:
         return f"{value:g} {OWN}" if value == self.own else f"{value:g}"
@@ -313,9 +359,10 @@ class StabilityMap(Saved):
         """Return `advice`, with methods named by `label`."""
         whole = len(self.values) * len(self.methods) * (len(self.steps) or 1)
         taken = self._taken()
-        if self.complete or len(self.cells) == whole:
+        done = sum(cell.status is not Verdict.NOT_RUN for cell in self.cells)
+        if done == whole:
             return self._said(taken, label)
-        so_far = f"Cancelled after {len(self.cells)} of {whole} runs"
+        so_far = f"{'Out of time' if self.complete else 'Cancelled'} after {done} of {whole} runs"
         if taken is None:
             return f"{so_far}, which is too few to say more."
         return f"{so_far}. {self._said(taken, label)}"
@@ -363,10 +410,10 @@ class StabilityMap(Saved):
         return lines if self.complete else [*lines, "cancelled: only the finished cells are here"]
 
     def troubles(self) -> dict[tuple[str, Verdict], list[Cell]]:
-        """Return the cells for each method and verdict other than OK."""
+        """Return the cells that were run for each method and verdict other than OK."""
         groups: dict[tuple[str, Verdict], list[Cell]] = {}
         for cell in self.cells:
-            if cell.status is not Verdict.OK:
+            if cell.status not in (Verdict.OK, Verdict.NOT_RUN):
                 groups.setdefault((cell.method, cell.status), []).append(cell)
         return groups
 

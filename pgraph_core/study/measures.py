@@ -178,11 +178,13 @@ def measured(
     *,
     seed: int = 0,
     progress: Callable[[float], None] = lambda _: None,
+    late: Callable[[], bool] = lambda: False,
 ) -> list[list[float]]:
     """Compute the times in seconds of every run in every round, as returned by each run.
 
     `expected` are rough seconds of the runs. `progress(fraction)` is called between the runs and
-    may raise to end the measurement.
+    may raise to end the measurement. If the time is over (`late`), further runs are left out. In
+    the first round, short runs come first.
     """
     shuffle = random.Random(seed)
     found: list[list[float]] = [[] for _ in runs]
@@ -190,8 +192,11 @@ def measured(
     total = rounds * sum(n * s for n, s in zip(counts, expected)) or 1.0
     done = 0.0
     with undisturbed():
-        for _ in range(rounds):
-            for i in shuffle.sample(range(len(runs)), len(runs)):
+        for n in range(rounds):
+            order = shuffle.sample(range(len(runs)), len(runs))
+            for i in order if n else sorted(order, key=lambda i: expected[i]):
+                if late():
+                    return found
                 found[i].append(median(runs[i]() for _ in range(counts[i])))
                 done += counts[i] * expected[i]
                 progress(min(1.0, done / total))

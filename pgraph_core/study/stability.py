@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import os
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from dataclasses import replace
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..dynamics.states import with_initial
-from ..errors import PgraphError, choices, explained, refusal
+from ..errors import InputError, PgraphError, choices, explained, refusal
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..packing import Array
@@ -22,7 +23,7 @@ from ..simulation import simulate
 from ..simulation.options import positive
 from ..simulation.start import with_state
 from ..tolerances import NOTABLE
-from .axes import AXES, Axis, changed, first_axis
+from .axes import AXES, Axis, applicable, changed, first_axis
 from .map import Cell, StabilityMap, Verdict, judged, step_limit
 from .reference import KnownMotion, known_motion, merged, per_step, weight_of
 from .task import Setting, Task, finite_numbers, methods_of
@@ -31,6 +32,10 @@ STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 BUDGET = 20_000_000  # evaluations of a run, times `weight_of`: a second or two
 MAP_TIMES = 41  # evenly over a run
 EARLY = 10  # first steps, all recorded: an unstable run grows there
+WITHIN = 45.0  # [s] a map, with the start of a program, takes less than a minute
+REFERENCES = 0.5  # part of this time after which no reference is computed
+PATIENCE = 4.0  # a run may take as many times its equal part of the time left
+EVERY = 0.5  # [s] between two reports of progress at least
 CALL = "stability_map"
 
 
@@ -48,6 +53,8 @@ class Sweep(NamedTuple):
     stabilise: str | None
     own: float | None  # the value of the model as it is
     sorted: bool  # by how often they are right, since nobody named the methods
+    freedoms: int
+    allowed: int  # evaluations of a run
 
 
 class Line(NamedTuple):
@@ -82,8 +89,10 @@ def stability_map(
     scenario: str | None = None,
     stabilise: str | None = "project",
     budget: int = BUDGET,
+    within: float = WITHIN,
     threads: int | None = None,
     progress: Callable[[float], Any] | None = None,
+    partial: Callable[[StabilityMap], Any] | None = None,
 ) -> StabilityMap:
     """Compute a stability map for combinations of parameter value, method and step size.
 
@@ -114,11 +123,16 @@ def stability_map(
     budget : int
         Maximum number of dynamics evaluations of a run, multiplied by the number of elementary
         motions.
+    within : float
+        Time for the whole map [s]. Short runs come first. Runs that do not end in this time have
+        the verdict NOT_RUN. It can be infinite.
     threads : int, optional
         Number of threads. By default, one per core is used.
     progress : callable, optional
-        Function that is called with the completed fraction. If it returns False, the map only
-        contains the completed cells.
+        Function that is called with the completed fraction, of the work or of the time. If it
+        returns False, the map only contains the completed cells.
+    partial : callable, optional
+        Function that is called with the map so far after every completed cell.
 
     Returns
     -------
@@ -137,15 +151,10 @@ def stability_map(
         model, axis or first_axis(model), values, methods, steps, t_end or duration, target, budget,
         stabilise,
     )  # fmt: skip
-    lines, cells, complete = _computed(sweep, progress, threads)
-    names = sweep.methods
-    if sweep.sorted:
-        names = tuple(sorted(names, key=lambda name: _rank(cells, name)))
-    return StabilityMap(
-        model.name, sweep.axis.name, sweep.axis.what, sweep.axis.unit, sweep.values,
-        names, sweep.steps, sweep.t_end, sweep.target,
-        tuple(line.reference for line in lines), _advised(cells), complete, sweep.own,
-    )  # fmt: skip
+    if not within > 0.0:
+        raise refusal(CALL, "within", f"must be > 0 [s], got {within!r}")
+    work = Work(progress, time.perf_counter() + within)
+    return Drawing(sweep, work, partial, within).drawn(threads or os.cpu_count() or 1)
 
 
 def _rank(cells: Sequence[Cell], method: str) -> tuple[int, int]:
@@ -175,18 +184,24 @@ def _checked(
     widths: tuple[float, ...] = ()
     if not chosen.of_steps:
         widths = finite_numbers(CALL, "steps", STEPS if steps is None else steps)
-    for field, each in (("steps", widths), ("values", numbers if chosen.of_steps else ())):
+    for name, each in (("steps", widths), ("values", numbers if chosen.of_steps else ())):
         if any(x <= 0 for x in each):
-            raise refusal(CALL, field, f"steps must be > 0 [s], got {min(each):g}")
+            raise refusal(CALL, name, f"steps must be > 0 [s], got {min(each):g}")
     end = positive("t_end", t_end, call=CALL)
     aim = positive("target", target, unit="", call=CALL)
     limits = model.limited
     touching = any(c.active and c.law != "soft" for c in model.contacts)
     names = methods_of(CALL, methods, impulses=limits or touching, suited=False)
-    chosen.applied(model, numbers[0])  # raises if the model lacks what the axis varies
+    try:
+        chosen.applied(model, numbers[0])
+    except InputError as lacks:
+        others = applicable(model)
+        text = f"{lacks.problems[0].text}; choose one of {choices(others, len(others))}"
+        raise refusal(CALL, "axis", text) from None
+    mech = mechanism_of(model, CALL)
     return Sweep(
         model, chosen, numbers, names, widths, end, aim, int(budget), stabilise, own,
-        methods is None,
+        methods is None, mech.nv, int(budget) // weight_of(mech),
     )  # fmt: skip
 
 
@@ -233,32 +248,64 @@ def started(model: Model, q: Any, v: Any) -> Model:
 
 
 class Work:
-    """Progress of the work done by the threads."""
+    """Progress of the work done by the threads, until it is cancelled or out of time."""
 
-    def __init__(self, total: int, progress: Callable[[float], Any] | None):
-        self.total, self.done, self.progress = total, 0, progress
+    def __init__(self, progress: Callable[[float], Any] | None, ends: float = math.inf):
+        self.progress, self.began, self.ends = progress, time.perf_counter(), ends
+        self.fraction = 0.0  # completed
         self.stopped = threading.Event()
+
+    @property
+    def late(self) -> bool:
+        """True if the time is over."""
+        return time.perf_counter() >= self.ends
 
     def goes_on(self, _: float = 0.0) -> bool:
         """The progress function that is passed to each run."""
-        return not self.stopped.is_set()
+        return not self.stopped.is_set() and not self.late
 
-    def finished(self, futures: Sequence[Future[Any]]) -> Iterator[Any]:
-        """Yield results as they become available, in the caller's thread, until the caller cancels.
+    def part(self, share: float, left: float) -> float:
+        """Return when a job must end [s], of which `left` have to follow each other within this
+        share of the whole time."""
+        now = time.perf_counter()
+        ends = self.began + share * (self.ends - self.began)
+        return now + (ends - now) * min(PATIENCE / left, 1.0)
 
-        An exception, including Ctrl-C, also stops the other threads.
+    def until(self, ends: float) -> Callable[[float], bool]:
+        """Return a progress function for a run that must end then."""
+        return lambda _: self.goes_on() and time.perf_counter() < ends
+
+    def finished(
+        self, futures: Sequence[Future[Any]], shares: Sequence[float]
+    ) -> Iterator[tuple[int, Any]]:
+        """Yield the numbers and results of futures as they become available, in the caller's
+        thread, until the caller cancels.
+
+        `shares` are the parts of the whole work. An exception, including Ctrl-C, also stops the
+        other threads.
         """
+        numbers = {future: k for k, future in enumerate(futures)}
+        pending = {*futures}
         try:
-            for future in as_completed(futures):
-                self.done += 1
-                answer = None if self.progress is None else self.progress(self.done / self.total)
-                if answer is not None and not answer:
+            while pending:
+                done, pending = wait(pending, EVERY, FIRST_COMPLETED)
+                for future in sorted(done, key=lambda one: numbers[one]):
+                    self.fraction += shares[numbers[future]]
+                    yield numbers[future], future.result()
+                if not self._told():
                     self.stop(futures)
                     return
-                yield future.result()
         except BaseException:
             self.stop(futures)
             raise
+
+    def _told(self) -> bool:
+        """Report the fraction, of the work or of the time. Return False if the caller cancels."""
+        if self.progress is None:
+            return True
+        gone = (time.perf_counter() - self.began) / (self.ends - self.began)
+        answer = self.progress(min(max(self.fraction, gone), 1.0))
+        return answer is None or bool(answer)
 
     def stop(self, futures: Sequence[Future[Any]]) -> None:
         """Cancel pending runs and stop those in progress."""
@@ -267,13 +314,69 @@ class Work:
             one.cancel()
 
 
-def _computed(
-    sweep: Sweep, progress: Callable[[float], Any] | None, threads: int | None
-) -> tuple[list[Line], list[Cell], bool]:
-    """Compute a map. Return (lines, ordered cells, whether the map is complete)."""
-    per_line = len(sweep.methods) * max(len(sweep.steps), 1)
-    work = Work(len(sweep.values) * (1 + per_line), progress)
-    # compile the kernels once, so that the threads do not all compile them
+@dataclass
+class Drawing:
+    """A map in progress."""
+
+    sweep: Sweep
+    work: Work
+    partial: Callable[[StabilityMap], Any] | None
+    within: float  # [s]
+    lines: list[Line] = field(default_factory=list[Line])
+    cells: dict[int, Cell] = field(default_factory=dict[int, Cell])  # by their place in the map
+
+    def drawn(self, threads: int) -> StabilityMap:
+        """Compute the references, then the cells, the shortest runs first."""
+        sweep, work = self.sweep, self.work
+        _load(sweep)
+        with ThreadPoolExecutor(threads) as pool:
+            jobs = [
+                pool.submit(_line, sweep, value, work, (len(sweep.values) - k) / threads)
+                for k, value in enumerate(sweep.values)
+            ]
+            found = dict(work.finished(jobs, [REFERENCES / len(jobs)] * len(jobs)))
+            self.lines = [found[k] for k in sorted(found)]
+            if not work.stopped.is_set():
+                self._fill(pool, threads)
+        return self._map(not work.stopped.is_set())
+
+    def _fill(self, pool: ThreadPoolExecutor, threads: int) -> None:
+        sweep, work = self.sweep, self.work
+        grid = [
+            (line, m, step) for line in self.lines for m in sweep.methods for step in line.steps
+        ]
+        costs = [_cost(sweep, *one) for one in grid]
+        order = sorted(range(len(grid)), key=lambda i: costs[i])
+        jobs = [
+            pool.submit(_cell, sweep, *grid[i], work, (len(grid) - k) / threads)
+            for k, i in enumerate(order)
+        ]
+        shares = [(1.0 - REFERENCES) * costs[i] / sum(costs) for i in order]
+        for k, cell in work.finished(jobs, shares):
+            if cell is not None:
+                self.cells[order[k]] = cell
+                if self.partial is not None:
+                    self.partial(self._map(False))
+        if not work.stopped.is_set():
+            text = f"its part of the {self.within:g} s of the map was over; give more time (within)"
+            for i, (line, method, step) in enumerate(grid):
+                left = Cell(line.value, method, step, Verdict.NOT_RUN, text)
+                self.cells.setdefault(i, left)
+
+    def _map(self, complete: bool) -> StabilityMap:
+        sweep, cells = self.sweep, [self.cells[i] for i in sorted(self.cells)]
+        names = sweep.methods
+        if sweep.sorted:
+            names = tuple(sorted(names, key=lambda name: _rank(cells, name)))
+        return StabilityMap(
+            sweep.model.name, sweep.axis.name, sweep.axis.what, sweep.axis.unit, sweep.values,
+            names, sweep.steps, sweep.t_end, sweep.target,
+            tuple(line.reference for line in self.lines), _advised(cells), complete, sweep.own,
+        )  # fmt: skip
+
+
+def _load(sweep: Sweep) -> None:
+    """Load the kernels once, so that the threads do not all compile them."""
     mech = mechanism_of(sweep.model, "stability_map")
     impulses = Task(mech, None, None, np.zeros(1)).impulses
     own = ("rk4", "moreau_jean") if impulses else ("radau5", "dop853", "dopri5")
@@ -282,64 +385,74 @@ def _computed(
             simulate(mech, t_end=1e-9, step=1e-9, method=name, estimate=False)
         except PgraphError:
             continue  # each cell reports it
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        jobs = [pool.submit(_line, sweep, value, work) for value in sweep.values]
-        lines = sorted(work.finished(jobs), key=lambda line: sweep.values.index(line.value))
-        cells: list[tuple[int, Cell]] = []
-        if not work.stopped.is_set():
-            grid = [(line, m, step) for line in lines for m in sweep.methods for step in line.steps]
-            jobs = [pool.submit(_cell, sweep, i, *one, work) for i, one in enumerate(grid)]
-            cells = [cell for cell in work.finished(jobs) if cell is not None]
-    cells.sort(key=lambda pair: pair[0])
-    return lines, [cell for _, cell in cells], not work.stopped.is_set()
 
 
-def _line(sweep: Sweep, value: float, work: Work) -> Line:
+def _line(sweep: Sweep, value: float, work: Work, left: float) -> Line:
     """Return the model at a given axis value with its most accurate known motion."""
     steps = (value,) if sweep.axis.of_steps else sweep.steps
+    ends = work.part(REFERENCES, left)
     try:
         model = sweep.axis.applied(sweep.model, value)
         times = merged([times_of(sweep.t_end, step) for step in steps], sweep.t_end)
         task = Task(Mechanism(model), None, None, times)
-        known = known_motion(task, min(steps), sweep.target, sweep.budget, work.goes_on)
+        known = known_motion(task, min(steps), sweep.target, sweep.budget, work.until(ends))
     except PgraphError as refused:
         return Line(value, None, steps, None, str(refused))
-    problem = "" if known else "no method reaches the end to compare with; try a shorter t_end"
-    return Line(value, model, steps, known, problem)
+    why = "no method reaches the end to compare with; try a shorter t_end"
+    if time.perf_counter() >= ends:
+        why = "no method reaches the end to compare with in the time; try a shorter t_end"
+    return Line(value, model, steps, known, "" if known else why)
+
+
+def _cost(sweep: Sweep, line: Line, method: str, step: float) -> float:
+    """Return the expected evaluations of a cell. Cells that are not run cost nothing."""
+    most = steps_of(sweep.t_end, step) * per_step(method, sweep.freedoms)
+    return 1.0 if line.model is None or most > sweep.allowed else 1.0 + most
 
 
 def _cell(
-    sweep: Sweep, index: int, line: Line, method: str, step: float, work: Work
-) -> tuple[int, Cell] | None:
-    """Return a cell with its index, or None if the map was cancelled."""
+    sweep: Sweep, line: Line, method: str, step: float, work: Work, left: float
+) -> Cell | None:
+    """Return a cell, or None if it was cancelled or out of time.
+
+    A fault in one run never loses the other cells.
+    """
     cell = Cell(line.value, method, step, Verdict.FAILED, line.problem, time=0.0)
-    if line.model is None:
-        return index, cell
-    mech = Mechanism(line.model)  # one per thread, so that threads share nothing
-    count = steps_of(sweep.t_end, step)
-    each, allowed = per_step(method, mech.nv), sweep.budget // weight_of(mech)
-    most = count * each
-    if most > allowed:
-        text = f"about {most:.1e} evaluations, of which the budget allows {allowed:.1e}"
-        return index, Cell(line.value, method, step, Verdict.SLOW, text, evaluations=most)
-    task = Task(mech, None, None, times_of(sweep.t_end, step), stabilise=sweep.stabilise)
     try:
-        whole, half = (  # implicit steps that cannot be solved are divided, and may become many
-            task.run(
-                method,
-                Setting(step=sweep.t_end / n, max_steps=max(allowed // each, n)),
-                work.goes_on,
-            )
-            for n in (count, 2 * count)
-        )
+        return _measured(sweep, line, cell, work.until(work.part(1.0, left)))
     except PgraphError as refused:
-        return index, replace(cell, text=str(refused))
+        return replace(cell, text=str(refused))
+    except Exception as error:
+        return replace(cell, text=f"stopped by {type(error).__name__}: {error}")
+
+
+def _measured(
+    sweep: Sweep, line: Line, cell: Cell, goes_on: Callable[[float], bool]
+) -> Cell | None:
+    """Return the cell with the verdict on its runs. Raises PgraphError if they are refused."""
+    if line.model is None or not goes_on(0.0):
+        return cell if line.model is None else None
+    mech = Mechanism(line.model)  # one per thread, so that threads share nothing
+    count = steps_of(sweep.t_end, cell.step)
+    each = per_step(cell.method, mech.nv)
+    if (most := count * each) > sweep.allowed:
+        text = f"about {most:.1e} evaluations, of which the budget allows {sweep.allowed:.1e}"
+        return Cell(cell.value, cell.method, cell.step, Verdict.SLOW, text, evaluations=most)
+    task = Task(mech, None, None, times_of(sweep.t_end, cell.step), stabilise=sweep.stabilise)
+    whole, half = (  # implicit steps that cannot be solved are divided, and may become many
+        task.run(
+            cell.method,
+            Setting(step=sweep.t_end / n, max_steps=max(sweep.allowed // each, n)),
+            goes_on,
+        )
+        for n in (count, 2 * count)
+    )
     if Status.CANCELLED in (whole.status, half.status):
         return None
     if line.known is None:
-        return index, _unjudged(cell, task, whole)
-    cell = Cell(line.value, method, step, Verdict.OK, "")
-    return index, judged(cell, sweep.target, mech, whole, half, line.known)
+        return _unjudged(cell, task, whole)
+    cell = Cell(cell.value, cell.method, cell.step, Verdict.OK, "")
+    return judged(cell, sweep.target, mech, whole, half, line.known)
 
 
 def _unjudged(cell: Cell, task: Task, run: Result) -> Cell:
@@ -349,8 +462,8 @@ def _unjudged(cell: Cell, task: Task, run: Result) -> Cell:
         status = Verdict.UNSTABLE
     text = cell.text if run.status.ok else run.message
     most = step_limit(cell.method, task.rate_at([task.mech.home()]))
-    time = float(run.t[-1]) if len(run.t) and not run.status.ok else float("nan")
-    return replace(cell, status=status, text=text, time=time, step_limit=most)
+    until = float(run.t[-1]) if len(run.t) and not run.status.ok else float("nan")
+    return replace(cell, status=status, text=text, time=until, step_limit=most)
 
 
 def steps_of(t_end: float, step: float) -> int:

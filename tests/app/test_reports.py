@@ -1,5 +1,6 @@
 """The reports in the page: settings, results and advice."""
 
+import dataclasses
 import json
 import threading
 from functools import partial
@@ -9,7 +10,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app import report
 from pgraph_app.core.jobs import Worker
-from pgraph_app.report import Analysis
+from pgraph_app.report import Analysis, latest
 from pgraph_app.report.view import drawn, page, reports
 from pgraph_app.run.trust import method_label
 from pgraph_app.run.view import run
@@ -70,6 +71,24 @@ def test_error_against_run_time(precise):
     assert run(used)["request"]["rtol"] == row.rtol
     stale = after(precise, do.EditBodies(ME, 2, ("1",), "mass", (((), "3"),)))
     assert (sent["stale"], bool(reports(stale)["results"][0]["stale"])) == ("", True)
+
+
+def test_the_cells_of_a_map_come_one_by_one(both):
+    """The map so far is shown in place of the last one, and cannot be used yet."""
+    found = latest(both.report, "stability").result
+    state = after(both, do.Analyse(ME, "stability"))
+    before = drawn(state)
+    so_far = dataclasses.replace(found, cells=found.cells[:1], complete=False)
+    job = state.analysis
+    state = after(state, do.Progress(job.id, job.changes(0.25, so_far)))
+    one, other = reports(state)["results"]
+    assert (one["kind"], one["running"], other["running"]) == ("stability", True, False)
+    assert "so far" in one["title"]
+    assert drawn(state)["stability"] != before["stability"]
+    assert drawn(state)["precision"] == before["precision"]
+    assert reports(state)["job"] == {"kind": "stability", "fraction": 0.25}
+    ended = after(state, do.Done(job.id, found))
+    assert not any(one["running"] for one in reports(ended)["results"])
 
 
 def test_there_is_no_report_of_a_model_without_bodies():

@@ -133,6 +133,14 @@ def test_a_run_that_crawls_says_so_early_and_proposes_a_setting(
     assert "radau5" in text
 
 
+def test_a_run_whose_progress_is_followed_warns_nobody(recwarn):
+    """A stability map follows its reference run, whose tolerance its caller has not given."""
+    options = {"method": "dop853", "rtol": 1e-13, "max_steps": 20_000, "frames": 11}
+    run = pg.simulate(heavy_tip(8, 1e6), t_end=100.0, progress=lambda _: None, **options)
+    assert any("in all" in text for text in run.notices)
+    assert not recwarn.list
+
+
 @pytest.mark.parametrize("ratio", [1.0, 1e6])
 def test_a_run_of_reasonable_steps_is_not_called_slow(ratio, recwarn):
     run = pg.simulate(heavy_tip(4, ratio), t_end=5.0, rtol=1e-8, estimate=False)

@@ -2,12 +2,14 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.study import precision
 from pgraph_core.study.measures import Errors, angles, measured, spread
 from pgraph_core.study.reference import horizon
 from pgraph_core.study.report import seconds_at
@@ -128,6 +130,29 @@ def test_a_study_tells_its_progress_and_can_be_stopped():
     assert found.cancelled
     assert len(seen) == 8
     assert seen == sorted(seen)
+
+
+def test_a_study_ends_in_time_and_names_what_it_left_out(monkeypatch):
+    """The clock says that the time is over after the first timed run. Short runs come first."""
+    clock, honest = [0.0], precision.measured
+
+    def measured(runs, *given, **options):
+        def timed(run):
+            clock[0] = 1e3
+            return run()
+
+        return honest([lambda run=run: timed(run) for run in runs], *given, **options)
+
+    monkeypatch.setattr(precision, "measured", measured)
+    monkeypatch.setattr(precision, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    options = {"t_end": 0.1, "methods": "rk4", "steps": (0.01, 0.005), "rounds": 1, "within": 30}
+    rows = pg.work_precision(built_in("double_pendulum"), **options).rows
+    assert sorted(row.seconds is not None for row in rows) == [False, True]
+    assert all(row.error for row in rows)
+    (left,) = (row for row in rows if row.seconds is None)
+    assert "30 s" in left.reason
+    with pytest.raises(pg.InputError, match=r"within.*0\.0"):
+        pg.work_precision(built_in("double_pendulum"), **{**options, "within": 0.0})
 
 
 def test_contacts_are_measured_too():

@@ -1,10 +1,12 @@
 """The stability map: every verdict, its text, and the axes that it varies."""
 
+import dataclasses
 import itertools
 import json
 import re
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +15,10 @@ from scipy.integrate import solve_ivp
 import pgraph_core as pg
 from pgraph_core.study import stability
 from pgraph_core.study.axes import AXES, first_axis
-from pgraph_core.study.map import Verdict
+from pgraph_core.study.map import Cell, Verdict, judged
+from pgraph_core.study.reference import KnownMotion
 
+from ..worlds import built_in
 from .rescaling import rescaled
 from .test_cases import DOWN, mass, worst
 from .test_methods import slider_crank, stiff_pendulum
@@ -322,7 +326,7 @@ def test_an_interruption_stops_the_runs_of_the_other_threads():
         begun.wait(60)
         raise KeyboardInterrupt
 
-    work = stability.Work(2, interrupt)
+    work = stability.Work(interrupt)
 
     def run() -> bool:
         begun.set()
@@ -331,6 +335,74 @@ def test_an_interruption_stops_the_runs_of_the_other_threads():
     with ThreadPoolExecutor(2) as pool:
         short, long = pool.submit(work.goes_on), pool.submit(run)
         with pytest.raises(KeyboardInterrupt):
-            list(work.finished([short, long]))
+            list(work.finished([short, long], [0.5, 0.5]))
     assert long.result()
     assert not work.goes_on()
+
+
+def test_a_map_ends_in_time_and_says_which_runs_are_missing(monkeypatch):
+    """Short runs come first. The clock says that the time is over after the first cell."""
+    clock, honest = [0.0], stability.judged
+
+    def judged(*given):
+        clock[0] = 1e3
+        return honest(*given)
+
+    monkeypatch.setattr(stability, "judged", judged)
+    monkeypatch.setattr(stability, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    mech, q = stiff_pendulum(1e4)
+    options = {"values": [1e4], "methods": ["rk4", "radau5"], "t_end": 1.0, "threads": 1}
+    seen: list[pg.StabilityMap] = []
+    steps = (1e-3, 1e-1)
+    found = pg.stability_map(mech, q, within=60, steps=steps, partial=seen.append, **options)
+    assert found.complete
+    done = [(c.method, c.step) for c in found.cells if c.status != "NOT_RUN"]
+    assert done == [("rk4", 1e-1)]
+    assert len(found.cells) == 4
+    assert all("60 s" in c.text for c in found.cells if c.status == "NOT_RUN")
+    assert "Out of time after 1 of 4 runs" in found.advice
+    (part,) = seen
+    assert (len(part.cells), part.complete) == (1, False)
+    assert "   U" in str(part)  # in its own column, with a space for what is not known yet
+    with pytest.raises(pg.InputError, match=r"within.*-1"):
+        pg.stability_map(mech, q, within=-1, **options)
+
+
+def test_a_cell_at_fault_loses_no_other_cell(monkeypatch):
+    honest = stability.judged
+
+    def judged(cell, *given):
+        return honest(cell, *given) if cell.method == "radau5" else 1 // 0
+
+    monkeypatch.setattr(stability, "judged", judged)
+    mech, q = stiff_pendulum(1e4)
+    options = {"values": [1e4], "methods": ["rk4", "radau5"], "steps": [1e-3], "t_end": 0.1}
+    bad, good = pg.stability_map(mech, q, **options).cells
+    assert (bad.status, good.status) == ("FAILED", "OK")
+    assert "ZeroDivisionError" in bad.text
+
+
+@pytest.mark.parametrize(("half", "facts"), [
+    (np.inf, "half of the step ended early"), (1e-14, "half of the step has error 1.0e-14"),
+])  # fmt: skip
+def test_an_order_that_is_not_known_is_said_in_words(half, facts):
+    """The run at half of the step failed, or is as accurate as the reference."""
+    model = built_in("pendulum").model
+    mech, t = pg.Mechanism(model), np.linspace(0.0, 0.1, 5)
+    known, whole, other = (
+        pg.simulate(mech, t_end=0.1, t_eval=t, method="rk4", step=0.01) for _ in range(3)
+    )
+    whole = dataclasses.replace(whole, q=whole.q + 0.1)
+    status = pg.Status.DONE if np.isfinite(half) else pg.Status.NOT_FINITE
+    moved = other.q + (half if np.isfinite(half) else 0.0)
+    other = dataclasses.replace(other, q=moved, status=status)
+    motion = KnownMotion(known, 1e-12, "known", 1.0, 1.0)
+    cell = judged(Cell(1.0, "rk4", 0.01, Verdict.OK, ""), 1e-3, mech, whole, other, motion)
+    assert cell.status != "OK"
+    assert facts in cell.text
+
+
+def test_a_refused_axis_lists_those_that_apply():
+    facts = r"friction varies contacts.*choose one of speed, step$"
+    with pytest.raises(pg.InputError, match=facts):
+        pg.stability_map(built_in("pendulum").model, axis="friction")
