@@ -13,7 +13,7 @@ for body in model.bodies:
 # Three changed cells of the parent column make it the tree of fig. 1.
 model = model.edit("4", parent="2").edit("5", parent="3").edit("6", parent="2")
 
-# Numbers, Pgraph and jdof follow by themselves. Bodies are numbered depth-first.
+# Pgraph and jdof follow. Bodies are numbered in the order of the table if parents precede children.
 tree = pg.Topology.of(model)
 print("names by number   ", *tree.names)
 print("Pgraph            ", tree.pgraph)

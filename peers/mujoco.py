@@ -17,7 +17,7 @@ from pgraph_core import Model, Shape
 from pgraph_core.rotation import matrix
 
 from .motion import Actuator, Clocks, Exported, Trajectory
-from .rows import PLACEHOLDER, PLAIN, Array, Row, Scene, State, inertia_of, rows_of, sizes
+from .rows import PLACEHOLDER, PLAIN, Array, Row, Scene, State, inertia_of, rows_of, sizes, walk
 
 LEAST_INERTIA = 2e-15  # kg m^2: MuJoCo refuses moving bodies without inertia
 SPECK = 1e-13  # kg, kg m^2: bodies between the motions of a joint need some too
@@ -132,12 +132,14 @@ def coordinates(rows: Sequence[Row], q: Array, v: Array) -> tuple[Array, Array]:
         elif row.kind == "free":
             none, local = np.zeros((3, 3)), matrix(ours[3:].tolist()).T
             T[j : j + 6, j : j + 6] = np.block([[none, np.eye(3)], [local, none]])
-    return np.array(found), T
+    order = walk(rows)
+    return np.array(found)[order.q], T[order.v]
 
 
 def ours(rows: Sequence[Row], qpos: Array) -> Array:
     """(n, nq) Pgraph's coordinates from MuJoCo's."""
-    at, q = sizes(rows), qpos.copy()
+    at, q = sizes(rows), np.empty_like(qpos)
+    q[:, walk(rows).q] = qpos
     for i, row in enumerate(rows):
         if row.kind == "free" and row.parent < 0:
             q[:, at.q[i] : at.q[i] + 3] -= row.shift

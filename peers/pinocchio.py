@@ -13,7 +13,7 @@ import numpy as np
 from pgraph_core.rotation import matrix
 
 from .motion import Clocks, Exported, Trajectory
-from .rows import PLACEHOLDER, Array, Row, Scene, State, inertia_of, rows_of, sizes
+from .rows import PLACEHOLDER, Array, Row, Scene, State, inertia_of, rows_of, sizes, walk
 
 PROXIMAL = (1e-12, 1e-9, 20)  # accuracy, mu, iterations of its solver for pinned points
 QUICK = (1e-10, 1e-6, 10)  # four iterations, to 1e-13 N
@@ -30,16 +30,17 @@ def build(model: Any, rows: Sequence[Row]) -> tuple[Any, dict[str, int], list[An
     out = pin.Model()
     out.gravity = pin.Motion(np.array(model.gravity), np.zeros(3))
     frame: dict[str, int] = {}
-    place: list[Any] = []
+    place: list[Any] = [None] * len(rows)
     armature: list[float] = []
-    for row in rows:
+    for i in walk(rows).rows:
+        row = rows[i]
         joint, offset = place[row.parent] if row.parent >= 0 else (0, pin.SE3.Identity())
         offset = offset * pin.SE3(row.turn, row.shift)
         if row.kind != PLACEHOLDER:
             joint = out.addJoint(joint, _joint(pin, row), offset, row.name)
             armature += [row.armature] * out.joints[joint].nv
             offset = pin.SE3.Identity()
-        place.append((joint, offset))
+        place[i] = joint, offset
         if row.body:
             out.appendBodyToJoint(joint, pin.Inertia(*inertia_of(row.body)), offset)
             home = offset * pin.SE3(matrix(row.body.rotation), np.zeros(3))
@@ -77,19 +78,20 @@ def coordinates(rows: Sequence[Row], q: Array, v: Array) -> tuple[Array, Array, 
         T[j : j + 6, j : j + 6] = np.block([[np.zeros((3, 3)), R.T], [R.T, np.zeros((3, 3))]])
         angular, linear = R.T @ v[j : j + 3], R.T @ v[j + 3 : j + 6]
         Tdot_v[j : j + 3] = -np.cross(angular, linear)
-    return np.array(found), T, Tdot_v
+    order = walk(rows)
+    return np.array(found)[order.q], T[order.v], Tdot_v[order.v]
 
 
 def ours(rows: Sequence[Row], q: Array) -> Array:
     """(n, nq) Pgraph's coordinates from Pinocchio's, whose quaternions end with w."""
-    at, found = sizes(rows), q.copy()
+    at, found = sizes(rows), np.empty_like(q)
+    found[:, walk(rows).q] = q
     for i, row in enumerate(rows):
         if row.kind in ("ball", "free"):
             last = at.q[i + 1]
-            turn = q[:, last - 4 : last]
+            turn = found[:, last - 4 : last]
             turn = turn / np.linalg.norm(turn, axis=1, keepdims=True)
-            found[:, last - 4] = turn[:, 3]
-            found[:, last - 3 : last] = turn[:, :3]
+            found[:, last - 4 : last] = turn[:, [3, 0, 1, 2]]
     return found
 
 
@@ -218,10 +220,13 @@ class Run:
         self.motion = motion
         self.model, _, pose = build(motion.model, motion.rows)
         self.data = self.model.createData()
-        at = sizes(motion.rows)
-        kinds = [row.kind for row in motion.rows]
-        every = zip(at.q, at.v, kinds)
-        self.turning = [each for each in every if each[2] in ("ball", "free")]
+        at, order = sizes(motion.rows), walk(motion.rows)
+        place_q, place_v = np.argsort(order.q), np.argsort(order.v)
+        self.turning = [
+            (int(place_q[at.q[i]]), int(place_v[at.v[i]]), motion.rows[i].kind)
+            for i in order.rows
+            if motion.rows[i].kind in ("ball", "free")
+        ]
         points = []
         for each in motion.pins:
             joint, offset = pose[each.row]
@@ -231,8 +236,8 @@ class Run:
             points.append((joint, here, (other, there)))
         self.pinned, self.found = pinned(self.model, self.data, points)
         self.settings = pin.ProximalSettings(*PROXIMAL)
-        self.at_q = np.array([a.q for a in motion.actuators], dtype=int)
-        self.at_v = np.array([a.v for a in motion.actuators], dtype=int)
+        self.at_q = place_q[np.array([a.q for a in motion.actuators], dtype=int)]
+        self.at_v = place_v[np.array([a.v for a in motion.actuators], dtype=int)]
         self.kp = np.array([a.kp for a in motion.actuators])
         self.kd = np.array([a.kd for a in motion.actuators])
         ways = ("dop853", "dop853 in pieces") if len(motion.bends) else ("dop853",)

@@ -101,3 +101,27 @@ def sizes(rows: Sequence[Row]) -> Sizes:
     known = {**SIZE, PLACEHOLDER: (0, 0)}
     q, v = (np.cumsum([0, *(known[row.kind][i] for row in rows)]) for i in (0, 1))
     return Sizes([int(x) for x in q], [int(x) for x in v])
+
+
+class Walk(NamedTuple):
+    """Rows, and the coordinates of Pgraph, in the depth-first order of other engines."""
+
+    rows: list[int]
+    q: Array
+    v: Array
+
+
+def walk(rows: Sequence[Row]) -> Walk:
+    """The order in which engines number what is built from the rows."""
+    children: dict[int, list[int]] = {}
+    for i, row in enumerate(rows):
+        children.setdefault(row.parent, []).append(i)
+    order, left = [], children.get(-1, [])[::-1]
+    while left:
+        order.append(left.pop())
+        left.extend(reversed(children.get(order[-1], [])))
+    q, v = (
+        np.array([k for i in order for k in range(at[i], at[i + 1])], np.int64)
+        for at in sizes(rows)
+    )
+    return Walk(order, q, v)

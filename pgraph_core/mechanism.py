@@ -33,7 +33,7 @@ def _derivatives() -> Any:
 
 @explained
 class Mechanism(Dynamics):
-    """A model with depth-first numbering, packed for the compiled kernels.
+    """A model with canonical numbers, packed for the compiled kernels.
 
     The arrays q (nq,), v (nv,) and tau (nv,) are ordered by body number, as given by `names`. Body
     0 is the ground. A dictionary or pandas row by body name is accepted in place of each of them. A

@@ -1,4 +1,4 @@
-"""The digraph: depth-first numbers, Pgraph and jdof by the paper's seven steps, and the inverse.
+"""The digraph: canonical numbers, Pgraph and jdof by the paper's seven steps, and the inverse.
 
 Numbers are the paper's: bodies from 1, the ground 0. `parent[i - 1]` is the parent of body i.
 """
@@ -17,6 +17,7 @@ from .errors import InputError, Problem, choices, explained, shown
 from .fields import GROUND
 from .model import Model
 from .model.constraint import InJoints
+from .numbering import canonical, children_of
 from .portable import EqualByFields, Portable, keep_unchanged
 
 Ints: TypeAlias = "NDArray[np.int64]"
@@ -25,7 +26,11 @@ Ints: TypeAlias = "NDArray[np.int64]"
 @explained
 @dataclass(frozen=True, eq=False)
 class Topology(EqualByFields, Portable):
-    """The bodies of a model, numbered depth-first, left child (upper row) first."""
+    """The bodies of a model in a canonical numbering, where a parent precedes its children.
+
+    A table whose rows have this order keeps it: body k is row k. Otherwise, a row above its parent
+    waits for it and comes next.
+    """
 
     names: tuple[str, ...]  # by number
     row: Ints  # (nb,) row of the table, from 0, by number
@@ -45,7 +50,7 @@ class Topology(EqualByFields, Portable):
         """Build the topology of a valid model in O(n)."""
         bodies, rows = model.bodies, model.row
         given = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in bodies]
-        order = depth_first(given)
+        order = canonical(given)
         number = [0] * (len(order) + 1)  # by row, from 1
         for i, row in enumerate(order, start=1):
             number[row + 1] = i
@@ -137,26 +142,6 @@ def loops_of(model: Model, topology: Topology) -> tuple[Loop, ...]:
     )
 
 
-def children_of(parent: Sequence[int] | Ints) -> list[list[int]]:
-    """Return the children of the ground and of every body in ascending order."""
-    children: list[list[int]] = [[] for _ in range(len(parent) + 1)]
-    for i, p in enumerate(np.asarray(parent, dtype=np.int64).tolist(), start=1):
-        children[p].append(i)
-    return children
-
-
-def depth_first(parent: Sequence[int]) -> list[int]:
-    """Return body indices (from 0) in depth-first pre-order, with the left child first."""
-    children = children_of(parent)
-    order: list[int] = []
-    stack = children[0][::-1]
-    while stack:
-        i = stack.pop()
-        order.append(i - 1)
-        stack.extend(reversed(children[i]))
-    return order
-
-
 @explained
 def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
     """Return the Pgraph of a tree with the given numbering, by the seven steps in Fig. 4.
@@ -214,13 +199,13 @@ def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
     for i, p in enumerate(numbers.tolist(), start=1):
         if not 0 <= p <= nb:
             raise InputError(Problem(f"body {i}", "parent", f"must be from 0 to {nb}, got {p}"))
-    if len(depth_first(numbers.tolist())) < nb:
-        reached = {row + 1 for row in depth_first(numbers.tolist())}
+    if len(canonical(numbers.tolist())) < nb:
+        reached = {row + 1 for row in canonical(numbers.tolist())}
         lost = next(i for i in range(1, nb + 1) if i not in reached)
         raise InputError(
             Problem(f"body {lost}", "parent", "its path does not lead to the ground (a cycle)")
         )
-    return [c[::-1] for c in children_of(numbers)]
+    return [list(c[::-1]) for c in children_of(numbers.tolist())]
 
 
 def _whole(name: str, values: Sequence[int] | Ints) -> Ints:

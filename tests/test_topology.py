@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.topology import depth_first, find
+from pgraph_core.numbering import children_of
+from pgraph_core.topology import find
 
 pytestmark = pytest.mark.quick
 
@@ -33,15 +34,14 @@ def model_of(parent: list[int]) -> pg.Model:
 
 
 def test_fig1():
-    """On its own numbers, then numbered depth first, with tips and separation bodies by name."""
-    pgraph = pg.pgraph_of(FIG1)
-    assert pgraph.tolist() == [1, 2, 3, 5, 2, 4, 2, 6, 7]
-    assert pg.jdof_of(pgraph, [1] * 7).tolist() == [1, 1, 1, 1, 0, 1, 0, 1, 1]
+    """The built-in model keeps the numbers of the figure, which are canonical."""
     topology = pg.Topology.of(pg.Model.load(pgraph_models.path("fig1_tree")))
-    assert topology.pgraph.tolist() == [1, 2, 3, 4, 2, 5, 2, 6, 7]
-    assert topology.names == ("1", "2", "3", "5", "4", "6", "7")
-    assert [topology.names[i - 1] for i in topology.tips] == ["5", "4", "7"]
-    assert [topology.names[i - 1] for i in topology.separation_bodies] == ["2"]
+    assert topology.parent.tolist() == FIG1
+    assert topology.names == ("1", "2", "3", "4", "5", "6", "7")
+    assert topology.pgraph.tolist() == pg.pgraph_of(FIG1).tolist() == [1, 2, 3, 5, 2, 4, 2, 6, 7]
+    assert topology.jdof.tolist() == [1, 1, 1, 1, 0, 1, 0, 1, 1]
+    assert topology.tips.tolist() == [4, 5, 7]
+    assert topology.separation_bodies.tolist() == [2]
 
 
 def test_fig9_the_quadruped():
@@ -57,9 +57,7 @@ def test_fig1_adjacency_is_eq_4():
     eq4 = np.zeros((7, 7))
     for child, parent in ((2, 1), (3, 2), (4, 2), (5, 3), (6, 2), (7, 6)):
         eq4[child - 1, parent - 1] = 1
-    fig1 = pg.Topology.of(model_of(FIG1))
-    at = [fig1.number(str(i)) - 1 for i in range(1, 8)]
-    assert np.array_equal(fig1.adjacency().toarray()[np.ix_(at, at)], eq4)
+    assert np.array_equal(pg.Topology.of(model_of(FIG1)).adjacency().toarray(), eq4)
 
 
 @pytest.mark.parametrize(
@@ -122,19 +120,50 @@ def test_pgraph_and_jdof_of_any_forest(parent: list[int]):
     assert len(jdof) == len(pgraph)
     assert np.count_nonzero(jdof) == len(set(pgraph.tolist()) - {0}) == len(parent)
     assert jdof.sum() == dof.sum()
-    first = [int(i) for i in pgraph[find(pgraph)] if i]
-    assert first == [row + 1 for row in depth_first(parent)]
+    order = {int(k): i for i, k in enumerate(pgraph[find(pgraph)])}
+    for k, children in enumerate(children_of(parent)):
+        assert [order[c] for c in children] == sorted(order[c] for c in children)  # left first
+        after = [int(pgraph[i + 1]) for i in np.flatnonzero(pgraph[:-1] == k)]
+        assert not children or (k == 0 and roots == 1) or set(after) == set(children)
 
 
 @settings(max_examples=40)
 @given(forests())
-def test_numbers_of_a_model_are_depth_first(parent: list[int]):
+def test_numbers_follow_the_rows_and_a_row_waits_for_its_parents(parent: list[int]):
+    """Each row comes when the lowest row on its path to the ground does."""
     topology = pg.Topology.of(model_of(parent))
-    assert depth_first(topology.parent.tolist()) == list(range(topology.nb))
     assert all(p < i for i, p in enumerate(topology.parent.tolist(), 1))
     for number, name in enumerate(topology.names, 1):
         up = parent[int(name) - 1]
         assert topology.parent[number - 1] == topology.number(str(up) if up else "ground")
+
+    def ready(row: int) -> int:
+        return max(row, ready(parent[row - 1])) if row else 0
+
+    came = [ready(int(name)) for name in topology.names]
+    assert came == sorted(came)
+    assert pg.Mechanism(model_of(parent)).names == topology.names
+
+
+@pytest.mark.parametrize(
+    ("parent", "rows"),
+    [
+        (FIG1, [1, 2, 3, 4, 5, 6, 7]),
+        ([0, 0, 1, 2, 3], [1, 2, 3, 4, 5]),
+        ([2, 3, 0], [3, 2, 1]),
+        ([3, 1, 0, 3, 0], [3, 1, 2, 4, 5]),  # 1 and 2 wait for 3
+        ([0, 4, 2, 1, 4], [1, 4, 2, 3, 5]),
+    ],
+)
+def test_a_canonical_table_keeps_its_numbers(parent: list[int], rows: list[int]):
+    assert pg.Topology.of(model_of(parent)).names == tuple(map(str, rows))
+    assert pg.Mechanism(model_of(parent)).names == tuple(map(str, rows))
+
+
+def test_a_body_added_at_the_end_leaves_the_other_numbers():
+    model = pg.Model.load(pgraph_models.path("quadruped"))
+    grown = model.add(pg.Body(name="ear", parent="left_radius"))
+    assert pg.Topology.of(grown).names == (*pg.Topology.of(model).names, "ear")
 
 
 @settings(max_examples=40)

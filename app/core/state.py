@@ -17,8 +17,9 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.errors import counted
+from pgraph_core.numbering import children_of
 from pgraph_core.show.digraph import Layout, layout
-from pgraph_core.show.shapes import branches, children_of, reach, to_wxyz
+from pgraph_core.show.shapes import branches, reach, to_wxyz
 from pgraph_core.show.stage import depth
 from pgraph_core.topology import Loop, loops_of
 
@@ -226,7 +227,7 @@ KEPT = 8  # models of which it is known
 class Derived:
     """Data derived from the model, in the order of the body numbers unless stated otherwise."""
 
-    names: tuple[str, ...]  # depth-first, from body 1
+    names: tuple[str, ...]  # from body 1
     number: Mapping[str, int]  # name -> 1..nb
     parent: tuple[int, ...]  # numbers, 0 is the ground
     children: tuple[tuple[int, ...], ...]  # children of body 0 (ground), 1, ...

@@ -83,7 +83,7 @@ class Step(NamedTuple):
 
 
 def seven_steps(parent: Sequence[int], dof: Sequence[int]) -> list[Step]:
-    """Return the steps for bodies 1..n, depth-first, from the ground if there are many roots."""
+    """Return the steps for bodies 1..n, from the ground if there are many roots."""
     left: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for k in range(len(parent), 0, -1):
         left[parent[k - 1]].append(k)  # the left child last, so that pop() takes it

@@ -11,6 +11,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.model.scenario import AUTO, METHOD_NAMES
+from pgraph_core.numbering import children_of
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import Look, extent, looks
 from pgraph_core.simulation.options import ADAPTIVE
@@ -115,7 +116,7 @@ class Run:
         top = pg.Topology.of(self.model)
         drawn = [self.model.body(name) for name in top.names]
         parent = tuple(top.parent.tolist())
-        return looks(drawn, shapes.children_of(parent), shapes.branch_colors(parent))
+        return looks(drawn, children_of(parent), shapes.branch_colors(parent))
 
     def _corners(self, pose: np.ndarray) -> np.ndarray:
         return extent(self._looks, pose[:, :3], shapes.to_matrix(pose[:, 3:]))

@@ -331,7 +331,7 @@ def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
             bodies=np.empty((len(packed.rows), kernels.BODY)),
             freedoms=np.empty((n, kernels.FREEDOM)),
             outer=np.empty((2, n), np.int64),
-            factor=np.empty((n + 1, n)),
+            factor=np.zeros((n + 1, n)),  # stays zero where no body carries the other
         )  # fmt: skip
         kept = buffer()
         kernels.save_slopes(kept, unnamed(space))

@@ -57,7 +57,7 @@ OF_MODEL = "gravity_or_up_or_ground_or_name_or_bodies_or_constraints_or_contacts
 })  # fmt: skip
 @explained
 class Dynamics(Portable):
-    """A model numbered depth-first, with its equations of motion.
+    """A model with canonical numbers, with its equations of motion.
 
     The arrays q (nq,), v and tau (nv,) are ordered by body number, as given by `names`. Body 0 is
     the ground. Raises InputError for arrays of the wrong length or with numbers that are not

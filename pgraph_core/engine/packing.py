@@ -1,6 +1,6 @@
 """Conversion of a body table to the packed arrays of a mechanism, O(n) in any row order.
 
-`pack` numbers the table depth-first. Motions become rows, and welds merge.
+`pack` numbers the table so that parents precede children. Motions become rows, and welds merge.
 """
 
 from . import layout as at
@@ -46,8 +46,8 @@ TABLE_MOTION = 10
 
 
 @part
-def depth_first(parent, bodies_i):
-    """Number the table in pre-order, upper rows first.
+def canonical(parent, bodies_i):
+    """Number the table from the top. A row above its parent waits for it and comes next.
 
     `parent[i - 1]` is the row of row i's parent, from 1, 0 = ground. Fills BODY_PARENT and TABLE
     by number, NUMBER, CHILD and NEXT by row of `bodies_i`, which is zero before.
@@ -63,18 +63,21 @@ def depth_first(parent, bodies_i):
         following[i] = child[p]
         child[p] = i
     count = 0
-    i = child[0]
-    while i > 0:
-        count += 1
-        number[i] = count
-        table[count] = i
-        before[count] = number[parent[i - 1]]
-        if child[i] > 0:
-            i = child[i]
-        else:
-            while i > 0 and following[i] == 0:
-                i = parent[i - 1]
-            i = following[i]  # the ground's is 0: done
+    for row in range(1, parent.shape[0] + 1):
+        p = parent[row - 1]
+        i = row if p == 0 or number[p] > 0 else 0  # else it waits
+        i = i if number[row] == 0 else 0
+        while i > 0:
+            count += 1
+            number[i] = count
+            table[count] = i
+            before[count] = number[parent[i - 1]]
+            if 0 < child[i] < row:
+                i = child[i]
+            else:
+                while i != row and not 0 < following[i] < row:
+                    i = parent[i - 1]
+                i = following[i] if i != row else 0
 
 
 # -- the packed arrays ----------------------------------------------------------------------------
@@ -89,7 +92,7 @@ def pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home):
     """
     clear(const)
     clear(bodies_i)
-    depth_first(parent, bodies_i)
+    canonical(parent, bodies_i)
     nq = _places(body, motion, bodies_i)
     _ground(body, rows, const, bodies_i, bodies_f)
     k = 0

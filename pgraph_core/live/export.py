@@ -26,6 +26,7 @@ from ..mechanism import Mechanism
 from ..model import Force, Model
 from ..model.files import write_atomic
 from ..model.scenario import STEP
+from ..numbering import children_of
 from ..result import Result
 from ..result.columns import coordinates
 from ..show import model_html, shapes
@@ -223,7 +224,7 @@ class _Drawing:
     def looks(self, model: Model) -> list[Any]:
         """Return the appearance of the bodies in a model with the same names."""
         bodies = [model.body(name) for name in self.mech.names]
-        children, colors = shapes.children_of(self.parent), shapes.branch_colors(self.parent)
+        children, colors = children_of(self.parent), shapes.branch_colors(self.parent)
         return looks(bodies, children, colors)
 
     def scene(self) -> dict[str, Any]:

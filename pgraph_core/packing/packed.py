@@ -1,4 +1,4 @@
-"""The packed form of a model, numbered depth-first, with all arrays that the kernels require."""
+"""The packed form of a model with canonical numbers, with all arrays that the kernels require."""
 
 from __future__ import annotations
 

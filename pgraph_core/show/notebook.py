@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import counted, needed
+from ..numbering import canonical, children_of
 from . import bodies, shapes, stage
 from .digraph import digraph_svg
 from .stage import GRID
@@ -65,18 +66,10 @@ def run_html(run: Any) -> str:
 
 
 def numbered(model: Any) -> tuple[list[Any], list[int]]:
-    """Return the bodies depth-first, left child first, with the number of each parent."""
-    children: dict[str, list[Any]] = {}
-    for body in model.bodies:
-        children.setdefault(body.parent, []).append(body)
-    ordered: list[Any] = []
-    known = {body.name for body in model.bodies}
-    stack = [body for parent, found in children.items() if parent not in known for body in found]
-    stack.reverse()
-    while stack:
-        body = stack.pop()
-        ordered.append(body)
-        stack.extend(reversed(children.get(body.name, ())))
+    """Return the bodies by number, with the number of each parent."""
+    rows = {body.name: row for row, body in enumerate(model.bodies, 1)}
+    order = canonical([rows.get(body.parent, 0) for body in model.bodies])
+    ordered = [model.bodies[row] for row in order]
     number = {body.name: k for k, body in enumerate(ordered, 1)}
     return ordered, [number.get(body.parent, 0) for body in ordered]
 
@@ -131,7 +124,7 @@ def pictures(model: Any, poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> list
     All have the same scale and centre.
     """
     known, parent = numbered(model)
-    looks = bodies.looks(known, shapes.children_of(parent), shapes.branch_colors(parent))
+    looks = bodies.looks(known, children_of(parent), shapes.branch_colors(parent))
     way = stage.start(model.up, known, poses[0][1] if len(poses) else np.zeros((0, 3, 3)))
     view = np.stack((*stage.frame(np.array(GRID[model.up][1]), way), way))
     every = [

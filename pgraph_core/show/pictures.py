@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, InputError, Problem, choices, needed
+from ..numbering import children_of
 from . import shapes, stage
 from .bodies import Track, looks
 from .digraph import digraph_svg
@@ -215,7 +216,7 @@ class Drawing:
             raise InputError(Problem("picture", "view", text))
         bodies, parent = numbered(model)
         self.up = np.array(stage.GRID[model.up][1])
-        children, colors = shapes.children_of(parent), shapes.branch_colors(parent)
+        children, colors = children_of(parent), shapes.branch_colors(parent)
         self.looks = looks(bodies, children, colors)
         self._solids(self.looks)
         self._track = Track(self.looks, poses, self.up)

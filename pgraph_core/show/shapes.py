@@ -60,14 +60,6 @@ class Piece:
     taper: float = 1.0  # ratio of the far to the near radius of a capsule or cylinder
 
 
-def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
-    """Return the child numbers of the ground (0) and of bodies 1..nb, from left to right."""
-    found: list[list[int]] = [[] for _ in range(len(parent) + 1)]
-    for k, p in enumerate(parent, 1):
-        found[p].append(k)
-    return tuple(map(tuple, found))
-
-
 def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
     """Return the body's own shapes, or slender links from its origin to its children, tip or com.
 

@@ -46,6 +46,9 @@ def test_joint_space_quantities_are_permuted(seed):
     found = other.forward_dynamics(q, v, tau, external)
     expected = one.forward_dynamics(s.q, s.v, s.tau, s.external)[j]
     assert scaled_error(found, expected) < conditioned(one, s.q)
+    expected = one.forward_derivatives(s.q, s.v, s.tau)
+    for x, y in zip(other.forward_derivatives(q, v, tau), expected):
+        assert scaled_error(x, y[np.ix_(j, j)]) < conditioned(one, s.q)
 
 
 @given(seeds)

@@ -48,7 +48,7 @@ def heavy_top():
 
 
 def mixed_tree():
-    s = random_case(5, most=6)
+    s = random_case(0, most=6)
     return with_joints(s, q=s.q, v=0.3 * s.v)
 
 

@@ -191,9 +191,10 @@ def test_csv_names_every_column_with_its_unit():
 
 @pytest.mark.parametrize("given", ["q", "v", "tau"])
 def test_a_list_is_refused_where_numbers_and_rows_differ_in_order(given):
-    """Rows a, b, c where c is a child of a: numbers count a, c, b."""
+    """Rows a, b, c where c carries b: numbers count a, c, b."""
     bodies = [pg.Body(name=name, com=(1, 0, 0)) for name in "ab"]
-    model = pg.Model(bodies=[*bodies, pg.Body(name="c", parent="a", com=(1, 0, 0))])
+    above = bodies[1].model_copy(update={"parent": "c"})
+    model = pg.Model(bodies=[bodies[0], above, pg.Body(name="c", com=(1, 0, 0))])
     with pytest.raises(pg.InputError, match="a, c, b"):
         pg.simulate(model, t_end=0.01, **{given: [0.1, 0.2, 0.3]})
     by_name = pg.simulate(model, t_end=0.01, **{given: {"a": 0.1, "b": 0.2, "c": 0.3}})

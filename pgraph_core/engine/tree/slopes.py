@@ -282,8 +282,8 @@ def torque_slopes(space, q, v, vdot, slopes):
 
 
 # -- M⁻¹ by the factor of M ------------------------------------------------------------------------
-# Depth-first numbers put the freedoms that freedom j carries, where column j of L is not zero, at
-# j + 1 to last[j] - 1.
+# The freedoms that freedom j carries, where column j of L is not zero, lie between j + 1 and
+# last[j] - 1.
 
 
 @sweep
