@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -47,6 +46,7 @@ from ..rotation import matrix
 from ..tolerances import NAMED
 from ..topology import Topology
 from . import shape_kinds
+from .covered import Covered
 from .shape_kinds import Placed, Solid, terrain_of
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ class _Shapes:
         self.parts = mech.model, mech.topology, mech.system
         self.terrain = terrain_of(mech.model)
         self.boxes: list[int] = []  # numbers of the boxes of the ground's steps, once they touch
-        self.apart = joined(mech.topology, mech.system)
+        self.covered = Covered(mech)
         self.placed: list[Placed] = []
         self.number: dict[tuple[str, tuple[Any, ...] | int], range] = {}
         self.touches: list[ContactPair] = []
@@ -182,7 +182,7 @@ class _Shapes:
             slot = self._slot(c.name, c)
             self.members += [(i, slot) for b in self._shaped() for i in self._shapes(b, c)]
             return
-        for body, other in self._ends(c):
+        for body, other in self.covered.pairs(c):
             name = c.touch_name(body, other)
             if other == GROUND:
                 slot = self._slot(name, c, body, other)
@@ -194,7 +194,7 @@ class _Shapes:
             mine = self._shapes(self.model.body(body), c)
             others = self._shapes(self.model.body(other), c, points=False)
             if self.placed[mine[0]].row == self.placed[others[0]].row:
-                text = f"'{body}' and '{other}' are welded together and cannot collide"
+                text = f"'{body}' and '{other}' are welded together and cannot collide; remove it"
                 raise ModelError(Problem(f"contact '{c.name}'", "other", text))
             if any(self.placed[b].solid.kind == HEIGHTFIELD for b in others):
                 self._refuse_field(c, mine, "does not touch another heightfield")
@@ -211,22 +211,6 @@ class _Shapes:
     def _refuse_field(self, c: Contact, shapes: list[int], text: str) -> None:
         if any(self.placed[i].solid.kind == HEIGHTFIELD for i in shapes):
             raise ModelError(Problem(f"contact '{c.name}'", "body", f"a heightfield {text}"))
-
-    def _ends(self, c: Contact) -> Iterator[tuple[str, str]]:
-        shaped = [b.name for b in self._shaped()]
-        if c.body == EVERY and c.other == EVERY:
-            yield from (pair for pair in combinations(shaped, 2) if not self._tied(*pair))
-            return
-        for body in shaped if c.body == EVERY else [c.body]:
-            for other in shaped if c.other == EVERY else [c.other]:
-                every = EVERY in (c.body, c.other)
-                if body != other and not (every and self._tied(body, other)):
-                    yield body, other
-
-    def _tied(self, body: str, other: str) -> bool:
-        """Check whether a joint connects two bodies, which then touch only if both are named."""
-        numbers = sorted(self.mech.topology.number(name) for name in (body, other))
-        return tuple(numbers) in self.apart
 
     def _shaped(self) -> list[Body]:
         return [b for b in self.model.bodies if b.touching]
@@ -293,7 +277,7 @@ class _Shapes:
                 rows_of(GROUND_PAIR, self.on_ground),
                 rows_of(SHAPE_PAIR, self.pairs),
                 rows_of(MEMBER, self.members),
-                rows_of(APART, sorted(self.apart) if self.members else []),
+                rows_of(APART, sorted(self.covered.apart) if self.members else []),
             ),
             laws=laws,
             limit_blocks=block_arrays([block for _, block in limits]),
@@ -312,7 +296,7 @@ class _Shapes:
             found[a].add(b)
             found[b].add(a)
         tied: dict[int, set[int]] = {}
-        for a, b in self.apart if self.members else ():
+        for a, b in self.covered.apart if self.members else ():
             tied.setdefault(a, set()).add(b)
             tied.setdefault(b, set()).add(a)
         rows = {p.body: p.row for p in self.placed}
@@ -330,15 +314,6 @@ class _Shapes:
     def _points(self, i: int) -> int:
         solid = self.placed[i].solid
         return len(solid.vertices) if solid.kind == POINTS else ROOM.get(solid.kind, MOST)
-
-
-def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
-    """Return pairs of bodies, smaller number first, that share a joint or a row."""
-    found = {(int(p), k) for k, p in enumerate(topology.parent, start=1) if p}
-    rows = packed.bodies_i[1:, at.ROW]
-    for row in np.unique(rows):
-        found |= set(combinations((np.flatnonzero(rows == row) + 1).tolist(), 2))
-    return found
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:

@@ -7,13 +7,12 @@ written has the friction of geoms, and pairs that are added or excluded.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..errors import choices
 from ..fields import EVERY, GROUND
 from ..model import Body, Contact, Model
 from ..rotation import quaternion_of
@@ -36,6 +35,27 @@ class Law(NamedTuple):
 
 
 FRICTIONLESS = Law(0.0, 0.0, 0.0)
+Rule: TypeAlias = "tuple[Any, ...]"  # contype, conaffinity, condim, priority, friction (3)
+
+
+class Touching(NamedTuple):
+    """The pairs of bodies that may touch, with the largest of their laws."""
+
+    names: list[str]  # ground, world, and all bodies
+    pairs: Array  # (n, 2) numbers of names, the smaller one first
+    law: Array  # (n,) numbers of laws
+    mixed: Array  # (n,) whether their geoms have several laws
+    partly: Array  # (n,) whether some of their geoms do not touch
+    laws: list[Law]
+
+
+class _Pairs(NamedTuple):
+    """Pairs of bodies that a contact of '*' may cover."""
+
+    stars: tuple[str, str]  # the bodies of that contact
+    ends: Callable[[int], tuple[str, str]]  # the names of a pair
+    law: Array  # (n,) numbers of their laws, -1 if they do not touch
+    covered: Array  # (n,) whether that contact covers them
 
 
 class Contacts:
@@ -111,27 +131,24 @@ class Contacts:
                 }
 
     def contacts(self, bodies: list[dict[str, Any]]) -> Iterator[Contact]:
-        """Yield contacts by MuJoCo's rules. Pairs that share one law become one contact of '*'.
+        """Yield contacts by MuJoCo's rules, as few as there can be.
 
-        If trees of bodies are alike, two of each kind say whether that is so.
+        Contacts of '*' have the most frequent law. Contacts between two bodies have other laws, or
+        are off if the two do not touch. If trees of bodies are alike, two of each kind say whether
+        all have one law.
         """
-        solid = {
-            b["name"] for b in bodies if any(s.get("role") != "visual" for s in b.get("shapes", ()))
-        }
         every = [*range(self.m.nbody)]
         few = self._two_of_each_kind()
         if len(few) < len(every):
-            found = self._laws(few)
-            here = solid & {"world", *(self.reader.names[b] for b in few)}
-            contacts = [*self._contacts(here, found[0], few)]
-            uniform = all(c.body == EVERY for c in contacts)
-            if uniform and all(len(laws) == 1 for laws in found[0].values()):
-                self._tell(*found)
+            found = self._touching(few)
+            contacts = [*self._contacts(bodies, found, few)]
+            if all(c.body == EVERY for c in contacts) and not found.mixed.any():
+                self._tell(found)
                 yield from contacts
                 return
-        found = self._laws(every)
-        self._tell(*found)
-        yield from self._contacts(solid, found[0], every)
+        found = self._touching(every)
+        self._tell(found)
+        yield from self._contacts(bodies, found, every)
 
     def _two_of_each_kind(self) -> list[int]:
         """Return the bodies of at most two of the trees that no rule of contacts tells apart."""
@@ -159,98 +176,156 @@ class Contacts:
         return kept
 
     def _contacts(
-        self, solid: set[str], counted: dict[tuple[str, str], Counter[Law]], among: list[int]
+        self, bodies: list[dict[str, Any]], found: Touching, among: list[int]
     ) -> Iterator[Contact]:
         """Yield the contacts between solid bodies, of the pairs `among` bodies of MuJoCo."""
-        laws = {pair: max(each) for pair, each in counted.items()}
-        floor = {
-            body: law for (body, other), law in laws.items() if other == GROUND and body in solid
-        }
-        moving = {self.reader.names[b] for b in among if b and self.m.body_weldid[b] != 0}
-        if floor and set(floor) == solid & moving == solid and len(set(floor.values())) == 1:
-            yield _contact("floor", EVERY, GROUND, next(iter(floor.values())))
-        else:
-            yield from (_contact(f"{b} floor", b, GROUND, law) for b, law in floor.items())
-        pairs = {
-            pair: law for pair, law in laws.items() if GROUND not in pair and set(pair) <= solid
-        }
-        if pairs and len(set(pairs.values())) == 1 and set(pairs) == self._all_pairs(solid, among):
-            yield _contact("bodies", EVERY, EVERY, next(iter(pairs.values())))
-            return
-        for (body, other), law in pairs.items():
-            yield _contact(f"{body}, {other}", body, other, law)
+        kept = {"world", *(self.reader.names[b] for b in among)}
+        carrier = {GROUND: GROUND}  # body -> the body with the joint that moves it
+        parent = {b["name"]: b.get("parent", GROUND) for b in bodies}
+        for b in bodies:
+            fixed = b.get("joint") == "weld"
+            carrier[b["name"]] = carrier[parent[b["name"]]] if fixed else b["name"]
+        solid = [
+            b["name"] for b in bodies
+            if b["name"] in kept and any(s.get("role") != "visual" for s in b.get("shapes", ()))
+        ]  # fmt: skip
+        number = {name: k for k, name in enumerate(found.names)}
+        solid.sort(key=number.__getitem__)
+        place = np.full(len(number), -1)  # in `law`, after the ground
+        place[[0, *(number[name] for name in solid)]] = range(len(solid) + 1)
+        ends = place[found.pairs]
+        there = (ends >= 0).all(axis=1)
+        law = np.full((len(solid) + 1,) * 2, -1)
+        law[tuple(ends[there].T)] = found.law[there]
+        moves = np.array([carrier[name] != GROUND for name in solid], dtype=bool)
+        floor = _Pairs((EVERY, GROUND), lambda k: (solid[k], GROUND), law[0, 1:], moves)
+        yield from self._fewest("floor", floor, found.laws)
+        a, b = np.triu_indices(len(solid), 1)
+        codes = {name: k for k, name in enumerate(dict.fromkeys(carrier.values()))}
+        carriers = np.array([codes[carrier[name]] for name in solid], dtype=int)
+        numbers = {name: k for k, name in enumerate(solid)}
+        parents = np.array([numbers.get(parent[name], -1) for name in solid], dtype=int)
+        tied = (carriers[a] == carriers[b]) | (parents[b] == a) | (parents[a] == b)
+        both = _Pairs(
+            (EVERY, EVERY), lambda k: (solid[a[k]], solid[b[k]]), law[a + 1, b + 1], ~tied
+        )
+        yield from self._fewest("bodies", both, found.laws)
 
-    def _all_pairs(self, solid: set[str], among: list[int]) -> set[tuple[str, str]]:
-        """Return the pairs covered by '*' and '*', excluding those connected by a joint or weld."""
-        m, names = self.m, self.reader.names
-        found: set[tuple[str, str]] = set()
-        for n, b in enumerate(among):
-            for a in among[:n] if b else ():
-                tied = m.body_parentid[b] == a or m.body_weldid[a] == m.body_weldid[b]
-                if a and not tied and names[a] in solid and names[b] in solid:
-                    found.add((names[a], names[b]))
-        return found
+    def _fewest(self, name: str, pairs: _Pairs, laws: list[Law]) -> Iterator[Contact]:
+        """Yield contacts for pairs of bodies: one of all that are covered by '*' and others of the
+        rest, if these are fewer than the pairs."""
+        stars, ends, law, covered = pairs
+        touch, left = law >= 0, np.flatnonzero(law >= 0)
+        inside = law[touch & covered]
+        if inside.size:
+            most = int(np.bincount(inside).argmax())
+            odd = np.flatnonzero(np.where(covered, law != most, touch))
+            if 1 + odd.size < left.size:
+                yield _contact(name, *stars, laws[most])
+                left = odd
+        for k in left.tolist():
+            body, other = ends(k)
+            own = f"{body} floor" if other == GROUND else f"{body}, {other}"
+            if law[k] >= 0:
+                yield _contact(own, body, other, laws[int(law[k])])
+            else:
+                yield Contact(name=own, body=body, other=other, active=False)
 
-    def _laws(self, among: list[int]) -> tuple[dict[tuple[str, str], Counter[Law]], dict[int, str]]:
-        """Return ({(body, other): pairs of geoms by friction}, owners of geoms) of some bodies.
+    def _touching(self, among: list[int]) -> Touching:
+        """Return the pairs of bodies of which some geoms may touch, of some bodies of MuJoCo.
 
         All planes are one ground.
         """
-        kept = {*among}
-        m = self.m
-        excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature}
-        excluded |= {(b, a) for a, b in excluded}
-        able = [g for g in range(m.ngeom) if m.touching[g] and int(m.geom_bodyid[g]) in kept]
-        owners = {g: self._owner(g) for g in able}
-        alike: dict[Any, list[int]] = {}
+        m, kept = self.m, {*among}
+        able = [g for g in range(m.ngeom) if m.touching[g] and self._body_of[g] in kept]
+        names = [GROUND, "world", *self.reader.names[1:]]
+        places = [self._place(g) for g in able]
+        nodes = sorted({*places})  # a plane on a fixed body is of the ground, and of this body
+        node = {place: k for k, place in enumerate(nodes)}
         rules = self._rules()
-        for g in able:
-            alike.setdefault((owners[g], *rules[g]), []).append(g)
-        found: dict[tuple[str, str], Counter[Law]] = {}  # pairs of geoms by their friction
-        listed = self._listed()
-        classes = list(alike.values())
-        for n, these in enumerate(classes):
-            for those in classes[: n + 1]:
-                g, h = these[0], those[0]
-                pair = self._pair(g, h)
-                if pair is None or not self._masks(g, h):
-                    continue
-                a, b = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
-                if (a, b) in excluded or self._related(a, b):
-                    continue
-                planes = (these if g in self.floors else those) if GROUND in pair else ()
-                count = len(these) * len(those) // max(len(planes), 1)
-                count -= sum(k in listed for k in self._keys(these, those)) if listed else 0
-                found.setdefault(pair, Counter())[self._friction(g, h)] += count
-        for (g, h), law in listed.items():
-            if (pair := self._pair(g, h)) is not None:
-                found.setdefault(pair, Counter())[law] += 1
-        return {pair: +laws for pair, laws in found.items() if +laws}, owners
+        kinds = sorted({rules[g][1:] for g in able})
+        kind = {rule: k for k, rule in enumerate(kinds)}
+        counts = np.zeros((len(kinds), len(nodes)), dtype=int)
+        for g, place in zip(able, places):
+            counts[kind[rules[g][1:]], node[place]] += 1
+        ground = np.array([owner == 0 for owner, _ in nodes], dtype=bool)
+        counts[:, ground] = np.minimum(counts[:, ground], 1)
+        found: list[tuple[Law, Array, Array, Array]] = []
+        for i, one in enumerate(kinds):
+            for j, other in enumerate(kinds[: i + 1]):
+                if one[0] & other[1] or other[0] & one[1]:
+                    mine, theirs = np.flatnonzero(counts[i]), np.flatnonzero(counts[j])
+                    a, b = (x.ravel() for x in np.meshgrid(mine, theirs, indexing="ij"))
+                    if i == j:
+                        a, b = a[a < b], b[a < b]
+                    found.append((_friction(one, other), a, b, counts[i, a] * counts[j, b]))
+        found = [self._allowed(nodes, *each) for each in found]
+        for (g, h), law in self._listed().items():
+            if not {self._body_of[g], self._body_of[h]} <= kept:
+                continue
+            a, b = (np.array([node[self._place(x)]]) for x in (g, h))
+            if self._still(self._body_of[g]) == self._still(self._body_of[h]):
+                continue
+            found.append((law, a, b, np.ones(1, dtype=int)))
+            if self._masks(g, h):
+                own = _friction(rules[g][1:], rules[h][1:])
+                found.append(self._allowed(nodes, own, a, b, -np.ones(1, dtype=int)))
+        count = {**Counter(owner for owner, _ in places), 0: 1}
+        return _summed(names, np.array([owner for owner, _ in nodes], dtype=int), found, count)
 
-    def _tell(self, found: dict[tuple[str, str], Counter[Law]], owners: dict[int, str]) -> None:
+    def _place(self, g: int) -> tuple[int, int]:
+        """Return the number of the owner of a geom, which is 0 for the ground, 1 for the world and
+        b + 1 for body b, and the body of MuJoCo."""
+        b = self._body_of[g]
+        return (0 if g in self.floors else 1 if b == 0 or g in self.walls else b + 1), b
+
+    def _allowed(
+        self, nodes: list[tuple[int, int]], law: Law, a: Array, b: Array, count: Array
+    ) -> tuple[Law, Array, Array, Array]:
+        """Return the pairs of nodes that MuJoCo does not exclude: not fixed to each other, not
+        parent and child off the world, and not in <exclude>."""
+        m = self.m
+        bodies = np.array([body for _, body in nodes], dtype=int)
+        one, two = bodies[a], bodies[b]
+        weld, still = m.body_weldid, np.array([*map(self._still, range(m.nbody))])
+        above = weld[m.body_parentid]
+        apart = still[one] == still[two]
+        if self.filters:
+            p, q = weld[one], weld[two]
+            apart |= ((p == above[q]) & (p != 0)) | ((q == above[p]) & (q != 0))
+        ends = np.array(m.exclude_signature, dtype=int)
+        ends = np.minimum(ends >> 16, ends & 0xFFFF) * m.nbody + np.maximum(
+            ends >> 16, ends & 0xFFFF
+        )
+        apart |= np.isin(np.minimum(one, two) * m.nbody + np.maximum(one, two), ends)
+        return law, a[~apart], b[~apart], count[~apart]
+
+    def _still(self, b: int) -> int:
+        """Return the body to which a body is fixed, which is the world for mocap bodies."""
+        root = int(self.m.body_weldid[b])
+        return root if self.m.body_mocapid[root] < 0 else 0
+
+    def _tell(self, found: Touching) -> None:
         """Report what is approximated in contacts."""
         m = self.m
-        mixed = [pair for pair, laws in found.items() if len(laws) > 1]
-        if mixed:
-            text = f"{len(mixed)} pairs of bodies whose geoms differ in friction have the largest"
+        if mixed := int(found.mixed.sum()):
+            text = f"{mixed} pairs of bodies whose geoms differ in friction have the largest"
             self.report.add("approximated", self.reader.path.name, text)
-        count = Counter(owners.values())
-        count[GROUND] = 1
-        more = [
-            f"'{body}' and '{other}'"
-            for (body, other), laws in found.items()
-            if laws.total() < count[body] * count[other]
-        ]
-        if more:
+        partly = found.pairs[found.partly].tolist()
+        if partly:
+            ends = ((found.names[b], found.names[a]) if a == 0 else (found.names[a], found.names[b])
+                    for a, b in partly[:4])  # fmt: skip
+            named = ", ".join(f"'{body}' and '{other}'" for body, other in ends)
+            named += f" and {len(partly) - 4} more" * (len(partly) > 4)
             text = "touch with all of their shapes; in the file some of their geoms do not touch"
-            self.report.add("approximated", self.reader.path.name, f"{choices(more, 4)} {text}")
-        if found:
+            self.report.add("approximated", self.reader.path.name, f"{named} {text}")
+        if len(found.pairs):
             text = "contacts are rigid: MuJoCo's solref and solimp make them soft"
             self.report.add("approximated", self.reader.path.name, text)
         touching = (m.geom_contype | m.geom_conaffinity) > 0
         wide = int((touching & (m.geom_margin > m.geom_gap)).sum())
         wide += int((m.pair_margin > m.pair_gap).sum())
-        if found and wide:
+        if len(found.pairs) and wide:
             text = (
                 f"{wide} geoms or pairs have a margin and push before they touch; here they do not"
             )
@@ -260,8 +335,8 @@ class Contacts:
         """Return, for each geom, the properties that determine its contacts and their friction."""
         m = self.m
         tables = (m.geom_contype, m.geom_conaffinity, m.geom_condim, m.geom_priority)
-        rows = np.column_stack((m.geom_bodyid, *tables, m.geom_friction))
-        return [*map(tuple, rows.tolist())]
+        whole = np.column_stack((m.geom_bodyid, *tables)).tolist()
+        return [(*row, *x) for row, x in zip(whole, m.geom_friction.tolist(), strict=True)]
 
     def _masks(self, g: int, h: int) -> bool:
         """Check whether the masks of two geoms allow contact."""
@@ -282,51 +357,46 @@ class Contacts:
             found[key] = _law(int(m.pair_dim[p]), one, spin, roll)
         return found
 
-    def _keys(self, these: list[int], those: list[int]) -> set[tuple[int, int]]:
-        """Return all pairs of geoms from two classes."""
-        return {self._geoms(g, h) for g in these for h in those}
-
-    def _pair(self, g: int, h: int) -> tuple[str, str] | None:
-        """Return (body, other) for two geoms, or None if neither can move."""
-        m = self.m
-        a, b = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
-        if m.body_weldid[a] == m.body_weldid[b]:
-            return None
-        (_, body), (_, other) = sorted(((b, self._owner(h)), (a, self._owner(g))))
-        return (other, body) if body == GROUND else (body, other)
-
-    def _owner(self, g: int) -> str:
-        """Return the name of the body that owns a geom here: the ground, "world" or a body."""
-        if g in self.floors:
-            return GROUND
-        b = self._body_of[g]
-        return "world" if b == 0 or g in self.walls else self.reader.names[b]
-
     def _geoms(self, g: int, h: int) -> tuple[int, int]:
         """Return two geoms in order, with all ground planes represented by the first one."""
         one, two = sorted(self.floors[0] if x in self.floors else x for x in (g, h))
         return one, two
 
-    def _related(self, a: int, b: int) -> bool:
-        """Check whether MuJoCo excludes a pair: welded, or a parent and child off the world."""
-        m = self.m
-        one, two = int(m.body_weldid[a]), int(m.body_weldid[b])
-        if one == two:
-            return True
-        above = [int(m.body_weldid[m.body_parentid[x]]) for x in (one, two)]
-        parent = (one == above[1] and one != 0) or (two == above[0] and two != 0)
-        return parent and self.filters
 
-    def _friction(self, g: int, h: int) -> Law:
-        m = self.m
-        one, two = int(m.geom_priority[g]), int(m.geom_priority[h])
-        if one != two:
-            x = m.geom_friction[g if one > two else h]
-            dim = int(m.geom_condim[g if one > two else h])
-        else:
-            x = np.maximum(m.geom_friction[g], m.geom_friction[h])
-            dim = max(int(m.geom_condim[g]), int(m.geom_condim[h]))
-        return _law(dim, *(float(c) for c in x))
+def _friction(one: Rule, other: Rule) -> Law:
+    """Return the friction of two geoms by their rules: of the one with priority, or the larger."""
+    (_, _, dim, priority, *mine), (_, _, their_dim, their_priority, *theirs) = one, other
+    if priority != their_priority:
+        first = priority > their_priority
+        return _law(int(dim if first else their_dim), *(mine if first else theirs))
+    return _law(int(max(dim, their_dim)), *map(max, mine, theirs))
+
+
+def _summed(
+    names: list[str],
+    owner: Array,
+    found: list[tuple[Law, Array, Array, Array]],
+    count: Mapping[int, int],
+) -> Touching:
+    """Return the pairs of owners in lists of (law, node, node, pairs of geoms)."""
+    laws, n = sorted({law for law, *_ in found}), len(names)
+    keys, counts = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
+    for law, a, b, each in found:
+        low, high = np.minimum(owner[a], owner[b]), np.maximum(owner[a], owner[b])
+        keys.append((low * n + high) * len(laws) + laws.index(law))
+        counts.append(each)
+    key, back = np.unique(np.concatenate(keys), return_inverse=True)
+    total = np.bincount(back, np.concatenate(counts), len(key))
+    key, total = key[total > 0], total[total > 0]
+    pair, first, several = np.unique(
+        key // max(len(laws), 1), return_index=True, return_counts=True
+    )
+    pairs = np.column_stack((pair // n, pair % n))
+    sizes = np.array([count.get(k, 0) for k in range(n)])
+    totals = np.add.reduceat(total, first) if len(pair) else np.zeros(0)
+    partly = totals < sizes[pairs[:, 0]] * sizes[pairs[:, 1]]
+    largest = key[first + several - 1] % max(len(laws), 1)
+    return Touching(names, pairs, largest, several > 1, partly, laws)
 
 
 def _law(dim: int, sliding: float, spinning: float, rolling: float) -> Law:
@@ -381,7 +451,9 @@ class ContactsOut:
     def __init__(self, model: Model, name: str):
         self.model, self.report = model, Report(name)
         self.floor = {c.body: c for c in model.contacts if c.active and c.other == GROUND}
-        self.touch = [c for c in model.contacts if c.active and c.other != GROUND]
+        self.above = {c.body for c in model.contacts if not c.active and c.other == GROUND}
+        self.named = [c for c in model.contacts if c.other != GROUND]
+        self.touch = [c for c in self.named if c.active]
         self.of_ground = self._ground_law()
         self.pairs = [*self._odd_pairs([b for b in model.bodies if b.touching])]
         paired = {b.name for ends in self.pairs for b in ends[:2] if b is not None}
@@ -436,7 +508,7 @@ class ContactsOut:
                 text = f"law {c.law} is MuJoCo's own soft contact"
                 self.report.add("approximated", f"contact '{c.name}'", text)
         for k, name in enumerate(solid):
-            if self.floor and not ({name, EVERY} & self.floor.keys()) and name != WORLD:
+            if self.floor and self._floor(name) is None and name != WORLD:
                 yield Tag("exclude", body1=WORLD, body2=name)
             for other in solid[:k]:
                 if not self._apart(name, other) and self._between(name, other) is None:
@@ -445,7 +517,7 @@ class ContactsOut:
     def _odd_pairs(self, solid: Sequence[Body]) -> Iterator[OddPair]:
         """Yield pairs of neighbours, and pairs whose friction is not the larger of the two."""
         for k, body in enumerate(solid):
-            mine, floor = self._law(body.name), self.floor.get(body.name) or self.floor.get(EVERY)
+            mine, floor = self._law(body.name), self._floor(body.name)
             if floor is not None and not self._still(body.name):
                 law = tuple(map(max, mine, self.of_ground or FRICTIONLESS))
                 if law != (wanted := self._friction(floor)):
@@ -465,8 +537,13 @@ class ContactsOut:
         tied = (parent[0] == two and not still[1]) or (parent[1] == one and not still[0])
         return tied or all(still)
 
+    def _floor(self, name: str) -> Contact | None:
+        """Return the active contact of a body with the ground, preferring one that names it."""
+        own = self.floor.get(name)
+        return own if own or name in self.above else self.floor.get(EVERY)
+
     def _between(self, one: str, two: str) -> Contact | None:
-        """Return the contact between two bodies, preferring one that names both."""
+        """Return the active contact between two bodies, preferring one that names both."""
         parent = self.model.body(one).parent, self.model.body(two).parent
         tied = parent[0] == two or parent[1] == one  # these touch only if both are named
 
@@ -476,8 +553,9 @@ class ContactsOut:
             )
             return here and not (tied and EVERY in (c.body, c.other))
 
-        found = filter(meet, self.touch)
-        return min(found, key=lambda c: (c.body, c.other).count(EVERY), default=None)
+        found = filter(meet, self.named)
+        first = min(found, key=lambda c: (c.pair.count(EVERY), not c.active), default=None)
+        return first if first is not None and first.active else None
 
     def _paired(self) -> Iterator[Tag]:
         """Yield geom pairs that have their own friction."""

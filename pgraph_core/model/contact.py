@@ -49,6 +49,9 @@ class Contact(Acting):
     damping of the last two reproduces the requested restitution at any impact speed. Rolling and
     spinning are resisted by torques of at most `rolling_friction` and `spinning_friction` times the
     normal force.
+
+    A contact that names both bodies takes the place of a contact of '*' for these two, also if it
+    is not active: then they do not touch. Contacts with `points` act in addition to others.
     """
 
     VARIES_SINCE: ClassVar[int] = 9

@@ -241,6 +241,7 @@ def _twice(model: Any) -> Iterator[str]:
     acting = [c for c in model.contacts if c.active]
     for one, other in combinations(acting[:MANY], 2):
         same = one.points == other.points or set(one.points) & set(other.points)
+        same = same and one.pair.count(EVERY) == other.pair.count(EVERY)  # else the nearer one acts
         if same and all(_overlap(a, b) for a, b in zip(one.pair, other.pair)):
             yield (
                 f"contacts '{one.name}' and '{other.name}' are between the same bodies, "
