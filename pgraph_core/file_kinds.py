@@ -10,6 +10,7 @@ import re
 from pathlib import PurePath
 from typing import NamedTuple
 
+from .markup import LFS, POINTER
 from .mesh_files import FORMATS, looks_like
 
 HEAD = 65536  # bytes of a file in which its first element stands
@@ -31,8 +32,13 @@ class FileKind(NamedTuple):
     sign: bytes = b"(?!)"  # regular expression for the start of its content
 
 
+SIGNS = {  # first element and start of formats in XML and JSON
+    "dae": ("COLLADA",),
+    "gltf": ("", rb'\{\s*"(asset|accessors|buffers|scenes?)"'),
+}
 ARCHIVE = FileKind("zip", "is an archive; unpack it, or open it by the page: pgraph FILE.zip")
 KINDS = (
+    FileKind("", POINTER, sign=LFS),
     FileKind("sdf world", f"is SDF, {OTHERS}", "sdf gazebo"),
     FileKind("usd usda usdc usdz", f"is USD, {OTHERS}", sign=rb"#usda|PXR-USDC"),
     FileKind("proto wbt", f"is a model of Webots, {OTHERS}", sign=rb"#VRML_SIM"),
@@ -45,14 +51,14 @@ KINDS = (
         sign=rb"ISO-10303-21",
     ),
     *(
-        FileKind(x, f"is a mesh in {x.upper()}, {SHAPE}", "COLLADA" * (x == "dae"))
+        FileKind(x, f"is a mesh in {x.upper()}, {SHAPE}", *SIGNS.get(x, ()))
         for x in FORMATS
     ),
     FileKind(
-        "fbx gltf 3ds blend wrl x3d ifc",
+        "fbx 3ds blend wrl x3d ifc",
         f"is a mesh or scene of a format that is not read; convert it to {', '.join(FORMATS)}, and "
         "make it the shape of a body",
-        "X3D", rb'Kaydara FBX|; FBX|#VRML V|BLENDER|\{\s*"(asset|accessors|buffers|scenes?)"',
+        "X3D", rb'Kaydara FBX|; FBX|#VRML V|BLENDER',
     ),
     FileKind("npz", "contains a run; use pg.Result.load"),
     ARCHIVE,

@@ -119,7 +119,10 @@ def home(motions: tuple[Motion, ...]) -> tuple[float, ...]:
 # -- what is wrong with a joint --------------------------------------------------------------------
 
 # what a joint has besides its limits, one number a motion
-PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution", "pitch")
+PER_MOTION = (
+    "stiffness", "damping", "rest", "friction", "armature",
+    "limit_restitution", "speed_limit", "pitch",
+)  # fmt: skip
 
 Finding = tuple[str, str]  # (field, sentence)
 Motions = tuple[Motion, ...]

@@ -22,6 +22,9 @@ from .errors import FileError, Problem, shown
 LARGEST_XML = 64_000_000  # bytes of a file
 MOST_ELEMENTS = 1_000_000  # elements
 DEEPEST_ELEMENT = 200  # elements inside elements
+LONGEST_PATH = 4096  # bytes of a path on Linux
+LFS = b"version https://git-lfs"  # start of a file that stands for one in Git LFS
+POINTER = "is a Git LFS pointer, not the file itself; fetch it: git lfs pull"
 LONGEST_ATTRIBUTE = 1_000_000  # characters of one attribute
 
 
@@ -174,6 +177,9 @@ def parse_markup(content: bytes, name: str) -> Element:
     """Return the root element of XML text. Raises FileError."""
     source, open_elements, roots = Source(name), list[Element](), list[Element]()
     content, encoding = _in_utf8(content, source)
+    if stands_for := stand_in(content):
+        raise FileError(Problem(name, "", stands_for))
+    content = SKIPPED.sub(_without_comment, content)
     parser = expat.ParserCreate("utf-8" if encoding else None)
     count, long = 0, len(content) > LONGEST_ATTRIBUTE
 
@@ -222,6 +228,26 @@ def parse_markup(content: bytes, name: str) -> Element:
         raise source.wrong(1, "", told) from None
     roots[0].encoding = encoding or "utf-8"
     return roots[0]
+
+
+SKIPPED = re.compile(rb"<!\[CDATA\[.*?\]\]>|<\?.*?\?>|<!--.*?-->", re.DOTALL)  # no markup inside
+LINKED = re.compile(rb"[\w./ -]+\.\w+\s*")  # a link that Git stored as text: only a path
+
+
+def _without_comment(found: re.Match[bytes]) -> bytes:
+    """Return the line breaks of a comment alone. Comments with --, which only expat refuses, are
+    common."""
+    return b"\n" * found[0].count(b"\n") if found[0].startswith(b"<!--") else found[0]
+
+
+def stand_in(content: bytes) -> str:
+    """Return a remedy if a file only stands for another one, as Git leaves it, or ""."""
+    if content.startswith(LFS):
+        return POINTER
+    if len(content) < LONGEST_PATH and LINKED.fullmatch(content):
+        path = shown(content.decode().strip())
+        return f"holds only the path {path}: a symbolic link stored as text; copy that file here"
+    return ""
 
 
 ASCII = bytes(range(128))  # characters of markup

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import base64
 import io
+import json
 import os
 import re
+import struct
 import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any, TypeAlias
+from urllib.parse import unquote
 
 import numpy as np
 
 from .errors import FileError, ModelError, PgraphError, Problem, choices, needed
-from .markup import Element, Source, content_of, parse_markup, reason_of
+from .markup import Element, Source, content_of, parse_markup, reason_of, stand_in
 from .rotation import rodrigues
 
-FORMATS = ("glb", "obj", "off", "ply", "stl", "dae")
+FORMATS = ("glb", "gltf", "obj", "off", "ply", "stl", "dae")
+SOME = 10_000  # bytes at the start of a file in which its format shows
+GLTF = re.compile(rb'"asset"\s*:\s*\{')  # a property that all glTF files have
+STL_HEAD, STL_TRIANGLE = 84, 50  # bytes of a binary STL file before and of its triangles
 LARGEST = 200_000_000  # [bytes] limit on the size of a mesh file
 LARGEST_COORDINATE = sys.float_info.max ** (1 / 6)  # m: inertia is of the fifth power
 Scale: TypeAlias = "float | tuple[float, float, float]"
@@ -42,8 +49,10 @@ def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
 
 
 def parsed_mesh(file: str | Path) -> Any:
-    """Return the geometry of a file without any changes. Files that this one references stay
-    closed."""
+    """Return the geometry of a file without any changes.
+
+    Of the files that this one references, only the buffers of a .gltf file are opened.
+    """
     trimesh = needed("trimesh")  # not before a file is opened: half a second
     where, suffix = f"mesh {file}", Path(file).suffix.lower().lstrip(".")
     if suffix not in FORMATS and os.path.isfile(file):
@@ -56,14 +65,18 @@ def parsed_mesh(file: str | Path) -> Any:
     except (OSError, ValueError) as error:
         raise FileError(_unreadable(file, reason_of(error))) from error
     if not looks_like(suffix, content):
+        why = stand_in(content) or _cut_off(suffix, content)
         text = f"cannot be read as {suffix}: its content is not a {suffix.upper()} mesh"
-        raise FileError(Problem(where, "", text))
+        raise FileError(Problem(where, "", why or text))
     try:
         if suffix == "dae":
             vertices, faces, paints = triangles(content, Path(file).name)
             mesh = trimesh.Trimesh(vertices, faces, process=False, metadata={"paints": paints})
         else:
-            mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix, resolver=None)
+            kind = suffix
+            if suffix == "gltf":
+                content, kind = glb_of(content, Path(file).absolute().parent), "glb"
+            mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, resolver=None)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     except Exception as error:  # whatever a reader of a damaged file raises
         raise FileError(_unreadable(file, _damage(error))) from error
@@ -82,9 +95,12 @@ def looks_like(suffix: str, content: bytes) -> bool:
     """Check whether a file starts like its format, to avoid parsing other files as meshes."""
     match suffix:
         case "dae":
-            return b"<COLLADA" in content[:10_000]
+            return b"<COLLADA" in content[:SOME]
         case "glb":
             return content[:4] == b"glTF"
+        case "gltf":
+            begun = content[:SOME].lstrip()
+            return begun.startswith(b"{") and GLTF.search(content) is not None
         case "ply":
             return content[:3] == b"ply"
         case "off":
@@ -92,8 +108,59 @@ def looks_like(suffix: str, content: bytes) -> bool:
         case "stl":
             triangles = int.from_bytes(content[80:84], "little")
             ascii_text = content.lstrip()[:5].lower() == b"solid" and b"facet" in content
-            return ascii_text or (len(content) >= 84 and len(content) >= 84 + 50 * triangles > 84)
+            size = STL_HEAD + STL_TRIANGLE * triangles
+            return ascii_text or len(content) >= size > STL_HEAD
     return bool(re.search(rb"^\s*v\s", content, re.M) and re.search(rb"^\s*f\s", content, re.M))
+
+
+def glb_of(content: bytes, folder: Path) -> bytes:
+    """Return a .gltf file and its buffers as one .glb file.
+
+    Buffers are in the file itself, or in other files of its folder and below. Raises FileError.
+    """
+    data = json.loads(content)
+    blob, starts = bytearray(), list[int]()
+    for one in data.get("buffers", ()):
+        starts.append(len(blob))
+        blob += _buffer(one, folder)
+        blob += b"\0" * (-len(blob) % 4)
+        if len(blob) > LARGEST:
+            text = f"its buffers have more than {LARGEST / 1e6:.0f} MB"
+            raise FileError(Problem("", "", text))
+    for view in data.get("bufferViews", ()):
+        view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
+        view["buffer"] = 0
+    data["buffers"] = [{"byteLength": len(blob)}]
+    data.pop("images", None)  # not drawn
+    text = json.dumps(data).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = ((b"JSON", text), (b"BIN\0", bytes(blob)))
+    body = b"".join(struct.pack("<I4s", len(part), kind) + part for kind, part in chunks)
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def _buffer(one: dict[str, Any], folder: Path) -> bytes:
+    uri = str(one.get("uri", ""))
+    if uri.startswith("data:"):
+        return base64.b64decode(uri.partition(",")[2])
+    path = (folder / unquote(uri)).resolve()
+    if not (uri and path.is_relative_to(folder.resolve())):
+        raise FileError(Problem("", "", f"its buffer {uri!r} is not in its folder"))
+    try:
+        return content_of(path, LARGEST)
+    except (OSError, ValueError) as error:
+        text = f"its buffer {uri!r} cannot be read: {reason_of(error)}"
+        raise FileError(Problem("", "", text)) from None
+
+
+def _cut_off(suffix: str, content: bytes) -> str:
+    """Return the reason if a binary STL file ends before its last triangle, or ""."""
+    count = int.from_bytes(content[80:84], "little")
+    whole = STL_HEAD + STL_TRIANGLE * count
+    if suffix != "stl" or b"\0" not in content or not STL_HEAD <= len(content) < whole:
+        return ""
+    there = (len(content) - STL_HEAD) // STL_TRIANGLE
+    return f"is cut off: it announces {count} triangles and holds {there}; fetch it again"
 
 
 def _unreadable(file: str | Path, reason: str) -> Problem:

@@ -66,6 +66,13 @@ def rodrigues(axis: Sequence[float] | Array, angle: float) -> Array:
     return np.eye(3) + math.sin(angle) * h + (1.0 - math.cos(angle)) * (h @ h)
 
 
+def turn_of_z(axis: Sequence[float]) -> Quaternion:
+    """Return the shortest rotation that maps z to an axis, about x if the axis is -z."""
+    x, y, z = np.array(axis) / math.hypot(*axis)
+    w = 1.0 + z if z > 0.0 else (x * x + y * y) / (1.0 - z)
+    return unit((w, -y, x, 0.0)) if w else (0.0, 1.0, 0.0, 0.0)
+
+
 def normals_of(axis: Array) -> tuple[Array, Array]:
     """Return two unit vectors that form a right-handed frame with a unit axis as the third."""
     least = np.eye(3)[np.argmin(np.abs(axis))]

@@ -194,6 +194,7 @@ def _goes_along(name: PurePosixPath) -> bool:
     inside = not name.is_absolute() and ".." not in name.parts
     return inside and name.suffix.lower().lstrip(".") in (
         *FORMATS,
+        "bin",
         "mtl",
         "urdf",
         "xml",

@@ -114,6 +114,7 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     kind_and_size, look = shape[:first], shape[first:]
     limited = any(body.limits)
     limits = [form.limits(), *([form.vector("limit_restitution")] if limited else [])]
+    limits.append(form.vector("speed_limit"))
     springs = [form.vector(f) for f in ("stiffness", "rest", "damping", "friction", "armature")]
     sprung = any(body.stiffness + body.damping + body.friction + body.armature)
     moving, turned = any(body.v), any(body.rotation[1:])

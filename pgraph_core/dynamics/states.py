@@ -14,7 +14,7 @@ from ..engine.tree import bodies as kernels
 from ..engine.tree import sensors
 from ..fields import GROUND, fields_of
 from ..model import Body, Model
-from ..model.output import OF_JOINT, OF_LOAD, READINGS, Output
+from ..model.output import OF_JOINT, OF_LOAD, OF_SUBTREE, READINGS, Output
 from ..packing import Array, Ints, System, quaternions
 from ..packing.packed import Packed
 from ..paper import bodies_of, q_slices
@@ -153,14 +153,14 @@ def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array
 def mass_points(bodies: Sequence[Body], motion: BodyMotion) -> tuple[Array, Array, Array, Array]:
     """Return masses, centres of mass, their velocities, and angular momenta I ω by body number."""
     mass = np.array([b.mass for b in bodies])
-    turn = motion.pose[:, 3:]
+    turn = motion.pose[..., 3:]
     arm = turned(turn, np.array([b.com for b in bodies]).reshape(-1, 3))
-    omega = motion.velocity[:, :3]
+    omega = motion.velocity[..., :3]
     back = turn * np.array([1.0, -1.0, -1.0, -1.0])
     inertia = np.array([b.inertia for b in bodies]).reshape(-1, 3, 3)
-    spin = turned(turn, np.einsum("bij,bj->bi", inertia, turned(back, omega)))
-    velocity = motion.velocity[:, 3:] + np.cross(omega, arm)
-    return mass, motion.pose[:, :3] + arm, velocity, spin
+    spin = turned(turn, np.einsum("bij,...bj->...bi", inertia, turned(back, omega)))
+    velocity = motion.velocity[..., 3:] + np.cross(omega, arm)
+    return mass, motion.pose[..., :3] + arm, velocity, spin
 
 
 def shifted(wrench: Array, arm: Array) -> Array:
@@ -184,6 +184,8 @@ class Sensors:
         """Build the table. `loads`: outputs read joint forces. `moves`: they read bodies."""
         wanted, sites = model.outputs, {s.name: s for s in model.sites}
         self.gravity = np.array(model.gravity)
+        self.bodies = [model.body(name) for name in packed.topology.names]
+        self._subtrees: list[tuple[int, int, Ints]] = []  # column, kind, numbers of bodies
         self.table, self._spans, self.width = table(sensors.SENSOR, len(wanted)), [], 0
         for o, one in zip(wanted, self.table):
             one["kind"], one["first"] = list(READINGS).index(o.kind), self.width
@@ -196,6 +198,9 @@ class Sensors:
                 one["point"] = (0.0, 0.0, 0.0) if site is None else site.point
                 one["turn"] = (1.0, 0.0, 0.0, 0.0) if site is None else unit(site.rotation)
             self._spans.append((o.name, self.width, self.width + len(o.reading.parts)))
+            if o.kind in OF_SUBTREE:
+                carried = _carried_by(packed, int(one["body"]))
+                self._subtrees.append((self.width, OF_SUBTREE.index(o.kind), carried))
             self.width += len(o.reading.parts)
         self.moves = any(o.kind not in OF_JOINT for o in wanted)
         self.loads = any(o.kind in OF_LOAD for o in wanted)
@@ -204,11 +209,38 @@ class Sensors:
         """Return the readings (n, width) in n states (n, nq), (n, nv)."""
         out = np.empty((len(q), self.width))
         sensors.read_sensors(self.table, self.gravity, q, v, *motion, out)
+        points = mass_points(self.bodies, motion) if self._subtrees else None
+        for column, kind, own in self._subtrees:
+            out[:, column : column + 3] = of_subtree(points, own)[kind]
         return out
 
     def by_name(self, read: Array) -> dict[str, Any]:
         """Return {name: (...,), (..., 3) or (..., 4)} from the readings (..., width)."""
         return {name: read[..., a] if b == a + 1 else read[..., a:b] for name, a, b in self._spans}
+
+
+def of_subtree(points: Any, own: Ints) -> tuple[Array, Array, Array]:
+    """Return the centre of mass of some bodies, its velocity, and the angular momentum about it.
+
+    `points` are those of `mass_points`. Without mass, the results are those of the mean body.
+    """
+    mass, (place, velocity, spin) = points[0][own], (x[:, own] for x in points[1:])
+    share = mass / mass.sum() if mass.any() else np.full(len(mass), 1.0 / max(len(mass), 1))
+    centre, speed = (np.einsum("b,nbi->ni", share, x) for x in (place, velocity))
+    around = np.cross(place - centre[:, None], velocity - speed[:, None])
+    return centre, speed, np.einsum("b,nbi->ni", mass, around) + spin.sum(axis=1)
+
+
+def _carried_by(packed: Packed, number: int) -> Ints:
+    """Return the indices of a body, given by its number from 1, and of all that it carries.
+
+    The ground, 0, carries all.
+    """
+    found, parent = {number}, packed.topology.parent.tolist()
+    for k, p in enumerate(parent, start=1):  # parents come first
+        if p in found:
+            found.add(k)
+    return np.array(sorted(found - {0}), dtype=np.int64) - 1
 
 
 def _entry(packed: Packed, model: Model, o: Output) -> int:

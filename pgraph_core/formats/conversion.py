@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import html
 import math
+import os
 from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 from urllib.parse import unquote
@@ -14,6 +16,7 @@ import numpy as np
 
 from ..errors import FileError, InputError, Problem, Suggests, choices, explained, shown
 from ..fields import GROUND
+from ..markup import read_markup
 from ..model import Gear, Model
 from ..model.body import inertia_problems
 from ..model.description import LOST
@@ -286,6 +289,8 @@ def reach_of(bodies: Mapping[str, tuple[float, float, float]]) -> float:
 
 
 MANIFEST = "package.xml"
+MOST_FOLDERS = 10_000  # folders in which packages are looked for
+MISSING = "the file does not exist"
 
 
 class Folders:
@@ -320,7 +325,7 @@ class Folders:
                 # a folder of this name above the file or in a root
                 rest = unquote(name[len(scheme) :]).lstrip("/")
                 package, _, inside = rest.partition("/")
-                tries: list[Path] = []
+                tries = [self.packages[package] / inside] if package in self.packages else []
                 for root in self.allowed:
                     if root.name == package or root == self.package:
                         tries.append(root / inside)
@@ -334,9 +339,29 @@ class Folders:
         found = [self.here / name, *(root / name for root in self.allowed)]
         return self._checked(found if not Path(name).is_absolute() else [Path(name)])
 
+    @cached_property
+    def packages(self) -> dict[str, Path]:
+        """The packages in the allowed folders by the names in their manifests.
+
+        As in ROS, a package contains no other packages, and the first of a name counts.
+        """
+        found, seen = dict[str, Path](), 0
+        for root in self.allowed:
+            for folder, inside, files in os.walk(root):
+                seen += 1
+                if seen > MOST_FOLDERS:
+                    return found
+                inside[:] = sorted(name for name in inside if not name.startswith("."))
+                if MANIFEST in files:
+                    found.setdefault(_name_in(Path(folder, MANIFEST)), Path(folder))
+                    inside.clear()
+        return found
+
     def package_called(self, name: str) -> Path | None:
-        """Return a package's folder: by name above the file, by name in a root, or a root."""
-        tries = [root for root in self.allowed if root.name == name]
+        """Return a package's folder, by its manifest, or by the name of a folder above the file or
+        in a root."""
+        tries = [self.packages[name]] if name in self.packages else []
+        tries += [root for root in self.allowed if root.name == name]
         tries += [root / name for root in self.allowed]
         tries += [folder for folder in self.here.parents if folder.name == name]
         return next((folder for folder in tries if folder.is_dir()), None)
@@ -345,17 +370,26 @@ class Folders:
         return any(path.is_relative_to(root.resolve()) for root in self.allowed)
 
     def _checked(self, tries: list[Path]) -> tuple[Path | None, str]:
-        outside = False
+        outside: Path | None = None
         for path in tries:
             try:
                 resolved = path.resolve()
-                if not self._inside(resolved):
-                    outside = True
-                elif resolved.is_file():
+                if not resolved.is_file():
+                    continue
+                if self._inside(resolved):
                     return resolved, ""
+                outside = outside or resolved.parent
             except (OSError, RuntimeError):  # a circle of links, a name that is too long
                 continue
-        if outside:
-            root = self.package or self.here
-            return None, f"it is outside {root}; {ALLOW}"
-        return None, "the file does not exist"
+        if outside is None:
+            return None, MISSING
+        return None, f"it is in {outside}, outside {self.package or self.here}; {ALLOW}"
+
+
+def _name_in(manifest: Path) -> str:
+    """Return the name of a package, or "" if its manifest cannot be read."""
+    try:
+        name = read_markup(manifest).first("name")
+    except FileError:
+        return ""
+    return name.text.strip() if name is not None else ""

@@ -302,6 +302,9 @@ class Forces:
         if low > -np.inf:
             fields |= {"input_low": low, "input_high": high}
         u = min(max(0.0, low), high)
+        if m.actuator_actearly[a] and m.actuator_dyntype[a]:
+            text = "actearly: its force follows the activation without the step that MuJoCo adds"
+            self.reader.left_out("actuator", name, text)
         if m.actuator_dyntype[a] in FILTERS:
             fields["lag"] = float(m.actuator_dynprm[a, 0])
             fields |= {"start": 0.0} if u else {}

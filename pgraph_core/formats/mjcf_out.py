@@ -27,7 +27,7 @@ from ..model import (
     Wrench,
 )
 from ..model.files import gathered, write_atomic
-from ..model.output import OF_JOINT
+from ..model.output import OF_JOINT, OF_SUBTREE
 from ..rotation import frame_of, matrix, multiply, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, unused, why_unphysical
@@ -99,6 +99,7 @@ class _Writer(ContactsOut):
             for b in model.bodies for k in range(len(b.motions))
         }  # fmt: skip
         self.assets: dict[str, Tag] = {}
+        self.of_subtrees: list[tuple[Tag, str]] = []  # sensors and their bodies
         self.equalities, self.tendons = list[Tag](), list[Tag]()
         self.lifting, self.lifted = set[str](), dict[str, float]()
         for name, body, part in self._lifted():
@@ -137,6 +138,8 @@ class _Writer(ContactsOut):
         world.add(*self.sites.get(GROUND, ()))
         for body in self.children.get(GROUND, ()):
             world.add(*self._body(body))
+        for sensor, body in self.of_subtrees:
+            sensor.set(body=self._written(body))
         assets, drives = Tag("asset").add(*self.assets.values()), [*self._actuators()]
         contact = Tag("contact").add(*self._excluded(bodies), *self._paired())
         parts = (assets, world, contact, Tag("equality").add(*self.equalities),
@@ -248,6 +251,8 @@ class _Writer(ContactsOut):
             pair = body.limits[k] if body.limits else None
             if pair is not None:
                 joint.set(range=_between(*pair))
+            if body.speed_limit[k]:
+                self.out(f"body '{body.name}'", "its speed_limit", acts=False)
             yield joint
 
     # -- shapes ----------------------------------------------------------------------------------
@@ -521,7 +526,8 @@ class _Writer(ContactsOut):
     def _sensors(self) -> Iterator[Tag]:
         """Yield outputs as sensors. Sensors on bodies are attached to additional sites."""
         words = {kind: word for word, kind in SENSORS.items()}
-        sites = {s.name for s in self.model.sites}
+        found = self.model.sites
+        sites = {s.name for s in found}
         for o in self.model.outputs:
             tag = Tag(words[o.kind], name=o.name)
             if o.kind in OF_JOINT:
@@ -530,11 +536,21 @@ class _Writer(ContactsOut):
                     self.out(f"output '{o.name}'", text, acts=False)
                     continue
                 tag.set(joint=joint)
+            elif o.kind in OF_SUBTREE:
+                body = next((s.body for s in found if s.name == o.at), o.at)
+                self.of_subtrees.append((tag, body))
             else:
                 name = o.at if o.at in sites else self._site(o.at, end_name(o.name, 1), (0.0,) * 3)
                 in_world = o.kind in ("position", "rotation", "velocity", "angular_velocity")
                 tag.set(**({"objtype": "site", "objname": name} if in_world else {"site": name}))
             yield tag
+
+    def _written(self, name: str) -> str:
+        """Return the name of the body in the file that carries what a body carries."""
+        if name == GROUND:
+            return WORLD
+        carried = self._carried(self.model.body(name))
+        return name if carried is None else self._written(carried.name)
 
     # -- initial states --------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ from ..model import (
     Scenario,
     Site,
 )
-from ..model.output import Kind
+from ..model.output import OF_SUBTREE, Kind
 from ..rotation import matrix, multiply, unit
 from ..tolerances import SOLVED
 from .conversion import suspect_rings, unused
@@ -30,7 +30,8 @@ SENSORS: dict[str, Kind] = {  # kind of output for each sensor of MuJoCo
     "jointpos": "joint_position", "jointvel": "joint_velocity", "framepos": "position",
     "framequat": "rotation", "framelinvel": "velocity", "frameangvel": "angular_velocity",
     "velocimeter": "velocimeter", "gyro": "gyro", "accelerometer": "accelerometer",
-    "force": "force", "torque": "torque",
+    "force": "force", "torque": "torque", "subtreecom": "subtree_position",
+    "subtreelinvel": "subtree_velocity", "subtreeangmom": "subtree_momentum",
 }  # fmt: skip
 
 
@@ -193,6 +194,8 @@ class Parts(Forces):
                 self.report.add("converted", self.reader.where("sensor", m.sensor(k).name), text)
             body, coordinate = self.reader.place_of_joint[what]
             return {"at": body, "coordinate": coordinate}
+        if SENSORS[word] in OF_SUBTREE:
+            return {"at": self.reader.names[what]}
         kind = int(m.sensor_objtype[k])
         if kind == SITES and what in self.frames:
             return {"at": self.frames[what]}

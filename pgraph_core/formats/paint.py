@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..markup import content_of
-from ..mesh_files import LARGEST, parsed_mesh
+from ..mesh_files import LARGEST, glb_of, parsed_mesh
 
 UNDEFINED = "undefined"  # paint of faces with a material that is not there
 MOST_MATERIALS = 1_000_000  # bytes of a file of materials
@@ -37,6 +37,8 @@ def seen_in(file: Path) -> Seen:
             faces = _of_obj(file)
         case ".glb":
             faces = _of_glb(content_of(file, LARGEST))
+        case ".gltf":
+            faces = _of_glb(glb_of(content_of(file, LARGEST), file.absolute().parent))
         case ".ply":
             faces = _of_ply(mesh)
         case _:

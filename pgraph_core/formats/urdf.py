@@ -7,14 +7,12 @@ root link is welded to the ground, or free.
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from .. import words
 from ..errors import (
     FileError,
     InputError,
@@ -26,9 +24,12 @@ from ..errors import (
 )
 from ..fields import GROUND, name_problem
 from ..markup import Element, read_markup
-from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
-from ..rotation import Quaternion, matrix, normals_of
+from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor, Shape, Wrench
+from ..model.shape import mass_properties_of
+from ..model.world import Ground
+from ..rotation import Quaternion, matrix, turn_of_z
 from .conversion import (
+    NO_LIMIT,
     Folders,
     Report,
     reach_of,
@@ -37,8 +38,10 @@ from .conversion import (
     suspect_units,
     unphysical,
 )
+from .urdf_friction import surfaces, weightless
 from .urdf_shapes import ZERO, Shapes, quaternion_of_rpy
-from .xacro import SUFFIX, expanded, no_arguments
+from .urdf_unread import report_unread
+from .xacro import SUFFIX, expanded, no_arguments, only_macros
 
 X = (1.0, 0.0, 0.0)
 JOINTS = {
@@ -60,12 +63,7 @@ LOOPS = {  # types of <loop_joint> -> kinds of constraints
     "ball": "point",
 }
 WORLD = "world"  # a root link of this name without content is the ground
-ACTING = {"joint_properties"}  # friction and damping of other programs' exporters
 XACRO = "of xacro; name the file robot.urdf.xacro, so that they are expanded"
-KNOWN = {"link", "joint", "material", "loop_joint"}  # children of <robot>
-OF_LINK = {"inertial", "visual", "collision"}
-OF_JOINT = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
-OF_ONE = OF_JOINT | {"inertial", "geometry", "mass", "inertia"}  # an element has one
 
 
 @explained
@@ -119,6 +117,9 @@ def read_urdf(
         raise no_arguments(path)
     else:
         robot = read_markup(path)
+    no_robot = path.suffix.lower() == SUFFIX and robot.first("link") is None
+    if no_robot and (text := only_macros(path)):
+        raise FileError(Problem(path.name, "", text))
     reader = _Reader(name, robot, folders, base)
     for text in warnings:
         reader.report.add("warning", path.name, text)
@@ -135,7 +136,7 @@ class _Joint(NamedTuple):
 class _Reader(Shapes):
     def __init__(self, name: str, robot: Element, folders: Folders, base: str):
         super().__init__(name, folders)
-        self.robot, self.base = robot, base
+        self.robot, self.base, self.speeds = robot, base, 0
         if robot.tag != "robot":
             text = f"holds <{robot.tag}>, not the <robot> of a URDF file"
             do = "; it is MJCF: call read_mjcf, or give it a name that ends in .xml"
@@ -151,6 +152,8 @@ class _Reader(Shapes):
             self.links.setdefault(name, element)
         if not (self.links or self.faults):
             raise self.source.wrong(robot, "", "has no link; a robot needs at least one")
+        if world := self._world_of_drake():
+            self.links[WORLD] = world
         self.joints = self._joints()
         self._look(robot, self.links.values())
 
@@ -169,12 +172,18 @@ class _Reader(Shapes):
             "bodies": bodies,
             "constraints": [*self._noted([], self._mimics), *self._noted([], self._loops)],
             "forces": self._noted([], self._motors),
+            "ground": Ground(**surfaces(self.report, self.source, self.robot)),
         }
+        fields["forces"] += self._lifts({body.name: body for body in bodies})
         if self.faults:
             of_model = all(isinstance(fault, ModelError) for fault in self.faults)
             found = [problem for fault in self.faults for problem in fault.problems]
             raise (ModelError if of_model else FileError)(found)
-        self._left_out()
+        joints = [joint.element for joint in self.joints]
+        report_unread(self.report, self.source, self.robot, [*self.links.values()], joints)
+        if self.hulls:
+            text = f"{self.hulls} collision meshes touch by their convex hulls"
+            self.report.add("approximated", self.source.name, text)
         fields["bodies"] = self._following(bodies, fields["constraints"])
         try:
             model = Model(**fields)
@@ -191,6 +200,20 @@ class _Reader(Shapes):
         return self.report.attached_to(model), self.report
 
     # -- the tree --------------------------------------------------------------------------------
+
+    def _world_of_drake(self) -> Element | None:
+        """Return a link for the world if joints only name it as their parent, as Drake allows."""
+        if WORLD in self.links:
+            return None
+        ends = [(joint.first("parent"), joint.first("child")) for joint in self.robot.all("joint")]
+        if any(child is not None and child.get("link") == WORLD for _, child in ends):
+            return None
+        named = (one for one, _ in ends if one is not None and one.get("link") == WORLD)
+        if (parent := next(named, None)) is None:
+            return None
+        text = "the link 'world', which the file does not define, is the ground, as in Drake"
+        self.report.add("converted", self.source.at(parent, "parent"), text)
+        return Element("link", {"name": WORLD}, parent.line)
 
     def _named(self, tag: str) -> list[tuple[str, Element]]:
         """Return all elements with a tag by their names. Duplicate names are noted as faults."""
@@ -217,6 +240,9 @@ class _Reader(Shapes):
                 link = end.get("link") if end is not None else ""
                 if link not in self.links:
                     text = f"must name a link, got {shown(link)}"
+                    if link:
+                        text += f', which the file lacks: add <link name="{link}"/>, or give the '
+                        text += "file of the whole robot"
                     self._wrong(end or element, side, text, what)
                     sound = False
                 ends.append(link)
@@ -306,6 +332,7 @@ class _Reader(Shapes):
         if len(self.faults) > faults:
             return None
         try:
+            fields |= self._of_density(element, what, name, fields["shapes"])
             return Body(**fields)
         except ModelError as error:
             raise ModelError([Problem(where, p.field, p.text) for p in error.problems]) from None
@@ -327,9 +354,8 @@ class _Reader(Shapes):
             text = f"the axis {shown(axis)} is normalised"
             self.report.add("converted", self.source.at(element, what), text)
         if kind == "planar":
-            normal = np.array(axis) / math.hypot(*axis)
-            first, second = normals_of(normal)
-            slides = [("translate", tuple(x.tolist())) for x in (first, second)]
+            turn = matrix(turn_of_z(axis))  # x and y of the joint, as in MuJoCo
+            slides = [("translate", tuple(x)) for x in turn.T[:2].tolist()]
             return fields | {"motions": [*slides, ("rotate", axis)]}
         fields["axes"] = [axis]
         dynamics = element.first("dynamics")
@@ -339,6 +365,7 @@ class _Reader(Shapes):
                 text = f"must be >= 0, got {shown(value)}"
                 self._wrong(dynamics or element, name, text, what)
             fields[name] = value
+        fields["speed_limit"] = self._speed(joint, what)
         return fields | self._limits(joint, kind, what)
 
     def _axis(self, element: Element, what: str) -> tuple[float, ...]:
@@ -348,6 +375,15 @@ class _Reader(Shapes):
         text = f"must not be zero, got {shown(axis)}"
         self._wrong(element.first("axis") or element, "axis", text, what)
         return X
+
+    def _speed(self, joint: _Joint, what: str) -> float:
+        """Return the velocity limit of a joint, or 0 without one."""
+        limit = joint.element.first("limit")
+        speed = self.given.number(limit, "velocity", 0.0, what, infinite=True)
+        if not 0 < speed < NO_LIMIT:
+            return 0.0
+        self.speeds += 1
+        return speed
 
     def _limits(self, joint: _Joint, kind: str, what: str) -> dict[str, Any]:
         limit = joint.element.first("limit")
@@ -392,10 +428,16 @@ class _Reader(Shapes):
                 self.report.add("warning", self.source.at(element, what), text, part=name)
             return none
         com, turn = self._pose(inertial, what)
-        mass = self.given.number(inertial.first("mass"), "value", 0.0, what)
+        own = inertial.first("mass")
+        mass = self.given.number(own, "value", 0.0, what)
         if mass < 0:
             text = f"must be >= 0 [kg], got {shown(mass)}"
-            self._wrong(inertial.first("mass") or inertial, "mass", text, what)
+            self._wrong(own or inertial, "mass", text, what)
+        if (own is None or "value" not in own.attributes) and inertial.first("density") is None:
+            text = 'the mass: <inertial> has no <mass value="..."/>, so it is 0 kg here'
+            root = name not in map(self._body_name, self.joint_of)
+            where = self.source.at(own or inertial, what)
+            self.report.add("left out", where, text, acts=not (still and root), part=name)
         given = inertial.first("inertia")
         names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         xx, xy, xz, yy, yz, zz = (self.given.number(given, n, 0.0, what) for n in names)
@@ -405,6 +447,27 @@ class _Reader(Shapes):
         fields = {"mass": mass, "com": com, "inertia": inertia}
         where = self.source.at(given or inertial, what)
         return fields | unphysical(self.report, where, name, inertia)
+
+    def _of_density(
+        self, link: Element, what: str, name: str, shapes: Sequence[Mapping[str, Any]]
+    ) -> dict[str, Any]:
+        """Return the mass properties of a link with a <density> of its collision shapes, as in
+        SAPIEN, or {} for other links. Raises ModelError or FileError."""
+        inertial = link.first("inertial")
+        given = inertial.first("density") if inertial is not None else None
+        if inertial is None or given is None or inertial.first("mass") is not None:
+            return {}
+        where = self.source.at(given, what)
+        density = self.given.number(given, "value", 0.0, what)
+        solid = [Shape(**shape) for shape in shapes if shape["role"] != "visual"]
+        if density <= 0 or not solid:
+            text = f"its density of {density:g} kg/m^3, which needs a collision shape, or is 0"
+            self.report.add("left out", where, text, acts=True, part=name)
+            return {}
+        mass, com, inertia = mass_properties_of(solid, density)
+        text = f"its density of {density:g} kg/m^3 gives {mass:.6g} kg for its collision shapes"
+        self.report.add("converted", where, text, part=name)
+        return {"mass": float(mass), "com": tuple(com.tolist()), "inertia": inertia}
 
     # -- what acts between links -----------------------------------------------------------------
 
@@ -491,10 +554,22 @@ class _Reader(Shapes):
             found.append(Constraint(**fields))
         return found
 
+    def _lifts(self, bodies: Mapping[str, Body]) -> list[Force]:
+        """Return a wrench against gravity for each link that Gazebo keeps from falling."""
+        found: list[Force] = []
+        for link, line in weightless(self.robot):
+            body = bodies.get(self._body_name(link)) if link in self.links else None
+            if body is not None and body.mass:
+                force = (0.0, 0.0, 9.81 * body.mass)
+                name = f"gravity off of {body.name}"
+                found.append(Wrench(name=name, body=body.name, force=force, point=body.com))
+                text = f"turnGravityOff is the force '{name}'"
+                self.report.add("converted", self.source.at(line), text, part=name)
+        return found
+
     def _motors(self) -> list[Force]:
         """Return a motor with zero torque for each joint that has an effort limit."""
         found: list[Force] = []
-        speeds = 0
         for joint in self.joints:
             limit = joint.element.first("limit")
             kind = joint.element.get("type")
@@ -502,56 +577,12 @@ class _Reader(Shapes):
                 continue
             what = f"joint {shown(joint.name)}"
             effort = self.given.number(limit, "effort", 0.0, what, infinite=True)
-            speeds += 0 < self.given.number(limit, "velocity", 0.0, what, infinite=True) < math.inf
             if effort > 0 and joint.element.first("mimic") is None:
                 body, most = self._body_name(joint.child), effort if effort < math.inf else None
                 found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=most))
-        if speeds:
-            text = f"{speeds} velocity limits are ignored: Pgraph has no velocity limits"
-            self.report.add("left out", self.source.name, text)
+        if self.speeds:
+            text = (
+                f"{self.speeds} velocity limits are `speed_limit`: a run that exceeds them says so"
+            )
+            self.report.add("converted", self.source.name, text)
         return found
-
-    def _repeated(self, element: Element, acts: bool = True) -> Iterator[tuple[Element, str, bool]]:
-        """Yield (element, property, whether it acts) for each property that is given more than once
-        although an element has only one."""
-        tags, acts = [child.tag for child in element.children], acts and element.tag != "visual"
-        if element.tag == "geometry" and len(tags) > 1:
-            yield element, f"solid, <{tags[1]}>,", acts
-        for tag in OF_ONE & {*tags}:
-            if tags.count(tag) > 1:
-                yield element, f"<{tag}>", acts
-        for child in element.children:
-            if child.tag in OF_LINK | OF_ONE | {"link", "joint"}:
-                yield from self._repeated(child, acts)
-
-    def _left_out(self) -> None:
-        """Report each unsupported element type once, with the location of its first occurrence."""
-        seen, acting = Counter[str](), set[str]()
-        first: dict[str, int] = {}
-        inside = [(self.robot, KNOWN)]
-        inside += [(link, OF_LINK) for link in self.links.values()]
-        inside += [(joint.element, OF_JOINT) for joint in self.joints]
-        for parent, known in inside:
-            for child in parent.children:
-                if child.tag not in known:
-                    seen[child.tag] += 1
-                    first.setdefault(child.tag, child.line)
-                    given = [x for e in child.inside() for x in (e.text, *e.attributes.values())]
-                    if child.tag.lower() in ACTING and any(x.strip("0. \n\t") for x in given):
-                        acting.add(child.tag)
-        read = sorted(KNOWN | OF_LINK | OF_JOINT)
-        for tag, count in seen.items():
-            many = f"{count} elements <{tag}>, the first here" if count > 1 else f"<{tag}>"
-            close = words.similar(tag, read, n=1, cutoff=0.75)  # misspelt, so it may act
-            if tag in read:
-                many += ", which means nothing inside of this element"
-            elif close:
-                many += f"; did you mean <{close[0]}>?"
-            acts = bool(close) or tag in acting
-            self.report.add("left out", self.source.at(first[tag]), many, acts=acts)
-        for element, tag, acts in self._repeated(self.robot):
-            text = f"a second {tag} in <{element.tag}>; only the first is read"
-            self.report.add("left out", self.source.at(element.line), text, acts=acts)
-        if self.hulls:
-            text = f"{self.hulls} collision meshes touch by their convex hulls"
-            self.report.add("approximated", self.source.name, text)

@@ -190,12 +190,14 @@ class _Writer:
         if pair and (low is None or high is None):
             where = f"body '{body.name}'"
             self.report.add("approximated", where, "an open end of the limits is 1e9 away")
-        if pair or effort or _type(body, k) == "prismatic":
+        if pair or effort or body.speed_limit[k] or _type(body, k) == "prismatic":
             ends = {} if not pair else {
                 "lower": -NO_LIMIT if low is None else low,
                 "upper": NO_LIMIT if high is None else high,
             }  # fmt: skip
-            found.append(Tag("limit", **ends, effort=effort or 0.0, velocity=NO_LIMIT))
+            found.append(
+                Tag("limit", **ends, effort=effort or 0.0, velocity=body.speed_limit[k] or NO_LIMIT)
+            )
         if body.damping[k] or body.friction[k]:
             found.append(Tag("dynamics", damping=body.damping[k], friction=body.friction[k]))
         gear = self.gears.get(body.name)

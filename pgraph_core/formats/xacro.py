@@ -14,10 +14,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import FileError, InputError, Problem, needed, plain, shown
-from ..markup import Element, parse_markup
+from ..errors import FileError, InputError, Problem, choices, needed, plain, shown
+from ..markup import Element, parse_markup, read_markup
 from ..model.files import ALLOW
-from .conversion import Folders
+from .conversion import MANIFEST, Folders
 
 SUFFIX = ".xacro"
 ONE = threading.Lock()  # the package keeps its state in its module
@@ -34,15 +34,25 @@ def expanded(
     """
     xacro = needed("xacro", "xacro")
     values = {name: _text(name, value) for name, value in arguments.items()}
-    said = io.StringIO()
+    said, missing = io.StringIO(), list[str]()
     try:
-        with ONE, contextlib.redirect_stderr(said), _finding(folders):
+        with ONE, contextlib.redirect_stderr(said), _finding(folders, missing):
             document = xacro.process_file(str(path), mappings=values)
     except Exception as error:  # whatever an expression raises
-        raise FileError(Problem(path.name, "", _why(error))) from None
+        why = missing[-1] if missing else _why(error)
+        raise FileError(Problem(path.name, "", why)) from None
     content = document.toprettyxml(indent=" ", encoding="utf-8")
     warnings = [line.strip() for line in plain(said.getvalue()).splitlines() if line.strip()]
     return parse_markup(content, f"{path.name}, expanded"), warnings
+
+
+def only_macros(path: Path) -> str:
+    """Return a sentence about a file that only defines macros, or "" for other files."""
+    macros = [e.get("name") for e in read_markup(path).inside() if e.tag == "xacro:macro"]
+    if not macros:
+        return ""
+    named = choices(map(shown, macros), 4)
+    return f"only defines macros, {named}; load the file that includes it and uses them"
 
 
 def no_arguments(path: Path) -> InputError:
@@ -73,8 +83,11 @@ GIVE = "give its value: arguments={NAME: VALUE} in Python, --argument NAME=VALUE
 
 
 @contextlib.contextmanager
-def _finding(folders: Folders) -> Iterator[None]:
-    """Make `$(find package)` search `folders` first while the context is active."""
+def _finding(folders: Folders, missing: list[str]) -> Iterator[None]:
+    """Make `$(find package)` search `folders` first while the context is active.
+
+    Sentences about packages that are not found are added to `missing`.
+    """
     module = needed("xacro.substitution_args", "xacro")
     of_ros = module._eval_find
 
@@ -84,8 +97,11 @@ def _finding(folders: Folders) -> Iterator[None]:
         try:
             return of_ros(package)
         except Exception:  # without ROS, or of a package that it does not have
-            text = f"cannot find the package {shown(package)} in the folders of the file; {ALLOW}"
-            raise module.SubstitutionException(text) from None
+            missing.append(
+                f"cannot find the package {shown(package)}: no {MANIFEST} and no folder has this "
+                f"name in {choices(map(str, folders.allowed))}, nor above the file; {ALLOW}"
+            )
+            raise module.SubstitutionException(missing[-1]) from None
 
     module._eval_find = module._eval_dict["find"] = find
     try:

@@ -180,6 +180,11 @@ class Body(Described):
         converter=per_motion, default=(), dim=NONE, label="Rebound",
         help="coefficient of restitution at a limit, 0 to 1",
     )  # fmt: skip
+    speed_limit: PerMotion = field(
+        "numbers >= 0 [rad/s, m/s], 0 without a limit, one for all or one per motion",
+        converter=per_motion, default=(), dim=Q / S, since=9,
+        help="speed above which runs issue a notice; it exerts no force",
+    )  # fmt: skip
     pitch: PerMotion = field(
         "numbers [m per turn], not 0 for a screw, by default 0.01, one for all or one per motion",
         converter=per_motion, default=(), dim=M, since=5,

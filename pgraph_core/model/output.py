@@ -43,9 +43,11 @@ class Site(Described):
 Kind = Literal[
     "joint_position", "joint_velocity", "position", "rotation", "velocity", "angular_velocity",
     "velocimeter", "gyro", "accelerometer", "force", "torque",
+    "subtree_position", "subtree_velocity", "subtree_momentum",
 ]  # fmt: skip
 OF_JOINT = ("joint_position", "joint_velocity")
 OF_LOAD = ("force", "torque")
+OF_SUBTREE = ("subtree_position", "subtree_velocity", "subtree_momentum")
 
 
 class Reading(NamedTuple):
@@ -69,6 +71,9 @@ READINGS: dict[str, Reading] = {
     "accelerometer": Reading(AXES, "m/s^2", "acceleration minus gravity, in its own axes"),
     "force": Reading(AXES, "N", "force that the joint transmits, in its own axes"),
     "torque": Reading(AXES, "N m", "torque that the joint transmits, in its own axes"),
+    "subtree_position": Reading(AXES, "m", "centre of mass of a body and all that it carries"),
+    "subtree_velocity": Reading(AXES, "m/s", "velocity of this centre of mass"),
+    "subtree_momentum": Reading(AXES, "kg m^2/s", "angular momentum about this centre of mass"),
 }
 
 
@@ -80,7 +85,10 @@ class Output(Described):
     origin), `rotation` (quaternion [w, x, y, z]), `velocity` and `angular_velocity` are given in
     world axes. The kinds `velocimeter`, `gyro` and `accelerometer` (acceleration minus gravity)
     behave like sensors that are fixed to the frame and use its axes. The same applies to `force`
-    and `torque`, which are exerted by the joint on the body, about the origin of the frame.
+    and `torque`, which are exerted by the joint on the body, about the origin of the frame. The
+    kinds `subtree_position`, `subtree_velocity` and `subtree_momentum` are the centre of mass of
+    the body and of all bodies that it carries, its velocity, and their angular momentum about it,
+    in world axes. With `at="ground"`, they are those of the whole model.
     """
 
     name: Text = field("a non-empty string", label="Name")

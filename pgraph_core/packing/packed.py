@@ -166,10 +166,13 @@ class Packed:
         about, remedy = f"its axis {axis}", ", armature or a com that is not on the axis"
         if kind not in AXIAL:
             about, remedy = f"some axis of its {body.joint} joint", " or another joint"
-        point = "" if any(map(any, body.inertia)) else (
-            f": without inertia and shape it is a point of {body.mass:g} kg at {shown(body.com)}"
-        )  # fmt: skip
-        text = f"there is none about {about}{point}, {text} inertia, a shape{remedy}"
+        shape, point = "a shape", ""
+        if not any(map(any, body.inertia)):
+            point = f": it is a point of {body.mass:g} kg at {shown(body.com)}"
+        if body.touching:
+            shape = "derived=('mass', 'com', 'inertia') with a density"
+            point += " whatever its shapes" * bool(point)
+        text = f"there is none about {about}{point}, {text} inertia, {shape}{remedy}"
         return Problem(where, "inertia", text)
 
     # -- forces and constraints ------------------------------------------------------------------

@@ -23,7 +23,7 @@ from ..result.records import (
     ContactRecord,
     Named,
 )
-from .remarks import beyond_limits, creeping, touching, turns_unseen
+from .remarks import beyond_limits, creeping, too_fast, touching, turns_unseen
 
 if TYPE_CHECKING:
     from .recording import Recording
@@ -162,6 +162,7 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += touching(record, record.unlogged)
     if record.plan.driving and (record.user or np.count_nonzero(record.scene.given)):
         found += beyond_limits(record)
+    found += too_fast(record)
     if record.user is not None:
         found += record.user.notices()
     if record.carried is not None:

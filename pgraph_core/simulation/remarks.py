@@ -14,6 +14,7 @@ from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.records import CREEP
 from ..errors import InputError, choices
+from ..joints import SIZE
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
 from ..packing import Array, Ints, row_of_velocity
 from ..packing.forces import acting_on
@@ -132,6 +133,37 @@ def beyond_limits(record: Running) -> Iterator[str]:
         f"{limits[j]:.3g} {unit} of its motors ({names[j]}): tau is added to motors, and no limit "
         "of theirs applies to it; clip it, or give it to a motor as torque="
     )
+
+
+def too_fast(record: Running) -> Iterator[str]:
+    """Yield a notice about the joint that exceeds its speed limit most, in the frames."""
+    mech, n, worst = record.mech, record.done, 1.0
+    text, names = "", list[str]()
+    for body in mech.model.bodies if n else ():
+        if not any(body.speed_limit):
+            continue
+        sizes = [SIZE[m.kind][1] for m in body.sequence]
+        limits = np.repeat(body.speed_limit, sizes)
+        own = np.arange(mech.joints[body.name].v.start, mech.joints[body.name].v.stop)[limits > 0.0]
+        shares = np.abs(record.out.v[:n, own]) / limits[limits > 0.0]
+        i, k = (int(x) for x in np.unravel_index(np.argmax(shares), shares.shape))
+        if shares[i, k] <= 1.0 + SOLVED:
+            continue
+        names.append(f"'{body.name}'")
+        if shares[i, k] > worst:
+            worst = shares[i, k]
+            limit = float(limits[limits > 0.0][k])
+            row = row_of_velocity(mech.packed.system.rows, int(own[k]))
+            slides = mech.packed.system.rows[row, at.KIND] == at.TRANSLATE
+            unit = "m/s" if slides else "rad/s"
+            text = (
+                f"the joint of '{body.name}' reaches {worst * limit:.4g} {unit} at t = "
+                f"{record.steps.times[i]:.6g} s, more than its speed_limit of {limit:.4g} {unit}"
+            )
+    if len(names) > 1:
+        text += f"; those of {choices(names, 6)} exceed theirs"
+    if text:
+        yield text
 
 
 def creeping(record: Running) -> Iterator[str]:
