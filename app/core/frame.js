@@ -92,7 +92,7 @@ pgraph.frame = (() => {
   }
   function sheets() { for (const slot of ["left", "right"]) delete root.dataset[`${slot}Sheet`]; }
   // A side panel is there, or gives its room to the view; in a narrow window it lies over the view.
-  function toggle(slot, on = root.dataset[slot] === "closed") {
+  function toggle(slot, on = narrow() ? !(`${slot}Sheet` in root.dataset) : root.dataset[slot] === "closed") {
     if (narrow()) {
       sheets();
       if (on) { drawer(false); root.dataset[`${slot}Sheet`] = ""; }
@@ -111,7 +111,7 @@ pgraph.frame = (() => {
     const slot = { b: "left", i: "right" }[event.key.toLowerCase()];
     if (!slot || !(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey) return;
     event.preventDefault();
-    toggle(slot, narrow() ? !(`${slot}Sheet` in root.dataset) : undefined);
+    toggle(slot);
   }, true);
 
   // -- edges that are dragged -----------------------------------------------------------------------

@@ -4,7 +4,7 @@
   let what = "M";
 
   function build(host) {
-    const kind = make("select", { className: "cell kind", "aria-label": "operator", onchange: () => { what = kind.value; look(); } });
+    const kind = make("div", { className: "kind", role: "toolbar", "aria-label": "operator" });
     const canvas = make("canvas", { className: "cells", role: "img", "aria-label": "pattern of the operator" });
     const files = pgraph.menuButton(pgraph.pictureButton("bare files", "export", "download", "The matrix as a file"), "files", () => [["NPZ", "npz", "for scipy.sparse.load_npz"], ["CSV", "csv", ""], ["Matrix Market", "mtx", ""]].map(([name, suffix, about]) => [name, "", () => send("ExportOperator", { what, suffix }), { about }]), { end: true });
     host.replaceChildren(make("div", { className: "bar" }, kind, make("button", { className: "action whole", textContent: "Whole", title: "All rows and columns", onclick: look }), files, make("div", { className: "value", role: "status" }), make("div", { className: "scale", title: "Six decades, from the largest value down to faint" }, make("span"), make("i"), make("span"))),
@@ -21,9 +21,9 @@
 
   function draw(host, data) {
     const kind = host.querySelector(".kind");
-    if (!kind.options.length) kind.append(...Object.entries(data.titles).map(([value, textContent]) => make("option", { value, textContent })));
-    kind.value = what = data.what;
-    kind.title = data.titles[what];
+    if (!kind.children.length) kind.append(...Object.entries(data.titles).map(([value, title]) => make("button", { className: "chip-button", textContent: title.split(" ").at(-1), title, value, onclick: () => { what = value; look(); } })));
+    what = data.what;
+    for (const one of kind.children) one.setAttribute("aria-pressed", one.value === what);
     host.operator = data;
     host.querySelector(".problem").textContent = data.problem;
     host.querySelector("canvas").hidden = Boolean(data.problem);

@@ -44,7 +44,7 @@ def world(state: State, display: Display) -> Payload:
     return {
         "title": state.model.name,
         "subtitle": "Model; click a body to edit it" if state.model.bodies else "Model",
-        "groups": [_general(state), _ground(state, display), _parameters(state)],
+        "groups": [_general(state), *_ground(state, display), _parameters(state)],
     }
 
 
@@ -58,8 +58,11 @@ def _general(state: State) -> Payload:
     ])  # fmt: skip
 
 
-def _ground(state: State, display: Display) -> Payload:
+def _ground(state: State, display: Display) -> list[Payload]:
+    """Return the form of the ground, if something may touch it or it has been changed."""
     model, ground = state.model, state.model.ground
+    if not model.contacts and ground == pg.Ground():
+        return []
     implied = {
         "static_friction": (ground.least_to_slide, ground.static_friction is None),
         "uphill": (ground.uphill or level(model), ground.uphill is None),
@@ -89,7 +92,7 @@ def _ground(state: State, display: Display) -> Payload:
         ground.slope
     )
     special += [counted(len(ground.steps), "step")] * bool(ground.steps)
-    return group("Ground", fields, bool(special), ", ".join(special) or "level")
+    return [group("Ground", fields, bool(special), ", ".join(special) or "level")]
 
 
 def _parameters(state: State) -> Payload:

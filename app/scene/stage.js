@@ -75,6 +75,12 @@ pgraph.stage = (() => {
     node("/floor")?.traverse((mesh) => floor(mesh, at));
   });
 
+  // viser's background is black until its picture is loaded: until then the canvas of the page shows through.
+  viser.frame(() => {
+    const { enabled, colorMap } = window.__viserMutable.backgroundMaterial?.uniforms ?? {};
+    if (enabled) enabled.value = Boolean(colorMap.value);
+  });
+
   // A colour of the style, of the theme that the page has now.
   let tones = {};
   const tone = (name) => (tones[name] ??= getComputedStyle(document.querySelector(".pgraph")).getPropertyValue(name).trim());

@@ -142,7 +142,7 @@ pgraph.keys = (() => {
   const here = (target) => document.querySelector('.pgraph[data-view="table"]')?.contains(target);
   const line = (name) => {
     const row = table().row(name);
-    return [row.name, row.parent, `${row.dof} ${row.joint}`, row.constraints.join(", ") || "holonomic"].map(quoted).join("\t");
+    return [row.name, row.parent, `${row.dof} ${row.joint}`, row.constraint].map(quoted).join("\t");
   };
   // All that the selected bodies carry, as the server wrote it; of very many only the columns here.
   const copied = (chosen) => {

@@ -1,4 +1,4 @@
-// The table of bodies: the digraph as its gutter, name, parent, and joint with its constraints. Its keys
+// The table of bodies: the digraph as its gutter, name, parent, joint and constraints. Its keys
 // and the clipboard are in keys.js, what is done to whole rows in rows.js.
 pgraph.table = (() => {
   const { make, cells } = pgraph;
@@ -7,7 +7,8 @@ pgraph.table = (() => {
     ["Graph", "numbers of the Pgraph, a lane for each branch; drag a number to move its row, onto another row to attach it there, with Shift to close a loop with it"],
     ["Body", "its name"],
     ["Parent", "the body it is attached to, or ground"],
-    ["DoF", "degrees of freedom of its joint, beside the kind of the joint; a mark where a constraint holds the body, too"],
+    ["DoF", "degrees of freedom of its joint, beside the kind of the joint"],
+    ["Constraint", "kinds of what constrains it: holonomic is its joint alone, others are in the list of connections"],
   ];
   const LAZY = 60; // rows from which cells are made when they come near the view
   let rows = [], byName = new Map(), trs = new Map(), anchor = null, near = null;
@@ -108,7 +109,7 @@ pgraph.table = (() => {
     const tr = make("tr", { tabIndex: -1 });
     tr.append(
       make("td", { className: "number", draggable: true }, make("span", { className: "lanes" }), make("span", { className: "others" })),
-      make("td"), make("td"), make("td", { className: "held" }));
+      make("td"), make("td"), make("td", { className: "freedoms" }), make("td", { className: "constraint" }));
     if (rows.length > LAZY) near.observe(tr);
     else furnish(tr);
     return tr;
@@ -121,7 +122,7 @@ pgraph.table = (() => {
     near.unobserve(tr);
     if (tr.dataset.furnished) return;
     tr.dataset.furnished = "1";
-    tr.children[3].replaceChildren(make("span", { className: "kind" }), make("span", { className: "dof" }), make("span", { className: "tied" }));
+    tr.children[3].replaceChildren(make("span", { className: "kind" }), make("span", { className: "dof" }));
     const row = byName.get(tr.dataset.name);
     tr.dataset.drawn = "";
     if (row) fill(tr, row);
@@ -133,15 +134,15 @@ pgraph.table = (() => {
     tr.dataset.armed = "1";
     tr.children[1].replaceChildren(cells.input(edit(tr, "name"), { label: "name", className: "name" }));
     tr.children[2].replaceChildren(cells.choice(() => parents(tr.dataset.name), edit(tr, "parent"), { label: "parent" }));
-    const mark = make("button", { className: "tied", onclick: () => pgraph.show("Connections", tr.dataset.name) });
-    tr.querySelector(".tied").replaceWith(cells.choice(() => dofs(tr.dataset.name), edit(tr, "dof"), { label: "DoF" }), mark);
+    tr.children[3].append(cells.choice(() => dofs(tr.dataset.name), edit(tr, "dof"), { label: "DoF" }));
+    tr.children[4].replaceChildren(make("button", { className: "tied", onclick: () => pgraph.show("Connections", tr.dataset.name) }));
     refill(tr);
   }
   function rest(tr) {
     if (!tr.dataset.armed || tr.matches(".selected, :hover") || tr.contains(document.activeElement) || [...tr.querySelectorAll(".cell")].some((cell) => cell.value !== cell.dataset.shown || cell.matches(".refused, .waiting"))) return;
     delete tr.dataset.armed;
-    tr.querySelector(".held .cell").remove();
-    tr.querySelector(".tied").replaceWith(make("span", { className: "tied" }));
+    tr.querySelector(".freedoms .cell").remove();
+    tr.children[4].textContent = "";
     refill(tr);
   }
   function refill(tr) {
@@ -155,21 +156,23 @@ pgraph.table = (() => {
     tr.dataset.drawn = text;
     [row.name, row.parent].forEach((value, i) => { tr.children[i + 1].title = value; });
     if (!tr.dataset.furnished) {
-      [row.name, row.parent, row.dof].forEach((value, i) => { tr.children[i + 1].textContent = value; });
+      [row.name, row.parent, row.dof, brief(row)].forEach((value, i) => { tr.children[i + 1].textContent = value; });
       return;
     }
     pgraph.gutter.draw(tr.querySelector(".lanes"), row);
     fillCells(tr, row);
   }
+  const brief = ({ constraint }) => { const [first, ...others] = constraint.split(", "); return others.length ? `${first} +${others.length}` : first; };
   function fillCells(tr, row) {
-    const constraint = row.constraints.join(", ") || "holonomic";
-    const [name, parent, dof] = tr.querySelectorAll(".cell"), mark = tr.querySelector(".tied");
+    const [name, parent, dof] = tr.querySelectorAll(".cell"), tied = tr.children[4];
     tr.children[3].title = `${row.joint}, ${row.dof} DoF`;
     tr.querySelector(".kind").replaceChildren(pgraph.gutter.joint(row.joint));
     tr.querySelector(".dof").textContent = row.dof;
-    mark.setAttribute("aria-label", constraint);
-    mark.title = row.constraints.length ? `${row.held}: ${constraint}; click to see them` : `its ${row.joint} joint alone; click to add a constraint`;
-    mark.classList.toggle("on", row.tied);
+    tied.title = row.constraints.length ? `${row.constraint}: ${row.constraints.join(", ")}; click to see them` : `its ${row.joint} joint alone; click to add a constraint`;
+    tied.classList.toggle("on", row.tied);
+    const button = tied.querySelector("button");
+    (button ?? tied).textContent = brief(row);
+    button?.setAttribute("aria-label", row.constraint);
     if (!tr.dataset.armed) { [row.name, row.parent].forEach((value, i) => { tr.children[i + 1].textContent = value; }); return; }
     cells.set(name, row.name);
     cells.choose(parent, row.parent);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 from pgraph_core.show.digraph import gutter
@@ -13,19 +14,15 @@ from .paste import COPIED, copied
 
 
 def table(state: State) -> Payload:
-    """Return the rows: number, name, parent, joint, constraints, hue and part of the digraph."""
+    """Return the rows: number, name, parent, joint, constraint types, hue, part of the digraph."""
     d, bodies = state.derived, state.model.bodies
     ids = state.rows.named(state.model, "bodies")
     order = {body.name: row for row, body in enumerate(bodies)}
     ends = tuple((loop.body, loop.other) for loop in d.loops)
     lanes = _lanes(d.parent, tuple(order[name] for name in d.names), ends)
-    constraints, looped = {c.name for c in state.model.constraints}, {loop.name for loop in d.loops}
-    kinds = {
-        "closes a loop": constraints & looped,
-        "has constraints": constraints - looped,
-        "has contacts": {CONTACT, *(contact.name for contact in state.model.contacts)},
-        "has limits": {"limits"},
-    }
+    kinds = {CONTACT: CONTACT, "limits": "limits"}
+    kinds |= {contact.name: CONTACT for contact in state.model.contacts}
+    tied = {constraint.name: constraint.kind for constraint in state.model.constraints}
     rows = []
     for row, body in enumerate(bodies):
         k = d.number[body.name]
@@ -38,8 +35,8 @@ def table(state: State) -> Payload:
             "dof": body.dof,
             "joint": body.joint,
             "constraints": d.constraints[body.name],
-            "held": held(d.constraints[body.name], kinds),
-            "tied": not constraints.isdisjoint(d.constraints[body.name]),
+            "constraint": types(d.constraints[body.name], kinds | tied),
+            "tied": not tied.keys().isdisjoint(d.constraints[body.name]),
             "color": hue(d.branches[k - 1]),
             "kind": kind,
             "lane": lanes.lane[k - 1],
@@ -63,9 +60,9 @@ def lines(state: State, page: Client) -> Payload:
     return {"bodies": chosen, "text": copied(state.model, chosen)}
 
 
-def held(names: tuple[str, ...], kinds: dict[str, set[str]]) -> str:
-    """Return the kinds that occur among the names, such as 'closes a loop, has contacts'."""
-    return ", ".join(text for text, of in kinds.items() if not of.isdisjoint(names))
+def types(names: tuple[str, ...], kinds: Mapping[str, str]) -> str:
+    """Return the kinds of the named constraints, without repetition, or that of a joint alone."""
+    return ", ".join(dict.fromkeys(kinds[name] for name in names)) or "holonomic"
 
 
 _lanes = lru_cache(maxsize=16)(gutter)

@@ -137,6 +137,16 @@ def test_what_is_needed_first_is_in_sight_in_a_small_window(page):
     page.locator("table.bodies tr[data-name]").first.wait_for()
 
 
+def test_panels_of_a_narrow_window_open_by_mouse(page):
+    """The buttons at both ends of the bar did nothing below 760 px, or at 200 % zoom."""
+    sized(page, 700, 900)
+    for button, side in (("model panel", "aside.left"), ("selection panel", "aside.right")):
+        page.get_by_role("button", name=button).click()
+        page.locator(side).wait_for()
+        page.get_by_role("button", name=button).click()
+        page.locator(side).wait_for(state="hidden")
+
+
 def test_themes_are_legible(page):
     for scheme in ("dark", "light"):
         page.locator("button.theme").click()
@@ -175,11 +185,43 @@ def test_panels_are_resized_closed_and_enlarged_and_the_view_has_the_rest(page):
     drawer.get_by_role("button", name="Larger").click()
     until(lambda: drawer.bounding_box()["x"] == 0, "over the model, too")
     page.locator("button.play").click(trial=True)  # not covered
-    page.keyboard.press("Escape")
+    drawer.get_by_role("button", name="Larger").click()  # nor is this, by the view's own buttons
     until(lambda: drawer.bounding_box()["x"] > 0, "in its place")
+    drawer.get_by_role("button", name="Larger").click()
+    page.keyboard.press("Escape")
+    until(lambda: drawer.bounding_box()["x"] > 0, "in its place again")
     drawer.get_by_role("button", name="Close the results").click()
     drawer.wait_for(state="hidden")
     until(lambda: view()["height"] == before["height"], "the whole view")
+
+
+VECTORS = "document.querySelector('.vectors').checkVisibility()"
+
+
+def test_pgraph_stays_beside_the_results_where_there_is_room(page):
+    """It was hidden when the results opened, above all beside the matrices that it numbers."""
+    page.evaluate("pgraph.digraph.toggle(false)")
+    page.evaluate("pgraph.front('Matrices')")
+    for (width, height), seen in (
+        ((1280, 800), True), ((1440, 900), True), ((1920, 1080), True), ((1024, 640), True),
+        ((853, 320), False),
+    ):  # fmt: skip
+        sized(page, width, height)
+        shows(page, f"() => {VECTORS} === {str(seen).lower()}")
+
+
+def test_the_view_is_not_black_until_its_background_is_loaded(page):
+    off = """() => { const { colorMap } = window.__viserMutable.backgroundMaterial.uniforms;
+      window.keptMap ??= colorMap.value; colorMap.value = %s;
+      window.__viserMutable.requestRender(); }"""
+    drawn = "() => window.__viserMutable.backgroundMaterial.uniforms.enabled.value === %s"
+    shows(page, "() => window.__viserMutable.backgroundMaterial.uniforms.colorMap.value !== null")
+    for picture, seen in (("null", "false"), ("window.keptMap", "true")):
+        page.evaluate(off % picture)
+        shows(page, drawn % seen)
+    same = """() => { const of = (box) => getComputedStyle(document.querySelector(box));
+      return of("#root canvas").backgroundColor === of("body").backgroundColor; }"""
+    assert page.evaluate(same)
 
 
 def test_notices_are_of_one_kind_are_closed_and_are_read_whole(page):

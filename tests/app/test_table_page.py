@@ -274,9 +274,15 @@ def test_the_gutter_draws_lanes_nodes_and_loops_and_marks_the_way_to_the_ground(
     served.send(Undo(NOBODY))
     until(lambda: len(served.store.state.model.constraints) == 1, "the loop alone")
     settled(page, served)
-    tied = page.locator('tr[data-name="coupler"] .tied.on')
-    assert loop in tied.get_attribute("aria-label")
-    assert page.locator('tr[data-name="left crank"] .tied.on').count() == 0
+    tied = row(page, "coupler").locator("td.constraint.on")
+    assert (tied.inner_text(), loop in tied.get_attribute("title")) == ("point", True)
+    assert row(page, "left crank").locator("td.constraint").inner_text() == "holonomic"
+    assert page.locator("table.bodies th").all_inner_texts()[1:] == [
+        "Body", "Parent", "DoF", "Constraint",
+    ]  # fmt: skip
+    row_cell(page, "coupler", "point").click()
+    page.locator('[data-view="constraints"]', has_text=loop).wait_for()
+    page.get_by_role("tab", name="Connections", selected=True).wait_for()
 
 
 def test_a_thousand_rows_are_typed_into(page: Any, served: Server):

@@ -138,18 +138,26 @@ def test_nobody_selected_gives_the_model(state):
     assert properties(state, ("gone",))["bodies"] == []
 
 
-def test_a_row_tells_what_holds_its_body_beside_its_joint():
-    """Only what holds it has a mark: contacts of all bodies would mark every row."""
-    quadruped = {row["name"]: row for row in table(begun(built_in("quadruped_hips")))["rows"]}
-    assert "contacts" in quadruped["left_hind_paw"]["held"]
-    assert not any(row["tied"] for row in quadruped.values())
+def test_the_fourth_column_is_the_type_of_constraint():
+    """Sec. 4.1: holonomic is the joint alone; the list of constraints changes the column."""
+    assert {row["constraint"] for row in table(begun(pg.Model.serial(3)))["rows"]} == {"holonomic"}
+    quadruped = {row["name"]: row for row in table(begun(built_in("quadruped")))["rows"]}
+    for name, row in quadruped.items():  # a paw touches the ground, and is held in stance
+        assert row["constraint"] == ("point, contact" if name.endswith("paw") else "contact")
     rows = table(begun(built_in("four_bar")))["rows"]
-    held = [row["held"] for row in rows]
-    assert any("loop" in text for text in held)
-    assert [row["tied"] for row in rows] == ["loop" in text for text in held]
-    assert not any("contacts" in text for text in held)
-    free = table(begun(pg.Model.serial(2)))["rows"]
-    assert [row["held"] for row in free] == ["", ""]
+    loop = built_in("four_bar").constraints[0]
+    assert [row["constraint"] == loop.kind for row in rows] == [row["tied"] for row in rows]
+    assert sum(row["tied"] for row in rows) == 2
+    assert table(begun(built_in("rolling_disc")))["rows"][-1]["constraint"] == "rolling"
+    ball = pg.Body(name="ball", joint="free", shape=pg.Shape(kind="sphere", radius=0.1))
+    arm = pg.Body(name="arm", limits=((-1, 1),), shape=ball.shape)
+    held = pg.Model(
+        bodies=(ball, arm),
+        contacts=[pg.Contact(name="a", body="ball"), pg.Contact(body="arm")],
+    )
+    rows = table(begun(held))["rows"]
+    assert [row["constraint"] for row in rows] == ["contact", "contact, limits"]
+    assert rows[0]["constraints"] == ("a",)
 
 
 def test_the_degrees_of_freedom_left_are_told_once_they_are_known():
