@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
+from pydantic import Field
 
 import pgraph_core as pg
 from pgraph_core import joints
+from pgraph_core.errors import counted
 from pgraph_core.model.output import OF_JOINT
 from pgraph_core.packing.signals import known_forces
 from pgraph_core.result.bodies import units_of_drives
@@ -63,6 +65,7 @@ class Curve(NamedTuple):
     label: str
     t: list[float]  # [s]
     y: list[float]
+    unit: str = ""  # of y
 
 
 class Kind(NamedTuple):
@@ -157,6 +160,9 @@ OF_BODIES = (
 )  # fmt: skip
 
 
+NOUNS = {
+    "constraint_force": ("constraint",), "contact_force": ("contact",), "drive_force": ("drive",),
+}  # fmt: skip
 PER = {"q": "", "v": "/s", "vdot": "/s²"}
 OF_JOINTS = tuple(PER)
 SI = Display()
@@ -194,12 +200,15 @@ def components(run: pg.Result, signal: Signal) -> list[str]:
     return found
 
 
-def strip(run: pg.Result) -> list[tuple[float, str]]:
-    """Return (time, SVG text) for pictures evenly spaced over a run, as in Fig. 10 of the paper."""
+def strip(run: pg.Result, travels: np.ndarray | float = 0.0) -> list[tuple[float, str]]:
+    """Return (time, SVG text) for pictures evenly spaced over a run, as in Fig. 10 of the paper.
+
+    `travels` is 1 along each axis on which the pictures follow the bodies, else 0.
+    """
     times = np.linspace(float(run.t[0]), float(run.t[-1]), STRIP if len(run.t) > 1 else 1)
     poses = [between(np.asarray(run.t), np.asarray(run.body_pose), float(t)) for t in times]
-    placed = [(positions, to_matrix(wxyz)) for positions, wxyz in poses]
-    return list(zip(times.tolist(), pictures(run.mechanism.model, placed)))
+    placed = [(at - travels * at.mean(axis=0), to_matrix(wxyz)) for at, wxyz in poses]
+    return list(zip(times.tolist(), pictures(run.mechanism.model, placed, plain=True)))
 
 
 def of_scene(run: pg.Result) -> list[Signal]:
@@ -237,8 +246,12 @@ def title(signal: Signal) -> str:
     label = KINDS[signal.quantity].label
     if signal.of == SCENE:
         return label
-    if signal.component:
-        return f"{label} {signal.component} of {len(signal.bodies)} bodies"
+    if len(signal.bodies) > 1 or signal.component:
+        first = signal.quantity in OF_JOINTS and signal.component == "1"
+        which = "" if first else signal.component
+        label = " ".join(filter(None, (label.removesuffix(" of"), which)))
+        noun = NOUNS.get(signal.quantity, ("body", "bodies"))
+        return f"{label} of {counted(len(signal.bodies), *noun)}"
     return f"{label} {signal.of}" if label.endswith(" of") else f"{label} of {signal.of}"
 
 
@@ -286,12 +299,12 @@ def curves(run: pg.Result, signal: Signal, display: Display = SI) -> list[Curve]
                 labels = motions(run.mechanism.model.body(name), labels)
         except (KeyError, pg.PgraphError):
             continue
+        many = signal.component or len(signal.bodies) > 1
         for i in range(columns.shape[1]):
-            y = columns[:, i] * display.of_unit(each[i % len(each)])[1]
-            if not signal.component:
-                found.append(thinned(labels[i], np.asarray(run.t), y))
-            elif labels[i] == signal.component:
-                found.append(thinned(name, np.asarray(run.t), y))
+            if signal.component in ("", labels[i]):
+                shown_in, factor = display.of_unit(each[i % len(each)])
+                label = name if many else labels[i]
+                found.append(thinned(label, np.asarray(run.t), columns[:, i] * factor, shown_in))
     return found
 
 
@@ -301,7 +314,7 @@ def motions(body: pg.Body, labels: Sequence[str]) -> Sequence[str]:
     return found if len(found) == len(labels) else labels
 
 
-def thinned(label: str, t: np.ndarray, y: np.ndarray) -> Curve:
+def thinned(label: str, t: np.ndarray, y: np.ndarray, unit: str = "") -> Curve:
     """Downsample a line to at most 2 POINTS points, preserving the extremes of each interval."""
     keep = np.isfinite(y)
     t, y = t[keep], y[keep]
@@ -312,7 +325,7 @@ def thinned(label: str, t: np.ndarray, y: np.ndarray) -> Curve:
             order += sorted({a + int(y[a:b].argmin()), a + int(y[a:b].argmax())})
         some = np.array(sorted({0, *order, len(t) - 1}))
         t, y = t[some], y[some]
-    return Curve(label, t.tolist(), y.tolist())
+    return Curve(label, t.tolist(), y.tolist(), unit)
 
 
 @dataclass(frozen=True)
@@ -339,6 +352,7 @@ class State(run.State):
 
 
 MOST_PLOTS = 12
+MOST_REPLOTTED = 100  # at once
 
 
 class Plot(FromPage):
@@ -356,6 +370,20 @@ class Plot(FromPage):
         rest = tuple(plot for plot in page.plots if plot != signal)
         plots = (*rest, signal)[-MOST_PLOTS:] if self.on else rest
         return with_client(state, self.client, plots=plots)
+
+
+class Replot(FromPage):
+    """Replace some plots, each (quantity, of what), with others."""
+
+    off: Annotated[tuple[tuple[Text, Text], ...], Field(max_length=MOST_REPLOTTED)]
+    on: Annotated[tuple[tuple[Text, Text], ...], Field(max_length=MOST_REPLOTTED)]
+
+    def applied(self, state: State) -> State:
+        page = state.clients.get(self.client)
+        if page is None or any(Signal(*plot).quantity not in KINDS for plot in self.on):
+            return state
+        rest = [plot for plot in page.plots if plot not in self.off and plot not in self.on]
+        return with_client(state, self.client, plots=(*rest, *self.on)[-MOST_PLOTS:])
 
 
 class PlotComponent(FromPage):

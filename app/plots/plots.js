@@ -5,7 +5,7 @@
   const SERIES = 8; // colours, which the style has as --s0 and so on
   const DASHES = [[], [6, 3], [2, 2]], KEPT = [[5, 3], [2, 2], [8, 2, 2, 2], [1, 3], [8, 4]]; // [px]
   const NOISE = 2 ** 12 * Number.EPSILON; // of the largest value of a plot: rounding of thousands of operations
-  const TOP = 6, BOTTOM = 28; // [px]
+  const TOP = 6, BOTTOM = 28, UNITS = 18, AXIS = 44; // [px] also above curves of several units, and beside them for each further one
   // The sides beside the curves. A chart of the whole width has the time axis of the strip below.
   function sides(canvas) {
     const [box, strip] = [canvas, document.querySelector(".pgraph .scrub")].map((one) => one.getBoundingClientRect());
@@ -25,18 +25,24 @@
     const spectrum = pgraph.pictureButton("bare spectrum", "spectrum", "Spectrum", "Amplitudes over the frequency, of what is in sight", () => { spectra = !spectra; spectrum.setAttribute("aria-pressed", spectra); paintAll(host); });
     pgraph.frame.actions("Plots", measure, spectrum, pgraph.opens(add, chooser, { end: true }));
     host.pgraphChooser = chooser;
-    host.replaceChildren(make("p", { className: "muted none" }), make("div", { className: "charts" }));
+    host.replaceChildren(make("div", { className: "ready", role: "toolbar", "aria-label": "ready plots" }), make("p", { className: "muted none" }), make("div", { className: "charts" }));
     new ResizeObserver(() => paintAll(host)).observe(host.querySelector(".charts"));
     pgraph.whileVisible(host, () => begin(host));
   }
-  // The first look at a run shows something: the joint of the selected body, or the energy.
+  // The first look at a run shows something: how its joints move.
   function begin(host) {
-    const { hint, of_body, of_scene } = pgraph.latest.signals ?? { hint: "no run" };
-    if (begun || hint || !pgraph.inView(host)) return;
+    const { hint, ready } = pgraph.latest.signals ?? { hint: "no run" };
+    if (begun || hint || !pgraph.inView(host) || !ready.length) return;
     begun = true;
-    const [kind, of] = of_body[0] ?? of_scene.find(([kind]) => kind === "energy");
-    if (!charts.length) send("Plot", { kind, of, on: true });
+    if (!charts.length) send("Replot", { off: [], on: ready[0][1] });
   }
+  // A ready plot takes the place of another one, or stands beside it with Ctrl. Pressed again it goes.
+  function press(event, signals) {
+    const beside = event.ctrlKey || event.metaKey, every = pgraph.latest.signals.ready.flatMap(([, others]) => others);
+    if (plotted(signals)) send("Replot", { off: signals, on: [] });
+    else send("Replot", { off: beside ? [] : every, on: signals });
+  }
+  const plotted = (signals) => signals.every(([kind, of]) => shown(kind, of));
 
   const shown = (kind, of) => charts.some((c) => c.data.kind === kind && c.data.of === of);
 
@@ -54,6 +60,9 @@
     const scene = box.querySelector(".of-scene"), open = scene.querySelector("details")?.open ?? false;
     const idle = data.idle.length ? [make("details", { open }, make("summary", { textContent: data.idle_title }), ...data.idle.map(chip))] : [];
     scene.replaceChildren(...(data.of_scene.length ? [heading("Run:"), ...data.of_scene.map(chip), ...idle] : []));
+    const chips = data.ready.map(([label, signals]) => Object.assign(make("button", { className: "chip-button", textContent: label, "aria-pressed": plotted(signals),
+      title: "with Ctrl beside the others", onclick: (event) => press(event, signals) }), { signals }));
+    host.querySelector(".ready").replaceChildren(...chips);
     box.querySelector(".hint").textContent = data.hint;
     box.querySelector(".hint").hidden = !data.hint;
     begin(host);
@@ -61,13 +70,15 @@
 
   function draw(host, data) {
     const kept = new Map(charts.map((c) => [`${c.data.kind}/${c.data.of}`, c]));
+    const fresh = charts.length && data.charts.find((d) => !kept.has(`${d.kind}/${d.of}`));
     charts = data.charts.map((d) => {
       const chart = kept.get(`${d.kind}/${d.of}`) ?? newChart(host, d);
       chart.data = d;
       Object.assign(chart.box.dataset, { kind: d.kind, of: d.of });
+      chart.box.querySelector(".unit").textContent = d.unit ? `[${d.unit}]` : "";
       if (d.kind === "poses") strip(chart);
-      chart.box.classList.toggle("many", d.components.length > 0);
-      chart.axes.replaceChildren(...d.components.map((component) => make("button", {
+      chart.box.classList.toggle("many", d.components.length > 0 || d.curves.length > 4);
+      chart.axes.replaceChildren(...(d.components.length > 1 ? d.components : []).map((component) => make("button", {
         className: "chip-button", textContent: component, "aria-label": `component ${component} of ${d.title}`, "aria-pressed": d.kind.endsWith(`.${component}`),
         onclick: () => send("PlotComponent", { kind: d.kind, of: d.of, component }),
       })));
@@ -79,7 +90,9 @@
     for (const chip of host.pgraphChooser.querySelectorAll(".chips .chip-button")) {
       chip.setAttribute("aria-pressed", shown(chip.dataset.kind, chip.dataset.of));
     }
+    for (const chip of host.querySelectorAll(".ready .chip-button")) chip.setAttribute("aria-pressed", plotted(chip.signals));
     paintAll(host);
+    if (fresh) charts.find((c) => c.data === fresh).box.scrollIntoView({ block: "nearest" }); // what was asked for is in sight
   }
 
   function newChart(host, data) {
@@ -87,7 +100,7 @@
     const legend = make("span", { className: "legend" }), axes = make("span", { className: "axes" });
     const chart = { data, canvas, legend, axes, strip: make("div", { className: "strip" }), hover: null };
     chart.box = make("figure", { className: "plot" },
-      make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted", textContent: data.unit ? ` [${data.unit}]` : "" }), axes, legend,
+      make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted unit" }), axes, legend,
         pgraph.pictureButton("bare picture", "export", `save a picture of ${data.title}`, `Save ${data.title} as a picture`, () => save(chart)),
         pgraph.pictureButton("bare remove", "close", `take away ${data.title}`, `Remove ${data.title}`, () => send("Plot", { kind: data.kind, of: data.of, on: false }))),
       chart.strip, canvas, (chart.table = make("table", { className: "measures", hidden: true })));
@@ -128,7 +141,7 @@
 
   // The curves of the run, then those of kept runs: {label, t, y, i, kept}, over time or over frequency.
   function lines({ data }) {
-    const alone = data.curves.length === 1; // then its label says nothing
+    const alone = data.curves.length === 1 && !data.rest.length; // then its label says nothing
     const own = data.curves.map((c, i) => ({ ...c, label: alone ? "" : c.label, i, kept: 0 }));
     const kept = data.kept.flatMap(({ name, curves }, k) => curves.map((c, i) => ({ ...c, label: alone ? name : `${name}, ${c.label}`, i, kept: k + 1 })));
     return [...own, ...kept];
@@ -170,19 +183,25 @@
   }
 
   function extent(all) {
-    let [t0, t1, y0, y1] = [Infinity, -Infinity, Infinity, -Infinity];
+    let [t0, t1] = [Infinity, -Infinity];
     for (const { t } of all) if (t.length) { t0 = Math.min(t0, t[0]); t1 = Math.max(t1, t[t.length - 1]); }
     if (zoom && (zoom[1] <= t0 || zoom[0] >= t1)) zoom = null; // of a run that was elsewhere
     if (zoom) [t0, t1] = zoom;
-    for (const { t, y } of all) for (let i = 0; i < t.length; i++) {
+    if (!(t1 > t0)) return null;
+    const scales = [...new Set(all.map(({ unit }) => unit))].map((unit) => scale(all.filter((line) => line.unit === unit), t0, t1));
+    return { t0, t1, scales };
+  }
+  // The range of the curves of one unit.
+  function scale(some, t0, t1) {
+    let [y0, y1] = [Infinity, -Infinity];
+    for (const { t, y } of some) for (let i = 0; i < t.length; i++) {
       if (t[i] >= t0 && t[i] <= t1) { y0 = Math.min(y0, y[i]); y1 = Math.max(y1, y[i]); }
     }
-    if (!(t1 > t0)) return null;
     if (!(y1 >= y0)) [y0, y1] = [0, 1];
     const least = 1e-9 * Math.max(Math.abs(y0), Math.abs(y1)) || 1e-12; // rounding is not blown up
     if (y1 - y0 < least) { y0 -= least; y1 += least; }
     const room = 0.06 * (y1 - y0);
-    return { t0, t1, y0: y0 - room, y1: y1 + room };
+    return { unit: some[0].unit, y0: y0 - room, y1: y1 + room, alone: some.length === 1 ? some[0] : null };
   }
 
   function inSight(all) {
@@ -190,7 +209,7 @@
     return view && [view.t0, view.t1];
   }
   function timeAt(chart, x) {
-    const { t0, t1 } = chart.extent ?? { t0: 0, t1: 1 }, [LEFT, RIGHT] = sides(chart.canvas), width = chart.canvas.clientWidth - LEFT - RIGHT;
+    const { t0, t1 } = chart.extent ?? { t0: 0, t1: 1 }, [LEFT, RIGHT] = chart.sides ?? sides(chart.canvas), width = chart.canvas.clientWidth - LEFT - RIGHT;
     return t0 + (t1 - t0) * Math.min(1, Math.max(0, (x - LEFT) / width));
   }
 
@@ -212,7 +231,8 @@
 
   function paint(chart) {
     if (chart.data.kind === "poses") return;
-    const { canvas } = chart, width = canvas.clientWidth, HEIGHT = heightOf(canvas), ratio = window.devicePixelRatio || 1, [LEFT, RIGHT] = sides(canvas);
+    const { canvas } = chart, width = canvas.clientWidth, HEIGHT = heightOf(canvas), ratio = window.devicePixelRatio || 1;
+    let [LEFT, RIGHT] = (chart.sides = sides(canvas));
     if (!width) return;
     canvas.width = width * ratio;
     canvas.height = HEIGHT * ratio;
@@ -227,20 +247,24 @@
     const view = (chart.extent = extent(all));
     zoom = kept;
     if (!view) { g.fillStyle = soft; g.fillText(chart.data.none || "no run yet", LEFT, HEIGHT / 2, width - LEFT); legend(chart, []); return; }
+    const several = view.scales.length > 1, top = several ? UNITS : TOP;
+    RIGHT = chart.sides[1] = Math.max(RIGHT, AXIS * (view.scales.length - 1));
     const x = (t) => LEFT + ((t - view.t0) / (view.t1 - view.t0)) * (width - LEFT - RIGHT);
-    const y = (v) => TOP + ((view.y1 - v) / (view.y1 - view.y0)) * (HEIGHT - TOP - BOTTOM);
-    axes(g, view, x, y, width, HEIGHT, [LEFT, RIGHT], { soft, line });
+    const y = view.scales.map(({ y0, y1 }) => (v) => top + ((y1 - v) / (y1 - y0)) * (HEIGHT - top - BOTTOM));
+    const of = new Map(view.scales.map(({ unit }, k) => [unit, y[k]]));
+    axes(g, view, x, y, width, HEIGHT, [LEFT, RIGHT], { soft, line, color });
     g.save();
-    g.beginPath(); g.rect(LEFT, TOP, width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM); g.clip();
-    for (const line of all.toReversed()) curve(g, line, x, y, color(line.i), dashes(line), line.kept ? 0.7 : 1);
-    if (chart.band) { g.fillStyle = `${style.getPropertyValue("--accent")}26`; g.fillRect(chart.band[0], TOP, chart.band[1] - chart.band[0], HEIGHT); }
+    g.beginPath(); g.rect(LEFT, top, width - LEFT - RIGHT, HEIGHT - top - BOTTOM); g.clip();
+    for (const line of all.toReversed()) curve(g, line, x, of.get(line.unit), color(line.i), dashes(line), line.kept ? 0.7 : 1);
+    if (chart.band) { g.fillStyle = `${style.getPropertyValue("--accent")}26`; g.fillRect(chart.band[0], top, chart.band[1] - chart.band[0], HEIGHT); }
     g.fillStyle = soft;
-    if (!spectra) for (const t of chart.data.impacts) { g.beginPath(); g.moveTo(x(t) - 4, TOP); g.lineTo(x(t) + 4, TOP); g.lineTo(x(t), TOP + 7); g.fill(); }
+    if (!spectra) for (const t of chart.data.impacts) { g.beginPath(); g.moveTo(x(t) - 4, top); g.lineTo(x(t) + 4, top); g.lineTo(x(t), top + 7); g.fill(); }
     g.strokeStyle = ink; g.lineWidth = 1;
-    if (!spectra) { g.beginPath(); g.moveTo(x(cursor), TOP); g.lineTo(x(cursor), HEIGHT); g.stroke(); }
+    if (!spectra) { g.beginPath(); g.moveTo(x(cursor), top); g.lineTo(x(cursor), HEIGHT); g.stroke(); }
     g.restore();
     const at = chart.hover !== null ? timeAt(chart, chart.hover) : spectra ? null : cursor;
-    legend(chart, all.map((line) => [line.label, color(line.i), at === null ? null : valueAt(line, at), dashes(line)]));
+    legend(chart, all.map((line) => [line.label, color(line.i), at === null ? null : valueAt(line, at), dashes(line), several ? ` ${line.unit}` : ""]));
+    if (chart.data.rest.length) chart.legend.append(make("span", { className: "entry muted", title: chart.data.rest.join(", "), textContent: `${chart.data.rest.length > 3 ? `${chart.data.rest.length} others` : chart.data.rest.join(", ")} 0` }));
     if (chart.data.impacts.length && !spectra) chart.legend.append(make("span", { className: "entry muted", title: "An impact at a limit is an impulse [N m s, N s], which no torque or force over time shows", textContent: `▾ ${chart.data.impacts.length} at a limit` }));
     measures(chart, own, span);
   }
@@ -335,14 +359,21 @@
     chart.table.replaceChildren(line("th")(["", "min", "max", "mean", "RMS", "overshoot", "settles in", "frequency"]), ...all.map(row).map(line("td")));
   }
 
-  function axes(g, view, x, y, width, HEIGHT, [LEFT, RIGHT], { soft, line }) {
-    const across = ticks(view.t0, view.t1, Math.max(2, width / 80)), up = ticks(view.y0, view.y1, Math.max(3, HEIGHT / 45));
-    g.strokeStyle = line; g.fillStyle = soft; g.lineWidth = 1;
-    g.textAlign = "right"; g.textBaseline = "middle";
-    for (const v of up.at) {
-      g.beginPath(); g.moveTo(LEFT, y(v)); g.lineTo(width - RIGHT, y(v)); g.stroke();
-      g.fillText(label(v, up.step), LEFT - 5, y(v));
-    }
+  // The axis of the first unit is at the left, the others are at the right. One of a single curve has its colour.
+  function axes(g, view, x, y, width, HEIGHT, [LEFT, RIGHT], { soft, line, color }) {
+    const across = ticks(view.t0, view.t1, Math.max(2, width / 80)), several = view.scales.length > 1;
+    g.strokeStyle = line; g.lineWidth = 1; g.textBaseline = "middle";
+    view.scales.forEach(({ y0, y1, unit, alone }, k) => {
+      const up = ticks(y0, y1, Math.max(4, HEIGHT / 45)), at = k ? width - RIGHT + 5 + AXIS * (k - 1) : LEFT - 5;
+      g.fillStyle = several && alone ? color(alone.i) : soft;
+      g.textAlign = k ? "left" : "right";
+      for (const v of up.at) {
+        if (!k) { g.beginPath(); g.moveTo(LEFT, y[k](v)); g.lineTo(width - RIGHT, y[k](v)); g.stroke(); }
+        g.fillText(label(v, up.step), at, y[k](v));
+      }
+      if (several) g.fillText(`[${unit}]`, at, TOP);
+    });
+    g.fillStyle = soft;
     g.textAlign = "center"; g.textBaseline = "top";
     for (const t of across.at) g.fillText(label(t, across.step), Math.min(x(t), width - 14), HEIGHT - BOTTOM + 4);
     g.textAlign = "right"; g.textBaseline = "bottom";
@@ -366,11 +397,11 @@
   }
 
   function legend(chart, entries) {
-    chart.legend.replaceChildren(...entries.map(([name, color, value, dash]) => {
+    chart.legend.replaceChildren(...entries.map(([name, color, value, dash, unit]) => {
       const style = dash.length === 0 ? "solid" : dash[0] > 2 ? "dashed" : "dotted";
       const noise = NOISE * largest(chart.data.curves);
       const said = value === null ? "" : Math.abs(value) < noise ? "0" : digits(value, chart.data.error);
-      return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `border-top-color:${color};border-top-style:${style}` }), `${name} `, make("b", { textContent: said }));
+      return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `border-top-color:${color};border-top-style:${style}` }), `${name} `, make("b", { textContent: said && said + unit }));
     }));
   }
 

@@ -32,6 +32,7 @@ from . import (
     title,
     unit,
 )
+from .ready import ready
 
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
 LIVE_SPAN = 15.0  # [s] least plotted span of a live run
@@ -104,6 +105,7 @@ def signals(state: State, client: Client) -> Payload:
         "of_body": [[s.kind, s.of, KINDS[s.quantity].label] for s in of],
         "of_scene": [[s.kind, s.of, title(s)] for s in scene if s not in rest],
         "idle": [[s.kind, s.of, title(s)] for s in rest],
+        "ready": [] if state.plotted is None else ready(state.plotted.result, several),
         "idle_title": f"{counted(len(apart), 'contact')} that never touched",
         "hint": "" if state.plotted else NOTHING if state.model.bodies else EMPTY,
     }
@@ -122,25 +124,33 @@ def chart(state: State, signal: Signal, display: Display) -> Payload:
     carries = impacts or any(np.any(curve.y) for curve in found)
     if signal.quantity in CARRIED and found and not carries:
         found, why = [], IDLE  # an axis of 1e-12 would look like a force
-    shown_in = unit(state.plotted.model if state.plotted else state.model, signal, display)
+    kept = [(one.name, curves(one.run.result, signal, display)) for one in state.runs]
+    moves = {c.label for lines in (found, *(lines for _, lines in kept)) for c in lines if any(c.y)}
+    rest = [c.label for c in found if moves and c.label not in moves]  # 0 throughout, not drawn
+    drawn = [c for c in found if c.label not in rest]
+    model = state.plotted.model if state.plotted else state.model
+    own = ", ".join(dict.fromkeys(c.unit for c in drawn))
+    shown_in = own or unit(model, signal, display)
     error = math.nan if run is None or state.live else float(run.error_estimate)
     felt: dict[str, Quantity] = {display.angle: "angle", display.length: "length"}
     known = shown_in in felt and math.isfinite(error)
     return {
         "components": components(run, signal) if run is not None else [],
-        "poses": strip(run) if run is not None and signal.kind == POSES and not state.live else [],
+        "poses": []
+        if signal.kind != POSES or state.plotted is None or state.live
+        else strip(state.plotted.result, state.plotted.travels),
         "kind": signal.kind,
         "of": signal.of,
         "title": title(signal),
         "none": why,
         "unit": shown_in,
         "error": display.shown(error, felt[shown_in]) if known else 0,  # estimated
-        "curves": [curve._asdict() for curve in found],
+        "curves": [curve._asdict() for curve in drawn],
+        "rest": rest,
         "impacts": impacts,
         "kept": [
-            {"name": one.name, "curves": [c._asdict() for c in lines]}
-            for one in state.runs
-            for lines in [curves(one.run.result, signal, display)]
+            {"name": name, "curves": [c._asdict() for c in lines if c.label not in rest]}
+            for name, lines in kept
         ],
     }
 
@@ -149,8 +159,8 @@ def missing(state: State, signal: Signal) -> str:
     """Return the reason why a chart is empty, or "" if it is not."""
     if state.plotted is None:
         return "no run yet"
-    known = of_scene(state.plotted.result)
-    if signal in known or signal.quantity in OF_BODIES:
+    known, kind = of_scene(state.plotted.result), signal.quantity
+    if kind in OF_BODIES or any(Signal(kind, name) in known for name in signal.bodies):
         return ""
     called = [title(s) for s in known if s.kind.split("_")[-1] == signal.kind.split("_")[-1]]
     return "not in this run; it has " + ", ".join(called[:3]) if called else "not in this run"
@@ -167,7 +177,7 @@ def of_state(state: State, signal: Signal, display: Display) -> list[Curve]:
     found = []
     for pieces in zip(*parts):
         t, y = (np.concatenate([getattr(c, axis) for c in pieces]) for axis in ("t", "y"))
-        found.append(thinned(pieces[0].label, t, y))
+        found.append(thinned(pieces[0].label, t, y, pieces[0].unit))
     return found
 
 

@@ -118,13 +118,15 @@ ROUND = 20  # points around a ball or a rim
 MOST_PIECES = 400  # pieces that are drawn: the nearest bodies of a large model
 
 
-def pictures(model: Any, poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[str]:
+def pictures(
+    model: Any, poses: Sequence[tuple[np.ndarray, np.ndarray]], *, plain: bool = False
+) -> list[str]:
     """Return an SVG of `model` with bodies, by number, at each of the poses (nb, 3), (nb, 3, 3).
 
-    All have the same scale and centre.
+    All have the same scale and centre. `plain`: in the colours of the branches, as in 3D.
     """
     known, parent = numbered(model)
-    looks = bodies.looks(known, children_of(parent), shapes.branch_colors(parent))
+    looks = bodies.looks(known, children_of(parent), shapes.branch_colors(parent), plain=plain)
     way = stage.start(model.up, known, poses[0][1] if len(poses) else np.zeros((0, 3, 3)))
     view = np.stack((*stage.frame(np.array(GRID[model.up][1]), way), way))
     every = [

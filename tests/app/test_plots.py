@@ -13,7 +13,9 @@ import pytest
 import pgraph_core as pg
 from pgraph_app import plots as data
 from pgraph_app.gait.view import phases
+from pgraph_app.plots.ready import ready
 from pgraph_app.plots.view import PlotsView, plots, signals
+from pgraph_core.show import shapes
 from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
 from pgraph_core.study import figures
@@ -61,6 +63,96 @@ def test_one_component_of_many_bodies_is_one_chart_as_figs_11_and_12(run):
     assert all(kind.unit for name, kind in data.KINDS.items() if name != data.POSES)
 
 
+def ready_plots(result, *selected):
+    return {one.label: one.signals for one in ready(result, selected)}
+
+
+def test_figures_of_the_paper_are_ready_plots(run):
+    """Figs. 10 to 13: poses, angular accelerations of all bodies about z, forces of the paws."""
+    found = ready_plots(run)
+    assert found["Poses"] == [data.Signal(data.POSES, "")]
+    names = run.mechanism.names
+    assert [signal.bodies for signal in found["Accelerations"]] == [
+        list(names[:8]),
+        list(names[8:]),
+    ]
+    assert {signal.kind for signal in found["Accelerations"]} == {"angular_acceleration.z"}
+    paws = [data.Signal("constraint_force", name) for name in run.constraint_force]
+    assert found["Forces"] == paws
+    assert len(paws) == 4
+    drives = [name for signal in found["Drives"] for name in signal.bodies]
+    assert drives == [name for name, torque in run.drive_force.items() if np.any(torque)]
+    one = ready_plots(run, "left_hind_paw")
+    assert one["Forces"] == [data.Signal("constraint_force", "left_hind_paw")]
+    assert one["Positions"] == [data.Signal("q", "left_hind_paw")]
+    assert one["Accelerations"] == [data.Signal("angular_acceleration", "left_hind_paw")]
+    assert ready_plots(run, "of another model") == found
+
+
+def test_ready_plots_leave_out_what_is_zero_and_share_few_charts():
+    fall = pg.simulate(
+        pg.Model(bodies=[pg.Body(name="b", joint="free", inertia=(1, 1, 1))]), t_end=0.1
+    )
+    assert list(ready_plots(fall)) == [
+        "Positions",
+        "Velocities",
+        "Accelerations",
+        "Energy",
+        "Poses",
+    ]
+    assert ready_plots(fall)["Accelerations"] == [data.Signal("acceleration", "b")]
+    still = pg.simulate(pg.Model.serial(1).replace(gravity=(0, 0, 0)), t_end=0.1)
+    assert list(ready_plots(still)) == ["Energy", "Poses"]
+    chain = pg.simulate(pg.Model.serial(50).edit("1", axes=(0, 1, 0), v=1.0), t_end=0.01)
+    charts = ready_plots(chain)["Velocities"]
+    assert [len(signal.bodies) for signal in charts] == [8, 8, 8, 8]
+
+
+def test_curves_of_zeros_are_named_and_not_drawn():
+    """Work and dissipated energy of a pendulum were two flat lines."""
+    swing = pg.simulate(built_in("pendulum"), t_end=0.1)
+    state = after(ran(begun(swing.mechanism.model), swing), do.Plot(ME, "energy", "", True))
+    (chart,) = plots(state, state.clients[ME])["charts"]
+    assert [curve["label"] for curve in chart["curves"]] == ["kinetic", "potential", "total"]
+    assert chart["rest"] == ["work", "dissipated"]
+    damped = pg.simulate(built_in("pendulum").edit("rod", damping=0.1), t_end=0.1)
+    state = after(ran(state, damped), do.KeepRun(ME))
+    (chart,) = plots(ran(state, swing), state.clients[ME])["charts"]
+    assert chart["rest"] == ["work"]  # a kept run has some
+    assert len(chart["kept"][0]["curves"]) == len(chart["curves"]) == 4
+    rest = pg.simulate(pg.Model.serial(1).replace(gravity=(0, 0, 0)), t_end=0.1)
+    state = after(ran(begun(rest.mechanism.model), rest), do.Plot(ME, "q", "1", True))
+    (chart,) = plots(state, state.clients[ME])["charts"]
+    assert (len(chart["curves"]), chart["rest"]) == (1, [])
+
+
+def test_a_curve_has_its_own_unit():
+    """Metres and degrees shared one axis, "[m, 1, deg]"."""
+    base = pg.Body(name="base", joint="free", inertia=(1, 1, 1), v=(0, 0, 0, 1, 0, 0))
+    bodies = [base, pg.Body(name="arm", parent="base", inertia=(1, 1, 1), v=2.0)]
+    result = pg.simulate(pg.Model(bodies=bodies), t_end=0.1)
+    (signal,) = ready_plots(result)["Positions"]
+    state = after(ran(begun(result.mechanism.model), result), do.Replot(ME, (), (signal,)))
+    state = after(state, do.SetDisplay(ME, "angle", "deg"))
+    (chart,) = plots(state, state.clients[ME])["charts"]
+    assert [(c["label"], c["unit"]) for c in chart["curves"]] == [("base", "m"), ("arm", "deg")]
+    assert chart["unit"] == "m, deg"
+    assert chart["title"] == "joint position of 2 bodies"
+    pose = data.curves(result, data.Signal("q", "base"))
+    assert [curve.unit for curve in pose] == ["m"] * 3 + ["1"] * 4
+
+
+def test_a_ready_plot_takes_the_place_of_another(run, quadruped):
+    state = ran(begun(quadruped), run)
+    found = ready_plots(run)
+    one = after(state, do.Plot(ME, "q", "lumbar", True), do.Replot(ME, (), tuple(found["Energy"])))
+    every = tuple(signal for signals in found.values() for signal in signals)
+    two = after(one, do.Replot(ME, every, tuple(found["Accelerations"])))
+    assert two.clients[ME].plots == (("q", "lumbar"), *found["Accelerations"])
+    assert after(two, do.Replot(ME, every, ())).clients[ME].plots == (("q", "lumbar"),)
+    assert after(two, do.Replot(ME, (), (("nonsense", ""),))) is two
+
+
 def test_six_poses_over_the_run_share_one_scale_as_fig_10(run):
     found = data.strip(run)
     assert [t for t, _ in found] == pytest.approx(np.linspace(run.t[0], run.t[-1], 6).tolist())
@@ -68,6 +160,21 @@ def test_six_poses_over_the_run_share_one_scale_as_fig_10(run):
     alone = pictures(run.mechanism.model, [pose])[0]
     assert found[0][1].count("<polygon") == alone.count("<polygon") > 10
     assert found[0][1] != found[-1][1]
+    fills = [set(re.findall(r'fill="(rgb[^"]+)"', svg)) for svg in (found[0][1], alone)]
+    assert {str(c) for c in shapes.COATS[:5]} <= {fill[3:] for fill in fills[0]}  # as in 3D
+    assert fills[0] != fills[1]
+
+
+def test_poses_of_what_travels_follow_it():
+    """A walking dog was a speck in six pictures of its whole way."""
+    ball = pg.Body(name="a", joint="free", mass=1.0, v=(0, 0, 0, 100, 0, 0), shape=pg.Shape(
+        kind="sphere", radius=0.1))  # fmt: skip
+    result = pg.simulate(pg.Model(bodies=[ball], gravity=(0, 0, 0)), t_end=1.0)
+    widths = []
+    for travels in (0.0, np.array([1.0, 0.0, 0.0])):
+        points = re.findall(r"([\d.]+),[\d.]+", data.strip(result, travels)[0][1])
+        widths.append(np.ptp([float(x) for x in points]))
+    assert widths[1] > 50 * widths[0]
 
 
 @pytest.mark.parametrize(

@@ -255,6 +255,21 @@ def test_the_ruler_names_a_step_and_a_frequency_only_where_there_is_one(rods):
         assert said("pulse", 900, 9.0, **shape)["step"] is None  # it returns to where it began
 
 
+def test_ready_plots_replace_one_another_or_stand_side_by_side(rods, served):
+    page = rods
+    simulated(page, served)
+    page.locator("button.plots").click()
+    chips = page.get_by_role("toolbar", name="ready plots")
+    kinds = "() => [...document.querySelectorAll('figure.plot')].map((one) => one.dataset.kind)"
+    for chip, keys, plotted in (
+        ("Poses", [], ["poses"]), ("Energy", [], ["energy"]),
+        ("Poses", ["Control"], ["energy", "poses"]), ("Energy", [], ["poses"]),
+    ):  # fmt: skip
+        chips.get_by_text(chip, exact=True).click(modifiers=keys)
+        until(lambda: page.evaluate(kinds) == plotted, f"{plotted}")  # noqa: B023
+    assert chips.locator('[aria-pressed="true"]').all_inner_texts() == ["Poses"]
+
+
 def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, served):
     page = rods
     result = simulated(page, served)
@@ -270,6 +285,7 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     until(lambda: page.locator("figure.plot").count() == 2, "two charts")
     page.keyboard.press("Escape")
     chart = page.locator("canvas.chart").first
+    chart.evaluate("(one) => one.closest('figure').scrollIntoView()")  # the new one is in sight
     box = chart.bounding_box()
     strip = page.locator("input.scrub").bounding_box()  # one time axis with the chart above it
     page.mouse.click(strip["x"] + strip["width"] / 2, box["y"] + 60)
@@ -291,9 +307,8 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     until(lambda: "2 × 2" in value.inner_text(), "the mass matrix")
     page.locator("canvas.cells").hover(position={"x": 3, "y": 3})
     until(lambda: "M[1, 1]" in value.inner_text().replace(" 1,", ","), "its first entry")
-    chosen(page.get_by_label("operator", exact=True), "S")
-    page.wait_for_function("document.querySelector('[data-view=operators] [aria-label=operator]')"
-                           ".value === 'S'")  # fmt: skip
+    page.get_by_label("operator", exact=True).get_by_text("S", exact=True).click()
+    page.locator('[data-view=operators] button[value="S"][aria-pressed="true"]').wait_for()
     page.get_by_role("tab", name="Compare").click()
     idle = lambda: all(c.inspected is None for c in served.store.state.clients.values())  # noqa: E731
     until(idle, "nothing computed out of view")

@@ -1,0 +1,87 @@
+"""Ready plots: what is looked at first in a run, of the selected bodies or of all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+import pgraph_core as pg
+
+from . import KINDS, MANY, OF_JOINTS, POSES, SCENE, Signal
+
+MOST_CURVES = 8  # in a chart: as many as there are colours
+MOST_CHARTS = 4  # of one quantity
+
+
+class Ready(NamedTuple):
+    """Charts that one press adds."""
+
+    label: str
+    signals: list[Signal]
+
+
+def ready(run: pg.Result, selected: Sequence[str]) -> list[Ready]:
+    """Return what can be plotted at once. Without a selection, all bodies and parts are meant."""
+    model = run.mechanism.model
+    selected = [name for name in selected if name in run.mechanism.names]
+    names = selected or list(run.mechanism.names)
+    moving = [name for name in names if model.body(name).dof]
+    parts = (*model.constraints, *model.contacts, *model.forces)
+    meant = {part.name for part in parts if not selected or {"*", *names} & {*part.touches}}
+    turning = of_bodies(run, "angular_acceleration", names)
+    found = (
+        Ready("Positions", of_bodies(run, "q", moving)),
+        Ready("Velocities", of_bodies(run, "v", moving)),
+        Ready("Accelerations", turning or of_bodies(run, "acceleration", names)),
+        Ready("Drives", of_parts(run, "drive_force", meant & run.drive_force.keys())),
+        Ready("Forces", [
+            *of_parts(run, "constraint_force", meant & run.constraint_force.keys()),
+            *of_parts(run, "contact_force", meant & run.contact_force.keys()),
+        ]),
+        Ready("Energy", [Signal("energy", SCENE)]),
+        Ready("Poses", [Signal(POSES, SCENE)]),
+    )  # fmt: skip
+    return [one for one in found if one.signals]
+
+
+def of_bodies(run: pg.Result, kind: str, names: Sequence[str]) -> list[Signal]:
+    """Return the quantity of one body, or its largest component for several, unless all are 0."""
+    largest = sizes(run, kind, names)
+    if not any(largest.values()):
+        return []
+    if len(names) == 1:
+        return [Signal(kind, names[0])]
+    component = "1" if kind in OF_JOINTS else max(largest, key=largest.__getitem__)
+    return together(f"{kind}.{component}", names)
+
+
+def of_parts(run: pg.Result, kind: str, names: Iterable[str]) -> list[Signal]:
+    """Return the force of each part that carries a load, or one component if there are many."""
+    loaded = [name for name in names if any(sizes(run, kind, [name]).values())]
+    loaded.sort(key=list(getattr(run, kind)).index)
+    largest = sizes(run, kind, loaded)
+    if len(loaded) <= MOST_CHARTS and len(largest) > 1:
+        return [Signal(kind, name) for name in loaded]
+    component = max(largest, key=largest.__getitem__, default="")
+    return together(f"{kind}.{component}" if component else kind, loaded)
+
+
+def sizes(run: pg.Result, kind: str, names: Iterable[str]) -> dict[str, float]:
+    """Return the largest absolute value of each component in the run."""
+    found: dict[str, float] = {}
+    for name in names:
+        labels, columns = KINDS[kind].read(run, name)
+        for label, size in zip(labels, np.nanmax(np.abs(columns), axis=0, initial=0.0).tolist()):
+            found[label] = max(found.get(label, 0.0), size)
+    return found
+
+
+def together(kind: str, names: Sequence[str]) -> list[Signal]:
+    """Return charts of about the same number of curves."""
+    few = names[: MOST_CHARTS * MOST_CURVES]
+    charts = max(1, -(-len(few) // MOST_CURVES))
+    ends = [len(few) * k // charts for k in range(charts + 1)]
+    return [Signal(kind, MANY.join(few[a:b])) for a, b in pairwise(ends) if a < b]
