@@ -59,7 +59,7 @@ def test_links_joints_limits_motors(tmp_path):
     turn = Rotation.from_euler("xyz", (0.3, 0.2, 0.1)).as_matrix()
     np.testing.assert_allclose(matrix(upper.rotation), turn, atol=1e-15)
     np.testing.assert_allclose(np.diag(upper.inertia), (0.2, 0.1, 0.25), atol=1e-15)
-    assert upper.limits == ((-1.0, 2.0),)
+    assert (upper.limits, upper.speed_limit) == (((-1.0, 2.0),), (4.0,))
     assert (upper.damping, upper.friction) == ((0.5,), (0.25,))
     (drive,) = model.forces
     assert isinstance(drive, pg.Motor)

@@ -582,7 +582,7 @@ class _Reader(Shapes):
                 found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=most))
         if self.speeds:
             text = (
-                f"{self.speeds} velocity limits are `speed_limit`: a run that exceeds them says so"
+                f"{self.speeds} velocity limits hold no joint: as `speed_limit`, they let "
             )
-            self.report.add("converted", self.source.name, text)
+            self.report.add("left out", self.source.name, f"{text}runs name the joints that exceed them")
         return found
