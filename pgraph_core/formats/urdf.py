@@ -44,6 +44,7 @@ from .urdf_unread import report_unread
 from .xacro import SUFFIX, expanded, no_arguments, only_macros
 
 X = (1.0, 0.0, 0.0)
+NO_LINK = "has no link; a robot needs at least one. If other files include this one, load those"
 JOINTS = {
     "revolute": "revolute",
     "continuous": "revolute",
@@ -151,7 +152,7 @@ class _Reader(Shapes):
         for name, element in self._named("link"):
             self.links.setdefault(name, element)
         if not (self.links or self.faults):
-            raise self.source.wrong(robot, "", "has no link; a robot needs at least one")
+            raise self.source.wrong(robot, "", NO_LINK)
         if world := self._world_of_drake():
             self.links[WORLD] = world
         self.joints = self._joints()
@@ -582,7 +583,7 @@ class _Reader(Shapes):
                 found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=most))
         if self.speeds:
             text = (
-                f"{self.speeds} velocity limits hold no joint: as `speed_limit`, they let "
+                f"{self.speeds} velocity limits hold no joint; runs name those that exceed their "
             )
-            self.report.add("left out", self.source.name, f"{text}runs name the joints that exceed them")
+            self.report.add("left out", self.source.name, f"{text}`speed_limit`")
         return found

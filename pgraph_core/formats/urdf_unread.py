@@ -29,7 +29,8 @@ ATTRIBUTES = {  # of elements in links, joints and inertias
     "mass": {"value"},
     "inertia": {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"},
 }
-MARKING = {"link", "joint", "limit", "parent", "child"}  # whose further attributes do not act
+# elements whose further attributes are those of other programs, and act in no reader of URDF
+MARKING = {"link", "joint", "limit", "parent", "child", "dynamics"}
 SEVERAL = {"floating", "planar"}  # types of joints with several motions
 
 
