@@ -262,7 +262,15 @@ def _page(run: Any, fields: Any = (), live: bool = True) -> str:
     return page(run, fields, live)
 
 
+def _edited(model: Any, path: Any, number: tuple[Any, ...], fields: Any) -> Any:
+    """Return a model with other numbers at paths."""
+    from .simulation.paths import edited
+
+    return edited(model, path, number, fields)
+
+
 hooks.page = _page
+hooks.edited = _edited
 hooks.elsewhere = _elsewhere
 hooks.bound = _bound
 hooks.taken = _taken

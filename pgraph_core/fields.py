@@ -169,6 +169,13 @@ def _ordered(value: Any) -> Any:
     return listed(value)
 
 
+def _rows(value: Any) -> Any:
+    """Return a list of vectors. The brackets around a single vector may be left out."""
+    value = _ordered(value)
+    single = isinstance(value, tuple) and len(value) == 3 and PLAIN.issuperset(map(type, value))
+    return (value,) if single else value
+
+
 def _inertia(value: Any) -> Any:
     """Return an inertia matrix. Three numbers are its diagonal, and 0 is that of a point mass."""
     value = _ordered(value)
@@ -222,7 +229,7 @@ Vec3 = Annotated[Row3, BeforeValidator(_ordered)]
 Quat = Annotated[tuple[Finite, Finite, Finite, Finite], BeforeValidator(_ordered)]
 Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(_inertia)]
 Numbers = Annotated[tuple[Finite, ...], BeforeValidator(_ordered)]
-Vec3s = Annotated[tuple[Row3, ...], BeforeValidator(_ordered)]
+Vec3s = Annotated[tuple[Row3, ...], BeforeValidator(_rows)]
 Whole = Annotated[int, Strict(), BeforeValidator(listed)]
 Text = Annotated[str, Strict(), AfterValidator(_storable)]
 Flag = Annotated[bool, Strict(), BeforeValidator(listed)]

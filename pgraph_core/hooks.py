@@ -9,4 +9,5 @@ page: Callable[..., str]  # (run, fields that stay open, live) -> the HTML of a 
 elsewhere: Callable[[], Mapping[str, str]]  # public name -> what stands before it: "run.", "pg."
 bound: Callable[[Any, str], Any]  # (model or mechanism, name) -> what takes it first, or None
 passed: Callable[[str], bool]  # name of an argument -> whether simulate takes it
+edited: Callable[..., Any]  # (model, path or {path: number}, (number,), fields) -> the new model
 taken: Callable[[str], str]  # name of a field or an argument -> "pg.Model(..., sites=...)", or ""

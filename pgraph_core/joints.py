@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 from .errors import counted, shown
@@ -96,6 +96,33 @@ def nq(motions: tuple[Motion, ...]) -> int:
 def nv(motions: tuple[Motion, ...]) -> int:
     """Return the number of degrees of freedom in a joint."""
     return sum(SIZE[m.kind][1] for m in motions)
+
+
+OF_FREE: dict[str, dict[str, slice]] = {  # parts of the numbers of a free joint, by name
+    "q": {"position": slice(0, 3), "rotation": slice(3, 7)},
+    "v": {"angular": slice(0, 3), "linear": slice(3, 6)},
+    "vdot": {"angular": slice(0, 3), "linear": slice(3, 6)},
+    "tau": {"torque": slice(0, 3), "force": slice(3, 6)},
+}
+
+
+def joined_parts(
+    quantity: str, given: Mapping[str, Any], rest: Sequence[float]
+) -> tuple[list[Any], str]:
+    """Return the numbers of a free joint given by the names of their parts, with those of `rest`
+    for parts that are not given, and a problem or ""."""
+    parts, found = OF_FREE.get(quantity, {}), list[Any](rest)
+    for name, value in given.items():
+        own = parts.get(name)
+        if own is None or len(rest) != max(x.stop for x in parts.values()):
+            names = " and ".join(f"{x!r} ({y.stop - y.start} numbers)" for x, y in parts.items())
+            text = f"has no part {shown(name)}; of a free joint, {quantity} takes {names}"
+            return found, text
+        size = own.stop - own.start
+        if not hasattr(value, "__len__") or isinstance(value, str) or len(value) != size:
+            return found, f"part {name!r} takes {size} numbers, got {shown(value)}"
+        found[own] = value
+    return found, ""
 
 
 def places(motions: tuple[Motion, ...]) -> list[int | None]:

@@ -20,6 +20,7 @@ from . import hooks
 # pairs of other programs that are two of our numbers
 PAIRS = {
     "t_span": ("t_start", "t_end"), "tspan": ("t_start", "t_end"),
+    "points": ("point", "other_point"),
     "forcerange": ("torque_low", "torque_limit"), "ctrlrange": ("input_low", "input_high"),
 }  # fmt: skip
 SPANS = ("t0", "t_span", "tspan")  # with a start of time, a duration does not end at its number
@@ -196,7 +197,8 @@ class NoAttribute(AttributeError):
         known = dict.fromkeys(each for each in self._known() if not each.startswith("_"))
         told = advice(attribute, known)
         near = told or " or ".join(attributes(attribute, known, hooks.elsewhere()))
-        hint = f"; did you mean {near}?" if near else f"; choose from {', '.join(known)}"
+        names = ", ".join(sorted(known, key=str.lower))
+        hint = f"; did you mean {near}?" if near else f"; choose from {names}"
         hint = f"; {told}" if told else hint
         return f"{owner} has no attribute '{attribute}'{hint}"
 

@@ -1,5 +1,7 @@
 """Runs, batches, sweeps, fits and regulators as users of other programs call them."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -111,8 +113,27 @@ def test_the_position_of_a_point_is_that_of_its_body_turned():
     for q, found in zip(run.q, run.position("top", point=point)):
         place, turn = run.mechanism.pose(q, "top")
         np.testing.assert_allclose(found, place + turn @ point, atol=1e-14)
-    with pytest.raises(pg.InputError, match=r"run\.velocity, point"):
-        run.velocity("top", point=point)
+    with pytest.raises(pg.InputError, match=r"run\.joint_torque, point.*run\.velocity"):
+        run.joint_torque("top", point=point)
+
+
+def test_the_velocity_and_acceleration_of_a_point_are_rates_of_its_position():
+    bodies = [
+        pg.Body("base", joint="free", com=(0.1, 0, 0), inertia=(0.2, 0.1, 0.15)),
+        pg.Body("arm", parent="base", link=(0.2, 0, 0), axes=(0, 1, 0), com=(0, 0, 0.3)),
+    ]
+    run = pg.simulate(
+        pg.Model(bodies), v={"base": (1, 2, 3, 0.5, 0, 0), "arm": 4.0}, t_end=0.1, frames=2001,
+        rtol=1e-11,
+    )  # fmt: skip
+    for name, point in itertools.product(("base", "arm"), ((0.1, -0.2, 0.3), (0, 0, 0))):
+        place, speed = (getattr(run, x)(name, point) for x in ("position", "velocity"))
+        felt = run.acceleration(name, point=point)
+        for rate, of in ((speed, place), (felt, speed)):  # central differences of 0.1 ms
+            slope = (of[2:] - of[:-2]) / (run.t[2:] - run.t[:-2])[:, None]
+            np.testing.assert_allclose(rate[1:-1], slope, atol=1e-5)
+        if not any(point):
+            np.testing.assert_allclose(felt, run.acceleration[name], atol=1e-14)
 
 
 def test_a_regulator_of_a_model_without_drives_acts_on_all_joints_and_is_its_gains():

@@ -15,6 +15,7 @@ import numpy as np
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import made_by_numba
 from ..errors import Called, InputError, Problem, choices, nearest_first, shown, to_read
+from ..joints import joined_parts
 from ..packing import Array
 from ..packing.packed import Packed
 from ..portable import Unportable, array_of
@@ -135,6 +136,10 @@ def fill(mech: Any, state: Array, entries: Mapping[str, Any], kind: str) -> None
                 text = f"{name!r} is a force; give inputs={{{name!r}: ...}}"
             raise InputError(Problem(kind, "", text))
         place = getattr(joints[name], "q" if kind == "q" else "v")
+        if isinstance(values, Mapping):
+            values, problem = joined_parts(kind, values, state[place].tolist())
+            if problem:
+                raise InputError(Problem(f"{kind}[{name!r}]", "", problem))
         if (kind, place.stop - place.start, np.size(values)) == ("q", 7, 3):
             place = slice(place.start, place.start + 3)  # a free joint keeps its rotation
         label = f"{kind}['{name}']" + OF_FREE.get((kind, place.stop - place.start), "")

@@ -465,6 +465,10 @@ def _finite(x: Any) -> bool:
 
 
 def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None:
+    for name, rest in (("q", joints.home(motions)), ("v", (0.0,) * joints.nv(motions))):
+        if isinstance(data.get(name), Mapping):
+            data[name], problem = joints.joined_parts(name, data[name], rest)
+            refuse([(name, problem)] if problem else [])
     if listed(data.get("q", ())) == ():
         data["q"] = joints.home(motions)
     if listed(data.get("v", ())) == ():

@@ -424,7 +424,8 @@ def output_problems(
                 text = f"the joint of '{o.at}' has {body.dof} degrees of freedom, counted from 0"
                 found.append(Problem(where, "coordinate", f"{text}, got {o.coordinate}"))
             elif o.kind == OF_JOINT[0] and places[o.coordinate] is None:
-                text = "a ball joint has no single angle; use kind 'rotation' or joint_velocity"
+                text = f"a {body.joint} joint has no single angle here; use kind 'rotation', "
+                text += "'position' or 'joint_velocity'"
                 found.append(Problem(where, "coordinate", text))
         elif o.at not in sites and (text := unknown(o.at, bodies, GROUND)):
             more = f"; or of the sites {choices(sites)}" if sites else ""

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, Self, cast
 
+from .. import hooks
 from ..errors import ModelError, Problem, explained, shown
 from ..fields import GROUND, fields_of, listed, whole
 from .body import Body
@@ -39,8 +40,8 @@ OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "ar
 class Editable(Description):
     """A description whose edits make new, validated ones. The original is unchanged."""
 
-    def edit(self, name: str, /, **changes: Any) -> Self:
-        """Return a new model in which fields of one part are changed.
+    def edit(self, name: str | Mapping[str, float], /, *number: float, **changes: Any) -> Self:
+        """Return a new model in which fields of one part, or numbers at paths, are changed.
 
         References follow a new name. A body's new `joint`, `dof` or other kinds of `motions` reset
         the joint's q, v and springs, and its axes unless the new joint has as many. Forces and
@@ -51,7 +52,10 @@ class Editable(Description):
         ----------
         name : str
             Name of a body or of another part. A body has priority. To select another part, pass
-            `kind="contact"`, for example.
+            `kind="contact"`, for example. With a number, a path as in a sweep. A dictionary of
+            paths and numbers, such as `values` of a fit, changes them all at once.
+        number : float, optional
+            The new number at a path.
         **changes
             New values by name of field. `parent` may be several names: the first is the parent in
             the tree, and the others close loops, cut at joints like the body's own.
@@ -60,13 +64,19 @@ class Editable(Description):
         ------
         ModelError
             If the part or a field does not exist, or a value is not permitted.
+        InputError
+            If a path does not lead to a number.
 
         Examples
         --------
         >>> heavier = pg.Model.serial(2).edit("2", mass=3.0)
         >>> heavier.body("2").mass
         3.0
+        >>> heavier.edit("bodies.2.mass", 4.0).body("2").mass
+        4.0
         """
+        if number or isinstance(name, Mapping):
+            return hooks.edited(self, name, number, changes)
         which = changes.get("kind")
         if which in PARTS_OF:
             changes = {key: value for key, value in changes.items() if key != "kind"}

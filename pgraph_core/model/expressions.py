@@ -8,7 +8,7 @@ from copy import copy
 from typing import Any
 
 from .. import joints
-from ..errors import Problem, nearest, shown
+from ..errors import Problem, choices, nearest, shown
 from ..fields import Described, OfSums, fields_of
 from ..forces import Force, OnJoint
 from ..signals import Node, Unreadable, is_expression, parsed, signals_in, with_names, written
@@ -102,8 +102,11 @@ class Known:
         if k >= body.dof:
             text = f"the joint of '{name}' has {body.dof} degrees of freedom, counted from 0"
             raise Unreadable(node.column, f"{text}, got {k}")
-        if not rate and joints.places(body.sequence)[k] is None:
-            text = f"a ball joint has no single angle; use v[{shown(name)}][{k}]"
+        places = joints.places(body.sequence)
+        if not rate and places[k] is None:
+            text = f"a {body.joint} joint has no single angle; use its rate, v[{shown(name)}][{k}]"
+            along = [f"q[{shown(name)}][{i}]" for i, x in enumerate(places) if x is not None]
+            text += f", or its positions, {choices(along)}" if along else ""
             raise Unreadable(node.column, text)
         return kinds_of(body)[k] / (S if rate else S / S)
 

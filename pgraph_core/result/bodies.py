@@ -43,6 +43,24 @@ def body_motion(run: Any) -> BodyMotion:
     return motion
 
 
+OF_POINTS = ("position", "velocity", "acceleration")
+
+
+def of_point(run: Any, kind: str, body: str, point: Array) -> Array:
+    """Return the position, velocity or acceleration (n, 3) of a point (3,) of a body.
+
+    The point is in body axes, and the result in world axes: p + r, v + ω × r, or
+    a + α × r + ω × (ω × r).
+    """
+    pose = run.body_pose[body]
+    arm = turned(pose[:, 3:], point)
+    if kind == "position":
+        return pose[:, :3] + arm
+    motion, spin = getattr(run, f"body_{kind}")[body], run.body_velocity[body][:, :3]
+    found = motion[:, 3:] + np.cross(motion[:, :3], arm)
+    return found if kind == "velocity" else found + np.cross(spin, np.cross(spin, arm))
+
+
 def _states(run: Any) -> tuple[Array, Array, Array]:
     """Return writable copies of q, v and v' for all frames, as required by the kernels."""
     return run.q.copy(), run.v.copy(), run.vdot.copy()

@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import words
 from ..dynamics.arguments import finite
-from ..errors import InputError, NameLookupError, Problem, choices, needed
+from ..errors import InputError, NameLookupError, Problem, choices, needed, shown
 from ..joints import KINDS
 from ..packing import Array
 from ..packing.signals import states_of
@@ -304,22 +304,21 @@ class Labelled(np.ndarray[Any, np.dtype[Any]]):
             key = places[key]
         return self.view(np.ndarray)[key]
 
-    _poses: Any = None  # poses of bodies, of which these are the positions
+    _at: Any = None  # function of a name and a point (3,) of a body that returns its own columns
 
     def __call__(self, name: str, point: Any = None) -> Any:
         """Return the columns of a name, like `array[name]`.
 
-        `point` is a point in body axes, whose position is returned in place of the origin's.
+        `point` is a point in body axes, whose position, velocity or acceleration is returned in
+        place of the origin's.
         """
         if point is None:
             return self[name]
         word = f"run.{self._names[0]}"
-        if self._poses is None:
-            raise InputError(Problem(word, "point", "is for run.position(name, point)"))
-        pose, point = self._poses[name], finite(f"{word}, point", point, 3)
-        turned = np.cross(pose[:, 4:], point)  # by the quaternion (w, u): p + 2 u x (u x p + w p)
-        turned = 2 * np.cross(pose[:, 4:], turned + pose[:, 3:4] * point)
-        return pose[:, :3] + point + turned
+        if self._at is None:
+            text = "is for run.position, run.velocity and run.acceleration of a body"
+            raise InputError(Problem(word, "point", f"{text}; write {word}[{shown(name)}]"))
+        return self._at(name, finite(f"{word}, point", point, 3))
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
         return array[()] if return_scalar else array.view(np.ndarray)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -24,7 +24,7 @@ from ..packing import Array
 from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly
 from ..tolerances import EPS
-from .bodies import acting, body_motion, body_poses
+from .bodies import OF_POINTS, acting, body_motion, body_poses, of_point
 from .columns import (
     OF_BODIES,
     Column,
@@ -73,7 +73,7 @@ def _vector(kind: str, what: str) -> Any:
 
     def read(run: Any) -> Labelled:
         found = run._of_bodies(kind, getattr(run, attribute)[..., first : first + 3])
-        found._poses = run.body_pose if kind == "position" else None
+        found._at = partial(of_point, run, kind) if kind in OF_POINTS else None
         return found
 
     return property(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -71,6 +72,29 @@ def with_numbers(model: Model, paths: Sequence[Path], values: Sequence[float]) -
         else:
             model = model.edit(name, kind=KINDS[group], **fields)
     return model
+
+
+def edited(model: Model, path: Any, number: tuple[Any, ...], fields: Mapping[str, Any]) -> Model:
+    """Return the model with a new number at a path, or with those of {path: number}.
+
+    Raises InputError for other values and paths, and ModelError.
+    """
+    given = path if isinstance(path, Mapping) else {path: number[0] if number else None}
+    if fields or len(number) > (0 if given is path else 1):
+        text = "takes (name, **changes), as edit('NAME', mass=2.0), or numbers at paths, "
+        text += "edit('bodies.NAME.mass', 2.0) or edit({PATH: 2.0})"
+        raise InputError(Problem("Model.edit", "", text))
+    paths = [Path(model, each, "edit") for each in given]
+    distinct(paths, "edit")
+    values = list[float]()
+    for one, value in zip(paths, given.values(), strict=True):
+        if isinstance(value, bool) or not isinstance(value, Real):
+            part, field = (one.name, one.inside[0]) if one.group in KINDS else ("NAME", "field")
+            text = f"must be a number, got {shown(value)}; other values are given by the name of "
+            text += f"their field: edit({part!r}, {field}=...)"
+            raise InputError(Problem("edit", one.text, text))
+        values.append(float(value))
+    return with_numbers(model, paths, values)
 
 
 class Path:
