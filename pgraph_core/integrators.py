@@ -46,7 +46,9 @@ class Method(NamedTuple):
     adaptive: bool = False  # whether it can choose its steps by their error
     # safety, exponents of this error and the last one, least and largest change of the width
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
-    limit: float = 0.0  # largest stable rate x step of an oscillation, 0 for any
+    limit: float = 0.0  # rate x step of an oscillation up to which steps hold it, 0 for damped ones
+    damped: float = 0.0  # the same for damped oscillations, if it is smaller
+    stable: bool = False  # beyond this limit too, where oscillations are inaccurate
     implicit: bool = False  # True if it solves equations
     jacobian: bool = False  # whether it does so with the Jacobian of v'
 
@@ -55,6 +57,10 @@ class Method(NamedTuple):
         """The step kernel."""
         module, name = self.step.split(".")
         return getattr(import_module(f"{STEPPING}.{module}"), name)
+
+    def matrix_rows(self, nv: int) -> int:
+        """Return the rows of the real workspace of an implicit method."""
+        return int(import_module(f"{STEPPING}.{self.step.split('.')[0]}").matrix_rows(nv))
 
     @property
     def of_duals(self) -> Any:
@@ -193,14 +199,21 @@ def radau5() -> Tableau:
     )
     error = np.array([[-13 - 7 * r, -13 + 7 * r, -1.0]]) / 3.0
     c = np.array([(4 - r) / 10, (4 + r) / 10, 1.0])
-    # A⁻¹ = T Λ T⁻¹; as a complex number, the second and third of T⁻¹ z are multiplied by the
-    # complex eigenvalue ([Hairer, Wanner 1996, IV.8])
+    return Tableau(_decoupled(a), a[2].copy(), c, error, NONE)
+
+
+def _decoupled(a: Array) -> Array:
+    """Return (7, 3) rows of T, T⁻¹ and the eigenvalues of A⁻¹ = T Λ T⁻¹.
+
+    As a complex number, the second and third of T⁻¹ z are multiplied by the complex eigenvalue
+    ([Hairer, Wanner 1996, IV.8]).
+    """
     values, vectors = np.linalg.eig(np.linalg.inv(a))
     real, pair = np.argmin(np.abs(np.imag(values))), np.argmax(np.imag(values))
     u = vectors[:, pair]
     t = np.column_stack((np.real(vectors[:, real]), np.real(u), -np.imag(u)))
     last = [np.real(values[real]), np.real(values[pair]), np.imag(values[pair])]
-    return Tableau(np.vstack((t, np.linalg.inv(t), last)), a[2].copy(), c, error, NONE)
+    return np.vstack((t, np.linalg.inv(t), last))
 
 
 def gauss6() -> Tableau:
@@ -214,11 +227,14 @@ def gauss6() -> Tableau:
         ]
     )
     c = np.array([0.5 - r / 10, 0.5, 0.5 + r / 10])
-    return Tableau(a, np.array([5.0, 8.0, 5.0]) / 18.0, c, NONE, NONE)
+    both = np.vstack((a, _decoupled(a)))
+    return Tableau(both, np.array([5.0, 8.0, 5.0]) / 18.0, c, NONE, NONE)
 
 
 # -- methods ---------------------------------------------------------------------------------------
 
+
+SEMI_IMPLICIT = 2.0 * (np.sqrt(2.0) - 1.0)  # rate x step of critical damping, the least limit
 
 METHODS = {
     method.name: method
@@ -226,7 +242,7 @@ METHODS = {
         Method(
             "semi_implicit_euler", 1, euler(),
             "playback and long runs without drift of energy, at low accuracy",
-            "explicit.semi_implicit", limit=2.0,
+            "explicit.semi_implicit", limit=2.0, damped=SEMI_IMPLICIT,
         ),
         Method(
             "rk4", 4, rk4(), "smooth motion at a fixed step",
@@ -244,7 +260,7 @@ METHODS = {
         Method(
             "gauss6", 6, gauss6(),
             "conservative trees for very long: symplectic, the energy stays within a bound",
-            "gauss.gauss", limit=3.0, implicit=True,
+            "gauss.gauss", limit=3.0, stable=True, implicit=True,
         ),
         Method(
             "radau5", 5, radau5(),
@@ -254,7 +270,7 @@ METHODS = {
         ),
         Method(
             "moreau_jean", 1, euler(), "rigid contacts, joint limits and impacts, many at once",
-            "moreau.moreau_jean", limit=2.0,
+            "moreau.moreau_jean", limit=2.0, damped=SEMI_IMPLICIT,
         ),
     )
 }  # fmt: skip

@@ -29,7 +29,7 @@ from ..engine.records import (
 from ..engine.signals import SAMPLE
 from ..engine.stepping import run
 from ..errors import InputError
-from ..integrators import METHODS
+from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..packing.signals import count_of_edges, count_of_held
@@ -114,7 +114,7 @@ class Steps:
         always = user or watched.shape[1] > len(wanted)
         self.control["due"] = ALWAYS if always else 0
         plan, method = self.plan, self.plan.method
-        matrices = _matrices(len(self.v)) if method.implicit else NO_MATRICES
+        matrices = _matrices(method, len(self.v)) if method.implicit else NO_MATRICES
         if method.starts and count_of_held(plan.loads.signals[0]):
             from ..engine.stepping.crossings import cross
 
@@ -426,9 +426,9 @@ def _method(name: str) -> Any:
     return rows_of(METHOD, [(method.order, method.starts, ends, *method.controller)])
 
 
-def _matrices(nv: int) -> tuple[Array, Any]:
-    """Allocate the workspace for implicit methods."""
-    from ..engine.stepping import implicit
+def _matrices(method: Method, nv: int) -> tuple[Array, Any]:
+    """Allocate the workspace for an implicit method."""
+    from ..engine.stepping.implicit import LEAST_COLUMNS
 
-    real = np.zeros((3 * nv + implicit.ROWS, max(2 * nv, implicit.LEAST_COLUMNS)))
+    real = np.zeros((method.matrix_rows(nv), max(2 * nv, LEAST_COLUMNS)))
     return real, np.zeros((nv + 2, max(2 * nv, 1)), dtype=np.complex128)

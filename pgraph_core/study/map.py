@@ -136,8 +136,9 @@ def evidence(
 
 def step_limit(method: str, rate: float) -> float:
     """Return the largest stable step [s] of an explicit method at a rate [1/s], or NaN."""
-    most = METHODS[method].limit
-    return most / rate if most > 0.0 and rate > 0.0 else NAN
+    chosen = METHODS[method]
+    bounded = not chosen.stable and chosen.limit > 0.0 and rate > 0.0
+    return chosen.limit / rate if bounded else NAN
 
 
 def spurious_energy(run: Result, scale: float) -> Array:

@@ -7,6 +7,7 @@ import pytest
 import pgraph_core as pg
 
 from ..worlds import built_in
+from .test_methods import stiff_pendulum
 
 PATH = "bodies.a.mass"
 FRAMES = {"t_eval": [0.0, 0.3, 0.6, 0.9, 1.2], "estimate": False}
@@ -127,3 +128,15 @@ def test_a_difference_is_told_from_its_first_frame_on():
     (told,) = carried.unlike(finer, np.array(run.t), rows, rows)
     assert PATH in told
     assert f"t = {run.t[2]:.6g} s" in told
+
+
+def test_derivatives_of_stiff_gauss_steps_follow_newtons_method():
+    """Steps of 0.01 s over a spring of 1e8 N/m: differences of runs, and no step is divided."""
+    options = {"method": "gauss6", "step": 0.01, "t_end": 0.3, "estimate": False}
+    mech, q = stiff_pendulum(1e8)
+    run = pg.simulate(mech, q, wrt=["q.a.0"], **options)
+    h = 1e-5
+    more, less = (pg.simulate(mech, q + np.array([s * h, 0.0]), **options) for s in (1, -1))
+    assert run.counters["rejected_steps"] == 0
+    slope = run.sensitivity("q.a.0")[:, 0]
+    np.testing.assert_allclose(slope, (more.q - less.q)[:, 0] / (2 * h), rtol=1e-6, atol=1e-7)

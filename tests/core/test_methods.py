@@ -70,6 +70,32 @@ def swing(reference, k):
     return np.array(reference["rigid_limit_theta"]) + slope / k
 
 
+@pytest.mark.parametrize("k", [1e4, 1e6, 1e8, 1e10, 1e12])
+def test_gauss_steps_are_solved_at_any_stiffness(k):
+    """Up to 1e4 rad of the spring per step. The bob swings on a rod that its load stretches."""
+    mech, q = stiff_pendulum(k)
+    run = pg.simulate(mech, q, t_end=0.5, step=0.01, method="gauss6", frames=11, estimate=False)
+    assert (run.counters["steps"], run.counters["rejected_steps"]) == (50, 0)
+    assert run.counters["newton_iterations"] < 6 * 50
+    assert run.counters["evaluations"] < 1000
+    assert run.energy_drift < 1e-12
+    theta, turning = run.q[:, 0], run.v[:, 0]
+    pull = 9.81 * np.cos(theta) + turning**2
+    np.testing.assert_allclose(k * run.q[:, 1], pull, atol=max(30 / np.sqrt(k), 0.05))
+
+
+def test_gauss_steps_over_a_stiff_spring_conserve_energy_for_long():
+    """8000 rad of the excited spring. Its energy stays within a bound."""
+    mech, q = stiff_pendulum(1e6)
+    start = q + np.array([0.0, 1e-4])
+    run = pg.simulate(mech, start, t_end=100.0, step=0.05, method="gauss6", estimate=False)
+    assert run.counters["rejected_steps"] == 0
+    energy = run.energy - run.energy[0]
+    assert np.abs(energy).max() < 1e-3 * np.ptp(run.kinetic_energy)
+    halves = np.array_split(np.abs(energy), 2)
+    assert halves[1].max() < 2.0 * halves[0].max()
+
+
 @pytest.mark.parametrize("k", [1e3, 1e6, 1e9, 1e12])
 def test_radau_swings_right_however_stiff(k):
     """The method chooses its steps. `test_verify` has given ones."""

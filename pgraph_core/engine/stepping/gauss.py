@@ -7,7 +7,14 @@ be conserved if the mass matrix varies. A step uses local coordinates ξ. For ba
 the rotation is the exponential of ξ, and the momentum is dexp(ξ)ᵀ p.
 
 The unknowns are the velocities of the stages. Momenta that they miss change them by the inverse
-mass matrix at the start of the step, until rounding is left.
+mass matrix at the start of the step, until rounding is left. If this converges too slowly, because
+forces change much within a step, it becomes the simplified Newton's method. With the slopes C of p
+with respect to ξ, and A and B of p' with respect to ξ and v, all times M⁻¹ and at the start of the
+step, and with W as in `implicit`, corrections solve
+
+    δv + C δξ - h a (A δξ + B δv) = M⁻¹ δp,    (λ² - λ (B + W - C) - (A - B W)) δξ = λ M⁻¹ δp
+
+for every eigenvalue λ of a⁻¹ / h, and δv = (λ - W) δξ.
 """
 
 import math
@@ -15,8 +22,9 @@ import math
 from ...tolerances import EPS, ROUNDING
 from .. import layout as at
 from ..arrays import FACTORED, opened_run
+from ..compiler.elementary import power
 from ..compiler.jit import kernel, part, sweep
-from ..linear import factor, substitute
+from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
 from ..rows import (
     SCREW,
@@ -41,14 +49,42 @@ from ..tree.dynamics import joint_inertia, newton_euler
 from ..tree.kinematics import joint_force, linear_velocity, outboard
 from ..tree.moving import advance, local_rate
 from ..vec import add, add_cross, add_scaled, cross, dot, finite, mul, mul_t, scale, sym_mul
+from . import implicit
+from .implicit import KEEP, MOVE, add_half_turn, factor_pair, prepare, solve
 from .state import NOT_SOLVED, STEP, copied, size_of_state
 
-# rows of the real matrix from nv on, before which it holds the mass matrix: 2 nv wide
+# rows of the real matrix from `own` on, before which it holds what `implicit` needs, the factors of
+# the mass matrix and the mass matrix: 2 nv wide
 Z, RATE, KEPT = 0, 3, 6  # (ξ, v), (ξ', p') and p of up to three stages
 PIVOTS, START, SCRATCH, VDOT, WANTED = 9, 10, 11, 12, 13
+MISSED = 14  # 3: missed momenta and velocities
+REPORT = 17  # of derivatives
+ROWS = 18
 STAGE_ROUNDS = 60
+NEWTON_ROUNDS = 4  # usual ones of Newton's method, in addition to the cost of the Jacobian
+BY_COST, PATIENT, TO_THE_END = 0.0, 0.5, 1.0  # convergence rates at which M⁻¹ alone is given up
+PASSES = 8  # of the kinematics of turning bodies, which cost less than an evaluation
+SERVES = 1.0  # largest convergence rate of a Jacobian that is used
+USELESS = 3.0  # instead of a rate: Newton's method took more evaluations than it saved
 STILL = 64  # largest correction of a motionless position in units of rounding
 TERMS = 12  # terms of the series of dexp, exact for rotations of up to 3 rad
+
+
+@part
+def mass(nv):
+    """Return the first row of the factors of the mass matrix, before the mass matrix."""
+    return 3 * nv + implicit.ROWS
+
+
+@part
+def own(nv):
+    """Return the first row of the vectors."""
+    return mass(nv) + 2 * nv
+
+
+def matrix_rows(nv):
+    """Return the number of rows of the real matrix."""
+    return 5 * nv + implicit.ROWS + ROWS
 
 
 # -- momenta --------------------------------------------------------------------------------------
@@ -166,49 +202,54 @@ def out_of_chart(rows, xi, p, negative, out):
 
 
 @sweep
-def reach(rows, real, q):
-    """Return qᵀ M q of the mass matrix in `real`, attitudes as 1 rad: the scale of rounding."""
+def reach(rows, inertia, q):
+    """Return qᵀ M q of the mass matrix, attitudes as 1 rad: the scale of rounding."""
     total = 0.0
     for k in range(1, rows.shape[0]):
         i = v_of(rows, k)
         first = rows[k, at.QI]
         if kind_of(rows, k) <= TRANSLATE:
-            total += real[i, i] * q[first] * q[first]
+            total += inertia[i, i] * q[first] * q[first]
             continue
         for n in range(3):
-            total += real[i + n, i + n]
+            total += inertia[i + n, i + n]
             if kind_of(rows, k) == at.FREE:
-                total += real[i + 3 + n, i + 3 + n] * q[first + n] * q[first + n]
+                total += inertia[i + 3 + n, i + 3 + n] * q[first + n] * q[first + n]
     return total
 
 
 @sweep
 def mass_matrix(run, q):
-    """Compute the mass matrix at q in `real`.
+    """Compute the mass matrix at q.
 
     It takes the place of the articulated inertias, to which the factors of the constraints belong.
     """
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     scene = opened(data.scene)
-    still = real[nv + SCRATCH, :nv]
+    inertia, still = real[mass(nv) : mass(nv) + nv], real[own(nv) + SCRATCH, :nv]
     for i in range(nv):
         still[i] = 0.0
         for j in range(nv):
-            real[i, j] = 0.0
+            inertia[i, j] = 0.0
     outboard(scene.rows, scene.const, scene.work, q, still)
-    joint_inertia(scene.rows, scene.const, scene.work, real)
+    joint_inertia(scene.rows, scene.const, scene.work, inertia)
     scene.space.vectors[FACTORED, 2] = 0.0
 
 
 @sweep
 def factor_mass(run, q):
-    """Factor the mass matrix at q in `real`. Returns (True on success, its reach)."""
+    """Factor the mass matrix at q, and keep it. Returns (True on success, its reach)."""
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
+    first = mass(nv)
     mass_matrix(run, q)
-    total = reach(opened(data.scene).rows, real, q)
-    return factor(real, nv, real[nv + PIVOTS]), total
+    inertia = real[first : first + nv]
+    total = reach(opened(data.scene).rows, inertia, q)
+    for i in range(nv):
+        for j in range(nv):
+            real[first + nv + i, j] = inertia[i, j]
+    return factor(inertia, nv, real[own(nv) + PIVOTS]), total
 
 
 @sweep
@@ -218,20 +259,21 @@ def evaluate(run, t, i):
     stages, real, flow, counters = data.stages, data.real, data.flow, data.counters[0]
     nq, nv = size_of_state(run)
     q = stages[at.TRIAL, :nq]
-    z = real[nv + Z + i]
+    first = own(nv)
+    z = real[first + Z + i]
     for j in range(nq):
         q[j] = stages[at.Y, j]
     rows = opened(data.scene).rows
     advance(rows, q, z[:nv], 1.0)
     v = z[nv : 2 * nv]
-    vdot = real[nv + VDOT, :nv]
+    vdot = real[first + VDOT, :nv]
     tau = stages[at.TORQUE, :nv]
     call_acceleration(data.links.accelerate, (data.scene, t, q, v, tau, vdot, flow))
     counters.evaluations += 1
     counters.solver_iterations += int(flow[2])
     scene = opened(data.scene)
-    rate = real[nv + RATE + i]
-    kept = real[nv + KEPT + i]
+    rate = real[first + RATE + i]
+    kept = real[first + KEPT + i]
     p = kept[:nv]
     pdot = rate[nv : 2 * nv]
     momenta(scene.rows, scene.const, scene.work, q, v, p, pdot)
@@ -251,43 +293,103 @@ def collocated(run, weights, h, out):
     real, nv = data.real, data.control[0].nv
     for j in range(nv):
         out[j] = 0.0
-        out[nv + j] = real[nv + START, j]
+        out[nv + j] = real[own(nv) + START, j]
     for i in range(weights.shape[0]):
         for j in range(2 * nv):
-            out[j] += h * weights[i] * real[nv + RATE + i, j]
+            out[j] += h * weights[i] * real[own(nv) + RATE + i, j]
 
 
 @sweep
-def corrected(run, h):
+def use_misses(run, h, newton):
+    """Replace missed momenta by the changes of momentum and velocity that remove them.
+
+    The velocities follow MISSED momenta, at first by the inverse mass matrix. Newton's method also
+    considers the change of forces.
+    """
+    data = opened_run(run)
+    real, pair, rows = data.real, data.pair, opened(data.scene).rows
+    nv, count = data.control[0].nv, data.tableau.b.shape[0]
+    missed, factors = real[own(nv) + MISSED :], real[mass(nv) : mass(nv) + nv]
+    for i in range(count):
+        for j in range(nv):
+            missed[i, nv + j] = missed[i, j]
+        substitute(factors, nv, real[own(nv) + PIVOTS], missed[i, nv:])
+    if not newton:
+        return
+    base, a = 3 * nv, data.tableau.a
+    t, inverse, mu = a[3:6], a[6:9], a[9]
+    shift, shift_c = mu[0] / h, complex(mu[1], mu[2]) / h
+    right, right_c, scratch = real[base + implicit.RIGHT], pair[nv], real[base + implicit.SCRATCH]
+    for j in range(nv):
+        x = y = z = 0.0
+        for i in range(count):
+            x += inverse[0, i] * missed[i, nv + j]
+            y += inverse[1, i] * missed[i, nv + j]
+            z += inverse[2, i] * missed[i, nv + j]
+        right[j], right[nv + j] = 0.0, shift * x
+        right_c[j], right_c[nv + j] = 0.0j, shift_c * complex(y, z)
+    pivots, pivots_c = real[base + implicit.PIVOTS], real[base + implicit.PIVOTS_C]
+    solve(rows, shift, real, nv, real[2 * nv : base], pivots, right, scratch)
+    solve(rows, shift_c, real, nv, pair[:nv], pivots_c, right_c, pair[nv + 1])
+    for i in range(count):
+        for j in range(nv):
+            x, y = right[nv + j], right_c[nv + j]
+            missed[i, nv + j] = t[i, 0] * x + t[i, 1] * y.real + t[i, 2] * y.imag
+        for j in range(nv):
+            missed[i, j] = row_times(real, mass(nv) + nv + j, 0, nv, missed[i, nv:])
+
+
+@sweep
+def corrected(run, h, newton):
     """Correct all stages. Returns the squared norms of the correction and of the motion.
 
     Sizes are momentum times velocity, which have the same unit for all joints.
     """
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
-    rows = opened(data.scene).rows
-    wanted, scratch = real[nv + WANTED], real[nv + SCRATCH]
+    rows, first = opened(data.scene).rows, own(nv)
+    wanted, scratch = real[first + WANTED], real[first + SCRATCH]
     change = 0.0
     size = 0.0
     for i in range(data.tableau.b.shape[0]):
-        z = real[nv + Z + i]
-        p = real[nv + KEPT + i]
+        z = real[first + Z + i]
+        p = real[first + KEPT + i]
+        missed = real[first + MISSED + i]
         collocated(run, data.tableau.a[i], h, wanted)
-        out_of_chart(rows, z[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], scratch[:nv])
+        out_of_chart(rows, z[:nv], wanted[nv : 2 * nv], scratch[:nv], missed[:nv])
         for j in range(nv):
             size += p[j] * z[nv + j]
-            scratch[j] -= p[j]
-            scratch[nv + j] = scratch[j]
-        substitute(real, nv, real[nv + PIVOTS], scratch)
+            missed[j] -= p[j]
+    use_misses(run, h, newton)
+    for i in range(data.tableau.b.shape[0]):
+        z = real[first + Z + i]
+        missed = real[first + MISSED + i]
         for j in range(nv):
-            change += scratch[j] * scratch[nv + j]
-            z[nv + j] += scratch[j]
-        local_rate(rows, z[:nv], z[nv : 2 * nv], real[nv + RATE + i, :nv])
-    for i in range(data.tableau.b.shape[0]):  # with the new velocities
-        collocated(run, data.tableau.a[i], h, wanted)
-        for j in range(nv):
-            real[nv + Z + i, j] = wanted[j]
+            change += missed[j] * missed[nv + j]
+            z[nv + j] += missed[nv + j]
+    place(run, h, newton)
     return change, size
+
+
+@sweep
+def place(run, h, newton):
+    """Compute ξ of all stages from their velocities.
+
+    Where ξ' depends on ξ, Newton's method makes several passes.
+    """
+    data = opened_run(run)
+    real, rows = data.real, opened(data.scene).rows
+    nq, nv = size_of_state(run)
+    first, count = own(nv), data.tableau.b.shape[0]
+    wanted = real[first + WANTED]
+    for _ in range(PASSES if newton and nq > nv else 1):
+        for i in range(count):
+            z = real[first + Z + i]
+            local_rate(rows, z[:nv], z[nv : 2 * nv], real[first + RATE + i, :nv])
+        for i in range(count):
+            collocated(run, data.tableau.a[i], h, wanted)
+            for j in range(nv):
+                real[first + Z + i, j] = wanted[j]
 
 
 @sweep
@@ -297,14 +399,14 @@ def begin_stages(run, h):
     stages, real, scene, tableau = data.stages, data.real, opened(data.scene), data.tableau
     nq, nv = size_of_state(run)
     q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
-    start, unused = real[nv + START, :nv], real[nv + SCRATCH, :nv]
+    start, unused = real[own(nv) + START, :nv], real[own(nv) + SCRATCH, :nv]
     momenta(scene.rows, scene.const, scene.work, q, v, start, unused)
     for i in range(tableau.b.shape[0]):
         late = tableau.c[i] * h
         for j in range(nv):
             slope = stages[at.SLOPE, nq + j]
-            real[nv + Z + i, j] = late * (v[j] + 0.5 * late * slope)
-            real[nv + Z + i, nv + j] = v[j] + late * slope
+            real[own(nv) + Z + i, j] = late * (v[j] + 0.5 * late * slope)
+            real[own(nv) + Z + i, nv + j] = v[j] + late * slope
 
 
 @sweep
@@ -313,56 +415,173 @@ def end_stages(run, h):
     data = opened_run(run)
     stages, real, rows = data.stages, data.real, opened(data.scene).rows
     nq, nv = size_of_state(run)
-    wanted, scratch = real[nv + WANTED], real[nv + SCRATCH]
+    wanted, scratch = real[own(nv) + WANTED], real[own(nv) + SCRATCH]
     collocated(run, data.tableau.b, h, wanted)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
     q = stages[at.CANDIDATE, :nq]
     advance(rows, q, wanted[:nv], 1.0)
     regular, _ = factor_mass(run, q)
     out_of_chart(rows, wanted[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], scratch[:nv])
-    substitute(real, nv, real[nv + PIVOTS], scratch)
+    factors = real[mass(nv) : mass(nv) + nv]
+    substitute(factors, nv, real[own(nv) + PIVOTS], scratch)
     for j in range(nv):
         stages[at.CANDIDATE, nq + j] = scratch[j]
     return regular
+
+
+@sweep
+def jacobian(run):
+    """Compute A - B W and B + W - C at Y into the first rows of `real`, by central differences."""
+    data = opened_run(run)
+    control, stages, real = data.control[0], data.stages, data.real
+    nq, nv = size_of_state(run)
+    rows, first, base = opened(data.scene).rows, own(nv), 3 * nv
+    t = min(control.time, control.clip)
+    z, rate = real[first + Z], real[first + RATE, nv:]
+    p = real[first + KEPT, nv if nq > nv else 0 :]  # in the chart
+    factors, pivots = real[mass(nv) : mass(nv) + nv], real[first + PIVOTS]
+    plus, minus = real[base + implicit.F], real[base + implicit.F + 1]
+    speeds, weights = real[base + implicit.SPEEDS], real[base + implicit.WEIGHTS]
+    prepare(run)
+    for j in range(nv):
+        speeds[j] = stages[at.Y, nq + j]
+        z[j], z[nv + j] = 0.0, speeds[j]
+    for j in range(2 * nv):
+        move, start = MOVE, z[j]
+        if weights[j] > 0.0:
+            move = MOVE / (weights[j] * (control.rtol + control.atol))
+        z[j] = start + move
+        evaluate(run, t, 0)
+        for i in range(nv):
+            plus[i], plus[nv + i] = p[i], rate[i]
+        z[j] = start - move
+        evaluate(run, t, 0)
+        z[j] = start
+        for i in range(nv):
+            minus[i] = (plus[i] - p[i]) / (2.0 * move)
+            plus[i] = (plus[nv + i] - rate[i]) / (2.0 * move)
+        substitute(factors, nv, pivots, minus)
+        substitute(factors, nv, pivots, plus)
+        of, column = (0, j) if j < nv else (nv, j - nv)
+        for i in range(nv):
+            real[of + i, column] = plus[i]
+            if j < nv:
+                real[2 * nv + i, j] = minus[i]
+    for k in range(1, rows.shape[0]):
+        if kind_of(rows, k) > TRANSLATE:
+            add_half_turn(real, nv, v_of(rows, k), speeds)
+    for i in range(nv):
+        for j in range(nv):
+            real[nv + i, j] -= real[2 * nv + i, j]
+    data.counters[0].jacobians += 1
+    control.jacobian_time = control.time
+    control.factored = 0.0
+
+
+@sweep
+def is_slow(missed, rate, rounds, nv):
+    """Check whether these iterations need more evaluations than a Jacobian by central differences
+    and so many rounds of Newton's method."""
+    return rate >= 1.0 or missed * power(rate, rounds + 4.0 * nv / 3.0) > EPS
+
+
+@sweep
+def solved(run, h, still, newton, most):
+    """Solve for the stages of a step. Returns (True, power, loss), or (False, last correction, its
+    rate).
+
+    Corrections below `still` are of the size of rounding. Newton's method keeps its rate. The
+    inverse mass matrix alone is given up at the rate `most`, or if Newton's method costs less.
+    """
+    data = opened_run(run)
+    control, counters, flow, tableau = data.control[0], data.counters[0], data.flow, data.tableau
+    begin_stages(run, h)
+    last = math.inf
+    rate = 0.0
+    for n in range(STAGE_ROUNDS):
+        power = 0.0
+        loss = 0.0
+        for i in range(tableau.b.shape[0]):
+            evaluate(run, min(control.time + tableau.c[i] * h, control.clip), i)
+            power += h * tableau.b[i] * flow[0]
+            loss += h * tableau.b[i] * flow[1]
+        change, size = corrected(run, h, newton)
+        counters.newton_iterations += 1
+        if not (abs(change) < math.inf and size < math.inf):
+            return False, 1.0, 1.0
+        missed = math.sqrt(abs(change) / size) if size > 0.0 else 0.0
+        rounded = missed < ROUNDING or abs(change) < still
+        share = missed / last if n > 0 else 0.0
+        if n > 0 and not rounded:
+            rate = max(rate, share)
+        remaining = max(rate, share) * missed if n > 0 else missed  # size of the next correction
+        if missed < 2.0 * EPS or remaining < EPS or (share >= 1.0 and rounded):
+            if newton:
+                control.jacobian_rate = rate
+            elif most == BY_COST:
+                control.jacobian_rate = math.inf
+            return True, power, loss
+        slow = share >= (most if most > BY_COST else SERVES)
+        if most == BY_COST and n > 1:  # the first rate is not typical
+            slow = is_slow(missed, share, NEWTON_ROUNDS, control.nv)
+        if slow and n > 0 and not rounded:
+            return False, missed, share
+        last = missed
+    return False, 1.0, 1.0
+
+
+@sweep
+def solved_by_newton(run, h, still):
+    """Solve for the stages of a step with the Jacobian of this step or of an earlier one."""
+    data = opened_run(run)
+    control, counters = data.control[0], data.counters[0]
+    while True:
+        if not control.jacobian_rate < KEEP and control.jacobian_time != control.time:
+            jacobian(run)
+        if control.factored != h:
+            counters.factorisations += 1
+            if not factor_pair(run, h, data.tableau.a[9]):
+                return False, 0.0, 0.0
+        found = solved(run, h, still, True, SERVES)
+        if found[0]:
+            return found
+        control.jacobian_rate = math.inf
+        if control.jacobian_time == control.time:
+            return found
+
+
+@sweep
+def solve_stages(run, h, still):
+    """Solve for the stages of a step by the cheaper way. Returns (True on success, power, loss)."""
+    data = opened_run(run)
+    control, counters = data.control[0], data.counters[0]
+    if control.jacobian_rate < SERVES:
+        found = solved_by_newton(run, h, still)
+    else:
+        alone = solved(
+            run, h, still, False, PATIENT if control.jacobian_rate == USELESS else BY_COST
+        )
+        if alone[0]:
+            return alone
+        before = counters.newton_iterations
+        found = solved_by_newton(run, h, still)
+        rounds = counters.newton_iterations - before
+        if found[0] and not is_slow(alone[1], alone[2], rounds, control.nv):
+            control.jacobian_rate = USELESS
+    return found if found[0] else solved(run, h, still, False, TO_THE_END)
 
 
 @kernel(STEP, nogil=True, later=True)
 def gauss(run, h):
     """Take one step of Gauss collocation in (q, p)."""
     data = opened_run(run)
-    control, counters, stages = data.control[0], data.counters[0], data.stages
-    flow, tableau = data.flow, data.tableau
+    stages = data.stages
     nq, nv = size_of_state(run)
-    count = tableau.b.shape[0]
     regular, total = factor_mass(run, stages[at.Y, :nq])
     if not regular:
         return NOT_SOLVED
-    still = (STILL * EPS / h) ** 2 * total
-    begin_stages(run, h)
-    last = math.inf
-    solved = False
-    power = 0.0
-    loss = 0.0
-    for _ in range(STAGE_ROUNDS):
-        power = 0.0
-        loss = 0.0
-        for i in range(count):
-            evaluate(run, min(control.time + tableau.c[i] * h, control.clip), i)
-            power += h * tableau.b[i] * flow[0]
-            loss += h * tableau.b[i] * flow[1]
-        change, size = corrected(run, h)
-        counters.newton_iterations += 1
-        if not (abs(change) < math.inf and size < math.inf):
-            return NOT_SOLVED
-        missed = math.sqrt(abs(change) / size) if size > 0.0 else 0.0
-        rounded = missed < ROUNDING or abs(change) < still
-        solved = missed < 2.0 * EPS or (missed >= last and rounded)
-        if solved:
-            break
-        last = missed
-    if not solved:
-        return NOT_SOLVED
-    if not end_stages(run, h):
+    found, power, loss = solve_stages(run, h, (STILL * EPS / h) ** 2 * total)
+    if not found or not end_stages(run, h):
         return NOT_SOLVED
     stages[at.CANDIDATE, nq + nv] += power
     stages[at.CANDIDATE, nq + nv + 1] += loss

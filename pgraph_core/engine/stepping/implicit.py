@@ -36,6 +36,11 @@ KEEP = 1e-3  # Newton's rate below which the next step takes the same Jacobian (
 ITERATIONS = 12
 
 
+def matrix_rows(nv):
+    """Return the number of rows of the real matrix."""
+    return 3 * nv + ROWS
+
+
 @sweep
 def local_slope(run, t, z, out):
     """Compute z' at local coordinates z."""
@@ -221,12 +226,12 @@ def finish_local(run, z, power, loss):
 
 
 @sweep
-def factor_radau(run, h):
-    """Factor both matrices for a step of size h. Returns False if that fails."""
+def factor_pair(run, h, mu):
+    """Factor both matrices for a step of size h and the eigenvalues mu. Returns False if that
+    fails."""
     data = opened_run(run)
     real, pair = data.real, data.pair
     nv = data.control[0].nv
-    mu = data.tableau.a[6]
     assemble(mu[0] / h, real, nv, real[2 * nv : 3 * nv])
     assemble(complex(mu[1], mu[2]) / h, real, nv, pair[:nv])
     data.control[0].factored = h
@@ -377,7 +382,7 @@ def radau(run, h):
             jacobian(run)
         if control.factored != h:
             data.counters[0].factorisations += 1
-            if not factor_radau(run, h):
+            if not factor_pair(run, h, data.tableau.a[6]):
                 return NOT_SOLVED
         solved = newton(run, h)
         if not solved:

@@ -17,7 +17,7 @@ from ..compiler.dual import WIDTH, parted, revalued
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, substitute
 from ..motion import opened
-from ..tree.moving import advance, local_rate
+from ..tree.moving import advance
 from . import gauss as by_gauss
 from . import implicit as by_radau
 from .duals import STEP_OF_DUALS, end_step, go_back, width_of_step
@@ -27,7 +27,6 @@ from .state import copied, size_of_state
 ROUNDS = 60  # maximum number of corrections: reaches ROUNDING at a rate of 0.6
 CHANGED, BEFORE, SIZE = 0, 1, 2  # columns per derivative: correction, previous one, size
 FIRST = 3  # size at the start of the step
-REPORT = by_gauss.WANTED + 1  # row of these in Gauss' collocation
 
 
 @part
@@ -121,7 +120,7 @@ def radau_of_duals(run, numbers):
                 z = given.real[base + by_radau.Z + n, j]
                 real[base + by_radau.W + i, j] += decoupling[i, n] * z
     if given.control[0].factored != h:
-        by_radau.factor_radau(numbers, h)
+        by_radau.factor_pair(numbers, h, data.tableau.a[6])
         given.control[0].factored = 0.0  # the primal run factors again, as without derivatives
     for _ in range(ROUNDS):
         begin_round(report)
@@ -152,30 +151,30 @@ def correct_gauss(run, numbers, h, report):
     """Correct the velocities of the stages once, and their values as `correct_radau` does."""
     data, given = opened_run(run), opened_run(numbers)
     real, nv = data.real, data.control[0].nv
-    rows = opened(data.scene).rows
-    parts, x = parted(real), given.real[nv + by_gauss.SCRATCH]
-    wanted, scratch = real[nv + by_gauss.WANTED], real[nv + by_gauss.SCRATCH]
-    for i in range(data.tableau.b.shape[0]):
-        z, p = real[nv + by_gauss.Z + i], real[nv + by_gauss.KEPT + i]
+    rows, first, count = opened(data.scene).rows, by_gauss.own(nv), data.tableau.b.shape[0]
+    parts, found = parted(real), given.real[first + by_gauss.MISSED :]
+    wanted, scratch = real[first + by_gauss.WANTED], real[first + by_gauss.SCRATCH]
+    newton = given.control[0].jacobian_rate < by_gauss.SERVES
+    for i in range(count):
+        z, p = real[first + by_gauss.Z + i], real[first + by_gauss.KEPT + i]
+        missed = real[first + by_gauss.MISSED + i, :nv]
         by_gauss.collocated(run, data.tableau.a[i], h, wanted)
-        p_of_xi, negative = wanted[nv : 2 * nv], scratch[nv : 2 * nv]
-        by_gauss.out_of_chart(rows, z[:nv], p_of_xi, negative, scratch[:nv])
+        by_gauss.out_of_chart(rows, z[:nv], wanted[nv : 2 * nv], scratch[:nv], missed)
         for j in range(nv):
-            scratch[j] -= p[j]
-        for k in range(1 - given.control[0].repeated, WIDTH):
+            missed[j] -= p[j]
+    for k in range(1 - given.control[0].repeated, WIDTH):
+        for i in range(count):
             for j in range(nv):
-                x[j] = parts[nv + by_gauss.SCRATCH, j, k]
-            substitute(given.real, nv, given.real[nv + by_gauss.PIVOTS], x)
+                found[i, j] = parts[first + by_gauss.MISSED + i, j, k]
+        by_gauss.use_misses(numbers, h, newton)
+        for i in range(count):
             for j in range(nv):
-                parts[nv + by_gauss.Z + i, nv + j, k] += x[j]
-                report[CHANGED, k] = max(report[CHANGED, k], abs(x[j]))
-                size = abs(parts[nv + by_gauss.Z + i, nv + j, k])
+                x = found[i, nv + j]
+                parts[first + by_gauss.Z + i, nv + j, k] += x
+                report[CHANGED, k] = max(report[CHANGED, k], abs(x))
+                size = abs(parts[first + by_gauss.Z + i, nv + j, k])
                 report[SIZE, k] = max(report[SIZE, k], size)
-        local_rate(rows, z[:nv], z[nv : 2 * nv], real[nv + by_gauss.RATE + i, :nv])
-    for i in range(data.tableau.b.shape[0]):
-        by_gauss.collocated(run, data.tableau.a[i], h, wanted)
-        for j in range(nv):
-            real[nv + by_gauss.Z + i, j] = wanted[j]
+    by_gauss.place(run, h, newton)
 
 
 @sweep
@@ -188,26 +187,27 @@ def finish_gauss(run, numbers, h):
     data, given = opened_run(run), opened_run(numbers)
     real, stages = data.real, data.stages
     nq, nv = size_of_state(run)
-    rows = opened(data.scene).rows
-    wanted, scratch = real[nv + by_gauss.WANTED], real[nv + by_gauss.SCRATCH]
+    rows, first, own = opened(data.scene).rows, by_gauss.mass(nv), by_gauss.own(nv)
+    wanted, scratch = real[own + by_gauss.WANTED], real[own + by_gauss.SCRATCH]
     by_gauss.collocated(run, data.tableau.b, h, wanted)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     advance(rows, q, wanted[:nv], 1.0)
     by_gauss.mass_matrix(run, q)
     by_gauss.out_of_chart(rows, wanted[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], v)
-    mass, speeds, x = parted(real[:nv]), parted(v), given.real[nv + by_gauss.SCRATCH]
-    pivots = given.real[nv + by_gauss.PIVOTS]
+    mass, speeds = parted(real[first : first + nv]), parted(v)
+    x, pivots = given.real[own + by_gauss.SCRATCH], given.real[own + by_gauss.PIVOTS]
+    factors = given.real[first : first + nv]
     for i in range(nv):
         for j in range(nv):
-            given.real[i, j] = mass[i, j, 0]
-    factor(given.real, nv, pivots)
+            factors[i, j] = mass[i, j, 0]
+    factor(factors, nv, pivots)
     for k in range(WIDTH):
         for i in range(nv):
             x[i] = speeds[i, k]
             for j in range(nv if k > 0 else 0):
                 x[i] -= mass[i, j, k] * speeds[j, 0]
-        substitute(given.real, nv, pivots, x)
+        substitute(factors, nv, pivots, x)
         for i in range(nv):
             speeds[i, k] = x[i]
 
@@ -220,11 +220,11 @@ def gauss_of_duals(run, numbers):
     control, stages, flow, real = data.control[0], data.stages, data.flow, data.real
     nq, nv = size_of_state(run)
     h, count = width_of_step(numbers), data.tableau.b.shape[0]
-    scene = opened(data.scene)
+    scene, first = opened(data.scene), by_gauss.own(nv)
     q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
-    start, unused = real[nv + by_gauss.START, :nv], real[nv + by_gauss.SCRATCH, :nv]
+    start, unused = real[first + by_gauss.START, :nv], real[first + by_gauss.SCRATCH, :nv]
     by_gauss.momenta(scene.rows, scene.const, scene.work, q, v, start, unused)
-    report, y = parted(real[nv + REPORT]), parted(stages[at.Y])
+    report, y = parted(real[first + by_gauss.REPORT]), parted(stages[at.Y])
     open_report(report)
     for k in range(1, WIDTH):
         for i in range(nq + nv):  # rounded positions are rounded velocities over a step
@@ -232,9 +232,12 @@ def gauss_of_duals(run, numbers):
             report[FIRST, k] = max(report[FIRST, k], size)
     for i in range(count):
         for j in range(nv):
-            z, values = real[nv + by_gauss.Z + i], given.real[nv + by_gauss.Z + i]
+            z, values = real[first + by_gauss.Z + i], given.real[first + by_gauss.Z + i]
             z[j] = revalued(data.tableau.c[i] * h * v[j], values[j])
             z[nv + j] = revalued(v[j], values[nv + j])
+    if given.control[0].jacobian_rate < by_gauss.SERVES and given.control[0].factored != h:
+        by_radau.factor_pair(numbers, h, data.tableau.a[9])
+        given.control[0].factored = 0.0  # the primal run factors again, as without derivatives
     power = 0.0 * flow[0]
     loss = 0.0 * flow[0]
     for _ in range(ROUNDS):
