@@ -59,8 +59,9 @@ def _advice(record: Running, status: Status) -> str:
             return "give a larger max_steps or rtol, or try radau5 if it is stiff"
     if given is not None and not given.fixed:
         return "the motion itself may grow without bound, or forces may jump there"
-    step = given.widest if given else float(record.plan.width.max(initial=0.0))
-    return f"try a step of {0.5 * step:.3g} s, or less stiffness and damping there"
+    from .advice import for_failed
+
+    return for_failed(record)
 
 
 def trouble(record: Running, t: float) -> str:
@@ -158,6 +159,7 @@ class Running:
     held: set[int]  # constraints that are active now
     watch: Watch | None = None  # conditions of switches, then a user's events
     events: ContactEvents | None = None  # decisions at events of contact points
+    whole = False  # whether the run goes to the end of its plan, other than a stepper
     ended: Outcome
     met = ""  # description of the run until something came near
 

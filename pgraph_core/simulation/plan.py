@@ -50,7 +50,7 @@ from .options import (
     positive,
     steps_between,
 )
-from .rates import Rate
+from .rates import Rate, resolving_step
 from .start import controller_of, initial_state, is_controller
 from .switches import (
     Change,
@@ -72,12 +72,9 @@ KEPT_PLANS = 8  # by a mechanism
 KEEPING = threading.Lock()
 NO_PLAN = (None, None, None)
 PARTS = Options._fields.index("forces")  # index in the options, followed by switches
-RESOLVED = 0.25  # rate times step that a method of order 4 resolves
 MANY_RADIANS = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 MANY_STEPS = 1_000_000  # number of default steps above which a warning is given
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
-STIFF = "stiff:"  # beginning of the warning of too wide steps if the fastest mode is damped
-FAST = "too wide:"  # and where it swings
 NO_TIMES = np.zeros(0)
 NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
 NO_GAINS = np.zeros(2)
@@ -116,6 +113,7 @@ class Way:
     shown: NDArray[np.bool_] | None = None  # mask of the requested frames, None for all
     why: str = ""  # this method
     told: tuple[str, ...] = ()  # notices
+    too_wide: bool = False  # fixed steps exceed the method's limit at the start
     refused: InputError | None = None  # why the method asked for takes no contacts: another does
 
     @cached_property
@@ -332,7 +330,8 @@ def _on_a_way(
     o = o._replace(step=_given_step(plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
     plan = _with_times(mech, plan, o, given, span)
-    told = [*_stiff(plan, rate), *_hard(plan), *_filled(plan), *told_of(plan.kinks)]
+    plan = replace(plan, too_wide=_too_wide(plan, rate))
+    told = [*_hard(plan), *_filled(plan), *told_of(plan.kinks)]
     if asked and plan.step is not None and asked > duration * (1 + SOLVED):
         told.append(
             f"step: {asked:g} s is longer than the run, which takes one step of {duration:g} s; "
@@ -577,7 +576,7 @@ def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
     asked = stated is not None or o.step is not None or o.rtol is not None
     if asked or contacts is None or not contacts.remembers or plan.impulses:
         return o.step
-    return min(STEP, RESOLVED / contacts.rate)
+    return min(STEP, resolving_step(contacts.rate))
 
 
 def _method(
@@ -674,26 +673,14 @@ def _lost(lost: tuple[str, ...]) -> tuple[str, ...]:
     return (f"{text}{choices(lost, 3)}; model.lost contains all {len(lost)}",)
 
 
-def _stiff(plan: RunPlan, rate: Rate) -> list[str]:
-    """Return a notice if fixed steps are too large for an explicit method."""
+def _too_wide(plan: RunPlan, rate: Rate) -> bool:
+    """Check whether fixed steps are too large for the fastest rate at the start."""
     step, limit = plan.step, plan.method.limit
     if step is None or limit == 0.0 or int(plan.substeps.sum()) < SHORT:
-        return []
+        return False
     if rate() * step <= limit:
-        return []
-    if plan.method.name == "moreau_jean":
-        x = rate.explicit() * step
-        least = f"give steps below {limit * step / x:.3g} s" if x > limit else ""
-        return [f"{STIFF} lambda*dt = {x:.3g}, stable up to {limit:g}; {least}"] if least else []
-    x, widest, well = rate() * step, limit / rate(), RESOLVED / rate()
-    if rate.swings():
-        return [
-            f"{FAST} steps of {step:.3g} s do not resolve the fastest oscillation, of {rate():.3g} "
-            f"rad/s: {plan.method.name} requires less than {widest:.3g} s, and {well:.2g} s "
-            "or less for good accuracy; use such a step, or rtol= for adaptive steps. If the "
-            "oscillation is not of interest, try radau5, which steps over it"
-        ]
-    return [f"{STIFF} lambda*dt = {x:.3g}, stable for dt < {widest:.3g} s; try radau5"]
+        return False
+    return plan.method.name != "moreau_jean" or rate.explicit() * step > limit
 
 
 def _hard(plan: RunPlan) -> list[str]:
@@ -704,10 +691,10 @@ def _hard(plan: RunPlan) -> list[str]:
     rate = plan.contacts.rate if plan.contacts is not None else 0.0
     if plan.step is None or not plan.method.limit or rate * plan.step <= 1.0:
         return []
+    least = resolving_step(rate)
     return [
         f"soft or penalty contacts make rates of about {rate:.3g}/s, which steps of "
-        f"{plan.step:.3g} s do not resolve: give {RESOLVED / rate:.2g} s or less, or a smaller "
-        "stiffness"
+        f"{plan.step:.3g} s do not resolve: give {least:.2g} s or less, or a smaller stiffness"
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -11,14 +12,39 @@ from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.records import JOINT_FORCE, table
 from ..engine.stepping import stiffness
+from ..integrators import Method
 from ..mechanism import Mechanism
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS
 from ..packing.signals import hold
 from ..tolerances import NOTABLE
 
+RESOLVED = 0.25  # rate times step that a method of order 4 resolves
+# part of the stability limit that is advised: rates are known to 10 %, at some states of a motion
+MARGIN = 0.7
+STIFF = "stiff:"  # beginning of the notice of too large steps if the fastest mode is damped
+FAST = "too wide:"  # and where it swings
+FEW_FREEDOMS = 32  # for which all eigenvalues are computed at many states
 MOST_FREEDOMS = 200  # for which a notice computes all eigenvalues of the motion
 NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))), NO_LOADS)
+
+
+def advised_step(method: Method, rate: float, of_contacts: float = 0.0) -> float:
+    """Return the step [s] to advise for a motion with this fastest rate and that of its contacts
+    [1/s].
+
+    It is infinite for methods that are stable at any step, without contacts.
+    """
+    limit = math.inf
+    if method.limit > 0.0 and not method.stable:
+        limit = MARGIN * (method.damped or method.limit)
+    step = limit / rate if rate > 0.0 else math.inf
+    return min(step, resolving_step(of_contacts))
+
+
+def resolving_step(rate: float) -> float:
+    """Return the step [s] that resolves a rate [1/s] well."""
+    return RESOLVED / rate if rate > 0.0 else math.inf
 
 
 class Rate:
@@ -48,6 +74,13 @@ class Rate:
     def swings(self) -> bool:
         """Return True if the fastest mode swings rather than decays, or False if unknown."""
         return fastest_swings(self.mech, self.forces, self.active, *self.start)
+
+    def exact(self) -> float:
+        """Return the rate by all eigenvalues, if they are few [1/s]."""
+        if self.mech.nv > FEW_FREEDOMS:
+            return self()
+        found = abs(fastest_mode(self.mech, self.forces, self.active, *self.start))
+        return found if found >= 0.0 else self()
 
     def explicit(self) -> float:
         """The fastest explicit rate of time stepping [1/s]: dampers and friction are implicit."""
@@ -88,8 +121,19 @@ def fastest_swings(
 
     False for more than MOST_FREEDOMS.
     """
+    largest = fastest_mode(mech, forces, active, q, v)
+    return bool(abs(largest.imag) > abs(largest.real))
+
+
+def fastest_mode(
+    mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
+) -> complex:
+    """Return the largest eigenvalue of the linearised motion [1/s].
+
+    It is nan for more than MOST_FREEDOMS, or if it is not known.
+    """
     if mech.nv > MOST_FREEDOMS:
-        return False
+        return complex(np.nan)
     scene, n = _held(mech, forces, active, q, v), len(v)
     tau, flow = np.zeros(n), np.zeros(3)
 
@@ -108,10 +152,9 @@ def fastest_swings(
     by_v = np.array([acceleration(q, v + h * e) - acceleration(q, v - h * e) for e in axes]).T
     slope = np.block([[np.zeros((n, n)), axes], [by_q / (2 * h), by_v / (2 * h)]])
     if not np.isfinite(slope).all():
-        return False
+        return complex(np.nan)
     values = np.linalg.eigvals(slope)
-    largest = values[np.argmax(np.abs(values))]
-    return bool(abs(largest.imag) > abs(largest.real))
+    return complex(values[np.argmax(np.abs(values))])
 
 
 def _held(mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array) -> Scene:

@@ -23,6 +23,7 @@ from ..result.records import (
     ContactRecord,
     Named,
 )
+from .advice import too_wide
 from .remarks import beyond_limits, creeping, too_fast, touching, turns_unseen
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ def _contacts(
 
 def told(record: Recording) -> tuple[str, ...]:
     """Return notices about the model, the start and the end of a run."""
-    return (*record.plan.notices, *record.plan.told, *record.ended.notices)
+    return (*record.plan.notices, *too_wide(record), *record.plan.told, *record.ended.notices)
 
 
 def notices(record: Recording) -> tuple[str, ...]:

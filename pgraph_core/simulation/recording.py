@@ -206,7 +206,7 @@ class Recording(Running):
 
     def run(self, progress: Progress = None) -> None:
         """Record all frames, or stop if the run fails or is cancelled."""
-        self.progress = progress
+        self.progress, self.whole = progress, True
         if self.begin():
             self.advance_to_end(progress)
         if not self.done:

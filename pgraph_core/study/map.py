@@ -15,12 +15,14 @@ from ..mechanism import Mechanism
 from ..packing import Array, row_of_velocity
 from ..portable import jsonable
 from ..result import Result, Status
+from ..simulation.rates import advised_step
 from ..tolerances import NAMED
 from .figures import Look, Saved, Square, heat_map
 from .measures import TRUST, joint_errors
 from .reference import KnownMotion
 
 NAN = float("nan")
+AIM = 0.5  # part of the target at which an advised step aims
 WRONG = 1  # rad, or of the length, or of the energies: from there on the motion is another one
 
 
@@ -241,8 +243,9 @@ def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> 
     if not round(cell.order) > 0:
         text += "; it does not shrink with the step"
         return replace(cell, status=status, text=text)
-    order = min(cell.order, METHODS[cell.method].order + 0.5)
-    step = cell.step * min((found.target / excess) ** (1.0 / order), 1.0)
+    order = min(cell.order, METHODS[cell.method].order)
+    step = cell.step * min((AIM * found.target / excess) ** (1.0 / order), 1.0)
+    step = min(step, advised_step(METHODS[cell.method], found.known.rate))
     text += f"; use a step of {step:.2g} s (order {cell.order:.1f})"
     return replace(cell, status=status, text=text, step_needed=step)
 

@@ -1,0 +1,134 @@
+"""Advice about the steps of explicit methods, which the fastest rate of the motion limits.
+
+In many motions the rate grows. It is evaluated along the motion, and if a run has left the motion
+because its steps were too large, along a run that chooses its steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..integrators import DOP853
+from ..packing import Array
+from ..result import Status
+from ..tolerances import VISIBLE
+from .failures import Running
+from .options import Tolerance
+from .plan import NO_SUBSTEPS, NO_TIMES
+from .rates import FAST, STIFF, Rate, advised_step, resolving_step
+
+STATES = 129  # of a motion at which its fastest rate is evaluated
+PILOT_STEPS = 4000  # limit on a run that chooses its steps: a tenth of a second or so
+
+
+class Advice(NamedTuple):
+    """The step for a motion and method."""
+
+    step: float  # [s], infinite if no rate limits it
+    rate: float  # the fastest [1/s]
+    at: Rate  # where it occurs
+    diverged: float  # time at which a run that chooses its steps ends early [s], or nan
+
+
+def advice(record: Running) -> Advice:
+    """Return the advised step for the motion of a run, which is stored with the run."""
+    found: Advice | None = record.__dict__.get("_advice")
+    if found is None:
+        found = record.__dict__["_advice"] = _advice(record)
+    return found
+
+
+def _advice(record: Running) -> Advice:
+    plan, diverged = record.plan, float("nan")
+    forces, active = (plan.drives, plan.loads), record.active
+    explicit = plan.method.name == "moreau_jean"
+    states = [record.began, *_recorded(record)]
+    if record.whole and not explicit:
+        along, diverged = _pilot(record)
+        states = [record.began, *along]
+    best, fastest = None, -1.0
+    for q, v in states:
+        here = Rate(record.mech, forces, active, (q.copy(), v.copy()), 0.0)
+        rate = here.explicit() if explicit else here.exact()
+        if rate > fastest:
+            best, fastest = here, rate
+    assert best is not None, "a run has a first state"
+    contacts = plan.contacts.rate if plan.contacts is not None else 0.0
+    return Advice(advised_step(plan.method, fastest, contacts), fastest, best, diverged)
+
+
+def _recorded(record: Running) -> Iterator[tuple[Array, Array]]:
+    """Yield some of the recorded states."""
+    n = record.done
+    for i in np.unique(np.linspace(0, n - 1, STATES).astype(int)) if n else ():
+        yield record.out.q[i], record.out.v[i]
+
+
+def _pilot(record: Running) -> tuple[list[tuple[Array, Array]], float]:
+    """Return states of the same motion by adaptive steps, and the time at which they end early."""
+    from .recording import Recording
+
+    plan, nothing = record.plan, float("nan")
+    held = plan.changes or plan.conditions or plan.impulses or plan.contact_points
+    if held or record.user is not None or record.scene.remembers:
+        return [*_recorded(record)], nothing
+    span = plan.times[0], plan.times[-1]
+    given = Tolerance(VISIBLE / 10.0, 0.0, float(span[1] - span[0]), PILOT_STEPS)
+    own = replace(
+        plan, method=DOP853, tolerance=given, times=np.linspace(*span, STATES), parts=1,
+        substeps=NO_SUBSTEPS, width=NO_TIMES, shown=None, way=None, told=(), notices=(),
+    )  # fmt: skip
+    try:
+        pilot = Recording(record.mech, own, *record.began, record.tau)
+        pilot.progress = lambda _: None
+        if pilot.begin():
+            pilot.advance_to_end(None)
+    except InputError:
+        return [*_recorded(record)], nothing
+    ended = pilot.ended.status
+    early = ended in (Status.NOT_FINITE, Status.STEP_TOO_SMALL)
+    return [*_recorded(pilot)], float(pilot.steps.times[pilot.done - 1]) if early else nothing
+
+
+def for_failed(record: Running) -> str:
+    """Return what to do about a run with fixed steps that stopped being finite."""
+    plan = record.plan
+    step = float(plan.step or 0.0)
+    grows = "the motion itself may grow without bound, or forces may jump there"
+    if plan.method.stable or plan.method.limit == 0.0:
+        return grows
+    found = advice(record)
+    if np.isfinite(found.diverged):
+        return f"{grows}: adaptive steps end at t = {found.diverged:.6g} s"
+    if not found.step < step:
+        return f"{grows}; try rtol= for adaptive steps"
+    cause = f"the fastest rate of the motion is {found.rate:.3g}/s"
+    return f"{cause}: try a step of {found.step:.2g} s, less stiffness and damping, or radau5"
+
+
+def too_wide(record: Running) -> Iterator[str]:
+    """Yield a notice if fixed steps are too large for the method, for the fastest rate it met."""
+    plan, step = record.plan, float(record.plan.step or 0.0)
+    if not plan.too_wide:
+        return
+    (_, rate, at, _), method = advice(record), plan.method
+    widest = advised_step(method, rate)
+    if method.name == "moreau_jean":
+        yield f"{STIFF} lambda*dt = {rate * step:.3g}; give steps below {widest:.2g} s"
+        return
+    if not at.swings():
+        do = "" if method.stable else f", stable for dt < {widest:.2g} s"
+        yield f"{STIFF} lambda*dt = {rate * step:.3g}{do}; try radau5"
+        return
+    do = "give " if method.stable else f"{method.name} requires less than {widest:.2g} s, and "
+    yield (
+        f"{FAST} steps of {step:.3g} s do not resolve the fastest oscillation, of {rate:.3g} "
+        f"rad/s: {do}{resolving_step(rate):.2g} s or less for good accuracy; use such a step, or "
+        "rtol= for adaptive steps. If the oscillation is not of interest, try radau5, which steps "
+        "over it"
+    )

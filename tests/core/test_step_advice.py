@@ -1,0 +1,162 @@
+"""Advice about steps and methods, followed: it holds.
+
+Each random model is run with steps that are several times too large. Whatever the messages and
+notices then advise is tried. Scales of length, mass and time are random.
+"""
+
+import re
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+NIGHTLY = 60
+QUICK = 12
+EXPLICIT = ("rk4", "semi_implicit_euler", "dopri5", "dop853")
+STEPS = (  # advised steps in messages and notices
+    r"try a step of ([\d.e+-]+) s",
+    r"stable for dt < ([\d.e+-]+) s",
+    r"requires less than ([\d.e+-]+) s",
+    r"give ([\d.e+-]+) s or less",
+)
+
+
+def body(rng, name, parent, size, weight, **more):
+    """A rod along -z that turns about y, and its next joint at its end."""
+    length = size * rng.uniform(0.5, 1.5)
+    m = weight * rng.uniform(0.3, 3.0)
+    inertia = np.diag([1.0, 1.0, 0.1]) * m * length**2 / 12
+    place = (0, 0, 0) if parent == "ground" else (0, 0, -size)
+    given = {"com": (0, 0, -length / 2), "inertia": inertia, "link": place, "axes": (0, 1, 0)}
+    return pg.Body(name=name, parent=parent, mass=m, **{**given, **more})
+
+
+def chain(rng, n, size, weight, pace):
+    """A serial chain with stiff joints, the stiffest of which is the fastest."""
+    bodies, parent = [], "ground"
+    for i in range(n):
+        rate = 10 ** rng.uniform(1.2, 2.5) / pace
+        k = weight * size**2 * rate**2
+        damping = rng.choice([0.0, 0.02, 3.0]) * k / rate
+        q = (rng.uniform(-0.3, 0.3) if i == 0 else 1e-3,)
+        given = {"stiffness": (0.0 if i == 0 else k,), "damping": (float(damping) if i else 0.0,)}
+        bodies.append(body(rng, f"b{i}", parent, size, weight, q=q, **given))
+        parent = f"b{i}"
+    return bodies, []
+
+
+def spring(rng, size, weight, pace):
+    """A pendulum on a stiff spring between bodies, which stiffens as it stretches by the swing."""
+    rate = 10 ** rng.uniform(1.2, 2.5) / pace
+    slide = {"motions": (("rotate", (0, 1, 0)), ("translate", (0, 0, -1))), "joint": "compound"}
+    bob = pg.Body(
+        name="bob", com=(0, 0, 0), mass=weight, inertia=np.eye(3) * 0.01 * weight * size**2,
+        link=(0, 0, 0), q=(rng.uniform(0.3, 1.5), size), **slide,
+    )  # fmt: skip
+    pull = pg.Spring(
+        name="s", body="bob", stiffness=weight * rate**2, rest=size,
+        damping=float(rng.choice([0.0, 0.1, 2.0])) * weight * rate,
+    )  # fmt: skip
+    return [bob], [pull]
+
+
+def strut(rng, size, weight, pace):
+    """Two arms joined by a strut with a damper and a bump stop."""
+    bodies = [body(rng, "a", "ground", size, weight, q=(0.4,))]
+    bodies.append(body(rng, "b", "a", size, weight, q=(-0.8,)))
+    rate = 10 ** rng.uniform(1.2, 2.5) / pace
+    k = weight * rate**2
+    x = np.linspace(0.3, 3.0, 4) * size
+    law = pg.Lines(x=tuple(x), value=tuple(k * (x - size)))
+    ends = {"point": (0, 0, -size / 2), "other_point": (1.2 * size, 0, -0.2 * size)}
+    bump = {"bump_length": 0.4 * size, "bump_stiffness": 3.0 * k}
+    return bodies, [pg.Strut(name="t", body="b", other="ground", spring=law, **ends, **bump)]
+
+
+def drive(rng, size, weight, pace):
+    """A servo with high gains."""
+    bodies = [body(rng, "a", "ground", size, weight), body(rng, "b", "a", size, weight)]
+    rate = 10 ** rng.uniform(1.2, 2.5) / pace
+    inertia = weight * size**2
+    kd = float(rng.choice([0.05, 0.5, 4.0])) * inertia * rate
+    return bodies, [
+        pg.Servo(name="s", body="b", kp=inertia * rate**2, kd=kd, target=rng.uniform(-0.5, 0.5))
+    ]
+
+
+def contact(rng, size, weight, pace):
+    """A ball on soft ground."""
+    r = 0.2 * size
+    ball = pg.Body(
+        name="ball", joint="prismatic", axes=(0, 0, 1), mass=weight, com=(0, 0, 0), q=(1.5 * r,),
+        inertia=np.eye(3) * 0.4 * weight * r**2, shape=pg.Shape(kind="sphere", radius=r),
+    )  # fmt: skip
+    k = weight * (10 ** rng.uniform(1.2, 2.5) / pace) ** 2 / np.sqrt(r)
+    return [ball], pg.Contact(name="c", body="ball", law="soft", stiffness=k, damping=0.1)
+
+
+FAMILIES = {
+    "chain": lambda rng, *scales: chain(rng, int(rng.integers(2, 6)), *scales),
+    "spring": spring, "strut": strut, "drive": drive, "contact": contact,
+}  # fmt: skip
+
+
+def model_of(family, rng):
+    """Return a random model, and the time in which its pendulums swing."""
+    size, weight, pace = (10 ** rng.uniform(-2, 2) for _ in range(3))
+    bodies, forces = FAMILIES[family](rng, size, weight, pace)
+    contacts = () if isinstance(forces, list) else (forces,)
+    gravity = (0, 0, -10 * size / pace**2)
+    acting = forces if isinstance(forces, list) else ()
+    return pg.Model(bodies=bodies, forces=acting, contacts=contacts, gravity=gravity), pace
+
+
+def advised(run):
+    """Return the steps that a run advises [s]."""
+    texts = (run.message, *run.notices)
+    return [float(x) for text in texts for how in STEPS for x in re.findall(how, text)]
+
+
+def holds(model, known, step, method, pace):
+    """Check that a run reaches its end, near the motion or at least as slow as it."""
+    run = pg.simulate(model, t_end=2 * pace, method=method, step=step, estimate=False, frames=41)
+    return run.status.ok and np.abs(run.v).max() < 3.0 * np.abs(known.v).max() + 1e-300
+
+
+def followed(seed):
+    """Yield (what was followed, whether it held) for a random model."""
+    rng = np.random.default_rng(seed)
+    family = list(FAMILIES)[seed % len(FAMILIES)]
+    model, pace = model_of(family, rng)
+    method = str(rng.choice(EXPLICIT))
+    exact = {"method": "dop853", "rtol": 1e-6, "estimate": False, "frames": 401}
+    known = pg.simulate(model, t_end=2 * pace, **exact)
+    assert known.status.ok, (family, seed, known.message)
+    step = 2 * pace / 25
+    for _ in range(12):  # until a step is too large by a factor from 2 to 4, or none is
+        run = pg.simulate(model, t_end=2 * pace, method=method, step=step, estimate=False)
+        steps = advised(run)
+        if steps and min(steps) < step:
+            break
+        step *= 2.0
+        if step > pace / 15:
+            break
+    for each in steps:
+        yield (
+            f"{family} {seed} {method} step {each:g}",
+            holds(model, known, 0.999 * each, method, pace),
+        )
+    if any("radau5" in text for text in (run.message, *run.notices)):
+        ended = pg.simulate(model, t_end=2 * pace, method="radau5", step=step, estimate=False)
+        yield f"{family} {seed} radau5 step {step:g}", ended.status.ok
+
+
+@pytest.mark.parametrize("first", [
+    0, pytest.param(QUICK, marks=pytest.mark.nightly),
+])  # fmt: skip
+def test_advice_holds_when_it_is_followed(first):
+    last = QUICK if first == 0 else NIGHTLY
+    tried = [each for seed in range(first, last) for each in followed(seed)]
+    assert len(tried) >= (last - first) // 2
+    assert [what for what, held in tried if not held] == []
