@@ -1,6 +1,7 @@
 // The Operators tab: one operator as a picture of its cells; values under the pointer.
 (() => {
   const { make, send } = pgraph;
+  const SYMBOL = /^([MJSΦ]|ε_φ)$/; // in a title
   let what = "M";
 
   function build(host) {
@@ -21,7 +22,7 @@
 
   function draw(host, data) {
     const kind = host.querySelector(".kind");
-    if (!kind.children.length) kind.append(...Object.entries(data.titles).map(([value, title]) => make("button", { className: "chip-button", textContent: title.split(" ").at(-1), title, value, onclick: () => { what = value; look(); } })));
+    if (!kind.children.length) kind.append(...Object.entries(data.titles).map(([value, title]) => make("button", { className: "chip-button", textContent: title.split(" ").find((word) => SYMBOL.test(word)), title, value, onclick: () => { what = value; look(); } })));
     what = data.what;
     for (const one of kind.children) one.setAttribute("aria-pressed", one.value === what);
     host.operator = data;

@@ -307,7 +307,9 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     until(lambda: "2 × 2" in value.inner_text(), "the mass matrix")
     page.locator("canvas.cells").hover(position={"x": 3, "y": 3})
     until(lambda: "M[1, 1]" in value.inner_text().replace(" 1,", ","), "its first entry")
-    page.get_by_label("operator", exact=True).get_by_text("S", exact=True).click()
+    symbols = page.get_by_label("operator", exact=True)
+    assert symbols.locator("button").all_inner_texts() == ["M", "J", "ε_φ", "Φ", "S"]
+    symbols.get_by_text("S", exact=True).click()
     page.locator('[data-view=operators] button[value="S"][aria-pressed="true"]').wait_for()
     page.get_by_role("tab", name="Compare").click()
     idle = lambda: all(c.inspected is None for c in served.store.state.clients.values())  # noqa: E731
