@@ -77,8 +77,10 @@ ARMATURE, GIVEN = 17, 18  # the same without drives
 TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds, and the best λ so far in Newton's method
 SPEEDS = 22  # joint speeds without impulses, behind the articulated factors
 HELD = 23  # λ with given friction bounds
-GYRE = 24  # the `spinning.GYRE_ROWS` columns of the search for velocities at the middle of a step
-VECTORS = GYRE + 26
+# mean velocity of a part of a step, change of v by its impulses, half of J' v times its width
+MEAN, KICK, TURNED = 24, 25, 26
+GYRE = 27  # the `spinning.GYRE_ROWS` columns of the search for velocities at the middle of a step
+VECTORS = GYRE + 25
 
 
 class Drives(NamedTuple):

@@ -94,6 +94,7 @@ AIM = 15  # 9, up to three directions fixed in A
 VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
 FRICTION, BOUNCE = 25, 26  # Coulomb's coefficient; restitution of a contact, or of an impact now
 SIZE = 27  # scale of the gaps of a limit [rad, m]
+ROUND = 27  # radius of A about a contact point on a plane of B [m], negative if it is no ball
 REBOUND = 16  # restitution of a limit
 HELD = 16  # force of a joint's friction in the last step [N m, N]
 LOCATED = 17  # gap of a limit from which its impact was last located within this step [rad, m]

@@ -396,7 +396,11 @@ def rolled(blocks_i, blocks_f, i, work):
 
 @part
 def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
-    """Compute (e, s) for a force block with first direction d, except for `T_PIN`."""
+    """Compute (e, s) for a force block with first direction d, except for `T_PIN`.
+
+    The contact point of A moves by e more than the difference of V' of the two bodies at it, and
+    the directions turn with s.
+    """
     kind = type_of(blocks_i, i)
     a, b = ends_of(blocks_i, i)
     w_a = spin_of(work, a)
@@ -406,6 +410,9 @@ def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
         return none, scale(2.0, w_b)
     if kind == T_BLADE:
         return none, add(w_a, w_b)
+    if kind == T_CONTACT:  # a point of a ball of A stays above the same point of a plane of B
+        rolling = scale(blocks_f[i, at.ROUND], cross(sub(w_a, w_b), d))
+        return sub(cross(w_a, rolling), cross(w_b, add(rolling, u))), w_b
     if kind == T_DISTANCE:
         apart = sub(p, point_b(blocks_f, i, work, b))
         speed = add_cross(u, w_b, apart)
@@ -431,22 +438,53 @@ def residual_acceleration(blocks, work, space, t, vdot, out):
             order = 2 if kind == T_COORD else 1
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 0, vdot)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
-        elif kind == T_ALIGN:
-            align_acceleration(blocks_i, blocks_f, i, work, place, out, at_r)
-        elif kind == T_PIN:
-            mine = point_acceleration(work, a, place_a(place, i))
-            store3(out, at_r, sub(mine, point_acceleration(work, b, place_b(place, i))))
         else:
-            p = place_a(place, i)
-            d = along(place, i, 0)
-            u = slip(blocks_i, i, work, linear, place)
-            e, s = turning(blocks_i, blocks_f, i, work, linear, p, u, d)
-            other = place_b(place, i)
-            apart = sub(point_acceleration(work, a, p), point_acceleration(work, b, other))
-            apart = add(apart, e)
+            block_acceleration(blocks_i, blocks_f, i, work, linear, place, out, at_r)
+
+
+@part
+def turning_acceleration(blocks, work, space, out):
+    """Compute J' v of the active blocks, after `accelerate` with v' = 0 and no gravity.
+
+    Zero for a bound on a length, whose permitted speed includes it, and for a contact point whose
+    way along its shapes is not known.
+    """
+    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        kind = type_of(blocks_i, i)
+        at_r = first_of(space.slots, i)
+        still = along_coordinates(kind) or kind == T_TURN or kind == T_SPAN
+        still = still or (kind == T_CONTACT and blocks_f[i, at.ROUND] < 0.0)
+        if still:
             for r in range(size_of(blocks_i, i)):
-                d = along(place, i, r)
-                out[at_r + r] = dot(d, apart) + dot(u, cross(s, d))
+                out[at_r + r] = 0.0
+        else:
+            block_acceleration(blocks_i, blocks_f, i, work, space.linear, space.place, out, at_r)
+
+
+@part
+def block_acceleration(blocks_i, blocks_f, i, work, linear, place, out, at_r):
+    """Compute g'' of a block between bodies from row `at_r` of `out` on."""
+    kind = type_of(blocks_i, i)
+    a, b = ends_of(blocks_i, i)
+    if kind == T_ALIGN:
+        align_acceleration(blocks_i, blocks_f, i, work, place, out, at_r)
+        return
+    if kind == T_PIN:
+        mine = point_acceleration(work, a, place_a(place, i))
+        store3(out, at_r, sub(mine, point_acceleration(work, b, place_b(place, i))))
+        return
+    p = place_a(place, i)
+    d = along(place, i, 0)
+    u = slip(blocks_i, i, work, linear, place)
+    e, s = turning(blocks_i, blocks_f, i, work, linear, p, u, d)
+    other = place_b(place, i)
+    apart = sub(point_acceleration(work, a, p), point_acceleration(work, b, other))
+    apart = add(apart, e)
+    for r in range(size_of(blocks_i, i)):
+        d = along(place, i, r)
+        out[at_r + r] = dot(d, apart) + dot(u, cross(s, d))
 
 
 @part

@@ -28,6 +28,7 @@ from ..arrays import (
     STEPS_DONE,
     STRAYS,
     TARGET,
+    TURNED,
     opened,
 )
 from ..compiler.jit import part, sweep
@@ -155,7 +156,7 @@ def aim(scene, n):
             if together:
                 vectors[TARGET, r + c] = vectors[RHS, r + c]
             elif unilateral:
-                vectors[TARGET, r + c] = blocks_f[i, at.SURFACE + c]
+                vectors[TARGET, r + c] = blocks_f[i, at.SURFACE + c] + vectors[TURNED, r + c]
         if together:
             for s in range(joints_of(slots, i)):
                 vectors[FREE, joint_of(slots, i, s)] = 0.0

@@ -46,8 +46,8 @@ Q, V, LEDGER = 0, 1, 2  # the state
 NEW_Q, NEW_V = 3, 4  # at the end of the step
 TAU, VDOT, GIVEN, PUSHED = 5, 6, 7, 8  # given torques, and with what stiff springs add
 DAMPING, STIFFNESS, ARMATURE = 9, 10, 11
-STEP, SPEEDS, FREED, DINV, MOVE, DONE = 12, 13, 14, 15, 16, 17
-VECTORS = 18
+STEP, SPEEDS, FREED, DINV, MOVE, DONE, MEAN, ZERO = 12, 13, 14, 15, 16, 17, 18, 19
+VECTORS = 20
 
 # columns of `drives`
 D_STIFFNESS, D_DAMPING, D_LOW, D_HIGH, D_FRICTION, D_TARGET, D_TORQUE = range(7)
@@ -63,7 +63,8 @@ SHAPE = 29
 FOUND, ACTIVE, GAP, SLACK, MIDDLE, ON_A, ON_B = 0, 1, 2, 3, 4, 7, 10
 BEFORE, RATE, TARGET, LAM, HELD, MISSED, SLIP = 13, 16, 19, 22, 25, 28, 30
 KEPT, VALUE, SLIDES = 31, 32, 35  # values of the last step
-POINT = 36
+TURNED = 36
+POINT = 39
 
 # columns of `pairs`
 FORCE, TORQUE, P_GAP, P_SLIP, PHASE = 0, 3, 6, 7, 8

@@ -8,7 +8,7 @@ from ...tolerances import NOTABLE, ROUNDING
 from .. import layout as at
 from ..compiler.jit import part, sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
-from ..constraints.blocks import point_velocity
+from ..constraints.blocks import point_acceleration, point_velocity
 from ..constraints.paths import spread, taxicab
 from ..contact.closing import DEPTH, HARD
 from ..contact.contacts import NEARBY
@@ -28,8 +28,11 @@ from ..rows import (
     parent_of,
     projected_of,
     rotation_of,
+    set_acceleration,
+    spin_of,
 )
 from ..stepping.unilateral import DRIFT, ENOUGH, PUSH_SWEEPS, RECOVER, WEIGHT
+from ..tree.kinematics import accelerate
 from ..tree.moving import advance
 from ..vec import (
     add,
@@ -174,6 +177,26 @@ def directions(ways, near, b, column):
             b.points[n, column + r] = dot(load(b.lane, 0, of.NORMAL + 3 * r), u)
 
 
+@sweep
+def turned(rows, ways, near, b, h):
+    """Write h/2 J' v of the points at the mean velocity into TURNED, as `moreau.turned`."""
+    x, work, points = b.vectors, b.work, b.points
+    set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for j in range(x.shape[1]):
+        x[of.ZERO, j] = 0.0
+    accelerate(rows, b.const, work, x[of.MEAN], x[of.ZERO])
+    normal = load(b.lane, 0, of.NORMAL)
+    for m in range(near[0]):
+        n = near[1 + m]
+        k, radius = ways[n, of.W_ROW], b.shapes[ways[n, of.W_SHAPE], of.S_RADIUS]
+        w = spin_of(work, k)
+        rolling = scale(radius, cross(w, normal))
+        apart = add(point_acceleration(work, k, load(points, n, of.MIDDLE)), cross(w, rolling))
+        for r in range(3):
+            along = dot(load(b.lane, 0, of.NORMAL + 3 * r), apart)
+            points[n, of.TURNED + r] = along * (0.5 * h)
+
+
 @part
 def past_hinge(work, k, share, moment, force):
     """Transmit a wrench across joint k, which absorbs `share` of it."""
@@ -290,7 +313,9 @@ def aim(ways, near, b):
         n = near[1 + m]
         pair = ways[n, of.W_PAIR]
         for c in range(3):
-            points[n, of.TARGET + c] = chosen(together, points[n, of.RATE + c], 0.0)
+            points[n, of.TARGET + c] = chosen(
+                together, points[n, of.RATE + c], points[n, of.TURNED + c]
+            )
         points[n, of.TARGET] += b.laws[pair, 1] * smaller(points[n, of.BEFORE], 0.0)
         points[n, of.TARGET] += points[n, of.SLACK]
     lane[of.SIZE] = size
@@ -312,7 +337,6 @@ def gauss_seidel(ways, near, b):
         touches = either(touches, points[n, of.ACTIVE])
     open_ = both(touches, without(lane[of.LIVES], lane[of.ALONE]))
     lane[of.ALONE] = either(lane[of.ALONE], both(open_, most(size, 0.0)))
-    lane[of.SWEPT] = 0.0
     lane[of.OPEN] = 0.0
     swept, left = lane[of.SWEPT], lane[of.OPEN]
     for _ in range(FEW_SWEEPS):
@@ -387,7 +411,7 @@ def gain_and_miss(ways, near, b):
 
 
 @sweep
-def effects(ways, near, b, touches):
+def effects(ways, near, b):
     """Write diag(1/d) Yᵀ λ into STEP, and compute the slip speeds of the points."""
     x, points = b.vectors, b.points
     for j in range(x.shape[1]):
@@ -403,7 +427,6 @@ def effects(ways, near, b, touches):
         u = gather(ways, b, n, of.STEP)
         along, across = points[n, of.RATE + 1] + u[1], points[n, of.RATE + 2] + u[2]
         points[n, of.SLIP] = math.sqrt(along * along + across * across)
-    x[of.DONE, 1] -= chosen(touches, b.lane[0, of.GAINED], 0.0)
 
 
 @sweep

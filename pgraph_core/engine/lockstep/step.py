@@ -19,10 +19,20 @@ from ..contact.contacts import STILL
 from ..contact.coulomb import only
 from ..motion import opened, user_torque
 from ..records import ACCEPTANCE, CREEP, STANCE, SWING
-from ..rows import TRANSLATE, armature_of, kind_of, origin_of, parent_of, rotation_of, spin_of, v_of
+from ..rows import (
+    TRANSLATE,
+    armature_of,
+    inverse_pivot_of,
+    kind_of,
+    origin_of,
+    parent_of,
+    rotation_of,
+    spin_of,
+    v_of,
+)
 from ..stepping.batch import call_advance, call_copy
 from ..stepping.booking import goes_on_sliding
-from ..stepping.moreau import turn_rates
+from ..stepping.moreau import softened, turn_rates
 from ..stepping.state import size_of_state
 from ..tree.articulated import inboard, joint_acceleration
 from ..tree.kinematics import outboard, positions
@@ -41,6 +51,7 @@ from .feet import (
     gauss_seidel,
     own_block,
     push_out,
+    turned,
     warm,
 )
 from .walk import ALL, call_walk
@@ -53,11 +64,31 @@ def begin(rows, drives, b, h):
     for i in range(x.shape[1]):
         x[of.NEW_Q, i] = x[of.Q, i]
         x[of.NEW_V, i] = x[of.V, i]
+        x[of.MEAN, i] = x[of.V, i]
     q, v = x[of.NEW_Q], x[of.V]
+    b.lane[0, of.SWEPT] = 0.0
+    b.lane[0, of.ALONE] = 0.0
     advance(rows, q, v, 0.5 * h)
     stiffen(rows, drives, b, h, q, v)
     act(drives, b, q, v)
     outboard(rows, b.const, b.work, q, v)
+
+
+@sweep
+def begin_again(rows, drives, b, h):
+    """Compute velocities and forces at the mean velocity of the first pass."""
+    x, work = b.vectors, b.work
+    q, v, mean = x[of.NEW_Q], x[of.V], x[of.MEAN]
+    for j in range(x.shape[1]):
+        mean[j] = v[j] + 0.5 * (h * x[of.VDOT, j] + x[of.MOVE, j])
+    for k in range(1, rows.shape[0]):
+        if kind_of(rows, k) <= TRANSLATE:
+            j = v_of(rows, k)
+            pivot, extra = inverse_pivot_of(work, k), x[of.DAMPING, j]
+            more_ = softened(pivot, extra, x[of.STIFFNESS, j], h, v[j], mean[j])
+            x[of.PUSHED, j] = x[of.GIVEN, j] + more_
+    act(drives, b, q, mean)
+    outboard(rows, b.const, work, q, mean)
 
 
 @sweep
@@ -124,64 +155,91 @@ def act(drives, b, q, v):
 @sweep
 def set_velocities(rows, ways, near, b, h):
     """Write J v into BEFORE and J (v + h v') into RATE, as in `moreau.set_velocities`."""
-    x, work, linear = b.vectors, b.work, b.linear
+    x, work, linear, points = b.vectors, b.work, b.linear, b.points
+    turned(rows, ways, near, b, h)
+    turn_rates(rows, b.const, work, x[of.V])
+    velocities(rows, b.const, work, x[of.V], linear)
     directions(ways, near, b, of.BEFORE)
     for j in range(x.shape[1]):
         x[of.STEP, j] = x[of.V, j] + h * x[of.VDOT, j]
     turn_rates(rows, b.const, work, x[of.STEP])
     velocities(rows, b.const, work, x[of.STEP], linear)
     directions(ways, near, b, of.RATE)
+    for m in range(near[0]):
+        n = near[1 + m]
+        for r in range(3):
+            points[n, of.BEFORE + r] -= points[n, of.TURNED + r]
+            points[n, of.RATE + r] += points[n, of.TURNED + r]
     for j in range(x.shape[1]):
         x[of.SPEEDS, j] = x[of.STEP, j]
     unspread(rows, b.const, work, x[of.SPEEDS])
 
 
 @sweep
-def finish(rows, drives, ways, near, b, h, passive):
-    """Finish a step into NEW_Q and NEW_V. Sets ALONE for lanes that must continue individually."""
+def solve(rows, ways, near, b, h, again):
+    """Run a pass of a step, and write v' into VDOT and the effect of impulses into MOVE.
+
+    Sets ALONE for lanes that must continue individually. Returns whether points touch in any lane.
+    """
     x, lane, work, const, linear = b.vectors, b.lane[0], b.work, b.const, b.linear
-    v = x[of.V]
     vdot = x[of.VDOT]
     inboard(rows, const, work, x[of.TAU])
     joint_acceleration(rows, const, work, vdot)
-    for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
-            const[k, at.ARMATURE] = x[of.ARMATURE, v_of(rows, k)]
     positions(rows, work)
-    velocities(rows, const, work, v, linear)
-    lane[of.ALONE] = 0.0
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
         if p > 0:
             w, u = spin_of(work, k), spin_of(work, p)
             most_turn = larger(dot(w, w), dot(u, u)) * h * h
             lane[of.ALONE] = either(lane[of.ALONE], more(most_turn, GYRATES * GYRATES))
-    find(ways, near, b, h)
-    x[of.DONE, 0] = x[of.LEDGER, 0] + h * lane[of.PUT_IN]
-    x[of.DONE, 1] = x[of.LEDGER, 1] + h * lane[of.LOST]
-    touches = lane[of.COUNT] * 0.0
-    for m in range(near[0]):
-        n = near[1 + m]
-        touches = either(touches, b.points[n, of.ACTIVE])
-    some = any_of(touches)
+    if not again:
+        velocities(rows, const, work, x[of.V], linear)
+        find(ways, near, b, h)
+    some = any_of(touching(near, b))
     for j in range(x.shape[1]):
         x[of.STEP, j] = 0.0
         x[of.MOVE, j] = 0.0
     if some:
         set_velocities(rows, ways, near, b, h)
-        pivots(rows, work, x[of.DINV])
-        for m in range(near[0]):
-            n = near[1 + m]
-            carry(rows, ways, b, n)
-            own_block(ways, b, n)
-            warm(b, n)
+        if not again:
+            pivots(rows, work, x[of.DINV])
+            for m in range(near[0]):
+                n = near[1 + m]
+                carry(rows, ways, b, n)
+                own_block(ways, b, n)
+                warm(b, n)
         aim(ways, near, b)
         gauss_seidel(ways, near, b)
         gain_and_miss(ways, near, b)
-        effects(ways, near, b, touches)
+        effects(ways, near, b)
         for j in range(x.shape[1]):
             x[of.MOVE, j] = x[of.STEP, j]
         spread(rows, const, work, x[of.MOVE])
+    return some
+
+
+@part
+def touching(near, b):
+    """Return the lanes in which a point is active."""
+    touches = b.lane[0, of.COUNT] * 0.0
+    for m in range(near[0]):
+        touches = either(touches, b.points[near[1 + m], of.ACTIVE])
+    return touches
+
+
+@sweep
+def finish(rows, ways, near, b, h, passive):
+    """Finish a step into NEW_Q and NEW_V by its second pass."""
+    x, lane, const = b.vectors, b.lane[0], b.const
+    v, vdot, mean_ = x[of.V], x[of.VDOT], x[of.MEAN]
+    some = solve(rows, ways, near, b, h, True)
+    for k in range(1, rows.shape[0]):
+        if kind_of(rows, k) <= TRANSLATE:
+            const[k, at.ARMATURE] = x[of.ARMATURE, v_of(rows, k)]
+    x[of.DONE, 0] = x[of.LEDGER, 0] + h * lane[of.PUT_IN]
+    x[of.DONE, 1] = x[of.LEDGER, 1] + h * lane[of.LOST]
+    if some:
+        x[of.DONE, 1] -= chosen(touching(near, b), lane[of.GAINED], 0.0)
     new, more_work = x[of.NEW_V], lane[of.COUNT] * 0.0
     for j in range(x.shape[1]):
         new[j] = v[j] + (h * vdot[j] + x[of.MOVE, j])
@@ -191,7 +249,7 @@ def finish(rows, drives, ways, near, b, h, passive):
             change = new[j] - v[j]
             mean = 0.5 * (new[j] + v[j])
             pushed = h * x[of.TAU, j]
-            more_work += (pushed - x[of.DAMPING, j] * change) * mean - pushed * v[j]
+            more_work += (pushed - x[of.DAMPING, j] * change) * mean - pushed * mean_[j]
     if passive:
         x[of.DONE, 1] -= more_work
     else:
@@ -346,7 +404,7 @@ def ask_user(run, b, w, h):
     for i in range(nq):
         q[i] = x[of.NEW_Q, i, w]
     for j in range(nv):
-        v[j] = x[of.V, j, w]
+        v[j] = x[of.MEAN, j, w]
         tau[j] = x[of.TAU, j, w]
     lane[of.PUT_IN, w] += user_torque(data.user, lane[of.TIME, w] + 0.5 * h, q, v, tau)
     for j in range(nv):
@@ -434,24 +492,30 @@ def step_block(
     mine = own[own.shape[0] - memory :]
     loaded = -1
     for _ in range(n):
-        begin(rows, drives, b, h)
-        if walk != 0:
-            call_walk(walk, (place, ALL, h))
-        elif user.address != 0:
-            lay_out(s.work, frames)
-            size = 8 * at.WORK * work.shape[0]
-            for w in range(of.W):
-                if ways_on[w] == IN_LANES:
-                    i = first + w
-                    row = tables[0, 0] + i * tables[0, 1]
-                    if kind[i] != loaded:
-                        load_run(copy, own, numbers, tables, kind, i)
-                        loaded = kind[i]
-                    exchange(copy, mine, row, False)
-                    call_copy(copy, (work.ctypes.data, frames[w].ctypes.data, size))
-                    ask_user(run, s, w, h)
-                    exchange(copy, mine, row, True)
-        finish(rows, drives, ways, near, b, h, passive)
+        for again in range(2):
+            if again == 0:
+                begin(rows, drives, b, h)
+            else:
+                begin_again(rows, drives, b, h)
+            if walk != 0:
+                call_walk(walk, (place, ALL, h))
+            elif user.address != 0:
+                lay_out(s.work, frames)
+                size = 8 * at.WORK * work.shape[0]
+                for w in range(of.W):
+                    if ways_on[w] == IN_LANES:
+                        i = first + w
+                        row = tables[0, 0] + i * tables[0, 1]
+                        if kind[i] != loaded:
+                            load_run(copy, own, numbers, tables, kind, i)
+                            loaded = kind[i]
+                        exchange(copy, mine, row, False)
+                        call_copy(copy, (work.ctypes.data, frames[w].ctypes.data, size))
+                        ask_user(run, s, w, h)
+                        exchange(copy, mine, row, True)
+            if again == 0:
+                solve(rows, ways, near, b, h, False)
+        finish(rows, ways, near, b, h, passive)
         for w in range(of.W):
             i = first + w
             if ways_on[w] == IN_LANES and lane[of.ALONE, w] == 0.0:

@@ -10,7 +10,7 @@ from ..compiler.lane import in_lanes_of, lanes
 from ..gait.tables import FOOT, GAIT_SETTINGS, LEG, Walk
 from ..gait.walking import control
 from ..rows import TRANSLATE, armature_of, kind_of, v_of
-from .block import ARMATURE, FALLEN, FELL, MOVE, NEW_Q, PUT_IN, TAU, TIME, VDOT, V
+from .block import ARMATURE, FALLEN, FELL, MEAN, MOVE, NEW_Q, PUT_IN, TAU, TIME, VDOT
 
 
 class WalkOfLanes(NamedTuple):
@@ -85,7 +85,7 @@ def walk_in_lanes(place, w, h):
         return 0
     const, work, x, lane = lanes(our.const), lanes(our.work), lanes(our.vectors), lanes(our.lane)[0]
     nv = our.limit.shape[1]
-    v, torque = x[V, :nv], x[MOVE, :nv]
+    v, torque = x[MEAN, :nv], x[MOVE, :nv]
     lane[FELL] = lane[FALLEN]
     walk = Walk(
         our.rows, const, lanes(our.own), lanes(our.linear), _legs(our.all_legs),

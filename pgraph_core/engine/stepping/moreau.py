@@ -1,11 +1,18 @@
 """Moreau-Jean time stepping, with smooth forces and impulses in a single velocity update.
 
-q_m = q + h/2 v; v⁺ = v + h v'(q_m, v) + M⁻¹ Jᵀ λ with all that touches at q_m; q⁺ = q_m + h/2 v⁺
-([Moreau 1988], [Jean 1999]). Impacts need no events, many at once cost no more than one. Dampers
-and servos of hinges and sliders are evaluated at the end of the step, which is stable for any
-stiffness: h d + h²/2 k is added to the inertia. Freely rotating bodies conserve their energy at any
-speed (`tree.spinning`). States of controls follow the midpoint rule: x⁺ = x + h x'(q_m, v_m, x_m)
-with v_m = ½ (v + v⁺) and x_m half a step of Euler's rule ahead, which forces read.
+q_m = q + h/2 v; v⁺ = v + h v'(q_m, v_m) + M⁻¹ Jᵀ λ with all that touches at q_m;
+q⁺ = q_m + h/2 v⁺ ([Moreau 1988], [Jean 1999]). The mean velocity v_m is that of a first pass with
+v'(q_m, v), which includes its impulses, so that the rule is of second order between events. Rows
+turn within the step: their speeds are J v⁺ + h/2 J' v_m at its end, and J v - h/2 J' v_m at its
+start. Impacts need no events, many at once cost no more than one. Freely rotating bodies conserve
+their energy at any speed (`tree.spinning`). States of controls follow the midpoint rule:
+x⁺ = x + h x'(q_m, v_m, x_m) with v_m = ½ (v + v⁺) and x_m half a step of Euler's rule ahead, which
+forces read.
+
+Dampers and servos of hinges and sliders are stable for any stiffness: h d + h²/2 k is added to the
+inertia, so that the first pass evaluates them at the end of the step. The second one takes back the
+share of this that is due to their mean in the step, from the change of v in the first pass
+(`soften`).
 
 A step with impacts is divided into sub-steps that end at the impacts. An impact is a sub-step of
 zero length. Compliant and slow contacts are only detected at the midpoint of a sub-step.
@@ -25,7 +32,9 @@ from ..arrays import (
     GIVEN,
     GYRE,
     HARD,
+    KICK,
     LAMBDA,
+    MEAN,
     MISSED,
     REPORT,
     RHS,
@@ -35,6 +44,7 @@ from ..arrays import (
     STIFFNESS,
     STRAYS,
     SWEEPS_DONE,
+    TURNED,
     ZERO,
     carried_at,
     opened_run,
@@ -42,7 +52,15 @@ from ..arrays import (
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import f8, i8, void
-from ..constraints.blocks import first_of, locate, residual_velocity, size_of, type_of, velocities
+from ..constraints.blocks import (
+    first_of,
+    locate,
+    residual_velocity,
+    size_of,
+    turning_acceleration,
+    type_of,
+    velocities,
+)
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
 from ..contact.contacts import ADDING, FROZEN, clear, contacts_at, kept_place
@@ -56,13 +74,16 @@ from ..rows import (
     TRANSLATE,
     armature_of,
     axis_of,
+    inverse_pivot_of,
     kind_of,
     parent_of,
+    set_acceleration,
     set_spin,
     spin_of,
     v_of,
 )
 from ..signals import put_rates
+from ..tree.kinematics import accelerate as accelerate_rows
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
 from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
@@ -73,11 +94,13 @@ from .state import copied, size_of_state
 from .unilateral import ASK, CUT, REST, add_passed, add_unilateral, push_out
 
 # runs of duals, run of numbers, finished part of the step, its width, that of the part, first block
-# or 0 to begin the step, perhaps again
-REPEAT = void(i8, i8, f8, f8, f8, i8)
+# or 0 to begin the step, perhaps again, and the pass
+REPEAT = void(i8, i8, f8, f8, f8, i8, i8)
 call_repeat = caller(REPEAT)
 
 MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
+# passes of a part: with forces at the velocity of its start, at its mean velocity, or the only one
+EXPLICIT, MIDPOINT, ONLY = 0, 1, 2
 
 
 @kernel(STEP_SIGNATURE, nogil=True)
@@ -89,7 +112,7 @@ def moreau_jean(run, h):
     tally = contacts_at(opened(scene).links.contacts).tally[0]
     nq, nv = size_of_state(run)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
-    repeat(run, 0.0, h, 0.0, 0)
+    repeat(run, 0.0, h, 0.0, 0, ONLY)
     q = stages[at.CANDIDATE, :nq]
     v = stages[at.CANDIDATE, nq : nq + nv]
     vdot = stages[at.SLOPE, nq : nq + nv]
@@ -134,11 +157,11 @@ def moreau_jean(run, h):
 
 
 @part
-def repeat(run, done, h, w, first):
+def repeat(run, done, h, w, first, which):
     """Repeat what the arguments of REPEAT say in all runs of duals, if there are any."""
     carried = opened_run(run).control[0].carried
     if carried != 0:
-        call_repeat(carried_at(carried).repeat, (carried, run, done, h, w, first))
+        call_repeat(carried_at(carried).repeat, (carried, run, done, h, w, first, which))
 
 
 @sweep
@@ -183,23 +206,32 @@ def part_of_step(run, done, h, w, mode):
     accelerate(run, t, h, w)
     first = bilateral + 1
     if add_unilateral(scene, h, w, h - done, mode, q, v, vdot):
+        relax(rows, const, space.vectors, data.given)
         take_back(run, h, w)
         active[0] = bilateral
         return True
+    which = EXPLICIT if w > 0.0 else ONLY
+    while True:
+        solve_part(run, (t, h, w, first, which), q, v, vdot)
+        repeat(run, done, h, w, first, which)
+        if which != EXPLICIT:
+            break
+        which = MIDPOINT
+        accelerate_again(run, t, h, w)
+    relax(rows, const, space.vectors, data.given)
     ledger[at.WORK_DONE] += w * this.flow[0]
     ledger[at.DISSIPATED] += w * this.flow[1]
     if active[0] > 0:
-        own = (t, h, w, first)
-        this.counters[0].solver_iterations += solve_part(scene, own, q, v, vdot, ledger)
-    else:
-        space.vectors[STEP, :nv] = 0.0
-    repeat(run, done, h, w, first)
+        account(scene, first, w if w > 0.0 else h, ledger)
+        if w == 0.0:
+            note_chain(scene, first, t)
     book(scene, first, t + w, w, h, w == h - done)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])
     for j in range(nv - states):
         v[j] += w * vdot[j] + space.vectors[STEP, j]
-    book_drives(rows, data.drives, stages[at.TORQUE, :nv], before, damping, w, v, ledger)
+    mean = space.vectors[MEAN]
+    book_drives(rows, data.drives, stages[at.TORQUE, :nv], before, mean, damping, w, v, ledger)
     if bilateral > 0:  # impulses times the mean speed over the part
         work_done = driven_power(blocks, space, before) + driven_power(blocks, space, v)
         ledger[at.WORK_DONE] += 0.5 * work_done
@@ -238,6 +270,11 @@ def accelerate(run, t, h, w):
         move_states(scene, t, 0.5 * w, q, v, before, v, tau)
     advance(data.rows, q, v, 0.5 * w)
     stiffen(scene, t + 0.5 * w, w, q, v)
+    vectors = data.space.vectors
+    for j in range(nv):
+        vectors[MEAN, j] = v[j]
+        vectors[KICK, j] = 0.0
+        stages[at.ERROR, j] = vectors[DAMPING, j]
     contacts_at(data.links.contacts).tally[0].share = w / h
     call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, v, tau, vdot, this.flow))
     this.counters[0].evaluations += 1
@@ -246,8 +283,48 @@ def accelerate(run, t, h, w):
 
 
 @sweep
+def accelerate_again(run, t, h, w):
+    """Write v' at the mean velocity of the first pass into SLOPE, in place of that at its start."""
+    this = opened_run(run)
+    scene, stages, data = this.scene, this.stages, opened(this.scene)
+    nq, nv = size_of_state(run)
+    q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
+    tau, vdot = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv]
+    active, count = data.blocks.active, data.blocks.active[0]
+    mean = data.space.vectors[MEAN, :nv]
+    put_contacts(run, v, -w / h)
+    find_mean(scene, w, v, vdot, count)
+    soften(scene, w, v)
+    contacts_at(data.links.contacts).tally[0].share = w / h
+    active[0] = 0
+    call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, mean, tau, vdot, this.flow))
+    active[0] = count
+    this.counters[0].evaluations += 1
+    end_acceleration(run, w, w)
+
+
+@sweep
+def find_mean(scene, w, v, vdot, count):
+    """Write the mean velocity of a part of width w and the effect of its impulses into MEAN and
+    KICK, from v' without the impulses of the `count` active blocks, which are in STEP.
+    """
+    data = opened(scene)
+    vectors = data.space.vectors
+    states = data.loads.signals[2].shape[0]
+    for j in range(v.shape[0]):
+        vectors[KICK, j] = vectors[STEP, j]
+    if count > 0:
+        spread(data.rows, data.const, data.work, vectors[KICK])
+    for j in range(v.shape[0] - states):
+        vectors[MEAN, j] = v[j] + 0.5 * (w * vdot[j] + vectors[KICK, j])
+    for j in range(v.shape[0] - states, v.shape[0]):  # of its middle already
+        vectors[MEAN, j] = v[j]
+        vectors[KICK, j] = 0.0
+
+
+@sweep
 def end_acceleration(run, w, width):
-    """Conserve the energy of spinning bodies in a sub-step, and remove the additions of `stiffen`.
+    """Conserve the energy of spinning bodies in a sub-step.
 
     The width of a part is w, and `width` in the number type of the run.
     """
@@ -257,15 +334,13 @@ def end_acceleration(run, w, width):
     q, before = stages[at.CANDIDATE, :nq], stages[at.TRIAL, nq : nq + nv]
     vdot, vectors = stages[at.SLOPE, nq : nq + nv], data.space.vectors
     rows, const, work = data.rows, data.const, data.work
+    mean, kick = vectors[MEAN, :nv], vectors[KICK, :nv]
     if w > 0.0:
         for j in range(nv):
             vectors[ZERO, j] = 0.0
         gyre = vectors[GYRE : GYRE + GYRE_ROWS]
-        keep_gyrating(rows, const, work, q, before, width, vectors[ZERO], gyre, vdot)
-        keep_spinning(rows, const, work, before, width, vectors[STEP], vdot)
-    relax(rows, const, vectors, data.given)
-    for j in range(nv):
-        stages[at.ERROR, j] = vectors[DAMPING, j]
+        keep_gyrating(rows, const, work, q, before, mean, kick, width, vectors[ZERO], gyre, vdot)
+        keep_spinning(rows, const, work, before, mean, kick, width, vectors[STEP], vdot)
     positions(rows, work)
 
 
@@ -275,16 +350,24 @@ def take_back(run, h, w):
     this = opened_run(run)
     stages, data = this.stages, opened(this.scene)
     nq, nv = size_of_state(run)
-    contacts = contacts_at(data.links.contacts)
     v, states = stages[at.CANDIDATE, nq : nq + nv], data.loads.signals[2].shape[0]
-    if contacts.laws.shape[0] > 0:
-        contacts.tally[0].share = -w / h
-        tau = stages[at.TORQUE, :nv]
-        call_contact_forces(data.links.forces, (this.scene, v, tau, this.flow))
+    put_contacts(run, v, -w / h)
     for i in range(nq):
         stages[at.CANDIDATE, i] = stages[at.TRIAL, i]
     for j in range(nv - states, nv):
         v[j] = stages[at.TRIAL, nq + j]
+
+
+@sweep
+def put_contacts(run, v, share):
+    """Add a share of the contact forces at v to what is recorded of the step."""
+    this = opened_run(run)
+    data = opened(this.scene)
+    contacts, tau = contacts_at(data.links.contacts), this.stages[at.TORQUE, : v.shape[0]]
+    if contacts.laws.shape[0] > 0:
+        turn_rates(data.rows, data.const, data.work, v)
+        contacts.tally[0].share = share
+        call_contact_forces(data.links.forces, (this.scene, v, tau, this.flow))
 
 
 @sweep
@@ -332,6 +415,36 @@ def stiffen(scene, t, h, q, v):
 
 
 @sweep
+def soften(scene, h, v):
+    """Take implicit terms of drives at the mean velocity, where they are soft."""
+    data = opened(scene)
+    rows, vectors, given = data.rows, data.space.vectors, data.given
+    mean, damping, stiffness = vectors[MEAN], vectors[DAMPING], vectors[STIFFNESS]
+    for k in range(1, rows.shape[0]):
+        if kind_of(rows, k) <= TRANSLATE:
+            j = v_of(rows, k)
+            pivot = inverse_pivot_of(data.work, k)
+            more = softened(pivot, damping[j], stiffness[j], h, v[j], mean[j])
+            given[j] = vectors[GIVEN, j] + more
+
+
+@part
+def softened(pivot, extra, stiffness, h, before, mean):
+    """Compute the torque that replaces h d + h²/2 k as inertia, where it is small beside 1 / pivot.
+
+    With z = (h d + h²/2 k) / m, where m is the other inertia that the joint feels, a damper leaves
+    (2 + 3 z) / ((2 + z) (1 + z)²) of a velocity. This is exp(-z) to second order, and vanishes for
+    a stiff damper.
+    """
+    whole = 1.0 / pivot
+    share = 2.0 * (whole - extra) / (2.0 * whole - extra)  # 2 / (2 + z)
+    change = 2.0 * (mean - before)
+    damping = extra / h - 0.5 * h * stiffness
+    torque = 0.5 * (1.0 + share) * damping * change
+    return torque + 0.5 * h * stiffness * (share * change - (1.0 - share) * before)
+
+
+@sweep
 def relax(rows, const, vectors, given):
     """Undo `stiffen`."""
     for k in range(1, rows.shape[0]):
@@ -342,15 +455,18 @@ def relax(rows, const, vectors, given):
 
 
 @part
-def book_drives(rows, drives, tau, before, extra, h, v, ledger):
-    """Correct the work done by joint torques for their change over the step."""
+def book_drives(rows, drives, tau, before, at_, extra, h, v, ledger):
+    """Correct the work done by joint torques for their change over the step.
+
+    Their power was taken at the velocities `at_`.
+    """
     more = 0.0
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
             j = v_of(rows, k)
             change = v[j] - before[j]
             mean = 0.5 * (v[j] + before[j])
-            more += (h * tau[j] - extra[j] * change) * mean - h * tau[j] * before[j]
+            more += (h * tau[j] - extra[j] * change) * mean - h * tau[j] * at_[j]
     if drives.table.shape[0] > drives.passive:
         ledger[at.WORK_DONE] += more
     else:
@@ -358,22 +474,44 @@ def book_drives(rows, drives, tau, before, extra, h, v, ledger):
 
 
 @sweep
-def set_velocities(scene, t, end, h, v, vdot):
-    """Write J v at t into BEFORE and J (v + h v') at the time `end` into RHS, less the prescribed
-    velocities of rows.
+def set_velocities(scene, t, end, h, v, vdot, m):
+    """Write the speeds of the m active rows at t into BEFORE, and those with v + h v' at the time
+    `end` into RHS, less the prescribed ones.
+
+    The rotation of rows is that at the velocities MEAN, which the last evaluation of v' used.
     """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors, linear = space.vectors, space.linear
+    mean = vectors[MEAN, : v.shape[0]]
     locate(blocks, work, space.place)
-    if contacts_at(data.links.contacts).laws.shape[0] == 0:  # else the search has left them
-        velocities(rows, const, work, v, linear)
+    velocities(rows, const, work, mean, linear)
+    turned(rows, const, blocks, work, space, h, mean, m)
+    turn_rates(rows, const, work, v)
+    velocities(rows, const, work, v, linear)
     residual_velocity(blocks, work, space, t, v, vectors[BEFORE])
     for j in range(v.shape[0]):
         vectors[STEP, j] = v[j] + h * vdot[j]
     turn_rates(rows, const, work, vectors[STEP])
     velocities(rows, const, work, vectors[STEP], linear)
     residual_velocity(blocks, work, space, end, vectors[STEP], vectors[RHS])
+    for r in range(m):
+        vectors[BEFORE, r] -= vectors[TURNED, r]
+        vectors[RHS, r] += vectors[TURNED, r]
+
+
+@sweep
+def turned(rows, const, blocks, work, space, h, v, m):
+    """Write h/2 J' v of the m active rows into TURNED, after `outboard`, `positions` and
+    `velocities`."""
+    vectors = space.vectors
+    set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for j in range(v.shape[0]):
+        vectors[ZERO, j] = 0.0
+    accelerate_rows(rows, const, work, v, vectors[ZERO])
+    turning_acceleration(blocks, work, space, vectors[TURNED])
+    for r in range(m):
+        vectors[TURNED, r] *= 0.5 * h
 
 
 @sweep
@@ -414,35 +552,36 @@ def warm_start(scene, first, m):
 
 
 @sweep
-def solve_part(scene, own, q, v, vdot, ledger):
-    """Solve for the impulses in a part of width w, starting at t, of a step of width h.
+def solve_part(run, own, q, v, vdot):
+    """Solve for the impulses in a pass of a part of width w, starting at t, of a step of width h.
 
-    Their effect on the joints is stored in STEP. Returns sweeps and Newton steps taken.
+    Their effect on the joints is stored in STEP. The second pass starts with those of the first.
     """
-    t, h, w, first = own
-    data = opened(scene)
+    t, h, w, first, which = own
+    this = opened_run(run)
+    scene, data = this.scene, opened(this.scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     report = space.vectors[REPORT]
+    for j in range(v.shape[0]):
+        space.vectors[STEP, j] = 0.0
     space.vectors[FACTORED, 2] = 0.0  # Y is no longer that of the last factors
-    taken = 0
-    while True:
+    goes_on = which == MIDPOINT
+    while blocks.active[0] > 0:
         m = number_rows(blocks, space.slots)
-        set_velocities(scene, t, t + w, w, v, vdot)
+        set_velocities(scene, t, t + w, w, v, vdot, m)
         for j in range(v.shape[0]):
             space.vectors[SPEEDS, j] = space.vectors[STEP, j]
         unspread(rows, const, work, space.vectors[SPEEDS])
-        unit_responses(rows, const, blocks, work, space)
-        warm_start(scene, first, m)
+        if not goes_on:
+            unit_responses(rows, const, blocks, work, space)
+            warm_start(scene, first, m)
         solve_impulses(scene, h)
-        taken += int(report[SWEEPS_DONE] + report[STEPS_DONE])
+        this.counters[0].solver_iterations += int(report[SWEEPS_DONE] + report[STEPS_DONE])
         if w == 0.0 or not add_passed(scene, first, w, q, v, vdot):
             break
-        turn_rates(rows, const, work, v)
-        velocities(rows, const, work, v, space.linear)
-    account(scene, first, w if w > 0.0 else h, ledger)
-    if w == 0.0:
-        note_chain(scene, first, t)
-    return taken
+        goes_on = False
+        mean = space.vectors[MEAN, : v.shape[0]]
+        turn_rates(rows, const, work, mean)
 
 
 @sweep

@@ -16,8 +16,11 @@ from .. import layout as at
 from ..arrays import (
     BEFORE,
     CHANGE,
+    DAMPING,
     DINV,
+    KICK,
     LAMBDA,
+    MEAN,
     OTHER,
     RHS,
     STEP,
@@ -55,7 +58,19 @@ from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
 from ..vec import xyz
 from .duals import D1, MOVING, STEP_OF_DUALS, end_step, take_values
-from .moreau import REPEAT, book_drives, end_acceleration, relax, set_velocities, stiffen
+from .moreau import (
+    EXPLICIT,
+    MIDPOINT,
+    REPEAT,
+    book_drives,
+    end_acceleration,
+    find_mean,
+    relax,
+    set_velocities,
+    soften,
+    stiffen,
+    turn_rates,
+)
 from .state import copied, size_of_state
 from .unilateral import push_out, span_reaches
 
@@ -80,22 +95,22 @@ def forces_of_duals(scene, v, tau, flow):
     return push_contacts(scene, v, tau, flow)
 
 
-# run of duals, run of numbers, runs of duals, finished part, widths, first block
-PART = void(of_duals, i8, i8, f8, f8, f8, i8)
+# run of duals, run of numbers, runs of duals, finished part, widths, first block, pass
+PART = void(of_duals, i8, i8, f8, f8, f8, i8, i8)
 call_part = caller(PART)
 
 
 @kernel(REPEAT, nogil=True, later=True)
-def repeat_part(carried, numbers, done, h, w, first):
-    """Repeat a sub-step in all runs of duals."""
+def repeat_part(carried, numbers, done, h, w, first, which):
+    """Repeat a pass of a sub-step in all runs of duals."""
     given = carried_at(carried)
     for k in range(given.runs.shape[0]):
-        call_part(given.part, (given.runs[k], numbers, carried, done, h, w, first))
+        call_part(given.part, (given.runs[k], numbers, carried, done, h, w, first, which))
 
 
 @kernel(PART, nogil=True, later=True)
-def part_of_duals(run, numbers, carried, done, h, w, first):
-    """Repeat a sub-step from the state CANDIDATE, or begin a step (`first` = 0).
+def part_of_duals(run, numbers, carried, done, h, w, first, which):
+    """Repeat a pass of a sub-step from the state CANDIDATE, or begin a step (`first` = 0).
 
     A step may be taken again, since the location of an event takes shorter ones in between. The end
     of the time before is kept in Y_OLD, and the width of its last sub-step in FROM.
@@ -109,34 +124,38 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
         stages[at.END, BEGUN] = 0.0
         parted(stages[at.END])[LEFT, 0] = 0.0
         return
-    take_values(run, numbers, at.CANDIDATE, at.TRIAL)
-    if w == 0.0:
-        locate_impact(run, numbers, carried, (done, h), first)
-    elif parted(stages[at.END])[LEFT, 0] > 0.0:
-        locate_end(run, numbers, (done, h))
     moves = end_moves(numbers)
-    begin_part(run, done, h, w, moves)
-    if w > 0.0 and done == 0.0 and opened_run(numbers).counters[0].steps == 0:
-        end_where_parted(run, numbers, carried, first)
-    copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
-    t, width = opened_run(numbers).control[0].time + done, stages[at.END, TAKEN]
-    move_freely(run, t, h, w, w < h or moves > 0.0)
+    t, late = opened_run(numbers).control[0].time + done, w < h or moves > 0.0
+    if which == MIDPOINT:
+        move_again(run, t, w, late)
+    else:
+        take_values(run, numbers, at.CANDIDATE, at.TRIAL)
+        if w == 0.0:
+            locate_impact(run, numbers, carried, (done, h), first)
+        elif parted(stages[at.END])[LEFT, 0] > 0.0:
+            locate_end(run, numbers, (done, h))
+        begin_part(run, done, h, w, moves)
+        if w > 0.0 and done == 0.0 and opened_run(numbers).counters[0].steps == 0:
+            end_where_parted(run, numbers, carried, first)
+        copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
+        move_freely(run, t, h, w, late)
+    width = stages[at.END, TAKEN]
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     vdot, before = stages[at.SLOPE, nq : nq + nv], stages[at.TRIAL, nq : nq + nv]
     ledger, flow = stages[at.CANDIDATE, nq + nv :], data.flow
     scene_of_numbers = opened_run(numbers).scene
-    set_rows(scene, scene_of_numbers, first, h, width, q, v)
     own = opened(scene)
     space = own.space
-    ledger[at.WORK_DONE] += width * flow[0]
-    ledger[at.DISSIPATED] += width * flow[1]
+    turn_rates(own.rows, own.const, own.work, v)
+    set_rows(scene, scene_of_numbers, first, h, width, q, v)
+    turn_rates(own.rows, own.const, own.work, space.vectors[MEAN, :nv])
     for k in range(nv):
         space.vectors[STEP, k] = 0.0
     if own.blocks.active[0] > 0:
         m = number_rows(own.blocks, space.slots)
-        set_velocities(scene, t, t + w, width, v, vdot)
-        if (w < h or moves > 0.0) and first > 1:
+        set_velocities(scene, t, t + w, width, v, vdot, m)
+        if late and first > 1:
             follow_width(run, t + w, h, m)
         unit_responses(own.rows, own.const, own.blocks, own.work, space)
         given = carried_at(carried)
@@ -145,11 +164,19 @@ def part_of_duals(run, numbers, carried, done, h, w, first):
             end_derivatives(carried, t, NO_SLOPE)
         if loose:
             end_derivatives(carried, t, LOOSE)
+    if which == EXPLICIT:
+        find_mean(scene, width, v, vdot, own.blocks.active[0])
+        return
+    relax(own.rows, own.const, space.vectors, own.given)
+    ledger[at.WORK_DONE] += width * flow[0]
+    ledger[at.DISSIPATED] += width * flow[1]
+    if own.blocks.active[0] > 0:
         spread(own.rows, own.const, own.work, space.vectors[STEP])
     for j in range(nv):
         v[j] += width * vdot[j] + space.vectors[STEP, j]
     damping, tau = stages[at.ERROR, :nv], stages[at.TORQUE, :nv]
-    book_drives(own.rows, own.drives, tau, before, damping, width, v, ledger)
+    mean = space.vectors[MEAN]
+    book_drives(own.rows, own.drives, tau, before, mean, damping, width, v, ledger)
     if first > 1:
         work = driven_power(own.blocks, space, before) + driven_power(own.blocks, space, v)
         ledger[at.WORK_DONE] += 0.5 * work
@@ -197,17 +224,45 @@ def begin_part(run, done, h, w, moves):
 def move_freely(run, t, h, w, moves):
     """Move to the middle of a sub-step, whose time may move, and compute v' and the power."""
     data = opened_run(run)
-    scene, stages, flow = data.scene, data.stages, data.flow
+    scene, stages = data.scene, data.stages
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
-    vdot, own = stages[at.SLOPE, nq : nq + nv], opened(scene)
-    active, width = own.blocks.active, stages[at.END, TAKEN]
+    own, width = opened(scene), stages[at.END, TAKEN]
+    active = own.blocks.active
     count = active[0]
     active[0] = 0
     advance(own.rows, q, v, 0.5 * width)
     if moves and w > 0.0:
         differ_in_time(run, t + 0.5 * w, SHIFT * h)
     accelerate(run, t + 0.5 * w)
+    end_later(run, w, moves)
+    active[0] = count
+
+
+@sweep
+def move_again(run, t, w, moves):
+    """Compute v' and the power again at the mean velocity of the first pass."""
+    data = opened_run(run)
+    stages, own, width = data.stages, opened(data.scene), data.stages[at.END, TAKEN]
+    nq, nv = size_of_state(run)
+    q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
+    tau, vdot, active = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv], own.blocks.active
+    count, mean = active[0], own.space.vectors[MEAN, :nv]
+    active[0] = 0
+    soften(data.scene, width, v)
+    time = t + 0.5 * w
+    call_acceleration(data.links.accelerate, (data.scene, time, q, mean, tau, vdot, data.flow))
+    end_later(run, w, moves)
+    active[0] = count
+
+
+@sweep
+def end_later(run, w, moves):
+    """Add what moves with the time of a sub-step to v' and the power, and complete v'."""
+    data = opened_run(run)
+    stages, flow = data.stages, data.flow
+    nq, nv = size_of_state(run)
+    vdot, width = stages[at.SLOPE, nq : nq + nv], stages[at.END, TAKEN]
     if moves and w > 0.0:
         late = revalued(stages[at.END, BEGUN] + 0.5 * width, 0.0)
         for j in range(nv):
@@ -215,7 +270,6 @@ def move_freely(run, t, h, w, moves):
         flow[0] += stages[at.FROM, nq + nv] * late
         flow[1] += stages[at.FROM, nq + nv + 1] * late
     end_acceleration(run, w, width)
-    active[0] = count
 
 
 @sweep
@@ -227,6 +281,11 @@ def accelerate(run, t):
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     tau, vdot = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv]
     stiffen(data.scene, t, width, q, v)
+    vectors = opened(data.scene).space.vectors
+    for j in range(nv):
+        vectors[MEAN, j] = v[j]
+        vectors[KICK, j] = 0.0
+        stages[at.ERROR, j] = vectors[DAMPING, j]
     call_acceleration(data.links.accelerate, (data.scene, t, q, v, tau, vdot, data.flow))
 
 
@@ -530,6 +589,7 @@ def follow_path(run, numbers, place):
     move_freely(
         run, opened_run(numbers).control[0].time + (h - left), h, left, left < h or moves > 0.0
     )
+    relax(opened(scene).rows, opened(scene).const, opened(scene).space.vectors, opened(scene).given)
     copied(stages, START, at.CANDIDATE, stages.shape[1])
     stages[at.END, TAKEN] = done - (h - left)
     parted(stages[at.END])[TAKEN, BY_WIDTH] = 1.0
