@@ -13,6 +13,7 @@ from ..engine.compiler.dual import WIDTH
 from ..engine.compiler.kinds import Array as ArrayKind
 from ..engine.compiler.kinds import Group
 from ..packing import Array, Ints
+from ..tolerances import ROUNDING
 
 MOST = WIDTH - 1  # derivatives that a dual carries
 
@@ -100,6 +101,16 @@ def are_on_lines(values: Sequence[Flat]) -> bool:
     size = np.maximum.reduceat(np.maximum.reduce(np.abs((at_0, at_1, at_2))), begins)
     bent = np.maximum.reduceat(np.abs(2.0 * at_1 + at_2 - 3.0 * at_0), begins)
     return bool((bent <= 16.0 * np.finfo(float).eps * size).all())
+
+
+def are_alike(one: Flat, other: Flat) -> bool:
+    """Check whether all numbers are equal, to rounding of the largest value in their array."""
+    finite = np.isfinite(one.words)
+    a, b = (np.where(finite, x.words, 0.0) for x in (one, other))
+    size = np.maximum.reduceat(np.maximum(np.abs(a), np.abs(b)), one.begins)
+    apart = np.maximum.reduceat(np.abs(a - b), one.begins)
+    same = np.array_equal(one.words[~finite], other.words[~finite], equal_nan=True)
+    return same and bool((apart <= ROUNDING * size).all())
 
 
 def laid_out(kind: Any, value: Any) -> list[int]:

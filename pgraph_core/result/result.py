@@ -62,9 +62,20 @@ if TYPE_CHECKING:
 # weights of f(x + k h) for 2 h f'(x): central, and on one side if the other is invalid
 SLOPES = ({1: 1, -1: -1}, {0: -3, 1: 4, 2: -1}, {0: 3, -1: -4, -2: 1})
 BESIDE = np.cbrt(EPS)  # rad, m, or of a number: where rounding and curvature are about equal
+MAKE = "_make"  # attribute with the functions that make what was left for later
 MORE = "_more"  # attribute with the notices found so far, and the function that finds the others
 
 BY_JOINT = {"q": by_position, "v": by_velocity, "vdot": by_velocity}  # arrays with names of joints
+
+
+def named_by_joints(joints: Any, **arrays: Any) -> dict[str, Array]:
+    """Return read-only views of arrays of a run, those of coordinates with names of joints."""
+    found = {}
+    for name, given in arrays.items():
+        array, places = np.asarray(given), BY_JOINT.get(name)
+        found[name] = labelled(array, name, places, joints) if places else array.view()
+        found[name].setflags(write=False)
+    return found
 
 
 def _vector(kind: str, what: str) -> Any:
@@ -145,12 +156,7 @@ class Result(Exports, EqualByFields, Portable):
     def __post_init__(self) -> None:
         """Make the arrays read-only, because a run does not change."""
         own, joints = vars(self), self.mechanism.joints
-        for name in ARRAYS:
-            array = np.asarray(own[name])
-            places = BY_JOINT.get(name)
-            view = labelled(array, name, places, joints) if places else array.view()
-            own[name] = view
-            view.setflags(write=False)
+        own.update(named_by_joints(joints, **{name: own[name] for name in ARRAYS}))
         for forces in (self.constraint_force, self.drive_force):
             if forces is not NO_FORCES and forces is not NO_DRIVES:
                 forces.keep_unchanged()
@@ -164,8 +170,39 @@ class Result(Exports, EqualByFields, Portable):
         """Return an array (n, nb, ...) that can also be indexed by body names."""
         return labelled(array, attribute, by_body, self.mechanism.names)
 
+    @classmethod
+    def later(
+        cls, arrays: Mapping[str, Array], mechanism: Callable[[], Mechanism],
+        make: Callable[[], Result],
+    ) -> Result:  # fmt: skip
+        """Return a run of which only some arrays are known.
+
+        The others are taken from `make` when one is first read, and the mechanism from its own
+        function, because both take longer than most functions of a run.
+        """
+        found = object.__new__(cls)
+        own = vars(found)
+        own.update(arrays, notices=())
+        own[MAKE] = mechanism, make
+        return found
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name):
+            """Return a field of a run that was made `later`."""
+            own = self.__dict__
+            if MAKE not in own or name not in type(self).__dataclass_fields__:
+                return super().__getattr__(name)
+            mechanism, make = own[MAKE]
+            own["mechanism"] = mechanism()
+            if name != "mechanism":
+                del own[MAKE]
+                own.update(make().__dict__)
+            return own[name]
+
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields, with all notices."""
+        _ = self.status  # makes those that were left for later
         _ = self.notices
         return vars(self)
 
@@ -270,10 +307,13 @@ class Result(Exports, EqualByFields, Portable):
 
         Raises InputError if unknown.
         """
-        joints = self.mechanism.joints
+        q, v = cast(Labelled, self.q), cast(Labelled, self.v)
+        joints = q._names[2]  # pyright: ignore[reportPrivateUsage]
         if not isinstance(name, str):
             raise InputError(Problem("run", "name", self._no_joint(name)))
         if name not in joints:
+            if name[:2] == "v." and name[2:] in joints and v[name[2:]].ndim == 1:
+                return v[name[2:]]
             columns = columns_of(self)
             if name in columns:
                 return columns[name].values
@@ -282,7 +322,7 @@ class Result(Exports, EqualByFields, Portable):
                 picked = [column.values for column in found.values()]
                 return picked[0] if len(found) == 1 else np.stack(picked, axis=1)
             raise InputError(Problem("run", "name", self._no_joint(name)))
-        return cast(Labelled, self.q)[name]
+        return q[name]
 
     def _meant(self, name: str) -> dict[str, Column]:
         """Return the columns that match a name. Names of bodies are only suggested if there are no

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +25,7 @@ from ..packing import Array, Ints
 from ..packing.signals import edges_moved
 from ..result import Result
 from ..result.records import Derivatives
+from ..result.result import named_by_joints
 from ..tolerances import EPS, NOTABLE, VISIBLE
 from .corners import Corners
 from .duals import Parts, RunOfDuals
@@ -427,24 +428,40 @@ class Carried:
 
         For models with contacts, accelerations, forces and dissipation are nan.
         """
-        from ..engine.stepping.duals import record_states
-
         number = [one.path for one in self.variables].index(path)
         variable, times = self.variables[number], np.array(run.t)
         if self._end is not None:
             times[-1] += change * self._end[1].times[number]
-        mech, plan = variable.made(variable.present + change)
+        own = np.zeros(run.states.shape), run.states
+        here = np.column_stack((run.q, run.v, *own, run.work, run.dissipation))
+        here += change * run.derivatives[path]
+        made = cache(lambda: variable.made(variable.present + change))
+        place, nq, nv = variable.place, run.q.shape[1], run.v.shape[1]
+
+        def mechanism() -> Mechanism:
+            if place is None:
+                return made()[0]
+            return Mechanism(place.set(self.given.mech.model, variable.present + change))
+
+        joints, states = run.mechanism.joints, here[:, -2 - own[1].shape[1] : -2]
+        lost = here[:, -1] if self.given.plan.contacts is None else np.full(len(here), np.nan)
+        arrays = {"t": times, "states": states, "work": here[:, -2], "dissipation": lost}
+        arrays |= named_by_joints(joints, q=here[:, :nq], v=here[:, nq : nq + nv])
+        return Result.later(arrays, mechanism, lambda: self._recorded(times, here, *made()))
+
+    def _recorded(self, times: Array, here: Array, mech: Mechanism, plan: RunPlan) -> Result:
+        """Record the states `here` (frames, nq + nv + 2) at these times."""
+        from ..engine.stepping.duals import record_states
+
         stepped = plan.contacts is not None
         plan = replace(plan, times=times, shown=None, changes=(), way=None, contacts=None)
         other = Recording(mech, plan, *plan.start, self.given.tau)
-        states = np.zeros((len(run.t) + 1, other.steps.stages.shape[1]))
-        own = np.zeros(run.states.shape), run.states
-        here = np.column_stack((run.q, run.v, *own, run.work, run.dissipation))
-        states[1:, self.order] = here + change * run.derivatives[path]
+        states = np.zeros((len(times) + 1, other.steps.stages.shape[1]))
+        states[1:, self.order] = here
         record, accelerate = address_of(motion.record), address_of(motion.acceleration)
         arrays = tuple(other.out)
         record_states(other.scene.address, record, accelerate, plan.times, states, arrays)
-        other.steps.control["frame"] = len(run.t)
+        other.steps.control["frame"] = len(times)
         if stepped:  # impulses are not among the derivatives
             other.out.vdot[:], other.out.wrenches[:] = np.nan, np.nan
             other.out.energies[:, 3] = np.nan  # they dissipate

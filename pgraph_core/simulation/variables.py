@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..dynamics.lifted import Differs, Flat, are_on_lines, flat, slope_of
+from ..dynamics.lifted import Differs, Flat, are_alike, are_on_lines, flat, slope_of
 from ..engine.arrays import DESCRIBED, SCENE_OF_DUALS
 from ..engine.compiler.kinds import F1, carrying, group
 from ..engine.signals import JUMPING, SAMPLE
@@ -181,6 +181,27 @@ class Differences(NamedTuple):
     straight: bool
 
 
+class Wanted(list[Any]):
+    """Paths of `wrt` for several runs that differ in their numbers, and what these runs share."""
+
+    lines: Lines | None = None
+
+
+class Lines(NamedTuple):
+    """Words of a scene and a start that are linear in all numbers, and in no product of them."""
+
+    here: Flat
+    values: Array  # (k,)
+    slopes: Array  # (k, words)
+
+    def hold(self, there: Flat, values: Array) -> bool:
+        """Check that the words of another scene, with other values, are on the same lines."""
+        if there.fixed != self.here.fixed:
+            return False
+        ways = self.here.words + (values - self.values) @ self.slopes
+        return are_alike(self.here._replace(words=ways), there)
+
+
 class Slopes:
     """Derivatives of the scene and of the initial state of a run.
 
@@ -206,6 +227,10 @@ class Slopes:
         Parameters that affect different words are varied simultaneously. One scene per parameter
         and one for all of them are required to detect linear words.
         """
+        shared, values = self._given.wrt, np.array([one.present for one in variables])
+        asked = isinstance(shared, Wanted) and all(one.place for one in variables)
+        if asked and shared.lines is not None and shared.lines.hold(self._here(), values):
+            return [self._parts(slope) for slope in shared.lines.slopes]
         kept = {} if self._given.kept is None else self._given.kept
         found = {n: kept[x.path] for n, x in enumerate(variables) if x.place and x.path in kept}
         groups, ends = list[dict[int, Any]](), dict[int, Flat]()
@@ -232,9 +257,17 @@ class Slopes:
             again = variables_of(self.beside, self.beside.wrt)
             pairs = zip(variables, again)
             return self.by([replace(b, idle=a.present) if a in idle else b for a, b in pairs])
+        linear = dict[int, Array]()
         for group in groups:
-            if len(group) > 1:
-                found |= self._together(variables, ends, group)
+            if len(group) > 1 or asked:
+                linear |= self._together(variables, ends, group)
+        found |= {n: self._parts(slope) for n, slope in linear.items()}
+        if asked and len(linear) == len(variables):
+            lines = Lines(self._here(), values, np.array([linear[n] for n in range(len(values))]))
+            steps = np.array([one.step() for one in variables])
+            back = self._all_at(variables, values - 2.0 * steps)
+            if back is not None and lines.hold(back, values - 2.0 * steps):  # no products
+                shared.lines = lines
         for n, one in enumerate(variables):
             if n not in found:
                 found[n] = self.of(one, ends.get(n))
@@ -257,15 +290,11 @@ class Slopes:
 
     def _together(
         self, variables: Sequence[Variable], ends: dict[int, Flat], group: dict[int, Any]
-    ) -> dict[int, Slope]:
+    ) -> dict[int, Array]:
         """Compute the derivatives of linear words, or {} if some words are nonlinear."""
-        given, here, chosen = self._given, self._here(), [variables[n] for n in group]
-        places = [one.place for one in chosen if one.place is not None]
-        try:
-            values = [one.present - 2.0 * one.step() for one in chosen]
-            mech = Mechanism(with_numbers(given.mech.model, places, values))
-            back = self._flat(mech, given.at(mech, given.options))
-        except ModelError:
+        here, chosen = self._here(), [variables[n] for n in group]
+        back = self._all_at(chosen, np.array([one.present - 2.0 * one.step() for one in chosen]))
+        if back is None:
             return {}
         words = here.words.copy()
         for n, changed in group.items():
@@ -275,9 +304,17 @@ class Slopes:
             return {}
         slope = slope_of(three, (0.0, 1.0 / 3.0, -1.0 / 3.0))
         return {
-            n: self._parts(np.where(changed, slope / variables[n].step(), 0.0))
-            for n, changed in group.items()
+            n: np.where(changed, slope / variables[n].step(), 0.0) for n, changed in group.items()
         }
+
+    def _all_at(self, variables: Sequence[Variable], values: Array) -> Flat | None:
+        """Return the words for other values of numbers of the model, None if they are invalid."""
+        given, places = self._given, [one.place for one in variables if one.place is not None]
+        try:
+            mech = Mechanism(with_numbers(given.mech.model, places, values.tolist()))
+            return self._flat(mech, given.at(mech, given.options))
+        except ModelError:
+            return None
 
     def of(self, variable: Variable, end: Flat | None = None) -> Slope:
         """Return the derivatives with respect to a parameter. The differences end at `end` if it is
