@@ -14,7 +14,7 @@ from pydantic import Field
 
 import pgraph_core as pg
 from pgraph_core.result.columns import columns_of
-from pgraph_core.search.free import columns_in, measured
+from pgraph_core.search.measured import columns_in, measured
 from pgraph_core.simulation.paths import Path, with_numbers
 from pgraph_core.sweeps.metrics import WAYS
 

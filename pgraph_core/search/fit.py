@@ -5,23 +5,31 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from numbers import Real
-from pathlib import Path as FilePath
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 
 from ..dynamics import model_of
-from ..errors import Suggests, choices, explained, needed, shown
+from ..errors import InputError, choices, explained, needed
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
-from ..result.columns import columns_of, coordinates, meant, no_column
-from ..tolerances import ROUNDING
-from .free import FAR, TOLD, Case, Numbers, Values, measured, option
+from ..result.columns import columns_of, meant, no_column
+from ..tolerances import NOTABLE
+from .curves import slopes_of
+from .found import Ending, Numbered
+from .free import FAR, TOLD, Case, Numbers, Values, option, starts_of
+from .given import cases_of, noise_of, priors_of
+from .integration import Finer, finer_runs, gives_steps
+from .measured import factor_of, measured
+from .quality import SURE, Linear, beyond_noise, not_noise
 
 Array = np.ndarray
+PART = 4  # an error that moves a number by less than this part of its standard error is small
+TRIED = 10  # random points for each start
 ROUNDS = 10  # fits at most, each weighted by the noise that the last one left
 MEDIAN = NormalDist().inv_cdf(0.75)  # median absolute value of a standard normal variable
 # loss -> ρ' and ρ'' over the squared residual z in units of its noise, as in SciPy
@@ -39,11 +47,12 @@ LOSSES: dict[str, Callable[[Array], tuple[Array, Array]]] = {
 
 @explained
 @dataclass(frozen=True, eq=False)
-class Fit(Suggests):
+class Fit(Numbered):
     """The result of `fit`, with the fitted values and their uncertainty.
 
     Arrays with one entry per free parameter are in the order of `values`. With several
-    measurements, columns are named COLUMN@CASE.
+    measurements, columns are named COLUMN@CASE. Standard errors include the noise of the data and
+    the integration error of the runs.
     """
 
     model: Model  # the model with the fitted numbers
@@ -54,17 +63,21 @@ class Fit(Suggests):
     residuals: Mapping[str, Array]  # {column: (n,)} run - data
     units: Mapping[str, str]  # {column: unit} of residuals and data
     noise: Mapping[str, float]  # {column: standard deviation}, as given or as left by the fit
+    integration: Mapping[str, float]  # {column: rms integration error}, nan if not known
     undetermined: tuple[str, ...]  # a sentence for each direction that the data do not determine
+    combinations: Mapping[str, tuple[float, float]]
+    """{text: (value, standard error)} of what the data determine of these numbers."""
+    notices: tuple[str, ...]  # sentences on steps, and on residuals that are not noise
     converged: bool
     message: str
     evaluations: int  # runs
+    freedom: float  # residuals minus values, inf if the noise is given
+    endings: tuple[Ending, ...]  # one for each start
     runs: Mapping[str, Result]  # the run of each case at the times of its data
     data: Mapping[str, Array]  # {column: (n,)}
 
-    @property
-    def x(self) -> Array:
-        """The values as an array (k,)."""
-        return np.array([*self.values.values()])
+    _TOLD = ("noise", "integration", "undetermined", "combinations", "notices", "converged",
+             "message", "evaluations", "endings")  # fmt: skip
 
     @property
     def run(self) -> Result:
@@ -78,11 +91,16 @@ class Fit(Suggests):
             known = f"± {error:.2g}" if math.isfinite(error) else "(not determined)"
             lines.append(f"{path} = {value:.6g} {known}")
         lines += self.undetermined
+        lines += [
+            f"the data determine {text} = {value:.6g} ± {error:.2g}"
+            for text, (value, error) in self.combinations.items()
+        ]
         misses = sorted(self._misses(), key=lambda miss: miss[1] / (miss[2] or miss[1] or 1.0))
         worst = misses[: -TOLD - 1 : -1]
-        cells = [(f"{name} [{self.units[name]}]", f"{rms:.3g}", f"{spread:.3g}")
-                 for name, rms, spread in worst]  # fmt: skip
-        cells.insert(0, ("column", "rms of residuals", "standard deviation of data"))
+        cells = [(f"{name} [{self.units[name]}]", f"{rms:.3g}", f"{spread:.3g}",
+                  f"{self.integration[name]:.1g}") for name, rms, spread in worst]  # fmt: skip
+        head = "column", "rms of residuals", "standard deviation of data", "integration error"
+        cells.insert(0, head)
         wide = [max(map(len, column)) for column in zip(*cells)]
         lines += ["  ".join(x.ljust(n) for x, n in zip(row, wide)).rstrip() for row in cells]
         if more := len(misses) - len(worst):
@@ -90,6 +108,7 @@ class Fit(Suggests):
         for name, rms, spread in worst:
             if rms > spread:
                 lines.append(f"the mean of the data is closer to {name} than the run is")
+        lines += [f"notice: {text}" for text in self.notices]
         return "<Fit: " + "\n  ".join(lines) + ">"
 
     def _misses(self) -> list[tuple[str, float, float]]:
@@ -128,6 +147,8 @@ def fit(
     sigma: Mapping[str, float] | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
     loss: str = "linear",
+    starts: int | Sequence[Mapping[str, float]] = 1,
+    seed: int = 0,
     progress: Callable[[dict[str, float], Result], Any] | None = None,
     **options: Any,
 ) -> Fit:
@@ -138,13 +159,19 @@ def fit(
     level, which is given by `sigma` or estimated from the residuals of a first fit. Pressing Ctrl-C
     ends the search and returns the best result found so far.
 
+    At the optimum, finer runs give the integration error. If it moves a parameter by more than a
+    quarter of its standard error, the curves are corrected by it and the search goes on, unless the
+    data agree better without. If `step` or `rtol` is given, nothing is corrected: the standard
+    errors then include the integration error, and a notice tells which step is fine enough.
+
     Parameters
     ----------
     model : Model or Mechanism
         The model to fit.
-    data : DataFrame, dict or path of a .csv file
+    data : DataFrame, dict, Result or path of a .csv file
         Measured data with the times "t" [s] and columns named as in `Result.columns`, optionally
-        with units in brackets. To fit several measurements, use a dictionary {NAME: data} or {NAME:
+        with units in brackets, such as "arm [deg]" and "t [ms]". Of a Result, the coordinates are
+        the data. To fit several measurements, use a dictionary {NAME: data} or {NAME:
         (data, options)}, where the options are arguments of `simulate` such as {"q": {"arm": 0.3}}.
         They are evaluated on all cores.
     free : dict
@@ -165,6 +192,10 @@ def fit(
     loss : {"linear", "soft_l1", "huber", "cauchy", "arctan"}
         Loss function. All except "linear" reduce the influence of outliers, with a scale given by
         `sigma` or by the median residual.
+    starts : int or sequence of dict
+        Number of starting points: the values of the model, and those of random points within the
+        bounds whose runs are nearest to the data. Ten are tried for each, depending on `seed`.
+        Alternatively, a sequence of dictionaries with values by path.
     progress : callable, optional
         Function that is called with the parameter values and the run of the first measurement. The
         search stops if it returns False.
@@ -174,7 +205,8 @@ def fit(
     Returns
     -------
     Fit
-        The best values found. If the search did not converge, see `message`.
+        The best values found. If the search did not converge, see `message`. If the residuals are
+        not noise, see `notices`.
 
     Raises
     ------
@@ -190,8 +222,11 @@ def fit(
     given = {"t_start": t_start, "scenario": scenario, **options}
     given = {name: value for name, value in given.items() if value is not None}
     task = _Task(base, data, free, given, progress)
-    sigmas, known = _noise(task, sigma), _priors(task.numbers, priors)
-    return task.fitted(sigmas, known, option("fit", "loss", loss, [*LOSSES]))
+    sigmas, known = noise_of(task.numbers, task.labels, sigma), priors_of(task.numbers, priors)
+    count = starts if isinstance(starts, int) else 0  # the best of many
+    several = starts if count <= 1 else 1 + TRIED * (count - 1)
+    begins = starts_of(task.numbers, several, seed, {})
+    return task.fitted(begins, count, sigmas, known, option("fit", "loss", loss, [*LOSSES]))
 
 
 class _Stopped(Exception):
@@ -204,7 +239,7 @@ class _Task:
     def __init__(self, model: Model, data: Any, free: Any, options: Any, progress: Any):
         cases, self.data, self._units, self._named = [], [], [], {}
         self.progress = progress
-        for name, (table, own) in _cases(data).items():
+        for name, (table, own) in cases_of(data).items():
             columns, units = measured(table)
             t = columns.pop("t")
             times = {"t_eval": t, "t_end": float(t[-1])}
@@ -212,7 +247,7 @@ class _Task:
             self.data.append(columns)
             self._units.append(units)
         self.numbers = Numbers("fit", model, free, cases)
-        for own in (options, *(own for _, own in _cases(data).values())):
+        for own in (options, *(own for _, own in cases_of(data).values())):
             for name in ("t_eval", "frames", "t_end"):
                 if name in own:
                     raise self.numbers.refused(name, "must not be given: times come from the data")
@@ -226,6 +261,8 @@ class _Task:
             for case, columns in zip(cases, self.data) for column in columns
         ]  # fmt: skip
         self.measured = [x for columns in self.data for x in columns.values()]
+        self.shift = [np.zeros(len(x)) for x in self.measured]  # of runs by finer runs
+        self.factors = np.ones(len(self.measured))  # from the units of the data
         self.lengths = [len(x) for x in self.measured]
         self.units: list[str] = []  # of the measured columns
         self._last: tuple[Array, list[Result] | None] | None = None
@@ -263,8 +300,13 @@ class _Task:
                 several = f"may be any of {choices(known, 6)}" if known else ""
                 raise self.numbers.refused(what, several or no_column(found, name))
             unit, given = found[known[0]].unit, self._units[i].get(name, "")
-            if given and given != unit:
-                raise self.numbers.refused(what, f"is given in {given}: convert it to {unit}")
+            factor = factor_of(given, unit) if given else 1.0
+            if factor is None:
+                text = f"is given in {given}, and the column is in {unit}"
+                raise self.numbers.refused(what, text)
+            self.data[i][name] *= factor
+            before = sum(len(columns) for columns in self.data[:i])
+            self.factors[before + [*self.data[i]].index(name)] = factor
             self._named[i, name] = known[0]
         return self._named[i, name]
 
@@ -273,35 +315,42 @@ class _Task:
         return [x for i, run in enumerate(runs) for x in self._slopes_of(i, run)]
 
     def _slopes_of(self, i: int, run: Result) -> list[Array]:
-        places = {}
-        for n, (kind, listed) in enumerate(zip(("", "v."), coordinates(run.mechanism))):
-            places |= {
-                f"{kind}{name}": n * run.q.shape[1] + k for k, (name, _) in enumerate(listed)
-            }
         wanted = [self._named[i, name] for name in self.data[i]]
-        ours = [c for c in wanted if c not in places or c in run.mechanism.model.parameters]
-        others = {}
-        if ours:
-
-            def read(run: Result) -> Array:
-                found = columns_of(run)
-                return np.array([found[column].values for column in ours])
-
-            others = run.gradient(read)
+        by = slopes_of(run, wanted)
         out = [np.zeros((len(run.t), len(self.numbers))) for _ in wanted]
         for k, place in self.numbers.of(self.numbers.cases[i]):
-            for column, slope in zip(wanted, out):
-                if column in ours:
-                    slope[:, k] = others[place.text][ours.index(column)]
-                else:
-                    slope[:, k] = run.derivatives[place.text][:, places[column]]
+            for n, slope in enumerate(out):
+                slope[:, k] = by[place.text][n]
         return out
 
     # -- the fit -----------------------------------------------------------------------------------
 
-    def fitted(self, sigma: Array | None, priors: Array, loss: str) -> Fit:
-        """Minimise the residuals, with the given or estimated noise."""
-        x = self.numbers.present.copy()
+    def fitted(
+        self, starts: Sequence[Array], count: int, sigma: Array | None, priors: Array, loss: str
+    ) -> Fit:
+        """Minimise the residuals, with the given or estimated noise, from `count` of the starts."""
+        x = self._begun(starts[0])
+        sigma = None if sigma is None else sigma * self.factors
+        self.given, self.loss, self.priors = sigma, loss, priors
+        self.scale = np.array([np.ptp(column) or 1.0 for column in self.measured])
+        noise = self.scale if sigma is None else sigma
+        endings, fine, notices, text = [], None, list[str](), "stopped by the user"
+        try:
+            if len(starts) > 1:
+                others = self._nearest(starts[1:], count, noise)
+                endings, x = self._over([x, *others], noise)
+            x, noise, text = self._weighed(x, noise)
+            x, noise, text, fine, notices = self._corrected(x, noise, text)
+        except (_Stopped, KeyboardInterrupt):
+            x, text = x if self.best is None else self.best[1], "stopped by the user"
+        self.progress, self._cancelled = None, False
+        if sigma is None:
+            noise = self._noise_of(self._left(x))
+        return self._report(x, noise, text, fine, notices, endings)
+
+    def _begun(self, x: Array) -> Array:
+        """Return the start, moved off bounds, at which parts may not act. Raises InputError."""
+        x = self.numbers.inside(x)
         try:
             first = self.runs(x)
         except _Stopped:
@@ -309,34 +358,118 @@ class _Task:
         if first is None:
             raise self.numbers.refused("model", f"its run fails: {self.numbers.failed}")
         self.columns(first)
-        scale = np.array([np.ptp(column) or 1.0 for column in self.measured])
-        self._influence(first, scale)
-        noise = scale if sigma is None else sigma
-        found, text = None, "stopped by the user"
+        self._influence(first, np.array([np.ptp(column) or 1.0 for column in self.measured]))
+        return x
+
+    def _nearest(self, starts: Sequence[Array], count: int, noise: Array) -> list[Array]:
+        """Return the starts whose runs are nearest to the data, all of them if they are given."""
+        starts = [self.numbers.inside(x) for x in starts]
+        if not count:
+            return starts
+        failed, costs = self.numbers.failed, []
+        for x in starts:
+            runs = self.numbers.runs(x, False)
+            left = math.inf if runs is None else sum(
+                float(np.sum((a / size) ** 2)) for a, size in zip(self._missed(runs), noise)
+            )  # fmt: skip
+            costs.append(left)
+        self.numbers.failed = failed
+        return [starts[k] for k in np.argsort(costs)[: count - 1]]
+
+    def _over(self, starts: Sequence[Array], noise: Array) -> tuple[list[Ending], Array]:
+        """Search from each start. Return the ends, and the best."""
+        none, names = np.full_like(self.priors, np.inf), self.numbers.names
+        ends = list[tuple[float, Array, bool]]()
+        for begin in starts:
+            try:
+                if self.runs(begin) is None:
+                    continue
+            except InputError:  # of a model without derivatives there
+                continue
+            found = self._search(begin, noise, none if self.given is None else self.priors)
+            ends.append((2.0 * found.cost, found.x, bool(found.status > 0)))
+        best = min(ends, key=lambda end: end[0])
+        listed = [Ending(Values(zip(names, x.tolist())), cost, good) for cost, x, good in ends]
+        return listed, best[1]
+
+    def _weighed(self, x: Array, noise: Array) -> tuple[Array, Array, str]:
+        """Search from x, again with the noise that each search leaves. Return why it ended."""
+        sigma, priors = self.given, self.priors
         known = 1.0 / math.sqrt(2.0 * sum(self.lengths))  # relative error of a noise
         held, none = np.isfinite(priors[:, 1]).any(), np.full_like(priors, np.inf)
-        again = sigma is None and (len(self.measured) > 1 or loss != "linear" or held)
-        try:
-            for n in range(ROUNDS if again else 1):
-                # before the noise is known, priors cannot be weighed against the data
-                found = self._search(x, noise, none if again and n == 0 else priors, loss)
-                x, before, text = found.x, noise, ""
-                left = self._left(x)
-                if sigma is None:
-                    noise = np.maximum(self._spread(left, loss), np.finfo(float).eps * scale)
-                if np.abs(noise / before - 1.0).max() < known and not (held and n == 0):
-                    break
-        except (_Stopped, KeyboardInterrupt):
-            found, text = None, "stopped by the user"
-            x = x if self.best is None else self.best[1]
-        self.progress, self._cancelled = None, False
-        if not text and found is not None and found.status <= 0:
-            text = f"not converged: {found.message}"
-        if sigma is None:
-            noise = np.maximum(self._spread(self._left(x), loss), np.finfo(float).eps * scale)
-        return self._report(x, noise, priors, loss, text)
+        again = sigma is None and (len(self.measured) > 1 or self.loss != "linear" or held)
+        found, fresh = None, noise is self.scale
+        for n in range(ROUNDS if again else 1):
+            # before the noise is known, priors cannot be weighed against the data
+            found = self._search(x, noise, none if again and fresh and n == 0 else priors)
+            x, before = found.x, noise
+            if sigma is None:
+                noise = self._noise_of(self._left(x))
+            if np.abs(noise / before - 1.0).max() < known and not (held and fresh and n == 0):
+                break
+        assert found is not None
+        return x, noise, "" if found.status > 0 else f"not converged: {found.message}"
 
-    def _search(self, x: Array, noise: Array, priors: Array, loss: str) -> Any:
+    def _corrected(
+        self, x: Array, noise: Array, text: str
+    ) -> tuple[Array, Array, str, Finer | None, list[str]]:
+        """Search again with curves that are corrected by finer runs, until this changes nothing."""
+        first, cost, given = (x, noise, text), self._cost(x, noise), gives_steps(self.numbers)
+        before: Finer | None = None
+        for _ in range(ROUNDS):
+            linear = self._linear(x, noise)
+            fine = self._finer(x, partial(self._small, linear, noise), before)
+            if isinstance(fine, str):
+                return x, noise, text, None, [f"the integration error is not known: {fine}"]
+            missed = [a - b for a, b in zip(fine.shift, self.shift)]
+            small, before = self._small(linear, noise, missed), fine
+            if given and not small:
+                return x, noise, text, fine, [self._too_coarse(linear, missed, noise, fine)]
+            if small:
+                break
+            self.shift = fine.shift
+            x, noise, text = self._weighed(x, noise)
+        else:
+            return x, noise, text, before, ["the curves of finer runs do not settle"]
+        if not any(map(np.any, self.shift)):
+            return x, noise, text, fine, []
+        if self._cost(x, first[1]) > cost + SURE**2:  # the data come from a run like these
+            self.shift = [0.0 * shift for shift in self.shift]
+            again = self._finer(first[0], lambda _: False, fine)
+            told = "the data agree better with the default steps than with finer ones, "
+            told += "so that nothing is corrected"
+            return *first, (fine if isinstance(again, str) else again), [told]
+        told = f"curves are corrected by those of a run with {fine.said}, because the integration "
+        return x, noise, text, fine, [told + "error of the default steps exceeds the noise"]
+
+    def _finer(self, x: Array, enough: Any, before: Finer | None) -> Finer | str:
+        """Return finer runs at x, of the level and with the error of those `before`."""
+        runs, level = self.runs(x), 1 if before is None else before.level
+        assert runs is not None
+        found = finer_runs(self.numbers, x, runs, self.columns, enough, level)
+        if before is None or isinstance(found, str):
+            return found
+        return found._replace(left=before.left)
+
+    def _small(self, linear: Linear, noise: Array, missed: Sequence[Array]) -> bool:
+        """Check whether changes of the columns move no number by a part of its error."""
+        return bool((PART * np.abs(linear.moved(missed, noise)) <= linear.errors).all())
+
+    def _too_coarse(self, linear: Linear, missed: Any, noise: Array, fine: Finer) -> str:
+        moved = np.abs(linear.moved(missed, noise)) / linear.errors
+        k = int(np.nanargmax(moved))
+        text = f"the integration error moves {self.numbers.names[k]} by {moved[k]:.2g} of the "
+        text += "standard errors that the noise makes, and is in its ±: give no step and no rtol, "
+        return text + f"so that curves are corrected, or give {fine.said}"
+
+    def _cost(self, x: Array, noise: Array) -> float:
+        """The sum of squares over the square of the noise."""
+        return sum(float(np.sum((a / size) ** 2)) for a, size in zip(self._left(x), noise))
+
+    def _noise_of(self, left: Sequence[Array]) -> Array:
+        return np.maximum(self._spread(left, self.loss), np.finfo(float).eps * self.scale)
+
+    def _search(self, x: Array, noise: Array, priors: Array) -> Any:
         from scipy.optimize import least_squares
 
         self.best = None  # costs of another noise do not compare
@@ -351,7 +484,7 @@ class _Task:
 
         least: Any = least_squares  # typed too narrowly
         return least(
-            missed, x, jac=lambda x: self._jacobian(x, noise, priors), loss=loss,
+            missed, x, jac=lambda x: self._jacobian(x, noise, priors), loss=self.loss,
             bounds=self.numbers.bounds.T, x_scale="jac",
         )  # fmt: skip
 
@@ -360,9 +493,7 @@ class _Task:
         held = np.isfinite(priors[:, 1])
         if runs is None:
             return np.full(sum(self.lengths) + held.sum(), FAR)
-        parts = [
-            (run - data) / size for run, data, size in zip(self.columns(runs), self.measured, noise)
-        ]
+        parts = [left / size for left, size in zip(self._missed(runs), noise)]
         return np.concatenate([*parts, (x - priors[:, 0])[held] / priors[held, 1]])
 
     def _jacobian(self, x: Array, noise: Array, priors: Array) -> Array:
@@ -375,7 +506,11 @@ class _Task:
         """The residuals of each column, in its unit."""
         runs = self.runs(x)
         assert runs is not None
-        return [run - data for run, data in zip(self.columns(runs), self.measured)]
+        return self._missed(runs)
+
+    def _missed(self, runs: Sequence[Result]) -> list[Array]:
+        found = zip(self.columns(runs), self.shift, self.measured)
+        return [run + shift - data for run, shift, data in found]
 
     def _spread(self, left: Sequence[Array], loss: str) -> Array:
         """The standard deviation of each column: if outliers are borne, from the median."""
@@ -392,36 +527,54 @@ class _Task:
                 text = "has no influence on the data; omit it, or add a column that depends on it"
                 raise self.numbers.refused(name, text)
 
-    def _report(self, x: Array, noise: Array, priors: Array, loss: str, text: str) -> Fit:
+    def _linear(self, x: Array, noise: Array) -> Linear:
+        left = [a / b for a, b in zip(self._left(x), noise)]
+        jacobian = self._jacobian(x, noise, self.priors)
+        return Linear(jacobian, self.numbers.size, _widening(np.concatenate(left), self.loss))
+
+    def _report(
+        self, x: Array, noise: Array, text: str, fine: Finer | None, notices: list[str],
+        endings: list[Ending],
+    ) -> Fit:  # fmt: skip
         numbers, names, left = self.numbers, self.numbers.names, self._left(x)
-        runs = self.runs(x)
+        runs, linear, corrected = self.runs(x), self._linear(x, noise), any(map(np.any, self.shift))
         assert runs is not None
-        jacobian = self._jacobian(x, noise, priors)
-        widening = _widening(np.concatenate([a / b for a, b in zip(left, noise)]), loss)
-        _, values, directions = np.linalg.svd(jacobian * numbers.size, full_matrices=False)
-        # a direction with a standard deviation beyond the bounds, or only rounding as its slope
-        open_ = values < max(1.0, ROUNDING * values[0])
-        told = tuple(_direction(names, direction) for direction in directions[open_])
-        kept = directions[~open_] / values[~open_, None]
-        covariance = widening * (kept.T @ kept) * np.outer(numbers.size, numbers.size)
-        weak = (np.abs(directions[open_]) > 0.1).any(axis=0)
+        covariance, off = linear.covariance, np.full(len(left), np.nan)
+        if fine is not None:
+            missed = [a - b for a, b in zip(fine.shift, self.shift)]
+            off = np.array([_rms(a) + _rms(b) for a, b in zip(missed, fine.left)])
+            moved = sum(np.abs(linear.moved(part, noise)) for part in (missed, fine.left))
+            covariance = covariance + np.outer(moved, moved)
         size = np.sqrt(np.diag(covariance))
-        errors = np.where(weak, np.nan, size)
+        errors = np.where(linear.weak, np.nan, size)
         size = np.where(size > 0.0, size, np.nan)
+        residuals, spread = dict(zip(self.labels, left)), dict(zip(self.labels, noise.tolist()))
+        floor = np.fmax(off, NOTABLE * self.scale)
+        notices = notices + not_noise(residuals, dict(zip(self.labels, floor.tolist())))
+        if self.given is not None:
+            notices += beyond_noise(residuals, spread)
         notes = [text or "converged", *numbers.at_bounds(x)]
         if numbers.failed:
             notes.append(f"a run of the search failed: {numbers.failed}")
+        shown = fine.runs if fine is not None and corrected else runs
         return Fit(
             model=numbers.at(x), values=Values(zip(names, x.tolist())),
             errors=dict(zip(names, errors.tolist())), covariance=covariance,
-            correlation=covariance / np.outer(size, size),
-            residuals=dict(zip(self.labels, left)), units=dict(zip(self.labels, self.units)),
-            noise=dict(zip(self.labels, noise.tolist())),
-            undetermined=told, converged=not text, message="; ".join(notes),
-            evaluations=numbers.evaluations,
-            runs={case.name: run for case, run in zip(numbers.cases, runs)},
+            correlation=covariance / np.outer(size, size), residuals=residuals,
+            units=dict(zip(self.labels, self.units)), noise=spread,
+            integration=dict(zip(self.labels, off.tolist())),
+            undetermined=tuple(linear.undetermined(names)),
+            combinations=linear.combinations(names, x), notices=tuple(notices),
+            converged=not text, message="; ".join(notes), evaluations=numbers.evaluations,
+            freedom=sum(self.lengths) - len(names) if self.given is None else math.inf,
+            endings=tuple(endings),
+            runs={case.name: run for case, run in zip(numbers.cases, shown)},
             data=dict(zip(self.labels, self.measured)),
         )  # fmt: skip
+
+
+def _rms(x: Array) -> float:
+    return math.sqrt(float(np.mean(x**2)))
 
 
 def _widening(missed: Array, loss: str) -> float:
@@ -433,66 +586,3 @@ def _widening(missed: Array, loss: str) -> float:
     first, second = LOSSES[loss](z)
     slope = float(np.mean(first + 2.0 * z * second))
     return float(np.mean(z * first**2)) / slope**2 if loss != "linear" and slope > 0.0 else 1.0
-
-
-def _direction(names: Sequence[str], direction: Array) -> str:
-    """A sentence on a direction of free numbers, each in its range."""
-    large = [i for i in np.argsort(-np.abs(direction)) if abs(direction[i]) > 0.1]
-    if len(large) == 1:
-        return f"the data do not determine {names[large[0]]}"
-    parts = [f"{direction[i] / direction[large[0]]:.2g} {names[i]}" for i in large]
-    text = "the data do not determine these, which may change together by parts of their ranges"
-    return f"{text}: {', '.join(parts)}"
-
-
-def _cases(data: Any) -> dict[str, tuple[Any, Mapping[str, Any]]]:
-    """Return the data and the arguments of `simulate` for each case. A single case has the name
-    ""."""
-    tables = (Mapping, str, FilePath, tuple)
-    several = (
-        isinstance(data, Mapping)
-        and data
-        and all(isinstance(one, tables) or hasattr(one, "columns") for one in data.values())
-    )
-    if not several:
-        return {"": (data, {})}
-    pairs = {
-        str(name): one if isinstance(one, tuple) and len(one) == 2 else (one, {})
-        for name, one in data.items()
-    }
-    return {name: (one, dict(own)) for name, (one, own) in pairs.items()}
-
-
-def _noise(task: _Task, sigma: Any) -> Array | None:
-    """(columns,) standard deviations, None if they are not given. Raises InputError."""
-    if sigma is None:
-        return None
-    names = [label.rpartition("@")[0] or label for label in task.labels]
-    known = {*names, *task.labels}
-    if not isinstance(sigma, Mapping) or {*sigma} - known:
-        text = f"needs a number for each column, {choices(known)}, got {shown(sigma)}"
-        raise task.numbers.refused("sigma", text)
-    given = [sigma.get(label, sigma.get(name)) for label, name in zip(task.labels, names)]
-    found = np.array([math.nan if x is None else float(x) for x in given])
-    if not (np.isfinite(found) & (found > 0.0)).all():
-        text = f"needs a number > 0 for each column, {choices(known)}, got {shown(sigma)}"
-        raise task.numbers.refused("sigma", text)
-    return found
-
-
-def _priors(numbers: Numbers, priors: Any) -> Array:
-    """(free, 2) expected values and standard deviations, infinite without a prior."""
-    found, names = np.tile([0.0, np.inf], (len(numbers), 1)), numbers.names
-    for name, pair in (priors or {}).items():
-        if name not in names:
-            raise numbers.refused("priors", f"{name!r} is not free; choose from {choices(names)}")
-        try:
-            mean, spread = map(float, pair)
-        except (TypeError, ValueError):
-            mean = spread = math.nan
-        if not (math.isfinite(mean) and 0.0 < spread < math.inf):
-            raise numbers.refused(
-                "priors", f"{name!r} needs (value, spread > 0), got {shown(pair)}"
-            )
-        found[names.index(name)] = mean, spread
-    return found

@@ -1,26 +1,26 @@
-"""The inputs of a search: free parameters, runs with other values, and measured curves."""
+"""The free parameters of a search: their values, bounds and starts, and runs with other values."""
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from pathlib import Path as FilePath
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, ModelError, PgraphError, Problem, choices, shown
-from ..markup import ordinary
 from ..model import Model
 from ..result import Result
 from ..simulation import simulate
 from ..simulation.paths import Path, distinct, with_numbers
+from ..simulation.variables import Wanted
+from ..tolerances import EPS
 
 Array = np.ndarray
 FAR = 1e3  # cost of a failed run, in units of the goal or of the noise
+INSIDE = np.cbrt(EPS)  # share of its range by which a number is moved off a bound
 TOLD = 6  # numbers in a sentence
 OURS = ("wrt", "events", "progress")  # arguments of `simulate` that a search gives itself
 
@@ -97,6 +97,9 @@ class Numbers:
         distinct([place for place in self.places if isinstance(place, Path)], call)
         self.present = np.array([self._present(place) for place in self.places])
         self.bounds = np.array([self._pair(k, pair, bounded) for k, pair in enumerate(pairs)])
+        self._wanted = {
+            case.name: Wanted(place.given for _, place in self.of(case)) for case in self.cases
+        }
         ranges = np.ptp(self.bounds, axis=1)
         ranges[~np.isfinite(ranges)] = 0.0
         self.size = np.where(ranges > 0.0, ranges, np.where(self.present, abs(self.present), 1.0))
@@ -189,17 +192,25 @@ class Numbers:
                 options[place.kind] = {**options[place.kind], place.body: values}
         return options
 
-    def runs(self, x: Array, derivatives: bool) -> list[Result] | None:
-        """Run all cases on all cores. Return None if the model or a run fails, see `failed`."""
+    def runs(
+        self, x: Array, derivatives: bool, more: Sequence[Mapping[str, Any]] = ()
+    ) -> list[Result] | None:
+        """Run all cases on all cores. Return None if the model or a run fails, see `failed`.
+
+        `more` has further arguments of `simulate` for each case.
+        """
         self.evaluations += len(self.cases)
 
         def one(case: Case) -> Result:
-            wrt = [place.given for _, place in self.of(case)] if derivatives else []
-            return simulate(model, wrt=wrt, **self._call(case, x))
+            wrt = self._wanted[case.name] if derivatives else ()
+            own = dict(more[self.cases.index(case)]) if more else {}
+            return simulate(model, wrt=wrt, **self._call(case, x) | own)
 
         try:
             model = self.at(x)
             found = self._over_cases(one)
+        except InputError as error:
+            raise self._of_this_call(error) from None
         except ModelError as error:  # the differences of what is packed leave what is valid, too
             self.failed = f"at {self._said(x)}: {error.problems[0]}"
             return None
@@ -212,6 +223,16 @@ class Numbers:
                 self.failed = f"at {self._said(x)}: {why}"
                 return None
         return found
+
+    def _of_this_call(self, error: InputError) -> InputError:
+        """Name this call and its arguments in an error of `simulate`."""
+        names = {"simulate": self.call, "wrt": ""}
+        return InputError(
+            replace(
+                one, where=names.get(one.where, one.where), field=names.get(one.field, one.field)
+            )
+            for one in error.problems
+        )
 
     def _over_cases(self, one: Callable[[Case], Result]) -> list[Result]:
         if len(self.cases) == 1:
@@ -235,6 +256,10 @@ class Numbers:
     def refused(self, what: str, text: str) -> PgraphError:
         return InputError(Problem(self.call, what, text))
 
+    def inside(self, x: Array) -> Array:
+        """Return numbers that are off their bounds by a millionth of the range."""
+        return np.clip(x, *(self.bounds + INSIDE * self.size[:, None] * [1.0, -1.0]).T)
+
     def at_bounds(self, x: Array) -> list[str]:
         """Return the parameters that are at a bound."""
         near = np.abs(self.bounds - x[:, None]) < 1e-9 * self.size[:, None]
@@ -253,68 +278,27 @@ def option(call: str, name: str, value: Any, known: Sequence[str]) -> Any:
     return value
 
 
-# -- measured curves: columns over time from a DataFrame, a dict or a .csv file --------------------
-
-
-def measured(data: Any) -> tuple[dict[str, Array], dict[str, str]]:
-    """Return arrays (n,) by name, including "t", and units by name. Raises InputError."""
-    if isinstance(data, (str, FilePath)):
-        data = _read(data)
-    if hasattr(data, "to_dict") and hasattr(data, "columns"):  # a DataFrame
-        table = data if "t" in [*data.columns] else data.reset_index()
-        data = {str(name): table[name].to_numpy() for name in table.columns}
-    if not isinstance(data, Mapping):
-        raise _refused("data", f"must be a DataFrame, a dict or a .csv file, got {shown(data)}")
-    found, units = dict[str, Array](), dict[str, str]()
-    for name, values in data.items():
-        word, _, unit = str(name).partition(" [")
-        units[word] = unit.removesuffix("]")
-        if word in ("t", "time") and units[word] not in ("", "s"):
-            raise _refused(f"data['{name}']", f"is in {units[word]}: convert it to s")
-        try:
-            found["t" if word in ("t", "time") else word] = np.array(values, dtype=float)
-        except (TypeError, ValueError):
-            raise _refused(f"data['{name}']", "must be numbers") from None
-    if "t" not in found or len(found) < 2:
-        text = f"needs a column t of times [s] and others, got {choices(found) or 'none'}"
-        raise _refused("data", text)
-    n = len(found["t"])
-    for name, values in found.items():
-        if values.shape != (n,):
-            text = f"has shape {values.shape}, and t has {n} numbers"
-            raise _refused(f"data['{name}']", text)
-        if len(bad := np.flatnonzero(~np.isfinite(values))):
-            text = f"row {bad[0]} is {values[bad[0]]}: leave out rows without a number"
-            raise _refused(f"data['{name}']", text)
-    t = found["t"]
-    if n < 2 or not (np.diff(t) > 0.0).all():
-        raise _refused("data['t']", "must be two times or more, in ascending order")
-    return found, units
-
-
-def columns_in(text: str, source: str = "the text") -> dict[str, list[str]]:
-    """Return {name: values} of comma-separated text. Raises InputError."""
-    try:
-        rows = [row for row in csv.reader(text.splitlines()) if row]
-    except csv.Error as error:
-        raise _refused(source, f"is not a table of comma-separated values: {error}") from None
-    if len(rows) < 2:
-        raise _refused(source, "needs a line of names and lines of numbers")
-    width = len(rows[0])
-    for n, row in enumerate(rows):
-        if len(row) != width:
-            raise _refused(source, f"row {n} has {len(row)} entries, and the first has {width}")
-    return {name.strip("'\" "): [row[i] for row in rows[1:]] for i, name in enumerate(rows[0])}
-
-
-def _read(path: str | FilePath) -> dict[str, list[str]]:
-    try:
-        with ordinary(path) as file:
-            text = file.read().decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        raise _refused(str(path), f"cannot be read: {error}") from None
-    return columns_in(text, str(path))
-
-
-def _refused(what: str, text: str) -> PgraphError:
-    return InputError(Problem("fit", what, text))
+def starts_of(
+    numbers: Numbers, starts: Any, seed: int, earlier: Mapping[str, float]
+) -> list[Array]:
+    """The numbers at which searches start: the `earlier` or present ones, then others."""
+    first = np.array([earlier.get(name, x) for name, x in zip(numbers.names, numbers.present)])
+    if isinstance(starts, int) and starts >= 1:
+        if starts > 1 and not np.isfinite(numbers.bounds).all():
+            raise numbers.refused("starts", "several need two finite bounds of each number")
+        rng = np.random.default_rng(seed)
+        low, high = numbers.bounds.T
+        more = [low + (high - low) * rng.random(len(low)) for _ in range(starts - 1)]
+        return [np.clip(first, low, high), *more]
+    if not isinstance(starts, Sequence) or isinstance(starts, str) or not starts:
+        text = f"must be a number of starts, or a list of values by path, got {shown(starts)}"
+        raise numbers.refused("starts", text)
+    found = []
+    for one in starts:
+        unknown = [name for name in one if name not in numbers.names]
+        x = np.array([one.get(name, x) for name, x in zip(numbers.names, first)], float)
+        if unknown or not ((x >= numbers.bounds[:, 0]) & (x <= numbers.bounds[:, 1])).all():
+            text = f"each must hold values of free numbers within their bounds, got {shown(one)}"
+            raise numbers.refused("starts", text)
+        found.append(x)
+    return found

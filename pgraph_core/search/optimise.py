@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import sys
-import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
@@ -14,19 +13,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics import model_of
-from ..errors import InputError, ModelError, Suggests, counted, explained, needed, shown
+from ..errors import InputError, ModelError, explained, needed, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
-from ..sweeps.metrics import measured as metric
-from ..sweeps.metrics import words
-from ..tolerances import EPS, NOTABLE
-from .free import FAR, Case, Numbers, Values, option
+from ..tolerances import NEARBY, NOTABLE, VISIBLE
+from .found import Ending, Numbered
+from .free import FAR, Case, Numbers, Values, option, starts_of
+from .goals import Goals
+from .integration import finer_options
+from .telling import Teller
 
 Array = np.ndarray
 SOLVERS = ("SLSQP", "trust-constr", "L-BFGS-B", "least_squares")
-SILENCE = 5.0  # seconds after which a person wonders whether anything happens
-INSIDE = np.cbrt(EPS)  # share of its range by which a number is moved off a bound
 
 
 class Trial(NamedTuple):
@@ -38,24 +37,26 @@ class Trial(NamedTuple):
     failed: str = ""  # why, or ""
 
 
-class Ending(NamedTuple):
-    """End of a search from one start."""
-
-    values: dict[str, float]
-    objective: float
-    converged: bool
-
-
 @explained
 @dataclass(frozen=True, eq=False)
-class Optimum(Suggests):
-    """The result of `optimise`."""
+class Optimum(Numbered):
+    """The result of `optimise`.
+
+    Standard errors are those of least squares with the noise that the objective leaves. They are
+    nan if the objective is not an array, or if there are constraints.
+    """
 
     model: Model  # the model with them
     values: Mapping[str, float]
+    errors: Mapping[str, float]  # standard errors
+    covariance: Array  # (k, k)
+    freedom: float  # residuals minus values
     objective: float
     constraints: Mapping[str, float]
+    integration: Mapping[str, float]
+    """What a finer run changes: {"objective": change, constraint: change}, nan if it fails."""
     active: tuple[str, ...]  # a sentence for each bound and each constraint that limits the goal
+    notices: tuple[str, ...]  # sentences on the integration error
     converged: bool
     message: str
     evaluations: int  # runs
@@ -63,16 +64,15 @@ class Optimum(Suggests):
     endings: tuple[Ending, ...]  # one for each start
     run: Result
 
-    @property
-    def x(self) -> Array:
-        """The values as an array (k,)."""
-        return np.array([*self.values.values()])
+    _TOLD = ("objective", "constraints", "integration", "active", "notices", "converged", "message",
+             "evaluations", "endings")  # fmt: skip
 
     def __repr__(self) -> str:
         values = [f"  {path} = {value:.6g}" for path, value in self.values.items()]
         lines = [f"<Optimum {self.objective:.6g}: {self.message}", *values]
         lines += [f"  {name}: {value:.6g}" for name, value in self.constraints.items()]
-        return "\n".join([*lines, *(f"  {text}" for text in self.active)]) + ">"
+        lines += [f"  {text}" for text in self.active]
+        return "\n".join([*lines, *(f"  notice: {text}" for text in self.notices)]) + ">"
 
     def plot(self) -> Any:
         """A matplotlib figure of the goal over all evaluations. Raises MissingPackage."""
@@ -167,25 +167,8 @@ def optimise(
     numbers = Numbers("optimise", base, free, [Case("", given)], bounded=False)
     _check(numbers, solver, differences, tol, most)
     goals = Goals(numbers, objective, subject_to or {})
-    progress = _told_at_times() if progress in (None, True) else progress
-    search = _Search(numbers, goals, differences, progress, history)
-    return search.over(_starts(numbers, starts, seed, search.earlier), solver, tol, most)
-
-
-def _told_at_times() -> Callable[[Trial, Result | None], None]:
-    """Return a function of each trial that writes a line if the last one is long ago."""
-    runs, best, last = 0, math.inf, time.monotonic()
-
-    def tell(trial: Trial, _: Result | None) -> None:
-        nonlocal runs, best, last
-        runs, best = runs + 1, min(best, math.inf if trial.failed else trial.objective)
-        if time.monotonic() - last > SILENCE:
-            last = time.monotonic()
-            missed = "".join(f", {name}: {value:.4g}" for name, value in trial.constraints.items())
-            told = f"optimise: {counted(runs, 'run')}, least objective {best:.6g}{missed}"
-            print(told, file=sys.stderr, flush=True)
-
-    return tell
+    search = Search(numbers, goals, differences, progress, history)
+    return search.over(starts_of(numbers, starts, seed, search.earlier), solver, tol, most)
 
 
 def _check(numbers: Numbers, solver: Any, differences: Any, tol: float, most: int) -> None:
@@ -205,13 +188,17 @@ class _Stopped(Exception):
     """The search was cancelled."""
 
 
+class _Kept(Exception):
+    """All limits are kept."""
+
+
 class _Point(NamedTuple):
     u: Array
     run: Result | None
     values: Array
 
 
-class _Search:
+class Search:
     """Evaluations of a search. Its numbers u are in units of their sizes."""
 
     def __init__(
@@ -230,6 +217,7 @@ class _Search:
         self.best: _Point | None = None
         self._last: _Point | None = None
         self._slopes: tuple[Array, Array] | None = None
+        self.iterations = 0  # derivatives
         self.idle: set[str] = set()  # numbers without influence on the motion
 
     def _read(self, history: Any) -> dict[str, float]:
@@ -308,13 +296,12 @@ class _Search:
         On a bound beyond which no model is valid, they are those a millionth of the range inside.
         """
         numbers, x = self.numbers, self._x(u)
-        inside = np.clip(x, *(numbers.bounds + INSIDE * numbers.size[:, None] * [1.0, -1.0]).T)
         before = numbers.failed
-        for at in (x, inside):
+        for at in (x, numbers.inside(x)):
             try:
                 runs = numbers.runs(at, True)
                 if runs is not None:
-                    moved, by = runs[0].derivatives, runs[0].gradient(self.goals)
+                    moved, by = runs[0].derivatives, self.goals.slopes(runs[0])
                     numbers.failed = before
                     self.idle = {a for a, place in numbers.named() if not moved[place.text].any()}
                     return np.column_stack([by[place.text] for place in numbers.places])
@@ -346,6 +333,7 @@ class _Search:
         if self._slopes is not None and np.array_equal(self._slopes[0], u):
             return self._slopes[1]
         point, numbers = self.at(u), self.numbers
+        self.iterations += 1
         if point.run is None:
             assert self.good is not None
             away = u - self.good.u
@@ -380,6 +368,8 @@ class _Search:
     def over(self, starts: Sequence[Array], solver: str | None, tol: float, most: int) -> Optimum:
         """Search from each start, and return the best of all."""
         ended, stopped = list[tuple[_Point, bool, str]](), False
+        if self.progress in (None, True):
+            self.progress = Teller(self, most * len(starts))
         for k, x in enumerate(starts):
             self.best = self.good = self._last = None
             u, converged = x / self.numbers.size, False
@@ -446,31 +436,78 @@ class _Search:
         )  # fmt: skip
 
     def _minimised(self, u: Array, chosen: str, bounds: Array, tol: float, most: int) -> Any:
-        """Minimise the objective subject to the limits, all scaled by their initial derivatives."""
+        """Minimise the objective subject to the limits, from numbers that keep them."""
         from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-        goals, n, first = self.goals, self.goals.count, self.slopes(u)
-        scale = 1.0 / (np.abs(self._one(first, self.at(u))).max() or 1.0)
-
-        def total(u: Array) -> tuple[float, Array]:
-            point = self.at(u)
-            return scale * goals.total(point.values), scale * self._one(self.slopes(u), point)
-
+        goals, n = self.goals, self.goals.count
+        u = self._kept(u, bounds, most)
+        scale, per = self._scale(u, bounds), self._per(u)
         limits = ()
         if goals.names:
-            steepest = np.abs(first[n:]).max(axis=1)
-            per = 1.0 / np.where(steepest > 0.0, steepest, 1.0)
             limit: Any = NonlinearConstraint  # typed too narrowly
             limits = limit(
                 lambda u: per * self.at(u).values[n:], *(goals.limits * per[:, None]).T,
                 jac=lambda u: per[:, None] * self.slopes(u)[n:],
             )  # fmt: skip
         tols = {"trust-constr": ("gtol", "xtol"), "SLSQP": ("ftol",), "L-BFGS-B": ("ftol", "gtol")}
+        if chosen == "SLSQP":  # takes the change itself
+            tol *= min(abs(scale * goals.total(self.at(u).values)) or 1.0, 1.0)
         return minimize(
-            total, u, jac=True, method=chosen, constraints=limits,
-            bounds=Bounds(*bounds, keep_feasible=True),
+            lambda u: scale * goals.total(self.at(u).values), u,
+            jac=lambda u: scale * self._one(self.slopes(u), self.at(u)),
+            method=chosen, constraints=limits, bounds=Bounds(*bounds, keep_feasible=True),
             options={"maxiter": most, **dict.fromkeys(tols[chosen], tol)},
         )  # fmt: skip
+
+    def _per(self, u: Array) -> Array:
+        """(constraints,) one over the steepest derivative of each."""
+        steepest = np.abs(self.slopes(u)[self.goals.count :]).max(axis=1, initial=0.0)
+        return 1.0 / np.where(steepest > 0.0, steepest, 1.0)
+
+    def _kept(self, u: Array, bounds: Array, most: int) -> Array:
+        """Return numbers near u that keep the limits, by the method of Gauss and Newton.
+
+        A quasi-Newton method that begins far from its limits learns the curvature of places that it
+        leaves at once.
+        """
+        from scipy.optimize import least_squares
+
+        goals, n = self.goals, self.goals.count
+        if goals.missed(self.at(u).values) <= VISIBLE:
+            return u
+        per = self._per(u)
+
+        def over(u: Array) -> Array:
+            point = self.at(u)
+            if point.run is None:
+                return np.full(len(per), FAR)
+            if goals.missed(point.values) <= VISIBLE:
+                raise _Kept
+            return per * goals.over(point.values)
+
+        def slopes(u: Array) -> Array:
+            outside = goals.over(self.at(u).values) != 0.0
+            return (per * outside)[:, None] * self.slopes(u)[n:]
+
+        least: Any = least_squares  # typed too narrowly
+        with suppress(_Kept):
+            least(over, u, jac=slopes, bounds=bounds, max_nfev=most)
+        return self.best.u if self.best is not None else u
+
+    def _scale(self, u: Array, bounds: Array) -> float:
+        """Return the scale of the objective for which its curvature is one down its slope.
+
+        Quasi-Newton methods assume that curvature at first.
+        """
+        first = self._one(self.slopes(u), self.at(u))
+        steepest = float(np.abs(first).max())
+        if steepest == 0.0:
+            first, steepest = np.ones(len(u)), 1.0
+        way = np.clip(u - NEARBY * first / steepest, *bounds) - u
+        beside = self._one(self.slopes(u + way), self.at(u + way))
+        curve = float(way @ (beside - self._one(self.slopes(u), self.at(u))))
+        size = float(way @ way)
+        return size / curve if curve > NOTABLE * steepest * math.sqrt(size) else 1.0 / steepest
 
     def _one(self, slopes: Array, point: _Point) -> Array:
         """The derivatives of the objective as one number."""
@@ -494,12 +531,52 @@ class _Search:
             Ending(self._values(end.u), goals.total(end.values), good) for end, good, _ in ended
         ]
         assert best.run is not None
+        covariance, freedom = self._covariance(best)
+        change, told = self._finer(best)
         return Optimum(
-            model=numbers.at(x), values=self._values(best.u), objective=goals.total(best.values),
+            model=numbers.at(x), values=self._values(best.u), covariance=covariance,
+            errors=dict(zip(numbers.names, np.sqrt(np.diag(covariance)).tolist())),
+            freedom=freedom, integration=change, notices=told, objective=goals.total(best.values),
             constraints=dict(zip(goals.names, own.tolist())), active=tuple(active),
             converged=converged, message="; ".join(notes), evaluations=numbers.evaluations,
             history=tuple(self.history), endings=tuple(endings), run=best.run,
         )  # fmt: skip
+
+    def _covariance(self, best: _Point) -> tuple[Array, float]:
+        """Return the covariance of least squares without limits, otherwise nan."""
+        goals, n = self.goals, len(best.u)
+        freedom = float(goals.count - n)
+        if not goals.squares or goals.names or freedom <= 0.0 or self._slopes is None:
+            return np.full((n, n), np.nan), max(freedom, 0.0)
+        u, slopes = self._slopes  # near the best point
+        if not np.allclose(u, best.u, NOTABLE, NOTABLE):
+            return np.full((n, n), np.nan), freedom
+        inverse = np.linalg.pinv(slopes.T @ slopes)
+        scale = goals.total(best.values) / freedom
+        return scale * inverse * np.outer(self.numbers.size, self.numbers.size), freedom
+
+    def _finer(self, best: _Point) -> tuple[dict[str, float], tuple[str, ...]]:
+        """Return how a finer run changes the goals, and sentences on large changes."""
+        goals, numbers, failed = self.goals, self.numbers, self.numbers.failed
+        assert best.run is not None
+        more = finer_options(best.run, 1)
+        names = ("objective", *goals.names)
+        try:
+            runs = numbers.runs(self._x(best.u), False, [more])
+            finer = np.full(len(best.values), np.nan) if runs is None else goals(runs[0])
+        except InputError:
+            finer = np.full(len(best.values), np.nan)
+        numbers.failed = failed
+        ends = [np.array([goals.total(x), *x[goals.count :]]) for x in (best.values, finer)]
+        change = ends[1] - ends[0]
+        sizes = np.array([max(abs(ends[0][0]), NOTABLE), *goals.sizes])
+        said = ", ".join(f"{name}={value:.3g}" for name, value in more.items())
+        told = [
+            f"a finer run, with {said}, changes {name} by {by:.2g}: give a smaller step or rtol"
+            for name, by, size in zip(names, change, sizes)
+            if abs(by) > VISIBLE * size
+        ]
+        return dict(zip(names, change.tolist())), tuple(told)
 
     def _values(self, u: Array) -> dict[str, float]:
         return Values(zip(self.numbers.names, self._x(u).tolist()))
@@ -510,117 +587,3 @@ def _limit(found: Any, most: int) -> str:
     if (found.nfev if "nit" not in found else found.nit) >= most:
         return f"not converged after {most} iterations: give a larger most="
     return f"not converged: {found.message}"
-
-
-def _starts(numbers: Numbers, starts: Any, seed: int, earlier: Mapping[str, float]) -> list[Array]:
-    """The numbers at which searches start."""
-    first = np.array([earlier.get(name, x) for name, x in zip(numbers.names, numbers.present)])
-    if isinstance(starts, int) and starts >= 1:
-        if starts > 1 and not np.isfinite(numbers.bounds).all():
-            raise numbers.refused("starts", "several need two finite bounds of each number")
-        rng = np.random.default_rng(seed)
-        low, high = numbers.bounds.T
-        more = [low + (high - low) * rng.random(len(low)) for _ in range(starts - 1)]
-        return [np.clip(first, low, high), *more]
-    if not isinstance(starts, Sequence) or isinstance(starts, str) or not starts:
-        text = f"must be a number of starts, or a list of values by path, got {shown(starts)}"
-        raise numbers.refused("starts", text)
-    found = []
-    for one in starts:
-        unknown = [name for name in one if name not in numbers.names]
-        x = np.array([one.get(name, x) for name, x in zip(numbers.names, first)], float)
-        if unknown or not ((x >= numbers.bounds[:, 0]) & (x <= numbers.bounds[:, 1])).all():
-            text = f"each must hold values of free numbers within their bounds, got {shown(one)}"
-            raise numbers.refused("starts", text)
-        found.append(x)
-    return found
-
-
-# -- the goal and the limits of a search -----------------------------------------------------------
-
-
-class Goals:
-    """The objective and the constraints as one vector function of a run."""
-
-    def __init__(self, numbers: Numbers, objective: Any, limits: Any):
-        self.numbers = numbers
-        self.objective = self._function("objective", objective)
-        if not isinstance(limits, Mapping):
-            text = "must map metrics to (low, high), as {'peak v.knee': (None, 3)}, got "
-            raise numbers.refused("subject_to", text + shown(limits))
-        self.names = [*limits]
-        read = [self._limit(name, pair) for name, pair in limits.items()]
-        self.functions = [function for function, _ in read]
-        self.limits = np.array([pair for _, pair in read]).reshape(-1, 2)
-        self.squares = False  # whether the objective is an array
-        self.count = 1  # numbers of the objective
-
-    def _limit(self, name: str, pair: Any) -> tuple[Callable[[Result], Any], tuple[float, float]]:
-        """Return the function of a limit, and its ends."""
-        what = f"subject_to[{name!r}]"
-        try:
-            *function, low, high = pair
-            low, high = -math.inf if low is None else low, math.inf if high is None else high
-            good = float(low) <= float(high) and (math.isfinite(low) or math.isfinite(high))
-        except (TypeError, ValueError):
-            function, low, high, good = [], 0.0, 0.0, False
-        if not good or len(function) > 1:
-            text = "needs (low, high) or (function, low, high), of which one may be None, got "
-            raise self.numbers.refused(what, text + shown(pair))
-        return self._function(what, *(function or [name])), (float(low), float(high))
-
-    def _function(self, what: str, given: Any) -> Callable[[Result], Any]:
-        if callable(given):
-            return given
-        if not isinstance(given, str):
-            text = f"must be a metric such as 'peak v.knee', or a function, got {shown(given)}"
-            raise self.numbers.refused(what, text)
-        text = given.removeprefix("-").strip()
-        sign = -1.0 if given.startswith("-") else 1.0
-        try:
-            words(text)
-        except InputError as error:
-            raise self.numbers.refused(what, error.problems[0].text) from None
-        return lambda run: sign * metric(run, text)
-
-    def begin(self, run: Result) -> None:
-        """Check the first run, so that invalid goals are rejected."""
-        first = np.asarray(self.objective(run), dtype=object)
-        self.squares, self.count = first.ndim > 0, first.size
-        for what, function in (
-            ("objective", self.objective),
-            *((f"subject_to[{name!r}]", f) for name, f in zip(self.names, self.functions)),
-        ):
-            try:
-                found = np.asarray(function(run), float)
-            except (TypeError, ValueError):
-                raise self.numbers.refused(what, "must return numbers") from None
-            if (
-                not found.size
-                or not np.isfinite(found).all()
-                or (what != "objective" and found.size != 1)
-            ):
-                text = f"must return a finite number; at the start it is {shown(found.tolist())}"
-                raise self.numbers.refused(what, text)
-
-    def __call__(self, run: Result) -> Array:
-        """(count + constraints,) the goals of a run."""
-        found = [np.ravel(np.asarray(self.objective(run), float))]
-        return np.concatenate([*found, *(np.ravel(float(f(run))) for f in self.functions)])
-
-    def total(self, values: Array) -> float:
-        """Return the objective as one number."""
-        own = values[: self.count]
-        return float(own @ own) if self.squares else float(own[0])
-
-    def missed(self, values: Array) -> float:
-        """Return by how much constraints are missed, relative to their sizes."""
-        found = values[self.count :]
-        over = np.maximum(self.limits[:, 0] - found, found - self.limits[:, 1]) / self.sizes
-        return float(np.maximum(over, 0.0).max(initial=0.0))
-
-    @property
-    def sizes(self) -> Array:
-        """(constraints,) the largest limit of each, at least 1."""
-        finite = np.where(np.isfinite(self.limits), np.abs(self.limits), 0.0)
-        return np.maximum(finite.max(axis=1, initial=0.0), 1.0)

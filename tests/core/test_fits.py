@@ -10,8 +10,10 @@ import pgraph_core as pg
 from .test_gradients import described
 
 
-@pytest.mark.parametrize("names", [("t", "upper [deg]"), ("t [ms]", "upper [rad]")])
-def test_data_in_other_units_are_refused(names):
+@pytest.mark.parametrize(
+    "names", [("t", "upper [kg]"), ("t [m]", "upper [rad]"), ("t", "upper [x]")]
+)
+def test_data_in_units_of_another_kind_are_refused(names):
     data = dict(zip(names, ([0.0, 0.1, 0.2], [0.3, 0.2, 0.1])))
     with pytest.raises(pg.InputError):
         pg.fit(described("double_pendulum"), data, {"bodies.upper.mass": (0.1, 2.0)})
@@ -255,3 +257,157 @@ def test_errors_cover_the_truth_in_95_of_100_noise_seeds():
             covered[path] += abs(found.values[path] - true) < 2.0 * found.errors[path]
     # 95.4 are expected of a normal variable: fewer than 90 come by chance in 1 of 100 cases
     assert min(covered.values()) >= 90, covered
+
+
+# -- units, starts, residuals and results as data --------------------------------------------------
+
+
+def oscillating(stiffness=40.0, **fields):
+    """A block of 2 kg on a spring, and times over six of its periods."""
+    spring = pg.Spring(name="s", body="block", other="ground", stiffness=stiffness, rest=0.0)
+    block = pg.Body(name="block", joint="prismatic", axes=[(1, 0, 0)], mass=2.0, q=[0.5], **fields)
+    return pg.Model(bodies=[block], forces=[spring], gravity=(0, 0, 0))
+
+
+LONG = np.linspace(0.0, 8.0, 201)
+STEP = {"method": "rk4", "step": 1e-2}
+STIFFNESS = {"forces.s.stiffness": (10.0, 100.0)}
+
+
+def waving(noise=1e-3, stiffness=40.0):
+    """The closed form of `oscillating`, with noise."""
+    noisy = noise * np.random.default_rng(0).normal(size=len(LONG))
+    return {"t": LONG, "block": 0.5 * np.cos(np.sqrt(stiffness / 2.0) * LONG) + noisy}
+
+
+@pytest.mark.parametrize(("unit", "time"), [("mm", "ms"), ("cm", "s"), ("km", "us"), ("m", "min")])
+def test_data_and_noise_in_units_of_one_kind_are_converted(unit, time):
+    per = {"mm": 1e3, "cm": 1e2, "km": 1e-3, "m": 1.0}[unit]
+    own = {"ms": 1e3, "s": 1.0, "us": 1e6, "min": 1 / 60}[time]
+    plain = waving()
+    data = {f"t [{time}]": own * LONG, f"block [{unit}]": per * plain["block"]}
+    found = pg.fit(oscillating(39.0), data, STIFFNESS, sigma={"block": per * 1e-3}, **STEP)
+    same = pg.fit(oscillating(39.0), plain, STIFFNESS, sigma={"block": 1e-3}, **STEP)
+    assert found.x == pytest.approx(same.x, rel=1e-9)
+    assert found.errors == pytest.approx(same.errors, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "factor"),
+    [("deg", "rad", np.pi / 180), ("rpm", "rad/s", np.pi / 30), ("deg/s^2", "rad/s^2", np.pi / 180),
+     ("kN", "N", 1e3), ("N mm", "N m", 1e-3), ("mJ", "J", 1e-3), ("km/min", "m/s", 1e3 / 60),
+     ("kg m^2", "g m^2", 1e3), ("kg", "m", None), ("m/s", "m/s^2", None), ("x", "m", None)],
+)  # fmt: skip
+def test_units_are_products_of_words(given, unit, factor):
+    from pgraph_core.search.measured import factor_of
+
+    assert factor_of(given, unit) == (None if factor is None else pytest.approx(factor, rel=1e-14))
+
+
+def test_a_run_is_data():
+    run = pg.simulate(oscillating(40.0), t_eval=LONG, estimate=False, **STEP)
+    assert pg.fit(oscillating(39.0), run, STIFFNESS, **STEP).x == pytest.approx([40.0], rel=1e-9)
+    cases = {"one": run, "two": (run, {"v": [0.0]})}
+    assert pg.fit(oscillating(39.0), cases, STIFFNESS, **STEP).x == pytest.approx([40.0], rel=1e-9)
+
+
+def test_a_false_minimum_is_said_and_left_by_several_starts():
+    """Six periods fit a spring that makes seven or five of them, too, but leave a wave."""
+    model, data = oscillating(75.0), waving()
+    false = pg.fit(model, data, STIFFNESS, **STEP)
+    assert abs(false.x[0] - 40.0) > 5.0
+    assert any("not noise" in text and "starts" in text for text in false.notices)
+    assert all(text in repr(false) for text in false.notices)
+    given = pg.fit(model, data, STIFFNESS, sigma={"block": 1e-3}, **STEP)
+    assert any("sigma" in text for text in given.notices)
+    for starts in (8, [{"forces.s.stiffness": 75.0}, {"forces.s.stiffness": 41.0}]):
+        true = pg.fit(model, data, STIFFNESS, starts=starts, sigma={"block": 1e-3}, **STEP)
+        assert true.x == pytest.approx([40.0], abs=4.0 * true.errors["forces.s.stiffness"])
+        assert true.notices == ()
+        assert min(end.objective for end in true.endings) < 2.0 * len(LONG)
+    for starts in (0, "many", [{"mass": 1.0}]):
+        with pytest.raises(pg.InputError) as refused:
+            pg.fit(model, data, STIFFNESS, starts=starts, **STEP)  # type: ignore[arg-type]
+        assert "fit" in str(refused.value)
+
+
+def test_white_residuals_are_noise():
+    """Four standard deviations are passed by 1 of 16,000 columns, and by none of 200."""
+    from pgraph_core.search.quality import not_noise
+
+    rng = np.random.default_rng(0)
+    columns = {str(n): rng.standard_t(2, size=50 + n) for n in range(200)}
+    assert not_noise(columns, dict.fromkeys(columns, 0.0)) == []
+    walks = {"walk": np.cumsum(rng.normal(size=50))}
+    assert not_noise(walks, {"walk": 0.0})
+    assert not_noise(walks, {"walk": 1e9}) == []
+
+
+def test_numbers_that_the_data_determine_together_are_named():
+    """Mass, inertia and damping times one number give the same motion: ratios are determined."""
+    rod = pg.Body(
+        name="rod", axes=(0, 1, 0), com=(0, 0, -0.4), mass=1.0, damping=0.05, q=[1.0],
+        inertia=np.diag([0.03, 0.03, 0.03]),
+    )  # fmt: skip
+    model = pg.Model(bodies=[rod])
+    exact = pg.simulate(model, t_eval=TIMES, estimate=False, **FIT)["rod"]
+    data = {"t": TIMES, "rod": exact + 1e-4 * np.random.default_rng(0).normal(size=len(TIMES))}
+    free = {"bodies.rod.damping": (0.0, 1.0), "bodies.rod.mass": (0.5, 2.0),
+            "bodies.rod.inertia.1.1": (0.001, 0.055)}  # fmt: skip
+    found = pg.fit(model, data, free, **FIT)
+    ratios = {
+        frozenset(("bodies.rod.damping", "bodies.rod.mass")): 0.05,
+        frozenset(("bodies.rod.inertia.1.1", "bodies.rod.mass")): 0.03,
+        frozenset(("bodies.rod.damping", "bodies.rod.inertia.1.1")): 0.05 / 0.03,
+    }
+    assert len(found.combinations) == 2
+    for text, (value, error) in found.combinations.items():
+        above, below = text.split(" / ")
+        true = ratios[frozenset((above, below))]
+        assert min(abs(value - true), abs(value - 1.0 / true)) < 4.0 * error, text
+        assert text in repr(found)
+    assert all(np.isnan(error) for error in found.errors.values())
+
+
+@pytest.mark.parametrize("start", [0.0, 0.5])
+@pytest.mark.parametrize("field", ["damping", "friction"])
+def test_numbers_may_start_at_zero_and_at_a_bound(field, start):
+    """A damper or friction of zero is none, and the search begins beside it."""
+    model, place = pg.Model.serial(2), f"bodies.2.{field}.0"
+    given = {"v": [0.0, 1.0], "step": 1e-3}
+    run = pg.simulate(model.edit("2", **{field: 0.02}), t_eval=TIMES, estimate=False, **given)
+    begin = model.edit("2", **{field: 0.1 * start})
+    found = pg.fit(begin, {"t": TIMES, "2": run["2"]}, {place: (0.0, 0.05)}, **given)
+    assert found.x == pytest.approx([0.02], rel=1e-3)
+
+
+def test_a_fit_is_data():
+    """Intervals are those of Student's distribution, and JSON has null for what is not known."""
+    import json
+
+    from scipy.stats import t
+
+    found = pg.fit(oscillating(39.0), waving(), STIFFNESS, **STEP)
+    (path,), (error,) = found.values, found.errors.values()
+    far = t(len(LONG) - 1).ppf(0.95)
+    value = found.values[path]
+    assert found.intervals(0.9)[path] == pytest.approx((value - far * error, value + far * error))
+    assert found.covariance[0, 0] == pytest.approx(error**2)
+    read = json.loads(found.to_json())
+    assert read["values"] == found.values
+    assert read["errors"] == found.errors
+    assert read["converged"] is True
+    pandas = pytest.importorskip("pandas")
+    table = found.to_pandas()
+    assert isinstance(table, pandas.DataFrame)
+    assert table.loc[path, "value"] == value
+    with pytest.raises(pg.InputError):
+        found.intervals(95)
+
+
+def test_errors_of_runs_name_the_call():
+    for change in ({"tau": lambda t, q, v: 0.0 * v}, {"stop": 3.0}, {"method": "rk5"}):
+        with pytest.raises(pg.InputError) as refused:
+            pg.fit(oscillating(39.0), waving(), STIFFNESS, **STEP | change)  # type: ignore[arg-type]
+        assert str(refused.value).startswith("fit")
+        assert "wrt" not in str(refused.value).partition(";")[0]

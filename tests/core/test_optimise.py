@@ -274,3 +274,92 @@ def test_a_prior_is_weighed_against_the_noise_of_the_data(noise, prior):
     same = pg.fit(model, data, free, sigma={"arm": found.noise["arm"]}, **given)
     assert found.noise["arm"] == pytest.approx(noise, rel=0.3)
     assert found.x == pytest.approx(same.x, abs=0.3 * same.errors["bodies.arm.mass"])
+
+
+def test_an_input_of_many_values_needs_few_runs():
+    """A pendulum of two bodies is brought to rest elsewhere by 32 values, with least effort."""
+    n, t_end = 16, 1.0
+    upper = pg.Body(name="upper", axes=(0, 1, 0), com=(0, 0, -0.5), inertia=(0.05, 0.05, 0.01))
+    lower = upper.model_copy(update={"name": "lower", "parent": "upper", "link": (0, 0, -1.0)})
+    table = pg.Table(t=np.linspace(0.0, t_end, n), value=np.zeros(n))
+    motors = [pg.Motor(name=name, body=name, torque=table) for name in ("upper", "lower")]
+    model = pg.Model(bodies=[upper, lower], forces=motors)
+
+    def squared(run):
+        values = [run.mechanism.model.part(m.name, "force").torque.value for m in motors]
+        return sum(np.sum(np.square(f)) - 0.5 * (f[0] ** 2 + f[-1] ** 2) for f in values)
+
+    found = pg.optimise(
+        model, squared, {f"forces.{m.name}.torque": (-30, 30) for m in motors},
+        subject_to={"final upper": (0.5, 0.5), "final lower": (0.3, 0.3),
+                    "final v.upper": (0, 0), "final v.lower": (0, 0)},
+        t_end=t_end, method="rk4", step=1e-2, frames=21,
+    )  # fmt: skip
+    assert found.converged
+    assert found.evaluations < 120  # by SLSQP alone more than 800
+    assert found.constraints["final upper"] == pytest.approx(0.5, abs=1e-6)
+    assert abs(found.integration["final upper"]) < 1e-4
+    assert np.isnan([*found.errors.values()]).all()
+
+
+def test_slopes_of_metrics_are_those_of_gradients():
+    """Metrics of one column are differentiated along it, with the sign and for all numbers."""
+    from pgraph_core.search.curves import slope_of_metric
+    from pgraph_core.sweeps.metrics import measured
+
+    model, paths = oscillator(damping=0.3), ["forces.s.stiffness", "bodies.block.mass", "q.block"]
+    run = pg.simulate(model, wrt=paths, estimate=False, **OPTIONS)
+    for metric in ("final block", "rms v.block", "mean energy", "peak block", "range v.block"):
+        found = slope_of_metric(run, metric)
+        by = run.gradient(lambda run, metric=metric: measured(run, metric))
+        assert found == pytest.approx(by, rel=1e-7, abs=1e-8), metric
+    assert slope_of_metric(run, "energy_drift") is None
+
+
+@pytest.mark.parametrize("product", [False, True])
+def test_runs_of_a_search_share_slopes_only_of_what_is_linear(product):
+    """A mass that is given by a formula is a product of two free numbers, whose slopes change."""
+    from pgraph_core.simulation.variables import Wanted
+
+    table = pg.Table(t=[0.0, 0.5, 1.0], value=[0.0, 0.0, 0.0])
+    arm = pg.Body(name="arm", axes=(0, 1, 0), com=(0.1, 0, 0), inertia=(0.01,) * 3)
+    paths = ["a", *(["b"] if product else []), *(f"forces.push.torque.value.{n}" for n in range(3))]
+    shared = Wanted(paths)
+    for n in (0.0, 1.0, -2.0):
+        own = table.model_copy(update={"value": (n, 0.0, 1.0 - n)})
+        push = pg.Motor(name="push", body="arm", torque=own)
+        numbers = {"a": 3.0 + n, "b": 1.0 + 0.1 * n * product}
+        model = pg.Model(bodies=[arm], forces=[push], parameters=numbers).edit("arm", mass="=a*b")
+        runs = [pg.simulate(model, wrt=wrt, estimate=False, **OPTIONS) for wrt in (shared, paths)]
+        for path in paths:
+            one, other = (run.sensitivity(path) for run in runs)
+            assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
+    assert (shared.lines is None) == product
+
+
+def test_lines_of_progress_show_what_is_missed(capsys, monkeypatch):
+    from pgraph_core.search import telling as module
+
+    monkeypatch.setattr(module, "SILENCE", -1.0)
+    pg.optimise(
+        pushed(3), lambda run: np.sum(effort(run) ** 2), {"forces.push.torque": (-20.0, 20.0)},
+        subject_to={"final block": (1.0, 1.0)}, most=40, **OPTIONS,
+    )  # fmt: skip
+    lines = [line for line in capsys.readouterr().err.splitlines() if "optimise" in line]
+    assert "final block is missed by 1 of its size" in lines[0]
+    assert "constraints are met" in lines[-1]
+    assert all("iteration" in line and "at most" in line for line in lines)
+
+
+def test_squares_have_standard_errors():
+    """Those of a fit to the same curve."""
+    t = np.linspace(0.0, 1.0, 51)
+    aim = pg.simulate(oscillator(stiffness=30.0), estimate=False, **OPTIONS)["block"]
+    noisy = aim + 1e-3 * np.random.default_rng(0).normal(size=len(t))
+    found = pg.optimise(oscillator(), lambda run: run["block"] - noisy, STIFFNESS, **OPTIONS)
+    given = {name: OPTIONS[name] for name in ("method", "step")}
+    fit = pg.fit(oscillator(), {"t": t, "block": noisy}, STIFFNESS, **given)
+    assert found.errors == pytest.approx(fit.errors, rel=1e-3)
+    (pair,), (same,) = found.intervals().values(), fit.intervals().values()
+    assert pair == pytest.approx(same, rel=1e-4)
+    assert json.loads(found.to_json())["objective"] == found.objective
