@@ -448,7 +448,7 @@ def mujocos(mujoco, m):
     for g, h in itertools.combinations(range(m.ngeom), 2):
         a, b = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
         p, q = int(m.body_weldid[a]), int(m.body_weldid[b])
-        related = (p and p == above[b]) or (q and q == above[a])
+        related = (p and p == above[q]) or (q and q == above[p])
         able = (
             m.geom_contype[g] & m.geom_conaffinity[h] or m.geom_contype[h] & m.geom_conaffinity[g]
         )
@@ -645,3 +645,17 @@ def states_of(model, mech, m, data):
             spin = turn @ data.qvel[dof + nv - 3 : dof + nv]
             v[joint.v] = spin if nv == 3 else (*spin, *data.qvel[dof : dof + 3])
     return q, v
+
+
+@pytest.mark.parametrize("joint", ["", '<joint axis="1 0 0"/>'])
+def test_bodies_that_are_fixed_to_a_child_do_not_touch_its_parent(tmp_path, joint):
+    """MuJoCo leaves out a body and all that is fixed to its child."""
+    mujoco = pytest.importorskip("mujoco")
+    ball = '<geom size=".1" mass="1"/>'
+    text = f"""<mujoco><worldbody><body name="a"><freejoint/>{ball}<body name="b" pos=".1 0 0">
+      <joint axis="0 1 0"/>{ball}<body name="c" pos=".1 0 0">{joint}{ball}</body></body></body>
+      <body name="d" pos="0 0 1"><freejoint/>{ball}</body></worldbody></mujoco>"""
+    path = written(tmp_path, text, "m.xml")
+    model = pg.load(path)
+    assert touching(model) == mujocos(mujoco, mujoco.MjModel.from_xml_path(str(path)))
+    assert (frozenset("ac") in touching(model)) == bool(joint)
