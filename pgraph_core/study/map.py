@@ -22,7 +22,7 @@ from .measures import TRUST, joint_errors
 from .reference import KnownMotion
 
 NAN = float("nan")
-AIM = 0.5  # part of the target at which an advised step aims
+AIM = 2  # an advised step aims at this part of the target
 WRONG = 1  # rad, or of the length, or of the energies: from there on the motion is another one
 
 
@@ -244,7 +244,7 @@ def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> 
         text += "; it does not shrink with the step"
         return replace(cell, status=status, text=text)
     order = min(cell.order, METHODS[cell.method].order)
-    step = cell.step * min((AIM * found.target / excess) ** (1.0 / order), 1.0)
+    step = cell.step * min((found.target / AIM / excess) ** (1.0 / order), 1.0)
     step = min(step, advised_step(METHODS[cell.method], found.known.rate))
     text += f"; use a step of {step:.2g} s (order {cell.order:.1f})"
     return replace(cell, status=status, text=text, step_needed=step)

@@ -22,6 +22,7 @@ from .measures import Errors, least, machine, measured
 from .reference import Reference
 from .report import LEFT_OUT, Row, Study
 from .task import (
+    WITHIN,
     Ladder,
     Outcome,
     Participant,
@@ -36,7 +37,6 @@ from .task import (
     start,
 )
 
-WITHIN = 45.0  # [s] a report, with the start of a program, takes less than a minute
 REPEATED = 4  # longest runs within the part of a report for its reference, which shortens it then
 USUAL_FRAMES = 101  # default number of times at which motions are compared
 SHARE = {"reference": 0.3, "first": 0.65, "rounds": 1.0}  # time and progress at the end of parts

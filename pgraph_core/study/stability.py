@@ -26,16 +26,15 @@ from ..tolerances import NOTABLE
 from .axes import AXES, Axis, applicable, changed, first_axis
 from .map import Cell, StabilityMap, Verdict, judged, step_limit
 from .reference import KnownMotion, known_motion, merged, per_step, weight_of
-from .task import Setting, Task, finite_numbers, methods_of
+from .task import WITHIN, Setting, Task, finite_numbers, methods_of
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 BUDGET = 20_000_000  # evaluations of a run, times `weight_of`: a second or two
 MAP_TIMES = 41  # evenly over a run
 EARLY = 10  # first steps, all recorded: an unstable run grows there
-WITHIN = 45.0  # [s] a map, with the start of a program, takes less than a minute
-REFERENCES = 0.5  # part of this time after which no reference is computed
-PATIENCE = 4.0  # a run may take as many times its equal part of the time left
-EVERY = 0.5  # [s] between two reports of progress at least
+REFERENCES = 2  # part of the time of a map for its references
+PATIENCE = 4  # a run may take as many times its equal part of the time left
+EVERY = 1  # [s] between two reports of progress at least
 CALL = "stability_map"
 
 
@@ -269,7 +268,7 @@ class Work:
         share of the whole time."""
         now = time.perf_counter()
         ends = self.began + share * (self.ends - self.began)
-        return now + (ends - now) * min(PATIENCE / left, 1.0)
+        return now + (ends - now) * min(PATIENCE / left, 1)
 
     def until(self, ends: float) -> Callable[[float], bool]:
         """Return a progress function for a run that must end then."""
@@ -334,7 +333,7 @@ class Drawing:
                 pool.submit(_line, sweep, value, work, (len(sweep.values) - k) / threads)
                 for k, value in enumerate(sweep.values)
             ]
-            found = dict(work.finished(jobs, [REFERENCES / len(jobs)] * len(jobs)))
+            found = dict(work.finished(jobs, [1.0 / REFERENCES / len(jobs)] * len(jobs)))
             self.lines = [found[k] for k in sorted(found)]
             if not work.stopped.is_set():
                 self._fill(pool, threads)
@@ -351,7 +350,7 @@ class Drawing:
             pool.submit(_cell, sweep, *grid[i], work, (len(grid) - k) / threads)
             for k, i in enumerate(order)
         ]
-        shares = [(1.0 - REFERENCES) * costs[i] / sum(costs) for i in order]
+        shares = [(1.0 - 1.0 / REFERENCES) * costs[i] / sum(costs) for i in order]
         for k, cell in work.finished(jobs, shares):
             if cell is not None:
                 self.cells[order[k]] = cell
@@ -390,7 +389,7 @@ def _load(sweep: Sweep) -> None:
 def _line(sweep: Sweep, value: float, work: Work, left: float) -> Line:
     """Return the model at a given axis value with its most accurate known motion."""
     steps = (value,) if sweep.axis.of_steps else sweep.steps
-    ends = work.part(REFERENCES, left)
+    ends = work.part(1.0 / REFERENCES, left)
     try:
         model = sweep.axis.applied(sweep.model, value)
         times = merged([times_of(sweep.t_end, step) for step in steps], sweep.t_end)

@@ -64,8 +64,8 @@ STAGE_ROUNDS = 60
 NEWTON_ROUNDS = 4  # usual ones of Newton's method, in addition to the cost of the Jacobian
 BY_COST, PATIENT, TO_THE_END = 0.0, 0.5, 1.0  # convergence rates at which M⁻¹ alone is given up
 PASSES = 8  # of the kinematics of turning bodies, which cost less than an evaluation
-SERVES = 1.0  # largest convergence rate of a Jacobian that is used
-USELESS = 3.0  # instead of a rate: Newton's method took more evaluations than it saved
+SERVES = 1  # largest convergence rate of a Jacobian that is used
+USELESS = 3  # instead of a rate: Newton's method took more evaluations than it saved
 STILL = 64  # largest correction of a motionless position in units of rounding
 TERMS = 12  # terms of the series of dexp, exact for rotations of up to 3 rad
 
