@@ -225,13 +225,14 @@ class Packed:
 
     def loads(
         self, forces: tuple[Force, ...], *, states: bool = False, named: tuple[Force, ...] = (),
-        watched: Sequence[str] = (), bent: bool = False,
+        watched: Sequence[str] = (), bent: bool = False, touching: bool = False,
     ) -> Loads:  # fmt: skip
         """Return the given wrenches, springs between bodies, and expressions of all forces.
 
         If `states` is True, the friction of contacts and the control states are included even if
         they are not used by forces. Expressions may name further drives, `named`. Steps end where
-        comparisons in `watched` change, and with `bent` where a force has a bend.
+        comparisons in `watched` change, with `bent` where a force has a bend, and with `touching`
+        where soft and penalty contacts touch.
         """
         found = NO_LOADS
         if on_bodies(forces):
@@ -239,11 +240,13 @@ class Packed:
         rubbing = self.model.rubbing if states else ()
         acts = any(f._varies for f in forces) or rubbing or (states and self.model.controls)
         bent = bent and any(f._bends for f in forces)
-        if not (acts or watched or bent):
+        if not (acts or watched or bent or touching):
             return found
         places = Places(self.model, self.topology, self.system)
         given = self.model, forces, self.drives(forces), found
-        return found._replace(signals=signals(places, *given, named, watched, rubbing, bent))
+        return found._replace(
+            signals=signals(places, *given, named, watched, rubbing, bent, touching)
+        )
 
     @cached_property
     def passive_loads(self) -> Loads:

@@ -22,6 +22,7 @@ from ..engine.stepping.measured import (
     INPUT,
     LENGTH,
     SPEED,
+    TOUCH,
     VALUE,
     WHAT,
 )
@@ -289,6 +290,11 @@ class Program:
             place = self.put(kernels.NUMBER, BEND, knot + 1, number=1.0)
             self.end_steps(place, damped, place)
 
+    def watch_touches(self) -> None:
+        """Let steps end where soft and penalty contacts touch."""
+        none = self.number(0.0)
+        self.end_steps(self.put(kernels.NUMBER, TOUCH), none)
+
     def table(self, x: Operand, knots: Sequence[Operand]) -> Operand:
         """Interpolate linearly between knots (position, value, ...), constant outside."""
         found = knots[1]
@@ -523,10 +529,12 @@ def signals(
     watched: Sequence[str] = (),
     rubbing: Sequence[Contact] = (),
     bent: bool = False,
+    touching: bool = False,
 ) -> tuple[Array, Ints, Ints]:
     """Return (code, targets, states) for all expressions in these forces, for their drives and
     loads, in the friction of contacts and in the controls. Steps end at changes of the conditions
-    in `watched`. If `bent` is set, they also end at bounds and bends of forces.
+    in `watched`. If `bent` is set, they also end at bounds and bends of forces, and if `touching`
+    is set, where soft and penalty contacts touch.
     """
     controls = {c.name: c for c in model.controls}
     known = (*known_forces(model), *named, *forces)
@@ -566,6 +574,8 @@ def signals(
         for n, f in enumerate(f for f in forces if isinstance(f, Strut)):
             if f._bends:
                 program.watch_strut(f, n, int(loads.strut[0]["first_knot"][n]))
+    if touching:
+        program.watch_touches()
     return program.code(), owners, own
 
 

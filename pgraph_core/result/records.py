@@ -32,7 +32,7 @@ class Status(Enum):
     STEP_TOO_SMALL = "the step that the tolerance requires fell below the resolution of time"
     TOO_MANY_STEPS = "the run reached its largest number of steps"
     NOT_SOLVED = "the equations of an implicit step could not be solved"
-    CHATTER = "contacts switch without end"
+    CHATTER = "contacts or switches change without end"
     CANCELLED = "the run was cancelled"
 
     @property

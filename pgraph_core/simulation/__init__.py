@@ -129,8 +129,9 @@ def simulate(
     events : callable or sequence of callable
         Functions f(t, q, v) whose zeros are located to rounding error and listed in
         `run.user_events`. Each function can have the attributes `direction` (1 or -1 for rising or
-        falling zeros only) and `terminal` (True to end the run with `Status.STOPPED`). They are
-        also among `run.events`.
+        falling zeros only) and `terminal` (True to end the run with `Status.STOPPED`, or the number
+        of the event that does). They must not remember earlier calls. They are also among
+        `run.events`.
     progress : callable or bool, optional
         Function that is called with the completed fraction. If it returns False, the run is
         cancelled. If True, a progress bar is shown (requires tqdm).

@@ -21,7 +21,7 @@ from ..model.expressions import Known
 from ..packing import Array
 from ..packing.signals import Places, Program, known_forces, measured_rows
 from ..signals import parsed
-from ..tolerances import SOLVED
+from ..tolerances import ROUNDING, SOLVED
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -107,7 +107,15 @@ class Comparison(NamedTuple):
         if not np.isfinite(found):
             reason = f"{shown(self.text)} has no value at t = {t:.6g} s"
             raise refusal("simulate", "switches", reason)
-        return found
+        return beyond_rounding(found, float(np.abs(self.code[1::2, 0]).max()))
+
+
+def beyond_rounding(margin: float, size: float) -> float:
+    """Return the margin of a condition, or 0 at its threshold, where rounding would decide.
+
+    What a condition switches may keep it there.
+    """
+    return margin if abs(margin) > ROUNDING * size else 0.0
 
 
 def _comparison(mech: Mechanism, text: str, forces: Sequence[Force]) -> Comparison:
@@ -176,7 +184,7 @@ class UnderWay(Protocol):
 class Condition:
     """A monitor that rises through zero when its condition becomes true."""
 
-    direction, terminal = 1, False
+    direction, terminal = 1, 0
 
     def __init__(self, given: ConditionOf, record: UnderWay):
         """Set up the condition without computing anything yet."""
@@ -205,9 +213,9 @@ class Condition:
             return 1.0 if holds else -1.0
         else:
             value = self._value(t, q, v)
-        if when.above is not None:
-            return value - when.above
-        return (when.below or 0.0) - value
+        bound = (when.below or 0.0) if when.above is None else when.above
+        margin = bound - value if when.above is None else value - bound
+        return beyond_rounding(margin, abs(bound) + abs(value))
 
     def _value(self, t: float, q: Array, v: Array) -> float:
         when, place = self.given.when, self.given.place

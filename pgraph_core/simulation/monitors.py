@@ -31,7 +31,7 @@ class Monitor(Protocol):
         ...
 
     direction: int  # counted direction: 1 rising, -1 falling, 0 both
-    terminal: bool
+    terminal: int  # number of the event that ends the run, 0 for none
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
         """Its value."""
@@ -56,10 +56,11 @@ class FunctionMonitor:
         if np.ndim(direction) or direction not in (-1, 0, 1):
             text = "direction must be 1 (rising), -1 (falling) or 0 (both); "
             raise refusal("simulate", where, f"{text}given {shown(direction)}")
-        if terminal not in (True, False):
-            text = f"terminal must be True or False, got {shown(terminal)}"
-            raise refusal("simulate", where, text)
-        self.direction, self.terminal = int(direction), bool(terminal)
+        whole = isinstance(terminal, (bool, np.bool_, int, np.integer))
+        if not whole or terminal < 0:
+            text = "terminal must be True or False, or the number of the event that ends the run: "
+            raise refusal("simulate", where, f"{text}1, 2, ...; got {shown(terminal)}")
+        self.direction, self.terminal = int(direction), int(terminal)
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
         """Evaluate the function. Raises InputError if it fails or is not a finite number."""
@@ -114,6 +115,7 @@ class Watch:
         self.waiting, self.size = len(conditions), (nq, nv)
         self.error: Exception | None = None
         self.log: list[UserEvent] = []
+        self.counts = [0] * len(self.monitors)  # events so far
         self.called: list[int] = []
         self._function, self.address = None, 0
         own = [i for i, c in enumerate(conditions) if c.given.called]
@@ -150,7 +152,7 @@ class Watch:
         values = [monitor(t, q, v) for monitor in self.monitors]
         if 0.0 in values:
             for monitor, value in zip(self.monitors, values):
-                if value == 0.0 and monitor.terminal:
+                if value == 0.0 and monitor.terminal == 1:
                     text = f"{monitor.name} is already zero at the start, so the run would "
                     text += "end immediately; change the initial state slightly, or remove terminal"
                     raise refusal("simulate", "events", text)
@@ -175,14 +177,15 @@ class Watch:
         return np.flatnonzero(watched[NOW, watched.shape[1] - count :] < 0.0).tolist()
 
     def note(self, t: float, numbers: Sequence[int], q: Array, v: Array) -> Monitor | None:
-        """Log events of the given monitors. Returns a terminal one, or None."""
+        """Log events of the given monitors. Returns one that ends the run, or None."""
         ends: Monitor | None = None
         for i in numbers:
             if i < self.waiting:
                 continue
             monitor, number = self.monitors[i], i - self.waiting
             self.log.append(UserEvent(t, monitor.name, number, q.copy(), v.copy()))
-            ends = monitor if monitor.terminal else ends
+            self.counts[i] += 1
+            ends = monitor if self.counts[i] == monitor.terminal else ends
         if len(self.log) > MOST_EVENTS:
             text = f"{MOST_EVENTS} of them by t = {t:.6g} s: the function may be noisy"
             raise refusal("simulate", "events", text)

@@ -171,6 +171,16 @@ class RunPlan(Way):
         """Return True if steps call Python functions for the values of conditions."""
         return any(c.called for c in self.conditions)
 
+    @property
+    def yields(self) -> bool:
+        """Return True if steps end where soft and penalty contacts touch.
+
+        Event-driven steps may be repeated, so that nothing is kept of the one before.
+        """
+        tables = self.contacts if self.way is None else self.way.contacts
+        points = self.contact_points if self.way is None else self.way.contact_points
+        return tables is not None and tables.compliant and not points
+
     @cached_property
     def touching(self) -> RunPlan:
         """Return the plan with contacts and limits active from the start of a run."""
@@ -293,8 +303,8 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     notices = (*_lost(mech.model.lost), *edits, *mech.model.doubts)
     plan = replace(plan, header=header, notices=notices, idle=_idle(mech, given))
     forces = _forces(mech, o, given, span[0], extra)
-    if plan.method.order > 1 and any(f._bends for f in forces):
-        plan = replace(plan, loads=_loads(mech, forces, plan.conditions, bent=True))
+    if plan.method.order > 1 and (plan.yields or any(f._bends for f in forces)):
+        plan = replace(plan, loads=_loads(mech, forces, plan.conditions, True, plan.yields))
     return plan, rated or rate.found is not None
 
 
@@ -304,7 +314,8 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     begin, contacts = o.span(given)[0], plan.contacts
     forces = _forces(mech, o, given, begin, o.checked_forces(mech))
     drives = mech.packed.drives(forces)
-    loads = _loads(mech, forces, plan.conditions, plan.method.order > 1)
+    bent = plan.method.order > 1
+    loads = _loads(mech, forces, plan.conditions, bent, bent and plan.yields)
     start = initial_state(mech, given, q, v, tau, begin)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
@@ -384,11 +395,13 @@ def _loads(
     forces: tuple[Force, ...],
     conditions: tuple[ConditionOf, ...],
     bent: bool = False,
+    yields: bool = False,
 ) -> Loads:
-    """Return the forces of a run as loads, with the comparisons of its conditions and bends."""
+    """Return the forces of a run as loads, with the comparisons of its conditions and bends, and
+    the gaps of contacts that yield."""
     watched = [text for c in conditions if (text := c.when.holds)]
     exerted = tuple(filter(exerts, forces))
-    return mech.packed.loads(exerted, states=True, watched=watched, bent=bent)
+    return mech.packed.loads(exerted, states=True, watched=watched, bent=bent, touching=yields)
 
 
 def _with_method(

@@ -226,7 +226,8 @@ class Recording(Running):
             code = self._advance(budget)
             if self.watch is not None and self.watch.error is not None:
                 raise self.watch.error
-            if self.ended.status is Status.STOPPED:
+            chatter = self.ended.status is Status.CHATTER and self.events is None
+            if self.ended.status is Status.STOPPED or chatter:
                 self._last_frame()
                 if self.carried is not None and self._last is not None:
                     self.carried.end_at(self, self._last)
@@ -301,6 +302,7 @@ class Recording(Running):
         if self.watch is not None and self.ended.ok:
             self._begin_watching(self.watch)
         if plan.contacts is not None or plan.contact_points:
+            self._hold_touches()
             self.bound()
         stepped = self.events is None and plan.method.name == "moreau_jean" and len(plan.times) > 1
         if stepped and self.user is None and self.scene.touching is not None and self.ended.ok:
@@ -427,8 +429,19 @@ class Recording(Running):
         if self.events is not None:
             self.events.look_at(old.q[:done], old.v[:done], self.plan.times[:done])
             self.events.begin(t)
+        self._hold_touches()
         self.bound()
         return self.ended.ok
+
+    def _hold_touches(self) -> None:
+        """Let steps end where soft and penalty contacts touch, with what touches now."""
+        if self.steps.links.cross and self.plan.yields:
+            from ..engine.contact.contacts import begin_touches
+            from ..engine.contact.touches import HOLDING
+
+            assert self.scene.touching is not None
+            self.scene.touching.tally["frozen"] = HOLDING
+            begin_touches(self.scene.address, self.q, self.v)
 
     def bound(self) -> None:
         """Limit the next step by approaching bodies if contacts are compliant."""

@@ -29,8 +29,8 @@ def remarks(record: Running) -> Iterator[str]:
     """Yield the notices about a run that reached its end."""
     if not (np.count_nonzero(record.out.v) or np.count_nonzero(record.out.vdot)):
         yield from at_rest(record)
-    if record.user is not None:
-        yield from pulses(record)
+    yield from pulses(record)
+    yield from remembering(record)
     q = record.began[0]
     if q.dot(q) >= MOST_ANGLE**2:
         yield from degrees(record)
@@ -68,7 +68,7 @@ def degrees(record: Running) -> Iterator[str]:
 
 
 def pulses(record: Running) -> Iterator[str]:
-    """Yield a notice if a function's torques change at a frame without affecting the motion.
+    """Yield a notice if accelerations change at a frame without affecting the velocities.
 
     A pulse between the evaluations of a step is passed over by any method. Frames are
     evaluated too.
@@ -76,17 +76,38 @@ def pulses(record: Running) -> Iterator[str]:
     n, events = record.done, record.plan.contacts is not None or record.plan.changes
     if events or n < 6 or record.steps.counters["steps"] >= n:
         return
-    t, v, vdot = record.steps.times[:n, None], record.out.v[:n], record.out.vdot[:n]
+    nv, t = record.mech.nv, record.steps.times[:n, None]
+    v, vdot = record.out.v[:n, :nv], record.out.vdot[:n, :nv]
     rate = np.diff(v, axis=0) / np.diff(t, axis=0)
     around = 0.5 * (rate[:-3] + rate[3:])  # neighbours of frames 2 to n - 3
     felt = np.maximum(np.abs(rate[1:-2] - around), np.abs(rate[2:-1] - around))
     acts = np.abs(vdot[2:-2] - around)
     missed = (acts > NAMED * np.abs(vdot).max(axis=0)) & (felt < VISIBLE * acts)
     if missed.any():
-        when = float(t[2 + np.flatnonzero(missed.any(axis=1))[0], 0])
+        k, j = (int(x[0]) for x in np.nonzero(missed))
+        row = row_of_velocity(record.mech.packed.system.rows, j)
+        unit = "m" if record.mech.packed.system.rows[row, at.KIND] == at.TRANSLATE else "rad"
+        what = "a force" if record.user is None else "the torque function"
         yield (
-            f"at t = {when:.6g} s the torque function has a pulse shorter than "
-            "the steps, and was missed; use a step= shorter than the pulse"
+            f"at t = {float(t[2 + k, 0]):.6g} s {what} has a pulse shorter than the steps, and was "
+            f"missed: the acceleration of '{record.mech.packed.body_of(row)}' is "
+            f"{acts[k, j]:.3g} {unit}/s^2 beside the change of its velocity; use a step= shorter "
+            "than the pulse"
+        )
+
+
+def remembering(record: Running) -> Iterator[str]:
+    """Yield a notice if a torque function answers the same question in two ways.
+
+    Steps of a method's own choice call it at trial times, some of them several times.
+    """
+    given = record.plan.tolerance
+    if record.user is not None and given is not None and record.user.remembers():
+        yield (
+            "the torque function gives another answer to the arguments of its first call, so it "
+            "remembers earlier calls or is random. Adaptive steps call it at trial times, ahead "
+            "and back: give step=, with which times only ascend, or call it between the steps of a "
+            "pg.Stepper, which holds its torques"
         )
 
 

@@ -364,6 +364,9 @@ class Carried:
         """
         t = t[rows]
         known = self._settled(finer, t)
+        v, other = self._record.out.v[rows], finer._record.out.v[others]
+        jumps = np.abs(v - other).max(axis=1, initial=0.0) > VISIBLE * np.abs(v).max(initial=0.0)
+        known = known[~jumps[known]]  # only one of them is beyond an impact
         if self._end is not None and self._end[1].hits:  # the finer run may end before the impact
             known = known[known < len(t) - 1]
         t, rows, others = t[known], rows[known], others[known]

@@ -626,7 +626,8 @@ class Stepper(Snapshots):
         forces = begun(forces, t)
         drives = plan.drives._replace(knots=plan.drives.knots.copy())
         whole = np.arange(len(mech.model.constraints))
-        loads = mech.packed.loads(forces, states=True, bent=plan.method.order > 1)
+        bent = plan.method.order > 1
+        loads = mech.packed.loads(forces, states=True, bent=bent, touching=bent and plan.yields)
         plan = replace(plan, drives=drives, loads=loads, ever=whole)
         if states is not None:
             plan = begun_with(plan, given_states(mech, states))

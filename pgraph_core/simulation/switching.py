@@ -14,13 +14,16 @@ from ..analysis.singular import Instant, Stretch, nulls_of, redundancy, unequal
 from ..engine import layout as at
 from ..engine import motion
 from ..errors import InputError
-from ..result import Result
+from ..result import Result, Status
 from ..tolerances import ROUNDING
 from .failures import Running
 from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
     from .monitors import Monitor
+
+
+MOST_MET = 1000  # conditions that are met while no time passes: more are without end
 
 
 class Switching:
@@ -36,6 +39,9 @@ class Switching:
         self._ahead = deque(record.plan.changes)
         self._acted: set[int] = set()  # conditions that have switched a constraint
         self._undone: set[int] = set()  # those that did so again where it was switched back
+        # [s]: for a motion from rest, the rounding of its position is that of time squared
+        self._near = float(np.sqrt(ROUNDING) * np.ptp(record.plan.times))
+        self._met, self._met_since = 0, -np.inf  # conditions met since then within that time
         self._together: list[int] = []  # conditions met at the time of the next change, after it
         self._redundant = False  # whether constraints are redundant in the first state
         self._stretches: list[Stretch] = []  # to be searched for singular positions
@@ -65,6 +71,7 @@ class Switching:
 
     def meet(self, t: float, conditions: Sequence[int]) -> None:
         """Switch what `conditions` switch at t, after a change that is due at that time."""
+        self._note_met(t, conditions[0])
         if self._ahead and self._ahead[0].t == t:
             self._together = list(conditions)
         else:
@@ -93,14 +100,28 @@ class Switching:
                 and other.when.active == given.active
             ]  # fmt: skip
 
+    def _note_met(self, t: float, number: int) -> None:
+        """End the run if conditions are met again and again while no time passes."""
+        record = self.record
+        self._met = self._met + 1 if t - self._met_since <= self._near else 0
+        self._met_since = self._met_since if self._met else t
+        if self._met > MOST_MET:
+            given = record.plan.conditions[number]
+            name = record.mech.model.constraints[given.constraint].name
+            record.ended.stop(
+                Status.CHATTER,
+                f"the condition {given.when} of '{name}' is met {MOST_MET} times from t = "
+                f"{self._met_since:.6g} s to {t:.6g} s: what it switches leads back to its "
+                "threshold; give it once=True, or two conditions with different thresholds",
+            )
+
     def _note_undone(self, t: float, number: int) -> None:
         """Add a notice if a condition acts again where its constraint was switched back.
 
         A motion from rest leaves the rounding of its position after the root of it, in time.
         """
         record, given = self.record, self.record.plan.conditions[number]
-        near = np.sqrt(ROUNDING) * np.ptp(record.plan.times)
-        if number in self._undone or t - self.since[given.constraint] > near:
+        if number in self._undone or t - self.since[given.constraint] > self._near:
             return
         self._undone.add(number)
         name = record.mech.model.constraints[given.constraint].name

@@ -20,7 +20,13 @@ from pgraph_core.result import Result
 from pgraph_core.result.dense import TOO_WIDE
 from pgraph_core.simulation import simulate
 
-from . import bound_scenes, comparing_scenes, smooth_scenes, touching_scenes
+from . import (
+    bound_scenes,
+    comparing_scenes,
+    smooth_scenes,
+    touching_scenes,
+    yielding_scenes,
+)
 from .scene import KnownRun, Rng
 
 FRAMES = 101
@@ -34,6 +40,7 @@ FAMILIES: dict[str, Callable[[Rng], KnownRun]] = {
     **bound_scenes.FAMILIES,
     **touching_scenes.FAMILIES,
     **comparing_scenes.FAMILIES,
+    **yielding_scenes.FAMILIES,
 }
 SMOOTH = frozenset({*smooth_scenes.FAMILIES, *bound_scenes.FAMILIES})
 

@@ -5,10 +5,10 @@ import math
 from ...tolerances import SOLVED
 from .. import layout as at
 from ..arrays import CONTACTS, CONTACTS_OF_DUALS, opened
-from ..compiler.address import caller, stored
+from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
-from ..compiler.kinds import I1, f8, i8, plain, void
-from ..constraints.blocks import point_velocity, velocities
+from ..compiler.kinds import F1, I1, i8, plain, void
+from ..constraints.blocks import velocities
 from ..loads import apply
 from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
 from ..records import (
@@ -46,12 +46,24 @@ from .manifold import tangents
 from .placing import place
 from .restitution import elastic_force, factor_tree, loss_of_touch, lost_share
 from .search import find_contacts
+from .touches import (
+    FIND,
+    HOLDING,
+    endpoints,
+    has_touched,
+    keep_point,
+    keep_touches,
+    kept_place,
+    middle,
+    nearness,
+    relative_velocity,
+    touching,
+)
 
 _save, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
 
 SLIDING = 1e-7  # [m/s] below this slip speed a contact counts as sticking (solver noise)
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
-NEARBY = 128  # entries that are looked at for what a contact point kept
 FROZEN, ADDING = 1, 2  # states of a tally
 CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
 
@@ -62,8 +74,7 @@ def save_contacts(buffer, contacts):
     _save(buffer, contacts)
 
 
-FIND = i8(i8, f8, i8)
-_call_find = caller(FIND)
+TOUCHES = void(i8, F1, F1)
 
 
 @kernel(FIND, nogil=True)
@@ -93,37 +104,6 @@ def contact_points(scene, margin, placed):
         n = found.shape[0]
     tally.found = n
     return n
-
-
-@part
-def touching(scene, margin, placed):
-    """Call `find` by address, so that the shape code is compiled only once."""
-    return _call_find(opened(scene).links.find, (scene, margin, placed))
-
-
-@part
-def endpoints(contacts, n):
-    """Return (row A, row B, body A, body B, contact pair) of contact point n, 0: the ground."""
-    point, shapes = contacts.found[n], contacts.geometry.shapes
-    b = point.shape_b
-    row_b = shapes[b].row if b >= 0 else 0
-    body_b = shapes[b].body if b >= 0 else 0
-    a = shapes[point.shape_a]
-    return a.row, row_b, a.body, body_b, point.pair
-
-
-@part
-def middle(point):
-    """Return the point of action of a contact, midway between the two surfaces."""
-    return scale(0.5, add(xyz(point.point_a), xyz(point.point_b)))
-
-
-@part
-def relative_velocity(contacts, work, linear, n):
-    """Return the velocity of body A relative to body B at contact point n."""
-    a, b, _, _, _ = endpoints(contacts, n)
-    p = middle(contacts.found[n])
-    return sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
 
 
 @part
@@ -218,36 +198,6 @@ def slides_now(contacts, work, linear, n):
     across = add_scaled(u, -dot(u, xyz(point.normal)), xyz(point.normal))
     across = add(across, surface_slip(contacts, n, middle(point)))
     return dot(across, across) > SLIDING * SLIDING
-
-
-@part
-def kept_place(point, kept, count, start):
-    """Return a contact point's index in the last step, searching around `start`, or -1 if not
-    found.
-
-    The order of points changes little between steps, so the search is short.
-    """
-    for m in range(min(count, NEARBY)):
-        k = (start + (m + 1) // 2 * (1 - 2 * (m % 2))) % count
-        if (
-            kept[k].shape_a == point.shape_a
-            and kept[k].shape_b == point.shape_b
-            and kept[k].feature == point.feature
-        ):
-            return k
-    return -1
-
-
-@part
-def keep_point(kept, point, value):
-    """Store a vector for a contact point until the next step."""
-    set_xyz(kept.value, value)
-    kept.shape_a = point.shape_a
-    kept.shape_b = point.shape_b
-    kept.feature = point.feature
-    set_xyz(kept.turn, (0.0, 0.0, 0.0))
-    kept.slides = 0
-    kept.settled = 0
 
 
 @sweep
@@ -346,7 +296,7 @@ def push_contacts(scene, v, tau, flow):
     if contacts.tally[0].frozen != ADDING:
         clear(opened(scene).links.contacts)
         share = 1.0
-    count = touching(scene, 0.0, 0)
+    count = touching(scene, nearness(contacts), 0)
     end, loss, factored = 0, 0.0, False
     for n in range(count):
         a, b, _, _, pair = endpoints(contacts, n)
@@ -391,7 +341,10 @@ def compliant_force(contacts, n, law, u, loss):
         creep = max(CREEP, SOLVED * abs(speed))
         drag = mu * size / math.sqrt(slip_squared + creep * creep)
         return add_scaled(scale(size, normal), -drag, slide), slip
-    size = max(elastic_force(law, depth) + c * speed, 0.0) if depth > 0.0 else 0.0
+    acts = depth > 0.0
+    if contacts.tally[0].frozen == HOLDING:
+        acts = has_touched(contacts, n)
+    size = max(elastic_force(law, depth) + c * speed, 0.0) if acts else 0.0
     stretch = (0.0, 0.0, 0.0)
     at_k = kept_place(point, contacts.anchors, contacts.tally[0].anchored, n)
     if at_k >= 0:
@@ -440,6 +393,8 @@ def settle_contacts(scene, t, q, v):
         sticks = sticks or laws[k].law == PENALTY
     if sticks:
         keep_anchors(scene, q, v)
+    elif contacts_at(address).tally[0].frozen == HOLDING:
+        keep_touches(contacts_at(address))
     log_phases(address, t)
     return 0
 
@@ -476,6 +431,13 @@ def log_phases(address, t):
             tally.logged = n + 1
 
 
+@kernel(TOUCHES, nogil=True, later=True)
+def begin_touches(scene, q, v):
+    """Keep the contact points of a state in which a run begins."""
+    contacts_at(opened(scene).links.contacts).tally[0].anchored = 0
+    keep_anchors(scene, q, v)
+
+
 @sweep
 def keep_anchors(scene, q, v):
     """Update the anchors for penalty friction.
@@ -490,7 +452,7 @@ def keep_anchors(scene, q, v):
     velocities(rows, const, work, v, space.linear)
     laws, anchors, found = contacts.laws, contacts.anchors, contacts.found
     tally = contacts.tally[0]
-    count = touching(scene, 0.0, 0)
+    count = touching(scene, nearness(contacts), 0)
     for n in range(count):  # the new points of A and B wait in `held` and `point_b`
         point = found[n]
         law = laws[point.pair]

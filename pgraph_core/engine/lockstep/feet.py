@@ -11,10 +11,10 @@ from ..compiler.masks import any_of, both, chosen, either, larger, more, most, s
 from ..constraints.blocks import point_acceleration, point_velocity
 from ..constraints.paths import spread, taxicab
 from ..contact.closing import DEPTH, HARD
-from ..contact.contacts import NEARBY
 from ..contact.coulomb import contact
 from ..contact.impulse import FEW_SWEEPS, TOGETHER, TOLERANCE
 from ..contact.sweeps import SMALL
+from ..contact.touches import NEARBY
 from ..linear import forward_free
 from ..records import POINTS, SPHERE
 from ..rows import (

@@ -45,8 +45,19 @@ from ..signals import (
     V,
     evaluate,
 )
-from .measured import CONSTRAINT, INPUT, LENGTH, RATE, hold, observe
-from .state import STEP, acceleration_of, call_step, size_of_state
+from .measured import (
+    CONSTRAINT,
+    FAR,
+    INPUT,
+    LENGTH,
+    RATE,
+    SPEED,
+    TOUCH,
+    hold,
+    observe,
+    width_of_touch,
+)
+from .state import STEP, acceleration_of, call_step, rate_of, size_of_state
 from .widths import size_of
 
 # of a second row: of a coordinate or velocity, what bends its way; the value, or the margin, where
@@ -157,6 +168,25 @@ def margin_of(code, i):
     return a if code[i, 0] == HELD + ABS else a - operand(code, i, 2)
 
 
+@part
+def sides(code, i):
+    """Return the size of both sides of a held comparison, of whose difference an `abs` is."""
+    if code[i, 0] != HELD + ABS:
+        return abs(operand(code, i, 1)) + abs(operand(code, i, 2))
+    k = 2 * int(code[i, 1])
+    if code[k, 0] != SUB:
+        return abs(code[k + 1, 0])
+    return abs(operand(code, k, 1)) + abs(operand(code, k, 2))
+
+
+@part
+def rests(code, i):
+    """Check whether a held comparison is at its threshold at both ends of an interval, where
+    rounding decides."""
+    most = max(abs(code[i + 1, BEGIN]), abs(margin_of(code, i)))
+    return most <= ROUNDING * sides(code, i)
+
+
 @sweep
 def keep(code):
     """Start the next interval of the step at the state that was evaluated last."""
@@ -208,6 +238,7 @@ def bend(run, code, h):
     """
     stages = opened_run(run).stages
     nq, _ = size_of_state(run)
+    bend_numbers(run, code, h)
     for i in range(0, code.shape[0], 2):
         op, k = int(code[i, 0]), int(code[i, 1])
         way = code[i + 1, 0] - code[i + 1, BEGIN]
@@ -218,6 +249,42 @@ def bend(run, code, h):
         elif op == V:
             slope = h * rate_in(run, at.Y, nq + k)
             code[i + 1, BEND] = abs(slope - way) if slope != 0.0 else 0.0
+
+
+@part
+def is_curved(table, code, i):
+    """Check whether an instruction is the rate of a strut, or an input of a drive that bends."""
+    what, n = int(code[i, 1]), int(code[i, 2])
+    if code[i, 0] != NUMBER or what != INPUT:
+        return code[i, 0] == NUMBER and what == SPEED
+    return table[n].lag > 0.0 or table[n].integrates != 0
+
+
+@sweep
+def bend_numbers(run, code, h):
+    """Store `bend` of the rates of struts and of the inputs of drives, as parabolas.
+
+    Their first rates are differences over a small part of the step, along the rate of the state.
+    """
+    data = opened_run(run)
+    stages, t, size = data.stages, data.control[0].time, size_of_state(run)
+    table, ahead = opened(data.scene).drives.table, False
+    for i in range(0, code.shape[0], 2):
+        if is_curved(table, code, i):
+            code[i + 1, BEND] = code[i + 1, 0] - code[i + 1, BEGIN]
+            ahead = True
+    if not ahead:
+        return
+    rate_of(opened(data.scene).rows, size, stages, at.Y, at.TRIAL)
+    for j in range(size[0] + size[1]):
+        rate = stages[at.TRIAL, j] if j < size[0] else rate_in(run, at.Y, j)
+        stages[at.TRIAL, j] = stages[at.Y, j] + SPAN * h * rate
+    see(run, code, at.TRIAL, t + SPAN * h)
+    for i in range(0, code.shape[0], 2):
+        if is_curved(table, code, i):
+            first = (code[i + 1, 0] - code[i + 1, BEGIN]) / SPAN
+            code[i + 1, BEND] = abs(first - code[i + 1, BEND])
+    see(run, code, at.CANDIDATE, t + h)
 
 
 @sweep
@@ -244,7 +311,7 @@ def judged(code, t, share, width):
         side = code[i + 1, SIDE]
         least, most = by_a if op == HELD + ABS else (by_a[0] - by_b[1], by_a[1] - by_b[0])
         turns = most - least < math.inf and least <= 0.0 <= most
-        sure = certain(op - HELD, side, a, b)
+        sure = certain(op - HELD, side, a, b) or (share > 0.0 and rests(code, i))
         if not sure and (turns or share == 0.0):
             found = OPEN
         elif not sure and found == CLEAR and has_changed(code, i):
@@ -252,7 +319,7 @@ def judged(code, t, share, width):
         if turns and abs(side) == 1.0 and share > 0.0 and (sure or share < 2.0 * SHORTEST):
             near = max(b[0] - a[1] if side > 0.0 else a[0] - b[1], 0.0)
             begin, end = abs(code[i + 1, BEGIN]), abs(margin_of(code, i))
-            rest = ROUNDING * (abs(operand(code, i, 1)) + abs(operand(code, i, 2)))
+            rest = ROUNDING * sides(code, i)
             comes = end < begin and begin - code[i, REST] > rest  # else it leaves, or it rests
             if comes and near < min(end, code[i, NEAREST]):
                 code[i, NEAREST], code[i, WHEN] = near, t
@@ -413,9 +480,13 @@ def within_ranges(run, code, h):
     data = opened_run(run)
     stages, t = data.stages, data.control[0].time
     nq, _ = size_of_state(run)
-    if not t + h <= data.control[0].clear:
+    inside = t + h <= data.control[0].clear
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] == NUMBER and code[i, 1] == TOUCH:
+            code[i, FAR] = width_of_touch(data.scene, h)
+            inside = inside and code[i, FAR] == 0.0
+    if not inside:
         return False
-    inside = True
     for i in range(0, code.shape[0], 2):
         op = int(code[i, 0])
         if op == Q or op == V:
@@ -507,8 +578,7 @@ def reached(code):
     found = True
     for i in range(0, code.shape[0], 2):
         if code[i, 0] >= HELD and has_changed(code, i):
-            sides = abs(operand(code, i, 1)) + abs(operand(code, i, 2))
-            least = ROUNDED * max(code[i + 1, CHANGE], sides)
+            least = ROUNDED * max(code[i + 1, CHANGE], sides(code, i))
             found = found and abs(margin_of(code, i)) <= least
     return found
 

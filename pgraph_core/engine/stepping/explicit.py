@@ -203,7 +203,7 @@ def runge_kutta(run, h):
     known = found * control.rtol < VISIBLE or found <= 1.0
     if error.shape[0] > 1 and found > 0.0 and known:  # [Hairer, Norsett, Wanner 1993, II.10]
         other = 0.1 * estimate(rows, size, error[1], h, stages)
-        found = found * found / math.sqrt(found * found + other * other)
+        found /= math.sqrt(1.0 + (other / found) ** 2)
     return found
 
 

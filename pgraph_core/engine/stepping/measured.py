@@ -1,4 +1,4 @@
-"""Signals that are not a part of the state: forces, lengths of struts and inputs of drives.
+"""Signals that are not a part of the state: forces, lengths of struts, inputs of drives, gaps.
 
 Forces of contacts and constraints are measured where samples are taken.
 
@@ -9,16 +9,19 @@ A sample acts after its instant and reads the force that a frame there would rec
 import math
 
 from ...forces.spring import line_of
+from ...tolerances import TINY
 from ..arrays import CONTACTS, TAU
 from ..compiler.address import stored
 from ..compiler.jit import kernel, sweep
 from ..compiler.kinds import F1, F2, f8, i8, void
 from ..constraints.blocks import velocities
 from ..constraints.constraints import wrenches
+from ..contact.touches import HOLDING, next_touch, relative_velocity, touching
 from ..forces import acting, own_torque
 from ..motion import call_acceleration, opened
 from ..signals import ABS, HELD, NUMBER, SAMPLE, SIDE, sample_time
 from ..tree.kinematics import outboard, positions
+from ..vec import dot, xyz
 
 _, contacts_at = stored(CONTACTS)
 
@@ -29,8 +32,10 @@ WHAT, FIRST, COUNT, VALUE = 1, 2, 3, 4
 LENGTH, SPEED, INPUT = 1, 2, 3
 # a NUMBER at which a force bends: a bound of a drive (0: low, 1: high), or the knot of a strut
 BOUND, BEND = -1, -2
+TOUCH = -3  # the least gap of soft and penalty contacts that are open
 CONSTRAINT, CONTACT = 4, 8
 RATE = 5  # column in the row of a length
+FAR = 5  # column in the row of a gap: larger gaps are not sought [m]
 PLACE = 3  # column of a comparison: the value at which a force has a kink
 
 
@@ -85,7 +90,7 @@ def measured(scene, accelerate, t, q, v, vdot, flow, forces):
 
 @sweep
 def observe(scene, code, t, q, v):
-    """Write lengths of struts and inputs of drives at a state into a program."""
+    """Write lengths of struts, inputs of drives and gaps at a state into a program."""
     data = opened(scene)
     work, drives, located = data.work, data.drives, False
     for i in range(0, code.shape[0], 2):
@@ -95,14 +100,64 @@ def observe(scene, code, t, q, v):
             code[i, VALUE] = acting(one, drives.knots, one.first_target, one.targets, t)
         elif what == INPUT:
             code[i, VALUE] = own_torque(drives.table[n], drives.knots, t)
-        elif what == LENGTH or what == SPEED:
+        elif what == LENGTH or what == SPEED or what == TOUCH:
             if not located:
                 outboard(data.rows, data.const, work, q, v)
                 positions(data.rows, work)
                 velocities(data.rows, data.const, work, v, data.space.linear)
                 located = True
+            if what == TOUCH:
+                code[i, VALUE] = gap_ahead(scene, code[i, FAR])
+                continue
             line = line_of(data.loads.strut[0][n], work, data.space.linear)
             code[i, VALUE], code[i, RATE] = line[3] if what == LENGTH else line[4], line[4]
+
+
+@sweep
+def gap_ahead(scene, far):
+    """Return the least gap of what may touch, or `far` if it is larger, after `positions` [m]."""
+    links = opened(scene).links
+    far = max(far, TINY)
+    if links.contacts == 0:
+        return far
+    contacts = contacts_at(links.contacts)
+    overflows = contacts.tally[0].overflows
+    count = touching(scene, far, 0)
+    contacts.tally[0].overflows = overflows  # what is far needs no room
+    return next_touch(contacts, count, far)
+
+
+@sweep
+def width_of_touch(scene, h):
+    """Return the way [m] of what has begun to touch in a step of width h, or 0 if nothing has.
+
+    The forces at the end of the step have found it.
+    """
+    data = opened(scene)
+    if data.links.contacts == 0:
+        return 0.0
+    contacts, way = contacts_at(data.links.contacts), 0.0
+    count = contacts.tally[0].found
+    if not next_touch(contacts, count, 0.0) < 0.0:
+        return 0.0
+    for n in range(count):
+        u = relative_velocity(contacts, data.work, data.space.linear, n)
+        closing = abs(dot(u, xyz(contacts.found[n].normal)))
+        way = max(way, 2.0 * (h * closing - contacts.found[n].gap))
+    return way
+
+
+@sweep
+def hold_touches(scene, state):
+    """Let steps end where shapes touch, or not. Returns whether they did."""
+    links = opened(scene).links
+    if links.contacts == 0:
+        return False
+    tally = contacts_at(links.contacts).tally[0]
+    held = tally.frozen == HOLDING
+    if held:
+        tally.frozen = state
+    return held
 
 
 @sweep

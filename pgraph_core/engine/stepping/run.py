@@ -20,7 +20,7 @@ from ..tree.moving import normalise_all
 from ..vec import finite
 from .crossings import within_ranges
 from .explicit import dense_output, last_stage, turn_spins
-from .measured import measure, measures
+from .measured import HOLDING, hold_touches, measure, measures
 from .state import (
     NOT_SOLVED,
     acceleration_of,
@@ -269,11 +269,12 @@ def frame(run, i):
     control, stages, flow = data.control[0], data.stages, data.flow
     t = data.times[i]
     nq, nv = size_of_state(run)
-    row = at.Y
+    row, held = at.Y, False
     if t != control.time:
         dense_output(run, (t - control.old_time) / control.old_width)
         row = at.TRIAL
         onto_constraints(run, t, row)
+        held = hold_touches(data.scene, 0)  # what touched at the end of the step is another
     else:
         take_sides_here(run)
     q = stages[row, :nq]
@@ -284,6 +285,8 @@ def frame(run, i):
         data.links.record, (data.scene, accelerate, t, q, v, flow, ledger, i, data.out)
     )
     data.counters[0].evaluations += 1
+    if held:
+        hold_touches(data.scene, HOLDING)
     start = t
     if control.widths == GIVEN:
         next_interval(run, i)

@@ -5,6 +5,7 @@ tolerances are dimensionless.
 """
 
 import math
+import sys
 
 from ...tolerances import EPS
 from .. import layout as at
@@ -21,6 +22,7 @@ from ..vec import finite
 from .state import NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
 
 GOLDEN = (3 - math.sqrt(5)) / 2  # fraction of the golden section
+LEAST = sys.float_info.min / EPS  # smaller numbers have fewer digits
 
 
 @sweep
@@ -96,8 +98,8 @@ def weigh(rows, size, stages, control):
 
 @part
 def inverse(x):
-    """Return 1/x, or 0 for a coordinate without scale, which has not moved."""
-    return 1.0 / x if x > 0.0 else 0.0
+    """Return 1/x, or 0 for a coordinate without scale, which has not moved by what has digits."""
+    return 1.0 / x if x > LEAST else 0.0
 
 
 @sweep
