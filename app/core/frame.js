@@ -160,3 +160,4 @@ pgraph.frame = (() => {
   };
 })();
 pgraph.front = pgraph.frame.front;
+pgraph.on("opened", () => { if (document.documentElement.dataset.drawer === "large") pgraph.frame.smaller(); }); // another model is seen

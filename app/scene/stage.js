@@ -98,9 +98,11 @@ pgraph.stage = (() => {
     if (!material?.color) return;
     if (part === "outline") { outline(material); return; }
     mesh.renderOrder = ORDER[part];
-    const own = material.userData.own ??= material.color.clone();
+    const { userData } = material; // viser takes the material of one selection for the next one, in another colour
+    if (!userData.painted?.equals(material.color)) userData.own = material.color.clone();
     material.color.set(part === "fill" ? "#fff" : tone(part === "centre" ? "--ink" : "--accent"));
-    if (part === "fill") material.color.lerp(own, 1 - LIGHTER);
+    if (part === "fill") material.color.lerp(userData.own, 1 - LIGHTER);
+    userData.painted = material.color.clone();
     if (part === "behind") Object.assign(material, { depthFunc: GREATER, depthWrite: false });
     else if (!material.transparent) Object.assign(material, { transparent: true, depthTest: part === "fill", needsUpdate: true });
   }

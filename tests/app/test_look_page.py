@@ -157,7 +157,7 @@ def test_themes_are_legible(page):
 VIEW = "document.querySelector('canvas:not(.pgraph *)').getBoundingClientRect().toJSON()"
 
 
-def test_panels_are_resized_closed_and_enlarged_and_the_view_has_the_rest(page):
+def test_panels_are_resized_closed_and_enlarged_and_the_view_has_the_rest(page, served, leg):
     view = lambda: page.evaluate(VIEW)  # noqa: E731
     left, right = page.locator("aside.left"), page.locator("aside.right")
     drawer = page.locator("section.drawer")
@@ -190,6 +190,9 @@ def test_panels_are_resized_closed_and_enlarged_and_the_view_has_the_rest(page):
     drawer.get_by_role("button", name="Larger").click()
     page.keyboard.press("Escape")
     until(lambda: drawer.bounding_box()["x"] > 0, "in its place again")
+    drawer.get_by_role("button", name="Larger").click()
+    opened(page, served, leg.replace(name="another"))
+    until(lambda: drawer.bounding_box()["x"] > 0, "the other model in sight")
     drawer.get_by_role("button", name="Close the results").click()
     drawer.wait_for(state="hidden")
     until(lambda: view()["height"] == before["height"], "the whole view")

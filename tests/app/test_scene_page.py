@@ -212,6 +212,23 @@ def test_marks_gizmo_and_solids_are_drawn_and_cleared(page, served):
     page.wait_for_function(turned, arg=["/bodies/4", float(np.cos(0.6))])
 
 
+OWN = """() => { const own = [];
+  window.__viserMutable.nodeRefFromName["/selected/0/fill"]?.traverse(({ material }) => {
+    if (material?.userData.own) own.push(material.userData.own.getHexString()); });
+  return own.join() || null; }"""
+
+
+def test_a_selected_body_has_its_own_colour(page):
+    """It kept the colour of the first one that had been selected."""
+    known = {}
+    for name in ("thigh", "arm", "thigh"):
+        page.evaluate("(body) => pgraph.send('Select', { body })", name)
+        others = {colour for other, colour in known.items() if other != name}
+        until(lambda: page.evaluate(OWN) not in {None, *others}, name)  # noqa: B023
+        known.setdefault(name, page.evaluate(OWN))
+        until(lambda: page.evaluate(OWN) == known[name], f"{name} as before")  # noqa: B023
+
+
 SEEN_FROM = """([name, up]) => { let sides = [];
   const node = window.__viserMutable.nodeRefFromName[name], above = pgraph.viser.turned(up);
   node?.traverse((one) => { if (!one.material) return;
