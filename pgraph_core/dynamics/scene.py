@@ -328,6 +328,11 @@ class ContactSpace(Unportable):
         return self._kept
 
     @property
+    def conflict(self) -> Array:
+        """The impulses of all blocks in the last conflict, which no velocities satisfy."""
+        return self._kept.islands.pushed[:, 2]
+
+    @property
     def described(self) -> tuple[Any, ...]:
         """The geometry, the ground and the contact laws."""
         return self._kept.geometry, self._kept.ground, self._kept.laws

@@ -70,8 +70,9 @@ LEAST = 10  # the smallest inverse pivots so far
 BEFORE = 11  # velocities of rows before an impulse
 FREE, TARGET = 12, 13  # speeds of an island's joints and rows without impulses
 REPORT = 14  # report on the impulse solver, by these:
-# sweeps, Newton's steps, largest miss of a law, energy gained [J], hard islands, bounces left out
-SWEEPS_DONE, STEPS_DONE, MISSED, STRAYS, GAINED, HARD, CALMED = range(7)
+# sweeps, Newton's steps, largest miss of a law, energy gained [J], hard islands, islands that no
+# velocities satisfy, bounces left out
+SWEEPS_DONE, STEPS_DONE, MISSED, STRAYS, GAINED, HARD, BARRED, CALMED = range(8)
 DAMPING, STIFFNESS = 15, 16  # drives in a step as inertia, as torque
 ARMATURE, GIVEN = 17, 18  # the same without drives
 TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds, and the best λ so far in Newton's method
@@ -262,7 +263,7 @@ class Islands(NamedTuple):
     across: Any  # (nf, 12) rows of Y of all blocks, by four columns of the matrix
     reached: Any  # (nf,) these fours of columns
     fours: Any  # (nb + 1,) where those of a block begin
-    pushed: Any  # (nb, 3) by how much impulses miss their laws [N s]
+    pushed: Any  # (nb, 3) by how much impulses miss their laws, and those of a conflict [N s]
     slope: Any  # memory of Newton's method and sweeps per block
     weight: Any  # (nb,) largest mobility of all points of a touch [1/kg]
     mobility: Any  # (nb,) largest own entry of Ω [1/kg]

@@ -9,7 +9,7 @@ from . import layout as at
 from .arrays import OUT, SCENE, TAU, opened, save
 from .compiler.address import caller
 from .compiler.dual import of_numbers
-from .compiler.jit import kernel, part
+from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, I1, I2, array_of, f8, group, i8, plain, u8, void
 from .constraints.blocks import residual, residual_velocity, velocities
 from .constraints.constraints import drift, driven_power, impose, located, project, wrenches
@@ -202,6 +202,12 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
 @kernel(group(*[f8] * 2)(i8, F1, F1))
 def energy(scene, q, v):
     """Compute the (kinetic, potential) energy, including springs [J]."""
+    return energies(scene, q, v)
+
+
+@sweep
+def energies(scene, q, v):
+    """`energy`, for kernels."""
     data = opened(scene)
     rows, const, drives, loads, work = data.rows, data.const, data.drives, data.loads, data.work
     outboard(rows, const, work, q, v)

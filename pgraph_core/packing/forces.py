@@ -6,7 +6,7 @@ and between two bodies: wrenches, springs, torsion springs, drags.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from operator import is_
 from typing import Any
 
@@ -362,6 +362,7 @@ class Knots:
 
 Follows = tuple[Any, ...]  # lag, whether the integral acts, its bounds
 FOLLOWS = ("lag", "integrates", "least", "most")  # their fields in a row of drives
+STATE_OF = "state of "  # beginning of the names of drives' states
 AT_ONCE: Follows = (0.0, 0, -np.inf, np.inf)
 
 
@@ -376,11 +377,16 @@ def _following(knots: Array, f: OnJoint) -> Follows:
     begin = 0.0 if f.integrates else None
     begin = begin if f.start is None else f.start
     y = float(knots[0, 1]) if begin is None else shift + scale * begin
+    _follow(knots, follows, y)
+    return follows
+
+
+def _follow(knots: Array, follows: Follows, y: float) -> None:
+    """Write the active value at each knot into the last column, y at the first."""
     for n, (t, u, slope, _) in enumerate(knots.tolist()):
         knots[n, 3] = y
         if n + 1 < len(knots):
             y = followed(follows, u, slope, y, float(knots[n + 1, 0]) - t)
-    return follows
 
 
 def followed(follows: Follows, u: float, slope: float, y: float, ahead: float) -> float:
@@ -391,6 +397,41 @@ def followed(follows: Follows, u: float, slope: float, y: float, ahead: float) -
     from ..engine.forces import followed as of_lag
 
     return float(of_lag(y, u, slope * ahead, ahead / lag))
+
+
+def states_of_drives(names: Sequence[str], drives: Drives, t: float) -> dict[str, Array]:
+    """Return {drive: (1,)} of the states of lags and integrals at time t, by the packed law."""
+    found = dict[str, Array]()
+    for name, row in zip(names, drives.table[drives.passive :]):
+        if (knots := _own_knots(row, drives.knots)) is not None:
+            n = max(int(np.searchsorted(knots[:, 0], t, side="right")) - 1, 0)
+            last = n + 1 == len(knots)
+            start, u, slope, y = knots[n].tolist()
+            ahead = max(t - start, 0.0)
+            follows = tuple(row[list(FOLLOWS)].item())
+            found[STATE_OF + name] = np.array(
+                [followed(follows, u, 0.0 if last else slope, y, ahead)]
+            )
+    return found
+
+
+def begun_from(names: Sequence[str], drives: Drives, states: Mapping[str, Array]) -> Drives:
+    """Return the drives with these states of lags and integrals, as of `states_of_drives`."""
+    drives = drives._replace(knots=drives.knots.copy())
+    for name, row in zip(names, drives.table[drives.passive :]):
+        knots, y = _own_knots(row, drives.knots), states.get(STATE_OF + name)
+        if knots is not None and y is not None:
+            _follow(knots, tuple(row[list(FOLLOWS)].item()), float(y[0]))
+    return drives
+
+
+def _own_knots(row: Any, knots: Array) -> Array | None:
+    """Return the input of a drive with a lag or an integral as a view, or None."""
+    if not (row["lag"] > 0.0 or row["integrates"]):
+        return None
+    of = ("first_target", "targets") if row["coordinate"] >= 0 else ("first_torque", "torques")
+    first, count = int(row[of[0]]), int(row[of[1]])
+    return knots[first : first + count]
 
 
 def _parted(u: Table) -> Table:

@@ -30,6 +30,7 @@ from .records import (
     OF_DRIVES,
     ContactRecord,
     Derivatives,
+    Memory,
     Named,
     Status,
     event_arrays,
@@ -333,7 +334,7 @@ ARRAYS = (
 )  # fmt: skip
 SCALARS = ("message", "counters", "timing", "header", "notices")
 # before the names of constraints, drives and paths
-FORCE, DRIVE, DERIVATIVE = "force:", "drive:", "derivative:"
+FORCE, DRIVE, DERIVATIVE, MEMORY = "force:", "drive:", "derivative:", "memory:"
 
 
 def file_of(run: Any, folder: Path) -> bytes:
@@ -345,6 +346,7 @@ def file_of(run: Any, folder: Path) -> bytes:
     arrays |= {FORCE + name: value for name, value in run.constraint_force.items()}
     arrays |= {DRIVE + name: value for name, value in run.drive_force.items()}
     arrays |= {DERIVATIVE + path: value for path, value in run.derivatives.items()}
+    arrays |= {MEMORY + name: array for name, array in (run.memory or {}).items()}
     arrays |= run.contacts.arrays() | event_arrays(run.user_events)
     header = {
         "status": run.status.name,
@@ -371,9 +373,9 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
     arrays.setdefault("states", np.zeros((n, 0)))  # older files have none
     arrays.setdefault("state_error_at", np.full((n, arrays["states"].shape[1]), np.nan))
     found = {name: header[name] for name in SCALARS} | {name: arrays[name] for name in ARRAYS}
-    forces, driven, derivatives = (
+    forces, driven, derivatives, memory = (
         {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
-        for prefix in (FORCE, DRIVE, DERIVATIVE)
+        for prefix in (FORCE, DRIVE, DERIVATIVE, MEMORY)
     )
     mech = Mechanism(model)
     fits = found["q"].shape[1:] == (mech.nq,) and found["v"].shape[1:] == (mech.nv,)
@@ -392,6 +394,7 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
         "contacts": ContactRecord.of_arrays(arrays),
         "user_events": events_of_arrays(arrays),
         "derivatives": Derivatives(derivatives),
+        "memory": Memory(memory) if memory else None,
     }
 
 
@@ -403,7 +406,8 @@ def arrays_of(file: ZipFile, bodies: int) -> dict[str, Array]:
         entry.removesuffix(".npy") for entry in file.namelist()
     ):  # the order of the columns
         if name not in ("header", "t"):  # events are not of frames
-            found[name] = _array(file, name, LARGEST if "event" in name else most)
+            own = "event" in name or name.startswith(MEMORY)
+            found[name] = _array(file, name, LARGEST if own else most)
     return found
 
 

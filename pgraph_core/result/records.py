@@ -104,6 +104,16 @@ class Derivatives(dict[str, Array]):
 NO_DERIVATIVES = Derivatives({})
 
 
+class Memory(dict[str, Array]):
+    """What a run keeps at its end beside its state, as arrays by name, for a run that goes on."""
+
+    def __hash__(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+
 @dataclass(frozen=True, eq=False)
 class ContactRecord(EqualByFields):
     """Arrays over n frames, keyed by contact name, or by `name[body]` if it has several bodies."""

@@ -48,6 +48,7 @@ from .records import (
     ContactRecord,
     Derivatives,
     Event,
+    Memory,
     Named,
     Status,
     UserEvent,
@@ -149,6 +150,8 @@ class Result(Exports, EqualByFields, Portable):
     """(n, nx) The states of the model's controls, in their order."""
     state_error_at: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """(n, nx) Estimated errors of the states, as `error_at`, in their units."""
+    memory: Memory | None = field(default=None, compare=False)
+    """What `simulate(..., start=run)` goes on with beside the last frame."""
     drive_force: Named = field(default_factory=lambda: NO_DRIVES)
     """{name: (n,)} Torques or forces of motors, servos and actuators [N m, N], within their limits
     and before the gear."""

@@ -16,6 +16,7 @@ from ..errors import explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result, Runs
+from .continuing import begun_anew, state_of
 from .estimate import error_estimate
 from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of, shown_progress
@@ -49,6 +50,7 @@ def simulate(
     v: Any = None,
     *,
     states: Any = None,
+    start: Result | None = None,
     t_start: float = 0.0,
     t_end: float | None = None,
     method: str | None = None,
@@ -86,8 +88,13 @@ def simulate(
     states : array or dict, optional
         Initial states (nx,) of the controls, in the order of `run.states`, or values by control
         name. All other controls use the initial states of the model. If states are given, a sample
-        at `t_start` is not taken again, so a run can be continued with `simulate(mech, run.q[-1],
-        run.v[-1], states=run.states[-1], t_start=run.t[-1], ...)`.
+        at `t_start` is not taken again.
+    start : Result, optional
+        A run of the same joints, at whose end this run goes on, in place of `q`, `v`, `states` and
+        `t_start`. It also goes on with the states of drives with a lag or an integral, the
+        constraints that are switched on and the places where they hold, the conditions that have
+        acted, and the impulses and friction springs of contacts. Switches before its end have
+        acted. `joined` puts the runs together.
     t_start, t_end : float
         Start and end time [s]. By default, the run starts at 0. It ends at the last value of
         `t_eval`, or otherwise after the duration of the scenario, which defaults to 1 s.
@@ -167,10 +174,14 @@ def simulate(
     began = time.perf_counter()
     mech = mechanism_of(mechanism, "simulate")
     mech, forces, tau = torques_or_drives(mech, forces, tau)
+    memory = None
+    if start is not None:
+        given = {"q": q, "v": v, "states": states, "t_start": t_start or None}
+        q, v, states, t_start, memory = state_of(mech, start, "simulate", given)
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
         forces, switches, estimate,
-        () if inputs is None else inputs_of(inputs, "simulate"),
+        () if inputs is None else inputs_of(inputs, "simulate"), memory,
     )  # fmt: skip
     if q is not None or v is not None:
         refuse_interval(q, v, t_end)
@@ -186,7 +197,8 @@ def simulate(
         from .sensitivity import derivatives_of
 
         record.carried = derivatives_of(record, options, q, v, wrt)
-    record.ended.notices += notices_of_start(mech, options, q, states, state[0])
+    record.ended.notices += notices_of_start(mech, options, q, state[0])
+    record.ended.notices += begun_anew(mech, options, q, v, states)
     built, busy = time.perf_counter(), time.thread_time()
     with shown_progress(progress, "simulate") as bar:
         record.run(bar)
@@ -218,7 +230,7 @@ def simulate_batch(
     q, v : (n, nq) and (n, nv) arrays, or dict
         Initial states, one in each row. One of them may be None, or a single row for all runs.
     **options
-        Other arguments of `simulate`.
+        Other arguments of `simulate`. If `start` is a list of runs, each of them goes on.
 
     Returns
     -------
@@ -236,6 +248,8 @@ def simulate_batch(
     >>> runs = pg.simulate_batch(model, q=[[0.1, 0.0], [0.2, 0.0]], t_end=1.0)
     """
     mech = mechanism_of(mechanism, "simulate_batch")
+    if isinstance(starts := options.get("start"), (list, tuple)):
+        return Runs(simulate(mech, q, v, **{**options, "start": run}) for run in starts)
     options = words.renamed(options, ("q", "v")) or options
     q, v = options.pop("q", q), options.pop("v", v)
     return Runs(simulate(mech, *state, **options) for state in rows_of(mech, q, v))

@@ -398,8 +398,7 @@ class ContactEvents:
             self.ended.notices.append(
                 f"t = {t:.6g} s: impulses of an impact are accurate to {solved.missed:.3g} only"
             )
-        scene.strike(solved.impulse, self.v)
-        self.steps.ledger[at.DISSIPATED] -= solved.gain
+        scene.strike(solved.impulse, self.v, self.steps.ledger)
         self.tally["impacts"] += 1
         self._after_impact(t, touching, rows, u, solved, before, rest)
 

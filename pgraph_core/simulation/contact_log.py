@@ -27,7 +27,7 @@ from ..model import Spring
 from ..packing import Array, Ints, row_of_velocity
 from ..packing.forces import acting_on, drive_forces
 from ..result.records import FREE, NOTHING, PHASES, STOP, ContactRecord, Event
-from ..tolerances import NOTABLE, VISIBLE
+from ..tolerances import NAMED, NOTABLE, VISIBLE
 from .clearance import gaps_later
 from .plan import Idle, RunPlan
 from .switches import Change
@@ -125,10 +125,10 @@ def _untouched(mech: Mechanism, tables: Tables, t: Array) -> tuple[Any, Any]:
     return (t, np.zeros((len(t), mech.nb, 6)), pairs, np.zeros((0, 3))), changes
 
 
-def switched(mech: Mechanism, change: Change, gain: float) -> list[Event]:
-    """Return the events for a change that added the energy `gain` [J] instantaneously."""
-    took = f"; its impulse took {-gain:.4g} J" if gain < 0 else ""
-    took = f"; its impulse put in {gain:.4g} J" if gain > 0 else took
+def switched(mech: Mechanism, change: Change, work: float, lost: float) -> list[Event]:
+    """Return the events for a change whose impulses did `work` and dissipated `lost` [J]."""
+    took = f"; its impulse took {lost:.4g} J" if lost > 0 else ""
+    took += f"; prescribed motions did work of {work:.4g} J" if work else ""
     found: list[Event] = []
     for numbers, (old, new) in ((change.off, ("on", "off")), (change.on, ("off", "on"))):
         for i in numbers.tolist():
@@ -501,10 +501,40 @@ def contradicted(
             way, what = p.limit.slope(mech.nv), f"limit '{p.name}'"
         else:
             normal = np.array(mech.model.ground_normal)
-            way, what = mech.jacobian(q, p.body, p.point)[3:].T @ normal, f"contact '{p.pair}'"
+            way = mech.jacobian(q, p.body, p.point)[3:].T @ normal
+            what = f"the ground (contact '{p.pair}')"
         if names := holding(mech, active, t, q, way):
             found[what] = _by(names, p.body, what)
     return "; ".join(list(found.values())[:MOST_NAMED])
+
+
+def pressed_between(mech: Mechanism, scene: Scene, tables: Tables) -> str:
+    """Return a message about the constraints, contacts and limits that no velocities satisfy."""
+    assert scene.touching is not None
+    push, tally, found = scene.touching.conflict, scene.touching.tally, scene.touching.found
+    first, begin = int(tally["first_limit"]), int(tally["first_contact"])
+    most = float(push[first : begin + len(found)].max())
+    limits = push[first : first + len(tables.limits)] > NAMED * most
+    points = found[push[begin : begin + len(found)] > NAMED * most]
+    bodies = np.where(points["shape_b"] < 0, 0, tables.geometry.shapes["body"][points["shape_b"]])
+    ends = zip(tables.geometry.shapes["body"][points["shape_a"]].tolist(), bodies.tolist())
+    places = [GROUND, *mech.topology.names]
+    held = {name: float(push[a:b].max(initial=0.0)) for name, a, b in scene.spans}
+    names = [name for name, x in held.items() if x > NAMED * max(held.values())]
+    driven = [c.body for c in mech.model.constraints if c.name in names]
+    touched: dict[tuple[str, str], str] = {}
+    for (a, b), k in zip(ends, points["pair"].tolist()):
+        pair = places[b], places[a]
+        pair = pair if pair[0] in driven and pair[1] not in driven else pair[::-1]
+        touched.setdefault(pair, tables.touches[k].name)
+    rows = sorted(touched.items(), key=lambda one: one[0][0] not in driven)
+    texts = [
+        f"'{a}' against {'the ground' if b == GROUND else repr(b)} (contact '{name}')"
+        for (a, b), name in rows
+    ]
+    stops = zip(limited_bodies(mech, tables), tables.limits, limits)
+    texts += [f"'{body}' against limit '{name}'" for body, name, at_it in stops if at_it]
+    return _conflict(names, " and ".join(texts[:MOST_NAMED]))
 
 
 def _of(mech: Mechanism, v: int) -> str:
@@ -513,11 +543,13 @@ def _of(mech: Mechanism, v: int) -> str:
 
 
 def _by(names: Sequence[str], body: str, what: str) -> str:
-    if not names:
-        return ""
+    return _conflict(names, f"'{body}' against {what}") if names else ""
+
+
+def _conflict(names: Sequence[str], what: str) -> str:
     drive = "constraint {} drives" if len(names) == 1 else "constraints {} drive"
     named = " and ".join(f"'{name}'" for name in names[:MOST_NAMED])
     return (
-        f"{drive.format(named)} '{body}' against {what}, and neither can yield: end the motion "
-        "earlier, or use a servo with a torque_limit"
+        f"{drive.format(named)} {what}, and neither can yield: end the motion earlier, or use a "
+        "servo with a torque_limit"
     )

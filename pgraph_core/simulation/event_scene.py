@@ -280,7 +280,10 @@ class EventScene(Scene):
         m = point_kernels.impulse_rows(self.address, t, q, v)
         return self.space.omega[:m, :m].copy(), self.space.vectors[RHS, :m].copy()
 
-    def strike(self, impulse: Array, v: Array) -> None:
-        """Add the effect of impulses on the rows of `impact` to v, directly after `impact`."""
+    def strike(self, impulse: Array, v: Array, ledger: Array) -> None:
+        """Add the effect of impulses on the rows of `impact` to v, directly after `impact`.
+
+        Their work and dissipation are added to `ledger` [J].
+        """
         self.space.vectors[LAMBDA, : len(impulse)] = impulse
-        point_kernels.add_impulses(self.address, v)
+        point_kernels.add_impulses(self.address, v, ledger)

@@ -39,6 +39,13 @@ def failure(record: Running, code: int) -> tuple[Status, str]:
     """Return (status, message) of a kernel's status code, with the place and a suggestion."""
     t, row = record.steps.control["failed"], int(record.steps.control["fastest"])
     status = STATUS[code]
+    touching, tables = record.scene.touching, record.plan.contacts
+    if touching is not None and tables is not None and touching.tally["barred"]:
+        from .contact_log import pressed_between
+
+        when = float(touching.tally["barred_time"])
+        why = pressed_between(record.mech, record.scene, tables)
+        return status, f"{status.value} at t = {when:.6g} s: {why}"
     if text := trouble(record, float(t)):
         return status, f"{status.value} at t = {t:.6g} s{text}"
     where = f"at t = {t:.6g} s; {record.mech.packed.moved_fastest(row)}"

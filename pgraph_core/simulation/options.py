@@ -22,6 +22,7 @@ from ..model import Force, Scenario, Table
 from ..model.checks import force_problems, late_limits
 from ..packing import Array, Ints
 from ..portable import array_of
+from ..result.records import Memory
 from ..tolerances import EPS, SOLVED
 
 LEAST_RTOL = 4 * EPS  # the error of a step is rounding below it
@@ -65,6 +66,7 @@ class Options(NamedTuple):
     switches: Any = None
     estimate: Any = None  # False for a run without an error estimate
     inputs: Inputs = ()  # inputs of motors and servos, by name
+    memory: Memory | None = None  # of the run that goes on
 
     def check(self) -> None:
         """Raise InputError if options are mutually exclusive or not among their choices."""

@@ -34,8 +34,10 @@ from ..packing.constraints import block_arrays
 from ..packing.forces import bends_of_loads, exerts
 from ..packing.signals import begun_from, contacts_read
 from ..portable import array_of
+from ..result.records import Memory
 from ..tolerances import EPS, SOLVED
 from .conditions import ConditionOf, conditions_of
+from .continuing import with_drives
 from .kinks import Kink, kinks_of
 from .kinks import told as told_of
 from .options import (
@@ -159,6 +161,7 @@ class RunPlan(Way):
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
     length: float = 1.0  # length of the mechanism, a scale of errors [m]
     start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v if the call gives none
+    memory: Memory | None = None  # of the run that goes on
     states: Array | None = None  # (nx,) given states of controls, nan for those that are not
     tau: Any = None  # the controller of the scenario's gait
     way: Way | None = None  # continuation once bodies come close, None for no change
@@ -320,7 +323,8 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
         contacts = stepped_tables(mech.packed, contacts, drives)
-    return replace(plan, drives=drives, loads=loads, start=start, contacts=contacts)
+    plan = replace(plan, drives=drives, loads=loads, start=start, contacts=contacts)
+    return with_drives(plan)
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
@@ -367,17 +371,18 @@ def _what_acts(
     Conditions of switches may require `contacts`.
     """
     forces = _forces(mech, o, given, span[0], extra)
-    now = active_constraints(mech, given)
-    switches = switches_of(mech, given, o.switches, span)
+    now = active_constraints(mech, given, o.memory)
+    switches = switches_of(mech, given, o.switches, span, o.memory is not None)
     active, changes = switch_changes(mech, switches, now, span)
     conditions = conditions_of(mech, switches, contacts, forces)
-    return RunPlan(
+    plan = RunPlan(
         drives=mech.packed.drives(forces), loads=_loads(mech, forces, conditions), active=active,
-        driving=tuple(f.name for f in forces if isinstance(f, OnJoint)),
+        driving=tuple(f.name for f in forces if isinstance(f, OnJoint)), memory=o.memory,
         varying=tuple(f for f in forces if f._varies and exerts(f)) + mech.model.rubbing,
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,
     )  # fmt: skip
+    return with_drives(plan)
 
 
 def _forces(
@@ -493,11 +498,19 @@ def _check_sizes(mech: Mechanism) -> None:
 # -- forces, contacts, constraints and state ----------------------------------------------------
 
 
-def active_constraints(mech: Mechanism, given: Scenario | None) -> Ints:
-    """Return the indices of the constraints activated by a scenario, or the model's active ones."""
-    if given is None or given.constraints is None:
+def active_constraints(
+    mech: Mechanism, given: Scenario | None, memory: Memory | None = None
+) -> Ints:
+    """Return the indices of the constraints activated by a scenario, or the model's active ones.
+
+    A run that goes on has those of the run before it.
+    """
+    if memory is not None and "active" in memory:
+        wanted = set(memory["active"])
+    elif given is None or given.constraints is None:
         return mech.packed.active
-    wanted = set(given.constraints)
+    else:
+        wanted = set(given.constraints)
     return np.array(
         [i for i, c in enumerate(mech.model.constraints) if c.name in wanted], dtype=np.int64
     )

@@ -24,6 +24,7 @@ from ..result.records import (
     Named,
 )
 from .advice import too_wide
+from .continuing import left_by
 from .remarks import beyond_limits, creeping, too_fast, touching, turns_unseen
 
 if TYPE_CHECKING:
@@ -94,6 +95,7 @@ def result_of(
         state_error_at=error[rows, 1:],
         header=_header(record),
         notices=(*notices(record), *told),
+        memory=record.memory or left_by(record),
         user_events=tuple(record.watch.log) if record.watch else (),
         derivatives=NO_DERIVATIVES if record.carried is None else record.carried.of_frames(rows),
     )

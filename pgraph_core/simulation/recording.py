@@ -23,8 +23,10 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..packing.constraints import NO_BLOCKS
 from ..result import Status
+from ..result.records import Memory
 from ..tolerances import EPS
 from .conditions import Condition, limits_of
+from .continuing import left_by, recall
 from .failures import Running, failure, trouble
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
@@ -52,6 +54,7 @@ class Recording(Running):
     _last: Monitor | None = None  # the terminal event that ended the run
     _crawls = ""  # the warning that the run would take very many steps
     carried: Any = None  # what computes derivatives, as `sensitivity.Carried`
+    memory: Memory | None = None  # of a run that has ended
 
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
@@ -123,6 +126,7 @@ class Recording(Running):
         """Check whether a run with this plan is short and its scene and loop can be reused."""
         plan = self.plan
         acts = plan.contacts or plan.contact_points or plan.changes or self.user is not None
+        acts = acts or plan.memory is not None
         watched = self._events or plan.calls
         nq, nv = self.size
         size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
@@ -216,6 +220,8 @@ class Recording(Running):
             self.steps.control["frame"] = 1
         elif self.ended.status is Status.DONE:
             self.ended.notices += remarks(self)
+        if self.coarser is None:
+            self.memory = left_by(self)
 
     def advance_to_end(self, progress: Progress) -> None:
         """Record all remaining frames."""
@@ -270,6 +276,7 @@ class Recording(Running):
     def begin(self) -> bool:
         """Check whether the run can start: joints have inertia and constraints can be met."""
         mech, plan, first = self.mech, self.plan, self.coarser is None
+        touched = recall(self)
         if first and len(plan.active) and plan.project:
             try:
                 self.q[:], self.v[:], report = assembled(
@@ -304,7 +311,10 @@ class Recording(Running):
         if plan.contacts is not None or plan.contact_points:
             self._hold_touches()
             self.bound()
+        if touched and self.scene.touching is not None:
+            self._changes = [self.scene.touching.begin_log(self.start)]
         stepped = self.events is None and plan.method.name == "moreau_jean" and len(plan.times) > 1
+        stepped = stepped and not touched
         if stepped and self.user is None and self.scene.touching is not None and self.ended.ok:
             self.steps.rehearse(self.scene.touching.tally_table)
         if self.carried is not None and self.ended.ok:
@@ -314,6 +324,8 @@ class Recording(Running):
     def _begin_watching(self, watch: Watch) -> None:
         """Check events at the start, and switch constraints whose conditions are already true."""
         margins = watch.begin(self.start, self.q, self.v)
+        if self.plan.memory is not None:  # what is true has acted
+            return
         if max(margins[: watch.waiting], default=-1.0) < 0.0:
             return
         start = self.start, self.q, self.v

@@ -136,24 +136,11 @@ def given_states(mech: Mechanism, states: Any) -> Array:
     return found
 
 
-def notices_of_start(
-    mech: Mechanism, options: Options, q: Any, states: Any, at: Array
-) -> list[str]:
-    """Return notices about the start of a run at the position `at`, given by `q` and `states`."""
+def notices_of_start(mech: Mechanism, options: Options, q: Any, at: Array) -> list[str]:
+    """Return notices about the start of a run at the position `at`, given by `q`."""
     found = stretched(mech.packed, at) if q is not None else []
     found += placed_twice(mech, at)
-    found += directionless(mech, options.scenario, options.forces, at)
-    return found + (begun_anew(mech, options.scenario) if states is not None else [])
-
-
-def begun_anew(mech: Mechanism, scenario: str | None) -> list[str]:
-    """Return a notice about drives whose internal states are not continued."""
-    acting = (*mech.model.forces, *(mech.model.scenario(scenario).forces if scenario else ()))
-    names = [f.name for f in acting if getattr(f, "lag", 0.0) or getattr(f, "integrates", False)]
-    if not names:
-        return []
-    text = "of drives are reset, since `states` lacks them; a Stepper continues with them"
-    return [f"the states (lag, integral) {text}: {choices(names)}"]
+    return found + directionless(mech, options.scenario, options.forces, at)
 
 
 def refuse_interval(q: Any, v: Any, t_end: float | None) -> None:

@@ -33,8 +33,9 @@ from ..packing.signals import values_of
 from ..portable import ReadOnly, Snapshots, put_back
 from ..result import Result, Status
 from ..result.bodies import add_constraint_wrenches
-from ..result.records import OF_CONSTRAINTS, OF_DRIVES, ByTouch, Named
+from ..result.records import OF_CONSTRAINTS, OF_DRIVES, ByTouch, Memory, Named
 from ..tolerances import SOLVED
+from .continuing import state_of
 from .inputs import Inputs
 from .loop import Outcome
 from .options import Options, begun, driven, inputs_of, positive
@@ -88,6 +89,8 @@ class Stepper(Snapshots):
         Initial state. The default is the initial state of the scenario or model.
     states : array or dict, optional
         Initial states of the controls, as in `simulate`.
+    start : Result, optional
+        A run at whose end the stepper begins, as in `simulate`.
     t_start : float
         Start time [s].
 
@@ -125,6 +128,7 @@ class Stepper(Snapshots):
         q: Any = None,
         v: Any = None,
         states: Any = None,
+        start: Result | None = None,
         t_start: float = 0.0,
     ):
         """Start at (q, v), by default the initial state of the scenario or of the model."""
@@ -153,6 +157,10 @@ class Stepper(Snapshots):
                 text += "does by itself; give switches=(), and call `switch` of a Stepper there"
                 raise InputError(Problem("Stepper", "scenario", text))
         mech, forces, self._tau = torques_or_drives(mech, forces, tau)
+        memory = None
+        if start is not None:
+            replaced = {"q": q, "v": v, "states": states, "t_start": t_start or None}
+            q, v, states, t_start, memory = state_of(mech, start, "Stepper", replaced)
         vars(self).update(mech=mech, method=method)
         self._width = positive("step", step, call="Stepper")
         self._options = Options(
@@ -164,9 +172,11 @@ class Stepper(Snapshots):
             forces=tuple(forces),
             switches=None if switches is None else tuple(switches),
             inputs=inputs_of(inputs, "Stepper"),
+            memory=memory,
         )
         self._started = float(t_start)
-        self.reset(q, v, states)
+        self._state = (None, None, None) if start is None else (q, v, states)
+        self.reset(*([] if start is not None else (q, v, states)))
 
     # -- the state -------------------------------------------------------------------------------
 
@@ -325,7 +335,8 @@ class Stepper(Snapshots):
     def reset(self, q: Any = None, v: Any = None, states: Any = None) -> None:
         """Restart at t_start.
 
-        Inputs and targets are reset to their initial values.
+        A stepper that began at the end of a run begins there again if no state is given. Inputs
+        and targets are reset to their initial values.
 
         Parameters
         ----------
@@ -339,8 +350,10 @@ class Stepper(Snapshots):
         InputError
             If the state is invalid, or if the constraints cannot be satisfied.
         """
+        own = q is None and v is None and states is None
+        q, v, states = self._state if own else (q, v, states)
         q, v = by_names(self.mech, self._options.scenario, q, v, self._tau)
-        self._begin(self._started, q, v, states)
+        self._begin(self._started, q, v, states, self._options.memory if own else None)
 
     def step(
         self,
@@ -580,7 +593,7 @@ class Stepper(Snapshots):
 
     # -- snapshots -------------------------------------------------------------------------------
 
-    GIVEN = ("mech", "method", "_width", "_options", "_tau", "_started")
+    GIVEN = ("mech", "method", "_width", "_options", "_tau", "_started", "_state")
 
     def _folder(self) -> Any:
         return cache_folder()
@@ -610,10 +623,10 @@ class Stepper(Snapshots):
 
     # -- inside ----------------------------------------------------------------------------------
 
-    def _begin(self, t: float, q: Any, v: Any, states: Any) -> None:
+    def _begin(self, t: float, q: Any, v: Any, states: Any, memory: Memory | None) -> None:
         mech, tau, name = self.mech, self._tau, self._options.scenario
         given = mech.model.scenario(name) if name is not None else None
-        options = self._options._replace(t_start=t, t_end=t + self._width)
+        options = self._options._replace(t_start=t, t_end=t + self._width, memory=memory)
         plan = with_contacts(plan_of(mech, options, tau, q, v))
         if plan.contact_points:
             text = f"{self.method} is event-driven for rigid contacts and limits, which a Stepper "

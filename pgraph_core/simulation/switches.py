@@ -12,7 +12,7 @@ from ..analysis.assembly import ASSEMBLY_ROUNDS
 from ..dynamics.scene import Scene
 from ..dynamics.states import differences
 from ..engine import motion
-from ..engine.arrays import RHS
+from ..engine.arrays import LAMBDA, RHS
 from ..errors import InputError, ModelError, Problem, refusal
 from ..mechanism import Mechanism
 from ..model import Scenario, Switch, When
@@ -58,10 +58,17 @@ def switch_changes(
 
 
 def switches_of(
-    mech: Mechanism, given: Scenario | None, asked: Any, span: tuple[float, float]
+    mech: Mechanism, given: Scenario | None, asked: Any, span: tuple[float, float], goes_on: bool
 ) -> Sequence[Switch]:
-    """Return the switches of a run: the requested ones or the scenario's. Raises InputError."""
-    return _read(mech, asked, span) if asked is not None else given.switches if given else ()
+    """Return the switches of a run: the requested ones or the scenario's. Raises InputError.
+
+    Those before the start of a run that goes on have acted.
+    """
+    begin = -np.inf if goes_on else span[0]
+    found = given.switches if given else ()
+    if asked is not None:
+        found = _read(mech, asked, (begin, span[1]))
+    return [s for s in found if not (goes_on and s.t is not None and s.t < span[0])]
 
 
 def _time(s: Switch) -> float:
@@ -102,9 +109,9 @@ def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch
     for s in found:
         if s.t is not None and not span[0] <= s.t < span[1]:
             text = f"'{s.constraint}' is switched at t = {s.t:g} s, outside the run: give a time "
-            raise refusal(
-                "simulate", "switches", f"{text}from {span[0]:g} s to before {span[1]:g} s"
-            )
+            text += f"from {span[0]:g} s to before {span[1]:g} s"
+            text += "; simulate(model, start=run) goes on after the switches of a run"
+            raise refusal("simulate", "switches", text)
     return found
 
 
@@ -147,17 +154,19 @@ def hold_here(scene: Scene, change: Change, q: Array) -> None:
         scene.blocks.blocks_f[first : first + len(values)] = values
 
 
-def closed(mech: Mechanism, scene: Scene, change: Change, q: Array, v: Array) -> float:
-    """Project q and v onto the active constraints in the mass metric. Returns the change in q.
+def closed(
+    mech: Mechanism, scene: Scene, change: Change, q: Array, v: Array, ledger: Array
+) -> float:
+    """Move q onto the active constraints, and change v by their impulses. Returns the change in q.
 
-    The change is the largest of a joint [rad, m]. Raises InputError if the constraints cannot be
-    met.
+    The change is the largest of a joint [rad, m]. The energy of the impulses is added to `ledger`.
+    Raises InputError if the constraints cannot be met.
     """
     if scene.active[0] == 0:
         return 0.0
     names = " and ".join(f"'{scene.blocks.names[i]}'" for i in change.on.tolist())
     where = f"constraint {names}"
-    old = q.copy()
+    old, given = q.copy(), v.copy()
     fastest = float(np.max(np.abs(v), initial=0.0))
     rounds = motion.projection(scene.held, change.t, q, v, ASSEMBLY_ROUNDS)
     moved = float(np.max(np.abs(q - old), initial=0.0))
@@ -167,10 +176,15 @@ def closed(mech: Mechanism, scene: Scene, change: Change, q: Array, v: Array) ->
         text = f"is violated when switched on, at t = {change.t:g} s: a joint would jump "
         text += f"by {moved:.3g}; switch it in a position that satisfies it, or omit other_point"
         raise InputError(Problem(where, "", text))
-    from ..engine.contact.points import impulse_rows
+    from ..engine.contact.points import add_impulses, impulse_rows
 
-    m = impulse_rows(scene.held, change.t, q, v)
-    left = float(np.max(np.abs(scene.space.vectors[RHS, :m]), initial=0.0))
+    m = impulse_rows(scene.held, change.t, q, given)
+    before, omega = scene.space.vectors[RHS, :m].copy(), scene.space.omega[:m, :m]
+    inverse = np.linalg.pinv(omega, rcond=ROUNDING, hermitian=True)
+    scene.space.vectors[LAMBDA, :m] = -inverse @ before
+    add_impulses(scene.held, given, ledger)
+    v[:] = given
+    left = float(np.max(np.abs(before + omega @ scene.space.vectors[LAMBDA, :m]), initial=0.0))
     if left > SOLVED * max(fastest, float(np.max(np.abs(v), initial=0.0))):
         text = f"requires velocities at t = {change.t:g} s that conflict with other constraints by "
         raise InputError(Problem(where, "", f"{text}{left:.3g}; switch one of them off"))

@@ -37,7 +37,7 @@ class Switching:
         record.held = set(record.plan.active.tolist())
         self.since: dict[int, float] = {}  # when constraints were switched last [s]
         self._ahead = deque(record.plan.changes)
-        self._acted: set[int] = set()  # conditions that have switched a constraint
+        self.acted: set[int] = set()  # conditions that have switched a constraint
         self._undone: set[int] = set()  # those that did so again where it was switched back
         # [s]: for a motion from rest, the rounding of its position is that of time squared
         self._near = float(np.sqrt(ROUNDING) * np.ptp(record.plan.times))
@@ -83,12 +83,12 @@ class Switching:
         waiting = record.plan.conditions
         while left and not record.ended.over:
             given = waiting[number := left.pop(0)]
-            acted = number in self._acted
+            acted = number in self.acted
             if (given.constraint in record.held) == given.active or (acted and given.when.once):
                 continue
             if acted and given.when.constraint is None:
                 self._note_undone(t, number)
-            self._acted.add(number)
+            self.acted.add(number)
             on, off = ([given.constraint], []) if given.active else ([], [given.constraint])
             by = record.watch.monitors[number] if record.watch is not None else None
             if not self._apply(switched_by(record.held, on, off, t), by=by):
@@ -151,14 +151,13 @@ class Switching:
             places = places.copy()
         self._end_stretch()
         self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
-        before = self._energy()
+        before, booked = self._energy(), steps.ledger.copy()
         try:
             hold_here(scene, change, record.q)
             scene.switch(change.active)
             if record.events is not None:
                 record.events.impulse(change.t)
-            middle = self._energy()
-            moved = closed(mech, scene, change, record.q, record.v)
+            moved = closed(mech, scene, change, record.q, record.v, steps.ledger)
         except InputError as refused:
             record.ended.refuse(refused)
             return False
@@ -171,11 +170,12 @@ class Switching:
                     record,
                     "a constraint holds bodies in a position that depends on the parameters",
                 )
-        gain = self._energy() - middle
+        work, lost = steps.ledger - booked
+        gain = self._energy() - before - work + lost  # by moving joints onto the constraints
         steps.ledger[at.WORK_DONE if gain > 0 else at.DISSIPATED] += abs(gain)
         from .contact_log import switched
 
-        record.ended.log += switched(mech, change, self._energy() - before)
+        record.ended.log += switched(mech, change, float(work), float(lost))
         if moved > NOTABLE:
             text = f"joints were moved by up to {moved:.3g} to meet the constraints switched on"
             record.ended.notices.append(f"at t = {change.t:g} s {text}")
@@ -195,8 +195,9 @@ class Switching:
         record = self.record
         hold_here(record.scene, change, record.q)
         record.scene.switch(change.active)
-        closed(record.mech, record.scene, change, record.q, record.v)
-        record.steps.control["fresh"] = 0
+        steps = record.steps
+        closed(record.mech, record.scene, change, record.q, record.v, steps.ledger)
+        steps.control["fresh"] = 0
 
     def _energy(self) -> float:
         record = self.record

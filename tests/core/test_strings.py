@@ -103,7 +103,9 @@ def test_strings_that_do_not_fit_are_refused_or_reported():
                                q_of_t={"kind": "polynomial", "coefficients": [-1, -1]})],
     )  # fmt: skip
     run = pg.simulate(pulled, v=(0.0, -1.0), t_end=0.2, step=1e-3, estimate=False)
-    assert any("'spring string high limit'" in n and "'drive'" in n for n in run.notices)
+    assert run.status is pg.Status.CANNOT_CLOSE
+    assert "'spring string high limit'" in run.message
+    assert "'drive'" in run.message
 
 
 STRING = """<mujoco><worldbody><site name="nail" pos="0 0 .5"/>

@@ -135,6 +135,13 @@ def slack_of(blocks_i, blocks_f, i):
 
 
 @part
+def set_slack(blocks_i, blocks_f, i, speed):
+    """Set what `slack_of` returns for a unilateral block."""
+    column = at.VALUE if type_of(blocks_i, i) == T_CONTACT else at.AIM
+    blocks_f[i, column] = speed
+
+
+@part
 def span(blocks_f, i, work, a, b):
     """Compute (gap to the length bound, point on A, vector to it from B's point, signed length).
 
@@ -290,6 +297,14 @@ def followed(blocks_i, blocks_f, curves, i, t, order):
     if order == 1:
         return curves[k, 2] + s * (2.0 * curves[k, 3] + s * 3.0 * curves[k, 4])
     return 2.0 * curves[k, 3] + s * 6.0 * curves[k, 4]
+
+
+@part
+def prescribes(blocks, i):
+    """Check whether a block prescribes a motion, so that its forces do work."""
+    kind, follows = type_of(blocks.blocks_i, i), blocks.blocks_i[i, at.B_KNOTS] != 0
+    runs = kind == T_VELOCITY and (follows or value_of(blocks.blocks_f, i) != 0.0)
+    return runs or (kind == T_COORD and follows)
 
 
 @part

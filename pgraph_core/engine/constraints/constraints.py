@@ -10,7 +10,7 @@ from ..arrays import CHANGE, DINV, FACTORED, LAMBDA, LEAST, MOVED, PLACED, RHS, 
 from ..compiler.dual import carries
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
-from ..layout import T_ALIGN, T_COORD, T_VELOCITY
+from ..layout import T_ALIGN
 from ..rows import TRANSLATE, axis_of, kind_of, origin_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
@@ -26,6 +26,7 @@ from .blocks import (
     locate,
     place_a,
     point_a,
+    prescribes,
     residual,
     residual_acceleration,
     residual_velocity,
@@ -222,14 +223,13 @@ def impose(scene, t, q, v, vdot):
 
 @part
 def driven_power(blocks, space, v):
-    """Return λ Σ c v for the coordinate rows [W], the power of prescribed motions."""
+    """Return λ Σ c v of the rows that prescribe motions, which is their power [W]."""
     blocks_i, terms_i = blocks.blocks_i, blocks.terms_i
     terms_f, active = blocks.terms_f, blocks.active
     power = 0.0
     for j in range(1, active[0] + 1):
         i = active[j]
-        kind = type_of(blocks_i, i)
-        if kind == T_COORD or kind == T_VELOCITY:
+        if prescribes(blocks, i):
             lam = space.vectors[LAMBDA, first_of(space.slots, i)]
             power += lam * total(blocks_i, terms_i, terms_f, i, 0, v)
     return power

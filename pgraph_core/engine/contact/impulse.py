@@ -13,6 +13,7 @@ import math
 from ...tolerances import EPS, NOTABLE
 from .. import layout as at
 from ..arrays import (
+    BARRED,
     BEFORE,
     CALMED,
     DINV,
@@ -44,6 +45,7 @@ from ..constraints.blocks import (
 )
 from ..constraints.constraints import joint_impulses
 from ..vec import dot, load
+from .conflicts import barred, ease, strain
 from .contacts import contacts_at
 from .islands import find_islands, forget_order, order_island, unique
 from .newton import (
@@ -73,8 +75,10 @@ def solve_impulses(scene, h):
 
     Their effect on the joints is written to STEP. REPORT receives the numbers of sweeps and of
     Newton steps, the largest velocity residual of a law, relative to its island and in m/s, the
-    kinetic energy added by unilateral impulses [J], the number of islands that were hard, and the
-    number of islands that did not bounce because they would have gained energy.
+    kinetic energy added by unilateral impulses [J], and the number of islands that were hard, that
+    no velocities satisfy, and that did not bounce because they would have gained energy.
+
+    If no velocities satisfy an island, its gaps may close by their tolerated depth in this step.
     """
     data = opened(scene)
     blocks, space = data.blocks, data.space
@@ -101,18 +105,35 @@ def solve_impulses(scene, h):
             drop(scene, n)
             note_missed(scene, n)
             continue
-        solve_island(scene, n, still)
+        left, size = solve_island(scene, n, still)
+        if left == math.inf:
+            ease(scene, n, h)
+            aim(scene, n)
+            left, size = solve_island(scene, n, still)
+        note_left(report, left, size)
         gain, size = gained(scene, n)
         if gain > NOTABLE * size and bounces(scene, n):
             report[CALMED] += 1.0
             for j in range(islands.first[n], islands.first[n + 1]):
                 blocks.blocks_f[islands.blocks[j], at.BOUNCE] = 0.0
             aim(scene, n)
-            solve_island(scene, n, still)
+            left, size = solve_island(scene, n, still)
+            note_left(report, left, size)
             gain, size = gained(scene, n)
         report[GAINED] += gain
         note_missed(scene, n)
     joint_impulses(blocks, space)
+
+
+@part
+def note_left(report, left, size):
+    """Record the residual of an island over its largest velocity `size`, or that none is small."""
+    if left == math.inf:
+        report[BARRED] += 1.0
+        return
+    report[HARD] += 1.0 if left > NOTABLE else 0.0
+    report[MISSED] = max(report[MISSED], left)
+    report[STRAYS] = max(report[STRAYS], left * size)
 
 
 @sweep
@@ -200,12 +221,14 @@ def solve_island(scene, n, still):
     """Solve for λ of one island, and write the resulting speeds w into STEP.
 
     A velocity of at most `still` moves nothing by more than the rounding of its position in a step.
+    Returns (residual over the largest velocity of the island, or infinity if no velocities satisfy
+    its rows, this velocity).
     """
     report = opened(scene).space.vectors[REPORT]
     size = largest_velocity(scene, n)
     if size <= still:
         drop(scene, n)
-        return
+        return 0.0, size
     contacts = contacts_at(opened(scene).links.contacts)
     islands, fine = contacts.islands, contacts.tally[0].fine
     count = islands.first[n + 1] - islands.first[n]
@@ -223,11 +246,11 @@ def solve_island(scene, n, still):
         report[STEPS_DONE] += taken
     elif left > NOTABLE:
         left = gauss_seidel(scene, n, size, MOST_SWEEPS, NOTABLE)
-    if left > NOTABLE:
-        report[HARD] += 1.0
+    doubted = room and (left > NOTABLE or strain(scene, n) > NOTABLE * size)
+    if doubted and barred(scene, n, size):
+        left = math.inf
     forget_order(islands)
-    report[MISSED] = max(report[MISSED], left)
-    report[STRAYS] = max(report[STRAYS], left * size)
+    return left, size
 
 
 @sweep
@@ -278,9 +301,21 @@ def largest_velocity(scene, n):
 # -- energy ---------------------------------------------------------------------------------------
 
 
+@part
+def gain_of(vectors, r, after, aimed):
+    """Return the energy that the impulse of row r adds [J], λ (u⁻ + u⁺) / 2.
+
+    `after` is u⁺ plus what its law aims at.
+    """
+    return vectors[LAMBDA, r] * (0.5 * (vectors[BEFORE, r] + after - aimed))
+
+
 @sweep
 def gained(scene, n):
-    """Compute (energy added by island n's unilateral impulses [J], energy that they exchange)."""
+    """Compute (energy added by island n's unilateral impulses [J], energy that they exchange).
+
+    An impulse λ adds λ (u⁻ + u⁺) / 2. Here u⁺ contains neither the bounce nor the slack of TARGET.
+    """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
     islands = contacts_at(data.links.contacts).islands
@@ -294,11 +329,10 @@ def gained(scene, n):
             r = first_of(slots, i)
             after = velocity(data, i, vectors[STEP])
             back = blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
-            back += blocks_f[i, at.VALUE] if kind == at.T_CONTACT else 0.0
+            back += slack_of(blocks_i, blocks_f, i)
             for c in range(size_of(blocks_i, i)):
-                mean = 0.5 * (vectors[BEFORE, r + c] + after[c] - (back if c == 0 else 0.0))
+                gain += gain_of(vectors, r + c, after[c], back if c == 0 else 0.0)
                 lam = vectors[LAMBDA, r + c]
-                gain += lam * mean
                 size += abs(lam) * max(abs(vectors[RHS, r + c]), abs(vectors[BEFORE, r + c]))
     return gain, size
 

@@ -55,7 +55,7 @@ HALVINGS = 20  # of one such step, until the slope along it is a tenth
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
 # Where the scratch of an island keeps them: columns of a block.
 SLOPE, MISS, RATE, MOVE, FROM, STATE, RESTS = 0, 9, 12, 21, 24, 27, 28
-LAWS, BOUNDS, CONES = 0, 1, 2  # what `look` projects onto
+LAWS, BOUNDS, CONES, NORMALS = 0, 1, 2, 3  # what `look` projects onto
 
 
 @part
@@ -214,10 +214,10 @@ def look(scene, n, soft, onto):
     """Write P - λ of island n's blocks into MISS and P' into SLOPE, with `soft` applied to all of
     λ.
 
-    P projects onto the LAWS, with BOUNDS onto those with the friction bounds of λ, and with CONES
-    onto the cones of the contacts that rest. Return (norm of the residual [m/s], its largest
-    entry, the rounding error of that entry, the number of blocks whose state has changed since the
-    last evaluation).
+    P projects onto the LAWS, with BOUNDS onto those with the friction bounds of λ, with CONES onto
+    the cones of the contacts that rest, and with NORMALS onto the laws without friction. Return
+    (norm of the residual [m/s], its largest entry, the rounding error of that entry, the number of
+    blocks whose state has changed since the last evaluation).
     """
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
@@ -237,7 +237,7 @@ def look(scene, n, soft, onto):
         u = add_scaled(target, 1.0, felt(islands, j, islands.speeds))
         u = add_scaled(u, soft * islands.weight[i], lam)
         z = add_scaled(lam, -k, u)
-        bounds = bounds_of(data, i)
+        bounds = (0.0, 0.0) if onto == NORMALS else bounds_of(data, i)
         if onto == BOUNDS and kind == at.T_CONTACT and size > 1:
             p, slope = turning(z, 0.0, math.inf, bounds[0] * max(lam[0], 0.0))
         elif onto == CONES and kept[i, RESTS] == 1.0:

@@ -16,14 +16,23 @@ from ..compiler.kinds import F1, f8, i8, void
 from ..constraints.blocks import (
     first_of,
     locate,
+    prescribes,
     residual,
     residual_acceleration,
     residual_velocity,
+    size_of,
     slip,
     to_contact,
     velocities,
 )
-from ..constraints.constraints import couplings, drift, number_rows, respond, unit_responses
+from ..constraints.constraints import (
+    couplings,
+    drift,
+    driven_power,
+    number_rows,
+    respond,
+    unit_responses,
+)
 from ..motion import RECORD, call_acceleration, call_record
 from ..records import STANCE, SWING
 from ..rows import FREE, SCREW, TRANSLATE, axis_of, kind_of, link_of, origin_of, parent_of
@@ -223,14 +232,31 @@ def impulse_rows(scene, t, q, v):
     return m
 
 
-@kernel(void(i8, F1), later=True)
-def add_impulses(scene, v):
-    """Add M⁻¹ Jᵀ λ of the active rows to v, after `impulse_rows`, with λ in LAMBDA."""
+@kernel(void(i8, F1, F1), later=True)
+def add_impulses(scene, v, ledger):
+    """Add M⁻¹ Jᵀ λ of the active rows to v, and their energy to the ledger.
+
+    λ is in LAMBDA, and Ω and the velocities before it are those of `impulse_rows`. The impulses of
+    rows that prescribe a motion do work, λ times the mean of J v, and the others dissipate.
+    """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    lam, m = space.vectors[LAMBDA], number_rows(blocks, space.slots)
+    ledger[at.WORK_DONE] += 0.5 * driven_power(blocks, space, v)
+    for j in range(1, blocks.active[0] + 1):
+        i = blocks.active[j]
+        if prescribes(blocks, i):
+            continue
+        first = first_of(space.slots, i)
+        for r in range(first, first + size_of(blocks.blocks_i, i)):
+            mean = space.vectors[RHS, r]
+            for c in range(m):
+                mean += 0.5 * space.omega[r, c] * lam[c]
+            ledger[at.DISSIPATED] -= lam[r] * mean
     respond(rows, const, blocks, work, space)
     for j in range(v.shape[0]):
         v[j] += space.vectors[STEP, j]
+    ledger[at.WORK_DONE] += 0.5 * driven_power(blocks, space, v)
 
 
 @sweep

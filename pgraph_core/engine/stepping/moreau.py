@@ -24,6 +24,7 @@ from ...tolerances import SOLVED
 from .. import layout as at
 from ..arrays import (
     ARMATURE,
+    BARRED,
     BEFORE,
     CALMED,
     DAMPING,
@@ -36,6 +37,7 @@ from ..arrays import (
     LAMBDA,
     MEAN,
     MISSED,
+    OTHER,
     REPORT,
     RHS,
     SPEEDS,
@@ -68,7 +70,7 @@ from ..contact.impulse import solve_impulses
 from ..contact.meeting import first_meeting, hits_at_once, state_at
 from ..contact.passing import keep_poses, note_passages
 from ..forces import at_its_limit
-from ..motion import call_acceleration, call_contact_forces, follow, opened
+from ..motion import call_acceleration, call_contact_forces, energies, follow, opened
 from ..rows import (
     BALL,
     TRANSLATE,
@@ -89,8 +91,8 @@ from ..tree.moving import advance
 from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
 from ..vec import add, add_scaled, finite, mul, set_xyz, xyz
 from .booking import book, note_chain
+from .state import NOT_MET, copied, size_of_state
 from .state import STEP as STEP_SIGNATURE
-from .state import copied, size_of_state
 from .unilateral import ASK, CUT, REST, add_passed, add_unilateral, push_out
 
 # runs of duals, run of numbers, finished part of the step, its width, that of the part, first block
@@ -120,6 +122,7 @@ def moreau_jean(run, h):
     for i in range(tally.first_limit, tally.first_limit + tally.limits):
         opened(scene).blocks.blocks_f[i, at.LOCATED] = math.inf
     tally.frozen = ADDING
+    tally.barred = 0
     t = this.control[0].time
     done = 0.0
     parts = 0
@@ -140,7 +143,7 @@ def moreau_jean(run, h):
             break
         parts += 1
         part_of_step(run, done, h, w, CUT)
-        if w == left:
+        if w == left or tally.barred == 1:
             break
         stuck = w == 0.0 and not changed(stages[at.TRIAL], stages[at.CANDIDATE], nq, nv)
         tally.cuts += 1
@@ -153,6 +156,8 @@ def moreau_jean(run, h):
         state_at(scene, 0.0, q, v, stages[at.CANDIDATE], vdot, space.vectors[STEP, :nv])
         note_passages(scene, t + h)
     tally.frozen = FROZEN
+    if tally.barred == 1:
+        return NOT_MET
     return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
 
 
@@ -222,7 +227,7 @@ def part_of_step(run, done, h, w, mode):
     ledger[at.WORK_DONE] += w * this.flow[0]
     ledger[at.DISSIPATED] += w * this.flow[1]
     if active[0] > 0:
-        account(scene, first, w if w > 0.0 else h, ledger)
+        account(scene, first, t, w if w > 0.0 else h, ledger)
         if w == 0.0:
             note_chain(scene, first, t)
     book(scene, first, t + w, w, h, w == h - done)
@@ -243,10 +248,21 @@ def part_of_step(run, done, h, w, mode):
             middle[j] = v[j]
         move_states(scene, t + 0.5 * w, w, q, middle, before, v, damping)
     advance(rows, q, v, 0.5 * w)
-    if active[0] >= first and w > 0.0:
-        push_out(scene, first, h, q)
+    if active[0] >= first and w > 0.0 and push_out(scene, first, h, q):
+        ledger[at.DISSIPATED] -= lifted(scene, q, v)
     active[0] = bilateral
     return False
+
+
+@sweep
+def lifted(scene, q, v):
+    """Return the potential energy that `push_out` has added by moving q [J]."""
+    data = opened(scene)
+    before = data.space.vectors[OTHER, : q.shape[0]]
+    for i in range(q.shape[0]):
+        before[i] = q[i]
+    advance(data.rows, before, data.space.vectors[STEP], -1.0)
+    return energies(scene, q, v)[1] - energies(scene, before, v)[1]
 
 
 @sweep
@@ -585,9 +601,9 @@ def solve_part(run, own, q, v, vdot):
 
 
 @sweep
-def account(scene, first, lasts, ledger):
+def account(scene, first, t, lasts, ledger):
     """Record the energy loss of impulses in the ledger, the work of moving surfaces, and the
-    solver's report in the tally.
+    solver's report in the tally, at time t.
 
     A velocity that misses a law lasts until the next solve, for the time `lasts`.
     """
@@ -605,6 +621,9 @@ def account(scene, first, lasts, ledger):
     tally.strayed += lasts * report[STRAYS]
     if report[HARD] > 0.0:
         tally.fallbacks += 1
+    if report[BARRED] > 0.0:
+        tally.barred = 1
+        tally.barred_time = t
     if report[CALMED] > 0.0:
         tally.calmed += 1
 

@@ -108,6 +108,7 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
             slides = slides or slides_now(contacts, data.work, data.space.linear, n)
             set_block(contacts, blocks, n, first + n, slides)
             blocks.blocks_f[first + n, at.VALUE] = slack
+            blocks.blocks_f[first + n, at.ROOM] = point.gap + tolerated(contacts, n, h)
             append(active, first + n)
             if resists_turning(law):
                 set_turn(contacts, blocks, n, tally.first_turn + n)
@@ -136,6 +137,7 @@ def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
     rate, change = limit_speeds(blocks, i, v, vdot)
     blocks_f[i, at.AIM] = 0.0
     blocks_f[i, at.BOUNCE] = 0.0
+    blocks_f[i, at.ROOM] = gap + DEPTH * blocks_f[i, at.SIZE]
     if w == 0.0:
         e = blocks_f[i, at.REBOUND]
         if gap <= 2.0 * closed:
@@ -203,6 +205,7 @@ def span_reaches(scene, i, w, v):
     q = point_b(blocks.blocks_f, i, work, b)
     u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, q))
     bound = blocks.blocks_f[i, at.VALUE]
+    blocks.blocks_f[i, at.ROOM] = gap + DEPTH * abs(bound)
     parting = dot(u, apart) / length
     across = math.copysign(max(dot(u, u) - parting * parting, 0.0) / length, bound)
     closing = max(-math.copysign(1.0, bound) * parting, 0.0)
@@ -254,7 +257,8 @@ def tolerated(contacts, n, h):
 @sweep
 def push_out(scene, first, h, q):
     """Reduce deep penetration by moving q along the normals, in the mass metric, separately for
-    each island."""
+    each island. Returns whether there was any. The move is in STEP.
+    """
     data = opened(scene)
     blocks, space = data.blocks, data.space
     contacts = contacts_at(data.links.contacts)
@@ -268,7 +272,7 @@ def push_out(scene, first, h, q):
             deep = deep or -found[n].gap > tolerated(contacts, n, h)
             blocks.blocks_f[active[j], at.AIM] = found[n].gap + 0.5 * tolerated(contacts, n, h)
     if not deep:
-        return
+        return False
     z = space.vectors[STEP]
     for k in range(z.shape[0]):
         z[k] = 0.0
@@ -278,6 +282,7 @@ def push_out(scene, first, h, q):
             separate(scene, n, RECOVER * deepest)
     spread(data.rows, data.const, data.work, z)
     advance(data.rows, q, z, 1.0)
+    return True
 
 
 @part

@@ -19,7 +19,7 @@ from ..records import CHOSEN, GIVEN
 from ..rows import BALL, FREE, OWN, TRANSLATE, kind_of, q_of, v_of
 from ..signals import next_sample
 from ..vec import finite
-from .state import NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
+from .state import NOT_MET, NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
 
 GOLDEN = (3 - math.sqrt(5)) / 2  # fraction of the golden section
 LEAST = sys.float_info.min / EPS  # smaller numbers have fewer digits
@@ -362,6 +362,8 @@ def refuse(run, error, h):
     control, counters = data.control[0], data.counters[0]
     counters.rejected_steps += 1
     control.rejected = 1
+    if error == NOT_MET:
+        return at.NOT_CONVERGED
     if error >= 0.0 and error < math.inf:
         control.broken = 0
         widen(control, data.method[0], error, h)
