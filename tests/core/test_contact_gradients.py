@@ -55,6 +55,16 @@ def test_a_limit(restitution, step):
     assert max(found.values()) < 1e-6, found
 
 
+def test_dry_friction_may_act_from_the_start():
+    """Bodies that are released at rest slide backwards at once: friction has no gap to change."""
+    given: dict[str, Any] = STEPS | {"t_end": 0.6}
+    model, path = pg.Model.serial(2).edit("2", friction=0.02), "bodies.2.friction.0"
+    run = pg.simulate(model, wrt=[path], **given)
+    ends = [pg.simulate(model.edit("2", friction=0.02 + h), **given) for h in (1e-5, -1e-5)]
+    assert not any("derivatives" in text for text in run.notices)
+    assert missed(run.sensitivity(path), (state(ends[0]) - state(ends[1])) / 2e-5) < 1e-5
+
+
 def rubbing(v, friction, mass, stiffness):
     body = pg.Body(
         name="s", joint="prismatic", axes=(1, 0, 0), mass=mass, v=[v], friction=(friction,)

@@ -439,6 +439,8 @@ def end_where_parted(run, numbers, carried, first):
         i = own.blocks.active[j]
         if not given.space.vectors[LAMBDA, first_of(given.space.slots, i)] > 0.0:
             continue
+        if type_of(own.blocks.blocks_i, i) == at.T_FRICTION:  # friction of a joint has no gap
+            continue
         point = type_of(own.blocks.blocks_i, i) == at.T_CONTACT
         n = place_of_point(scene, of_numbers, i) if point else -1
         gaps[0] = gap_of(scene, of_numbers, i, q)
