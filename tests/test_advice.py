@@ -178,9 +178,9 @@ def test_a_motor_between_its_own_links_does_not_hold_a_free_body():
 
 
 def test_a_long_search_says_how_far_it_is(monkeypatch, capsys):
-    from pgraph_core.search import optimise
+    from pgraph_core.search import telling
 
-    monkeypatch.setattr(optimise, "SILENCE", 0.0)
+    monkeypatch.setattr(telling, "SILENCE", 0.0)
     search = (MODEL, "peak v.1", {"bodies.2.mass": (0.5, 2.0)})
     options = {"t_end": 0.1, "method": "rk4", "most": 1}
     pg.optimise(*search, **options)

@@ -378,20 +378,20 @@ def killed(run: pg.Result, first: str = "") -> float:
     return mass
 
 
-MASSES = {"bodies.my.bob.mass": [*np.linspace(1, 2, 40), 9.0]}
+WITH_A_KILLER = {"bodies.my.bob.mass": [*np.linspace(1, 2, 40), 9.0]}
 
 
 def test_points_of_a_worker_that_is_killed_are_computed_by_another(pendulum, monkeypatch, tmp_path):
     """A chunk of work is made a point, so that even this sweep goes to processes."""
     monkeypatch.setattr(tasks, "CHUNK", 1e-6)
     metric = partial(killed, first=str(tmp_path / "killed"))
-    table = pg.sweep(pendulum, MASSES, {"mass": metric}, **SHORT, workers=2)
+    table = pg.sweep(pendulum, WITH_A_KILLER, {"mass": metric}, **SHORT, workers=2)
     assert (tmp_path / "killed").exists()
-    assert (table.values["mass"] == MASSES["bodies.my.bob.mass"]).all()
+    assert (table.values["mass"] == WITH_A_KILLER["bodies.my.bob.mass"]).all()
 
 
 @pytest.mark.nightly
 def test_a_point_that_kills_every_worker_ends_the_sweep(pendulum, monkeypatch):
     monkeypatch.setattr(tasks, "CHUNK", 1e-6)
     with pytest.raises(pg.InputError, match=r"workers.*stopped by the system.* points left"):
-        pg.sweep(pendulum, MASSES, killed, **SHORT, workers=2)
+        pg.sweep(pendulum, WITH_A_KILLER, killed, **SHORT, workers=2)

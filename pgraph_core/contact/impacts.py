@@ -165,6 +165,7 @@ def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> 
         if row.size == 1:
             continue
         most = _most_mobile(omega[t, t])
+        most = most if most > SOLVED * own else own  # impulses do not change a slip that is driven
         pull = most * lam[t] - after[t]
         size, rim = math.hypot(*pull), most * row.friction * max(lam[n], 0.0)
         if size > rim:  # sliding
@@ -193,7 +194,10 @@ def _one(omega: Array, u: Array, row: ContactRow) -> Array:
     if row.size == 1:
         return -target / omega[0, 0]
     stick = -np.linalg.pinv(omega, rcond=ROUNDING, hermitian=True) @ target
-    if row.held or math.hypot(stick[1], stick[2]) <= row.friction * stick[0] * (1 + ROUNDING):
+    slip = np.linalg.norm(target + omega @ stick)  # left if the bodies are driven
+    sticks = slip <= SOLVED * np.linalg.norm(target)
+    rim = row.friction * stick[0] * (1 + ROUNDING)
+    if row.held or (sticks and math.hypot(stick[1], stick[2]) <= rim):
         return stick if stick[0] > 0 else none
     return _sliding(omega, target, row.friction)
 

@@ -21,7 +21,7 @@ from ..model.expressions import Known
 from ..packing import Array
 from ..packing.signals import Places, Program, known_forces, measured_rows
 from ..signals import parsed
-from ..tolerances import ROUNDING, SOLVED
+from ..tolerances import SOLVED
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -107,15 +107,7 @@ class Comparison(NamedTuple):
         if not np.isfinite(found):
             reason = f"{shown(self.text)} has no value at t = {t:.6g} s"
             raise refusal("simulate", "switches", reason)
-        return beyond_rounding(found, float(np.abs(self.code[1::2, 0]).max()))
-
-
-def beyond_rounding(margin: float, size: float) -> float:
-    """Return the margin of a condition, or 0 at its threshold, where rounding would decide.
-
-    What a condition switches may keep it there.
-    """
-    return margin if abs(margin) > ROUNDING * size else 0.0
+        return found
 
 
 def _comparison(mech: Mechanism, text: str, forces: Sequence[Force]) -> Comparison:
@@ -213,9 +205,9 @@ class Condition:
             return 1.0 if holds else -1.0
         else:
             value = self._value(t, q, v)
-        bound = (when.below or 0.0) if when.above is None else when.above
-        margin = bound - value if when.above is None else value - bound
-        return beyond_rounding(margin, abs(bound) + abs(value))
+        if when.above is not None:
+            return value - when.above
+        return (when.below or 0.0) - value
 
     def _value(self, t: float, q: Array, v: Array) -> float:
         when, place = self.given.when, self.given.place

@@ -21,7 +21,7 @@ from ..tolerances import NOTABLE
 
 RESOLVED = 0.25  # rate times step that a method of order 4 resolves
 # part of the stability limit that is advised: rates are known to 10 %, at some states of a motion
-MARGIN = math.sqrt(0.5)
+MARGIN = 1 / math.sqrt(2)
 STIFF = "stiff:"  # beginning of the notice of too large steps if the fastest mode is damped
 FAST = "too wide:"  # and where it swings
 FEW_FREEDOMS = 32  # for which all eigenvalues are computed at many states

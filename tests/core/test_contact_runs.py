@@ -170,8 +170,9 @@ def test_the_quadruped_drops_and_stands():
         run = pg.simulate(mech, q, v, t_end=0.3, step=step, frames=11, estimate=False)
         ledger = run.energy - run.work + run.dissipation
         drifts.append(abs(ledger - ledger[0]).max())
-    assert drifts[0] < 0.1
-    assert drifts[1] < 0.5 * drifts[0]
+    assert (
+        max(drifts) < 1e-3
+    )  # of the 32 J that the fall brings; impacts leave no order of the step
 
 
 def test_dominoes_that_jam_follow_the_laws_of_contact():

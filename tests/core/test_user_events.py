@@ -187,50 +187,6 @@ def test_a_throw_from_zero_comes_back_through_it(options, speed):
     np.testing.assert_allclose([e.t for e in run.user_events], [2 * speed / G], atol=1e-10)
 
 
-FLAT = {
-    "cube of time": lambda t, q, v: (t - 0.5) ** 3,
-    "fifth power off a frame": lambda t, q, v: (t - 0.503) ** 5,
-    "cube of a place": lambda t, q, v: (q[0] - 0.5) ** 3,
-    "square": lambda t, q, v: (t - 0.5) ** 2,
-    "bend on a frame": lambda t, q, v: abs(q[0] - 0.5),
-    "bend off a frame": lambda t, q, v: abs(q[0] - 0.50031),
-    "curved bend": lambda t, q, v: abs(q[0] ** 2 - 0.21),
-    "rest at zero": lambda t, q, v: max(q[0] - 0.5, 0.0),
-    "step": lambda t, q, v: int(q[0] > 0.5),
-}
-
-
-@pytest.mark.parametrize("options", [{}, {"step": 1e-2}, {"rtol": 1e-5}, {"frames": 7}])
-@pytest.mark.parametrize("what", FLAT)
-def test_zeros_without_a_slope_and_bends_at_zero_are_one_event(what, options):
-    body = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), v=(1.0,))
-    model = pg.Model(bodies=(body,), gravity=(0, 0, 0))
-    run = pg.simulate(model, t_end=1.0, events=FLAT[what], **options)
-    known = {"fifth power off a frame": 0.503, "bend off a frame": 0.50031}
-    known["curved bend"] = np.sqrt(0.21)
-    (event,) = run.user_events
-    flat = 1e-2 if "power" in what or "cube" in what or what == "square" else 1e-9
-    assert abs(event.t - known.get(what, 0.5)) < flat
-
-
-def test_a_function_that_rests_at_zero_is_reached_and_left():
-    """Falling where it reaches zero, and rising where it leaves it."""
-
-    def above(way):
-        def value(t, q, v):
-            return max(q[0] - 0.5, 0.0)
-
-        value.__dict__["direction"] = way
-        return value
-
-    run = pg.simulate(swinging(), t_end=3.2, events=[above(0), above(1), above(-1)])
-    first = np.arccos(0.5) / 2
-    times = [[e.t for e in run.user_events if e.number == k] for k in range(3)]
-    np.testing.assert_allclose(times[0], [first, np.pi - first], atol=1e-7)
-    np.testing.assert_allclose(times[1], [np.pi - first], atol=1e-7)
-    np.testing.assert_allclose(times[2], [first], atol=1e-7)
-
-
 def test_terminal_is_the_number_of_the_event_that_ends_the_run():
     """x = cos 2t passes 0 for the third time at 5 pi / 4."""
     run = pg.simulate(swinging(), t_end=9.0, events=[crossing(0.0, terminal=3)])

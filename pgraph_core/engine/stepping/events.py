@@ -36,7 +36,7 @@ from ..contact.points import (
 from ..motion import PROJECTION, call_projection, opened
 from ..records import ONCE, REACHED
 from ..tree.moving import normalise_all
-from .crossings import SPAN, beside, vertex
+from .crossings import beside, vertex
 from .explicit import dense_output
 from .run import LOOK_BACK
 from .state import call_step, copied, onto_constraints, size_of_state
@@ -151,19 +151,17 @@ def values_of_events(run, t, q, v):
         for n in range(conditions.shape[0]):
             one = conditions[n]
             if one.event >= 0:
-                size = abs(one.value) + abs(q[one.coordinate])
-                margin = one.value - one.sign * q[one.coordinate]
-                values[one.event] = margin if abs(margin) > ROUNDING * size else 0.0
+                values[one.event] = one.value - one.sign * q[one.coordinate]
 
 
 @sweep
 def watch_events(run):
-    """Compute the monitors of user events, positive while values keep their sign or stay zero."""
+    """Compute the monitors of user events, positive while the values keep their sign."""
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
-        monitor = NOTHING if values[i] == 0.0 else -NOTHING
+        monitor = NOTHING
         if signs[i] != 0:
             monitor = signs[i] * values[i]
             if monitor == 0.0:
@@ -182,7 +180,7 @@ def begin_part(run):
     for i in range(signs.shape[0]):
         if values[i] != 0.0:
             signs[i] = 1 if values[i] > 0.0 else -1
-        watched[START, first + i] = abs(values[i]) if signs[i] != 0 else NOTHING
+        watched[START, first + i] = abs(values[i])
 
 
 @sweep
@@ -223,9 +221,6 @@ def take_sides(run, low, width):
                 signs[i] = 1 if values[i] > 0.0 else -1
                 watched[START, first + i] = abs(values[i])
         w *= WIDER
-    for i in range(signs.shape[0]):
-        if signs[i] == 0:  # it stays zero, until it leaves
-            watched[START, first + i] = NOTHING
 
 
 # -- location -------------------------------------------------------------------------------------
@@ -311,53 +306,13 @@ def keep_values(run, row):
         watched[row, first + i] = values[i]
 
 
-@part
-def may_bend(x, y):
-    """Check whether a function through three points may bend at zero between them.
-
-    The line through two of them leads to zero before the third one, with a share of DEEP for sides
-    that are not straight.
-    """
-    if not y[1] < min(y[0], y[2]):
-        return False
-    rise, fall = (y[2] - y[1]) / (x[2] - x[1]), (y[1] - y[0]) / (x[1] - x[0])
-    least = y[1] + min(rise * (x[0] - x[1]), fall * (x[2] - x[1]))
-    return least <= DEEP * max(y[0], y[2])
-
-
-@sweep
-def bent(run, low, width, i, y):
-    """Return three points (x, y), the middle one lowest, between which event i may bend at zero.
-
-    `y` are its values at the ends and the middle of an interval. A bend near an end is seen by the
-    slope there.
-    """
-    sign, values = opened_run(run).signs[i], opened_run(run).values
-    if y[0] > y[1] > y[2] and 2.0 * y[2] < y[1]:
-        look(run, low, (1.0 - SPAN) * width)
-        return (0.5, 1.0 - SPAN, 1.0), (y[1], sign * values[i], y[2])
-    if y[0] < y[1] < y[2] and 2.0 * y[0] < y[1]:
-        look(run, low, SPAN * width)
-        return (0.0, SPAN, 0.5), (y[0], sign * values[i], y[1])
-    return (0.0, 0.5, 1.0), y
-
-
-@part
-def begins(run, low):
-    """Check whether a part of a step begins where the run or the step after an event does."""
-    control = opened_run(run).control[0]
-    first = opened_run(run).counters[0].steps == 1 or control.change == control.old_time
-    return low == 0.0 and first
-
-
 @sweep
 def dip(run, low, width, i):
     """Find the point after `low` at which event i touches zero without crossing it.
 
     Rows LOW and HIGH hold the values at its start and middle. Return the widths that bracket the
     event. Both widths are equal if zero is only touched, and 0 if there is no event. How near it
-    came is kept then. A value that is zero up to rounding at the end is looked at again, as the
-    start of what follows.
+    came is kept then.
     """
     data = opened_run(run)
     watched, values = data.watched, data.values
@@ -365,32 +320,18 @@ def dip(run, low, width, i):
     n = watched.shape[1] - data.signs.shape[0] + i
     x = (0.0, 0.5, 1.0)
     y = (sign * watched[LOW, n], sign * watched[HIGH, n], sign * values[i])
-    size = max(y[0], y[2])
-    rest = ROUNDING * size
-    if 0.0 < y[0] <= rest < min(y[1], y[2]) and data.wanted[i] == 0 and not begins(run, low):
-        look(run, low, ROUNDING * width)
-        watched[NOW, n] = -BELOW
-        return ROUNDING * width, ROUNDING * width
-    if not (min(y[0], y[2]) > rest and y[1] > 0.0):
+    if not (y[0] > 0.0 and y[1] > 0.0 and y[2] > 0.0):
         return 0.0, 0.0
-    w, least = vertex(x, y)
-    turns = SOLVED < w < 1.0 - SOLVED
-    smooth, bends = turns and least <= DEEP * (size - least), False
-    if not smooth:
-        bend, at_bend = bent(run, low, width, i, y)
-        bends = may_bend(bend, at_bend)
-        if not (bends or turns):
+    size = max(y[0], y[2])
+    for k in range(DIPS):
+        w, least = vertex(x, y)
+        within = x[0] + SOLVED < w < x[2] - SOLVED
+        if k == 0 and not within:
             return 0.0, 0.0
-        x, y = (bend, at_bend) if bends else ((x[0], w, x[2]), (y[0], least, y[2]))
-    for k in range(DIPS if smooth or bends else 0):
-        if not bends:
-            w, least = vertex(x, y)
-            within = x[0] + SOLVED < w < x[2] - SOLVED
-            bends = not within or least > DEEP * (max(y[0], y[2]) - least)
-        if bends:  # both sides as straight lines, with one below zero
-            if not may_bend(x, y):
-                break
-            w = x[0] + (x[2] - x[0]) * y[0] / (y[0] + y[2])
+        if not within or least > DEEP * (max(y[0], y[2]) - least):
+            if k == 0:
+                x, y = (x[0], w, x[2]), (y[0], least, y[2])
+            break
         if k % 3 == 2 or abs(w - x[1]) < SOLVED * SOLVED:
             left, right = x[1] - x[0], x[2] - x[1]  # parabolas converge slowly
             w = x[1] - GOLDEN * left if left > right else x[1] + GOLDEN * right
@@ -398,7 +339,7 @@ def dip(run, low, width, i):
         value = sign * values[i]
         if value < 0.0:
             return x[0] * width, w * width
-        if value <= rest and data.wanted[i] == 0:
+        if value <= ROUNDING * size and data.wanted[i] == 0:
             watched[NOW, n] = -BELOW
             return w * width, w * width
         if w < x[1]:
@@ -410,7 +351,7 @@ def dip(run, low, width, i):
             x, y = (x[1], w, x[2]), (y[1], value, y[2])
         else:
             x, y = (x[0], x[1], w), (y[0], y[1], value)
-        if x[2] - x[0] < (ROUNDING if bends else SOLVED):
+        if x[2] - x[0] < SOLVED:
             break
     if y[1] < watched[NEAREST, n]:
         watched[NEAREST, n] = y[1]
@@ -503,7 +444,7 @@ def reached(run, low, end):
     """Check whether the first event in the interval from `low` is accepted, and its time.
 
     An event occurs before `end`, or at `low` if this is 0, where zero is only touched. A value that
-    stays zero counts where it reaches zero, and where it leaves it.
+    stays zero counts again when it has left it.
     """
     data = opened_run(run)
     signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
@@ -525,9 +466,9 @@ def reached(run, low, end):
         watched[START, first + i] = abs(values[i])
         if end == 0.0 or watched[NOW, first + i] >= 0.0:
             continue
-        side = watched[HIGH, first + i]
-        if signs[i] * wanted[i] > 0 or (signs[i] == 0 and side * wanted[i] < 0.0):
+        if signs[i] * wanted[i] > 0:
             watched[NOW, first + i] = NOTHING
+        side = watched[HIGH, first + i]
         signs[i] = 0 if side == 0.0 else (1 if side > 0.0 else -1)
     return over(watched, NOW), low + w
 
