@@ -214,7 +214,13 @@ def rollout(
         pool.rollout(model, each, starts, nstep=n, state=out, skip_checks=False)
         return out
 
-    return run, lambda: run()[:, -1, 1 : 1 + model.nq] - data.qpos
+    def change() -> Array:
+        moved = run()[:, -1, 1 : 1 + model.nq] - data.qpos
+        found = np.empty_like(moved)
+        found[:, walk(scene.rows).q] = moved
+        return found
+
+    return run, change
 
 
 def stance(

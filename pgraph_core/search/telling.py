@@ -15,7 +15,7 @@ from ..tolerances import NOTABLE
 if TYPE_CHECKING:
     from .optimise import Search, Trial
 
-SILENCE = 5.0  # seconds after which a person wonders whether anything happens
+SILENCE = 5  # seconds after which a person wonders whether anything happens
 
 
 class Teller:

@@ -198,10 +198,10 @@ def simulate(
 
         record.carried = derivatives_of(record, options, q, v, wrt)
     record.ended.notices += notices_of_start(mech, options, q, state[0])
-    record.ended.notices += begun_anew(mech, options, q, v, states)
     built, busy = time.perf_counter(), time.thread_time()
     with shown_progress(progress, "simulate") as bar:
         record.run(bar)
+    record.ended.notices += begun_anew(mech, options, q, v, states)
     stepped, busy = time.perf_counter(), time.thread_time() - busy
     error = error_estimate(record, estimate)
     timing = {

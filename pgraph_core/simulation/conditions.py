@@ -234,10 +234,13 @@ class Condition:
             code[i, VALUE] = force[entry - 1] if entry else np.linalg.norm(force)
 
     def _held(self, number: int, t: float, q: Array, v: Array) -> Array:
-        """Return the force of a constraint [N]."""
+        """Return the force of a constraint [N], zero for one that this run never switches on."""
+        blocks = self.record.scene.blocks
+        if number >= len(blocks.names):
+            return np.zeros(3)
         frame = self._evaluated(self.record.scene.address, t, q, v)
         one = np.array([number], dtype=np.int64)
-        (wrench,) = forces_of(self.record.scene.blocks, one, frame.wrenches).values()
+        (wrench,) = forces_of(blocks, one, frame.wrenches).values()
         return wrench[0, 3:]
 
     def _gap(self, t: float, q: Array, v: Array) -> float:

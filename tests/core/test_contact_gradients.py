@@ -271,7 +271,10 @@ def test_corners_that_slide_in_different_directions_end_derivatives():
     assert any("different directions" in text for text in run.notices)
 
 
-@pytest.mark.parametrize("method", ["rk4", "radau5", "moreau_jean"])
+OPEN = pytest.mark.xfail(reason="steps end at the touch, whose time is held: 5e-5, docs/limits.md")
+
+
+@pytest.mark.parametrize("method", [pytest.param("rk4", marks=OPEN), "radau5", "moreau_jean"])
 def test_a_soft_contact(method):
     def landing(z, stiffness):
         touch = pg.Contact(name="c", body="b", law="soft", stiffness=stiffness, friction=0.3)
