@@ -122,7 +122,7 @@ def test_models_are_made_opened_and_saved(page, served, tmp_path: Path, leg):
     page.locator('.gallery [data-model="fig1_tree"]').click()
     page.wait_for_function("pgraph.latest.table.rows.length === 7")
     vector = page.locator(".vectors .entry span:first-child")
-    until(lambda: vector.all_inner_texts() == [*"123425267"], "its Pgraph")
+    until(lambda: vector.all_inner_texts() == [*"123524267"], "its Pgraph")
 
     good, bad = tmp_path / "good.json", tmp_path / "bad.json"
     good.write_text(leg.to_json())
