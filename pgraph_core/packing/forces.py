@@ -415,7 +415,7 @@ def states_of_drives(names: Sequence[str], drives: Drives, t: float) -> dict[str
     return found
 
 
-def begun_from(names: Sequence[str], drives: Drives, states: Mapping[str, Array]) -> Drives:
+def drives_begun_from(names: Sequence[str], drives: Drives, states: Mapping[str, Array]) -> Drives:
     """Return the drives with these states of lags and integrals, as of `states_of_drives`."""
     drives = drives._replace(knots=drives.knots.copy())
     for name, row in zip(names, drives.table[drives.passive :]):

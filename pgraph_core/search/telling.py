@@ -4,28 +4,35 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import counted
 from ..result import Result
 from ..tolerances import NOTABLE
-
-if TYPE_CHECKING:
-    from .optimise import Search, Trial
+from .goals import Goals
 
 SILENCE = 5  # seconds after which a person wonders whether anything happens
+
+
+class UnderWay(Protocol):
+    """What is told of a search."""
+
+    best: Any  # the best point so far, with its values, or None
+    goals: Goals
+    iterations: int
+    history: Any  # trials so far
 
 
 class Teller:
     """A function of each trial that writes a line if the last one is long ago."""
 
-    def __init__(self, search: Search, most: int):
+    def __init__(self, search: UnderWay, most: int):
         self.search, self.most = search, most
         self.began = self.last = time.monotonic()
 
-    def __call__(self, trial: Trial, _: Result | None) -> None:
+    def __call__(self, trial: Any, _: Result | None) -> None:
         now, best = time.monotonic(), self.search.best
         if now - self.last <= SILENCE or best is None:
             return

@@ -17,10 +17,10 @@ from ..integrators import DOP853
 from ..packing import Array
 from ..result import Status
 from ..tolerances import VISIBLE
-from .failures import Running
 from .options import Tolerance
 from .plan import NO_SUBSTEPS, NO_TIMES
 from .rates import FAST, STIFF, Rate, advised_step, resolving_step
+from .running import Running
 
 STATES = 129  # of a motion at which its fastest rate is evaluated
 PILOT_STEPS = 4000  # limit on a run that chooses its steps: a tenth of a second or so
@@ -37,9 +37,9 @@ class Advice(NamedTuple):
 
 def advice(record: Running) -> Advice:
     """Return the advised step for the motion of a run, which is stored with the run."""
-    found: Advice | None = record.__dict__.get("_advice")
+    found: Advice | None = vars(record).get("_advice")
     if found is None:
-        found = record.__dict__["_advice"] = _advice(record)
+        found = vars(record)["_advice"] = _advice(record)
     return found
 
 
@@ -71,8 +71,6 @@ def _recorded(record: Running) -> Iterator[tuple[Array, Array]]:
 
 def _pilot(record: Running) -> tuple[list[tuple[Array, Array]], float]:
     """Return states of the same motion by adaptive steps, and the time at which they end early."""
-    from .recording import Recording
-
     plan, nothing = record.plan, float("nan")
     held = plan.changes or plan.conditions or plan.impulses or plan.contact_points
     if held or record.user is not None or record.scene.remembers:
@@ -84,10 +82,7 @@ def _pilot(record: Running) -> tuple[list[tuple[Array, Array]], float]:
         substeps=NO_SUBSTEPS, width=NO_TIMES, shown=None, way=None, told=(), notices=(),
     )  # fmt: skip
     try:
-        pilot = Recording(record.mech, own, *record.began, record.tau)
-        pilot.progress = lambda _: None
-        if pilot.begin():
-            pilot.advance_to_end(None)
+        pilot = record.repeated(own)
     except InputError:
         return [*_recorded(record)], nothing
     ended = pilot.ended.status

@@ -9,7 +9,6 @@ are at its end, in `Memory`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,15 +18,14 @@ from ..errors import InputError, Problem, choices, shown
 from ..forces import OnJoint
 from ..mechanism import Mechanism
 from ..model import Force
-from ..packing.forces import begun_from, states_of_drives
+from ..packing.forces import states_of_drives
 from ..result import Result
 from ..result.records import Memory
 from .conditions import ConditionOf
 
 if TYPE_CHECKING:
     from .options import Options
-    from .plan import RunPlan
-    from .recording import Recording
+    from .running import Running
 
 TOUCHES = ("found", "kept", "anchors")  # records of contact points, which the tally counts
 COUNTS = ("found", "kept", "anchored", "frozen")  # fields of the tally
@@ -35,7 +33,7 @@ NOW = ("wrenches", "pairs", "limit_tau")  # of the last step
 TAU = "tau"  # beginning of the names of a controller's arrays
 
 
-def left_by(record: Recording) -> Memory:
+def left_by(record: Running) -> Memory:
     """Return what a run keeps at its present time beside its state."""
     plan, scene, model = record.plan, record.scene, record.mech.model
     t, switching = float(record.steps.control["time"]), record.switching
@@ -61,7 +59,7 @@ def left_by(record: Recording) -> Memory:
     return Memory(found)
 
 
-def recall(record: Recording) -> bool:
+def recall(record: Running) -> bool:
     """Let a run that begins keep what the run before it has kept. Returns whether contacts did."""
     memory = record.plan.memory
     if memory is None:
@@ -111,14 +109,14 @@ def _frictions(scene: Any) -> Any:
     return scene.blocks.blocks_f[last - int(tally["frictions"]) : last, at.HELD]
 
 
-def _touches(record: Recording) -> Any:
+def _touches(record: Running) -> Any:
     """Return what contacts of other runs must have in common with those of this one."""
     tables = record.plan.contacts
     own = [] if tables is None else [*(touch.name for touch in tables.touches), *tables.limits]
     return _words([record.plan.method.name, *own])
 
 
-def _word(record: Recording, one: ConditionOf) -> str:
+def _word(record: Running, one: ConditionOf) -> str:
     """Return a word for a condition that is the same in other runs."""
     name = record.mech.model.constraints[one.constraint].name
     return f"{name} {'on' if one.active else 'off'} when {one.when}"
@@ -183,10 +181,3 @@ def begun_anew(mech: Mechanism, o: Options, q: Any, v: Any, states: Any) -> list
         return []
     text = f"the run begins at t = {float(o.t_start):g} s without what a run before it has kept: "
     return [f"{text}{choices(parts)}; simulate(model, start=run) goes on with all of it"]
-
-
-def with_drives(plan: RunPlan) -> RunPlan:
-    """Return the plan with the states of drives that the run before it has kept."""
-    if plan.memory is None:
-        return plan
-    return replace(plan, drives=begun_from(plan.driving, plan.drives, plan.memory))

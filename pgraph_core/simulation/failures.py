@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..analysis.singular import blocked, unequal
-from ..dynamics.arguments import UserTorque
-from ..dynamics.scene import Scene
 from ..engine import layout as at
-from ..engine.arrays import Frames
 from ..engine.records import SWING
 from ..engine.signals import CONTROL, FAILED, LOST, OWNER, V, values
-from ..mechanism import Mechanism
 from ..model import Contact, Control, Force
 from ..model.expressions import expressions_of
-from ..packing import Array, Ints
+from ..packing import Ints
 from ..result import Status
 from ..tolerances import EPS, NOTABLE
-from .loop import Outcome, Steps
-from .plan import RunPlan
+from .advice import for_failed
+from .contact_log import pressed_between
+from .running import Running
 
 if TYPE_CHECKING:
-    from .contact_events import ContactEvents
-    from .monitors import Watch
+    pass
 
 STATUS = {
     at.NOT_FINITE: Status.NOT_FINITE,
@@ -41,8 +37,6 @@ def failure(record: Running, code: int) -> tuple[Status, str]:
     status = STATUS[code]
     touching, tables = record.scene.touching, record.plan.contacts
     if touching is not None and tables is not None and touching.tally["barred"]:
-        from .contact_log import pressed_between
-
         when = float(touching.tally["barred_time"])
         why = pressed_between(record.mech, record.scene, tables)
         return status, f"{status.value} at t = {when:.6g} s: {why}"
@@ -66,8 +60,6 @@ def _advice(record: Running, status: Status) -> str:
             return "give a larger max_steps or rtol, or try radau5 if it is stiff"
     if given is not None and not given.fixed:
         return "the motion itself may grow without bound, or forces may jump there"
-    from .advice import for_failed
-
     return for_failed(record)
 
 
@@ -147,35 +139,3 @@ def _texts(part: Force | Contact | Control) -> str:
 
 
 # -- a run in progress -----------------------------------------------------------------------------
-
-
-class Running:
-    """The plan, scene, stepping loop and frames of a run, and how it has gone so far."""
-
-    mech: Mechanism
-    plan: RunPlan
-    tau: Any  # torques, a function of (t, q, v), or None
-    user: UserTorque | None = None  # caller of a torque function
-    scene: Scene
-    steps: Steps
-    out: Frames
-    q: Array  # (nq + nx,) the present state, with the states of controls
-    v: Array
-    began: tuple[Array, Array]  # the first state that satisfies the constraints
-    start: float  # [s]
-    held: set[int]  # constraints that are active now
-    watch: Watch | None = None  # conditions of switches, then a user's events
-    events: ContactEvents | None = None  # decisions at events of contact points
-    whole = False  # whether the run goes to the end of its plan, other than a stepper
-    ended: Outcome
-    met = ""  # description of the run until something came near
-
-    @property
-    def done(self) -> int:
-        """The number of recorded frames."""
-        return self.steps.recorded
-
-    @property
-    def active(self) -> Ints:
-        """Return the indices of the currently active constraints."""
-        return np.array(sorted(self.held), dtype=np.int64)

@@ -31,13 +31,12 @@ from ..model import Contact, Force, Scenario, Table
 from ..model.scenario import STEP
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import block_arrays
-from ..packing.forces import bends_of_loads, exerts
+from ..packing.forces import bends_of_loads, drives_begun_from, exerts
 from ..packing.signals import begun_from, contacts_read
 from ..portable import array_of
 from ..result.records import Memory
 from ..tolerances import EPS, SOLVED
 from .conditions import ConditionOf, conditions_of
-from .continuing import with_drives
 from .kinks import Kink, kinks_of
 from .kinks import told as told_of
 from .options import (
@@ -324,7 +323,14 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
         contacts = stepped_tables(mech.packed, contacts, drives)
     plan = replace(plan, drives=drives, loads=loads, start=start, contacts=contacts)
-    return with_drives(plan)
+    return _with_memory(plan)
+
+
+def _with_memory(plan: RunPlan) -> RunPlan:
+    """Return the plan with the states of drives that the run before it has kept."""
+    if plan.memory is None:
+        return plan
+    return replace(plan, drives=drives_begun_from(plan.driving, plan.drives, plan.memory))
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
@@ -382,7 +388,7 @@ def _what_acts(
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,
     )  # fmt: skip
-    return with_drives(plan)
+    return _with_memory(plan)
 
 
 def _forces(

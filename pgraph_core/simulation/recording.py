@@ -27,12 +27,13 @@ from ..result.records import Memory
 from ..tolerances import EPS
 from .conditions import Condition, limits_of
 from .continuing import left_by, recall
-from .failures import Running, failure, trouble
+from .failures import failure, trouble
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
 from .options import MOST_STEPS, Progress
 from .plan import RunPlan
 from .remarks import remarks
+from .running import Running
 from .switching import Switching
 
 if TYPE_CHECKING:
@@ -222,6 +223,14 @@ class Recording(Running):
             self.ended.notices += remarks(self)
         if self.coarser is None:
             self.memory = left_by(self)
+
+    def repeated(self, plan: RunPlan) -> Recording:
+        """Return a run of the same motion by another plan, as far as it comes, without warnings."""
+        other = Recording(self.mech, plan, *self.began, self.tau)
+        other.progress = lambda _: None
+        if other.begin():
+            other.advance_to_end(None)
+        return other
 
     def advance_to_end(self, progress: Progress) -> None:
         """Record all remaining frames."""

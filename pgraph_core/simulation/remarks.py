@@ -21,8 +21,8 @@ from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..result.records import energy_drift
 from ..tolerances import NAMED, NOTABLE, SOLVED, VISIBLE
-from .failures import Running
 from .rates import fastest_rate, fastest_swings
+from .running import Running
 
 
 def remarks(record: Running) -> Iterator[str]:

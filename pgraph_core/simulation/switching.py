@@ -16,7 +16,7 @@ from ..engine import motion
 from ..errors import InputError
 from ..result import Result, Status
 from ..tolerances import ROUNDING
-from .failures import Running
+from .running import Running
 from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
