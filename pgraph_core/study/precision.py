@@ -35,6 +35,7 @@ from .task import (
     methods_of,
     own_participant,
     start,
+    time_limit,
 )
 
 REPEATED = 4  # longest runs within the part of a report for its reference, which shortens it then
@@ -124,8 +125,7 @@ def work_precision(
     if target is not None:
         positive("target", target, unit=", an error such as 1e-6", call=call)
     positive("longest", longest, call=call)
-    if not within > 0.0:
-        raise refusal(call, "within", f"must be > 0 [s], got {within!r}")
+    time_limit(call, within)
     q0, v0 = start(mech, scenario, q, v)
     times = np.linspace(0.0, duration, frames)
     task = Task(mech, q0, v0, times, scenario, tau, stabilise, duration)

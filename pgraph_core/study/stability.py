@@ -26,7 +26,7 @@ from ..tolerances import NOTABLE
 from .axes import AXES, Axis, applicable, changed, first_axis
 from .map import Cell, StabilityMap, Verdict, judged, step_limit
 from .reference import KnownMotion, known_motion, merged, per_step, weight_of
-from .task import WITHIN, Setting, Task, finite_numbers, methods_of
+from .task import WITHIN, Setting, Task, finite_numbers, methods_of, time_limit
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 BUDGET = 20_000_000  # evaluations of a run, times `weight_of`: a second or two
@@ -150,8 +150,7 @@ def stability_map(
         model, axis or first_axis(model), values, methods, steps, t_end or duration, target, budget,
         stabilise,
     )  # fmt: skip
-    if not within > 0.0:
-        raise refusal(CALL, "within", f"must be > 0 [s], got {within!r}")
+    time_limit(CALL, within)
     work = Work(progress, time.perf_counter() + within)
     return Drawing(sweep, work, partial, within).drawn(threads or os.cpu_count() or 1)
 

@@ -6,6 +6,7 @@ one. Their entry points are looked up when a study names an engine.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from ..model import Scenario
 from ..packing import Array
 from ..result import Result, Status
 from ..simulation import simulate
-from ..simulation.options import LEAST_RTOL
+from ..simulation.options import LEAST_RTOL, positive
 from ..simulation.plan import active_constraints, touching_contacts
 from ..simulation.rates import fastest_rate
 from ..simulation.start import initial_state
@@ -126,6 +127,12 @@ def methods_of(call: str, given: Any, *, impulses: bool, suited: bool) -> tuple[
 def is_number(value: Any) -> bool:
     """Return True if `value` is a real number other than True or False."""
     return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def time_limit(call: str, within: Any) -> None:
+    """Check the limit on the time of a map or report [s]. Raises InputError."""
+    if within != math.inf:
+        positive("within", within, unit=" [s], or infinite", call=call)
 
 
 def finite_numbers(call: str, field: str, given: Any) -> tuple[float, ...]:
