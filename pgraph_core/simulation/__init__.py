@@ -5,13 +5,13 @@ The package is not called `simulate`, which would hide the function `pgraph_core
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
 from .. import words
+from ..engine.compiler.clock import LOADING, clocks
 from ..errors import explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
@@ -171,7 +171,7 @@ def simulate(
         run = pg.simulate(pg.Model.serial(2), t_end=2.0)
         print(run.q[-1], run.error_estimate)
     """
-    began = time.perf_counter()
+    (began, _), loaded = clocks(), LOADING.seconds
     mech = mechanism_of(mechanism, "simulate")
     mech, forces, tau = torques_or_drives(mech, forces, tau)
     memory = None
@@ -198,17 +198,18 @@ def simulate(
 
         record.carried = derivatives_of(record, options, q, v, wrt)
     record.ended.notices += notices_of_start(mech, options, q, state[0])
-    built, busy = time.perf_counter(), time.thread_time()
+    built, busy = clocks()
     with shown_progress(progress, "simulate") as bar:
         record.run(bar)
     record.ended.notices += begun_anew(mech, options, q, v, states)
-    stepped, busy = time.perf_counter(), time.thread_time() - busy
+    stepped, busy = clocks()[0], clocks()[1] - busy
     error = error_estimate(record, estimate)
     timing = {
         "build": built - began,
         "step": stepped - built,
         "step_processor": busy,  # without the time of other programs
-        "estimate": time.perf_counter() - stepped,
+        "estimate": clocks()[0] - stepped,
+        "load": LOADING.seconds - loaded,  # kernels, once in a program
     }
     result = result_of(record, error.error, error.notices, timing)
     record.leave()

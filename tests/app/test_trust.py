@@ -10,7 +10,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.run import Request, Run
-from pgraph_app.run.trust import below, felt, remedy, summary, trust, verdict
+from pgraph_app.run.trust import below, cost, felt, remedy, summary, trust, verdict
 from pgraph_app.run.view import measures
 from pgraph_core.analysis.singular import TOO_LOW
 
@@ -157,3 +157,10 @@ def test_a_run_of_an_earlier_model_is_not_trusted_and_none_is_no_run():
     told = trust(edited, None, None, None)
     assert (told["level"], told["lines"]) == ("unknown", [])
     assert told["report"]
+
+
+def test_the_cost_of_a_run_is_its_steps_and_estimate_and_beside_it_its_construction():
+    timing = {"build": 0.002, "step": 0.5, "step_processor": 0.4, "estimate": 1.0, "load": 7.0}
+    said = cost(Fake(counters={"steps": 250}, timing=timing))
+    assert said.startswith("1.5 s: 250 steps")
+    assert "2 ms" in said

@@ -1,11 +1,13 @@
 """Arguments of runs and sweeps, and results that do not change in place."""
 
 import pickle
+import time
 
 import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.engine.compiler.clock import LOADING, clocks
 
 MECH = pg.Mechanism(pg.Model.serial(2))
 ARM = pg.Body(name="arm", axes=(0, 1, 0), com=(0.25, 0, 0))
@@ -92,3 +94,16 @@ def test_a_quaternion_of_another_length_is_noticed():
     assert any("length 5" in text for text in run.notices)
     ordinary = pg.simulate(FALLING, q=[0, 0, 1, 1, 0, 0, 0], t_end=0.01, estimate=False)
     assert not any("length" in text for text in ordinary.notices)
+
+
+def test_loading_kernels_is_no_part_of_the_time_of_a_run():
+    """It happens once in a program, and would be most of a short run."""
+    with LOADING:
+        began, loaded = clocks()[0], LOADING.seconds
+        with LOADING:
+            time.sleep(0.01)
+    assert LOADING.seconds - loaded >= 0.01
+    assert clocks()[0] - began < LOADING.seconds - loaded
+    run = pg.simulate(pg.Model.serial(2), t_end=0.01)
+    assert {"build", "step", "estimate", "load"} <= set(run.timing)
+    assert pg.simulate(run.mechanism, t_end=0.01).timing["load"] == 0.0

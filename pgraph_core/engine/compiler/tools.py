@@ -10,12 +10,15 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
+from .clock import LOADING
+
 
 def code_of(kernel: Any, variant: int) -> Any:
     """Return a kernel's machine code, loaded or compiled."""
     from .loading import code_of
 
-    return code_of(kernel, variant)
+    with LOADING:
+        return code_of(kernel, variant)
 
 
 def fits(signature: Any, args: tuple[Any, ...]) -> bool:
