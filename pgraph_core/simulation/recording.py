@@ -318,7 +318,7 @@ class Recording(Running):
         if self.watch is not None and self.ended.ok:
             self._begin_watching(self.watch)
         if plan.contacts is not None or plan.contact_points:
-            self._hold_touches()
+            self._hold_touches(touched)
             self.bound()
         if touched and self.scene.touching is not None:
             self._changes = [self.scene.touching.begin_log(self.start)]
@@ -454,15 +454,19 @@ class Recording(Running):
         self.bound()
         return self.ended.ok
 
-    def _hold_touches(self) -> None:
-        """Let steps end where soft and penalty contacts touch, with what touches now."""
+    def _hold_touches(self, recalled: bool = False) -> None:
+        """Let steps end where soft and penalty contacts touch, with what touches now.
+
+        What the run before has kept is `recalled`, with the stretch of its friction springs.
+        """
         if self.steps.links.cross and self.plan.yields:
             from ..engine.contact.contacts import begin_touches
             from ..engine.contact.touches import HOLDING
 
             assert self.scene.touching is not None
             self.scene.touching.tally["frozen"] = HOLDING
-            begin_touches(self.scene.address, self.q, self.v)
+            if not recalled:
+                begin_touches(self.scene.address, self.q, self.v)
 
     def bound(self) -> None:
         """Limit the next step by approaching bodies if contacts are compliant."""

@@ -211,6 +211,7 @@ def test_pgraph_stays_beside_the_results_where_there_is_room(page):
     ):  # fmt: skip
         sized(page, width, height)
         shows(page, f"() => {VECTORS} === {str(seen).lower()}")
+        assert page.evaluate(VECTORS) is seen
 
 
 def test_the_view_is_not_black_until_its_background_is_loaded(page):

@@ -25,17 +25,22 @@ def slider(name="s", **fields):
     return pg.Body(name=name, joint="prismatic", axes=[(1, 0, 0)], **fields)
 
 
-def goes_on(model, how, t_end=2.0, parts=2, near=1e-7, **call):
-    """Compare a run with one in parts, of which one was saved and loaded."""
+def goes_on(model, how, t_end=2.0, parts=2, **call):
+    """Return a run, and the runs of its parts."""
     whole = pg.simulate(model, t_end=t_end, **how, **call)
     ends = np.linspace(0.0, t_end, parts + 1)[1:]
     runs = [pg.simulate(model, t_end=ends[0], **how, **call)]
     for end in ends[1:]:
         runs.append(pg.simulate(model, start=runs[-1], t_end=end, **how, **call))
-    assert runs[-1].status is whole.status
-    np.testing.assert_allclose(runs[-1].q[-1], whole.q[-1], rtol=0, atol=near)
-    np.testing.assert_allclose(runs[-1].v[-1], whole.v[-1], rtol=0, atol=30 * near)
     return whole, runs
+
+
+def apart(whole, runs):
+    """Return the largest difference of q at the ends, or of v / 30 if it is larger."""
+    last = runs[-1]
+    if last.status is not whole.status:
+        return np.inf
+    return max(np.abs(last.q[-1] - whole.q[-1]).max(), np.abs(last.v[-1] - whole.v[-1]).max() / 30)
 
 
 TARGET = pg.Table(t=[0, 0.5, 1.5], value=[0, 1, -1])
@@ -55,12 +60,13 @@ DRIVES = {
 def test_drives_with_a_lag_or_an_integral_go_on(drive, how):
     limits: dict[str, Any] = {"limits": [(-9.0, 9.0)]} if how["method"] == "moreau_jean" else {}
     near = 1e-5 if how["method"] == "semi_implicit_euler" else 1e-7
-    goes_on(arm(DRIVES[drive], **limits), how, parts=3, near=near)
+    assert apart(*goes_on(arm(DRIVES[drive], **limits), how, parts=3)) < near
 
 
 def test_saved_runs_batches_and_steppers_go_on(tmp_path):
     model, how = arm(DRIVES["lag"]), {"method": "rk4", "step": 0.01}
     whole, (half, more) = goes_on(model, how)
+    assert apart(whole, [more]) < 1e-7
     half.save(tmp_path / "half.npz")
     loaded = pg.Result.load(tmp_path / "half.npz")
     again = pg.simulate(model, start=loaded, t_end=2.0, **how)
@@ -100,7 +106,8 @@ def test_a_clutch_that_was_closed_stays_where_it_closed(how, given):
     call: dict[str, Any] = (
         {"scenario": "x"} if given == "scenario" else {"switches": ((0.4, "w", True),)}
     )
-    whole, runs = goes_on(model, how, near=1e-6, **call)
+    whole, runs = goes_on(model, how, **call)
+    assert apart(whole, runs) < 1e-6
     assert abs(whole["s"][-1] - whole["b"][-1]) > 0.01
     assert len(runs[1].events) == 0
 
@@ -159,20 +166,19 @@ def pushed(law, force, **fields):
     return pg.Model(bodies=[box], forces=[push], contacts=[floor])
 
 
-OPEN = pytest.mark.xfail(reason="a step divided at a touch is not repeated, docs/limits.md: 6e-6 m")
-
-
-@pytest.mark.parametrize("method", [pytest.param("rk4", marks=OPEN), "moreau_jean"])
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "gauss6", "moreau_jean"])
 def test_the_friction_springs_of_penalty_contacts_stay_stretched(method):
     model = pushed("penalty", "=3*sin(5*t)", stiffness=1e5, damping=100.0)
-    goes_on(model, {"method": method, "step": 1e-4}, t_end=0.4, near=1e-12)
+    whole, runs = goes_on(model, {"method": method, "step": 1e-4}, t_end=0.4)
+    assert apart(whole, runs) < 1e-12
 
 
 @pytest.mark.parametrize("how", STEPPED, ids=str)
 def test_a_box_that_slid_does_not_stick_by_starting_anew(how):
     """Static friction of 0.6 would hold a box that the kinetic one of 0.5 lets slide."""
     model = pushed("complementarity", "=if(t < 0.1, 8, 5.5)", static_friction=0.6)
-    whole, (half, more) = goes_on(model, how, t_end=0.6, near=1e-12)
+    whole, (half, more) = goes_on(model, how, t_end=0.6)
+    assert apart(whole, [more]) < 1e-12
     assert whole.v[-1, 3] > 0.1
     anew = pg.simulate(model, half.q[-1], np.zeros(6), t_start=0.3, t_end=0.6, **how)
     assert anew.v[-1, 3] < 1e-9
@@ -186,7 +192,7 @@ def test_bouncing_and_resting_goes_on(how):
         shape={"kind": "sphere", "radius": 0.1},
     )  # fmt: skip
     model = pg.Model(bodies=[ball], contacts=[pg.Contact(name="c", body="b", restitution=0.6)])
-    goes_on(model, how, t_end=1.6, parts=4, near=1e-6)
+    assert apart(*goes_on(model, how, t_end=1.6, parts=4)) < 1e-6
 
 
 # -- what cannot go on ----------------------------------------------------------------------------
