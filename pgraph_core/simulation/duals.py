@@ -21,7 +21,7 @@ from ..engine.arrays import (
 )
 from ..engine.compiler.address import address_of, address_of_array, buffer
 from ..engine.compiler.dual import WIDTH
-from ..engine.records import CHOSEN, COUNTERS, STEP_CONTROL, table
+from ..engine.records import CHOSEN, CONTACT, COUNTERS, STEP_CONTROL, table
 from ..errors import InputError, Problem
 from ..packing import Array
 from ..tolerances import NOTABLE
@@ -29,6 +29,7 @@ from .recording import Recording
 from .variables import Slope
 
 MOST_ROWS = 3000  # limit for derivatives, whose laws form one dense system
+GAP = (CONTACT.fields or {})["gap"][1] // 8  # word of a contact point
 ROUNDS = 50  # projections of the initial state, as in `assembled`
 
 
@@ -130,6 +131,28 @@ class RunOfDuals:
 
         duals.see_duals(self.address, t)
         return self.code[a, 0, 1:] - self.code[b, 0, 1:]
+
+    def touch(self, ahead: Array, near: float) -> Array | None:
+        """Return the derivatives (MOST,) of the time at which a gap of the state became zero.
+
+        `ahead` is the rate of the state, and gaps below `near` [m] are zero. The derivatives are
+        the mean of those of several gaps, and None without a gap.
+        """
+        y = self._run.stages[at.Y]
+        kept, here = y.copy(), self._gaps(near)
+        y[:, 1:] += ahead[:, None]
+        rate = self._gaps(near)[:, 1] - here[:, 1]
+        y[:] = kept
+        closes = (np.abs(here[:, 0]) <= near) & (rate < 0.0)
+        if not closes.any():
+            return None
+        return -(here[closes, 1:] / rate[closes, None]).mean(axis=0)
+
+    def _gaps(self, margin: float) -> Array:
+        """Return the gaps of the state below this one, with their derivatives, (n, WIDTH)."""
+        from ..engine.stepping import duals
+
+        return self._contacts.found[: duals.find_duals(self.address, margin), GAP].copy()
 
     def shift(self, derivatives: Array) -> None:
         """Add to the derivatives of the state."""

@@ -18,6 +18,7 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.compiler.dual import WIDTH
+from ..engine.records import NEAR
 from ..engine.signals import AT_MOST, HELD, LESS, SIDE, values
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
@@ -33,6 +34,7 @@ from .options import Options
 from .plan import RunPlan
 from .recorded import result_of
 from .recording import Recording, scene_of
+from .touch_times import Touch, Within, begun_at, touch_of
 from .variables import CENTRAL, SHARE, Given, Slope, Slopes, Variable, refuse, variables_of
 
 NO_TIMES = np.zeros(0)
@@ -91,6 +93,9 @@ class Carried:
         self.slopes: list[Slope] = []
         self._beside: Given | None = None  # the run of which they are, if not of this one
         self._jump: Jump | None = None  # awaits the frames of the step that ended there
+        self._touch: Touch | None = None  # with which the next step begins, after the same frames
+        self._begins = False  # whether the derivatives of the state are those of that start
+        self._within: Within | None = None  # the step that began there, until its frames are noted
         self._jumped: list[float] = []  # [s] discontinuities of the derivatives
         self._late: dict[int, Array] = {}  # derivatives of when constraints were switched last
         self._end: tuple[int, Lateness] | None = None  # the last frame, if it moves
@@ -149,18 +154,58 @@ class Carried:
 
     def advance(self, run: int, budget: int) -> int:
         """`advance_run`, with derivatives."""
-        control = self._record.steps.control
-        if self._jump is not None:
-            later = np.searchsorted(self._record.steps.times, control["time"], side="right")
+        control, times = self._record.steps.control, self._record.steps.times
+        if self._within is not None:
+            later = np.searchsorted(times, self._within.end)
+            if later > control["frame"]:
+                return self._advanced_within(run, min(budget, int(later - control["frame"])))
+            self._within = None
+        if self._jump is not None or self._touch is not None:
+            later = np.searchsorted(times, control["time"], side="right")
             if later > control["frame"]:
                 return self._advanced(run, min(budget, int(later - control["frame"])))
-            for one, late in zip(self._runs, self._jump.times):
-                one.shift(np.outer(self._jump.rates, late))
+            if self._jump is not None:
+                self._shift(self._jump.rates, self._jump.times)
             self._jump = None
+        if self._touch is not None and not self._begins:
+            self._shift(self._touch.rates, self._touch.times)
+            self._begins = True
         before = int(self._record.steps.counters["steps"])
+        code = self._advanced(run, 1 if self._begins else budget)
+        if int(self._record.steps.counters["steps"]) > before:
+            if self._touch is not None:
+                self._end_of_touch(self._touch)
+            if code == at.RUNNING:
+                self._look_for_jump()
+        return code
+
+    def _shift(self, rates: Array, times: Sequence[Array]) -> None:
+        """Move the derivatives of the state by those of a time, with these rates."""
+        for one, late in zip(self._runs, times):
+            one.shift(np.outer(rates, late))
+
+    def _end_of_touch(self, touch: Touch) -> None:
+        """Return to derivatives at a given time, after the step that began at a touch."""
+        record = self._record
+        self._touch, self._begins = None, False
+        if record.steps.control["fired"] == NEAR:  # the step is taken back
+            self._shift(-touch.rates, touch.times)
+            return
+        back, self._within = begun_at(touch, record, rates(record, record.steps.control["time"]))
+        self._shift(back, touch.times)
+
+    def _advanced_within(self, run: int, budget: int) -> int:
+        """Note frames within the step that began at a touch."""
+        within = self._within
+        assert within is not None
+        record, first = self._record, int(self._record.steps.control["frame"])
         code = self._advanced(run, budget)
-        if code == at.RUNNING and int(self._record.steps.counters["steps"]) > before:
-            self._look_for_jump()
+        for i in range(first, int(record.steps.control["frame"])):
+            t, y = float(record.steps.times[i]), (record.out.q[i], record.out.v[i])
+            share = (t - within.begin) / (within.end - within.begin)
+            back = share * within.by_start - rates(record, t, state=y)
+            for out, late in zip(self.out, within.times):
+                out[i, :, 1:] += np.outer(back, late)
         return code
 
     def _look_for_jump(self) -> None:
@@ -206,6 +251,8 @@ class Carried:
                 break
             self._jump = Jump(times, before - after)
             self._jumped.append(float(t))
+        if self._jump is None and record.steps.control["sided"] == 0:
+            self._touch = touch_of(record, self._runs, rates(record, t))
 
     def _advanced(self, run: int, budget: int) -> int:
         given, corners = (self._addresses, self._step, self._note, self.out), self._corners
@@ -488,17 +535,19 @@ def directions(mech: Mechanism, q: Array) -> Array:
     return found
 
 
-def rates(record: Recording, t: float, scene: Any = None) -> Array:
-    """The rates of the state of a run: q', v', and the power put in and dissipated."""
+def rates(record: Recording, t: float, scene: Any = None, state: Any = None) -> Array:
+    """The rates of the state of a run: q', v', and the power put in and dissipated.
+
+    `state` is another state (q, v) than the present one.
+    """
     flow, vdot, scene = np.zeros(3), np.zeros(len(record.v)), scene or record.scene
+    q, v = state or (record.q, record.v)
     motion.constrained_dynamics(
-        scene.address, record.steps.links.accelerate, t, record.q, record.v,
+        scene.address, record.steps.links.accelerate, t, q, v,
         scene.given, flow, vdot, np.empty_like(record.out.wrenches[0]),
     )  # fmt: skip
     nv = record.mech.nv
-    return np.concatenate(
-        (directions(record.mech, record.q) @ record.v[:nv], record.v[nv:], vdot, flow[:2])
-    )
+    return np.concatenate((directions(record.mech, q) @ v[:nv], v[nv:], vdot, flow[:2]))
 
 
 def slope_along(function: Any, t: float, y: Array, nq: int, way: Array, dt: float) -> float:

@@ -16,6 +16,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, F3, I1, carrying, f8, i8, of_duals, void
 from ..constraints.constraints import gaps, located, number_rows, respond, speeds
 from ..constraints.proximal import REFINEMENTS, remainder, solve_factor, take_out, whole_blocks
+from ..contact.touches import touching
 from ..motion import (
     acceleration,
     call_projection,
@@ -28,13 +29,13 @@ from ..motion import (
 from ..records import NEAR, REACHED
 from ..signals import HELD, SIDE
 from ..tree.articulated import inboard
-from ..tree.kinematics import frames, outboard
+from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance, normalise_all
 from .batch import call_advance
 from .events import step_again
 from .explicit import dense_output, last_stage, runge_kutta_step, semi_implicit_step, turn_spins
 from .measured import hold
-from .state import acceleration_of, copied, onto_constraints, size_of_state
+from .state import acceleration_of, call_step, copied, onto_constraints, size_of_state
 
 D1, F4 = carrying(F1), f8[:, :, :, ::1]
 STEP_OF_DUALS = void(of_duals, i8)  # run of duals, run of numbers
@@ -91,6 +92,33 @@ def see_duals(run, t):
     nq, nv = size_of_state(run)
     y = data.stages[at.Y]
     follow(opened(data.scene), t, y[:nq], y[nq : nq + nv])
+
+
+@kernel(i8(of_duals, f8), nogil=True, later=True)
+def find_duals(run, margin):
+    """Find the contact points within a margin at the state Y. Returns their number."""
+    data = opened_run(run)
+    own, (nq, nv) = opened(data.scene), size_of_state(run)
+    y = data.stages[at.Y]
+    outboard(own.rows, own.const, own.work, y[:nq], y[nq : nq + nv])
+    positions(own.rows, own.work)
+    return touching(data.scene, margin, 0)
+
+
+@kernel(void(i8, f8, f8), nogil=True, later=True)
+def step_beside(run, t, w):
+    """Repeat the last primal step from another time t with width w, into TRIAL."""
+    data = opened_run(run)
+    control, stages = data.control[0], data.stages
+    nq, nv = size_of_state(run)
+    copied(stages, at.Y_OLD, at.Y, stages.shape[1])
+    control.time = t
+    acceleration_of(run, t, at.Y, at.SLOPE)
+    call_step(data.links.step, (run, w))
+    copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
+    if nq > nv:
+        normalise_all(opened(data.scene).rows, stages[at.TRIAL, :nq])
+    onto_constraints(run, t + w, at.TRIAL)
 
 
 @sweep
