@@ -173,6 +173,18 @@ def test_the_friction_springs_of_penalty_contacts_stay_stretched(method):
     assert apart(whole, runs) < 1e-12
 
 
+@pytest.mark.parametrize("after", ["dopri5", "gauss6", "moreau_jean"])
+@pytest.mark.parametrize("before", ["rk4", "moreau_jean"])
+def test_friction_springs_stay_stretched_in_another_method(before, after):
+    """The box is held by springs that are stretched by 3 N, and does not move on."""
+    model = pushed("penalty", "=min(30*t, 3)", stiffness=1e5, damping=100.0)
+    half = pg.simulate(model, t_end=0.2, method=before, step=1e-4, estimate=False)
+    way: dict[str, Any] = {} if after == "dopri5" else {"step": 1e-4}
+    more = pg.simulate(model, start=half, t_end=0.3, method=after, estimate=False, **way)
+    assert half.q[-1, 0] > 5e-6
+    assert np.abs(more.q[:, 0] - half.q[-1, 0]).max() < 1e-7
+
+
 @pytest.mark.parametrize("how", STEPPED, ids=str)
 def test_a_box_that_slid_does_not_stick_by_starting_anew(how):
     """Static friction of 0.6 would hold a box that the kinetic one of 0.5 lets slide."""

@@ -433,8 +433,7 @@ def log_phases(address, t):
 
 @kernel(TOUCHES, nogil=True, later=True)
 def begin_touches(scene, q, v):
-    """Keep the contact points of a state in which a run begins."""
-    contacts_at(opened(scene).links.contacts).tally[0].anchored = 0
+    """Keep the contact points of a state in which a run begins, with anchors of a run before."""
     keep_anchors(scene, q, v)
 
 
