@@ -99,7 +99,7 @@ REBOUND = 16  # restitution of a limit
 HELD = 16  # force of a joint's friction in the last step [N m, N]
 LOCATED = 17  # gap of a limit from which its impact was last located within this step [rad, m]
 SURFACE = 18  # 3, velocity [m/s] or spin [rad/s] of A's surface past B's along DIR at a contact
-ROOM = 22  # by how much a unilateral block may still close, to its tolerated depth [m, rad]
+ROOM = 22  # speed at which a unilateral block closes to its tolerated depth in a step [m/s, rad/s]
 SETTLED = 21  # 1 where impulses of least norm were sought for the λ that a contact starts with
 BLOCK_F = 28
 

@@ -122,8 +122,8 @@ def is_certain(scene, n, soft, size):
 
 
 @sweep
-def ease(scene, n, h):
-    """Let all gaps of island n close by their tolerated depth in a step of h, without bounces."""
+def ease(scene, n):
+    """Let all gaps of island n close by their tolerated depth in a step, without bounces."""
     data = opened(scene)
     blocks_i, blocks_f = data.blocks.blocks_i, data.blocks.blocks_f
     islands = contacts_at(data.links.contacts).islands
@@ -131,5 +131,5 @@ def ease(scene, n, h):
         i = islands.blocks[j]
         if one_sided(type_of(blocks_i, i)):
             blocks_f[i, at.BOUNCE] = 0.0
-            room = max(blocks_f[i, at.ROOM] / h, slack_of(blocks_i, blocks_f, i))
+            room = max(blocks_f[i, at.ROOM], slack_of(blocks_i, blocks_f, i))
             set_slack(blocks_i, blocks_f, i, room)

@@ -14,8 +14,6 @@ from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
 from ..records import (
     ACCEPTANCE,
     CREEP,
-    CYLINDER,
-    ELLIPSOID,
     PENALTY,
     RIGID,
     SLIP,
@@ -154,18 +152,11 @@ def set_block(contacts, blocks, n, i, slides):
     blocks_f[i, at.BOUNCE] = law.restitution
     slip = surface_slip(contacts, n, middle(point))
     store(blocks_f, i, at.SURFACE, (0.0, dot(t, slip), dot(s, slip)))
-    blocks_f[i, at.ROUND] = rounding(contacts, n)
-
-
-@part
-def rounding(contacts, n):
-    """Return the radius of A at contact point n if it is a ball or a corner on the plane of the
-    ground, else -1 [m]."""
-    point, shapes = contacts.found[n], contacts.geometry.shapes
-    a = point.shape_a
-    if point.shape_b >= 0 or shapes[a].kind == CYLINDER or shapes[a].kind == ELLIPSOID:
-        return -1.0 + 0.0 * point.gap
-    return shapes[a].radius + 0.0 * point.gap
+    shape = contacts.geometry.shapes[point.shape_a]
+    if point.shape_b < 0 and shape.vertices > 0:  # a ball about a vertex, on a plane
+        blocks_f[i, at.ROUND] = shape.radius
+    else:
+        blocks_f[i, at.ROUND] = -1.0
 
 
 @part

@@ -107,7 +107,7 @@ def solve_impulses(scene, h):
             continue
         left, size = solve_island(scene, n, still)
         if left == math.inf:
-            ease(scene, n, h)
+            ease(scene, n)
             aim(scene, n)
             left, size = solve_island(scene, n, still)
         note_left(report, left, size)
@@ -182,7 +182,7 @@ def aim(scene, n):
             for s in range(joints_of(slots, i)):
                 vectors[FREE, joint_of(slots, i, s)] = 0.0
         if unilateral:
-            vectors[TARGET, r] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+            vectors[TARGET, r] += rebound(data, i, blocks_f[i, at.BOUNCE], vectors[BEFORE, r])
             vectors[TARGET, r] += slack_of(blocks_i, blocks_f, i)
 
 
@@ -310,6 +310,21 @@ def gain_of(vectors, r, after, aimed):
     return vectors[LAMBDA, r] * (0.5 * (vectors[BEFORE, r] + after - aimed))
 
 
+@part
+def rebound(data, i, restitution, before):
+    """Return by how much a restitution lets gap i close after a speed `before`, negative if it must
+    open.
+
+    In an impact, a gap that opens by less than its tolerated depth in a step belongs to a point at
+    rest, with the error of the step. It follows the same law as a gap that closes. The speeds of
+    the corners of a face are then those of a plane after the impact, as before it. Otherwise one of
+    them would be without an impulse, depending on this error.
+    """
+    strikes = contacts_at(data.links.contacts).tally[0].share == 0.0
+    rests = max(data.blocks.blocks_f[i, at.ROOM], 0.0) if strikes else 0.0
+    return restitution * min(before, rests)
+
+
 @sweep
 def gained(scene, n):
     """Compute (energy added by island n's unilateral impulses [J], energy that they exchange).
@@ -328,7 +343,7 @@ def gained(scene, n):
         if one_sided(kind) or dry(kind):
             r = first_of(slots, i)
             after = velocity(data, i, vectors[STEP])
-            back = blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+            back = rebound(data, i, blocks_f[i, at.BOUNCE], vectors[BEFORE, r])
             back += slack_of(blocks_i, blocks_f, i)
             for c in range(size_of(blocks_i, i)):
                 gain += gain_of(vectors, r + c, after[c], back if c == 0 else 0.0)

@@ -34,6 +34,7 @@ from ..constraints.blocks import (
     type_of,
 )
 from ..constraints.constraints import joint_impulses
+from .impulse import rebound
 from .newton import gather, rows_of, scatter
 
 # State of a block according to its law: without impulse, at its bound, held in all rows, held in
@@ -171,7 +172,7 @@ def miss_laws(scene, data, first, size):
         for c in range(count):
             missed[row + c] = vectors[RHS, r + c] + u[c]
         if one_sided(type_of(blocks_i, i)) and count > 0:
-            missed[row] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+            missed[row] += rebound(data, i, blocks_f[i, at.BOUNCE], vectors[BEFORE, r])
             missed[row] += slack_of(blocks_i, blocks_f, i)
         if law == SLIDING:
             x, y, _ = slip_of(own, i)

@@ -319,7 +319,7 @@ def set_rows(scene, numbers, first, h, width, q, v):
         if kind == at.T_FRICTION:
             blocks_f[i, at.AIM] = width * blocks_f[i, at.VALUE]
         elif kind == at.T_SPAN:
-            span_reaches(scene, i, width, v)
+            span_reaches(scene, i, h, width, v)
         elif kind == at.T_CONTACT:
             set_contact(scene, numbers, i, h)
         else:

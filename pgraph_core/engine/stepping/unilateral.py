@@ -73,7 +73,7 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
             append(active, i)
     for i in range(first, first + tally.limits):
         if type_of(blocks_i, i) == at.T_SPAN:
-            if w > 0.0 and span_reaches(scene, i, w, v):
+            if w > 0.0 and span_reaches(scene, i, h, w, v):
                 append(active, i)
             continue
         if look and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
@@ -108,7 +108,7 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
             slides = slides or slides_now(contacts, data.work, data.space.linear, n)
             set_block(contacts, blocks, n, first + n, slides)
             blocks.blocks_f[first + n, at.VALUE] = slack
-            blocks.blocks_f[first + n, at.ROOM] = point.gap + tolerated(contacts, n, h)
+            blocks.blocks_f[first + n, at.ROOM] = (point.gap + tolerated(contacts, n, h)) / h
             append(active, first + n)
             if resists_turning(law):
                 set_turn(contacts, blocks, n, tally.first_turn + n)
@@ -137,7 +137,7 @@ def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
     rate, change = limit_speeds(blocks, i, v, vdot)
     blocks_f[i, at.AIM] = 0.0
     blocks_f[i, at.BOUNCE] = 0.0
-    blocks_f[i, at.ROOM] = gap + DEPTH * blocks_f[i, at.SIZE]
+    blocks_f[i, at.ROOM] = (gap + DEPTH * blocks_f[i, at.SIZE]) / h
     if w == 0.0:
         e = blocks_f[i, at.REBOUND]
         if gap <= 2.0 * closed:
@@ -187,8 +187,9 @@ def add_passed(scene, first, w, q, v, vdot):
 
 
 @sweep
-def span_reaches(scene, i, w, v):
-    """Check whether a length may exceed its bound within a sub-step of width w, from its midpoint.
+def span_reaches(scene, i, h, w, v):
+    """Check whether a length may exceed its bound within a sub-step of width w, from its midpoint,
+    of a step of width h.
 
     The permitted speed of its block is then set such that it reaches the bound at the end of the
     sub-step, or moves along it. A transverse speed u lengthens it by w² u² / (8 length) in half a
@@ -205,7 +206,7 @@ def span_reaches(scene, i, w, v):
     q = point_b(blocks.blocks_f, i, work, b)
     u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, q))
     bound = blocks.blocks_f[i, at.VALUE]
-    blocks.blocks_f[i, at.ROOM] = gap + DEPTH * abs(bound)
+    blocks.blocks_f[i, at.ROOM] = (gap + DEPTH * abs(bound)) / h
     parting = dot(u, apart) / length
     across = math.copysign(max(dot(u, u) - parting * parting, 0.0) / length, bound)
     closing = max(-math.copysign(1.0, bound) * parting, 0.0)
