@@ -16,6 +16,7 @@ from ..arrays import (
     BARRED,
     BEFORE,
     CALMED,
+    CHANGE,
     DINV,
     FREE,
     GAINED,
@@ -69,9 +70,10 @@ TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies th
 
 
 @sweep
-def solve_impulses(scene, h):
+def solve_impulses(scene, h, again):
     """Compute λ of all active rows from b in RHS, in a step of h. The result is written to LAMBDA,
-    whose previous value is the initial guess.
+    whose previous value is the initial guess. If the same rows are solved `again`, islands with the
+    same b as before keep their λ.
 
     Their effect on the joints is written to STEP. REPORT receives the numbers of sweeps and of
     Newton steps, the largest velocity residual of a law, relative to its island and in m/s, the
@@ -85,7 +87,7 @@ def solve_impulses(scene, h):
     islands = contacts_at(data.links.contacts).islands
     active, vectors, report = blocks.active, space.vectors, space.vectors[REPORT]
     for c in range(CALMED + 1):
-        report[c] = 0.0
+        report[c] = report[c] if again and (c == MISSED or (c >= STRAYS and c != GAINED)) else 0.0
     for j in range(1, active[0] + 1):
         i = active[j]
         own_block(space.y, space.slots, vectors[DINV], i, space.own)
@@ -101,6 +103,11 @@ def solve_impulses(scene, h):
             largest = max(largest, largest_velocity(scene, n))
     for n in range(count):
         aim(scene, n)
+        if again and is_as_before(scene, n):
+            joint_speeds(scene, n)
+            report[GAINED] += gained(scene, n)[0]
+            note_missed(scene, n)
+            continue
         if leaves_alone(scene, n, TOLERANCE * fine * largest):
             drop(scene, n)
             note_missed(scene, n)
@@ -122,6 +129,8 @@ def solve_impulses(scene, h):
             gain, size = gained(scene, n)
         report[GAINED] += gain
         note_missed(scene, n)
+    for r in range(vectors.shape[1]):
+        vectors[CHANGE, r] = vectors[RHS, r]
     joint_impulses(blocks, space)
 
 
@@ -134,6 +143,19 @@ def note_left(report, left, size):
     report[HARD] += 1.0 if left > NOTABLE else 0.0
     report[MISSED] = max(report[MISSED], left)
     report[STRAYS] = max(report[STRAYS], left * size)
+
+
+@sweep
+def is_as_before(scene, n):
+    """Check whether b of island n in RHS is that in CHANGE, up to rounding."""
+    data = opened(scene)
+    islands, vectors = contacts_at(data.links.contacts).islands, data.space.vectors
+    change = 0.0
+    for j in range(islands.first[n], islands.first[n + 1]):
+        r = first_of(data.space.slots, islands.blocks[j])
+        for c in range(size_of(data.blocks.blocks_i, islands.blocks[j])):
+            change = max(change, abs(vectors[RHS, r + c] - vectors[CHANGE, r + c]))
+    return change <= EPS * largest_velocity(scene, n)
 
 
 @sweep

@@ -63,8 +63,8 @@ SHAPE = 29
 FOUND, ACTIVE, GAP, SLACK, MIDDLE, ON_A, ON_B = 0, 1, 2, 3, 4, 7, 10
 BEFORE, RATE, TARGET, LAM, HELD, MISSED, SLIP = 13, 16, 19, 22, 25, 28, 30
 KEPT, VALUE, SLIDES = 31, 32, 35  # values of the last step
-TURNED = 36
-POINT = 39
+TURNED, PASSED = 36, 39  # PASSED: RATE of the pass before
+POINT = 42
 
 # columns of `pairs`
 FORCE, TORQUE, P_GAP, P_SLIP, PHASE = 0, 3, 6, 7, 8
@@ -80,7 +80,8 @@ PENETRATION, LARGEST, WORST, WORST_PAIR, WORST_TIME, DEEPEST, DEEPEST_PAIR = (
 )  # fmt: skip
 DEEPEST_TIME, DEEPEST_DEPTH, COUNT, NUMBER, LOGGED, LIVES = 30, 31, 32, 33, 34, 35
 ORIGIN, TAKEN, FALLEN, FELL = 36, 37, 38, 39  # when a walk fell first, and with the step under way
-LANE = 40
+STAYS = 40  # 1 where the pass has the rates of that before it
+LANE = 41
 
 # columns of `ways`: of a point its shape, row, body, contact pair, vertex, feature, joints
 W_SHAPE, W_ROW, W_BODY, W_PAIR, W_VERTEX, W_FEATURE, W_KIND, W_JOINTS, W_JOINT = range(9)

@@ -4,7 +4,7 @@ convergence.
 
 import math
 
-from ...tolerances import NOTABLE, ROUNDING
+from ...tolerances import EPS, NOTABLE, ROUNDING
 from .. import layout as at
 from ..compiler.jit import part, sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
@@ -291,16 +291,19 @@ def scatter(ways, b, n, change):
 
 
 @sweep
-def aim(ways, near, b):
-    """Compute `impulse.aim`, and write the largest velocity into SIZE."""
+def aim(ways, near, b, again):
+    """Run `impulse.aim` and `impulse.is_as_before`. SIZE receives the largest velocity."""
     x, points, lane = b.vectors, b.points, b.lane[0]
-    size, carried = lane[of.COUNT] * 0.0, lane[of.COUNT] * 0.0
+    size, carried, change = lane[of.COUNT] * 0.0, lane[of.COUNT] * 0.0, lane[of.COUNT] * 0.0
     for m in range(near[0]):
         n = near[1 + m]
         here = points[n, of.ACTIVE]
         for c in range(3):
             most_ = larger(abs(points[n, of.RATE + c]), abs(points[n, of.BEFORE + c]))
             size = larger(size, chosen(here, most_, 0.0))
+            moved = abs(points[n, of.RATE + c] - points[n, of.PASSED + c])
+            change = larger(change, chosen(here, moved, 0.0))
+            points[n, of.PASSED + c] = points[n, of.RATE + c]
         y = b.y[n]
         for s in range(ways[n, of.W_JOINTS]):
             column = (y[3 * s], y[3 * s + 1], y[3 * s + 2])
@@ -319,6 +322,9 @@ def aim(ways, near, b):
         points[n, of.TARGET] += b.laws[pair, 1] * smaller(points[n, of.BEFORE], 0.0)
         points[n, of.TARGET] += points[n, of.SLACK]
     lane[of.SIZE] = size
+    lane[of.STAYS] = 0.0
+    if again:
+        lane[of.STAYS] = chosen(most(change, EPS * size), 1.0 + 0.0 * size, 0.0)
 
 
 @sweep
@@ -335,10 +341,9 @@ def gauss_seidel(ways, near, b):
     for m in range(near[0]):
         n = near[1 + m]
         touches = either(touches, points[n, of.ACTIVE])
-    open_ = both(touches, without(lane[of.LIVES], lane[of.ALONE]))
+    open_ = both(touches, without(lane[of.LIVES], either(lane[of.ALONE], lane[of.STAYS])))
     lane[of.ALONE] = either(lane[of.ALONE], both(open_, most(size, 0.0)))
-    lane[of.OPEN] = 0.0
-    swept, left = lane[of.SWEPT], lane[of.OPEN]
+    swept, left = lane[of.SWEPT], 0.0 * size
     for _ in range(FEW_SWEEPS):
         if not any_of(open_):
             break
@@ -365,7 +370,7 @@ def gauss_seidel(ways, near, b):
         left = chosen(open_, change / size, left)
         open_ = both(open_, more(change, TOLERANCE * size))
     lane[of.SWEPT] = swept
-    lane[of.OPEN] = left
+    lane[of.OPEN] = larger(lane[of.OPEN], left)
     lane[of.ALONE] = either(lane[of.ALONE], both(touches, more(left, TOLERANCE)))
 
 

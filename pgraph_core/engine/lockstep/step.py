@@ -68,6 +68,7 @@ def begin(rows, drives, b, h):
     q, v = x[of.NEW_Q], x[of.V]
     b.lane[0, of.SWEPT] = 0.0
     b.lane[0, of.ALONE] = 0.0
+    b.lane[0, of.OPEN] = 0.0
     advance(rows, q, v, 0.5 * h)
     stiffen(rows, drives, b, h, q, v)
     act(drives, b, q, v)
@@ -208,7 +209,7 @@ def solve(rows, ways, near, b, h, again):
                 carry(rows, ways, b, n)
                 own_block(ways, b, n)
                 warm(b, n)
-        aim(ways, near, b)
+        aim(ways, near, b, again)
         gauss_seidel(ways, near, b)
         gain_and_miss(ways, near, b)
         effects(ways, near, b)

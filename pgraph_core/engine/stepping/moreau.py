@@ -591,7 +591,7 @@ def solve_part(run, own, q, v, vdot):
         if not goes_on:
             unit_responses(rows, const, blocks, work, space)
             warm_start(scene, first, m)
-        solve_impulses(scene, h)
+        solve_impulses(scene, h, goes_on)
         this.counters[0].solver_iterations += int(report[SWEEPS_DONE] + report[STEPS_DONE])
         if w == 0.0 or not add_passed(scene, first, w, q, v, vdot):
             break
