@@ -242,12 +242,14 @@ class BatchStepper(Snapshots):
 
     @property
     def contact_force(self) -> Mapping[str, Array]:
-        """Contact wrenches as {contact pair: (size, 6) [torque, force]} at the body origin, last
-        step.
+        """Contact wrenches as {contact pair: (size, 6) [torque, force]} at the body origin, in
+        world axes [N m, N].
 
-        [N m, N], world axes.
+        With time stepping, these are means over the last call of `step`.
         """
-        return self._touches(lambda p: np.concatenate((p["torque"], p["force"]), axis=-1))
+        mean = "mean_" if self.method == "moreau_jean" else ""
+        names = mean + "torque", mean + "force"
+        return self._touches(lambda pairs: np.concatenate([pairs[x] for x in names], axis=-1))
 
     @property
     def contact_gap(self) -> Mapping[str, Array]:

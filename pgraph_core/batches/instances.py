@@ -151,10 +151,13 @@ class Instances:
         self.pairs = None
         if scene.touching is not None and scene.touching.pairs.size:
             self.pairs = Place(arrays, scene.touching.pairs).of(self.states)
+            self._elapsed = Place(arrays, scene.touching.tally_table).of(self.states)["elapsed"]
 
     def step(self, n: int) -> None:
         """Take n steps of all running instances with the `given` torques."""
         self.control["fresh"][self.codes == at.RUNNING] = 0
+        if self.pairs is not None:
+            self._elapsed[self.codes == at.RUNNING] = 0.0
         most = max(BETWEEN // len(self.codes), 1)
         while n > 0:
             self.spread(partial(self._part, min(n, most)), len(self.codes))

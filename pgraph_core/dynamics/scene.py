@@ -227,12 +227,13 @@ def _summed(wrenches: Array, spans: list[tuple[str, int, int]]) -> dict[str, Arr
 
 
 def empty_frames(
-    n: int, size: tuple[int, int], blocks: int, nb: int, touches: int
+    n: int, size: tuple[int, int], blocks: int, nb: int, touches: int, *, means: bool = False
 ) -> arrays.Frames:
     """Return arrays for n frames of a run with a state of this size (nq, nv).
 
     `blocks` is the number of blocks of constraints, and `touches` that of contact pairs and limits,
-    which act on `nb` bodies. Without contacts and limits, `nb` is 0.
+    which act on `nb` bodies. Without contacts and limits, `nb` is 0. With `means`, constraints have
+    their mean wrenches beside those at the frames.
     """
     nq, nv = size
     touched = n if nb else 0
@@ -240,7 +241,7 @@ def empty_frames(
         q=np.zeros((n, nq)),
         v=np.zeros((n, nv)),
         vdot=np.zeros((n, nv)),
-        wrenches=np.zeros((n, blocks, 6)),
+        wrenches=np.zeros((n, blocks, 2 * motion.MEANS if means else motion.MEANS)),
         energies=np.zeros((n, 4)),
         drifts=np.zeros((n, 2)),
         pushes=np.zeros((touched, nb, 6)),

@@ -114,7 +114,7 @@ class Blocks(NamedTuple):
     """Constraints as blocks of up to three rows."""
 
     blocks_i: Any  # (nb, 8)
-    blocks_f: Any  # (nb, 28)
+    blocks_f: Any  # (nb, 40)
     terms_i: Any  # (nt, 2) of coordinate rows: index into v, index into q or -1
     terms_f: Any  # (nt,) their coefficients
     curves: Any  # (nk, 5) cubics over time
@@ -185,7 +185,9 @@ class Frames(NamedTuple):
     q: Any
     v: Any
     vdot: Any
-    wrenches: Any  # wrenches of blocks
+    # (n, blocks, 6) wrenches of constraints, with time stepping (n, blocks, 12): then the means
+    # since the previous frame
+    wrenches: Any
     energies: Any  # (n, 4) kinetic, potential, work of drives, dissipation [J]
     drifts: Any  # (n, 2) largest residuals of constraints
     pushes: Any  # (n, nb, 6) wrenches of contacts on bodies

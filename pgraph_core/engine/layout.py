@@ -86,7 +86,7 @@ B_CURVE, B_KNOTS = (6, 7)  # first knot, number of knots: 0 for VALUE, or a kind
 B_BODY_A, B_BODY_B = 6, 7  # numbers of `body` and `other` of a span, which has no curve
 BLOCK_I = 8
 
-# blocks_f: float64 (nb, 28); points and directions in the home axes of their rows
+# blocks_f: float64 (nb, 40); points and directions in the home axes of their rows
 PA = 0  # 3, point of A, from its row's origin [m]
 PB = 3  # 3, point of B, in world axes if B is the ground
 DIR = 6  # 9, up to three directions fixed in B, one after the other
@@ -101,7 +101,10 @@ LOCATED = 17  # gap of a limit from which its impact was last located within thi
 SURFACE = 18  # 3, velocity [m/s] or spin [rad/s] of A's surface past B's along DIR at a contact
 ROOM = 22  # speed at which a unilateral block closes to its tolerated depth in a step [m/s, rad/s]
 SETTLED = 21  # 1 where impulses of least norm were sought for the λ that a contact starts with
-BLOCK_F = 28
+# of a constraint in time stepping, on `body` at PA in world axes
+PULL = 28  # 6, impulse of the last step [N m s, N s]
+MEAN = 34  # 6, mean wrench since the last frame [N m, N]
+BLOCK_F = 40
 
 T_POINT = 0  # DIR_r · (x_A - x_B) = 0
 T_ALIGN = 1  # AIM_r · DIR_r = 0, one of them as long as the model, so residuals are in m

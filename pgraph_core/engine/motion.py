@@ -6,8 +6,8 @@ Methods call these kernels by address.
 import math
 
 from . import layout as at
-from .arrays import OUT, SCENE, TAU, opened, save
-from .compiler.address import caller
+from .arrays import CONTACTS, CONTACTS_OF_DUALS, OUT, SCENE, TAU, opened, save
+from .compiler.address import caller, stored
 from .compiler.dual import of_numbers
 from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, I1, I2, array_of, f8, group, i8, plain, u8, void
@@ -24,6 +24,10 @@ from .vec import finite
 
 # a user's function takes time and the addresses of q, v and τ; another answer than 0 is a failure
 _call_user = caller(i8(f8, u8, u8, u8))
+
+_, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
+
+MEANS = 6  # column of the mean wrenches of constraints in a frame
 
 ACCELERATION = i8(i8, f8, F1, F1, F1, F1, F1)
 PROJECTION = i8(i8, f8, F1, F1, i8)
@@ -173,6 +177,20 @@ def residuals(scene, t, q, v, gap, speed):
     residual_velocity(data.blocks, data.work, data.space, t, v, speed)
 
 
+@part
+def mean_wrenches(scene, forces, i):
+    """Write the mean wrenches of constraints beside those at frame i.
+
+    The first frame of a run has no interval, and a frame that is recorded again keeps its means.
+    """
+    data = opened(scene)
+    known = contacts_at(data.links.contacts).tally[0].elapsed > 0.0
+    for n in range(forces.shape[0] if known or i == 0 else 0):
+        for c in range(6):
+            mean = data.blocks.blocks_f[n, at.MEAN + c]
+            forces[n, MEANS + c] = mean if known else forces[n, c]
+
+
 @kernel(RECORD, nogil=True)
 def record(scene, accelerate, t, q, v, flow, ledger, i, out):
     """Record state, v', wrenches, energies, ledger and residuals. Returns False if not finite."""
@@ -189,6 +207,8 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
     if blocks.active[0] > 0:
         wrenches(rows, blocks, work, space, forces[i])
         drift(rows, const, blocks, work, space, t, q, v, drifts[i])
+    if forces.shape[2] > MEANS:
+        mean_wrenches(scene, forces[i], i)
     if data.links.contacts != 0:
         call_contact_record(data.links.record, (scene, pushes[i], touches[i], missed[i]))
     kinetic, potential = kinetic_and_potential(rows, const, work, space.linear, v)

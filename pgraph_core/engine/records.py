@@ -302,6 +302,8 @@ PAIR_LAW = record(
 PAIR = record(  # forces of a contact pair in world axes
     force=(REAL, 3),  # force on A [N], or the torque of a limit
     torque=(REAL, 3),  # about the origin of A's body [N m]
+    mean_force=(REAL, 3),  # with time stepping the means since the last frame
+    mean_torque=(REAL, 3),
     gap=REAL,  # the smallest [m]
     slip=REAL,  # the fastest [m/s]
     phase=INTEGER,  # -1 before the first step
@@ -355,6 +357,8 @@ PHASE_CHANGE = record(
     phase=INTEGER,
 )
 
+FROZEN, ADDING = 1, 2  # states of a tally
+
 CONTACT_TALLY = record(
     found=INTEGER,  # contact points
     kept=INTEGER,  # impulses
@@ -364,7 +368,9 @@ CONTACT_TALLY = record(
     limits=INTEGER,
     first_contact=INTEGER,
     first_turn=INTEGER,  # first block of torsional friction, one per contact point, -1 for none
-    frozen=INTEGER,  # 1: the forces of the last step act, 2: those of its parts are summed
+    frozen=INTEGER,  # FROZEN: the forces of the last step act, ADDING: those of parts are summed
+    width=REAL,  # of the last time step [s]
+    elapsed=REAL,  # time since the last frame, over which forces are averaged [s]
     fallbacks=INTEGER,  # steps whose last impulses were no good start
     calmed=INTEGER,  # steps whose bounce was suppressed
     overflows=INTEGER,  # steps with more contact points than there is room for

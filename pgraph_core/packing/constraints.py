@@ -203,7 +203,7 @@ class Blocks(NamedTuple):
     names: tuple[str, ...]
     first: Ints  # (nc + 1,) constraint i has the blocks first[i] to first[i + 1] - 1
     blocks_i: Ints  # (nb, 8)
-    blocks_f: Array  # (nb, 28)
+    blocks_f: Array  # (nb, 40)
     terms_i: Ints  # (nt, 2)
     terms_f: Array  # (nt,)
     curves: Array  # (nk, 5)

@@ -30,7 +30,10 @@ def body_poses(run: Any) -> Array:
 
 
 def body_motion(run: Any) -> BodyMotion:
-    """Compute body motion and joint forces of all frames from (q, v, v') and forces."""
+    """Compute body motion and joint forces of all frames from (q, v, v') and forces.
+
+    With time stepping, the forces of contacts and constraints are those of the last step, as in v'.
+    """
     mech = run.mechanism
     states = _states(run)
     external = _loads(run)
@@ -38,7 +41,8 @@ def body_motion(run: Any) -> BodyMotion:
         external += run.contacts.wrench
     motion = bodies_over(mech.packed.system, *states, external)
     if run.constraint_force:
-        add_constraint_wrenches(mech, run.constraint_force, motion, external)
+        pulls = run.contacts.pull or run.constraint_force
+        add_constraint_wrenches(mech, pulls, motion, external)
         motion = bodies_over(mech.packed.system, *states, external)
     return motion
 

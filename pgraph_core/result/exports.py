@@ -330,7 +330,7 @@ CHUNK = 1 << 16  # [bytes] block size for reading times
 PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
 ARRAYS = (
     "t", "q", "v", "vdot", "kinetic_energy", "potential_energy", "work", "dissipation",
-    "constraint_drift", "error_at", "states", "state_error_at",
+    "constraint_drift", "error_at", "states", "state_error_at", "force_error_at",
 )  # fmt: skip
 SCALARS = ("message", "counters", "timing", "header", "notices")
 # before the names of constraints, drives and paths
@@ -372,6 +372,7 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
     n = len(arrays["t"])
     arrays.setdefault("states", np.zeros((n, 0)))  # older files have none
     arrays.setdefault("state_error_at", np.full((n, arrays["states"].shape[1]), np.nan))
+    arrays.setdefault("force_error_at", np.full(n, np.nan))
     found = {name: header[name] for name in SCALARS} | {name: arrays[name] for name in ARRAYS}
     forces, driven, derivatives, memory = (
         {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}

@@ -15,7 +15,8 @@ from .records import KINDS, OF_CONSTRAINTS, OF_DRIVES, ContactRecord, Named
 from .result import Result
 
 ADDED = ("work", "dissipation")  # start from zero in each run
-ERRORS = ("error_at", "state_error_at")
+AVERAGED = ("force", "limit", "normal")  # kinds of contact records that are means
+ERRORS = ("error_at", "state_error_at", "force_error_at")
 
 
 @explained
@@ -64,7 +65,7 @@ def joined(runs: Sequence[Result], /) -> Result:
         last,
         **arrays,
         constraint_force=Named(
-            _by_name([r.constraint_force for r in runs], keep, runs), *OF_CONSTRAINTS
+            _by_name([r.constraint_force for r in runs], _of_means(runs), runs), *OF_CONSTRAINTS
         ),
         drive_force=Named(_by_name([r.drive_force for r in runs], keep, runs), *OF_DRIVES),
         contacts=_contacts(runs, keep),
@@ -110,6 +111,17 @@ def _of_first(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
     return _chained([parts[0], *later], keep)
 
 
+def _of_means(runs: Sequence[Result]) -> list[slice]:
+    """Return the frames of each run whose forces are kept.
+
+    With time stepping, the forces of a frame are means since the previous one, so those of a shared
+    frame are taken from the earlier run.
+    """
+    before = [r.header.get("method") == "moreau_jean" for r in runs[:-1]]
+    ends = [None if own else -1 for own in before]
+    return [slice(int(a), b) for a, b in zip((False, *before), (*ends, None))]
+
+
 def _by_name(parts: Sequence[Any], keep: Sequence[slice], runs: Sequence[Result]) -> dict[str, Any]:
     """Join arrays by name, filling in zeros for runs that lack one."""
     found = {}
@@ -125,7 +137,13 @@ def _by_name(parts: Sequence[Any], keep: Sequence[slice], runs: Sequence[Result]
 
 def _contacts(runs: Sequence[Result], keep: Sequence[slice]) -> ContactRecord:
     records = [r.contacts for r in runs]
-    parts = {kind: _by_name([getattr(c, kind) for c in records], keep, runs) for kind in KINDS}
+    some = {kind: _of_means(runs) if kind in AVERAGED else keep for kind in KINDS}
+    parts = {
+        kind: _by_name([getattr(c, kind) for c in records], own, runs) for kind, own in some.items()
+    }
+    if parts["pull"]:
+        each = [c.pull or r.constraint_force for c, r in zip(records, runs)]
+        parts["pull"] = _by_name(each, keep, runs)
     wrench = records[-1].wrench
     if any(c.wrench.size for c in records):
         nb = runs[-1].mechanism.nb

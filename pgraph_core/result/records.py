@@ -119,15 +119,20 @@ class ContactRecord(EqualByFields):
     """Arrays over n frames, keyed by contact name, or by `name[body]` if it has several bodies."""
 
     force: Mapping[str, Array] = field(default_factory=dict)
-    """(n, 6) [torque, force] on the touch's body about its origin, world axes [N m, N]."""
+    """(n, 6) [torque, force] on the touch's body about its origin, world axes [N m, N]. With time
+    stepping, the mean since the previous frame."""
     gap: Mapping[str, Array] = field(default_factory=dict)
     """(n,) smallest gap [m], negative where it penetrates; inf where nothing is near."""
     slip: Mapping[str, Array] = field(default_factory=dict)
     """(n,) fastest slip [m/s] of its touching points."""
     limit: Mapping[str, Array] = field(default_factory=dict)
-    """(n,) torque or force of a joint limit along its coordinate [N m, N], by limit."""
+    """(n,) torque or force of a joint limit along its coordinate [N m, N], by limit. With time
+    stepping, the mean since the previous frame."""
+    pull: Mapping[str, Array] = field(default_factory=dict)
+    """(n, 6) with time stepping, the wrenches of constraints in the step that ends at a frame."""
     wrench: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
-    """(n, nb, 6) [torque, force] of all contacts on every body about its origin, world axes."""
+    """(n, nb, 6) [torque, force] of all contacts on every body about its origin, world axes. With
+    time stepping, those of the step that ends at a frame."""
 
     residual: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """(n, 3) see `Result.contact_residual`."""
@@ -199,13 +204,13 @@ class ContactRecord(EqualByFields):
             }
             for what in KINDS
         ]
-        force, gap, slip, limit, normal, phases = parts
+        force, gap, slip, limit, normal, phases, pull = parts
         wrench = arrays.get("contact wrench", NOTHING.wrench)
         texts = arrays.get("contact events", np.empty((5, 0))).T.tolist()
         times = arrays.get("contact event times", np.empty(0)).tolist()
         events = tuple(Event(t, *text) for t, text in zip(times, texts))
         residual = arrays.get("contact residual", NOTHING.residual)
-        return cls(force, gap, slip, limit, wrench, residual, normal, phases, events)
+        return cls(force, gap, slip, limit, pull, wrench, residual, normal, phases, events)
 
 
 class Named(Mapping[str, Any]):
@@ -319,7 +324,7 @@ class ByTouch(Named):
         return self._missing((a, b)).replace("is called", "is between")
 
 
-KINDS = ("force", "gap", "slip", "limit", "normal", "phases")
+KINDS = ("force", "gap", "slip", "limit", "normal", "phases", "pull")
 OF_CONSTRAINTS = ("constraint_force", "constraint")  # arguments of Named for constraints
 OF_DRIVES = ("drive_force", "motor, servo or actuator")  # and for drives
 NOTHING, NO_FORCES, NO_DRIVES = ContactRecord(), Named({}, *OF_CONSTRAINTS), Named({}, *OF_DRIVES)

@@ -150,6 +150,9 @@ class Result(Exports, EqualByFields, Portable):
     """(n, nx) The states of the model's controls, in their order."""
     state_error_at: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """(n, nx) Estimated errors of the states, as `error_at`, in their units."""
+    force_error_at: Array = field(default_factory=lambda: np.zeros(0))
+    """(n,) Estimated errors of the forces of contacts [N] and joint limits [N m, N] at each frame:
+    the largest difference from a finer run; inf and nan as for `error_at`."""
     memory: Memory | None = field(default=None, compare=False)
     """What `simulate(..., start=run)` goes on with beside the last frame."""
     drive_force: Named = field(default_factory=lambda: NO_DRIVES)
@@ -261,6 +264,19 @@ class Result(Exports, EqualByFields, Portable):
     def error_estimate(self) -> float:
         """Estimated maximum error in q [rad, m] at the recorded times, last of `error_at`."""
         return float(self.error_at[-1]) if len(self.error_at) else np.nan
+
+    @property
+    def force_error(self) -> float:
+        """Estimated maximum error of contact and limit forces [N, N m], of `force_error_at`."""
+        return float(self.force_error_at.max()) if len(self.force_error_at) else np.nan
+
+    @property
+    def relative_force_error(self) -> float:
+        """The error of contact and limit forces, relative to the largest of them."""
+        forces = [np.linalg.norm(f[:, 3:], axis=1) for f in self.contacts.force.values()]
+        forces += [np.abs(f) for f in self.contacts.limit.values()]
+        peak = max((float(f.max(initial=0.0)) for f in forces), default=0.0)
+        return self.force_error / peak if peak > 0.0 else self.force_error
 
     @property
     def relative_error(self) -> Array:

@@ -211,7 +211,7 @@ def simulate(
         "estimate": clocks()[0] - stepped,
         "load": LOADING.seconds - loaded,  # kernels, once in a program
     }
-    result = result_of(record, error.error, error.notices, timing)
+    result = result_of(record, error, timing)
     record.leave()
     return result
 

@@ -82,11 +82,13 @@ def contacts_of(
     q: Array,
     changes: Any,
     log: Sequence[Event],
+    pulls: dict[str, Array],
 ) -> ContactRecord:
     """Return contacts and limits over the frames, and the events in between.
 
     The frames are (times, wrenches on bodies, pairs, residuals of laws), at the states q. If
-    contacts were ignored until the end, only the times are used.
+    contacts were ignored until the end, only the times are used. `pulls` are the wrenches of
+    constraints in the last steps.
     """
     tables = plan.contacts if plan.way is None else plan.declared
     if not tables:
@@ -97,14 +99,16 @@ def contacts_of(
     impulses, up = plan.method.name == "moreau_jean", np.array(mech.model.ground_normal)
     width = float(np.max(plan.width, initial=0.0)) if impulses else 0.0
     names = [pair.name for pair in tables.touches]
-    forces = np.concatenate((pairs["torque"], pairs["force"]), axis=-1).swapaxes(0, 1)
+    means = pairs["mean_torque"], pairs["mean_force"]
+    forces = np.concatenate(means, axis=-1).swapaxes(0, 1)
     limits = [*zip(tables.limits, limited_bodies(mech, tables))]
     phases, events = phases_over(changes, tables.touches, limits, t, width)
     return ContactRecord(
         force=dict(zip(names, forces)),
         gap=gaps_later(mech, tables, q, dict(zip(names, pairs["gap"].T))),
         slip=dict(zip(names, pairs["slip"].T)),
-        limit=dict(zip(tables.limits, pairs["force"][:, len(names) :, 0].T)),
+        limit=dict(zip(tables.limits, means[1][:, len(names) :, 0].T)),
+        pull=pulls,
         wrench=pushes,
         residual=missed,
         normal={

@@ -11,7 +11,7 @@ not divided by 2^p.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from ..tolerances import EPS, ROUNDING, SOLVED, VISIBLE
 from .finer import (
     apart,
     finer_plan,
+    forces_apart,
     grazed,
     may_jump,
     no_wider,
@@ -33,8 +34,9 @@ from .finer import (
     undecided,
 )
 from .plan import RunPlan
+from .recorded import Estimate
 from .recording import Recording
-from .remarks import passed_over, unbalanced
+from .remarks import passed_over, unbalanced, unsure_forces
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -46,14 +48,6 @@ UNKNOWN = (
     f"{BECAUSE} a function gives its torques: give estimate=True to call it again for a second "
     "run, if it remembers nothing, or compare with a run at half the step, or at a tighter rtol"
 )
-
-
-class Estimate(NamedTuple):
-    """The errors in q and in the states of controls at the times of a plan, as running maxima."""
-
-    error: Array | None = None  # (n, 1 + nx) [rad, m], [units of the states], inf once unknown
-    notices: tuple[str, ...] = ()
-    why: str = ""  # there is none
 
 
 def error_estimate(record: Recording, asked: bool | None) -> Estimate:
@@ -76,14 +70,14 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     """Compute the difference from a finer run, where `plan` has the recorded times."""
     n, mech, rows = len(plan.times), record.mech, record.mech.packed.rows
     if n < 2 or plan.times[-1] == plan.times[0]:
-        return Estimate(np.zeros((n, 1 + len(states_of(mech.model)))))
-    grazes = (
-        grazed(record) if record.steps.links.cross else []
-    )  # a finer run in the same scene has its own
+        return Estimate(np.zeros((n, 1 + len(states_of(mech.model)))), np.zeros(n))
+    # a finer run in the same scene has its own
+    grazes = grazed(record) if record.steps.links.cross else []
     finer = _finer_run(record, plan)
     if isinstance(finer, str):
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
     off, (turned, slid) = apart(record, finer, n), ranges_of_motion(rows, record.out.q[:n])
+    forces = forces_apart(record, finer, n)
     record.ended.notices += undecided(record, finer, max(turned, slid), off, grazes)
     if record.carried is not None and finer.carried is not None:
         record.ended.notices += record.carried.unlike(
@@ -95,6 +89,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1), carries=False)
         if not isinstance(third, str):
             off = np.maximum(off, apart(record, third, n))
+            forces = np.maximum(forces, forces_apart(record, third, n))
     error = off[:, 1:].copy()
     np.maximum(off[:, 0], off[:, 1], out=error[:, 0])
     if (tables := record.plan.contacts) is not None:
@@ -111,13 +106,15 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     if not known.all():
         known[:, 1:] &= known[:, :1] & known[:, 1:2]
         error[~np.logical_and.accumulate(known[:, 1:])] = np.inf
+    forces[~np.isfinite(error[:, 0])] = np.inf
     sizes = np.array((size_of_motion(turned, slid, length), *ranges))
     # what is rounding no step and no tolerance makes smaller
     sizes = np.maximum(sizes, ROUNDING / (EPS * VISIBLE) * rounding[-1])
-    told = _notices(record, plan.times, error, sizes) or unbalanced(record, n)
+    told = _notices(record, plan.times, error, sizes) or unsure_forces(record, plan.times, forces)
+    told = told or unbalanced(record, n)
     if record.plan.method.implicit:
         told += passed_over(record, float(error[-1, 0]))
-    return Estimate(error, told)
+    return Estimate(error, forces, told)
 
 
 def _rounding(record: Recording, t: Array) -> Array:

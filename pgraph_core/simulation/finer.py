@@ -150,6 +150,37 @@ def apart(record: Recording, finer: Recording, n: int) -> Array:
     return off[np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)]
 
 
+def forces_apart(record: Recording, finer: Recording, n: int) -> Array:
+    """Find the largest difference (n,) of contact and limit forces between two runs [N, N m], at n
+    times of the first.
+
+    With time stepping, forces are means between the times that both runs recorded.
+    """
+    if not record.out.pairs.size or not finer.out.pairs.size:
+        return np.zeros(n)
+    i, j = shared(record, finer, n)
+    found = [x.out.pairs["mean_force"] for x in (record, finer)]
+    if record.plan.method.name == "moreau_jean":
+        found = [
+            _means(x.steps.times, force, k) for x, force, k in zip((record, finer), found, (i, j))
+        ]
+    else:
+        found = [force[k] for force, k in zip(found, (i, j))]
+    off = np.linalg.norm(found[0] - found[1], axis=2).max(axis=1)
+    return off[np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)]
+
+
+def _means(t: Array, force: Array, some: Ints) -> Array:
+    """Return the mean forces (k, ...) between some of the frames, zero at the first."""
+    impulses = np.cumsum(
+        force[1 : some[-1] + 1] * np.diff(t[: some[-1] + 1])[:, None, None], axis=0
+    )
+    found = np.zeros((len(some), *force.shape[1:]))
+    sums = np.concatenate((found[:1], impulses))[some]
+    found[1:] = np.diff(sums, axis=0) / np.diff(t[some])[:, None, None]
+    return found
+
+
 # -- events that a finer run has and the run has not -----------------------------------------------
 
 

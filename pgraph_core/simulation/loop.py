@@ -186,12 +186,12 @@ class Steps:
         self.stages[at.WEIGHT] = 0.0
         self.divided = 0
 
-    def rehearse(self, tally: Any) -> None:
+    def rehearse(self, tally: Any, pairs: Any) -> None:
         """Take a trial step of time stepping to obtain the forces for frame 0.
 
         A frame has the forces of the step that ends there; the first frame has the forces of the
         step that begins there. If an impact occurs in that step, its impulse is applied at the end.
-        `tally` (1,) is the tally of the contacts.
+        `tally` (1,) is the tally of the contacts, and `pairs` are the forces of contacts.
         """
         from ..engine.contact.contacts import FROZEN
         from ..engine.stepping.moreau import moreau_jean
@@ -201,6 +201,7 @@ class Steps:
         moreau_jean(self.address, min(float(first), float(self.control["widest"]) or np.inf))
         hit = tally["cuts"][0] > before[0]["cuts"][0]
         tally[:], self.counters_table[:] = before
+        pairs["mean_force"], pairs["mean_torque"] = pairs["force"], pairs["torque"]
         tally["frozen"] = 0 if hit else FROZEN
 
     def solve_tighter(self) -> None:

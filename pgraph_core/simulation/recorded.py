@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..dynamics.scene import forces_of
 from ..engine.arrays import Frames
+from ..engine.motion import MEANS
 from ..packing import Array, Ints
 from ..packing.forces import drive_forces
 from ..result import Result
@@ -33,14 +34,21 @@ if TYPE_CHECKING:
 FEW_FRAMES = 10  # fewer are no curve
 
 
-def result_of(
-    record: Recording, error: Array | None, told: tuple[str, ...], timing: dict[str, float]
-) -> Result:
-    """Return the requested frames of a run as a Result.
+class Estimate(NamedTuple):
+    """The errors in q and in the states of controls at the times of a plan, as running maxima, and
+    those of contact forces."""
 
-    `error` (n, 1 + nx) contains the errors of q [rad, m] and of the control states at the
-    recorded times, and `told` contains the corresponding warnings.
-    """
+    error: Array | None = None  # (n, 1 + nx) [rad, m], [units of the states], inf once unknown
+    forces: Array | None = None  # (n,) of contacts [N] and limits [N m, N]
+    notices: tuple[str, ...] = ()
+    why: str = ""  # there is none
+
+
+NO_ESTIMATE = Estimate()
+
+
+def result_of(record: Recording, estimate: Estimate, timing: dict[str, float]) -> Result:
+    """Return the requested frames of a run as a Result."""
     mech, plan, steps, ended = record.mech, record.plan, record.steps, record.ended
     rows, counted = _rows(record), steps.counters
     t, (q, v, vdot, wrenches, energy, drift, *touched) = _kept(record, rows)
@@ -53,17 +61,22 @@ def result_of(
         q, v, vdot = q[:, :nq], v[:, :nv], vdot[:, :nv]
     if len(t) >= FEW_FRAMES and counted["steps"] > 2 * len(t):
         ended.notices += turns_unseen(record, (t, q, v, vdot))
-    forces = NO_FORCES
+    forces, pulls = NO_FORCES, dict[str, Array]
     if len(plan.ever):
-        read = partial(forces_of, record.scene.blocks, plan.ever, wrenches)
-        forces = Named(read, *OF_CONSTRAINTS)
-    if error is None:
-        error = np.empty((len(record.out.q), 1 + x.shape[1]))
+        read = partial(forces_of, record.scene.blocks, plan.ever)
+        forces = Named(partial(read, wrenches[..., -MEANS:]), *OF_CONSTRAINTS)
+        if wrenches.shape[2] > MEANS:
+            pulls = partial(read, wrenches[..., :MEANS])
+    error, unsure = estimate[:2]
+    if error is None or unsure is None:
+        error = np.empty((len(record.out.q), 2 + x.shape[1]))
         error.fill(np.nan)
+        unsure = error[:, -1]
+        error = error[:, :-1]
     counters: dict[str, int] = dict(zip(counted.dtype.names or (), counted.item()))
     contacts = NOTHING
     if plan.way is not None or plan.contacts or ended.log:
-        contacts = _contacts(record, (t, *touched), q)
+        contacts = _contacts(record, (t, *touched), q, pulls)
     if record.scene.touching is not None:
         from .contact_log import contact_counters
 
@@ -93,8 +106,9 @@ def result_of(
         timing=timing,
         error_at=error[rows, 0],
         state_error_at=error[rows, 1:],
+        force_error_at=unsure[rows],
         header=_header(record),
-        notices=(*notices(record), *told),
+        notices=(*notices(record), *estimate.notices),
         memory=record.memory or left_by(record),
         user_events=tuple(record.watch.log) if record.watch else (),
         derivatives=NO_DERIVATIVES if record.carried is None else record.carried.of_frames(rows),
@@ -140,13 +154,16 @@ def _header(record: Recording) -> dict[str, Any]:
 
 
 def _contacts(
-    record: Recording, frames: tuple[Array, Array, Array, Array], q: Array
+    record: Recording,
+    frames: tuple[Array, Array, Array, Array],
+    q: Array,
+    pulls: Callable[[], dict[str, Array]],
 ) -> ContactRecord:
     log = tuple(record.ended.log)
     from .contact_log import contacts_of
 
     given = record.mech, record.plan, frames, q, record.changes, log
-    return ContactRecord.later(lambda: contacts_of(*given))
+    return ContactRecord.later(lambda: contacts_of(*given, pulls()))
 
 
 def told(record: Recording) -> tuple[str, ...]:

@@ -147,7 +147,9 @@ class Recording(Running):
 
     def _empty_frames(self, n: int) -> Frames:
         nb = self.mech.nb if self.plan.contacts else 0
-        return empty_frames(n, self.size, len(self.scene.active) - 1, nb, self.plan.touches)
+        blocks, touches = len(self.scene.active) - 1, self.plan.touches
+        means = self.plan.method.name == "moreau_jean"
+        return empty_frames(n, self.size, blocks, nb, touches, means=means)
 
     def _scene(self) -> Scene:
         watched = len(self.watch.monitors) if self.watch else 0
@@ -325,7 +327,7 @@ class Recording(Running):
         stepped = self.events is None and plan.method.name == "moreau_jean" and len(plan.times) > 1
         stepped = stepped and not touched
         if stepped and self.user is None and self.scene.touching is not None and self.ended.ok:
-            self.steps.rehearse(self.scene.touching.tally_table)
+            self.steps.rehearse(self.scene.touching.tally_table, self.scene.touching.pairs)
         if self.carried is not None and self.ended.ok:
             self.carried.join(self, self.given)
         return self.ended.ok
@@ -437,7 +439,9 @@ class Recording(Running):
         self._give_torques()
         same = {name: getattr(old, name) for name in ("q", "v", "vdot", "energies", "drifts")}
         self.out = self._empty_frames(len(old.q))._replace(**same)
-        self.out.wrenches[:done, : old.wrenches.shape[1]] = old.wrenches[:done]
+        for begin in range(0, self.out.wrenches.shape[2], motion.MEANS):
+            kinds = slice(begin, begin + motion.MEANS)
+            self.out.wrenches[:done, : old.wrenches.shape[1], kinds] = old.wrenches[:done]
         self._arrays, self.steps.clearance = tuple(self.out), None
         self.steps.go_another_way(self.plan, self.out)
         self._join()
@@ -446,6 +450,9 @@ class Recording(Running):
             self.steps.carried.go_on(self)
         if self.scene.touching is not None:
             self.scene.touching.pairs["phase"] = SWING  # no contact has occurred yet
+            self.scene.touching.tally["elapsed"] = t - self.steps.times[max(done - 1, 0)]
+            means = self.scene.blocks.blocks_f[:, at.MEAN : at.MEAN + motion.MEANS]
+            means[: old.wrenches.shape[1]] = old.wrenches[max(done - 1, 0)]
             self._changes = [self.scene.touching.begin_log(self.start)]
         if self.events is not None:
             self.events.look_at(old.q[:done], old.v[:done], self.plan.times[:done])

@@ -333,7 +333,27 @@ def unbalanced(record: Running, n: int) -> tuple[str, ...]:
         return ()
     return (
         f"the energy balance of the run is violated by {100 * drift:.2g} % of their range: "
-        "the steps are too large for the power of the forces, or skip a force; give a step",
+        "the steps are too large for the power of the forces, or skip a force; give "
+        f"{'a step' if plan.step is None else 'a smaller step'}",
+    )
+
+
+def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
+    """Return a message about errors (n,) of contact and limit forces that are a notable part of
+    their peak."""
+    tables, n = record.plan.contacts, len(t)
+    peak = float(np.abs(record.out.pairs["mean_force"][:n]).max(initial=0.0))
+    if tables is None or not error.max(initial=0.0) > NAMED * peak:
+        return ()
+    worst = float(error.max())
+    share = (
+        f"{100 * worst / peak:.2g} % of their peak, and above 10 %"
+        if peak
+        else "which acts only in a finer run,"
+    )
+    return (
+        f"the error of contact and limit forces is about {worst:.2g} N or N m, {share} "
+        f"from t = {t[int((error > NAMED * peak).argmax())]:.4g} s on; use a smaller step or rtol",
     )
 
 

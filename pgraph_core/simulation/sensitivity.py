@@ -32,7 +32,7 @@ from .corners import Corners
 from .duals import Parts, RunOfDuals
 from .options import Options
 from .plan import RunPlan
-from .recorded import result_of
+from .recorded import NO_ESTIMATE, result_of
 from .recording import Recording, scene_of
 from .touch_times import Touch, Within, begun_at, touch_of
 from .variables import CENTRAL, SHARE, Given, Slope, Slopes, Variable, refuse, variables_of
@@ -515,7 +515,7 @@ class Carried:
         if stepped:  # impulses are not among the derivatives
             other.out.vdot[:], other.out.wrenches[:] = np.nan, np.nan
             other.out.energies[:, 3] = np.nan  # they dissipate
-        return result_of(other, None, (), {})
+        return result_of(other, NO_ESTIMATE, {})
 
 
 def directions(mech: Mechanism, q: Array) -> Array:

@@ -40,7 +40,7 @@ from .inputs import Inputs
 from .loop import Outcome
 from .options import Options, begun, driven, inputs_of, positive
 from .plan import begun_with, plan_of, touching_contacts, with_contacts
-from .recorded import notices, result_of, told
+from .recorded import NO_ESTIMATE, notices, result_of, told
 from .recording import Recording
 from .start import by_names, given_states, torques_or_drives, with_state
 from .switches import Change
@@ -223,7 +223,8 @@ class Stepper(Snapshots):
         """Contact wrenches {contact pair: (6,) [torque, force]} on the body at its origin [N m, N],
         world axes.
 
-        Two body names are accepted as well, as in `Result`.
+        With time stepping, these are means over the last call of `step`. Two body names are
+        accepted as well, as in `Result`.
         """
 
         def on_other(wrench: Array, a: str, b: str) -> Array:
@@ -231,7 +232,9 @@ class Stepper(Snapshots):
             arm = np.subtract(*origins)
             return -np.concatenate((wrench[:3] + np.cross(arm, wrench[3:]), wrench[3:]))
 
-        found = self._touches(lambda pair: np.concatenate((pair["torque"], pair["force"])))
+        found = self._touches(
+            lambda pair: np.concatenate((pair["mean_torque"], pair["mean_force"]))
+        )
         return ByTouch(found, "contact_force", self.mech.model, sum, on_other)
 
     @property
@@ -256,9 +259,13 @@ class Stepper(Snapshots):
 
     @property
     def constraint_force(self) -> Mapping[str, Array]:
-        """Constraint wrenches {constraint: (6,)} on `body` at `point` [N m, N], world axes."""
+        """Constraint wrenches {constraint: (6,)} on `body` at `point` [N m, N], world axes.
+
+        With time stepping, these are means over the last call of `step`.
+        """
         record = self._seen()
-        return Named(record.scene.forces(record.out.wrenches[0].copy()), *OF_CONSTRAINTS)
+        wrenches = record.out.wrenches[0, :, -kernels.MEANS :].copy()
+        return Named(record.scene.forces(wrenches), *OF_CONSTRAINTS)
 
     @property
     def drive_force(self) -> Mapping[str, float]:
@@ -307,7 +314,7 @@ class Stepper(Snapshots):
             external += out.pushes[:1]
         if record.scene.active[0]:
             states = out.q[:1], out.v[:1], out.vdot[:1]
-            forces = record.scene.forces(out.wrenches[0])
+            forces = record.scene.forces(out.wrenches[0, :, : kernels.MEANS])
             moved = bodies_over(packed.system, *states, external)
             each = {name: wrench[None] for name, wrench in forces.items()}
             add_constraint_wrenches(self.mech, each, moved, external)
@@ -400,6 +407,8 @@ class Stepper(Snapshots):
         if self._recording:
             self._open()
         vars(self)["_looked"] = False
+        if (touching := self._record.scene.touching) is not None:
+            touching.tally["elapsed"] = 0.0
         steps, left, code = self._steps, n, at.RUNNING
         end = steps.taken + n  # near stiff contacts a step is taken in parts
         while code == at.RUNNING and left > 0:
@@ -465,7 +474,7 @@ class Stepper(Snapshots):
         stepped = time.perf_counter()
         self._ended(self._record.ended)
         timing = {"build": built - before, "step": stepped - built}
-        return result_of(self._record, None, (), timing)
+        return result_of(self._record, NO_ESTIMATE, timing)
 
     def linearise(
         self, tau: npt.ArrayLike | None = None, *, inputs: Sequence[str] | None = None

@@ -148,7 +148,7 @@ class Switching:
             carried = None
         if carried is not None:
             late = None if by is None else carried.lateness(record, change.t, by)
-            places = places.copy()
+            places = places[:, : at.PULL].copy()
         self._end_stretch()
         self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
         before, booked = self._energy(), steps.ledger.copy()
@@ -163,7 +163,8 @@ class Switching:
             return False
         if carried is not None:
             carried.keep_late([*change.on.tolist(), *change.off.tolist()], late)
-            if np.array_equal(places, scene.blocks.blocks_f, equal_nan=True):
+            now = scene.blocks.blocks_f[:, : at.PULL]
+            if np.array_equal(places, now, equal_nan=True):
                 carried.switch(record, change.t, late)
             else:
                 carried.stop(

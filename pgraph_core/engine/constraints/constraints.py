@@ -6,11 +6,27 @@
 
 from ...tolerances import DIP, EPS, ROUNDING
 from .. import layout as at
-from ..arrays import CHANGE, DINV, FACTORED, LAMBDA, LEAST, MOVED, PLACED, RHS, STEP, ZERO, opened
-from ..compiler.dual import carries
+from ..arrays import (
+    CHANGE,
+    CONTACTS,
+    CONTACTS_OF_DUALS,
+    DINV,
+    FACTORED,
+    LAMBDA,
+    LEAST,
+    MOVED,
+    PLACED,
+    RHS,
+    STEP,
+    ZERO,
+    opened,
+)
+from ..compiler.address import stored
+from ..compiler.dual import carries, of_numbers
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
 from ..layout import T_ALIGN
+from ..records import FROZEN
 from ..rows import TRANSLATE, axis_of, kind_of, origin_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
@@ -39,6 +55,8 @@ from .blocks import (
 )
 from .paths import carry, carry_coordinates, pivots, spread
 from .proximal import along_nulls, factor_proximal, solve_proximal
+
+_, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
 
 NO_GAP = 64 * EPS  # relative to the mechanism's size: rounding
 CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
@@ -265,13 +283,19 @@ def wrenches(rows, blocks, work, space, out):
 
     The wrench of a coordinate row acts on the first body of its terms, at its origin.
     """
-    blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
-    terms_f, active = blocks.terms_f, blocks.active
-    slots, place, vectors = space.slots, space.place, space.vectors
     for i in range(out.shape[0]):
         store(out, i, 0, (0.0, 0.0, 0.0))
         store(out, i, 3, (0.0, 0.0, 0.0))
-    for j in range(1, active[0] + 1):
+    add_wrenches(rows, blocks, work, space, blocks.active[0], out, 0)
+
+
+@part
+def add_wrenches(rows, blocks, work, space, count, out, column):
+    """Add the wrenches of the first `count` active blocks to `out`, from `column` on."""
+    blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
+    terms_f, active = blocks.terms_f, blocks.active
+    slots, place, vectors = space.slots, space.place, space.vectors
+    for j in range(1, count + 1):
         i = active[j]
         kind = type_of(blocks_i, i)
         a = ends_of(blocks_i, i)[0]
@@ -279,15 +303,15 @@ def wrenches(rows, blocks, work, space, out):
             x = scale(vectors[LAMBDA, first_of(slots, i)], axis_of(work, a))
             if kind_of(rows, a) <= TRANSLATE:
                 x = scale(terms_f[terms_of(blocks_i, i)[0]], x)
-                store(out, i, 0 if kind_of(rows, a) < TRANSLATE else 3, x)
+                accumulate(out, i, column + (0 if kind_of(rows, a) < TRANSLATE else 3), x)
             continue
         arm = sub(place_a(place, i), point_a(blocks_f, i, work, a))
         for r in range(size_of(blocks_i, i)):
             d = along(place, i, r)
             x = scale(vectors[LAMBDA, first_of(slots, i) + r], d)
-            accumulate(out, i, 0, x if kind == T_ALIGN else cross(arm, x))
+            accumulate(out, i, column, x if kind == T_ALIGN else cross(arm, x))
             if kind != T_ALIGN:
-                accumulate(out, i, 3, x)
+                accumulate(out, i, column + 3, x)
 
 
 @part
@@ -354,6 +378,20 @@ def settle(scene, t, q, v):
     return True
 
 
+@sweep
+def pulls_of_numbers(scene, t, q, v, tau):
+    """Add the impulses that project velocities to those of the last time step."""
+    data = opened(scene)
+    blocks, contacts = data.blocks, data.links.contacts
+    if contacts != 0 and contacts_at(contacts).tally[0].frozen == FROZEN:
+        count = blocks.active[0]
+        add_wrenches(data.rows, blocks, data.work, data.space, count, blocks.blocks_f, at.PULL)
+    return 0.0
+
+
+note_pulls = of_numbers(pulls_of_numbers)  # forces of constraints have no derivatives
+
+
 @part
 def project(scene, t, q, v, rounds):
     """Project q and v onto the constraints in the mass metric. Returns the rounds, or -1 on
@@ -386,6 +424,7 @@ def project(scene, t, q, v, rounds):
         correct(scene, mu, count, m, 0.0)
         for j in range(v.shape[0]):
             v[j] += vectors[STEP, j]
+        note_pulls(scene, t, q, v, zero)
         gaps(scene, t, q, RHS)
         gap = largest(vectors[RHS], m)
         size = extent(rows, blocks, work)

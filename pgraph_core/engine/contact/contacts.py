@@ -13,7 +13,9 @@ from ..loads import apply
 from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
 from ..records import (
     ACCEPTANCE,
+    ADDING,
     CREEP,
+    FROZEN,
     PENALTY,
     RIGID,
     SLIP,
@@ -62,7 +64,6 @@ _save, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
 
 SLIDING = 1e-7  # [m/s] below this slip speed a contact counts as sticking (solver noise)
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
-FROZEN, ADDING = 1, 2  # states of a tally
 CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
 
 
@@ -485,6 +486,9 @@ def record_contacts(scene, wrenches, pairs, missed):
         store(wrenches, b - 1, 0, sub(xyz(wrench.torque), cross(offset, force)))
         store(wrenches, b - 1, 3, force)
     for k in range(pairs.shape[0]):
+        if tally.frozen != FROZEN:
+            set_xyz(contacts.pairs[k].mean_force, xyz(contacts.pairs[k].force))
+            set_xyz(contacts.pairs[k].mean_torque, xyz(contacts.pairs[k].torque))
         pairs[k] = contacts.pairs[k]
         tally.penetration = max(tally.penetration, -pairs[k].gap)
     missed[0] = tally.complementarity

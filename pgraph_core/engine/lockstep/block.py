@@ -68,7 +68,8 @@ POINT = 42
 
 # columns of `pairs`
 FORCE, TORQUE, P_GAP, P_SLIP, PHASE = 0, 3, 6, 7, 8
-PAIR = 9
+P_MEAN = 9  # 6, of force and torque
+PAIR = 15
 
 # columns of `lane`
 TIME, NORMAL, LENGTH, PULL, ALONE, PUT_IN, LOST = 0, 1, 10, 11, 12, 13, 14
@@ -81,7 +82,8 @@ PENETRATION, LARGEST, WORST, WORST_PAIR, WORST_TIME, DEEPEST, DEEPEST_PAIR = (
 DEEPEST_TIME, DEEPEST_DEPTH, COUNT, NUMBER, LOGGED, LIVES = 30, 31, 32, 33, 34, 35
 ORIGIN, TAKEN, FALLEN, FELL = 36, 37, 38, 39  # when a walk fell first, and with the step under way
 STAYS = 40  # 1 where the pass has the rates of that before it
-LANE = 41
+ELAPSED = 41
+LANE = 42
 
 # columns of `ways`: of a point its shape, row, body, contact pair, vertex, feature, joints
 W_SHAPE, W_ROW, W_BODY, W_PAIR, W_VERTEX, W_FEATURE, W_KIND, W_JOINTS, W_JOINT = range(9)
@@ -142,10 +144,14 @@ def take_in(run, ways, drives, b, w, all_):
                 b.points[n, SLIDES, w] = one.slides
     for k in range(contacts.laws.shape[0]):
         b.pairs[k, PHASE, w] = contacts.pairs[k].phase
+        for c in range(3):
+            b.pairs[k, P_MEAN + c, w] = contacts.pairs[k].mean_force[c]
+            b.pairs[k, P_MEAN + 3 + c, w] = contacts.pairs[k].mean_torque[c]
     lane = b.lane[0]
     lane[ORIGIN, w] = control.origin
     lane[TAKEN, w] = control.taken
     lane[TIME, w] = control.origin + control.taken * control.widest + control.done
+    lane[ELAPSED, w] = tally.elapsed
     lane[RESIDUAL, w] = tally.residual
     lane[LARGEST_DEPTH, w] = tally.depth
     lane[COMPLEMENTARITY, w] = tally.complementarity
@@ -260,6 +266,8 @@ def put_out(run, ways, b, w, taken, swept):
     tally = contacts.tally[0]
     tally.frozen = FROZEN
     tally.share = 1.0
+    tally.width = this.control[0].widest
+    tally.elapsed = lane[ELAPSED, w]
     tally.residual = lane[RESIDUAL, w]
     tally.depth = lane[LARGEST_DEPTH, w]
     tally.complementarity = lane[COMPLEMENTARITY, w]
@@ -296,6 +304,8 @@ def put_out(run, ways, b, w, taken, swept):
         for c in range(3):
             pair.force[c] = b.pairs[k, FORCE + c, w]
             pair.torque[c] = b.pairs[k, TORQUE + c, w]
+            pair.mean_force[c] = b.pairs[k, P_MEAN + c, w]
+            pair.mean_torque[c] = b.pairs[k, P_MEAN + 3 + c, w]
         pair.gap = b.pairs[k, P_GAP, w]
         pair.slip = b.pairs[k, P_SLIP, w]
         pair.phase = int(b.pairs[k, PHASE, w])

@@ -280,7 +280,7 @@ def commit(rows, ways, near, b, h):
     number, found, touches = zero, zero, zero
     for k in range(pairs.shape[0]):
         for c in range(6):
-            pairs[k, c] = zero
+            pairs[k, of.FORCE + c] = zero
         pairs[k, of.P_GAP] = zero + math.inf
         pairs[k, of.P_SLIP] = zero
     for k in range(b.wrenches.shape[0]):
@@ -300,8 +300,13 @@ def commit(rows, ways, near, b, h):
     note_largest(lane, of.RESIDUAL, touches, lane[of.OPEN])
     lane[of.NUMBER] = chosen(good, number, lane[of.NUMBER])
     lane[of.COUNT] = chosen(good, found, lane[of.COUNT])
+    lane[of.ELAPSED] = chosen(good, lane[of.ELAPSED] + h, lane[of.ELAPSED])
+    share = h / larger(lane[of.ELAPSED], h)
     for k in range(pairs.shape[0]):
         change_phase(b, k, good)
+        for c in range(6):
+            mean, force = pairs[k, of.P_MEAN + c], pairs[k, of.FORCE + c]
+            pairs[k, of.P_MEAN + c] = chosen(good, force + (1.0 - share) * (mean - force), mean)
 
 
 @part

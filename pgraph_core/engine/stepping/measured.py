@@ -3,16 +3,18 @@
 Forces of contacts and constraints are measured where samples are taken.
 
 A force follows from all forces at its instant, so no expression that a force follows from reads it.
-A sample acts after its instant and reads the force that a frame there would record.
+A sample acts after its instant and reads the force that a frame there would record, with time
+stepping that of the last step.
 """
 
 import math
 
 from ...forces.spring import line_of
 from ...tolerances import TINY
+from .. import layout as at
 from ..arrays import CONTACTS, TAU
 from ..compiler.address import stored
-from ..compiler.jit import kernel, sweep
+from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, f8, i8, void
 from ..constraints.blocks import velocities
 from ..constraints.constraints import wrenches
@@ -21,7 +23,7 @@ from ..forces import acting, own_torque
 from ..motion import call_acceleration, opened
 from ..signals import ABS, HELD, NUMBER, SAMPLE, SIDE, sample_time
 from ..tree.kinematics import outboard, positions
-from ..vec import dot, xyz
+from ..vec import add_scaled, dot, load, scale, set_xyz, store, sub, xyz
 
 _, contacts_at = stored(CONTACTS)
 
@@ -86,6 +88,30 @@ def measure(scene, accelerate, t, q, v, vdot, flow, forces):
 def measured(scene, accelerate, t, q, v, vdot, flow, forces):
     """Write the forces at a state into a scene's program."""
     measure(scene, accelerate, t, q, v, vdot, flow, forces)
+
+
+@sweep
+def average(scene):
+    """Include the last time step in the mean forces since the last frame."""
+    data = opened(scene)
+    contacts, blocks_f = contacts_at(data.links.contacts), data.blocks.blocks_f
+    tally = contacts.tally[0]
+    tally.elapsed += tally.width
+    share = tally.width / tally.elapsed
+    for k in range(contacts.pairs.shape[0]):
+        pair = contacts.pairs[k]
+        set_xyz(pair.mean_force, mixed(share, xyz(pair.mean_force), xyz(pair.force)))
+        set_xyz(pair.mean_torque, mixed(share, xyz(pair.mean_torque), xyz(pair.torque)))
+    for i in range(tally.first_limit - tally.frictions):
+        for c in (0, 3):
+            pull = scale(1.0 / tally.width, load(blocks_f, i, at.PULL + c))
+            store(blocks_f, i, at.MEAN + c, mixed(share, load(blocks_f, i, at.MEAN + c), pull))
+
+
+@part
+def mixed(share, a, b):
+    """Return (1 - share) a + share b, exactly b if share is 1 or a is b."""
+    return add_scaled(b, 1.0 - share, sub(a, b))
 
 
 @sweep

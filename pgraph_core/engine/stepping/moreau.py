@@ -63,7 +63,7 @@ from ..constraints.blocks import (
     type_of,
     velocities,
 )
-from ..constraints.constraints import driven_power, number_rows, unit_responses
+from ..constraints.constraints import add_wrenches, driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
 from ..contact.contacts import ADDING, FROZEN, clear, contacts_at, kept_place
 from ..contact.impulse import solve_impulses
@@ -89,7 +89,7 @@ from ..tree.kinematics import accelerate as accelerate_rows
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
 from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
-from ..vec import add, add_scaled, finite, mul, set_xyz, xyz
+from ..vec import add, add_scaled, finite, mul, set_xyz, store, xyz
 from .booking import book, note_chain
 from .state import NOT_MET, copied, size_of_state
 from .state import STEP as STEP_SIGNATURE
@@ -119,9 +119,13 @@ def moreau_jean(run, h):
     v = stages[at.CANDIDATE, nq : nq + nv]
     vdot = stages[at.SLOPE, nq : nq + nv]
     clear(opened(scene).links.contacts)
+    blocks_f = opened(scene).blocks.blocks_f
     for i in range(tally.first_limit, tally.first_limit + tally.limits):
-        opened(scene).blocks.blocks_f[i, at.LOCATED] = math.inf
-    tally.frozen = ADDING
+        blocks_f[i, at.LOCATED] = math.inf
+    for i in range(tally.first_limit - tally.frictions):
+        store(blocks_f, i, at.PULL, (0.0, 0.0, 0.0))
+        store(blocks_f, i, at.PULL + 3, (0.0, 0.0, 0.0))
+    tally.frozen, tally.width = ADDING, h
     tally.barred = 0
     t = this.control[0].time
     done = 0.0
@@ -238,6 +242,7 @@ def part_of_step(run, done, h, w, mode):
     mean = space.vectors[MEAN]
     book_drives(rows, data.drives, stages[at.TORQUE, :nv], before, mean, damping, w, v, ledger)
     if bilateral > 0:  # impulses times the mean speed over the part
+        add_wrenches(rows, blocks, work, space, bilateral, blocks.blocks_f, at.PULL)
         work_done = driven_power(blocks, space, before) + driven_power(blocks, space, v)
         ledger[at.WORK_DONE] += 0.5 * work_done
     if states > 0:

@@ -10,17 +10,17 @@ from ...tolerances import EPS
 from .. import layout as at
 from ..arrays import RUN, opened_run, save_run_tuple
 from ..compiler.address import caller
-from ..compiler.jit import kernel, sweep
+from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import I1, i8, plain, void
 from ..motion import call_record, call_settle, opened
-from ..records import CHOSEN, GIVEN, NEAR, REACHED
+from ..records import CHOSEN, FROZEN, GIVEN, NEAR, REACHED
 from ..rows import v_of
 from ..signals import take_samples
 from ..tree.moving import normalise_all
 from ..vec import finite
 from .crossings import within_ranges
 from .explicit import dense_output, last_stage, turn_spins
-from .measured import HOLDING, hold_touches, measure, measures
+from .measured import HOLDING, average, contacts_at, hold_touches, measure, measures
 from .state import (
     NOT_SOLVED,
     acceleration_of,
@@ -150,7 +150,16 @@ def step_once(run):
         step_taken(run)
     if control.approach != 0 and code == at.DONE:
         call_look_back(control.approach, (run,))
+    if code == at.DONE and steps_in_time(data.scene):
+        average(data.scene)
     return code
+
+
+@part
+def steps_in_time(scene):
+    """Check whether the last step of a scene was one of time stepping."""
+    contacts = opened(scene).links.contacts
+    return contacts != 0 and contacts_at(contacts).tally[0].frozen == FROZEN
 
 
 @sweep
@@ -287,6 +296,8 @@ def frame(run, i):
     data.counters[0].evaluations += 1
     if held:
         hold_touches(data.scene, HOLDING)
+    if steps_in_time(data.scene):
+        contacts_at(opened(data.scene).links.contacts).tally[0].elapsed = 0.0
     start = t
     if control.widths == GIVEN:
         next_interval(run, i)
