@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -317,10 +318,11 @@ class _Shapes:
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
-    """Compute the parameters (10,) for PAIR_LAW, including defaults.
+    """Compute the parameters (11,) for PAIR_LAW, including defaults.
 
     By default, the weight of the lightest touching tree compresses the contact by 1e-4 of the size
-    of the bodies, and the damping is determined by the restitution.
+    of the bodies, and the damping is determined by the restitution. The speed at which friction is
+    regularised scales with that of a fall by this size.
     """
     friction = c.frictions(model.ground)
     further = friction.static != friction.kinetic or friction.rolling or friction.spinning
@@ -329,7 +331,8 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
         raise ModelError(Problem(f"contact '{c.name}'", "law", f"{text}, got '{c.law}'"))
     restitution = model.ground.restitution if c.restitution is None else c.restitution
     mass, weight = _lightest(c, model, topology, packed)
-    depth = SINKS * radius_of_gyration(packed)
+    size = radius_of_gyration(packed)
+    depth, creep = SINKS * size, CREEP * math.sqrt(pull_of(model) * size)
     soft = c.law == "soft"
     stiffness = weight / depth ** (1.5 if soft else 1.0) if c.stiffness is None else c.stiffness
     damping, loss = c.damping, 0.0
@@ -337,7 +340,7 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
         damping = 0.0
         loss = loss_of_impact(restitution) if soft else 2.0 * damping_ratio(restitution)
     values = float(LAWS[c.law]), friction.kinetic, restitution, stiffness, damping
-    return (*values, friction.static, friction.rolling, friction.spinning, mass, loss)
+    return (*values, friction.static, friction.rolling, friction.spinning, mass, loss, creep)
 
 
 def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
@@ -374,7 +377,7 @@ def rate_of(row: Any, pull: float) -> float:
     if row["law"] == SOFT:
         depth = (mass * pull / stiffness) ** (2 / 3)
         damper = float(row["loss"]) * np.sqrt(1.25 * pull / depth)
-        return float(np.sqrt(1.5 * pull / depth) + damper + row["friction"] * pull / CREEP)
+        return float(np.sqrt(1.5 * pull / depth) + damper + row["friction"] * pull / row["creep"])
     if row["law"] == PENALTY:
         loss = row["damping"] + row["loss"] * np.sqrt(stiffness * mass)
         return float(np.sqrt(stiffness / mass) + loss / mass)

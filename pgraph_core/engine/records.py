@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..tolerances import NAMED, VISIBLE
 from .compiler.jit import JIT
 
 REAL, INTEGER = np.float64, np.int64
@@ -186,7 +187,8 @@ JOINT_FORCE = record(
     least=REAL,  # bounds of the integral
     most=REAL,
 )
-CREEP = 1e-3  # rad/s, m/s: friction is regularised as v / √(v² + creep²)
+# rad/s, m/s: friction is regularised as v / √(v² + creep²); of a soft contact, in units of √(g L)
+CREEP = 1e-3
 
 # -- shapes ----------------------------------------------------------------------------------------
 
@@ -297,6 +299,7 @@ PAIR_LAW = record(
     spinning=REAL,  # torque about the normal over normal force [m]
     mass=REAL,  # mass of the lightest touching tree [kg]
     loss=REAL,  # χ of a soft contact, 2 ζ of a penalty contact, without a given damping
+    creep=REAL,  # speed at which a soft contact regularises friction [m/s]
 )
 
 PAIR = record(  # forces of a contact pair in world axes
@@ -358,6 +361,7 @@ PHASE_CHANGE = record(
 )
 
 FROZEN, ADDING = 1, 2  # states of a tally
+DEEP = NAMED / VISIBLE  # depth that is told of soft and penalty contacts, over that of rigid ones
 
 CONTACT_TALLY = record(
     found=INTEGER,  # contact points
@@ -385,7 +389,9 @@ CONTACT_TALLY = record(
     worst=REAL,  # largest violation in the run [N, N m]
     worst_pair=INTEGER,
     worst_time=REAL,  # [s]
-    deepest=REAL,  # penetration, largest of all over the thickness of what touches
+    # largest penetration over the thickness of what touches, or DEEP times it for soft and penalty
+    # contacts
+    deepest=REAL,
     deepest_pair=INTEGER,
     deepest_time=REAL,  # [s]
     deepest_depth=REAL,  # [m]

@@ -19,7 +19,7 @@ from ..analysis.singular import holding
 from ..contact.tables import ContactPair, Tables, pull_of
 from ..dynamics.scene import Scene
 from ..engine import layout as at
-from ..engine.records import ACCEPTANCE, PAIR, PHASE_CHANGE, SLIP, STANCE, SWING, table
+from ..engine.records import ACCEPTANCE, DEEP, PAIR, PHASE_CHANGE, SLIP, SOFT, STANCE, SWING, table
 from ..fields import EVERY, GROUND
 from ..forces import ends_of
 from ..mechanism import Mechanism
@@ -166,31 +166,49 @@ def contact_notices(
     """
     if scene.touching is None:
         return []
-    tally, (t, q, _) = scene.touching.tally, frames
+    tally, (t, q, gap) = scene.touching.tally, frames
     names = [*(f"contact '{pair.name}'" for pair in tables.touches), *tables.limits]
     counts = dict(zip(tally.dtype.names, tally.item()))
     counts |= {"unlogged": unlogged, "missed": counts["worst"] > NOTABLE * counts["force"]}
     of_pair = {f"{x}_name": "".join(names[counts[f"{x}_pair"] :][:1]) for x in ("worst", "passed")}
     found = [text.format(**counts, **of_pair) for name, text in COUNTED.items() if counts[name]]
-    share, of = float(tally["deepest"]), "the thickness of the touching shapes"
-    if share > 0.0 and not (tally["length"] or tables.geometry.shapes["reach"].any()):
-        moved = float(np.ptp(q, axis=0).max(initial=0.0))  # a point mass has no size
-        share, of = share / moved if moved else 0.0, "how far it moved"
-    if share > VISIBLE:
-        k, when = int(tally["deepest_pair"]), float(tally["deepest_time"])
-        why = driven_into(mech, tables, active, k, frames, when)
-        found.append(
-            f"at t = {when:.6g} s {names[k]} penetrated by {tally['deepest_depth']:.3g} m, "
-            f"{share:.2g} of {of}; "
-            f"{why or strong or 'use a smaller step, or start without overlap'}"
-        )
-        strong = strong if why else ""
-    found += filter(None, [strong])
+    found += too_deep(mech, tables, active, tally, frames, strong)
+    if strong and not (found and found[-1].endswith(strong)):
+        found.append(strong)
     found += limits_passed(mech, tables, active, t, q)
-    found += pressed(mech, tables, frames[2][0])
+    found += pressed(mech, tables, gap[0])
     found += bounced(mech, tables, active)
-    found += sunk(mech, tables, active, *frames)
     return found
+
+
+def too_deep(
+    mech: Mechanism, tables: Tables, active: Ints, tally: Any, frames: tuple[Array, Array, Array],
+    strong: str,
+) -> list[str]:  # fmt: skip
+    """Return a notice about the contact that is deepest relative to what its law allows for.
+
+    `strong` is the notice of `overpowering`.
+    """
+    share, of = float(tally["deepest"]), "the thickness of the touching shapes"
+    size = tally["length"] or tables.geometry.shapes["reach"].any()
+    if share > 0.0 and not size:
+        moved = float(np.ptp(frames[1], axis=0).max(initial=0.0))  # a point mass has no size
+        share, of = share / moved if moved else 0.0, "how far it moved"
+    if not share > VISIBLE:
+        return []
+    k, when, depth = (tally[f"deepest_{x}"].item() for x in ("pair", "time", "depth"))
+    pair, bodies, remedy = tables.touches[k], "", "use a smaller step, or start without overlap"
+    if pair.contact.law != "complementarity":
+        share, strong = share * DEEP, ""
+        remedy = stiffer(tables.laws[k], share)
+    if EVERY not in pair[1:3]:
+        bodies = " of " + " and ".join(x if x == GROUND else f"'{x}'" for x in pair[1:3])
+    of += f" ({depth / share:.3g} m)" if size else ""
+    why = driven_into(mech, tables, active, k, frames, when)
+    return [
+        f"at t = {when:.6g} s contact '{pair.name}'{bodies} penetrated by {depth:.3g} m, "
+        f"{share:.2g} of {of}; {why or strong or remedy}"
+    ]
 
 
 def limited_bodies(mech: Mechanism, tables: Tables) -> list[str]:
@@ -288,26 +306,15 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
     return found
 
 
-def sunk(
-    mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Array, gap: Array
-) -> list[str]:
-    """Return notices of soft or penalty contacts deeper at (t, q) than their law allows for."""
-    shapes, found = tables.geometry.shapes, []
-    for k, pair in enumerate(tables.touches):
-        if pair.contact.law == "complementarity" or EVERY in pair[1:3]:
-            continue
-        numbers = [mech.topology.number(name) for name in pair[1:3] if name != GROUND]
-        size = min(float(shapes["reach"][shapes["body"] == n].max(initial=0.0)) for n in numbers)
-        deepest = int(np.argmin(gap[:, k]))
-        if size > 0.0 and -gap[deepest, k] > size:
-            when = float(t[deepest])
-            why = driven_into(mech, tables, active, k, (t, q, gap), when)
-            found.append(
-                f"at t = {when:.6g} s contact '{pair.name}' is {-gap[deepest, k]:.3g} m deep, "
-                f"{-gap[deepest, k] / size:.2g} of the size of the shapes, beyond the range of its "
-                f"law; {why or 'give it more stiffness, or start without overlap'}"
-            )
-    return found
+def stiffer(law: Any, share: float) -> str:
+    """Return advice for a soft or penalty contact that is deeper than its law allows for.
+
+    The energy of a depth d grows as d^2.5 or d², and faster than the force.
+    """
+    soft = law["law"] == SOFT
+    needed = float(law["stiffness"]) * (2.0 * share / NAMED) ** (2.5 if soft else 2.0)
+    unit = "N/m^1.5" if soft else "N/m"
+    return f"give it a stiffness of {needed:.2g} {unit}, or start without overlap"
 
 
 def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:

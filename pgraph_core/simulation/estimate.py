@@ -17,7 +17,7 @@ import numpy as np
 
 from ..dynamics.states import ranges_of_motion, size_of_motion, sizes_of_states
 from ..engine.compiler.jit import made_by_numba
-from ..engine.records import RIGID, SWING
+from ..engine.records import RIGID, SOFT, SWING
 from ..errors import InputError
 from ..packing import Array
 from ..packing.signals import states_of
@@ -111,7 +111,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     # what is rounding no step and no tolerance makes smaller
     sizes = np.maximum(sizes, ROUNDING / (EPS * VISIBLE) * rounding[-1])
     told = _notices(record, plan.times, error, sizes) or unsure_forces(record, plan.times, forces)
-    told = told or unbalanced(record, n)
+    told += unbalanced(record, n)
     if record.plan.method.implicit:
         told += passed_over(record, float(error[-1, 0]))
     return Estimate(error, forces, told)
@@ -157,6 +157,10 @@ def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[s
     Control states that do not affect any force are checked separately.
     """
     found = _told(t, error[:, 0], sizes[0], ("the error", " rad or m", "the motion"))
+    if found and (tables := record.plan.contacts) is not None:
+        soft = tables.laws["law"] == SOFT
+        if (tables.laws["friction"][soft] > 0.0).any():
+            found[0] += "; where soft contacts should stick, use the law 'complementarity'"
     states = states_of(record.mech.model) if error.shape[1] > 1 else ()
     for (control, k, _), own, size in zip(states, error[:, 1:].T, sizes[1:]):
         what = f"control '{control.name}': the error of its state x.{control.name}[{k + 1}]"

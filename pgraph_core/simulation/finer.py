@@ -60,7 +60,11 @@ def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
     table = plan.drives.table.copy()
     table["creep"] *= 0.5
-    plan = replace(plan, parts=2 * plan.parts, way=way, drives=plan.drives._replace(table=table))
+    if (contacts := plan.contacts) is not None and contacts.compliant:
+        contacts = contacts._replace(laws=contacts.laws.copy())
+        contacts.laws["creep"] *= 0.5
+    drives = plan.drives._replace(table=table)
+    plan = replace(plan, parts=2 * plan.parts, way=way, drives=drives, contacts=contacts)
     if given is None:
         return plan
     finer = given._replace(most=MOST_FINER * (steps + len(plan.times)))
@@ -117,7 +121,8 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
     times = np.interp(ends, frames, plan.times)
     width = np.diff(times) / substeps
     given = {"times": times, "substeps": substeps, "width": width, "shown": None}
-    offset = replace(plan, drives=finer.drives, parts=parts, **given)
+    acts = {"drives": finer.drives, "contacts": (finer.way or finer).contacts}
+    offset = replace(plan, parts=parts, **acts, **given)
     if finer.way is None:
         return offset
     if finer.tolerance is None:

@@ -310,20 +310,17 @@ def sticking(t: Array, v: Array, braking: Array, creep: float) -> Any:
 
 
 def unbalanced(record: Running, n: int) -> tuple[str, ...]:
-    """Return a message about energies that miss the work done, where the motion is accurate, or
-    that contacts increase.
+    """Return a message about energies that miss the work done, or that contacts increase.
 
     Steps suit the motion alone. For a prescribed motion, the largest step is used regardless of the
-    required power, so forces that start and end within a step are missed. Impulses and methods of
-    first order make errors of first order in energies.
+    required power, so forces that start and end within a step are missed.
     """
-    plan, parts = record.plan.onward() if record.met else record.plan, record.out.energies[:n].T
-    if plan.impulses or plan.method.order < 2:
-        return ()
+    parts = record.out.energies[:n].T
     drift, scale = energy_drift(parts)
     if not scale > SOLVED * np.abs(parts).max():
         return ()
-    if (gain := _given_by_contacts(record, n)) > VISIBLE * scale:
+    plan = record.plan.onward() if record.met else record.plan
+    if not plan.impulses and (gain := _given_by_contacts(record, n)) > VISIBLE * scale:
         return (
             f"the dissipation decreases by {gain:.3g} J, {100 * gain / scale:.2g} % of the range "
             "of the energies, although contacts only take energy: the steps do not resolve the "

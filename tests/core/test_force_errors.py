@@ -1,11 +1,13 @@
-"""Errors of contact forces."""
+"""Errors of contact forces, creep of soft contacts, and depth that their laws do not allow for."""
 
 import numpy as np
 import pytest
 
 import pgraph_core as pg
 
-from ..worlds import ball, on_ground
+from ..worlds import ball, box, on_ground
+
+G = 9.81
 
 
 def force(run):
@@ -43,3 +45,68 @@ def test_the_error_of_forces_is_kept_in_files(tmp_path):
     run.save(tmp_path / "run.npz")
     assert np.array_equal(pg.Result.load(tmp_path / "run.npz").force_error_at, run.force_error_at)
     assert np.isnan(pg.simulate(run.model, t_end=0.1, estimate=False).force_error)
+
+
+@pytest.mark.parametrize("size", [0.004, 0.1, 4.0])
+def test_creep_of_soft_contacts_scales_with_the_bodies_and_is_in_the_estimate(size):
+    tilt = np.arctan(0.4)
+    stuck = box("b", (0, 0, 0.125 * size), (size, 0.75 * size, 0.25 * size), mass=2.0 * size**3)
+    down = {"gravity": (G * np.sin(tilt), 0, -G * np.cos(tilt))}
+    model = on_ground(stuck, model=down, law="soft", friction=0.5)
+    unit = np.sqrt(size / G)
+    run = pg.simulate(model, t_end=20.0 * unit)
+    crept, gyration = run.position["b"][-1, 0], np.sqrt((1 + 0.75**2 + 0.25**2) / 12)
+    assert crept / size == pytest.approx(20.0 * 0.4 / 0.3 * 1e-3 * np.sqrt(gyration), rel=0.01)
+    assert 0.3 * crept < run.error_estimate < 3.0 * crept
+
+
+def squeezed(law, size=0.04, speed=0.2, **given):
+    def finger(name, x):
+        return pg.Body(
+            name=name, joint="prismatic", axes=[(1, 0, 0)], mass=0.1, link=(x, 0, 1),
+            v=(-np.sign(x) * speed,), shape={"kind": "box", "size": (0.02, 0.03, 0.06)},
+        )  # fmt: skip
+
+    held = box("b", (0, 0, 1), (size,) * 3, mass=0.2)
+    drives = [
+        pg.Motion(name=f"m{o}", body=o, q_of_t=pg.Polynomial(coefficients=(0, s * speed)))
+        for o, s in (("l", 1), ("r", -1))
+    ]
+    contacts = [pg.Contact(name=f"c{o}", body="b", other=o, law=law, **given) for o in "lr"]
+    bodies = [finger("l", -0.1), finger("r", 0.1), held]
+    return pg.Model(bodies=bodies, gravity=(0, 0, 0), contacts=contacts, constraints=drives)
+
+
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+def test_bodies_pressed_into_each_other_are_named(law):
+    run = pg.simulate(squeezed(law), t_end=0.5, estimate=False)
+    (told,) = [text for text in run.notices if "penetrated by" in text]
+    assert "of 'b' and 'l'" in told or "of 'b' and 'r'" in told
+    assert "of the thickness of the touching shapes (0.02 m)" in told
+    assert "constraints 'ml' and 'mr' drive 'b'" in told
+
+
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+def test_the_stiffness_that_a_deep_contact_is_told_helps(law):
+    falling = ball(place=(0, 0, 0.6), mass=1.0)
+    stiffness = 3e3 if law == "soft" else 1e3
+    model = on_ground(falling, law=law, stiffness=stiffness, restitution=0.5)
+    run = pg.simulate(model, t_end=1.0, estimate=False)
+    (told,) = [text for text in run.notices if "penetrated by" in text]
+    assert "contact 'floor' of 'b' and ground" in told
+    needed = float(told.split("give it a stiffness of ")[1].split()[0])
+    better = on_ground(falling, law=law, stiffness=needed, restitution=0.5)
+    assert not [x for x in pg.simulate(better, t_end=1.0, estimate=False).notices if "penetr" in x]
+
+
+@pytest.mark.parametrize("method", ["moreau_jean", "semi_implicit_euler", "rk4"])
+def test_an_energy_balance_that_is_violated_is_told_for_every_method(method):
+    limits = (-3.0, 3.0) if method == "moreau_jean" else (None, None)
+    arm = pg.Body(
+        name="a", axes=[(0, 1, 0)], mass=1.0, com=(0.5, 0, 0), inertia=(0.1,) * 3, limits=limits
+    )
+    stiff = pg.Spring(name="s", body="a", point=(1, 0, 0), other_point=(1, 0, 1), stiffness=4e3)
+    model = pg.Model(bodies=[arm], forces=[stiff])
+    run = pg.simulate(model, t_end=0.5, step=0.012, method=method)
+    assert run.energy_drift > 0.01
+    assert [x for x in run.notices if "energy balance" in x or "the error is" in x]

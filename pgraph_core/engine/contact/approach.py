@@ -15,13 +15,13 @@ from ..compiler.elementary import power
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import point_velocity, velocities
 from ..motion import opened
-from ..records import CHOSEN, PENALTY, POINTS, RIGID, SWING
+from ..records import CHOSEN, DEEP, PENALTY, POINTS, RIGID, SWING
 from ..rows import spin_of
 from ..stepping.run import LOOK_BACK
 from ..stepping.state import size_of_state
 from ..tree.kinematics import outboard, positions
 from ..vec import dot, sub, xyz
-from .closing import PART, closing_bound, shape_speed, thickness
+from .closing import PART, closing_bound, log_depth, shape_speed, thickness
 from .contacts import contacts_at
 from .ground import candidates, normal_of, top
 from .meeting import ground_point, nearest
@@ -54,7 +54,7 @@ def bound_step(run):
         given = control.widths != CHOSEN
         if not given and control.width > 0.0:
             width = min(width, control.width)
-        steps = (width, given, 0.0 if given else control.rtol)
+        steps = (width, given, 0.0 if given else control.rtol, control.time)
         control.bound = min(control.bound, contact_bound(data.scene, steps))
 
 
@@ -74,8 +74,8 @@ def turn_bound(phased, work):
 def contact_bound(scene, steps):
     """Compute the time in which no soft or penalty contact can be skipped [s].
 
-    `steps`: their width [s], whether they are given, and their tolerance if not. Fixed steps do not
-    adapt to forces, so they are also bounded during contact.
+    `steps`: their width [s], whether they are given, their tolerance if not, and the time [s].
+    Fixed steps do not adapt to forces, so they are also bounded during contact.
     """
     width = steps[0]
     data = opened(scene)
@@ -117,12 +117,13 @@ def ground_bound(scene, i, pair, steps):
     shapes = contacts.geometry.shapes
     normal = normal_of(contacts.ground)
     size = shapes[i].reach if shapes[i].reach > 0.0 else contacts.tally[0].length
-    bound = math.inf
+    thick, bound = 2.0 * thickness(shapes[i]), math.inf
     for c in range(candidates(shapes, i)):
         gap, p = ground_point(contacts, i, c)
         rate = closing_bound(scene, i, -1, normal, 0.0)
         u = point_velocity(data.work, data.space.linear, shapes[i].row, p)
         rates = (rate, -dot(u, normal))
+        log_depth(contacts.tally[0], -gap, DEEP * (thick if thick > 0.0 else size), pair, steps[3])
         bound = min(bound, one_bound(contacts, pair, gap, rates, size, steps))
     return bound
 
@@ -143,6 +144,7 @@ def pair_bound(scene, i, j, pair, steps):
     if far_apart(shapes, poses, i, j, moved):
         return math.inf
     gap, p, normal = nearest(contacts, i, j, pair)
+    log_depth(contacts.tally[0], -gap, DEEP * 2.0 * thin, pair, steps[3])
     u = point_velocity(data.work, data.space.linear, shapes[i].row, p)
     u = sub(u, point_velocity(data.work, data.space.linear, shapes[j].row, p))
     rates = (closing_bound(scene, i, j, normal, 0.0), -dot(u, normal))
@@ -158,7 +160,7 @@ def one_bound(contacts, pair, gap, rates, thin, steps):
     """
     law = contacts.laws[pair]
     rate, closing = rates
-    width, given, rtol = steps
+    width, given, rtol, _ = steps
     bound = math.inf
     ahead = max(gap, 0.0)
     if rate * width > PART * thin:

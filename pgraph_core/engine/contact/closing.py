@@ -71,6 +71,19 @@ def thinner(contacts, a, b):
 
 
 @part
+def log_depth(tally, depth, thickness, pair, t):
+    """Record the penetration [m] of two shapes relative to their thickness, or of points without
+    scaling."""
+    tally.penetration = max(tally.penetration, depth)
+    share = depth / thickness if thickness > 0.0 else depth
+    if share > tally.deepest:
+        tally.deepest = share
+        tally.deepest_depth = depth
+        tally.deepest_pair = pair
+        tally.deepest_time = t
+
+
+@part
 def shape_speed(work, linear, shape, pose):
     """Return an upper bound on the speed of a shape's points [m/s]."""
     u, _, turning = motion_of(work, linear, shape, pose)

@@ -14,7 +14,6 @@ from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
 from ..records import (
     ACCEPTANCE,
     ADDING,
-    CREEP,
     FROZEN,
     PENALTY,
     RIGID,
@@ -64,7 +63,7 @@ _save, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
 
 SLIDING = 1e-7  # [m/s] below this slip speed a contact counts as sticking (solver noise)
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
-CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
+CREEPING = 2  # slip that a regularised contact needs to hold, relative to its creep
 
 
 @kernel(void(I1, plain(CONTACTS)))
@@ -330,7 +329,7 @@ def compliant_force(contacts, n, law, u, loss):
     if law.law == SOFT:
         more = lost_share(law, speed, loss) if law.loss > 0.0 else c * speed
         size = max(elastic_force(law, depth) * (1.0 + more), 0.0)
-        creep = max(CREEP, SOLVED * abs(speed))
+        creep = max(law.creep, SOLVED * abs(speed))
         drag = mu * size / math.sqrt(slip_squared + creep * creep)
         return add_scaled(scale(size, normal), -drag, slide), slip
     acts = depth > 0.0
@@ -400,7 +399,7 @@ def log_phases(address, t):
         pair = contacts.pairs[k]
         force = xyz(pair.force)
         rigid = k >= laws.shape[0] or laws[k].law == RIGID  # limits come last
-        still = STILL if rigid else CREEPING
+        still = STILL if rigid else CREEPING * laws[k].creep
         before = pair.phase
         if not dot(force, force) > 0.0:
             now = SWING

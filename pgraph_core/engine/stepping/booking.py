@@ -8,7 +8,7 @@ from ..arrays import BEFORE, LAMBDA, RHS, STEP
 from ..compiler.jit import part, sweep
 from ..compiler.masks import both, either, more, most
 from ..constraints.blocks import along, ends_of, first_of, place_a, place_b, type_of
-from ..contact.closing import smaller_size, thinner
+from ..contact.closing import log_depth, smaller_size, thinner
 from ..contact.contacts import (
     SLIDING,
     add_wrench,
@@ -194,19 +194,6 @@ def log_missed(tally, complementarity, cone, force, pair, t):
         tally.worst = most
         tally.worst_pair = pair
         tally.worst_time = t
-
-
-@part
-def log_depth(tally, depth, thickness, pair, t):
-    """Record the penetration [m] of two shapes relative to their thickness, or of points without
-    scaling."""
-    tally.penetration = max(tally.penetration, depth)
-    share = depth / thickness if thickness > 0.0 else depth
-    if share > tally.deepest:
-        tally.deepest = share
-        tally.deepest_depth = depth
-        tally.deepest_pair = pair
-        tally.deepest_time = t
 
 
 @part
