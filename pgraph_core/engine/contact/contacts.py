@@ -288,7 +288,7 @@ def push_contacts(scene, v, tau, flow):
         clear(opened(scene).links.contacts)
         share = 1.0
     count = touching(scene, nearness(contacts), 0)
-    end, loss, factored = 0, 0.0, False
+    end, loss, factored = 0, 0.0, share < 0.0  # forces that are taken back have had their factors
     for n in range(count):
         a, b, _, _, pair = endpoints(contacts, n)
         if laws[pair].law != RIGID:
