@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -280,7 +281,7 @@ def test_a_reader_that_has_seen_enough_ends_the_command(tmp_path):
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no full device")
 @pytest.mark.parametrize(("to", "code", "said"), [("> /dev/full", 1, "No space"), (">&-", 0, "")])
 def test_an_output_that_is_full_or_closed_is_no_traceback(to, code, said):
-    words = f"{sys.executable} -m app info four_bar --json {to}"
+    words = f"{shlex.quote(sys.executable)} -m app info four_bar --json {to}"
     done = subprocess.run(words, shell=True, stderr=subprocess.PIPE, text=True)
     assert (done.returncode, done.stderr.count("\n")) == (code, code)
     assert said in done.stderr

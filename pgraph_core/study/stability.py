@@ -287,12 +287,13 @@ class Work:
         try:
             while pending:
                 done, pending = wait(pending, EVERY, FIRST_COMPLETED)
-                for future in sorted(done, key=lambda one: numbers[one]):
-                    self.fraction += shares[numbers[future]]
-                    yield numbers[future], future.result()
-                if not self._told():
-                    self.stop(futures)
-                    return
+                for future in sorted(done, key=lambda one: numbers[one]) or [None]:
+                    if future is not None:
+                        self.fraction += shares[numbers[future]]
+                        yield numbers[future], future.result()
+                    if not self._told():
+                        self.stop(futures)
+                        return
         except BaseException:
             self.stop(futures)
             raise
