@@ -18,7 +18,7 @@ IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|.*)", re.MULTI
 HERE = Path(__file__).parent
 FORCES, LIMITS = ENGINE.parent / "forces", ENGINE.parent / "tolerances.py"
 # how machine code is kept, found and called: no kernel is compiled from it
-_OF_KEEPING = ("archive", "building", "calls", "loading", "optimising", "sources", "tools")
+_OF_KEEPING = ("archive", "building", "calls", "clock", "loading", "optimising", "sources", "tools")
 KEEPING = {HERE / f"{name}.py" for name in _OF_KEEPING}
 LOWERING = frozenset(HERE.glob("lowering/*.py"))  # instructions to numba for every kernel
 
