@@ -74,8 +74,9 @@ DIP = record(
 
 # -- runs -----------------------------------------------------------------------------------------
 
-CHOSEN, WIDEST, GIVEN = 0, 1, 2  # widths of steps: by their error, all the widest, as listed
+CHOSEN, GIVEN = 0, 1  # widths of steps: by their error, as listed
 ONCE, ALWAYS = 1, 2  # when events are due: after this step, after every step
+ASLEEP = 2  # direction of an event that is not watched, where -1, 0 and 1 are falling, both, rising
 REACHED, NEAR = 1, 2  # reason of an interruption: an event, a possible contact in the next step
 
 METHOD = record(
@@ -108,7 +109,7 @@ STEP_CONTROL = record(
     jacobian_rate=REAL,  # convergence rate of Newton's method, large without a Jacobian
     jacobian_time=REAL,  # time of the Jacobian [s]
     factored=REAL,  # width for which the matrices are factored [s]
-    widths=INTEGER,  # CHOSEN, WIDEST or GIVEN
+    widths=INTEGER,  # CHOSEN or GIVEN
     project=INTEGER,  # 1: steps end on the constraints
     most=INTEGER,  # steps allowed
     frame=INTEGER,  # the next frame

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..dynamics.arguments import of_state
 from ..engine.compiler.address import address_of_function
+from ..engine.records import ASLEEP
 from ..errors import refusal, shown
 from ..packing import Array, Ints
 from ..result.records import UserEvent
@@ -113,6 +114,8 @@ class Watch:
         self.conditions = conditions
         self.monitors: tuple[Monitor, ...] = (*conditions, *events)
         self.waiting, self.size = len(conditions), (nq, nv)
+        # counted directions, ASLEEP for a condition that has nothing to switch
+        self.wanted: Ints = np.array([m.direction for m in self.monitors], dtype=np.int64)
         self.error: Exception | None = None
         self.log: list[UserEvent] = []
         self.counts = [0] * len(self.monitors)  # events so far
@@ -139,10 +142,9 @@ class Watch:
         self._call_too(woken)
         return woken
 
-    @property
-    def wanted(self) -> Ints:
-        """The crossing direction that each monitor reports."""
-        return np.array([m.direction for m in self.monitors], dtype=np.int64)
+    def heed(self, number: int, wakes: bool) -> None:
+        """Watch a monitor, or let it sleep."""
+        self.wanted[number] = self.monitors[number].direction if wakes else ASLEEP
 
     def begin(self, t: float, q: Array, v: Array) -> list[float]:
         """Evaluate the monitors at the start.

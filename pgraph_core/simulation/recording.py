@@ -335,6 +335,7 @@ class Recording(Running):
     def _begin_watching(self, watch: Watch) -> None:
         """Check events at the start, and switch constraints whose conditions are already true."""
         margins = watch.begin(self.start, self.q, self.v)
+        self.switching.heed()
         if self.plan.memory is not None:  # what is true has acted
             return
         if max(margins[: watch.waiting], default=-1.0) < 0.0:

@@ -99,6 +99,21 @@ class Switching:
                 and other.place == given.constraint
                 and other.when.active == given.active
             ]  # fmt: skip
+        self.heed()
+
+    def heed(self) -> None:
+        """Watch the conditions that have something to switch.
+
+        A constraint may hold the motion at the threshold of the condition that has switched it on,
+        where rounding decides about the side.
+        """
+        record, watch = self.record, self.record.watch
+        if watch is None:
+            return
+        for number, given in enumerate(record.plan.conditions):
+            met = (given.constraint in record.held) == given.active
+            spent = given.when.once and number in self.acted
+            watch.heed(number, not (met or spent))
 
     def _note_met(self, t: float, number: int) -> None:
         """End the run if conditions are met again and again while no time passes."""
@@ -188,6 +203,7 @@ class Switching:
             steps.go_on()
             steps.control["jacobian_rate"] = 2.0
         steps.control["clock"] = -np.inf  # forces a new search for the clearance
+        self.heed()
         self._set_first(change.t)
         return record.ended.ok
 

@@ -90,21 +90,38 @@ def test_a_switch_that_acts_once_catches_an_oscillator_once(options):
 
 
 @pytest.mark.parametrize("options", [{"rtol": 1e-6, "method": "radau5"}, {"step": 3e-3}])
-def test_a_latch_that_acts_again_where_it_was_released_is_reported(options):
+@pytest.mark.parametrize("threshold", [-0.376, -0.5, -0.123])
+def test_a_latch_does_not_catch_again_what_leaves_its_threshold(threshold, options):
     """The spring pulls away from the threshold, on which the release leaves the slider."""
+    when = {"coordinate": "b", "below": threshold}
+    let_go = {"constraint": "latch", "active": True, "after": 0.25}
+    switches = [(when, "latch", True), (let_go, "latch", False)]
+    model = slider().edit("b", stiffness=(11.52,))
+    run = pg.simulate(model, q=[4.7], t_end=2.0, switches=switches, **options)
+    assert [event.after for event in run.events] == ["on", "off"]
+    rest = run.t[-1] - run.events[1].t
+    exact = threshold * np.cos(np.sqrt(11.52 / 2.0) * rest)
+    np.testing.assert_allclose(run.q[-1, 0], exact, rtol=0, atol=1e-5)
 
-    def released(**once):
-        when = {"coordinate": "b", "below": -0.376, **once}
+
+@pytest.mark.parametrize("options", [{"rtol": 1e-6, "method": "radau5"}, {"step": 3e-3}])
+@pytest.mark.parametrize("threshold", [0.376, 0.5, 0.123])
+def test_a_latch_that_catches_again_at_once_is_reported(threshold, options):
+    """A constant force pulls on past the threshold, where rounding decides on the side."""
+
+    def caught(**once):
+        when = {"coordinate": "b", "above": threshold, **once}
         let_go = {"constraint": "latch", "active": True, "after": 0.25}
         switches = [(when, "latch", True), (let_go, "latch", False)]
-        start = {"q": [4.7], "t_end": 2.0, "switches": switches, **options}
-        run = pg.simulate(slider().edit("b", stiffness=(11.52,)), **start)
-        told = [text for text in run.notices if "'latch'" in text and "once" in text]
-        at_once = np.diff([event.t for event in run.events])[1::2]
-        return len(told), (at_once < 1e-6).any()
+        force = pg.Motor(name="m", body="b", torque=3.0)
+        model = slider().edit("b", stiffness=(0.0,)).replace(forces=(force,))
+        run = pg.simulate(model, q=[0.0], t_end=3.0, switches=switches, **options)
+        told = any("'latch'" in text and "once" in text for text in run.notices)
+        return told, bool((np.diff([event.t for event in run.events])[1::2] < 1e-6).any())
 
-    assert released() == (1, True)
-    assert released(once=True) == (0, False)
+    told, at_once = caught()
+    assert told == at_once
+    assert caught(once=True) == (False, False)
 
 
 @pytest.mark.parametrize("kind", [pg.Velocity, pg.Coupling])

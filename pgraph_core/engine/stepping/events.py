@@ -34,7 +34,7 @@ from ..contact.points import (
     watch,
 )
 from ..motion import PROJECTION, call_projection, opened
-from ..records import ONCE, REACHED
+from ..records import ASLEEP, ONCE, REACHED
 from ..tree.moving import normalise_all
 from .crossings import beside, vertex
 from .explicit import dense_output
@@ -162,7 +162,7 @@ def watch_events(run):
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
         monitor = NOTHING
-        if signs[i] != 0:
+        if signs[i] != 0 and data.wanted[i] != ASLEEP:
             monitor = signs[i] * values[i]
             if monitor == 0.0:
                 monitor = -BELOW
@@ -316,7 +316,7 @@ def dip(run, low, width, i):
     """
     data = opened_run(run)
     watched, values = data.watched, data.values
-    sign = data.signs[i]
+    sign = data.signs[i] if data.wanted[i] != ASLEEP else 0
     n = watched.shape[1] - data.signs.shape[0] + i
     x = (0.0, 0.5, 1.0)
     y = (sign * watched[LOW, n], sign * watched[HIGH, n], sign * values[i])
