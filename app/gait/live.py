@@ -268,6 +268,8 @@ class Motion:
     def _stepper_after(self, part: pg.Result, step: float) -> pg.Stepper | None:
         """Return the stepper for the next parts, or None if the method requires whole runs."""
         header = part.header
+        if header["step"] is None:
+            return None
         try:
             stepper = pg.Stepper(
                 self._mech,
@@ -280,7 +282,7 @@ class Motion:
             )
             stepper.because(header["why"])
             return stepper
-        except pg.InputError:  # a method that chooses its steps, or goes from event to event
+        except pg.InputError:  # a method that goes from event to event
             return None
 
     def _torque(self, pull: Pull | None) -> np.ndarray | None:

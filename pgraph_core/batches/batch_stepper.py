@@ -33,7 +33,7 @@ from ..result.records import OF_DRIVES, Named
 from ..simulation.failures import STATUS
 from ..simulation.paths import Path, counting, distinct, with_numbers
 from ..simulation.recorded import told
-from ..simulation.stepper import AUTO, Stepper, refuse_as_torques
+from ..simulation.stepper import Stepper, refuse_as_torques
 from .instances import (
     Instances,
     TreeLanes,
@@ -113,7 +113,7 @@ class BatchStepper(Snapshots):
         size: int,
         *,
         step: float | None = None,
-        method: str = AUTO,
+        method: str | None = None,
         scenario: str | None = None,
         tau: npt.ArrayLike | Callable[[float, Array, Array], Any] | None = None,
         forces: Sequence[Force] = (),
@@ -177,12 +177,15 @@ class BatchStepper(Snapshots):
             yield stepper
 
     def _steppers(self, kinds: Array) -> Iterator[Stepper]:
-        """Create one stepper for each row of values (kinds, paths)."""
+        """Create one stepper for each row of values (kinds, paths), all with the same method."""
         paths = [Path(self.mech.model, path, "BatchStepper") for path in self._set]
+        options = self._options
         for i, row in enumerate(kinds.tolist()):
             try:
                 model = with_numbers(self.mech.model, paths, row)
-                yield Stepper(Mechanism(model), **self._options)
+                made = Stepper(Mechanism(model), **options)
+                options = {**options, "method": made.method}
+                yield made
             except PgraphError as error:
                 if not paths:
                     raise
@@ -247,8 +250,9 @@ class BatchStepper(Snapshots):
 
         With time stepping, these are means over the last call of `step`.
         """
-        mean = "mean_" if self.method == "moreau_jean" else ""
-        names = mean + "torque", mean + "force"
+        if self._first.recording.plan.method.starts:
+            return self._of_each(self._touches(len), lambda one: one.contact_force)
+        names = "mean_torque", "mean_force"
         return self._touches(lambda pairs: np.concatenate([pairs[x] for x in names], axis=-1))
 
     @property
@@ -257,12 +261,13 @@ class BatchStepper(Snapshots):
         return self._of_each(self._touches(len), Stepper._gaps)
 
     def _of_each(self, names: Iterable[str], read: Callable[[Stepper], Any]) -> dict[str, Array]:
-        """Return {name: (size,)} of what `read` returns for the stepper of each instance."""
-        found = {name: np.empty(self.size) for name in names}
+        """Return {name: (size, ...)} of what `read` returns for the stepper of each instance."""
+        found: dict[str, list[Any]] = {name: [] for name in names}
         for i in range(self.size) if found else ():
-            for name, value in read(self._many.into_worker(i).stepper).items():
-                found[name][i] = value
-        return found
+            values = read(self._many.into_worker(i).stepper)
+            for name, each in found.items():
+                each.append(values[name])
+        return {name: np.array(each) for name, each in found.items()}
 
     @property
     def outputs(self) -> Mapping[str, Array]:
@@ -276,7 +281,7 @@ class BatchStepper(Snapshots):
         external = np.zeros((self.size, self.mech.nb, 6))
         if shared.loads:
             for i in range(self.size) if self._pushed else ():
-                external[i] = many.into_worker(i).stepper._on_bodies(again=True)[0]
+                external[i] = many.into_worker(i).stepper._on_bodies()[0]
         for kind, (sensors, system) in enumerate(self._sensed):
             which = np.flatnonzero(many.kind == kind)
             q, v, rates = (np.ascontiguousarray(x[which]) for x in (many.q, many.v, vdot))

@@ -214,6 +214,7 @@ class Instances:
         code, self.codes[i] = self.codes[i], at.RUNNING
         self._part(0, 0, i, i + 1)
         self.codes[i] = code
+        worker.stepper.look_again()
         return worker
 
 

@@ -142,6 +142,10 @@ const pgraphEngine = (() => {
     // The next `n` steps of this width end at `end` [s].
     interval(n, width, end) {
       const { data, header } = this, at = (name) => header.arrays[name][0];
+      if (header.widths) {
+        data.setBigInt64(this.control("widths"), BigInt(header.widths.given), true);
+        data.setFloat64(this.control("rtol"), FIXED_RTOL, true);
+      }
       if (data.getFloat64(this.control("widest"), true) !== width || this.fresh) {
         data.setFloat64(this.control("widest"), width, true);
         data.setFloat64(this.control("origin"), this.t, true);
@@ -162,15 +166,15 @@ const pgraphEngine = (() => {
       this.checked(this.k.k_advance_run(BigInt(header.run), BigInt(n)));
     }
 
-    // The steps of a method with an error estimate, for a run of `span` [s]: of width `step` where
-    // there is no `rtol`, else chosen, `step` at most. Corners of tables from `end` on are no part.
+    // The steps that a method chooses, `step` at most, for a run of `span` [s]. Corners of tables from
+    // `end` on are no part.
     choose(span, { step, rtol }, end) {
       const { header, data } = this, [, count] = header.arrays.corners;
       const before = BigInt(this.floats("corners").findIndex((t) => t >= end) + 1 || count + 1) - 1n;
       data.setBigInt64(header.corners + ENTRIES, before, true);
       data.setBigInt64(header.corners + SHAPE, before, true);
-      data.setBigInt64(this.control("widths"), BigInt(rtol ? header.widths.chosen : header.widths.widest), true);
-      data.setFloat64(this.control("rtol"), rtol || FIXED_RTOL, true);
+      data.setBigInt64(this.control("widths"), BigInt(header.widths.chosen), true);
+      data.setFloat64(this.control("rtol"), rtol, true);
       data.setFloat64(this.control("widest"), step || span, true);
       data.setFloat64(this.control("span"), span, true);
       this.fresh = false;
@@ -218,10 +222,9 @@ const pgraphEngine = (() => {
     async run(end, { step, rtol }) {
       this.fresh = true;
       let due = performance.now() + SLICE, rate = 64;
-      if (this.header.widths) {
+      if (rtol) {
         this.choose(end - this.began, { step, rtol }, end);
-        const recorded = rtol ? evenly(this.began, end) : intervals(this.began, end, step).map(([, , until]) => until);
-        for (const until of recorded) {
+        for (const until of evenly(this.began, end)) {
           while (!this.reach(until, end, SLICE)) await pause();
           if (performance.now() > due) {
             await pause();

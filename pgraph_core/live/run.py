@@ -18,7 +18,7 @@ from ..engine import motion
 from ..engine.arrays import CONTACTS, RUN, SCENE, Links, RunLinks
 from ..engine.compiler.address import address_of
 from ..engine.compiler.kinds import Array, Group
-from ..engine.records import CHOSEN, STEP_CONTROL, WIDEST, table
+from ..engine.records import CHOSEN, GIVEN, STEP_CONTROL, table
 from ..engine.stepping import crossings
 from ..errors import InputError, Problem, choices
 from ..forces import spring
@@ -349,7 +349,7 @@ class LiveRun:
             "run": self.image.at["run"],
             "loads": self.image.at["scene"] + LOADS,
             "corners": self.image.at["run"] + CORNERS,
-            "widths": {"chosen": CHOSEN, "widest": WIDEST} if chosen else None,
+            "widths": {"chosen": CHOSEN, "given": GIVEN} if chosen else None,
             "control": self._control,
             "fields": CONTROL,
             "spring": offsets(spring.ROW),

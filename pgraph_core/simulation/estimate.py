@@ -86,7 +86,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     ahead = plan.onward() if record.met else plan
     changed = record.steps.control["change"] > -np.inf  # steps after it begin anywhere
     if ahead.tolerance is None and (changed or may_jump(record, ahead)):
-        third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1), carries=False)
+        third = _again(record, offset_plan(finer_plan(plan, n), ahead, 1), carries=False)
         if not isinstance(third, str):
             off = np.maximum(off, apart(record, third, n))
             forces = np.maximum(forces, forces_apart(record, third, n))
@@ -202,7 +202,7 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     size.
     """
     steps, given = int(record.steps.counters["steps"]), plan.tolerance
-    finer = finer_plan(plan, steps, record.steps.divided > 0)
+    finer = finer_plan(plan, steps)
     ahead = plan.onward() if record.met else plan
     halved = ahead.tolerance is None and (ahead.impulses or may_jump(record, ahead))
     plans = (offset_plan(finer, ahead, 2**k) for k in range(1, 5)) if halved else (finer,)
@@ -213,7 +213,7 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
         if isinstance(first, str) or _more(record, first, "evaluations"):
             break
     finished = not isinstance(first, str) and _more(record, first, "steps")
-    if given is None or given.fixed or finished:
+    if given is None or finished:
         return first
     tight = plan if isinstance(first, str) else half
     second = _again(record, no_wider(tight, 0.5 * float(np.ptp(plan.times)) / steps))

@@ -58,7 +58,7 @@ def _advice(record: Running, status: Status) -> str:
             return _steep(record, float(record.steps.control["failed"])) or text
         case Status.TOO_MANY_STEPS:
             return "give a larger max_steps or rtol, or try radau5 if it is stiff"
-    if given is not None and not given.fixed:
+    if given is not None:
         return "the motion itself may grow without bound, or forces may jump there"
     return for_failed(record)
 

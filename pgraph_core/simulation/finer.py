@@ -42,22 +42,21 @@ MOST_FINER = 32  # steps for one of the run, where two are expected
 STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
 
 
-def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
+def finer_plan(plan: RunPlan, steps: int) -> RunPlan:
     """Return the plan with half the step size or a tighter tolerance, given the number of steps
     taken.
 
-    If adaptive steps end at frames or corners of tables, the finer steps end between them. Fixed
-    steps that were `divided` used an internal tolerance.
+    If adaptive steps end at frames or corners of tables, the finer steps end between them.
     """
-    kept, key = plan.__dict__, (steps, divided)
-    if kept.get(FINER_PLAN, NO_PLAN)[0] != key:  # runs with given steps ask again and again
-        kept[FINER_PLAN] = key, _finer_plan(plan, steps, divided)
+    kept = plan.__dict__
+    if kept.get(FINER_PLAN, NO_PLAN)[0] != steps:  # runs with given steps ask again and again
+        kept[FINER_PLAN] = steps, _finer_plan(plan, steps)
     return kept[FINER_PLAN][1]
 
 
-def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
+def _finer_plan(plan: RunPlan, steps: int) -> RunPlan:
     given = plan.tolerance
-    way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
+    way = None if plan.way is None else finer_plan(plan.onward(), steps)
     table = plan.drives.table.copy()
     table["creep"] *= 0.5
     if (contacts := plan.contacts) is not None and contacts.compliant:
@@ -67,9 +66,6 @@ def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     plan = replace(plan, parts=2 * plan.parts, way=way, drives=drives, contacts=contacts)
     if given is None:
         return plan
-    finer = given._replace(most=MOST_FINER * (steps + len(plan.times)))
-    if given.fixed and not divided:
-        return replace(plan, tolerance=finer)
     ends_run = plan.times[[0, -1]][: 2 * len(plan.corners)]
     frames = ends_run if len(plan.method.tableau.dense) else plan.times  # frames that end steps
     ends = np.union1d(plan.corners, frames)
@@ -77,10 +73,10 @@ def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     between = ends[1:][wide] - GOLDEN * np.diff(ends)[wide]
     ahead, after = ends[:-1][~wide], ends[1:][~wide]  # one time, but for rounding
     same = np.append(ahead[np.isin(after, frames)], after[np.isin(ahead, frames)])
-    widest = given.widest * (0.5 if given.fixed else 1.0)
     rtol = min(max(given.rtol / plan.method.gain, 100.0 * EPS), given.rtol)
     atol = given.atol * rtol / given.rtol
-    finer = finer._replace(widest=widest, fixed=False, rtol=rtol, atol=atol)
+    most = MOST_FINER * (steps + len(plan.times))
+    finer = given._replace(most=most, rtol=rtol, atol=atol)
     corners = np.union1d(np.setdiff1d(plan.corners, same), between)
     return replace(plan, tolerance=finer, corners=corners)
 

@@ -22,7 +22,6 @@ from ..engine.records import (
     GIVEN,
     METHOD,
     STEP_CONTROL,
-    WIDEST,
     rows_of,
     table,
 )
@@ -71,7 +70,6 @@ class Steps:
         self.control, self.counters = self.control_table[0], self.counters_table[0]
         self._begin()
         self.frames = frames
-        self.divided = 0  # steps of fixed width that were taken in parts
         self.clearance: Clearance | None = None  # guard of shapes that may touch
         self._signs = NO_EVENTS  # signs of events, kept between scenes
         self._buffer = buffer()
@@ -95,9 +93,10 @@ class Steps:
             control["widths"], control["most"] = GIVEN, ANY_NUMBER
             assert plan.step is not None, "a run without a tolerance has a step"
             control["turning"] = plan.step / plan.parts
-            control["rtol"] = SOLVED if plan.method.implicit else 0.0
+            measured = plan.method.implicit or plan.method.adaptive
+            control["rtol"] = SOLVED if measured else 0.0
             return
-        control["widths"] = WIDEST if given.fixed else CHOSEN
+        control["widths"] = CHOSEN
         control["rtol"], control["atol"] = given.rtol, given.atol
         control["widest"], control["most"] = given.widest, given.most
 
@@ -184,7 +183,6 @@ class Steps:
         control[:], counters[:], self._signs[:] = start, 0, 0
         self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
         self.stages[at.WEIGHT] = 0.0
-        self.divided = 0
 
     def rehearse(self, tally: Any, pairs: Any) -> None:
         """Take a trial step of time stepping to obtain the forces for frame 0.
@@ -232,35 +230,19 @@ class Steps:
     def advance(self, budget: int) -> int:
         """Attempt at most `budget` steps and frames. Returns the kernel's status code."""
         if self.carried is not None:
-            code = self.carried.advance(self.address, budget)
-        else:
-            code = run.advance_run(self.address, budget)
-        if code == at.NOT_SOLVED and self.control["widths"] == WIDEST:
-            return self._in_parts()
-        return code
+            return self.carried.advance(self.address, budget)
+        return run.advance_run(self.address, budget)
 
-    def _in_parts(self) -> int:
-        """Divide a fixed step that could not be solved into steps chosen by the method."""
-        # remove the frame recorded at a failure
-        moved = np.flatnonzero(self.times != self.plan.times)
-        if len(moved):
-            self.control["frame"] = moved[0]
-            self.times[moved] = self.plan.times[moved]
-        self.divided += 1
-        control, widest = self.control, self.control["widest"]
-        end = control["time"] + widest * (1 - 1e-9)
-        control["widths"], control["width"] = CHOSEN, 0.5 * widest
-        code = at.RUNNING
-        while code == at.RUNNING and control["time"] < end:
-            code = self.advance(1)
-        control["widths"] = WIDEST
-        return code
+    @property
+    def divided(self) -> int:
+        """The number of given steps whose equations did not converge, so that they were divided."""
+        given = self.tolerance is None and self.plan.method.implicit
+        return int(self.counters["rejected_steps"]) if given else 0
 
     @property
     def blurred(self) -> float:
         """The fraction of the velocities that may be due to step errors."""
-        chosen = self.tolerance is not None and not self.tolerance.fixed
-        return self.tolerance.rtol if chosen and self.tolerance else 0.0
+        return self.tolerance.rtol if self.tolerance is not None else 0.0
 
     def scale(self, time: float) -> None:
         """Let adaptive steps redirect slip that is negligible within a fraction of `time` [s]."""
@@ -315,7 +297,7 @@ class Steps:
         steps.
         """
         n, given = int(self.counters["steps"]), self.tolerance
-        if given is None or given.fixed or n * n < MANY_STEPS or n <= MANY_STEPS * self.fraction():
+        if given is None or n * n < MANY_STEPS or n <= MANY_STEPS * self.fraction():
             return ""
         count, t = n / max(self.fraction(), 1.0 / MOST_CHOSEN), float(self.control["time"])
         width = (t - float(self.times[0])) / n
@@ -328,16 +310,13 @@ class Steps:
 
     def notices(self) -> list[str]:
         """Return a notice about fixed steps that were divided, some of them repeatedly."""
-        count, given = self.divided, self.tolerance
-        widest = float(self.plan.width.max(initial=0.0)) if given is None else given.widest
-        if given is None and self.plan.method.implicit:
-            count = int(self.counters["rejected_steps"])
+        count = self.divided
         if count == 0:
             return []
         times = "once" if count == 1 else f"{count} times"
         return [
-            f"the equations of steps of {widest:.4g} s did not converge {times}, for example "
-            "because forces change or oscillate quickly, so these steps were divided"
+            f"the equations of steps of {self.plan.step:.4g} s did not converge {times}, for "
+            "example because forces change or oscillate quickly, so these steps were divided"
         ]
 
 

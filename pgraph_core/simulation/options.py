@@ -42,7 +42,6 @@ class Tolerance(NamedTuple):
     atol: float  # absolute tolerance of every coordinate, in its unit
     widest: float  # largest step [s]
     most: int  # steps
-    fixed: bool = False  # every step is the widest
 
 
 Inputs = tuple[tuple[str, float | Table], ...]
@@ -106,7 +105,10 @@ class Options(NamedTuple):
         return "auto" if self.rtol is not None and name not in ADAPTIVE else name
 
     def tolerance(self, method: Method, length: float) -> Tolerance | None:
-        """Return the tolerances of `method`, or None for fixed steps. Raises InputError."""
+        """Return the tolerances of `method`, or None for fixed steps. Raises InputError.
+
+        A step without a tolerance is the size of every step, and with one the largest size.
+        """
         rtol, step = self.rtol, self.step
         most = whole_number("simulate", "max_steps", self.max_steps, 1)
         if not method.adaptive:
@@ -120,10 +122,11 @@ class Options(NamedTuple):
                 text = f"must lie within {LEAST_RTOL:g}, rounding, and 0.1, got {rtol:g}"
                 raise InputError(Problem("simulate", "rtol", text))
         atol = self.atol if self.atol == 0.0 else positive("atol", self.atol, unit="")
-        widest = length if step is None else positive("step", step)
-        fixed = step is not None and rtol is None
-        rtol = rtol or (SOLVED if fixed else RTOL)
-        return Tolerance(rtol, float(atol), widest, most, fixed)
+        if step is None:
+            return Tolerance(rtol or RTOL, float(atol), length, most)
+        if rtol is None and atol == 0.0:
+            return None
+        return Tolerance(rtol or RTOL, float(atol), positive("step", step), most)
 
     def checked_forces(self, mech: Mechanism) -> tuple[Force, ...]:
         """Return the forces of a call, checked to fit the model. Raises InputError."""

@@ -120,9 +120,7 @@ class Way:
     @cached_property
     def step(self) -> float | None:
         """The step size [s], or None if the method chooses it."""
-        if self.tolerance is None:
-            return float(self.width.max(initial=0.0))
-        return self.tolerance.widest if self.tolerance.fixed else None
+        return float(self.width.max(initial=0.0)) if self.tolerance is None else None
 
     @property
     def impulses(self) -> bool:
@@ -137,8 +135,7 @@ class Way:
     @property
     def headed(self) -> dict[str, Any]:
         """Return entries for the result's header."""
-        chosen = self.tolerance is not None and not self.tolerance.fixed
-        rtol = self.tolerance.rtol if chosen and self.tolerance else None
+        rtol = self.tolerance.rtol if self.tolerance is not None else None
         return {"method": self.method.name, "why": self.why, "step": self.step, "rtol": rtol}
 
 
@@ -652,7 +649,7 @@ def _times(
     o: Options, tolerance: Tolerance | None, span: tuple[float, float], usual: float
 ) -> tuple[float, Array]:
     """Return the fixed step size [s], or 0 for adaptive steps, and the recorded times."""
-    if tolerance is None or tolerance.fixed:
+    if tolerance is None:
         step = positive("step", usual if o.step is None else o.step)
         return step, fixed_step_times(*span, step, o.frames, o.t_eval)
     frames = FRAMES + 1 if o.frames is None else o.frames

@@ -372,12 +372,12 @@ def passed_over(record: Running, error: float) -> tuple[str, ...]:
 
     They are missing from both runs. The energy that the ledger misses bounds their amplitude.
     """
-    plan, given, n = record.plan, record.plan.tolerance, record.done
-    if given is None or not given.fixed or record.steps.divided:
+    plan, step, n = record.plan, record.plan.step, record.done
+    if step is None or plan.method.limit or record.steps.divided:
         return ()
     acts = (record.mech, (plan.drives, plan.loads), plan.active, *record.began)
     rate = fastest_rate(*acts)
-    if rate * given.widest <= 1.0 or not fastest_swings(*acts):
+    if rate * step <= 1.0 or not fastest_swings(*acts):
         return ()
     kinetic, potential, work, lost = record.out.energies[:n].T
     balance = kinetic + potential - work + lost
@@ -387,6 +387,6 @@ def passed_over(record: Running, error: float) -> tuple[str, ...]:
         return ()
     return (
         f"the error excludes vibrations of {rate:.3g} rad/s, which {plan.method.name} damps "
-        f"with steps of {given.widest:.3g} s (up to {most:.2g} rad or m). To resolve them, use a "
+        f"with steps of {step:.3g} s (up to {most:.2g} rad or m). To resolve them, use a "
         f"step below {1.0 / rate:.2g} s",
     )

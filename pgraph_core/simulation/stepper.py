@@ -15,14 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ..dynamics.arguments import by_name, finite, whole_number
-from ..dynamics.scene import rubs
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine import motion as kernels
 from ..engine.compiler.loading import cache_folder
-from ..errors import InputError, Problem, choices, explained, guarded, one_of, shown
-from ..forces import Tendon
-from ..integrators import METHODS
+from ..errors import InputError, Problem, explained, guarded, one_of, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.expressions import drives_read
@@ -39,7 +36,7 @@ from .continuing import state_of
 from .inputs import Inputs
 from .loop import Outcome
 from .options import Options, begun, driven, inputs_of, positive
-from .plan import begun_with, plan_of, touching_contacts, with_contacts
+from .plan import begun_with, plan_of, with_contacts
 from .recorded import NO_ESTIMATE, notices, result_of, told
 from .recording import Recording
 from .start import by_names, given_states, torques_or_drives, with_state
@@ -49,8 +46,6 @@ if TYPE_CHECKING:
     from .clearance import Clearance
     from .one_step import LinearStep
 
-GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
-AUTO = "auto"
 STEPS_BETWEEN_LOOKS = 100_000  # steps between two looks at whether the user wants to stop
 ADDRESSES = ("guard", "approach")  # fields of a run's control that belong to this process
 
@@ -65,8 +60,8 @@ ADDRESSES = ("guard", "approach")  # fields of a run's control that belong to th
 class Stepper(Snapshots):
     """A stepper, which advances a mechanism one or more steps at a time.
 
-    The results are identical to `simulate` with the same method and step size, but no time is spent
-    on set-up between steps.
+    The results are identical to `simulate` with the same method and step size, for `radau5` to the
+    tolerance of its equations, but no time is spent on set-up between steps.
 
     Parameters
     ----------
@@ -74,11 +69,10 @@ class Stepper(Snapshots):
         The system to step.
     step : float, optional
         Step size [s]. The default is the step of the scenario, or 1e-3.
-    method : str
-        Name of a fixed-step method. With "auto", the method of the scenario is used if it has a
-        fixed step. Otherwise, "moreau_jean" is used for models with contacts, joint limits or dry
-        friction of joints, and "rk4" for all other models. Rigid contacts and limits always use
-        "moreau_jean".
+    method : str, optional
+        Name of a method, or "auto". The default is the method of the scenario, or "auto". They have
+        the same meaning as in `simulate` with this step, except that rigid contacts and joint
+        limits always use "moreau_jean".
     scenario, forces, inputs, stabilise :
         As in `simulate`.
     tau : (nv,) array, dict, callable or Feedback, optional
@@ -118,7 +112,7 @@ class Stepper(Snapshots):
         mechanism: Mechanism | Model,
         *,
         step: float | None = None,
-        method: str = AUTO,
+        method: str | None = None,
         scenario: str | None = None,
         tau: npt.ArrayLike | Callable[[float, Array, Array], Any] | None = None,
         forces: Sequence[Force] = (),
@@ -134,22 +128,8 @@ class Stepper(Snapshots):
         """Start at (q, v), by default the initial state of the scenario or of the model."""
         mech = mechanism_of(mechanism, "Stepper")
         given = mech.model.scenario(scenario) if scenario is not None else None
-        contacts = touching_contacts(mech, given)
-        limited = mech.model.limited
-        if method == AUTO:
-            own = (*mech.model.forces, *(given.forces if given else ()), *forces)
-            sticks = rubs(mech.packed.passive) or any(
-                isinstance(f, Tendon) and f.friction for f in own
-            )
-            method = "moreau_jean" if contacts or limited or sticks else "rk4"
-            rigid = limited or any(c.law == "complementarity" for c in contacts)
-            if given is not None and given.method in GIVEN_STEPS and not rigid:
-                method = given.method
         if step is None:
             step = (given.step if given is not None else None) or STEP
-        if method not in GIVEN_STEPS:
-            text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}, got {shown(method)}"
-            raise InputError(Problem("Stepper", "method", text))
         for s in given.switches if given is not None and switches is None else ():
             if s.t is None or s.t > t_start:
                 then = f"when {s.when}" if s.t is None else f"at t = {s.t:g} s"
@@ -161,7 +141,7 @@ class Stepper(Snapshots):
         if start is not None:
             replaced = {"q": q, "v": v, "states": states, "t_start": t_start or None}
             q, v, states, t_start, memory = state_of(mech, start, "Stepper", replaced)
-        vars(self).update(mech=mech, method=method)
+        vars(self).update(mech=mech)
         self._width = positive("step", step, call="Stepper")
         self._options = Options(
             scenario=scenario,
@@ -297,14 +277,13 @@ class Stepper(Snapshots):
     def _no_loads(self) -> Array:
         return np.zeros((1, self.mech.nb, 6))
 
-    def _on_bodies(self, *, again: bool = False) -> Array:
-        """Return the wrenches on bodies from forces, contacts and constraints at the state, (1, nb,
-        6).
+    def look_again(self) -> None:
+        """Evaluate forces again when they are next read, after a change of the run's memory."""
+        vars(self)["_looked"] = False
 
-        `again`: if another has put its state into the run.
-        """
-        if again:
-            self._looked = False
+    def _on_bodies(self) -> Array:
+        """Return the wrenches on bodies from forces, contacts and constraints at the state, (1, nb,
+        6)."""
         record, packed = self._seen(), self.mech.packed
         external, out = np.zeros((1, self.mech.nb, 6)), record.out
         if len(self._carriers):
@@ -637,10 +616,13 @@ class Stepper(Snapshots):
         given = mech.model.scenario(name) if name is not None else None
         options = self._options._replace(t_start=t, t_end=t + self._width, memory=memory)
         plan = with_contacts(plan_of(mech, options, tau, q, v))
-        if plan.contact_points:
-            text = f"{self.method} is event-driven for rigid contacts and limits, which a Stepper "
-            text += "does not support; choose 'moreau_jean', or use simulate"
+        if plan.contact_points and options.method is None:
+            plan = with_contacts(plan_of(mech, options._replace(method="moreau_jean"), tau, q, v))
+        elif plan.contact_points:
+            text = f"{options.method} is event-driven for rigid contacts and limits, which a "
+            text += "Stepper does not support; choose 'moreau_jean', or use simulate"
             raise InputError(Problem("Stepper", "method", text))
+        vars(self).update(method=plan.method.name)
         state = with_state(mech, plan.start, q, v, t)
         forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
         if self._options.inputs:

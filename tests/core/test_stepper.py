@@ -205,7 +205,11 @@ def test_a_scenario_gives_step_and_method_where_the_call_does_not():
         assert stepper.method == "semi_implicit_euler"
         np.testing.assert_allclose(np.ravel(stepper.q), run.q[-1], rtol=1e-12)
     assert pg.Stepper(model, scenario="euler", step=0.02, method="rk4").method == "rk4"
-    assert pg.Stepper(model, scenario="chosen").method == "rk4"
+    chosen = pg.Stepper(model, scenario="chosen")
+    chosen.step(n=50)
+    run = pg.simulate(model, scenario="chosen", step=0.01, estimate=False)
+    assert chosen.method == run.header["method"] == "dopri5"
+    assert np.array_equal(chosen.q, run.q[-1])
     hit = model.edit("bob", limits=((-1.0, 1.0),))
     assert pg.Stepper(hit, scenario="euler").method == "moreau_jean"
     for path in ("step", "t_end"):
@@ -213,11 +217,56 @@ def test_a_scenario_gives_step_and_method_where_the_call_does_not():
             pg.BatchStepper(model, 2, scenario="euler", set={f"scenarios.euler.{path}": [1, 2]})
 
 
+RESTING = {"name": "ball", "joint": "free", "q": (0, 0, 0.5, 1, 0, 0, 0)}
+STIFF = {"name": "x", "joint": "prismatic", "axes": (1, 0, 0), "q": 0.1, "damping": 1e5}
+
+
+@pytest.mark.parametrize(
+    ("body", "contact", "method"),
+    [
+        (RESTING, {}, "moreau_jean"),
+        (RESTING, {"law": "soft", "stiffness": 1e4, "damping": 10.0}, "rk4"),
+        (RESTING, {"law": "penalty", "stiffness": 1e4, "damping": 10.0}, "rk4"),
+        (RESTING, None, "rk4"),
+        ({**STIFF, "friction": 1.0}, None, "moreau_jean"),
+        ({**STIFF, "stiffness": 1e8}, None, "radau5"),
+    ],
+    ids=str,
+)
+def test_all_calls_choose_the_same_method_for_a_step(body, contact, method):
+    shape = pg.Shape(kind="sphere", radius=0.1)
+    ball = pg.Body(mass=1.0, inertia=(0.004, 0.004, 0.004), shape=shape, **body)
+    contacts = [] if contact is None else [pg.Contact(name="floor", body="ball", **contact)]
+    mech = pg.Mechanism(pg.Model(bodies=[ball], contacts=contacts))
+    run = pg.simulate(mech, t_end=0.4, step=1e-3, estimate=False)
+    one, many = pg.Stepper(mech, step=1e-3), pg.BatchStepper(mech, 2, step=1e-3)
+    one.step(n=400)
+    many.step(n=400)
+    assert run.header["method"] == one.method == many.method == method
+    np.testing.assert_allclose(one.q, run.q[-1], rtol=0, atol=1e-12 if method == "radau5" else 0)
+    assert np.array_equal(many.q, [one.q, one.q])
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5"])
+@pytest.mark.parametrize("frames", [None, 2, 7])
+def test_methods_that_can_choose_their_steps_take_given_ones(method, frames):
+    """Frames divide the steps, as for all methods."""
+    mech, start = chain(), [1.0, 0.5]
+    run = pg.simulate(mech, start, t_end=0.6, step=0.01, method=method, frames=frames)
+    stepper = pg.Stepper(mech, step=0.01, method=method, q=start)
+    stepper.step(n=60)
+    assert run.counters["steps"] == 60
+    assert run.header["step"] == 0.01
+    assert run.error_estimate < 1e-5
+    np.testing.assert_allclose(stepper.q, run.q[-1], rtol=0, atol=1e-9 if method == "radau5" else 0)
+
+
 def test_wrong_arguments_are_refused():
     mech = chain()
     stepper = pg.Stepper(mech)
     for wrong, words in [
-        (lambda: pg.Stepper(mech, method="dop853"), "rk4"),
+        (lambda: pg.Stepper(mech, method="dop85"), "rk4"),
+        (lambda: pg.Stepper(built_in("falling_rod"), method="dop853"), "moreau_jean"),
         (lambda: pg.Stepper(built_in("falling_rod"), method="rk4"), "moreau_jean"),
         (lambda: stepper.step(tau=np.zeros(3)), "tau"),
         (lambda: stepper.step(tau=[np.nan, 0.0]), "tau"),

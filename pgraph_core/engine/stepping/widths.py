@@ -256,16 +256,14 @@ def next_width(run):
             left = stop - t
             corner = False
     h = control.bound
-    if control.widths != CHOSEN:
+    if control.widths == GIVEN:
         if control.lag < 2.0 * control.widest:
             drives, order = opened(data.scene).drives, data.method[0].order
             h = min(h, lag_width(drives, t, order) / control.parts)
         if control.parts > 1:
             h = min(h, part_width(run, bend))
-    if control.widths != GIVEN:
-        h = min(control.widest, h)
-    if control.widths == CHOSEN:
-        h = min(control.width, h)
+    else:
+        h = min(min(control.widest, h), control.width)
         if control.parts > 1 and edge < math.inf:
             h = min(h, (edge - control.edge) / control.parts)
         if control.parts > 1 and t == control.change:  # a time shared by the run and its finer run
@@ -289,17 +287,9 @@ def part_width(run, bend):
     Each step of a finer run is therefore contained in a step of the original run, even near
     corners. `bend` is the time of the next corner or edge.
     """
-    data = opened_run(run)
-    control, times = data.control[0], data.times
-    t, width = control.time, control.widest
-    dense = data.tableau.dense.shape[0] > 0
-    if control.widths == GIVEN:
-        begin = control.origin + control.taken * width
-        stop = begin + width
-    else:
-        begin = max(times[0 if dense else control.frame - 1], control.edge)
-        begin += width * math.floor((t - begin + nearby(t)) / width)
-        stop = min(begin + width, times[control.last - 1 if dense else control.frame])
+    control = opened_run(run).control[0]
+    begin = control.origin + control.taken * control.widest
+    stop = begin + control.widest
     return (min(stop, bend) - max(begin, control.edge)) / control.parts
 
 
