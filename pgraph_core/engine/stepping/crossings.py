@@ -65,7 +65,7 @@ from .widths import size_of
 BEND, BEGIN, END, CHANGE = 1, 2, 3, 4
 SLOWEST, FASTEST = 5, 6  # range of the rate
 OLD_RATE = 6  # column in the row of a length: rate at the start of an interval
-CLEAR, CHANGED, OPEN = 0, 1, 2
+CLEAR, CHANGED, OPEN, RESTS = 0, 1, 2, 3
 SHORTEST = 1.0 / (1 << DEEPEST)  # part of a step: what changes twice within it changes nothing
 MOST_LOOKS = 256  # parts of a step: for a margin that is at its bound all the way
 TRIALS = 80  # bisections alone need 52
@@ -100,7 +100,8 @@ def cross(run, h):
     if control.slid > 0:
         h = slide(run, code, h)
     bend(run, code, h)
-    if judged(code, control.time, 1.0, h) == CLEAR:
+    found = judged(code, control.time, 1.0, h)
+    if found == CLEAR or found == RESTS:
         if control.slid == 0:
             look_ahead(run, code, h)
         return h
@@ -209,6 +210,21 @@ def jumps(code, i):
 
 
 @sweep
+def leaves(run, code, begin, end):
+    """Check whether a comparison that is at its threshold at both ends of a part leaves it between.
+
+    The program is evaluated at the end of the part before and after.
+    """
+    step_to(run, code, 0.5 * (begin + end))
+    found = False
+    for i in range(0, code.shape[0], 2):
+        if code[i, 0] >= HELD and abs(code[i + 1, BEGIN]) <= ROUNDING * sides(code, i):
+            found = found or (has_changed(code, i) and not rests(code, i))
+    step_to(run, code, end)
+    return found
+
+
+@sweep
 def any_changed(code):
     """Check whether a comparison has changed."""
     found = False
@@ -290,7 +306,7 @@ def bend_numbers(run, code, h):
 @sweep
 def judged(code, t, share, width):
     """Return CLEAR if no comparison changes in an interval, CHANGED if one has changed at its end,
-    or OPEN.
+    RESTS if one may but is at its threshold at both ends, or OPEN.
 
     The interval from t [s] has this share of the step and this width [s]. A margin without a known
     range is judged by its values at both ends, like a margin that does not turn. For comparisons
@@ -311,10 +327,13 @@ def judged(code, t, share, width):
         side = code[i + 1, SIDE]
         least, most = by_a if op == HELD + ABS else (by_a[0] - by_b[1], by_a[1] - by_b[0])
         turns = most - least < math.inf and least <= 0.0 <= most
-        sure = certain(op - HELD, side, a, b) or (share > 0.0 and rests(code, i))
+        sure = certain(op - HELD, side, a, b)
+        if not sure and share > 0.0 and rests(code, i):
+            sure = True
+            found = RESTS if found == CLEAR else found
         if not sure and (turns or share == 0.0):
             found = OPEN
-        elif not sure and found == CLEAR and has_changed(code, i):
+        elif not sure and found != OPEN and has_changed(code, i):
             found = CHANGED
         if turns and abs(side) == 1.0 and share > 0.0 and (sure or share < 2.0 * SHORTEST):
             near = max(b[0] - a[1] if side > 0.0 else a[0] - b[1], 0.0)
@@ -519,6 +538,8 @@ def first_change(run, code, h):
     while begin < h:
         looks += 1
         found = judged(code, t + begin, (end - begin) / h, end - begin)
+        if found == RESTS and leaves(run, code, begin, end):
+            found = OPEN
         if found == OPEN and share > SHORTEST and looks < MOST_LOOKS:
             share *= 0.5
         else:
