@@ -48,7 +48,7 @@ class Method(NamedTuple):
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
     limit: float = 0.0  # rate x step of an oscillation up to which steps hold it, 0 for damped ones
     damped: float = 0.0  # the same for damped oscillations, if it is smaller
-    stable: bool = False  # beyond this limit too, where oscillations are inaccurate
+    stable: bool = False  # True if stable beyond this limit, where oscillations are inaccurate
     implicit: bool = False  # True if it solves equations
     jacobian: bool = False  # whether it does so with the Jacobian of v'
 
@@ -274,7 +274,7 @@ METHODS = {
         ),
     )
 }  # fmt: skip
-CHOICES = "rk4", "dopri5", "dop853", "radau5", "moreau_jean"  # of "auto"
+CHOICES = "rk4", "dopri5", "dop853", "radau5", "moreau_jean"  # methods that "auto" chooses
 RK4, DOPRI5, DOP853, RADAU5, MOREAU_JEAN = (METHODS[name] for name in CHOICES)
 
 

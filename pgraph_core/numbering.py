@@ -14,7 +14,7 @@ def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
 
 
 def canonical(parent: Sequence[int]) -> list[int]:
-    """Return row indices (from 0) by number. Rows on a cycle are left out.
+    """Return row indices (from 0) by number. Rows on a cycle are omitted.
 
     `parent` has rows from 1, 0 for the ground. The rows are numbered from the top. A row above its
     parent waits for it, and follows it with all that wait for this row.

@@ -30,7 +30,7 @@ FLAGS = {  # flags of other programs that correspond to a name
     ("fixed_base", False): ("base", "free"), ("useFixedBase", False): ("base", "free"),
 }  # fmt: skip
 VERBS = re.compile("^(?:mj|calc|calculate|compute|eval|evaluate|get|set|num)_")
-MOST_LETTERS = 200  # of a name with a typing error
+MOST_LETTERS = 200  # letters of a name with a typing error
 OF_JOINTS = ("rest", "friction")  # no length, and no coefficient
 
 

@@ -65,7 +65,7 @@ class Curve(NamedTuple):
     label: str
     t: list[float]  # [s]
     y: list[float]
-    unit: str = ""  # of y
+    unit: str = ""  # unit of y
 
 
 class Kind(NamedTuple):

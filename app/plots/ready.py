@@ -12,8 +12,8 @@ import pgraph_core as pg
 
 from . import KINDS, MANY, OF_JOINTS, POSES, SCENE, Signal
 
-MOST_CURVES = 8  # in a chart: as many as there are colours
-MOST_CHARTS = 4  # of one quantity
+MOST_CURVES = 8  # curves in a chart: as many as there are colours
+MOST_CHARTS = 4  # charts of one quantity
 
 
 class Ready(NamedTuple):
@@ -24,7 +24,7 @@ class Ready(NamedTuple):
 
 
 def ready(run: pg.Result, selected: Sequence[str]) -> list[Ready]:
-    """Return what can be plotted at once. Without a selection, all bodies and parts are meant."""
+    """Return what can be plotted at once. Without a selection, these are all bodies and parts."""
     model = run.mechanism.model
     selected = [name for name in selected if name in run.mechanism.names]
     names = selected or list(run.mechanism.names)

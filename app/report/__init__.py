@@ -44,7 +44,7 @@ class Analysis(Job):
 
     @property
     def duration(self) -> float:
-        """The duration that was asked for [s]."""
+        """The requested duration [s]."""
         return self.reporting.t_end or self.request.t_end
 
     def ended(self, state: State, result: Any) -> State:

@@ -37,7 +37,7 @@ except ImportError:  # Windows: sessions that still run are offered as well
     fcntl = None
 
 DELAY, RETRY = 0.4, 1.0  # [s] before a file is flushed, and before it is tried or looked at again
-LARGEST = 1 << 28  # [bytes] of a session file that is read
+LARGEST = 1 << 28  # size of the largest session file that is read [bytes]
 log = logging.getLogger(__name__)
 
 
@@ -63,7 +63,7 @@ class Session:
 
     @property
     def runs(self) -> bool:
-        """Whether the server's process may still run."""
+        """Return True if the server's process may still run."""
         if self.ended or self.process in (0, os.getpid()) or fcntl is None:
             return False  # on Windows, asking would end the process
         try:

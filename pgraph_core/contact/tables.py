@@ -74,7 +74,7 @@ class Limit(NamedTuple):
     """A limit on a weighted sum of coordinates."""
 
     name: str
-    row: int  # of its first coordinate
+    row: int  # row of its first coordinate
     at_v: Ints
     at_q: Ints
     weights: Array

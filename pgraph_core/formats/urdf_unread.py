@@ -1,4 +1,4 @@
-"""What the URDF reader leaves out: unknown elements and attributes, and repetitions."""
+"""Notices about what the URDF reader omits: unknown elements and attributes, and repetitions."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Block(NamedTuple):
     curve: tuple[tuple[float, ...], ...] = ()
     knots: int | None = None  # B_KNOTS, None: the rows of the curve
     ends: tuple[int, int] = (0, 0)  # rows of the bodies, or (that of the first term, 0)
-    bodies: tuple[int, int] | None = None  # of a span, in place of a curve
+    bodies: tuple[int, int] | None = None  # bodies of a span, in place of a curve
 
 
 class Endpoints:

@@ -105,7 +105,7 @@ NO_DERIVATIVES = Derivatives({})
 
 
 class Memory(dict[str, Array]):
-    """What a run keeps at its end beside its state, as arrays by name, for a run that goes on."""
+    """The memory of a run at its end, besides its state, as arrays by name."""
 
     def __hash__(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         return id(self)

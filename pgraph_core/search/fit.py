@@ -261,10 +261,12 @@ class _Task:
             for case, columns in zip(cases, self.data) for column in columns
         ]  # fmt: skip
         self.measured = [x for columns in self.data for x in columns.values()]
-        self.shift = [np.zeros(len(x)) for x in self.measured]  # of runs by finer runs
+        self.shift = [
+            np.zeros(len(x)) for x in self.measured
+        ]  # differences of finer runs from runs
         self.factors = np.ones(len(self.measured))  # from the units of the data
         self.lengths = [len(x) for x in self.measured]
-        self.units: list[str] = []  # of the measured columns
+        self.units: list[str] = []  # units of the measured columns
         self._last: tuple[Array, list[Result] | None] | None = None
         self._cancelled = False
         self.best: tuple[float, Array] | None = None

@@ -18,7 +18,7 @@ class Ending(NamedTuple):
     """End of a search from one start."""
 
     values: dict[str, float]
-    objective: float  # of a fit, the sum of squares over the square of the noise
+    objective: float  # its least value; for a fit, the sum of squares over the square of the noise
     converged: bool
 
 

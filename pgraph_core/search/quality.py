@@ -1,4 +1,4 @@
-"""How well data determine the numbers of a fit, and whether its residuals are noise."""
+"""Quality of a fit: how well data determine its numbers, and whether its residuals are noise."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ SILENCE = 5  # seconds after which a person wonders whether anything happens
 
 
 class UnderWay(Protocol):
-    """What is told of a search."""
+    """The progress of a search, for messages."""
 
     best: Any  # the best point so far, with its values, or None
     goals: Goals

@@ -22,7 +22,7 @@ from .plan import NO_SUBSTEPS, NO_TIMES
 from .rates import FAST, STIFF, Rate, advised_step, resolving_step
 from .running import Running
 
-STATES = 129  # of a motion at which its fastest rate is evaluated
+STATES = 129  # number of states of a motion at which its fastest rate is evaluated
 PILOT_STEPS = 4000  # limit on a run that chooses its steps: a tenth of a second or so
 
 
@@ -31,7 +31,7 @@ class Advice(NamedTuple):
 
     step: float  # [s], infinite if no rate limits it
     rate: float  # the fastest [1/s]
-    at: Rate  # where it occurs
+    at: Rate  # the state at which it occurs
     diverged: float  # time at which a run that chooses its steps ends early [s], or nan
 
 

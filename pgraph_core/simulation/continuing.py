@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 TOUCHES = ("found", "kept", "anchors")  # records of contact points, which the tally counts
 COUNTS = ("found", "kept", "anchored", "frozen")  # fields of the tally
-NOW = ("wrenches", "pairs", "limit_tau")  # of the last step
+NOW = ("wrenches", "pairs", "limit_tau")  # forces of the last step
 TAU = "tau"  # beginning of the names of a controller's arrays
 
 

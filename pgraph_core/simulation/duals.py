@@ -39,7 +39,7 @@ class Part(NamedTuple):
     width: float  # [s]
     start: Array  # q and v
     times: Array  # derivatives (MOST - 1,) of the time of its end, if it stays of no width
-    rates: Array  # of the state at its end
+    rates: Array  # rates of the state at its end
 
 
 class RunOfDuals:

@@ -43,7 +43,9 @@ class ContactPoint(NamedTuple):
     friction: float
     restitution: float
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # or the centre, in body axes [m]
-    semi_axes: tuple[tuple[float, ...], ...] = ()  # of an ellipsoid or disc, in body axes [m]
+    semi_axes: tuple[
+        tuple[float, ...], ...
+    ] = ()  # semi-axes of an ellipsoid or disc, in body axes [m]
     limit: Limit | None = None
 
 

@@ -53,7 +53,7 @@ TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relat
 class Steps:
     """The state of a run in progress, which `advance` continues."""
 
-    carried: Any = None  # what computes derivatives, as `sensitivity.Carried`
+    carried: Any = None  # a `sensitivity.Carried`, which computes derivatives
     finer: Workplace | None = None  # left by the finer run of the last run
 
     def __init__(self, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]):

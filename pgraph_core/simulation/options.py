@@ -65,7 +65,7 @@ class Options(NamedTuple):
     switches: Any = None
     estimate: Any = None  # False for a run without an error estimate
     inputs: Inputs = ()  # inputs of motors and servos, by name
-    memory: Memory | None = None  # of the run that goes on
+    memory: Memory | None = None  # the memory of the run that goes on
 
     def check(self) -> None:
         """Raise InputError if options are mutually exclusive or not among their choices."""

@@ -157,7 +157,7 @@ class RunPlan(Way):
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
     length: float = 1.0  # length of the mechanism, a scale of errors [m]
     start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v if the call gives none
-    memory: Memory | None = None  # of the run that goes on
+    memory: Memory | None = None  # the memory of the run that goes on
     states: Array | None = None  # (nx,) given states of controls, nan for those that are not
     tau: Any = None  # the controller of the scenario's gait
     way: Way | None = None  # continuation once bodies come close, None for no change

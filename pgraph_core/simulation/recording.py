@@ -54,8 +54,8 @@ class Recording(Running):
     watch: Watch | None = None  # conditions of switches, then a user's events
     _last: Monitor | None = None  # the terminal event that ended the run
     _crawls = ""  # the warning that the run would take very many steps
-    carried: Any = None  # what computes derivatives, as `sensitivity.Carried`
-    memory: Memory | None = None  # of a run that has ended
+    carried: Any = None  # a `sensitivity.Carried`, which computes derivatives
+    memory: Memory | None = None  # the memory of a run that has ended
 
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
@@ -336,7 +336,7 @@ class Recording(Running):
         """Check events at the start, and switch constraints whose conditions are already true."""
         margins = watch.begin(self.start, self.q, self.v)
         self.switching.heed()
-        if self.plan.memory is not None:  # what is true has acted
+        if self.plan.memory is not None:  # conditions that are true have acted
             return
         if max(margins[: watch.waiting], default=-1.0) < 0.0:
             return

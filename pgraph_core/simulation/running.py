@@ -1,4 +1,4 @@
-"""What a run in progress is for the modules that describe it."""
+"""The interface of a run in progress to the modules that describe it."""
 
 from __future__ import annotations
 

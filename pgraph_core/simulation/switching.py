@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .monitors import Monitor
 
 
-MOST_MET = 1000  # conditions that are met while no time passes: more are without end
+MOST_MET = 1000  # conditions that become true while no time passes: more have no end
 
 
 class Switching:
@@ -116,7 +116,7 @@ class Switching:
             watch.heed(number, not (met or spent))
 
     def _note_met(self, t: float, number: int) -> None:
-        """End the run if conditions are met again and again while no time passes."""
+        """End the run if conditions become true again and again while no time passes."""
         record = self.record
         self._met = self._met + 1 if t - self._met_since <= self._near else 0
         self._met_since = self._met_since if self._met else t

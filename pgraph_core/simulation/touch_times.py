@@ -29,7 +29,7 @@ class Touch(NamedTuple):
     """A touch at the end of a step, and the derivatives of its time."""
 
     times: list[Array]  # (MOST,) of each run
-    rates: Array  # of the state at the touch
+    rates: Array  # rates of the state at the touch
 
 
 class Within(NamedTuple):

@@ -315,7 +315,7 @@ class StabilityMap(Saved):
         for value in self.values:
             line = f"{self._label(value):{widest}}"
             for name in self.methods:
-                letters = [" "] * per  # of a cell that is not known yet
+                letters = [" "] * per  # letters of a cell that is not known yet
                 for c in self.cells:
                     if (c.value, c.method) == (value, name):
                         letters[self._column(c)] = LOOK[c.status].letter

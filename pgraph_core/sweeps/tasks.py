@@ -27,7 +27,9 @@ from .metrics import Metric, measured
 
 CHUNK = 1.0  # [s] work sent to a process at once. Shorter sweeps start no processes
 MOST_NUMBERS = 10_000_000  # limit on the frames of a run that is repeated with a frame per step
-MOST_LOST = 2  # times in a row that processes are stopped before any of their points is done
+MOST_LOST = (
+    2  # number of times in a row that processes are stopped before any of their points is done
+)
 ANSWER = 10  # [s] for a scheduler to answer
 
 
