@@ -79,6 +79,16 @@ def row_of_velocity(rows: Ints, index: int) -> int:
     return int(np.searchsorted(rows[1:, at.VI], index, side="right"))
 
 
+def translations(rows: Ints, nv: int) -> NDArray[np.bool_]:
+    """Return a mask (nv,) of the velocities that are translations [m/s], not rotations [rad/s]."""
+    found = np.zeros(nv, dtype=bool)
+    for kind, j in rows[1:, [at.KIND, at.VI]].tolist():
+        if j < nv:
+            found[j] |= kind == at.TRANSLATE
+            found[j + 3 : j + 6] |= kind == at.FREE
+    return found
+
+
 def home_of(packed: System, number: int) -> Array:
     """Return the home orientation of a body as a (3, 3) matrix."""
     return packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)

@@ -16,7 +16,7 @@ from ..engine.records import CREEP
 from ..errors import InputError, choices
 from ..joints import SIZE
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
-from ..packing import Array, Ints, row_of_velocity
+from ..packing import Array, Ints, row_of_velocity, translations
 from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..result.records import energy_drift
@@ -71,7 +71,8 @@ def pulses(record: Running) -> Iterator[str]:
     """Yield a notice if accelerations change at a frame without affecting the velocities.
 
     A pulse between the evaluations of a step is passed over by any method. Frames are
-    evaluated too.
+    evaluated too. Accelerations below NOTABLE of the largest one of the same unit are errors of a
+    coordinate that does not move.
     """
     n, events = record.done, record.plan.contacts is not None or record.plan.changes
     if events or n < 6 or record.steps.counters["steps"] >= n:
@@ -82,11 +83,15 @@ def pulses(record: Running) -> Iterator[str]:
     around = 0.5 * (rate[:-3] + rate[3:])  # neighbours of frames 2 to n - 3
     felt = np.maximum(np.abs(rate[1:-2] - around), np.abs(rate[2:-1] - around))
     acts = np.abs(vdot[2:-2] - around)
-    missed = (acts > NAMED * np.abs(vdot).max(axis=0)) & (felt < VISIBLE * acts)
+    slides = translations(record.mech.packed.system.rows, nv)
+    largest = np.abs(vdot).max(axis=0)
+    whole = np.where(slides, largest[slides].max(initial=0.0), largest[~slides].max(initial=0.0))
+    sized = acts > np.maximum(NAMED * largest, NOTABLE * whole)
+    missed = sized & (felt < VISIBLE * acts)
     if missed.any():
         k, j = (int(x[0]) for x in np.nonzero(missed))
         row = row_of_velocity(record.mech.packed.system.rows, j)
-        unit = "m" if record.mech.packed.system.rows[row, at.KIND] == at.TRANSLATE else "rad"
+        unit = "m" if slides[j] else "rad"
         what = "a force" if record.user is None else "the torque function"
         yield (
             f"at t = {float(t[2 + k, 0]):.6g} s {what} has a pulse shorter than the steps, and was "

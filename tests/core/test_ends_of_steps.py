@@ -5,6 +5,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..worlds import built_in
+
 W = 2.0  # rad/s of the oscillator
 
 
@@ -170,6 +172,29 @@ def test_a_force_that_frames_see_and_steps_do_not_is_told():
     missed = abs(run["c"][-1] - fine["c"][-1]) > 10.0 * run.error_estimate
     told = [text for text in run.notices if "shorter than the steps" in text and "'c'" in text]
     assert told or not missed
+
+
+@pytest.mark.parametrize(
+    ("name", "scenario"),
+    [("quadruped", "stance"), ("spherical_pendulum", None), ("spherical_pendulum", "swing")],
+)
+def test_coordinates_that_only_have_errors_miss_no_force(name, scenario):
+    """Motion in a plane leaves accelerations of 1e-7 and less in the other coordinates."""
+    run = pg.simulate(built_in(name), scenario=scenario, t_end=1.0, estimate=False)
+    assert not any("shorter than the steps" in text for text in run.notices)
+
+
+def test_a_pulse_on_a_free_body_is_told_in_its_unit():
+    """A narrow well of force along x is passed in less than a step."""
+    text = "=-400*(q.c[3] - 0.3)/0.004*exp(-((q.c[3] - 0.3)/0.004)^2)"
+    push = pg.Wrench(name="well", body="c", force=(text, 0.0, 0.0))
+    still = {"mass": 1.0, "inertia": (0.1, 0.1, 0.1)}
+    body = pg.Body(name="c", joint="free", v=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0), **still)
+    model = pg.Model(bodies=(body,), gravity=(0.0, 0.0, 0.0), forces=(push,))
+    run = pg.simulate(model, t_end=20.0, rtol=1e-4, frames=3001, estimate=False)
+    told = [text for text in run.notices if "shorter than the steps" in text]
+    assert len(told) == 1
+    assert "m/s^2" in told[0]
 
 
 # -- controllers and derivatives -------------------------------------------------------------------

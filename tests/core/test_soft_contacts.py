@@ -65,8 +65,8 @@ def test_steps_that_do_not_resolve_a_contact_are_reported(law):
 
 @pytest.mark.parametrize("method", ["gauss6", "rk4", "semi_implicit_euler", "radau5"])
 def test_methods_that_do_not_damp_unresolved_contacts_report_them(method):
-    """A ball of 4 t falls by 3 m. The contact throws it to 34 m by gauss6, whose ledger closes, and to
-    197 m by semi_implicit_euler."""
+    """A ball of 4 t falls by 3 m. The contact throws it to 34 m by gauss6 and to 197 m by
+    semi_implicit_euler. The ledger of gauss6 closes."""
     shape = {"kind": "sphere", "radius": 0.5}
     body = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), mass=4e3, q=(3.5,), shape=shape)
     hard = {"stiffness": 9.4e16, "damping": 0.013, "friction": 0.0}
