@@ -39,6 +39,7 @@ from ..packing.constraints import (
     Term,
     block_arrays,
     block_values,
+    moments_and_masses,
     radius_of_gyration,
     with_blocks,
 )
@@ -322,7 +323,7 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
 
     By default, the weight of the lightest touching tree compresses the contact by 1e-4 of the size
     of the bodies, and the damping is determined by the restitution. The speed at which friction is
-    regularised scales with that of a fall by this size.
+    regularised scales with that of a fall by the size of the smallest touching tree.
     """
     friction = c.frictions(model.ground)
     further = friction.static != friction.kinetic or friction.rolling or friction.spinning
@@ -331,8 +332,8 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
         raise ModelError(Problem(f"contact '{c.name}'", "law", f"{text}, got '{c.law}'"))
     restitution = model.ground.restitution if c.restitution is None else c.restitution
     mass, weight = _lightest(c, model, topology, packed)
-    size = radius_of_gyration(packed)
-    depth, creep = SINKS * size, CREEP * math.sqrt(pull_of(model) * size)
+    depth = SINKS * radius_of_gyration(packed)
+    creep = CREEP * math.sqrt(pull_of(model) * _smallest(c, topology, packed))
     soft = c.law == "soft"
     stiffness = weight / depth ** (1.5 if soft else 1.0) if c.stiffness is None else c.stiffness
     damping, loss = c.damping, 0.0
@@ -455,6 +456,16 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
     names = {c.body, c.other} - {GROUND, EVERY}
     numbers = map(topology.number, names) if names else range(1, topology.nb + 1)
     return [total[root[k]] for k in numbers if root[k] and total[root[k]] > 0]
+
+
+def _smallest(c: Contact, topology: Topology, packed: System) -> float:
+    """Return the smallest radius of gyration of the trees named by a contact [m]."""
+    root = np.array(_trees(topology, packed)[0])
+    moment, mass = (np.bincount(root, weights=x) for x in moments_and_masses(packed))
+    named = [topology.number(name) for name in {c.body, c.other} - {GROUND, EVERY}]
+    roots = np.unique(root[named] if named else root)
+    roots = roots[(roots > 0) & (moment[roots] > 0.0) & (mass[roots] > 0.0)]
+    return float(np.sqrt((moment[roots] / mass[roots]).min(initial=np.inf))) if len(roots) else 1.0
 
 
 def _trees(topology: Topology, packed: System) -> tuple[list[int], list[float]]:

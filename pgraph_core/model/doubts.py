@@ -294,7 +294,7 @@ def _untouched(model: Any) -> Iterator[str]:
         yield f"body '{falling[0]}': {text}a contact names them: contacts=[{lines}]"
     apart = not any(len(each.intersection(loose)) > 1 for each in meets if GROUND not in each)
     if not falling and apart and meets and len(loose) > 1:
-        text = f"they pass through each other; to let them touch add {EACH_OTHER} to contacts"
+        text = f"they would pass through each other; to let them touch add {EACH_OTHER} to contacts"
         yield f"bodies '{loose[0]}' and '{loose[1]}': {text}"
 
 

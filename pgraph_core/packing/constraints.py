@@ -302,8 +302,15 @@ def radius_of_gyration(packed: System, otherwise: float = 1.0) -> float:
     A rotation times this length compares with a displacement, so the entries of Ω's diagonal have
     the same magnitude.
     """
-    bodies = packed.bodies_f[packed.bodies_i[:, at.ROW] > 0]
-    mass, com = bodies[:, at.B_MASS], bodies[:, at.B_COM : at.B_COM + 3]
+    moments, masses = moments_and_masses(packed)
+    moves = packed.bodies_i[:, at.ROW] > 0
+    moment, mass = float(moments[moves].sum()), float(masses[moves].sum())
+    return float(np.sqrt(moment / mass)) if moment > 0 and mass > 0 else otherwise
+
+
+def moments_and_masses(packed: System) -> tuple[Array, Array]:
+    """Return the polar moments about the body origins [kg m²] and the masses, (nb + 1,) each."""
+    bodies = packed.bodies_f
+    masses, com = bodies[:, at.B_MASS], bodies[:, at.B_COM : at.B_COM + 3]
     trace = bodies[:, at.B_INERTIA : at.B_INERTIA + 3].sum(axis=1)
-    moment = float(np.sum(trace / 2 + mass * (com**2).sum(axis=1)))
-    return float(np.sqrt(moment / mass.sum())) if moment > 0 and mass.sum() > 0 else otherwise
+    return trace / 2 + masses * (com**2).sum(axis=1), masses

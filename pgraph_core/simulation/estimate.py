@@ -41,6 +41,7 @@ from .remarks import passed_over, unbalanced, unsure_forces
 if TYPE_CHECKING:
     from ..contact.tables import Tables
 
+MOST_HALVINGS = 5  # runs in search of one that divides no step
 MORE = 1.25  # least number of steps of a finer run relative to the run
 PARTED = 0.3  # rad, or of the motion's size: beyond it, errors no longer add up
 BECAUSE = "its error is not estimated, because"
@@ -203,6 +204,11 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     """
     steps, given = int(record.steps.counters["steps"]), plan.tolerance
     finer = finer_plan(plan, steps)
+    if record.steps.divided:
+        found = _undivided(record, finer)
+        if not isinstance(found, str) or not plan.method.adaptive:
+            return found
+        finer = finer_plan(plan, steps, divided=True)
     ahead = plan.onward() if record.met else plan
     halved = ahead.tolerance is None and (ahead.impulses or may_jump(record, ahead))
     plans = (offset_plan(finer, ahead, 2**k) for k in range(1, 5)) if halved else (finer,)
@@ -218,6 +224,20 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     tight = plan if isinstance(first, str) else half
     second = _again(record, no_wider(tight, 0.5 * float(np.ptp(plan.times)) / steps))
     return first if isinstance(second, str) else second
+
+
+def _undivided(record: Recording, finer: RunPlan) -> Recording | str:
+    """Return a run with steps of at most half the size of those of a run that has divided steps.
+
+    Where smaller steps are solved, the run has divided its own ones at most to that size.
+    """
+    solved = False
+    for k in range(MOST_HALVINGS):
+        other = _again(record, replace(finer, parts=finer.parts * 2**k))
+        if isinstance(other, str) or solved:
+            return other
+        solved = other.steps.divided == 0
+    return "steps of a sixteenth of the size are divided, too"
 
 
 def _more(record: Recording, finer: Recording, what: str) -> bool:

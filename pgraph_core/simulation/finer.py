@@ -28,6 +28,7 @@ from ..engine.stepping.widths import GOLDEN
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 from .failures import readers
+from .options import MOST_CHOSEN, Tolerance
 from .plan import NO_PLAN, RunPlan
 from .recording import Recording
 
@@ -42,21 +43,24 @@ MOST_FINER = 32  # steps for one of the run, where two are expected
 STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
 
 
-def finer_plan(plan: RunPlan, steps: int) -> RunPlan:
+def finer_plan(plan: RunPlan, steps: int, divided: bool = False) -> RunPlan:
     """Return the plan with half the step size or a tighter tolerance, given the number of steps
     taken.
 
-    If adaptive steps end at frames or corners of tables, the finer steps end between them.
+    If adaptive steps end at frames or corners of tables, the finer steps end between them. Instead
+    of given steps that were `divided`, a method that can chooses its steps.
     """
-    kept = plan.__dict__
-    if kept.get(FINER_PLAN, NO_PLAN)[0] != steps:  # runs with given steps ask again and again
-        kept[FINER_PLAN] = steps, _finer_plan(plan, steps)
+    kept, key = plan.__dict__, (steps, divided)
+    if kept.get(FINER_PLAN, NO_PLAN)[0] != key:  # runs with given steps ask again and again
+        kept[FINER_PLAN] = key, _finer_plan(plan, steps, divided)
     return kept[FINER_PLAN][1]
 
 
-def _finer_plan(plan: RunPlan, steps: int) -> RunPlan:
+def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     given = plan.tolerance
-    way = None if plan.way is None else finer_plan(plan.onward(), steps)
+    if given is None and divided and plan.method.adaptive:
+        given = Tolerance(SOLVED, 0.0, 0.5 * float(plan.width.max()), MOST_CHOSEN)
+    way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
     table = plan.drives.table.copy()
     table["creep"] *= 0.5
     if (contacts := plan.contacts) is not None and contacts.compliant:
@@ -192,6 +196,7 @@ class Approach(NamedTuple):
     value: float
     t: float  # [s]
     watched: Callable[[float, Array, Array], float]  # function of (t, q, v), zero at the event
+    remedy: str = "try a smaller step or rtol"
 
 
 def undecided(
@@ -223,7 +228,7 @@ def undecided(
             found.append(
                 f"at t = {near.t:.6g} s the motion comes within {near.value:.2g} of {near.name}, "
                 f"and the error there is about {error:.2g}, so it is not decided whether it "
-                "occurs; try a smaller step or rtol"
+                f"occurs; {near.remedy}"
             )
     return tuple(found)
 
@@ -234,8 +239,18 @@ def _events(record: Recording, watch: Watch) -> list[Approach]:
 
     monitors = watch.monitors
     watched = record.steps.watched[:, record.steps.watched.shape[1] - len(monitors) :]
-    parts = zip(monitors, *watched[[points.NEAREST, points.WHEN]].tolist(), strict=True)
-    return [Approach(f"event '{m.name}'", x, t, m) for m, x, t in parts if math.isfinite(x)]
+    nearest, when = watched[[points.NEAREST, points.WHEN]].tolist()
+    found = []
+    for number, (m, x, t) in enumerate(zip(monitors, nearest, when, strict=True)):
+        if not math.isfinite(x):
+            continue
+        if number < watch.waiting:
+            remedy = "if it has acted before, give the condition once=True, or a threshold that "
+            remedy += "the motion has left; else try a smaller step or rtol"
+            found.append(Approach(f"the condition '{m.name}'", x, t, m, remedy))
+        else:
+            found.append(Approach(f"event '{m.name}'", x, t, m))
+    return found
 
 
 def grazed(record: Recording) -> list[Approach]:

@@ -148,7 +148,7 @@ class Recording(Running):
     def _empty_frames(self, n: int) -> Frames:
         nb = self.mech.nb if self.plan.contacts else 0
         blocks, touches = len(self.scene.active) - 1, self.plan.touches
-        means = self.plan.method.name == "moreau_jean"
+        means = self.plan.method.name == "moreau_jean" and self.scene.touching is not None
         return empty_frames(n, self.size, blocks, nb, touches, means=means)
 
     def _scene(self) -> Scene:

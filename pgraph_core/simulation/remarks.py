@@ -30,6 +30,7 @@ def remarks(record: Running) -> Iterator[str]:
     if not (np.count_nonzero(record.out.v) or np.count_nonzero(record.out.vdot)):
         yield from at_rest(record)
     yield from pulses(record)
+    yield from hits_unseen(record)
     yield from remembering(record)
     q = record.began[0]
     if q.dot(q) >= MOST_ANGLE**2:
@@ -98,6 +99,40 @@ def pulses(record: Running) -> Iterator[str]:
             f"missed: the acceleration of '{record.mech.packed.body_of(row)}' is "
             f"{acts[k, j]:.3g} {unit}/s^2 beside the change of its velocity; use a step= shorter "
             "than the pulse"
+        )
+
+
+def hits_unseen(record: Running) -> Iterator[str]:
+    """Yield a notice if soft and penalty contacts push between frames, so that frames do not show
+    their forces.
+
+    The change of the velocity between two frames is compared with the accelerations at both. The
+    scale is the range of all velocities of the same unit, at least the speed that a fall by the
+    length of the mechanism gives. If the peak of a smooth hit exceeds the forces at frames by a
+    share p, this difference is about p^1.5. Frames of time stepping contain mean forces.
+    """
+    plan, n = record.plan, record.done
+    jumps = plan.impulses or plan.changes or plan.conditions or plan.contact_points
+    if plan.contacts is None or not plan.method.starts or jumps or n < 3:
+        return
+    mech, nv, t = record.mech, record.mech.nv, record.steps.times[:n, None]
+    v, vdot = record.out.v[:n, :nv], record.out.vdot[:n, :nv]
+    slides = translations(mech.packed.system.rows, nv)
+    fall = np.sqrt(np.linalg.norm(mech.model.gravity) * plan.length)
+    scale = np.ptp(v, axis=0)
+    for same, least in ((slides, fall), (~slides, fall / plan.length)):
+        scale[same] = scale[same].max(initial=least)
+    felt = 0.5 * np.diff(t, axis=0) * (vdot[:-1] + vdot[1:])
+    shares = np.abs(np.diff(v, axis=0) - felt) / np.maximum(scale, np.finfo(float).tiny)
+    k, j = (int(x) for x in np.unravel_index(np.argmax(shares), shares.shape))
+    if shares[k, j] > NAMED**1.5:
+        body = mech.packed.body_of(row_of_velocity(mech.packed.system.rows, j))
+        yield (
+            f"frames are too coarse for the contact forces on '{body}': between t = "
+            f"{float(t[k, 0]):.6g} s and {float(t[k + 1, 0]):.6g} s its velocity changes by "
+            f"{abs(v[k + 1, j] - v[k, j]):.3g} {'m' if slides[j] else 'rad'}/s, for which the "
+            "forces at these frames do not account, so peaks and means of forces miss it; give "
+            "more frames=, or t_eval= with many times around a hit"
         )
 
 

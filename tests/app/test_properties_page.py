@@ -191,7 +191,7 @@ def test_several_numbers_typed_into_a_cell_fill_its_row(bench, served):
         until(lambda n=name, v=shown: shown_of(bench, n) == v, "the row as it was")
     nobody(bench)
     served.send(EditWorld(NOBODY, 1, "steps", (((), ""),)))
-    field(bench, "steps", 0).wait_for()
+    field(bench, "steps", 0).wait_for(state="attached")  # its part of the form may be folded
     nobody(bench)
     for name, at, text, right in OF_THE_MODEL:
         typed(field(bench, name, at), text)

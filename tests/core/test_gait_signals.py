@@ -44,14 +44,19 @@ def expected(load):
 
 @pytest.mark.parametrize("scenario", ["trot", "crawl", "gallop", "stand"])
 def test_a_state_machine_follows_the_phases_of_a_walk(scenario):
-    run = walked(phased(), scenario)
+    """Frames around the last step before a sample have the force that the sample reads."""
+    step = 1e-3
+    samples = np.arange(1, 161) * EVERY
+    times = np.append(0.0, np.stack((samples - step, samples), axis=1))
+    run = pg.simulate(phased(), scenario=scenario, t_end=0.8, t_eval=times, step=step)
     assert run.status.ok
     assert not np.isnan(run.error_estimate)
     for foot in FEET:
-        load = np.linalg.norm(run.contacts.force[foot][1:, 3:], axis=1)
-        assert run.controls[foot][1:].tolist() == expected(load)
-        bears = np.isin(run.phases[foot][1:], ("stance", "slip", "weight acceptance"))
-        assert (bears == (run.controls[foot][1:] > 0)).mean() > 0.97  # forces are means of steps
+        load = np.linalg.norm(run.contacts.force[foot][2::2, 3:], axis=1)
+        found = run.controls[foot][2::2]
+        assert found.tolist() == expected(load)
+        bears = np.isin(run.phases[foot][2::2], ("stance", "slip", "weight acceptance"))
+        assert (bears == (found > 0)).mean() > 0.97  # forces are means of steps
     phases = set(np.concatenate([run.controls[foot] for foot in FEET]))
     assert phases >= ({ACCEPTANCE} if scenario == "stand" else {SWING, ACCEPTANCE, STANCE})
 

@@ -127,7 +127,7 @@ def test_steps_too_wide_for_an_explicit_method_are_reported(method):
     calm = pg.simulate(mech, q, t_end=500 * limit, step=0.9 * limit, **options)
     wild = pg.simulate(mech, q, t_end=500 * limit, step=1.2 * limit, **options)
     assert calm.status.ok
-    assert calm.notices == ()
+    assert all("energy balance" in notice for notice in calm.notices)
     assert any("radau5" in notice for notice in wild.notices)
     fine = pg.simulate(mech, q, t_end=500 * limit, t_eval=wild.t, rtol=1e-12, estimate=False)
     assert not wild.status.ok or wild.error_estimate > 0.2 * worst(wild.q, fine.q)

@@ -46,7 +46,7 @@ def test_chosen_steps_close_the_ledger(lower, upper, up):
     assert run.status.ok
     assert run.energy_drift < 1e-6
     assert -1e-3 < min(gap.min() for gap in run.contact_gap.values()) < 0
-    assert not run.notices
+    assert all("too coarse for the contact forces" in text for text in run.notices)
     run = drop(lower, upper, "soft", up, method="dop853", rtol=1e-6)  # steps that leap in
     assert run.status.ok
     assert run.energy_drift < 1e-3
@@ -265,3 +265,36 @@ def test_a_mesh_much_smaller_than_its_hull_is_reported(tmp_path):
         model = on_ground(pg.Body(name="b", joint="free", shape=shape))
         run = pg.simulate(model, t_end=1e-3, step=1e-3, frames=2, estimate=False)
         assert any("'b'" in n and "hull" in n for n in run.notices) == told
+
+
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+@pytest.mark.parametrize("mass", [0.5, 20.0])
+def test_frames_that_miss_a_hit_are_told(law, mass):
+    """A peak force is a property of the motion, and frames every millisecond do not show it."""
+    inertia = (1e-3 * mass,) * 3
+    shape = pg.Shape(kind="box", size=(0.1, 0.1, 0.1))
+    box = pg.Body(name="box", joint="free", mass=mass, inertia=inertia, shape=shape,
+                  q=(0, 0, 0.3, 1, 0, 0, 0))  # fmt: skip
+    contact = pg.Contact(name="floor", body="box", law=law, restitution=0.3)
+    model = pg.Model(bodies=[box], contacts=[contact])
+
+    def peak(times):
+        run = pg.simulate(model, t_eval=times, t_end=times[-1], rtol=1e-9, estimate=False)
+        told = [text for text in run.notices if "too coarse for the contact forces" in text]
+        return np.abs(run.contact_force["floor"][:, 5]).max(), told
+
+    coarse, told = peak(np.linspace(0.0, 0.3, 301))
+    hit = np.linspace(0.22, 0.24, 20001)
+    fine, silent = peak(np.concatenate(([0.0], hit, [0.3])))
+    assert not silent
+    assert bool(told) == (abs(coarse - fine) > 0.1 * fine)
+    assert told or law == "penalty"
+
+
+def test_boxes_at_rest_and_balls_that_roll_have_no_hits():
+    shape = pg.Shape(kind="box", size=(0.1, 0.1, 0.1))
+    body = pg.Body(name="b", joint="free", mass=2.0, inertia=(3e-3,) * 3, shape=shape,
+                   q=(0, 0, 0.05, 1, 0, 0, 0), v=(0, 0, 0, 0.5, 0, 0))  # fmt: skip
+    contact = pg.Contact(name="floor", body="b", law="soft", friction=0.3)
+    run = pg.simulate(pg.Model(bodies=[body], contacts=[contact]), t_end=1.0, estimate=False)
+    assert not any("too coarse" in text for text in run.notices)
