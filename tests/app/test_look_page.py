@@ -224,8 +224,11 @@ def test_the_view_is_not_black_until_its_background_is_loaded(page):
         page.evaluate(off % picture)
         shows(page, drawn % seen)
     same = """() => { const of = (box) => getComputedStyle(document.querySelector(box));
-      return of("#root canvas").backgroundColor === of("body").backgroundColor; }"""
+      return of("#root canvas[data-engine]").backgroundColor === of("body").backgroundColor; }"""
     assert page.evaluate(same)
+    seen_through = """() => [...document.querySelectorAll("#root canvas:not([data-engine])")]
+      .every((one) => getComputedStyle(one).backgroundColor === "rgba(0, 0, 0, 0)")"""
+    assert page.evaluate(seen_through)  # the canvas of selections lies over the picture
 
 
 def test_notices_are_of_one_kind_are_closed_and_are_read_whole(page):
