@@ -712,7 +712,9 @@ def constrained_at_once(checked: Called) -> Called:
                 tau = rest if tau is None else tau
                 if len(q) == nq and len(v) == nv and len(tau) == nv:
                     vdot, wrenches = EMPTY(nv), EMPTY(shape)
-                    if kernel(scene, accelerate, t, q, v, tau, flow, vdot, wrenches) == 0:
+                    with mech._lock:  # `_passive` gives its torques to the same scene
+                        code = kernel(scene, accelerate, t, q, v, tau, flow, vdot, wrenches)
+                    if code == 0:
                         return vdot, forces(wrenches)
         except UNFIT:
             pass

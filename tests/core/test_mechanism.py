@@ -147,7 +147,7 @@ def test_threads_may_share_a_mechanism_and_its_edits():
     sys.setswitchinterval(1e-6)
     try:
         with ThreadPoolExecutor(4) as pool:
-            for mine, found in zip(2 * alone, pool.map(answers, 2 * states)):
+            for mine, found in zip(100 * alone, pool.map(answers, 100 * states)):
                 assert all(map(np.array_equal, mine, found))
     finally:
         sys.setswitchinterval(interval)
