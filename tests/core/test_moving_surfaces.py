@@ -215,7 +215,7 @@ def test_soft_contacts_of_every_method_travel_with_the_belt(method, speed):
     """Regularised friction misses Coulomb's by (1 mm/s / slip)² / 2."""
     mu = 0.5
     t_end = 2 * abs(speed) / (mu * G)
-    options = {"step": 1e-5} if method == "rk4" else {}
+    options = {"step": 2e-5} if method == "rk4" else {}
     model = world(load(), belt((speed, 0, 0)), law="soft", friction=mu)
     found = pg.simulate(model, t_end=t_end, method=method, estimate=False, **options)
     assert found["v.b"][-1, 3] == pytest.approx(speed, rel=5e-3)

@@ -201,6 +201,23 @@ def test_boxes_face_to_face_touch_at_the_corners_of_the_common_area(turn, count,
     np.testing.assert_allclose(touch.a.mean(axis=0)[:2], 0, atol=1e-9)
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("sizes", [((0.4, 0.4, 0.1), (1e3, 1e3, 1)), ((9, 1, 1), (1, 9, 1))])
+def test_nearly_parallel_faces_touch_where_they_overlap(sizes, size):
+    """A corner beside the common area touches nothing, however little it is nearer to the face."""
+    small, large = (size * np.array(x) for x in sizes)
+    area = np.minimum(small, large)[:2] / 2
+    rng = np.random.default_rng(5)
+    for tilt in 10.0 ** np.arange(-15.0, -6.0, 0.5):
+        turn = Rotation.from_rotvec(tilt * rng.uniform(-1, 1, 3))
+        for depth in (1e-6, 1e-5):
+            above = pose((0, 0, (small[2] + large[2]) / 2 - depth * size), turn)
+            shapes = [solids.box(tuple(small)), solids.box(tuple(large))]
+            touch = Scene(shapes, [above, pose()]).pair(margin=0.0)
+            assert len(touch.gap)
+            assert (abs(touch.a[:, :2]) <= area + 1e-5 * size).all()
+
+
 def test_edges_that_cross_touch_at_one_point():
     up = Rotation.from_euler("y", 45, degrees=True)
     poses = [pose((0, 0, np.sqrt(2) + 0.01), Rotation.from_euler("z", 90, degrees=True) * up)]

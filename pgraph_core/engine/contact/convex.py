@@ -340,10 +340,13 @@ def by_face(geometry, room, row, a, found, b, radii, kind, origin, size, margin,
     if low > separation + CERTAIN * size:
         if separation > 0.0:
             return -1
-        m += 1  # the deepest vertex lies beside the face: it belongs to the touch all the same
-        set_xyz(room[row + m - 1].place, xyz(room[b.first + deepest].place))
-        room[row + m - 1].height = separation
-        room[row + m - 1].tag = deepest
+        # The faces are parallel within the tolerance of a tie, and the deepest vertex of b lies
+        # beside the face of a. Where the faces overlap, b touches there and not at this vertex.
+        if m == 0:
+            m = 1
+            set_xyz(room[row].place, xyz(room[b.first + deepest].place))
+            room[row].height = separation
+            room[row].tag = deepest
     return face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, out, n)
 
 
