@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..dynamics.arguments import positions
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
+from ..engine.compiler.jit import made_by_numba
 from ..engine.records import CREEP
 from ..errors import InputError, choices
 from ..joints import SIZE
@@ -21,8 +23,11 @@ from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..result.records import energy_drift
 from ..tolerances import NAMED, NOTABLE, SOLVED, VISIBLE
+from .plan import RunPlan
 from .rates import fastest_rate, fastest_swings
 from .running import Running
+
+BETWEEN = 64  # frames between two, for a hit that is shorter than they are apart
 
 
 def remarks(record: Running) -> Iterator[str]:
@@ -103,36 +108,76 @@ def pulses(record: Running) -> Iterator[str]:
 
 
 def hits_unseen(record: Running) -> Iterator[str]:
-    """Yield a notice if soft and penalty contacts push between frames, so that frames do not show
-    their forces.
+    """Yield a notice if the peak of a soft or penalty contact force lies between frames and exceeds
+    those at frames by more than NAMED.
 
-    The change of the velocity between two frames is compared with the accelerations at both. The
-    scale is the range of all velocities of the same unit, at least the speed that a fall by the
-    length of the mechanism gives. If the peak of a smooth hit exceeds the forces at frames by a
-    share p, this difference is about p^1.5. Frames of time stepping contain mean forces.
+    The force M Δv / h that the velocities show between two frames is compared with the mean of M v'
+    at both. If a force changes smoothly, they differ by f'' h² / 12, and frames miss at most
+    f'' h² / 8 of a peak. Where that is NAMED**1.5 of the largest force of the same unit, the run is
+    repeated with more frames there. A torque function that may remember its calls is not called
+    again.
+    Frames of time stepping contain mean forces.
     """
-    plan, n = record.plan, record.done
+    plan, n, tau = record.plan, record.done, record.tau
     jumps = plan.impulses or plan.changes or plan.conditions or plan.contact_points
     if plan.contacts is None or not plan.method.starts or jumps or n < 3:
         return
-    mech, nv, t = record.mech, record.mech.nv, record.steps.times[:n, None]
-    v, vdot = record.out.v[:n, :nv], record.out.vdot[:n, :nv]
-    slides = translations(mech.packed.system.rows, nv)
-    fall = np.sqrt(np.linalg.norm(mech.model.gravity) * plan.length)
-    scale = np.ptp(v, axis=0)
-    for same, least in ((slides, fall), (~slides, fall / plan.length)):
-        scale[same] = scale[same].max(initial=least)
-    felt = 0.5 * np.diff(t, axis=0) * (vdot[:-1] + vdot[1:])
-    shares = np.abs(np.diff(v, axis=0) - felt) / np.maximum(scale, np.finfo(float).tiny)
-    k, j = (int(x) for x in np.unravel_index(np.argmax(shares), shares.shape))
-    if shares[k, j] > NAMED**1.5:
-        body = mech.packed.body_of(row_of_velocity(mech.packed.system.rows, j))
+    mech, nv, t = record.mech, record.mech.nv, record.steps.times[:n]
+    (q, v), vdot = _motion(record, n), record.out.vdot[:n, :nv]
+    hidden = np.diff(v, axis=0) / np.diff(t)[:, None] - 0.5 * (vdot[:-1] + vdot[1:])
+    again = not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
+    with suppress(InputError):  # a diverged state may lack orientations
+        inertia = np.array([mech.mass_matrix(x) for x in q])
+        shown = np.abs(np.einsum("nij,nj->ni", inertia, vdot))
+        missed = 1.5 * np.abs(np.einsum("nij,nj->ni", inertia[:-1], hidden))
+        slides, near = translations(mech.packed.system.rows, nv), np.zeros(n - 1, dtype=bool)
+        for same in (slides, ~slides):
+            peak = shown[:, same].max(initial=0.0)
+            near |= missed[:, same].max(axis=1, initial=0.0) > NAMED**1.5 * peak
+        if near.any():
+            near = np.convolve(near, np.ones(3), "same") > 0.0  # the peak may be next to it
+            yield from _peaks(record, record.repeated(_between(record, near)) if again else None)
+
+
+def _between(record: Running, near: Any) -> RunPlan:
+    """Return the plan of a run with more frames between those that a mask (n - 1,) selects."""
+    plan, n = record.planned, record.done
+    fixed = plan.tolerance is None
+    parts = np.ones(n - 1, dtype=np.int64)
+    parts[near] = plan.substeps[: n - 1][near] if fixed else BETWEEN
+    ends = np.append(0, np.cumsum(parts))
+    times = np.interp(np.arange(ends[-1] + 1), ends, record.steps.times[:n])
+    steps: Any = {}
+    if fixed:
+        steps["substeps"] = np.repeat(plan.substeps[: n - 1] // parts, parts)
+        steps["width"] = np.repeat(plan.width[: n - 1], parts)
+    return replace(plan, times=times, shown=None, **steps)
+
+
+def _peaks(record: Running, other: Running | None) -> Iterator[str]:
+    """Yield a notice about the contact whose peak the frames miss most, by those of another run."""
+    begin = "frames are too coarse for the contact forces"
+    do = "give more frames=, or t_eval= with many times around a hit"
+    if other is None:
+        yield f"{begin}, which change much between them, so that they may miss peaks: {do}"
+        return
+    assert record.plan.contacts is not None, "only contacts have such peaks"
+    touches = record.plan.contacts.touches
+    n, m = record.done, other.done
+    if not touches or m < n or not other.ended.ok:
+        return
+    ours, theirs = (
+        np.linalg.norm(x.out.pairs["force"][:k, : len(touches)], axis=2)
+        for x, k in ((record, n), (other, m))
+    )
+    peaks, reached = ours.max(axis=0), theirs.max(axis=0)
+    lack = np.where(reached > NAMED * reached.max(), reached - (1.0 + NAMED) * peaks, 0.0)
+    j = int(lack.argmax())
+    if lack[j] > 0.0:
+        when = float(other.steps.times[int(theirs[:, j].argmax())])
         yield (
-            f"frames are too coarse for the contact forces on '{body}': between t = "
-            f"{float(t[k, 0]):.6g} s and {float(t[k + 1, 0]):.6g} s its velocity changes by "
-            f"{abs(v[k + 1, j] - v[k, j]):.3g} {'m' if slides[j] else 'rad'}/s, for which the "
-            "forces at these frames do not account, so peaks and means of forces miss it; give "
-            "more frames=, or t_eval= with many times around a hit"
+            f"{begin} of '{touches[j].contact.name}': the largest is {reached[j]:.4g} N at t = "
+            f"{when:.6g} s, and {peaks[j]:.4g} N at frames; {do}"
         )
 
 

@@ -25,6 +25,7 @@ class Running(ABC):
 
     mech: Mechanism
     plan: RunPlan
+    planned: RunPlan  # the initial plan, with the recorded frames
     tau: Any  # torques, a function of (t, q, v), or None
     user: UserTorque | None = None  # caller of a torque function
     scene: Scene
