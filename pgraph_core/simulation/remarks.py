@@ -27,7 +27,10 @@ from .plan import RunPlan
 from .rates import fastest_rate, fastest_swings
 from .running import Running
 
-BETWEEN = 64  # frames between two, for a hit that is shorter than they are apart
+BETWEEN = 64  # frames between two in one round of the search for a hit
+ROUNDS = 3  # of that search, for hits that are 64**3 times shorter than frames are apart
+COARSE = "frames are too coarse for the contact forces"
+MANY = "give more frames=, or t_eval= with many times around a hit"
 
 
 def remarks(record: Running) -> Iterator[str]:
@@ -111,32 +114,59 @@ def hits_unseen(record: Running) -> Iterator[str]:
     """Yield a notice if the peak of a soft or penalty contact force lies between frames and exceeds
     those at frames by more than NAMED.
 
+    Where a force may change between frames, the run is repeated with more frames there, ROUNDS
+    times at most. A torque function that may remember its calls is not called again. Frames of time
+    stepping contain mean forces.
+    """
+    plan, tau, other = record.plan, record.tau, record
+    jumps = plan.impulses or plan.changes or plan.conditions or plan.contact_points
+    if plan.contacts is None or not plan.method.starts or jumps:
+        return
+    again = not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
+    for _ in range(ROUNDS):
+        near = _changing(other)
+        finer = _between(other, near) if near.any() else other.planned
+        if len(finer.times) <= other.done:
+            break
+        if not again:
+            yield f"{COARSE}, which change much between them, so that they may miss peaks: {MANY}"
+            return
+        other = other.repeated(finer)
+        if not other.ended.ok or other.done < len(finer.times):
+            return
+    if other is not record:
+        yield from _peaks(record, other)
+
+
+def _changing(record: Running) -> Any:
+    """Return a mask (n - 1,) of pairs of frames between which a force may hide, and their
+    neighbours.
+
     The force M Δv / h that the velocities show between two frames is compared with the mean of M v'
     at both. If a force changes smoothly, they differ by f'' h² / 12, and frames miss at most
-    f'' h² / 8 of a peak. Where that is NAMED**1.5 of the largest force of the same unit, the run is
-    repeated with more frames there. A torque function that may remember its calls is not called
-    again.
-    Frames of time stepping contain mean forces.
+    f'' h² / 8 of a peak. It may hide where that is NAMED**1.5 of the largest force of its unit, in
+    at most BETWEEN places.
     """
-    plan, n, tau = record.plan, record.done, record.tau
-    jumps = plan.impulses or plan.changes or plan.conditions or plan.contact_points
-    if plan.contacts is None or not plan.method.starts or jumps or n < 3:
-        return
-    mech, nv, t = record.mech, record.mech.nv, record.steps.times[:n]
+    mech, n, nv = record.mech, record.done, record.mech.nv
+    share = np.zeros(max(n - 1, 0))
+    if n < 3:
+        return share > 0.0
     (q, v), vdot = _motion(record, n), record.out.vdot[:n, :nv]
-    hidden = np.diff(v, axis=0) / np.diff(t)[:, None] - 0.5 * (vdot[:-1] + vdot[1:])
-    again = not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
+    h = np.diff(record.steps.times[:n])[:, None]
+    hidden = np.diff(v, axis=0) / h - 0.5 * (vdot[:-1] + vdot[1:])
     with suppress(InputError):  # a diverged state may lack orientations
         inertia = np.array([mech.mass_matrix(x) for x in q])
         shown = np.abs(np.einsum("nij,nj->ni", inertia, vdot))
         missed = 1.5 * np.abs(np.einsum("nij,nj->ni", inertia[:-1], hidden))
-        slides, near = translations(mech.packed.system.rows, nv), np.zeros(n - 1, dtype=bool)
+        slides = translations(mech.packed.system.rows, nv)
         for same in (slides, ~slides):
             peak = shown[:, same].max(initial=0.0)
-            near |= missed[:, same].max(axis=1, initial=0.0) > NAMED**1.5 * peak
-        if near.any():
-            near = np.convolve(near, np.ones(3), "same") > 0.0  # the peak may be next to it
-            yield from _peaks(record, record.repeated(_between(record, near)) if again else None)
+            share = np.maximum(share, missed[:, same].max(axis=1, initial=0.0) / (peak or 1.0))
+    near = share > NAMED**1.5
+    near[np.argsort(share)[:-BETWEEN]] = False
+    near[1:] |= near[:-1].copy()
+    near[:-1] |= near[1:].copy()
+    return near
 
 
 def _between(record: Running, near: Any) -> RunPlan:
@@ -154,21 +184,15 @@ def _between(record: Running, near: Any) -> RunPlan:
     return replace(plan, times=times, shown=None, **steps)
 
 
-def _peaks(record: Running, other: Running | None) -> Iterator[str]:
+def _peaks(record: Running, other: Running) -> Iterator[str]:
     """Yield a notice about the contact whose peak the frames miss most, by those of another run."""
-    begin = "frames are too coarse for the contact forces"
-    do = "give more frames=, or t_eval= with many times around a hit"
-    if other is None:
-        yield f"{begin}, which change much between them, so that they may miss peaks: {do}"
-        return
     assert record.plan.contacts is not None, "only contacts have such peaks"
     touches = record.plan.contacts.touches
-    n, m = record.done, other.done
-    if not touches or m < n or not other.ended.ok:
+    if not touches:
         return
     ours, theirs = (
-        np.linalg.norm(x.out.pairs["force"][:k, : len(touches)], axis=2)
-        for x, k in ((record, n), (other, m))
+        np.linalg.norm(x.out.pairs["force"][: x.done, : len(touches)], axis=2)
+        for x in (record, other)
     )
     peaks, reached = ours.max(axis=0), theirs.max(axis=0)
     lack = np.where(reached > NAMED * reached.max(), reached - (1.0 + NAMED) * peaks, 0.0)
@@ -176,8 +200,8 @@ def _peaks(record: Running, other: Running | None) -> Iterator[str]:
     if lack[j] > 0.0:
         when = float(other.steps.times[int(theirs[:, j].argmax())])
         yield (
-            f"{begin} of '{touches[j].contact.name}': the largest is {reached[j]:.4g} N at t = "
-            f"{when:.6g} s, and {peaks[j]:.4g} N at frames; {do}"
+            f"{COARSE} of '{touches[j].contact.name}': the largest is {reached[j]:.4g} N at t = "
+            f"{when:.6g} s, and {peaks[j]:.4g} N at frames; {MANY}"
         )
 
 

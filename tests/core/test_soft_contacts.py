@@ -288,6 +288,7 @@ def test_frames_that_miss_a_hit_are_told(law, mass):
     fine, silent = peak(np.concatenate(([0.0], hit, [0.3])))
     assert not silent
     assert bool(told) == (abs(coarse - fine) > 0.1 * fine)
+    assert peak(np.array((0.0, 0.15, 0.3)))[1]
     assert told or law == "penalty"
 
 
