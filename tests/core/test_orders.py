@@ -15,7 +15,7 @@ METHODS = {  # order, duration [s] and steps of trees, steps of the loop and of 
     "semi_implicit_euler": (1, 0.25, (100, 200, 400, 800), (100, 200, 400), (100, 200, 400)),
     "dopri5": (5, 1.0, (120, 150, 190, 240), (60, 90, 130), (20, 30, 45)),
     # fewer steps than 13: the tumbling body's error, 3e-15 at 15 steps, is near that of the
-    # reference, 1e-15 (with a reference of 50 digits the slope from 8 to 15 steps is 7.9)
+    # reference, 1e-15 (with a reference of 34 digits the slope from 8 to 15 steps is 7.9)
     "dop853": (8, 0.5, (6, 8, 10, 12), (10, 13, 17), (8, 10, 13)),
     "radau5": (5, 0.25, (8, 12, 18, 27), (20, 30, 45), (8, 12, 18)),
     "gauss6": (6, 0.25, (6, 8, 11, 15), (10, 13, 17), (10, 13, 17)),
