@@ -107,6 +107,18 @@ def test_maps_and_reports_for_programs(capsys, tmp_path):
     assert (data["t_end"], data["frames"]) == (2.0, 41)
 
 
+def test_a_map_runs_the_first_scenario_as_a_run_does_unless_none_is_asked(capsys):
+    """A crank at rest does not move without its scenario, and then every step is right."""
+    few = ("--values", "1", "--methods", "rk4", "--steps", "0.1,0.05")
+    turning = answered(capsys, "stability", "four_bar", *few)
+    still = answered(capsys, "stability", "four_bar", *few, "--scenario", "none")
+    assert (turning["scenario"], turning["t_end"]) == ("turn", 10.0)
+    assert (still["scenario"], still["t_end"]) == (None, 1.0)
+    moved, rested = ([c["error"] for c in each["cells"]] for each in (turning, still))
+    assert min(moved) > 1e-6 > max(rested)
+    assert "scenario turn" in printed(capsys, "stability", "four_bar", *few)[0]
+
+
 def test_models_lists_all(capsys):
     models = answered(capsys, "models")["models"]
     assert tuple(m["name"] for m in models) == pgraph_models.names()

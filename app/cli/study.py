@@ -153,24 +153,23 @@ def _axis(parser: ArgumentParser) -> None:
     takes("--steps", type=numbers, metavar="S,S", help="default: 0.1 to 1e-4 [s]"),
     T_END,
     takes("--target", type=positive, metavar="E", help="largest acceptable error"),
-    takes("--scenario", help="default: none"),
+    SCENARIO,
     WITHIN,
     takes("-o", "--output", metavar="FILE", help="write a page (.html), .json, .svg or .txt"),
 )
 def stability(args: Namespace) -> Answer:
     """Make a map of one axis. Raises PgraphError."""
     _writable(args.output, pg.StabilityMap.SUFFIXES)
-    asked = ("axis", "values", "methods", "steps", "t_end", "target", "scenario", "within")
+    asked = ("axis", "values", "methods", "steps", "t_end", "target", "within")
     options = {name: x for name in asked if (x := getattr(args, name)) is not None}
-    bar = progress_bar()
+    model, bar = open_model(args), progress_bar()
+    options["scenario"] = first_scenario(model, args.scenario)
 
     def shown(so_far: pg.StabilityMap) -> None:
         bar.table = tuple(so_far.grid)
 
     try:
-        found = pg.stability_map(
-            open_model(args), progress=lambda x: bar("map", x), partial=shown, **options
-        )
+        found = pg.stability_map(model, progress=lambda x: bar("map", x), partial=shown, **options)
     finally:
         bar("", 1.0)
     if args.output:

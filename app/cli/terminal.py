@@ -23,6 +23,7 @@ from pgraph_core.study import figures
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
 LONGEST = 1e9  # [s] limit on a run's duration (thirty years), beyond which it does not end
+FREE = "none"  # in place of a scenario
 WIDTH = 30  # characters of the bar
 
 SILENCE = 5.0  # [s] between two lines about long work, if output is piped
@@ -107,8 +108,14 @@ def model_path(name: str) -> Path:
 
 
 def first_scenario(model: pg.Model, given: str | None) -> str | None:
-    """Return the given scenario, or the model's first one, or None if there are none."""
-    return given or next((s.name for s in model.scenarios), None)
+    """Return the given scenario, or the model's first one, or None if there are none.
+
+    "none" is the model as it is, unless a scenario has this name.
+    """
+    names = [s.name for s in model.scenarios]
+    if given == FREE and FREE not in names:
+        return None
+    return given or next(iter(names), None)
 
 
 def whole(least: int, most: int | None = None, about: str = "") -> Callable[[str], int]:
@@ -208,7 +215,10 @@ FILES = (
 )  # fmt: skip
 NAMED = "a file or the name of a built-in model"
 MODEL = (takes("model", metavar="MODEL", help=NAMED), *FILES)
-SCENARIO = takes("--scenario", help="default: the model's first one")
+SCENARIO = takes(
+    "--scenario", metavar="NAME",
+    help=f"default: the model's first one; {FREE}: the model as it is, without a scenario",
+)  # fmt: skip
 T_END = takes("--t-end", type=above_0(LONGEST, " s"), metavar="S", help="duration [s]")
 METHODS = takes("--methods", type=names, metavar="M,M", help="default: all that fit")
 

@@ -300,6 +300,7 @@ class StabilityMap(Saved):
     cells: tuple[Cell, ...]
     complete: bool = True  # False: it was cancelled, and these are the cells so far
     own: float | None = None  # the value of the model as it is, if it is among them
+    scenario: str | None = None
 
     def __str__(self) -> str:
         text = [self.title, "", *self.grid, "", *self._legend(), "", self.advice, ""]
@@ -400,9 +401,10 @@ class StabilityMap(Saved):
         unit = f" [{self.unit}]" if self.unit else ""
         steps = ", ".join(f"{s:g}" for s in self.steps)
         each = f"; steps {steps} s from left to right" if self.steps else ""
+        scenario = f", scenario {self.scenario}" if self.scenario else ""
         return (
-            f"{self.model}: {self.what}{unit}, {self.t_end:g} s, errors up to {self.target:g} "
-            f"rad or of the length are OK{each}"
+            f"{self.model}{scenario}: {self.what}{unit}, {self.t_end:g} s, "
+            f"errors up to {self.target:g} rad or of the length are OK{each}"
         )
 
     def _legend(self) -> list[str]:

@@ -15,18 +15,18 @@ import numpy as np
 
 from ..dynamics.states import with_initial
 from ..errors import InputError, PgraphError, choices, explained, refusal
+from ..fields import EMPTY
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..packing import Array
 from ..result import Result, Status
-from ..simulation import simulate
 from ..simulation.options import positive
 from ..simulation.start import with_state
 from ..tolerances import NOTABLE
-from .axes import AXES, Axis, applicable, changed, first_axis
+from .axes import AXES, Axis, applicable, first_axis
 from .map import Cell, StabilityMap, Verdict, judged, step_limit
 from .reference import KnownMotion, known_motion, merged, per_step, weight_of
-from .task import WITHIN, Setting, Task, finite_numbers, methods_of, time_limit
+from .task import WITHIN, Setting, Task, finite_numbers, methods_of, start, time_limit
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 BUDGET = 20_000_000  # evaluations of a run, times `weight_of`: a second or two
@@ -54,6 +54,12 @@ class Sweep(NamedTuple):
     sorted: bool  # by how often they are right, since nobody named the methods
     freedoms: int
     allowed: int  # evaluations of a run
+    scenario: str | None  # which of the model, whose gait and switches act
+
+    def task(self, mech: Mechanism, times: Array) -> Task:
+        """Return the task of a run of this mechanism from its own state, stabilised."""
+        q, v = mech.home()
+        return Task(mech, q[: mech.nq], v[: mech.nv], times, self.scenario)
 
 
 class Line(NamedTuple):
@@ -118,7 +124,8 @@ def stability_map(
     target : float
         Largest acceptable error [rad, or relative to the length of the mechanism].
     scenario, stabilise :
-        As in `simulate`.
+        As in `simulate`. Gaits and switches of the scenario act, and the axis varies the model in
+        its initial state.
     budget : int
         Maximum number of dynamics evaluations of a run, multiplied by the number of elementary
         motions.
@@ -148,7 +155,7 @@ def stability_map(
     model = started(model, q, v)
     sweep = _checked(
         model, axis or first_axis(model), values, methods, steps, t_end or duration, target, budget,
-        stabilise,
+        stabilise, scenario,
     )  # fmt: skip
     time_limit(CALL, within)
     work = Work(progress, time.perf_counter() + within)
@@ -163,7 +170,7 @@ def _rank(cells: Sequence[Cell], method: str) -> tuple[int, int]:
 
 def _checked(
     model: Model, axis: str, values: Any, methods: Any, steps: Any, t_end: Any, target: Any,
-    budget: int, stabilise: str | None,
+    budget: int, stabilise: str | None, scenario: str | None,
 ) -> Sweep:  # fmt: skip
     if axis not in AXES:
         text = f"no axis is named {axis!r}; choose one of {choices(AXES, len(AXES))}"
@@ -199,7 +206,7 @@ def _checked(
     mech = mechanism_of(model, CALL)
     return Sweep(
         model, chosen, numbers, names, widths, end, aim, int(budget), stabilise, own,
-        methods is None, mech.nv, int(budget) // weight_of(mech),
+        methods is None, mech.nv, int(budget) // weight_of(mech), scenario,
     )  # fmt: skip
 
 
@@ -209,27 +216,26 @@ def _checked(
 def in_scenario(model: Model, name: str | None) -> tuple[Model, float]:
     """Apply a scenario's state, forces and active parts to the model. Return (model, duration [s]).
 
-    Raises ModelError for an unknown scenario, InputError for one with switches.
+    The returned model keeps the scenario with its gait and switches only. Raises ModelError for an
+    unknown scenario.
     """
     if name is None:
         return model, 1.0
-    s = model.scenario(name)
-    if s.switches:
-        text = f"{name} switches constraints on and off, which a map does not support; "
-        raise refusal(CALL, "scenario", f"{text}choose another, or none")
-    bodies = tuple(
-        changed(b, q=s.q.get(b.name, b.q), v=s.v.get(b.name, b.v))
-        if b.name in s.q or b.name in s.v
-        else b
-        for b in model.bodies
-    )
+    s, mech = model.scenario(name), mechanism_of(model, CALL)
+    q, v = start(mech, name, None, None)
+    model = with_initial(model, q[: mech.nq], v[: mech.nv])
     constraints, contacts = (
         parts
         if names is None
         else tuple(p.unchecked_copy({"active": p.name in names}) for p in parts)
         for parts, names in ((model.constraints, s.constraints), (model.contacts, s.contacts))
     )
-    parts = {"bodies": bodies, "constraints": constraints, "contacts": contacts, "scenarios": ()}
+    rest = {"q": EMPTY, "v": EMPTY, "forces": (), "constraints": None, "contacts": None}
+    parts = {
+        "constraints": constraints,
+        "contacts": contacts,
+        "scenarios": (s.unchecked_copy(rest),),
+    }
     return model.replace(**parts, forces=(*model.forces, *s.forces)), s.t_end
 
 
@@ -371,17 +377,18 @@ class Drawing:
             sweep.model.name, sweep.axis.name, sweep.axis.what, sweep.axis.unit, sweep.values,
             names, sweep.steps, sweep.t_end, sweep.target,
             tuple(line.reference for line in self.lines), _advised(cells), complete, sweep.own,
+            sweep.scenario,
         )  # fmt: skip
 
 
 def _load(sweep: Sweep) -> None:
     """Load the kernels once, so that the threads do not all compile them."""
     mech = mechanism_of(sweep.model, "stability_map")
-    impulses = Task(mech, None, None, np.zeros(1)).impulses
+    impulses = sweep.task(mech, np.zeros(1)).impulses
     own = ("rk4", "moreau_jean") if impulses else ("radau5", "dop853", "dopri5")
     for name in dict.fromkeys((*sweep.methods, *own)):
         try:
-            simulate(mech, t_end=1e-9, step=1e-9, method=name, estimate=False)
+            sweep.task(mech, np.linspace(0.0, 1e-9, 2)).run(name, Setting(step=1e-9))
         except PgraphError:
             continue  # each cell reports it
 
@@ -393,7 +400,7 @@ def _line(sweep: Sweep, value: float, work: Work, left: float) -> Line:
     try:
         model = sweep.axis.applied(sweep.model, value)
         times = merged([times_of(sweep.t_end, step) for step in steps], sweep.t_end)
-        task = Task(Mechanism(model), None, None, times)
+        task = sweep.task(Mechanism(model), times)
         known = known_motion(task, min(steps), sweep.target, sweep.budget, work.until(ends))
     except PgraphError as refused:
         return Line(value, None, steps, None, str(refused))
@@ -437,7 +444,8 @@ def _measured(
     if (most := count * each) > sweep.allowed:
         text = f"about {most:.1e} evaluations, of which the budget allows {sweep.allowed:.1e}"
         return Cell(cell.value, cell.method, cell.step, Verdict.SLOW, text, evaluations=most)
-    task = Task(mech, None, None, times_of(sweep.t_end, cell.step), stabilise=sweep.stabilise)
+    task = sweep.task(mech, times_of(sweep.t_end, cell.step))
+    task = replace(task, stabilise=sweep.stabilise)
     whole, half = (  # implicit steps that cannot be solved are divided, and may become many
         task.run(
             cell.method,

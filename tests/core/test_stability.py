@@ -406,3 +406,19 @@ def test_a_refused_axis_lists_those_that_apply():
     facts = r"friction varies contacts.*choose one of speed, step$"
     with pytest.raises(pg.InputError, match=facts):
         pg.stability_map(built_in("pendulum").model, axis="friction")
+
+
+def test_gaits_and_switches_of_a_scenario_act_in_a_map():
+    """A pendulum that is released at 0.5 s, and legs whose gait holds them up."""
+    lock = pg.Constraint(name="lock", kind="weld", body="a", active=True)
+    off = pg.Scenario(name="off", switches=[{"t": 0.5, "constraint": "lock", "active": False}])
+    bob = mass("a", q=(1.0,))
+    model = pg.Model(bodies=(bob,), constraints=(lock,), scenarios=(off,), **DOWN)
+    held, duration = stability.in_scenario(model, "off")
+    assert (len(held.scenarios[0].switches), duration) == (1, 1.0)
+    given = {"axis": "step", "values": [1e-2], "methods": ["rk4"]}
+    assert one_cell(model, scenario="off", **given).status == "OK"
+    trot = built_in("quadruped_hips").model
+    kept, _ = stability.in_scenario(trot, "trot")
+    assert kept.scenarios[0].gait == trot.scenario("trot").gait
+    assert any(kept.body(b.name).q != b.q for b in trot.bodies)  # the gait's own start
