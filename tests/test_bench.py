@@ -15,7 +15,10 @@ from benchmarks.measure import Effort, compared, in_turns
 from pgraph_app.cli import main
 
 KNOWN = benchmarks()
-SLOW = {"accelerations", "figures", "first_use", "fits"}  # compile, or start other programs
+SLOW = {  # compile, start other programs, or take more than a second
+    "accelerations", "batches", "building", "contact_solvers", "derivatives", "figures",
+    "first_use", "fits", "gaits", "inverse", "steps", "sweeps", "work_precision",
+}  # fmt: skip
 QUICK = Effort(quick=True)
 
 

@@ -12,6 +12,7 @@ import pgraph_core as pg
 from pgraph_core.formats import read_model
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.rotation import matrix
+from tests.nights import combined
 from tests.pairs import touching
 from tests.refusals import assert_names
 
@@ -415,12 +416,13 @@ STATIC = {
 }
 
 
-@pytest.mark.parametrize("static", STATIC)
-@pytest.mark.parametrize("count", [1, 2])
-@pytest.mark.parametrize("own", ["", 'friction=".3"'])
 @pytest.mark.parametrize(
-    "child", ["", '<geom size=".2"/>', '<joint/><geom size=".2" pos="0 0 .3"/>']
-)
+    ("static", "count", "own", "child"),
+    combined(
+        STATIC, [1, 2], ["", 'friction=".3"'],
+        ["", '<geom size=".2"/>', '<joint/><geom size=".2" pos="0 0 .3"/>'],
+    ),
+)  # fmt: skip
 def test_mocap_bodies_touch_what_moves_only(tmp_path, static, count, own, child):
     mujoco = pytest.importorskip("mujoco")
     child = f'<body name="k">{child}</body>' if child else ""
@@ -472,9 +474,10 @@ def legs(n, rules, friction=".7"):
       <contact>{rules}</contact></mujoco>"""
 
 
-@pytest.mark.parametrize("n", [2, 5, 12])
-@pytest.mark.parametrize("friction", ["1", "1.5"])
-@pytest.mark.parametrize("rule", ["none", "one", "each", "across", "world"])
+@pytest.mark.parametrize(
+    ("rule", "n", "friction"),
+    combined(["none", "one", "each", "across", "world"], [2, 5, 12], ["1", "1.5"]),
+)
 def test_contacts_are_as_many_as_the_exceptions_to_one_law(tmp_path, n, friction, rule):
     """The law of '*' holds for all pairs but those that a file excludes or gives other friction."""
     mujoco = pytest.importorskip("mujoco")

@@ -23,6 +23,7 @@ from pgraph_app.features import places
 from pgraph_core.study.axes import applicable
 
 from .app.store import begun, ran
+from .nights import at_night
 
 MODELS = pgraph_models.names()
 LIMIT = 120  # [s] for a command, which takes less than a minute on two free cores
@@ -88,7 +89,7 @@ def faults(text: str) -> list[str]:
     return [text[max(m.start() - 60, 0) : m.end() + 40] for m in FAULTS.finditer(text)]
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", [*(x for x in MODELS if x != "andrews"), *at_night("andrews")])
 def test_short_commands_end_in_sentences(name, capsys, tmp_path):
     for words in quick_words(name, tmp_path):
         code = main([*words])

@@ -11,6 +11,7 @@ import pgraph_peers
 from pgraph_core.study.task import installed_peers
 
 from .core.trees import State, random_case, scaled_error
+from .nights import combined
 
 ENGINES = {"mujoco": 1e-8, "pinocchio": 1e-9}  # relative; MuJoCo's small bodies cost digits
 
@@ -44,8 +45,7 @@ MOTIONS = {  # scenario, duration and step [s], largest error
 }
 
 
-@pytest.mark.parametrize("model", MOTIONS)
-@pytest.mark.parametrize("name", ENGINES)
+@pytest.mark.parametrize(("name", "model"), combined(ENGINES, MOTIONS))
 def test_an_engine_makes_the_motion(name: str, model: str):
     pytest.importorskip(name)
     scenario, t_end, step, bound = MOTIONS[model]
@@ -85,8 +85,10 @@ def test_parts_that_no_engine_gets_are_named(change: dict):
         pgraph_peers.MUJOCO.run(mech, *mech.home(), np.linspace(0, 1, 3), None, None)
 
 
-@pytest.mark.parametrize("name", ["sundials", "scipy"])
-@pytest.mark.parametrize("model", ["double_pendulum", "heavy_top", "four_bar", "stiff_pendulum"])
+@pytest.mark.parametrize(
+    ("model", "name"),
+    combined(["double_pendulum", "heavy_top", "four_bar", "stiff_pendulum"], ["sundials", "scipy"]),
+)
 def test_an_integrator_of_our_equations_finds_the_motion(name: str, model: str):
     """Hinges, a ball, a loop and a stiff spring, by each of its methods."""
     pytest.importorskip("sksundae")

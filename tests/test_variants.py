@@ -288,10 +288,10 @@ def test_runs_that_are_dropped_leave_their_memory(name):
         gc.collect()
         return tracemalloc.get_traced_memory()[0]
 
-    run(2)
+    run(1)
     tracemalloc.start()
     try:
-        before = run(2)
-        assert run(8) - before < 8 * 501 * 4 * 8  # less than a q and a v of each
+        before = run(1)
+        assert run(4) - before < 4 * 501 * 4 * 8  # less than a q and a v of each
     finally:
         tracemalloc.stop()

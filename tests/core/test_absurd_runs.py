@@ -8,6 +8,7 @@ from numba import njit
 
 import pgraph_core as pg
 
+from ..nights import combined
 from ..refusals import assert_problems, refusal
 
 MODEL = pg.Model.serial(2)
@@ -96,10 +97,11 @@ FAILING = [(MODEL, method) for method in WAYS] + [
 ]
 
 
-@pytest.mark.parametrize("made", [python, compiled])
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-@pytest.mark.parametrize(("model", "method"), FAILING)
-def test_a_torque_that_stops_being_finite_ends_the_run_there(made, bad, model, method):
+@pytest.mark.parametrize(
+    ("failing", "bad", "made"), combined(FAILING, [np.nan, np.inf], [python, compiled])
+)
+def test_a_torque_that_stops_being_finite_ends_the_run_there(failing, bad, made):
+    model, method = failing
     chosen = method in ("auto", "dopri5", "dop853", "radau5")
     step: dict[str, Any] = {} if chosen else {"step": 1e-3}
     good = pg.simulate(model, t_end=0.05, frames=51, method=method, tau=python(0.1), **step)

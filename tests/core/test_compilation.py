@@ -205,16 +205,17 @@ def test_a_kernel_that_makes_an_array_does_not_compile():
 
 SAME_UNCOMPILED = """
 import numpy as np, pgraph_core as pg, pgraph_models
+SHORT = {"estimate": False, "frames": 2}
 pendulum = pg.Model.load(pgraph_models.path("double_pendulum"))
 upper, lower = (body.name for body in pendulum.bodies)
 box = pg.Body(name="box", joint="free", link=(0, 0, 0.11), density=1e3,
               shape=pg.Shape(kind="box", size=(0.2, 0.2, 0.2)))
 falls = pg.Model(bodies=[box], contacts=[pg.Contact(name="floor", body="box", restitution=0.3)])
 for method in ("semi_implicit_euler", "rk4", "dopri5", "dop853", "gauss6", "radau5"):
-    run = pg.simulate(pendulum, v={lower: 1.0}, method=method, t_end=5e-3, step=None)
+    run = pg.simulate(pendulum, v={lower: 1.0}, method=method, step=None, **SHORT, t_end=1e-3)
     print(method, run.q[-1].tobytes().hex(), run.v[-1].tobytes().hex())
 for method in ("moreau_jean", "dopri5"):
-    run = pg.simulate(falls, v={"box": (0, 0, 1, 0, 0, -3)}, method=method, t_end=5e-3)
+    run = pg.simulate(falls, v={"box": (0, 0, 1, 0, 0, -3)}, method=method, **SHORT, t_end=5e-3)
     print(method, run.q[-1].tobytes().hex(), len(run.events))
 four_bar = pg.Stepper(pg.Model.load(pgraph_models.path("four_bar")), scenario="turn")
 four_bar.step(n=3)

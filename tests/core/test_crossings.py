@@ -5,6 +5,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
+
 NONE = np.zeros((3, 3))
 WAYS = {
     "default": {},
@@ -34,14 +36,15 @@ def through(t, a, b, f):
     return np.where(t < a, t, np.where(t < left, inside, b + fast * (t - left)))
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("width", [1e-6, 4e-3, 0.3, 1.0])
-@pytest.mark.parametrize("law", [
+WINDOWS = [
     "if(q.m > {a} and q.m < {b}, {f}, 0)",
     "if(abs(q.m - ({a} + {b})/2) < ({b} - {a})/2, {f}, 0)",
     "if(not (q.m < {a} or q.m > {b}), {f}, 0)",
     "{f}*if(min(q.m - {a}, {b} - q.m) > 0, 1, 0)",
-])  # fmt: skip
+]
+
+
+@pytest.mark.parametrize(("way", "width", "law"), combined(WAYS, [1e-6, 4e-3, 0.3, 1.0], WINDOWS))
 def test_a_window_of_the_way_is_never_passed_unseen(way, width, law):
     for a in (0.37, 3.0, 5.04):
         f = -0.3 / width if width < 1.0 else -0.3

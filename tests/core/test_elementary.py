@@ -1,6 +1,7 @@
 """Our own elementary functions against mpmath, in units in the last place."""
 
 import math
+from functools import cache
 
 import mpmath
 import numba
@@ -32,18 +33,23 @@ CASES = {
 }
 
 
-def values(name, *arrays):
+@cache
+def looped(name, count):
     function = getattr(elementary, name)
-    of_two = function if len(arrays) == 2 else numba.njit(**OPTIONS)(lambda x, _: function(x))
+    of_two = function if count == 2 else numba.njit(**OPTIONS)(lambda x, _: function(x))
 
     @numba.njit(**OPTIONS)
     def each(x, y, out):
         for i in range(out.shape[0]):
             out[i] = of_two(x[i], y[i])
 
+    return each
+
+
+def values(name, *arrays):
     x, y = (np.ascontiguousarray(arrays[k], dtype=float) for k in (0, -1))
     out = np.empty(len(x))
-    each(x, y, out)
+    looped(name, len(arrays))(x, y, out)
     return out
 
 

@@ -1,5 +1,6 @@
 """The error estimate where the impulse solver or friction limits the accuracy of a run."""
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -8,6 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import pgraph_core as pg
+
+from ..nights import combined
 
 NONE = np.zeros((3, 3))
 
@@ -38,10 +41,10 @@ def wedge_and_ball(ratio, size, slope, turned):
     return model, (back, down * cosine + back, -down * sine)
 
 
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("ratio", [1e4, 1.0, 1e-4])
-@pytest.mark.parametrize("size", [1.0, 1e-4])
-@pytest.mark.parametrize("step", [1e-3, 1e-4])
+@pytest.mark.parametrize(
+    ("turned", "ratio", "size", "step"),
+    combined([False, True], [1e4, 1.0, 1e-4], [1.0, 1e-4], [1e-3, 1e-4]),
+)
 def test_the_error_of_the_impulse_solver_is_in_the_estimate(turned, ratio, size, step):
     """It does not shrink with the step: a light wedge under a heavy ball."""
     model, accelerations = wedge_and_ball(ratio, size, 0.5, turned)
@@ -95,8 +98,10 @@ def pushed_back_and_forth(share, w, mass, t):
     return found
 
 
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
-@pytest.mark.parametrize(("rtol", "size"), [(1e-6, 1.0), (1e-8, 1.0), (1e-8, 1e-3), (1e-10, 1.0)])
+@pytest.mark.parametrize(
+    ("share", "rtol", "size"),
+    combined([0.2, 0.5, 0.9], [1e-6, 1e-8, 1e-10], [1.0, 1e-3]),
+)
 def test_event_driven_friction_that_turns_many_times(share, rtol, size):
     """A box that is pushed back and forth slips, sticks and slips the other way."""
     mass, w, push = 2.0, 7.0, 5.0 * size
@@ -125,8 +130,17 @@ def sine_push(size, w):
     return push
 
 
-@pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6])
-@pytest.mark.parametrize("friction", [1e-4, 1e-3, 1e-1])
+@cache
+def oscillation(rate, friction, creep, times):
+    """Return the places of a mass of 1 kg at these times."""
+    return solve_ivp(
+        lambda _, y: (y[1], -(rate**2) * y[0] - friction * y[1] / np.hypot(y[1], creep)),
+        (0.0, times[-1]), (0.0, 1.0), "DOP853", times, rtol=1e-13, atol=1e-16 / rate,
+        max_step=0.01 / rate,
+    ).y[0]  # fmt: skip
+
+
+@pytest.mark.parametrize(("stiffness", "friction"), combined([1e2, 1e4, 1e6], [1e-4, 1e-3, 1e-1]))
 @pytest.mark.parametrize("options", [{}, {"rtol": 1e-6}, {"method": "radau5", "rtol": 1e-8}])
 def test_joint_friction_of_a_fast_oscillator(stiffness, friction, options):
     """f v / sqrt(v^2 + c^2), c = 1e-3 m/s, whose bend is narrow in time."""
@@ -138,19 +152,21 @@ def test_joint_friction_of_a_fast_oscillator(stiffness, friction, options):
     run = pg.simulate(
         pg.Model(bodies=(body,), gravity=(0, 0, 0)), t_end=30.0 / rate, frames=101, **options
     )
-    known = solve_ivp(
-        lambda _, y: (y[1], -stiffness * y[0] - friction * y[1] / np.hypot(y[1], creep)),
-        (0.0, run.t[-1]), (0.0, 1.0), "DOP853", run.t, rtol=1e-13, atol=1e-16 / rate,
-        max_step=0.01 / rate,
-    ).y[0]  # fmt: skip
-    off = np.abs(run.q[:, 0] - known).max()
+    off = np.abs(run.q[:, 0] - oscillation(rate, friction, creep, tuple(run.t.tolist()))).max()
     assert off < 10 * run.error_estimate + 1e-11 / rate
 
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
 @pytest.mark.parametrize("frames", [2, 51])
 def test_joint_friction_that_stops_a_slider_anywhere_in_a_step(method, frames):
-    """At 40 phases of a step: the estimate is not below a tenth of the error."""
+    """At 40 phases of a step: the estimate is not below a tenth of the error.
+
+    Over the way of the slide, any friction f has the motion of one slider: f x(f t).
+    """
+    slide = solve_ivp(
+        lambda _, y: (y[1], -y[1] / np.hypot(y[1], 1e-3)), (0.0, 4.0), (0.0, 2.0), "Radau",
+        rtol=1e-10, atol=1e-13, dense_output=True,
+    ).sol  # fmt: skip
     for phase in np.linspace(0.0125, 0.9875, 40):
         stop = (30 + phase) * 0.02
         body = pg.Body(name="b", joint="prismatic", inertia=NONE, v=(2.0,), friction=(2.0 / stop,))
@@ -158,10 +174,7 @@ def test_joint_friction_that_stops_a_slider_anywhere_in_a_step(method, frames):
             pg.Model(bodies=(body,), gravity=(0, 0, 0)), t_end=1.0, frames=frames, step=0.02,
             method=method,
         )  # fmt: skip
-        known = solve_ivp(
-            lambda _, y, f=2.0 / stop: (y[1], -f * y[1] / np.hypot(y[1], 1e-3)),
-            (0.0, 1.0), (0.0, 2.0), "Radau", run.t, rtol=1e-9, atol=1e-12,
-        ).y[0]  # fmt: skip
+        known = slide(2.0 / stop * run.t)[0] * stop / 2.0
         off = np.abs(run.q[:, 0] - known).max()
         assert off < 10 * run.error_estimate + 1e-7, (phase, off, run.error_estimate)
 

@@ -7,6 +7,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
+
 WAYS = [
     {},
     {"method": "dopri5", "rtol": 1e-4},
@@ -41,10 +43,11 @@ def right_or_told(run, exact):
     return error < 10 * run.error_estimate or any("not decided" in text for text in run.notices)
 
 
-@pytest.mark.parametrize("options", WAYS, ids=label)
-@pytest.mark.parametrize("short", SHORT)
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("frequency", [1.0, 7.0])
+@pytest.mark.parametrize(
+    ("short", "options", "restitution", "frequency"),
+    combined(SHORT, WAYS, [0.0, 0.5, 1.0], [1.0, 7.0]),
+    ids=label,
+)
 def test_a_limit_that_is_reached_at_grazing_speed(options, short, restitution, frequency):
     """The speed is sqrt(2 short) of the largest one. The way back is a sine from there."""
     limit = 1.0 - short
@@ -71,8 +74,9 @@ def test_a_switch_whose_threshold_is_just_below_the_amplitude(options, short):
     assert right_or_told(run, exact)
 
 
-@pytest.mark.parametrize("options", SWITCHED, ids=label)
-@pytest.mark.parametrize("short", [*SHORT, *(-x for x in SHORT)])
+@pytest.mark.parametrize(
+    ("short", "options"), combined([*SHORT, *(-x for x in SHORT)], SWITCHED), ids=label
+)
 def test_an_event_at_the_amplitude_is_found_or_told(options, short):
     """It happens where `short` is positive."""
 
@@ -104,8 +108,9 @@ def test_what_stays_clear_is_not_told(options):
 WIDE = [{"method": "gauss6", "step": step} for step in (0.05, 0.1, 0.2, 0.3)]
 
 
-@pytest.mark.parametrize("options", [*SWITCHED, *WIDE], ids=label)
-@pytest.mark.parametrize("short", [*SHORT, *(-x for x in SHORT)])
+@pytest.mark.parametrize(
+    ("short", "options"), combined([*SHORT, *(-x for x in SHORT)], [*SWITCHED, *WIDE]), ids=label
+)
 def test_a_comparison_at_the_turning_point_is_met_or_told(options, short):
     """The spring is gone beyond a threshold, which is met where `short` is positive."""
     threshold = 1.0 - short

@@ -6,6 +6,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from ..worlds import built_in
 from .test_methods import stiff_pendulum
 
@@ -62,21 +63,21 @@ def state(run):
     return np.hstack((run.q, run.v))
 
 
-@pytest.mark.parametrize("way", WAYS, ids=str)
-@pytest.mark.parametrize(
-    ("kind", "what"),
-    [
-        (kind, what)
-        for kind in ("", "gear", "velocity", "distance")
-        for what in ("", "event", "switch")
-        if kind or what != "switch"  # which watches the force of a constraint
-    ],
-)
-def test_implicit_steps_have_the_derivatives_of_the_motion(kind, what, way):
+STEPS = [
+    (kind, what)
+    for kind in ("", "gear", "velocity", "distance")
+    for what in ("", "event", "switch")
+    if kind or what != "switch"  # which watches the force of a constraint
+]
+
+
+@pytest.mark.parametrize(("steps", "way"), combined(STEPS, WAYS), ids=str)
+def test_implicit_steps_have_the_derivatives_of_the_motion(steps, way):
     """Steps are repeated in part to look for events, and end on constraints of all kinds.
 
     The bound of 1e-6 is 20 times the error of a tolerance of 1e-7, and that of differences is 1e-8.
     """
+    kind, what = steps
     model = pendulum(kind, switched=what == "switch")
     mech = pg.Mechanism(model)
     q, _, _ = mech.assemble([1.0, 0.4], [0.0, 0.0])

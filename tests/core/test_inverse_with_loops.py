@@ -8,6 +8,7 @@ import pgraph_models
 from pgraph_core.analysis import inverse
 from pgraph_core.analysis.rows import Rows
 
+from ..nights import combined
 from ..worlds import built_in
 
 pytestmark = pytest.mark.quick
@@ -138,9 +139,10 @@ def test_without_constraints_it_is_inverse_dynamics():
     np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("lengths", [(0.2, 0.5, 0.4, 0.55), (0.1, 0.35, 0.3, 0.4)])
-@pytest.mark.parametrize("start", [0.0, 2.0])
-@pytest.mark.parametrize("size", [1e-3, 100.0])
+@pytest.mark.parametrize(
+    ("lengths", "start", "size"),
+    combined([(0.2, 0.5, 0.4, 0.55), (0.1, 0.35, 0.3, 0.4)], [0.0, 2.0], [1e-3, 100.0]),
+)
 def test_joints_given_by_name_keep_the_loop_on_the_branch_of_the_initial_position(
     lengths, start, size
 ):

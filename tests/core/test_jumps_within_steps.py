@@ -12,6 +12,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.dynamics.states import differences
 
+from ..nights import combined
+
 PHASES = np.linspace(0.0125, 0.9875, 40)
 SIZES = [1.0, 1e-6, 1e6]
 NONE = np.zeros((3, 3))
@@ -48,9 +50,7 @@ def incline(size, slope, share, step, t_turn, **options):
     return run, np.outer(x, way), np.abs(x).max()
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-@pytest.mark.parametrize("frames", [2, 101])
+@pytest.mark.parametrize(("size", "share", "frames"), combined(SIZES, [0.1, 0.5, 0.9], [2, 101]))
 def test_slip_that_turns_within_a_step(size, share, frames):
     step = 0.005
     assert_honest(
@@ -63,8 +63,7 @@ def test_slip_that_turns_within_a_step(size, share, frames):
     )
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("mu", [0.1, 0.5, 1.3])
+@pytest.mark.parametrize(("size", "mu"), combined(SIZES, [0.1, 0.5, 1.3]))
 def test_slip_that_ends_within_a_step(size, mu):
     """A ball that slides until it rolls [as of billiards: 5/7 of the speed is left]."""
     step, runs = 0.005, []
@@ -88,9 +87,7 @@ def test_slip_that_ends_within_a_step(size, mu):
     assert_honest(runs, 1e-8)
 
 
-@pytest.mark.parametrize("e", [0.3, 0.5, 1.0])
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("limited", [False, True])
+@pytest.mark.parametrize(("e", "size", "limited"), combined([0.3, 0.5, 1.0], SIZES, [False, True]))
 def test_slow_impacts_within_a_step(e, size, limited):
     """The last bounces of a ball, or those of a slider on a limit that it has just reached."""
     g, step, runs = 10.0 * size, 0.002, []
@@ -146,9 +143,10 @@ def test_a_limit_is_hit_when_it_is_reached_whatever_its_size(size, g, low, metho
 HALF = np.sqrt(np.pi) * gamma(1.4) / gamma(0.9)  # of Hertz's impact, in depths and speeds of it
 
 
-@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5"])
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("law", ["soft", "penalty"])
+@pytest.mark.parametrize(
+    ("method", "size", "law"),
+    combined(["dopri5", "dop853", "radau5"], SIZES, ["soft", "penalty"]),
+)
 def test_the_borders_of_soft_contacts_end_steps(method, size, law):
     """A ball flies into a wall that gives, and out again: the error follows the tolerance."""
     deep, speed, gap = 0.05 * size, 3.0 * size, 0.4 * size

@@ -8,6 +8,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.rotation import matrix
 
+from ..nights import combined
 from ..worlds import ball, box
 
 pytestmark = pytest.mark.quick
@@ -169,9 +170,12 @@ def test_a_box_stays_on_a_turntable_where_friction_holds_it(part):
         assert distance[-1] > 1.5 * away
 
 
-@pytest.mark.parametrize("velocity", [(2, 0, 0), (0.3, -1, 5)])
-@pytest.mark.parametrize("law", ["complementarity", "soft"])
-@pytest.mark.parametrize("kind", ["box", "sphere", "capsule", "hull"])
+@pytest.mark.parametrize(
+    ("kind", "law", "velocity"),
+    combined(
+        ["box", "sphere", "capsule", "hull"], ["complementarity", "soft"], [(2, 0, 0), (0.3, -1, 5)]
+    ),
+)
 def test_a_belt_does_what_a_long_body_does_that_moves(kind, law, velocity):
     """The same forces and speeds as on a slab that a prescribed motion drives. A part of the
     velocity across the surface does nothing.
@@ -209,8 +213,7 @@ def test_a_belt_does_what_a_long_body_does_that_moves(kind, law, velocity):
     assert here.dissipation[-1] == pytest.approx(there.dissipation[-1], rel=1e-5)
 
 
-@pytest.mark.parametrize("method", ["rk4", "dopri5", "dop853"])
-@pytest.mark.parametrize("speed", [0.5, -2.0])
+@pytest.mark.parametrize(("method", "speed"), combined(["rk4", "dopri5", "dop853"], [0.5, -2.0]))
 def test_soft_contacts_of_every_method_travel_with_the_belt(method, speed):
     """Regularised friction misses Coulomb's by (1 mm/s / slip)² / 2."""
     mu = 0.5

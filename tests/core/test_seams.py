@@ -5,6 +5,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
+
 SIDE = 0.2
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 DIAGONAL = (np.cos(np.pi / 8), 0.0, 0.0, np.sin(np.pi / 8))
@@ -87,8 +89,7 @@ def slide(floor, slider, speed, angle=0.0, step=None, friction=0.0, aside=0.0, a
     return np.linalg.norm(run.q[-1, :2] - start - free * way) / along, run
 
 
-@pytest.mark.parametrize("slider", SLIDERS)
-@pytest.mark.parametrize("floor", FLOORS)
+@pytest.mark.parametrize(("floor", "slider"), combined(FLOORS, SLIDERS))
 def test_nothing_catches_at_the_seams_of_a_flat_floor(floor, slider):
     """Without friction nothing acts along the floor; what is left is rounding of 300 steps."""
     missed, run = slide(floor, slider, 1.0)
@@ -96,25 +97,29 @@ def test_nothing_catches_at_the_seams_of_a_flat_floor(floor, slider):
     assert abs(run.v[-1, :3]).max() < 1e-9
 
 
+HOW = [
+    {"speed": 3.3}, {"speed": 0.1, "along": 0.05}, {"angle": 0.4, "speed": 1.0},
+    {"angle": -2.1, "speed": 0.5}, {"step": 5e-3, "speed": 1.0}, {"step": 1e-4, "speed": 3.0},
+    {"aside": 0.1, "speed": 1.0}, {"aside": -0.05, "speed": 2.0},
+]  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    "how",
-    [
-        {"speed": 3.3}, {"speed": 0.1, "along": 0.05}, {"angle": 0.4, "speed": 1.0},
-        {"angle": -2.1, "speed": 0.5}, {"step": 5e-3, "speed": 1.0}, {"step": 1e-4, "speed": 3.0},
-        {"aside": 0.1, "speed": 1.0}, {"aside": -0.05, "speed": 2.0},
-    ],
+    ("slider", "floor", "how"),
+    combined(["diagonal", "puck"], ["bricks", "a fine field"], HOW),
     ids=str,
-)  # fmt: skip
-@pytest.mark.parametrize("floor", ["bricks", "a fine field"])
-@pytest.mark.parametrize("slider", ["diagonal", "puck"])
+)
 def test_speeds_steps_and_directions_do_not_matter(floor, slider, how):
     missed, _ = slide(floor, slider, **how)
     assert missed < 1e-9
 
 
-@pytest.mark.parametrize("friction", [1e-12, 1e-9, 1e-3, 0.1])
-@pytest.mark.parametrize("floor", ["two tiles", "bricks", "a coarse field"])
-@pytest.mark.parametrize("slider", ["cube", "plate"])
+@pytest.mark.parametrize(
+    ("slider", "floor", "friction"),
+    combined(
+        ["cube", "plate"], ["two tiles", "bricks", "a coarse field"], [1e-12, 1e-9, 1e-3, 0.1]
+    ),
+)
 def test_friction_slows_on_seams_as_on_one_plane(floor, slider, friction):
     """Points of a patch are loaded unlike on tiles, but all of them slide one way."""
     missed, _ = slide(floor, slider, 1.0, friction=friction)
@@ -142,10 +147,13 @@ def test_bodies_of_several_shapes_have_seams_too(floor, parts):
 # -- what stands out stops ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("turn", [UPRIGHT, DIAGONAL])
-@pytest.mark.parametrize("curb", [0.5, 0.05, 1e-3])
-@pytest.mark.parametrize("deep", [0.0, 0.2])
-@pytest.mark.parametrize("floor", ["two tiles", "bricks", "shapes of one body"])
+@pytest.mark.parametrize(
+    ("floor", "deep", "curb", "turn"),
+    combined(
+        ["two tiles", "bricks", "shapes of one body"], [0.0, 0.2], [0.5, 0.05, 1e-3],
+        [UPRIGHT, DIAGONAL],
+    ),
+)  # fmt: skip
 def test_walls_and_curbs_on_the_floor_stop(floor, deep, curb, turn):
     """The wall stands on the floor, or reaches into it; its foot is hidden, its face is not."""
     wall = pg.Body(
