@@ -35,22 +35,26 @@ class Advice(NamedTuple):
     diverged: float  # time at which a run that chooses its steps ends early [s], or nan
 
 
-def advice(record: Running) -> Advice:
-    """Return the advised step for the motion of a run, which is stored with the run."""
+def advice(record: Running, *, left: bool = False) -> Advice:
+    """Return the advised step for the motion of a run, which is stored with the run.
+
+    `left` states that the run has left the motion, so that its states say nothing about the motion.
+    """
     found: Advice | None = vars(record).get("_advice")
     if found is None:
-        found = vars(record)["_advice"] = _advice(record)
+        found = vars(record)["_advice"] = _advice(record, left)
     return found
 
 
-def _advice(record: Running) -> Advice:
+def _advice(record: Running, left: bool) -> Advice:
     plan, diverged = record.plan, float("nan")
     forces, active = (plan.drives, plan.loads), record.active
     explicit = plan.method.name == "moreau_jean"
-    states = [record.began, *_recorded(record)]
-    if record.whole and not explicit:
-        along, diverged = _pilot(record)
-        states = [record.began, *along]
+    pilot = None if explicit or not record.whole else _pilot(record)
+    along = () if left else _recorded(record)
+    if pilot is not None:
+        along, diverged = pilot
+    states = [record.began, *along]
     best, fastest = None, -1.0
     for q, v in states:
         here = Rate(record.mech, forces, active, (q.copy(), v.copy()), 0.0)
@@ -69,12 +73,15 @@ def _recorded(record: Running) -> Iterator[tuple[Array, Array]]:
         yield record.out.q[i], record.out.v[i]
 
 
-def _pilot(record: Running) -> tuple[list[tuple[Array, Array]], float]:
-    """Return states of the same motion by adaptive steps, and the time at which they end early."""
+def _pilot(record: Running) -> tuple[list[tuple[Array, Array]], float] | None:
+    """Return states of the same motion by adaptive steps, and the time at which they end early.
+
+    Return None if adaptive steps cannot follow the motion.
+    """
     plan, nothing = record.plan, float("nan")
     held = plan.changes or plan.conditions or plan.impulses or plan.contact_points
     if held or record.user is not None or record.scene.remembers:
-        return [*_recorded(record)], nothing
+        return None
     span = plan.times[0], plan.times[-1]
     given = Tolerance(VISIBLE / 10.0, 0.0, float(span[1] - span[0]), PILOT_STEPS)
     own = replace(
@@ -84,7 +91,7 @@ def _pilot(record: Running) -> tuple[list[tuple[Array, Array]], float]:
     try:
         pilot = record.repeated(own)
     except InputError:
-        return [*_recorded(record)], nothing
+        return None
     ended = pilot.ended.status
     early = ended in (Status.NOT_FINITE, Status.STEP_TOO_SMALL)
     return [*_recorded(pilot)], float(pilot.steps.times[pilot.done - 1]) if early else nothing
@@ -97,7 +104,7 @@ def for_failed(record: Running) -> str:
     grows = "the motion itself may grow without bound, or forces may jump there"
     if plan.method.stable or plan.method.limit == 0.0:
         return grows
-    found = advice(record)
+    found = advice(record, left=True)
     if np.isfinite(found.diverged):
         return f"{grows}: adaptive steps end at t = {found.diverged:.6g} s"
     if not found.step < step:

@@ -32,7 +32,8 @@ from .plan import RunPlan
 
 MOST_TURNS = 100
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE
-ENDLESS = 300  # events at one time: they do not end
+ENDLESS = 300  # events at one time, or without consistent phases in a run: they do not end
+STEPPING = "try method 'moreau_jean'"  # which has no phases and no events
 
 
 class ContactEvents:
@@ -57,6 +58,7 @@ class ContactEvents:
         self.seconds = 0.0  # spent on events
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=ENDLESS)
+        self._contradictions = 0  # events after which no phases were consistent
         self._resting = np.zeros(
             len(plan.contact_points), dtype=bool
         )  # no normal velocity at this event
@@ -195,7 +197,7 @@ class ContactEvents:
                 self.scene.contact_points[s].name
                 for s in np.flatnonzero(self.scene.over().any(axis=1)).tolist()
             )
-            text = f"at t = {t:.9g} s ({where}); try method 'moreau_jean'"
+            text = f"at t = {t:.9g} s ({where}); {STEPPING}"
             self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}")
 
     def _stop_flat(self, t: float, s: int) -> None:
@@ -286,16 +288,32 @@ class ContactEvents:
 
     def _settle(self, t: float) -> None:
         """Change phases until forces push, stay in their cones, and no open point closes."""
-        before = self.scene.phase.copy()
+        scene, before = self.scene, self.scene.phase.copy()
         self._turns_taken = 0
-        for _ in range(MOST_TURNS + 20 + 4 * len(self.scene.contact_points)):
-            self.scene.arrange()
+        tried: set[tuple[bytes, bytes, int]] = set()
+        for _ in range(MOST_TURNS + 20 + 4 * len(scene.contact_points)):
+            scene.arrange()
             self._observe(t)
+            closed = np.count_nonzero(scene.phase)
             if not self._change(t, before):
                 return
-        self.ended.notices.append(
-            f"t = {t:.6g} s: no phases satisfy all contact laws; the last ones are used"
-        )
+            ways = scene.points["slip_direction"].tobytes()
+            now = scene.phase.tobytes(), ways, min(self._turns_taken, MOST_TURNS)
+            if now in tried and np.count_nonzero(scene.phase) <= closed:
+                break  # the search goes round in a circle; leave it where no contact has to pull
+            tried.add(now)
+        self._unsettled(t)
+
+    def _unsettled(self, t: float) -> None:
+        """Tell the first event without consistent phases, and stop the run if they do not end."""
+        self._contradictions += 1
+        if self._contradictions == 1:
+            self.ended.notices.append(
+                f"t = {t:.6g} s: no phases satisfy all contact laws; the last ones are used"
+            )
+        elif self._contradictions == ENDLESS:
+            text = f"until t = {t:.9g} s: {ENDLESS} times no phases satisfy all contact laws"
+            self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}; {STEPPING}")
 
     def _change(self, t: float, before: Ints) -> bool:
         """Change the phase least consistent with the forces. False if all are consistent."""

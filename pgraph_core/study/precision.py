@@ -116,6 +116,7 @@ def work_precision(
     InputError
         If an argument is invalid.
     """
+    began = time.perf_counter()  # checks and loading are part of what the caller waits for
     call, mech = "work_precision", mechanism_of(mech, "work_precision")
     given = None if scenario is None else mech.model.scenario(scenario)
     duration = t_end if t_end is not None else given.t_end if given else 1.0
@@ -136,7 +137,7 @@ def work_precision(
     rate = task.rate()
     ladder = Ladder.of(task, steps, tolerances, rate)
     names = methods_of(call, methods, impulses=task.impulses, suited=True)
-    work = Work(task, ladder, names, engines_of(peers), progress, longest, rounds, within)
+    work = Work(task, ladder, names, engines_of(peers), progress, longest, rounds, within, began)
     return work.study(known, rate, target, asked=methods is not None)
 
 
@@ -152,7 +153,7 @@ class Work:
     longest: float
     rounds: int
     within: float  # [s]
-    began: float = field(default_factory=lambda: time.perf_counter())
+    began: float  # of the call, as a value of `time.perf_counter`
     fraction: float = 0.0
     notes: list[str] = field(default_factory=list[str])
     rows: list[Row] = field(default_factory=list[Row])

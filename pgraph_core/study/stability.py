@@ -150,6 +150,8 @@ def stability_map(
     InputError
         If an argument is invalid.
     """
+    began = time.perf_counter()  # checks and loading are part of what the caller waits for
+    time_limit(CALL, within)
     given = mech if isinstance(mech, Model) else mechanism_of(mech, CALL).model
     model, duration = in_scenario(given, scenario)
     model = started(model, q, v)
@@ -157,8 +159,7 @@ def stability_map(
         model, axis or first_axis(model), values, methods, steps, t_end or duration, target, budget,
         stabilise, scenario,
     )  # fmt: skip
-    time_limit(CALL, within)
-    work = Work(progress, time.perf_counter() + within)
+    work = Work(progress, began, began + within)
     return Drawing(sweep, work, partial, within).drawn(threads or os.cpu_count() or 1)
 
 
@@ -254,8 +255,10 @@ def started(model: Model, q: Any, v: Any) -> Model:
 class Work:
     """Progress of the work done by the threads, until it is cancelled or out of time."""
 
-    def __init__(self, progress: Callable[[float], Any] | None, ends: float = math.inf):
-        self.progress, self.began, self.ends = progress, time.perf_counter(), ends
+    def __init__(
+        self, progress: Callable[[float], Any] | None, began: float = 0.0, ends: float = math.inf
+    ):
+        self.progress, self.began, self.ends = progress, began, ends
         self.fraction = 0.0  # completed
         self.stopped = threading.Event()
 

@@ -352,6 +352,17 @@ def test_thirty_seconds_of_a_walk_close_their_ledger(gait):
     assert walk("quadruped_hips", gait, 30.0, rtol=1e-8).energy_drift < 1e-6
 
 
+@pytest.mark.nightly
+def test_a_run_whose_contacts_contradict_each_other_ends():
+    """At 0.7565 s a limit and two feet have no consistent phases, and it opens and closes at once.
+
+    Searching for them in a circle took 300 times as long, and steps between were 1e-8 s long.
+    """
+    done = walk("quadruped_hips", "trot", 1.0, method="rk4", step=0.02)
+    assert done.status.ok or done.status is pg.Status.CHATTER
+    assert sum("no phases satisfy" in text for text in done.notices) <= 1
+
+
 def test_methods_that_locate_events_and_those_that_do_not():
     model = touching(falling(0.1))
     assert run(model, t_end=0.2, rtol=1e-8).header["method"] == "dop853"

@@ -160,3 +160,24 @@ def test_advice_holds_when_it_is_followed(first):
     tried = [each for seed in range(first, last) for each in followed(seed)]
     assert len(tried) >= (last - first) // 2
     assert [what for what, held in tried if not held] == []
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e3])
+def test_advice_on_a_motion_with_switches_ignores_where_the_run_went_wrong(scale):
+    """The rate of this hardening spring is 1e3/s at first, and without bound in a run that grows.
+
+    Adaptive steps cannot repeat a run with switches, so only its first state is known to be right.
+    """
+    slider = pg.Body(name="a", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=(0.01 * scale,))
+    pull = pg.Motor(name="pull", body="a", torque=f"=-1e6*q.a*(1 + (q.a/{scale})^2)")
+    latch = pg.Weld(name="latch", body="a", active=False)
+    never = {"coordinate": "a", "above": 1e30}
+    switch = pg.Switch(constraint="latch", active=True, when=never)
+    scenario = pg.Scenario(name="s", switches=[switch], t_end=1.0)
+    model = pg.Model(
+        bodies=[slider], gravity=(0, 0, 0), forces=[pull], constraints=[latch], scenarios=[scenario]
+    )
+    run = pg.simulate(model, scenario="s", method="rk4", step=5e-3)
+    assert run.status is pg.Status.NOT_FINITE
+    assert advised(run)
+    assert all(1e-3 < step < 3e-3 for step in advised(run)), run.message
