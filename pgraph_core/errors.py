@@ -12,7 +12,7 @@ import struct
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from numbers import Integral, Real
 from pathlib import Path
@@ -285,14 +285,21 @@ def explained(called: Called) -> Called:
     return called
 
 
+CALLS: set[str] = set()  # names of all calls that are explained
+
+
 def _explained(function: Any) -> Any:
+    CALLS.add(_name_of(function))
+
     @functools.wraps(function)
     def call(*args: Any, **named: Any) -> Any:
         try:
             return function(*args, **named) if named else function(*args)
-        except PgraphError:  # `sweep` passes arguments of other calls on
+        except PgraphError as refused:  # `sweep` passes arguments of other calls on
             if ours := words.renamed(named, _names(function)):
                 return call(*args, **ours)
+            if problems := _of_inner_calls(refused, function, args, named):
+                raise type(refused)(problems) from refused.__cause__
             raise
         except MemoryError as error:
             more = f" ({plain(str(error))})" if str(error) else ""
@@ -316,9 +323,28 @@ def _explained(function: Any) -> Any:
     return call
 
 
+def _of_inner_calls(
+    refused: PgraphError, function: Any, args: Sequence[Any], named: Mapping[str, Any]
+) -> tuple[Problem, ...]:
+    """Return the problems under the name of this call, which passed its arguments on to others.
+
+    Return () if no problem is about an argument of this call.
+    """
+    given, ours = {*named, *_names(function)}, _called_as(function, args)
+    problems = tuple(
+        replace(one, where=ours) if one.where in CALLS and one.field in given else one
+        for one in refused.problems
+    )
+    return () if problems == refused.problems else problems
+
+
+def _name_of(function: Any) -> str:
+    return function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
+
+
 def _called_as(function: Any, args: Sequence[Any]) -> str:
     """Return the name of a call, including the class name for methods."""
-    name = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
+    name = _name_of(function)
     owner, _, method = name.rpartition(".")
     kind = args[0] if args and isinstance(args[0], type) else type(args[0] if args else None)
     classes = [known.__qualname__ for known in kind.__mro__]

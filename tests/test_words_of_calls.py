@@ -128,3 +128,19 @@ def test_names_to_choose_from_are_sorted():
     names = str(refused.value).partition("choose from ")[2].split(", ")
     assert len(names) > 40
     assert names == sorted(names, key=str.lower)
+
+
+OWN = {  # a call that passes a wrong argument on -> how its refusal begins
+    lambda: pg.Stepper(MODEL, step=1e-3, switches=[1]): "Stepper, switches: ",
+    lambda: pg.Stepper(MODEL, step=1e-3, method="euler3"): "Stepper, method: ",
+    lambda: pg.BatchStepper(MODEL, 2, step=1e-3, method="euler3"): "BatchStepper, method: ",
+    lambda: pg.simulate(MODEL, t_end=0.01, switches=[1]): "simulate, switches: ",
+    lambda: pg.simulate(MODEL, t_end=-1.0): "simulate, t_end: ",
+}
+
+
+@pytest.mark.parametrize("call", OWN)
+def test_a_refusal_names_the_call_that_was_typed(call):
+    with pytest.raises(pg.InputError) as refused:
+        call()
+    assert str(refused.value).startswith(OWN[call])

@@ -30,8 +30,8 @@ class Model(Editable):
     def serial(cls, n: int) -> Self:
         """Return n rods in series, named "1" to "n", as in the first table of section 4.1.
 
-        The rods are slender and 0.2 m long. The bodies are aligned with x and connected by hinges
-        about y.
+        The rods are slender, 0.2 m long, stretched along x at first and connected by hinges about
+        y. Under gravity along -z they fall from there.
 
         Parameters
         ----------

@@ -245,7 +245,8 @@ class Switch(Frozen):
     active: Flag = Field(description="true or false")
     when: When | None = field(
         "in place of t a condition: {'coordinate', 'gap', 'force' or 'constraint': name, 'above', "
-        "'below': value or 'active': bool}, or {'holds': '=q.arm > 0.5 and v.arm < 0'}",
+        "'below': value or 'active': bool}, or {'holds': '=q.arm > 0.5 and v.arm < 0'}; also "
+        "'after': seconds, with a constraint, and 'once': true for the first time only",
         converter=maybe_part_of(When), default=None,
     )  # fmt: skip
 

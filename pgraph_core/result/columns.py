@@ -300,6 +300,9 @@ class Labelled(np.ndarray[Any, np.dtype[Any]]):
             if key not in places:
                 text = f"no entry is named {key!r}; choose one of "
                 text += choices(nearest_first(key, places))
+                whole, _, number = key.rpartition(".")
+                if whole in places and number.isdigit():
+                    text += f"; its column {number} is run.{word}[{whole!r}][:, {number}]"
                 raise NameLookupError(Problem(f"run.{word}", "", text))
             key = places[key]
         return self.view(np.ndarray)[key]

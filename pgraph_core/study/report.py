@@ -287,7 +287,8 @@ class Study(Saved):
             why = next((each.reason for each in self.rows if each.reason), "none was measured")
             return f"No method reached the end: {why}."
         took = duration(row.time or 0.0)
-        text = f"Take {label(row.method)} at {row.setting}: error {row.error:.1e} in {took}"
+        error = f"error {'at most ' if row.limited else ''}{row.error:.1e}"
+        text = f"Take {label(row.method)} at {row.setting}: {error} in {took}"
         if self.t_end < self.asked * (1 - 1e-9):
             text += f", judged over the first {self.t_end:.4g} s of {self.asked:.4g} s"
         if (row.error or np.inf) <= wanted:
