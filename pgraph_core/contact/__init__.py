@@ -1,1 +1,1 @@
-"""Contact: collision candidates, touchdown and lift-off of sites, and impacts."""
+"""Contact: collision candidates, touchdown and lift-off of sites."""

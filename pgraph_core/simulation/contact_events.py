@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.assembly import ASSEMBLY_ROUNDS
-from ..contact import impacts
 from ..dynamics.states import bodies_over
 from ..engine import layout as at
 from ..engine import motion
@@ -26,7 +25,7 @@ from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
 from ..tolerances import COINCIDENT, SOLVED, VISIBLE
-from .event_scene import INSTEAD, EventScene
+from .event_scene import INSTEAD, EventScene, Impact
 from .loop import Outcome, Steps
 from .plan import RunPlan
 
@@ -55,6 +54,7 @@ class ContactEvents:
         self._ends: dict[int, float] = {}  # when the bounces of a point that comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
         self._fine = fine
+        self._told = False  # that impulses are not unique
         self.seconds = 0.0  # spent on events
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=ENDLESS)
@@ -150,6 +150,7 @@ class ContactEvents:
 
     def impulse(self, t: float) -> None:
         """Apply impulses at all touching points as constraints switch, and update the phases."""
+        self._observe(t)
         self._resting[:] = self.scene.phase != SWING
         before = self.scene.phase.copy()
         if self.scene.bilateral or self._resting.any():
@@ -391,79 +392,64 @@ class ContactEvents:
         near &= f["gap"] <= np.maximum(-f["gap_rate"] * self._same_time, f["rounding"])
         near |= closed
         near[hits] = True
-        touching = np.flatnonzero(near).tolist()
+        touching = np.flatnonzero(near)
         self._accelerations(t)
         before = scene.phase.copy()
-        omega, u = scene.impact(t, self.q, self.v, touching)
-        if not (np.isfinite(omega).all() and np.isfinite(u).all()):
+        restitution, rest = self._bounces(t, touching)
+        found = scene.impact(t, self.q, self.v, touching, restitution, jammed, self._told)
+        if found is None:
             self.ended.stop(
                 Status.NOT_FINITE, f"{Status.NOT_FINITE.value} in the impact at t = {t:g} s"
             )
             return
-        rows, rest = self._impact_rows(t, touching, u, jammed)
-        bilateral = len(u) - sum(row.size for row in rows)
-        solved = impacts.impulses(omega, u, bilateral, rows)
-        size = float(np.abs(solved.impulse) @ np.abs(u))
-        if solved.gain > SOLVED * size and any(row.restitution_velocity for row in rows):
+        if found.calmed:
             self.tally["bounces_left_out"] += 1
             self.ended.notices.append(
-                f"t = {t:.6g} s: Newton's restitution with friction would increase the energy by "
-                f"{solved.gain:.3g} J; this impact does not bounce"
+                f"t = {t:.6g} s: Newton's restitution with friction would increase the energy; "
+                "this impact does not bounce"
             )
-            rows = [row._replace(restitution_velocity=0.0) for row in rows]
-            solved = impacts.impulses(omega, u, bilateral, rows)
-        if solved.missed > SOLVED:
+        if found.missed > SOLVED:
             self.ended.notices.append(
-                f"t = {t:.6g} s: impulses of an impact are accurate to {solved.missed:.3g} only"
+                f"t = {t:.6g} s: impulses of an impact are accurate to {found.missed:.3g} only"
             )
-        scene.strike(solved.impulse, self.v, self.steps.ledger)
+        if found.shared:
+            self._told = True
+            bodies = ", ".join(f"'{name}'" for name in found.shared)
+            self.ended.notices.append(
+                f"t = {t:.6g} s: the contact impulses on {bodies} in this impact are not unique: "
+                "others that satisfy the contact laws lead to another load or motion; all methods "
+                "take the same ones"
+            )
+        scene.strike(self.v, self.steps.ledger)
         self.tally["impacts"] += 1
-        self._after_impact(t, touching, rows, u, solved, before, rest)
+        self._after_impact(t, touching.tolist(), found, before, rest)
 
-    def _impact_rows(
-        self, t: float, touching: list[int], u: Array, jammed: int
-    ) -> tuple[list[impacts.ContactRow], dict[int, float]]:
-        """Return the rows of all touching points, and the end times of bounces to rest."""
-        scene, f = self.scene, self.scene.points
-        sizes = [1 if scene.points["limit"][s] else 3 for s in touching]
-        first = len(u) - sum(sizes)
-        rows, rest = [], {}
-        tiny = 1e-13 * float(np.max(np.abs(u)))
-        for s, size in zip(touching, sizes):
-            point = scene.contact_points[s]
-            back = point.restitution * min(u[first], 0.0) if u[first] < -tiny else 0.0
-            fall = -f["normal_acceleration"][s]
-            if back < 0 and fall > 0:
-                hidden = -back <= _hidden(f[s])
-                if (hidden or -2 * back < self._same_time * fall) and point.restitution < 1:
-                    rest[s] = t - 2 * back / (fall * (1 - point.restitution))
-                    back = 0.0
-            rows.append(impacts.ContactRow(first, size, point.friction, back, s == jammed))
-            first += size
-        return rows, rest
+    def _bounces(self, t: float, touching: Ints) -> tuple[Array, dict[int, float]]:
+        """Return the restitution of each touching point, and the end times of bounces to rest."""
+        f, rest = self.scene.points, dict[int, float]()
+        restitution = np.array([self.scene.contact_points[s].restitution for s in touching])
+        for k, s in enumerate(touching.tolist()):
+            e, fall = float(restitution[k]), -f["normal_acceleration"][s]
+            back = e * min(f["gap_rate"][s], 0.0)
+            hidden = -back <= _hidden(f[s]) or -2 * back < self._same_time * fall
+            if back < 0 and fall > 0 and e < 1 and hidden:
+                rest[s] = t - 2 * back / (fall * (1 - e))
+                restitution[k] = 0.0
+        return restitution, rest
 
     def _after_impact(
-        self,
-        t: float,
-        touching: list[int],
-        rows: list[impacts.ContactRow],
-        u: Array,
-        solved: impacts.Solution,
-        before: Ints,
-        rest: dict[int, float],
+        self, t: float, touching: list[int], found: Impact, before: Ints, rest: dict[int, float]
     ) -> None:
         """Set phases from the velocities after an impact. Bouncing points stay in swing."""
         scene = self.scene
-        tiny = 1e-12 * float(np.max(np.abs(u)))
+        tiny = 1e-12 * found.fastest
         phase = self.scene.phase.copy()
         self.scene.points["phase"] = SWING
         self._observe(t)
         self.scene.points["phase"] = phase
-        for s, row in zip(touching, rows):
-            speed, pushed = -u[row.first], solved.impulse[row.first] > 0
+        for s, rate, away, push in zip(touching, *map(np.ndarray.tolist, found[:3])):
             unit = "rad/s" if self._turns(s) else "m/s"
-            hit = f"hit at {speed:.6g} {unit}"
-            away = solved.velocity[row.first]
+            hit = f"hit at {-rate:.6g} {unit}"
             slowest = _hidden(scene.points[s])
             if before[s] != SWING:  # its fall back is unknown
                 slowest = max(slowest, scene.points["rounding"][s] / self._unresolved)
@@ -471,7 +457,7 @@ class ContactEvents:
                 self._set(s, SWING)
                 self._resting[s] = False
                 scene.points["fresh"][s] = 2
-                if before[s] == SWING and pushed:
+                if before[s] == SWING and push > 0:
                     self._log(t, s, SWING, f"{hit} and bounced at {away:.6g} {unit}")
                 else:
                     self.causes[s] = "released by an impact elsewhere"

@@ -5,20 +5,31 @@ phase.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.shape_kinds import rounds_of, solids_of
-from ..contact.tables import ContactPair, Limit, Tables
+from ..contact.tables import ContactPair, Limit, Tables, tables
 from ..dynamics.arguments import UserTorque
-from ..dynamics.scene import Scene
+from ..dynamics.scene import ContactSpace, Scene
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.arrays import LAMBDA, RHS, EventContacts, EventData, EventLinks
+from ..engine.arrays import (
+    BARRED,
+    CALMED,
+    LAMBDA,
+    MISSED,
+    REPORT,
+    RHS,
+    EventContacts,
+    EventData,
+    EventLinks,
+)
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
-from ..engine.contact import phases
+from ..engine.contact import phases, striking
 from ..engine.contact import points as point_kernels
 from ..engine.records import ACCEPTANCE, POINT, POINT_FRAME, SLIP, STANCE, table
 from ..errors import InputError, Problem
@@ -28,9 +39,11 @@ from ..model import Body, Contact, Model
 from ..packing import Array, Drives, Ints, Loads, System, home_of, point_in_row
 from ..packing.constraints import Block, Blocks, block_arrays, block_values, with_blocks
 from ..rotation import matrix, normals_of
+from ..tolerances import NOTABLE, TINY
 from ..topology import Topology
 from .monitors import room_for
 
+AXES = slice(at.DIR, at.DIR + 9)
 INSTEAD = "use method 'moreau_jean'"
 
 
@@ -47,6 +60,18 @@ class ContactPoint(NamedTuple):
         tuple[float, ...], ...
     ] = ()  # semi-axes of an ellipsoid or disc, in body axes [m]
     limit: Limit | None = None
+
+
+class Impact(NamedTuple):
+    """Normal velocities before and after an impact and normal impulses of its points."""
+
+    before: Array
+    after: Array
+    impulse: Array
+    shared: tuple[str, ...]  # bodies with a total contact impulse that is not unique
+    fastest: float  # largest velocity of a row before
+    missed: float  # residual of the laws relative to the largest velocity
+    calmed: bool  # restitution would have increased the energy
 
 
 def contact_points(
@@ -117,15 +142,16 @@ def with_points(
     model: Model,
     topology: Topology,
     packed: System,
-) -> tuple[Blocks, Any]:
-    """Compute the constraint blocks followed by those for these points, and the POINT table.
+) -> tuple[Blocks, Any, Ints]:
+    """Compute the constraint blocks followed by those for these points, the POINT table, and each
+    point's block with the contact law of an impact.
 
     Each point has an entry of `names` with the block for all its rows, and a second entry with its
     other blocks.
     """
     normal = np.array(model.ground_normal)
     frame = (normal, *normals_of(normal))
-    found, first = list[Block](), blocks.first.tolist()
+    found, laws, first = list[Block](), list[int](), blocks.first.tolist()
     points = table(POINT, len(declared))
     points["normal"], points["slip_direction"] = frame[:2]
     for one, p in zip(points, declared):
@@ -135,7 +161,7 @@ def with_points(
             term = int(limit.at_v[0]), int(limit.at_q[0]), float(limit.weights[0])
             values = block_values({at.VALUE: limit.bound})
             found.append(Block(at.T_LIMIT, 1, values, (term,), ends=(limit.row, 0)))
-            places = (start, start, start)
+            places, law = (start, start, start), start
         else:
             number = topology.number(p.body)
             point, ends = point_in_row(packed, number, p.point), (packed.row_of(number), 0)
@@ -148,14 +174,21 @@ def with_points(
             kind, values = at.T_ROUND if len(axes) else at.T_POINT, block_values(entries)
             for each, size in ((kind, 3), (kind, 1), (at.T_PIN, 3)):
                 found.append(Block(each, size, values, ends=ends))
+            values = block_values({at.DIR: entries[at.DIR], at.FRICTION: p.friction})
+            found.append(Block(at.T_CONTACT, 3, values, ends=ends))
             held = start if len(axes) else start + 2
-            places = (held, start, start + 1)
+            places, law = (held, start, start + 1), start + 3
         one["held_block"], one["slide_block"], one["gap_block"] = places
+        laws.append(law)
         one["limit"], one["friction"] = p.limit is not None, p.friction
         first += [start + 1, len(blocks.blocks_i) + len(found)]
     names = (*blocks.names, *(name for s in declared for name in (s.name, s.name)))
     extended = with_blocks(blocks, *block_arrays(found))
-    return extended._replace(names=names, first=np.array(first, dtype=np.int64)), points
+    return (
+        extended._replace(names=names, first=np.array(first, dtype=np.int64)),
+        points,
+        np.array(laws),
+    )
 
 
 class EventScene(Scene):
@@ -182,7 +215,7 @@ class EventScene(Scene):
         """
         packed = mech.packed
         given = (mech.model, mech.topology, packed.system)
-        extended, points = with_points(packed.blocks, contact_points, *given)
+        extended, points, self._laws = with_points(packed.blocks, contact_points, *given)
         count = len(contact_points)
         whole = len(packed.blocks.names) + 2 * np.arange(count)
         everything = np.concatenate((active, whole))
@@ -274,18 +307,101 @@ class EventScene(Scene):
             foot = f["position"] - f["gap"] * normal
             self.blocks.blocks_f[block, at.PB : at.PB + 3] = foot
 
-    def impact(self, t: float, q: Array, v: Array, chosen: Sequence[int]) -> tuple[Array, Array]:
-        """Compute (Ω, velocities) for the constraint rows and all rows of these points."""
-        blocks = self.points["slide_block"][list(chosen)]
+    @cached_property
+    def _striking(self) -> tuple[int, Any]:
+        """The address of the scene with memory for the impulse solver, and what keeps it alive."""
+        space = self.touching
+        if space is None:
+            space = ContactSpace(self.packed, tables(self.packed, ()), self.blocks, 0, steps=False)
+        place, scene = buffer(), self._kept._replace(links=space.links)
+        motion.save_scene(place, unnamed(scene))
+        return address_of_array(place), (place, scene, space)
+
+    def impact(
+        self,
+        t: float,
+        q: Array,
+        v: Array,
+        chosen: Ints,
+        restitution: Array,
+        jammed: int,
+        told: bool,
+    ) -> Impact | None:
+        """Compute the impulses at the `chosen` points and in the constraints.
+
+        The `jammed` point stops, whatever its friction. `shared` is only sought if not `told`.
+        Returns None if a velocity is not finite.
+        """
+        points, floats, vectors = self.points[chosen], self.blocks.blocks_f, self.space.vectors
+        blocks = self._laws[chosen]
+        floats[blocks, at.BOUNCE] = restitution
+        contact = points["limit"] == 0
+        floats[blocks[contact], at.PA : at.PA + 3] = points["position"][contact]
+        blocks = np.where(chosen == jammed, points["slide_block"], blocks)
         self.active[0] = self.bilateral + len(blocks)
         self.active[self.bilateral + 1 : self.active[0] + 1] = blocks
         m = point_kernels.impulse_rows(self.address, t, q, v)
-        return self.space.omega[:m, :m].copy(), self.space.vectors[RHS, :m].copy()
+        u, omega = vectors[RHS, :m].copy(), self.space.omega[:m, :m]
+        if not (np.isfinite(omega).all() and np.isfinite(u).all()):
+            return None
+        striking.strike(self._striking[0], v)
+        report, impulse = vectors[REPORT], vectors[LAMBDA, :m].copy()
+        normal, after = self.space.slots[blocks, at.FIRST], u + omega @ impulse
+        return Impact(
+            before=u[normal],
+            after=after[normal],
+            impulse=impulse[normal],
+            shared=() if told else self._shared(omega, after, impulse, chosen, normal),
+            fastest=float(np.max(np.abs(u), initial=0.0)),
+            missed=1.0 if report[BARRED] else float(report[MISSED]),
+            calmed=bool(report[CALMED]),
+        )
 
-    def strike(self, impulse: Array, v: Array, ledger: Array) -> None:
-        """Add the effect of impulses on the rows of `impact` to v, directly after `impact`.
+    def _shared(
+        self, omega: Array, after: Array, impulse: Array, chosen: Ints, first: Ints
+    ) -> tuple[str, ...]:
+        """Return the bodies whose total contact impulse in an impact is not unique.
+
+        The laws at the rows that stop are linear in their impulses, with friction of sliding points
+        proportional to the normal impulse. A change of impulses that these laws do not determine is
+        reported if it changes the sum over the points of a body.
+        """
+        acts = impulse[first] > 0.0
+        if np.count_nonzero(acts) < 2:
+            return ()
+        unit, size = np.eye(len(omega)), NOTABLE * float(np.max(np.abs(after - omega @ impulse)))
+        rows = list(range(int(first.min())))
+        columns = [unit[r] for r in rows]
+        for s, n in zip(chosen[acts].tolist(), first[acts].tolist()):
+            rows.append(n)
+            mu, slip = self.contact_points[s].friction, after[n + 1 : n + 3]
+            if self.points["limit"][s] or mu == 0.0:
+                columns.append(unit[n])
+            elif (speed := float(np.linalg.norm(slip))) > size:
+                columns.append(unit[n] - mu / speed * (slip @ unit[n + 1 : n + 3]))
+            else:
+                columns += [*unit[n : n + 3]]
+                rows += [n + 1, n + 2]
+        scale = 1.0 / np.sqrt(np.maximum(omega.diagonal(), TINY))[rows]
+        changes: Array = np.array(columns) * scale[:, None]
+        laws: Array = scale[:, None] * (omega @ changes.T)[rows]
+        _, values, null = np.linalg.svd(laws)
+        free = null[values <= NOTABLE * values.max(initial=0.0)] @ changes
+        sums: dict[str, Any] = {}
+        places = self.points["position"]
+        for s, n in zip(chosen[acts].tolist(), first[acts].tolist()):
+            if not self.points["limit"][s]:
+                force = free[:, n : n + 3] @ self.blocks.blocks_f[self._laws[s], AXES].reshape(3, 3)
+                wrench = np.hstack((force, np.cross(places[s] - places[chosen[0]], force)))
+                body = self.contact_points[s].body
+                sums[body] = sums.get(body, 0.0) + np.stack((wrench, np.abs(wrench)))
+        return tuple(
+            b for b, (x, most) in sums.items() if (abs(x) > NOTABLE * most.max(initial=0.0)).any()
+        )
+
+    def strike(self, v: Array, ledger: Array) -> None:
+        """Add the effect of the impulses of `impact` to v, directly after it.
 
         Their work and dissipation are added to `ledger` [J].
         """
-        self.space.vectors[LAMBDA, : len(impulse)] = impulse
         point_kernels.add_impulses(self.address, v, ledger)
