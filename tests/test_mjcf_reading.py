@@ -540,3 +540,29 @@ def test_a_weld_without_torques_holds_a_point(scale, kind, tmp_path):
         f'</worldbody><equality><weld body1="b" torquescale="{scale}"/></equality></mujoco>'
     )
     assert [c.kind for c in pg.load(tmp_path / "a.xml").constraints] == [kind]
+
+
+@pytest.mark.parametrize("stiffness", [0.3, 40.0])
+@pytest.mark.parametrize(
+    ("joint", "speed"),
+    [('<joint type="ball" pos=".1 0 -.2" stiffness="{}" damping=".05"/>', (1, -3, 2)),
+     ('<joint type="free" stiffness="{}" damping=".05"/>', (0.3, -0.2, 0.5, 1, -3, 2))],
+)  # fmt: skip
+def test_springs_of_ball_and_free_joints_pull_as_in_mujoco(tmp_path, joint, speed, stiffness):
+    """The body starts at rest of its spring, turned and off the origin, with a velocity."""
+    box = '<geom type="box" size=".1 .2 .3" pos=".05 0 .1" mass="2" contype="0" conaffinity="0"/>'
+    inside = f'<body name="b" pos=".3 .2 1" quat=".9 .1 .3 -.2">{joint}{box}</body>'
+    go = f'<keyframe><key name="go" qvel="{" ".join(map(str, speed))}"/></keyframe>'
+    option = 'gravity="0 0 -2" integrator="RK4" timestep="1e-3"'
+    text = world(inside, option=option, rest=go).format(stiffness)
+    theirs = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(theirs)
+    mujoco.mj_resetDataKeyframe(theirs, data, 0)
+    mujoco.mj_step(theirs, data, 500)
+    mujoco.mj_forward(theirs, data)
+    model, report = read(tmp_path, text)
+    assert not left_out(report)
+    run = pg.simulate(model, scenario="go", t_end=0.5, rtol=1e-9)
+    corner = data.xipos[1] + data.ximat[1].reshape(3, 3) @ (0.1, 0.2, 0.3)
+    ours = run.position("b", np.add(model.body("b").com, (0.1, 0.2, 0.3)))[-1]
+    np.testing.assert_allclose(ours, corner, atol=1e-6)

@@ -32,14 +32,13 @@ from .conversion import (
     unphysical,
     unused,
 )
-from .mjcf_compiled import Compiled, Group
+from .mjcf_compiled import BALL, FREE, HINGE, SLIDE, Compiled, Group
 from .mjcf_contacts import Contacts
 from .mjcf_files import Files
 from .mjcf_forces import within_margin
 from .mjcf_parts import Parts
 
 Array = np.ndarray
-FREE, BALL, SLIDE, HINGE = range(4)
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 WORLD = "world"
 INITIAL = "initial state"  # a keyframe of this name is that
@@ -336,7 +335,6 @@ class _Reader:
         """Report properties that are not supported for ball and free joints."""
         m = self.m
         for values, what in (
-            (m.jnt_stiffness[j], "stiffness"),
             (m.dof_armature[dof], "armature"),
             (m.dof_frictionloss[dof], "friction"),
         ):

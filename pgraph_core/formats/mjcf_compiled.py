@@ -13,6 +13,7 @@ from ..errors import needed
 from .conversion import Report
 
 Array = np.ndarray
+FREE, BALL, SLIDE, HINGE = range(4)  # mjtJoint
 MINVAL = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, below which a mass or an inertia is none
 GREY = (0.5, 0.5, 0.5, 1.0)  # the colour that MuJoCo gives a geom without one
 

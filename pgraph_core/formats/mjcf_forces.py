@@ -9,10 +9,11 @@ import numpy as np
 
 from ..errors import choices, needed, shown
 from ..fields import GROUND
+from ..forces.bushing import Bushing
 from ..model import Actuator, Drag, Force, Motor, Servo, SpeedServo, Spring, Tendon, Wrench
 from ..rotation import unit
 from .conversion import NO_LIMIT, unused
-from .mjcf_compiled import MINVAL, Reading
+from .mjcf_compiled import BALL, FREE, MINVAL, Reading
 
 Array = np.ndarray
 TENDON = 3  # mjtEq
@@ -127,6 +128,7 @@ class Forces:
         yield from self._tendons()
         yield from self._drags()
         yield from self._lifts()
+        yield from self._mounts()
 
     def _channel(self, a: int) -> tuple[int, int]:
         """Return the rows for the output and input of an actuator in MuJoCo's tables."""
@@ -408,6 +410,22 @@ class Forces:
         """Check whether forces in these bounds, times a factor, stay within a joint's limit."""
         low, high = self.m.jnt_actfrcrange[j]
         return all(low <= factor * end <= high for end in ends)
+
+    def _mounts(self) -> Iterator[Bushing]:
+        """Yield the springs of ball and free joints, whose rest is the initial state."""
+        m = self.m
+        for j in np.flatnonzero((m.jnt_type <= BALL) & (m.jnt_stiffness > 0)).tolist():
+            b, k = int(m.jnt_bodyid[j]), float(m.jnt_stiffness[j])
+            if m.body_jntnum[b] > 1:
+                text = "stiffness of a ball joint beside other joints of its body"
+                self.reader.left_out("joint", m.joint(j).name, text)
+                continue
+            name, along = self.reader.names[b], k if m.jnt_type[j] == FREE else 0.0
+            yield Bushing(
+                name=f"spring of {m.joint(j).name or name}", body=name,
+                other=self.reader.names[int(m.body_parentid[b])],
+                point=tuple((-self.reader.pivot[b]).tolist()), stiffness=(along,) * 3 + (k,) * 3,
+            )  # fmt: skip
 
     def _drags(self) -> Iterator[Drag]:
         """Yield the fluid drag on the bodies, modelled with MuJoCo's inertia boxes."""
