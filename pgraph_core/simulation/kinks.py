@@ -1,4 +1,4 @@
-"""Discontinuities of prescribed motions due to comparisons in their expressions of time."""
+"""Kinks in time: corners of tables, and comparisons in the expressions of prescribed motions."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..engine import layout as at
 from ..engine.edges import edges
 from ..engine.signals import rates
 from ..mechanism import Mechanism
 from ..model.constraint import Motion
-from ..packing import Array, Ints
+from ..packing import Array, Drives, Ints, Loads
+from ..packing.forces import bends_of_loads
 from ..packing.signals import count_of_edges, of_time
 from ..tolerances import NOTABLE
 from .monitors import MOST_EVENTS
@@ -80,3 +82,17 @@ def _values(code: Array, t: Array) -> Array:
     out = np.empty((len(t), 2))
     rates(code, t, out)
     return out
+
+
+def corners(mech: Mechanism, drives: Drives, loads: Loads, active: Ints, begin: float) -> Array:
+    """Return the times after `begin` at which a force or motion table has a kink [s]."""
+    found = [mech.packed.bends(drives), bends_of_loads(loads)]
+    blocks = mech.packed.blocks
+    for i in active.tolist() if len(blocks.curves) else ():
+        for block in range(blocks.first[i], blocks.first[i + 1]):
+            first, count = blocks.blocks_i[block, [at.B_CURVE, at.B_KNOTS]].tolist()
+            if count > 1:
+                found.append(blocks.curves[first : first + count, 0])
+    others = any(len(x) for x in found[1:])
+    times = np.unique(np.concatenate(found)) if others else found[0]
+    return times[times > begin]

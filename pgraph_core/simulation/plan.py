@@ -18,26 +18,25 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics.scene import Scene, contact_tables, rubs, stepped_tables
+from ..dynamics.scene import Scene, contact_tables, stepped_tables
 from ..dynamics.states import bodies_over
-from ..engine import layout as at
 from ..engine.tree.heights import lowest
-from ..errors import InputError, Problem, choices
+from ..errors import InputError, Problem
 from ..fields import EVERY, GROUND, Frozen
 from ..forces import OnJoint
-from ..integrators import DOP853, DOPRI5, METHODS, MOREAU_JEAN, RADAU5, RK4, Method, method_of
+from ..integrators import METHODS, RK4, Method
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..model.scenario import STEP
 from ..packing import Array, Drives, Ints, Loads
-from ..packing.constraints import block_arrays
-from ..packing.forces import bends_of_loads, drives_begun_from, exerts
-from ..packing.signals import begun_from, contacts_read
+from ..packing.forces import drives_begun_from, exerts
+from ..packing.signals import begun_from
 from ..portable import array_of
 from ..result.records import Memory
 from ..tolerances import EPS, SOLVED
+from .choice import event_driven, given_step, method_for
 from .conditions import ConditionOf, conditions_of
-from .kinks import Kink, kinks_of
+from .kinks import Kink, corners, kinks_of
 from .kinks import told as told_of
 from .options import (
     FRAMES,
@@ -51,7 +50,8 @@ from .options import (
     positive,
     steps_between,
 )
-from .rates import Rate, resolving_step
+from .plan_notices import filled, hard, lost, too_wide
+from .rates import Rate
 from .start import controller_of, initial_state, is_controller
 from .switches import (
     Change,
@@ -73,9 +73,7 @@ KEPT_PLANS = 8  # by a mechanism
 KEEPING = threading.Lock()
 NO_PLAN = (None, None, None)
 PARTS = Options._fields.index("forces")  # index in the options, followed by switches
-MANY_RADIANS = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 MANY_STEPS = 1_000_000  # number of default steps above which a warning is given
-SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
 NO_TIMES = np.zeros(0)
 NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
 NO_GAINS = np.zeros(2)
@@ -299,7 +297,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
         "inputs": {name: x.model_dump() if isinstance(x, Table) else x for name, x in o.inputs},
     }
     edits = (f"after the edit of the model: {text}" for text in mech.model.told)
-    notices = (*_lost(mech.model.lost), *edits, *mech.model.doubts)
+    notices = (*lost(mech.model.lost), *edits, *mech.model.doubts)
     plan = replace(plan, header=header, notices=notices, idle=_idle(mech, given))
     forces = _forces(mech, o, given, span[0], extra)
     if plan.method.order > 1 and (plan.yields or any(f._bends for f in forces)):
@@ -345,11 +343,11 @@ def _on_a_way(
 ) -> RunPlan:  # fmt: skip
     """Compute the plan with its method and times, and notices about their fit to forces."""
     asked, duration = o.step or (given.step if given else None), span[1] - span[0]
-    o = o._replace(step=_given_step(plan, given, o))
+    o = o._replace(step=given_step(plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
     plan = _with_times(mech, plan, o, given, span)
-    plan = replace(plan, too_wide=_too_wide(plan, rate))
-    told = [*_hard(plan), *_filled(plan), *told_of(plan.kinks)]
+    plan = replace(plan, too_wide=too_wide(plan, rate))
+    told = [*hard(plan), *filled(plan), *told_of(plan.kinks)]
     if asked and plan.step is not None and asked > duration * (1 + SOLVED):
         told.append(
             f"step: {asked:g} s is longer than the run, which takes one step of {duration:g} s; "
@@ -424,15 +422,15 @@ def _with_method(
     step = o.step or (given.step if given else None)
     contacts, points = plan.contacts, plan.contact_points
     try:
-        method, why = _method(rate, plan, name, o, step)
+        method, why = method_for(rate, plan, name, o, step)
         if contacts is not None and plan.impulses and method.name != "moreau_jean":
-            contacts, points = _event_driven(mech, contacts, plan.loads)
+            contacts, points = event_driven(mech, contacts, plan.loads)
             why = f"{why}, from event to event of contacts and limits"
     except InputError as problem:
         if not plan.impulses or name not in ("auto", *METHODS):
             raise
         refused, o = problem, o._replace(rtol=None, atol=0.0, method="moreau_jean")
-        method, why = _method(rate, plan, "moreau_jean", o, step)
+        method, why = method_for(rate, plan, "moreau_jean", o, step)
     if method.name == "moreau_jean":
         contacts = stepped_tables(mech.packed, contacts, plan.drives)
     plan = replace(
@@ -567,82 +565,7 @@ def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]
     return at_speed(contacts, mech.packed, speeds)
 
 
-def _event_driven(
-    mech: Mechanism, contacts: Tables, loads: Loads
-) -> tuple[Tables | None, tuple[ContactPoint, ...]]:
-    """Compute (soft contacts, rigid contact points and limits) for an event-driven run."""
-    if contacts.remembers:
-        text = (
-            "a penalty contact stores its sticking point, so steps with events cannot be repeated"
-        )
-        text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
-        raise InputError(Problem("simulate", "method", text))
-    rigid = {t.contact.name for t in contacts.touches if t.contact.law != "soft"}
-    if read := rigid & {mech.model.contacts[i].name for i in contacts_read(loads.signals[0])}:
-        text = f"a control reads the force of the rigid contact '{min(read)}', which is a signal in"
-        text += " time stepping only; use method 'moreau_jean'"
-        raise InputError(Problem("simulate", "method", text))
-    from .event_scene import contact_points
-
-    if contacts.tendons:
-        text = "limits of tendons and springs require time stepping; use method 'moreau_jean'"
-        raise InputError(Problem("simulate", "method", text))
-    points = contact_points(mech.model, mech.topology, mech.packed.system, contacts)
-    soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")
-    rest = contact_tables(mech.packed, tuple(dict.fromkeys(soft)))
-    if rest is None or not rest.touches:
-        return None, points
-    return rest._replace(limits=(), limit_blocks=block_arrays(())), points
-
-
 # -- how it is stepped ---------------------------------------------------------------------------
-
-
-def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
-    """Return the requested step size, or the one required by penalty contacts if none is given."""
-    contacts = plan.contacts
-    stated = given.step if given is not None else None
-    asked = stated is not None or o.step is not None or o.rtol is not None
-    if asked or contacts is None or not contacts.remembers or plan.impulses:
-        return o.step
-    return min(STEP, resolving_step(contacts.rate))
-
-
-def _method(
-    rate: Rate, plan: RunPlan, name: str, o: Options, step: float | None
-) -> tuple[Method, str]:
-    """Compute the method `name`, or a suitable method for "auto", with the reason for it. Raises
-    InputError."""
-    impulses, touching = plan.impulses, plan.contacts is not None
-    tendons = plan.contacts is not None and plan.contacts.tendons
-    rubbing = rubs(plan.drives)
-    if name != "auto":
-        method = method_of(name, impulses=impulses, touching=touching or rubbing)
-        return method, f"{name}: as asked"
-    if impulses and (o.rtol is None or tendons):
-        return MOREAU_JEAN, "moreau_jean: the scene has rigid contacts or joint limits"
-    if rubbing and o.rtol is None:
-        return MOREAU_JEAN, "moreau_jean: dry friction of joints or tendons, which may stick"
-    loose = o.rtol is not None and o.rtol > 1e-5
-    if impulses:
-        if loose:
-            return DOPRI5, "dopri5: rigid contacts or joint limits with a loose tolerance"
-        return DOP853, "dop853: rigid contacts or joint limits with a tight tolerance"
-    if step is not None and o.rtol is None:
-        if rate() * step > RK4.limit:
-            text = f"radau5: the fastest rate, {rate():.3g}/s, times the step is too much for rk4"
-            return RADAU5, text
-        if touching:
-            return RK4, "rk4: soft or penalty contacts at a fixed step, narrower inside hard ones"
-        return RK4, "rk4: the most accurate of the methods for smooth motion at a fixed step"
-    if rate() * rate.span > MANY_RADIANS and rate() > 30.0 * (rest := rate.without_forces()):
-        text = f"radau5: springs or dampers make rates of {rate():.3g}/s, the rest {rest:.3g}/s"
-        return RADAU5, text
-    if touching:
-        return DOPRI5, "dopri5: soft contacts, whose forces are not smooth, with adaptive steps"
-    if loose:
-        return DOPRI5, "dopri5: smooth motion with a loose tolerance"
-    return DOP853, "dop853: smooth motion with a tight tolerance and adaptive steps"
 
 
 def _times(
@@ -672,70 +595,3 @@ def _gains(o: Options, usual: float) -> Array:
         return NO_GAINS
     alpha = 0.1 / float(usual if o.step is None else o.step)
     return np.array([2 * alpha, alpha * alpha])
-
-
-# -- corners of tables ---------------------------------------------------------------------------
-
-
-def corners(mech: Mechanism, drives: Drives, loads: Loads, active: Ints, begin: float) -> Array:
-    """Return the times after `begin` at which a force or motion table has a kink [s]."""
-    found = [mech.packed.bends(drives), bends_of_loads(loads)]
-    blocks = mech.packed.blocks
-    for i in active.tolist() if len(blocks.curves) else ():
-        for block in range(blocks.first[i], blocks.first[i + 1]):
-            first, count = blocks.blocks_i[block, [at.B_CURVE, at.B_KNOTS]].tolist()
-            if count > 1:
-                found.append(blocks.curves[first : first + count, 0])
-    others = any(len(x) for x in found[1:])
-    times = np.unique(np.concatenate(found)) if others else found[0]
-    return times[times > begin]
-
-
-# -- notices -------------------------------------------------------------------------------------
-
-
-def _lost(lost: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a notice about active parts of a file that are missing from the model."""
-    if not lost:
-        return ()
-    text = "parts of the file that affect the motion are not in the model, so the result differs: "
-    return (f"{text}{choices(lost, 3)}; model.lost contains all {len(lost)}",)
-
-
-def _too_wide(plan: RunPlan, rate: Rate) -> bool:
-    """Check whether fixed steps are too large for the fastest rate at the start."""
-    step, limit = plan.step, plan.method.limit
-    if step is None or limit == 0.0 or int(plan.substeps.sum()) < SHORT:
-        return False
-    if rate() * step <= limit:
-        return False
-    return plan.method.name != "moreau_jean" or rate.explicit() * step > limit
-
-
-def _hard(plan: RunPlan) -> list[str]:
-    """Return a notice if fixed steps are too large for the stiffness or friction of contacts.
-
-    A method without a limit damps rates that its steps do not resolve.
-    """
-    rate = plan.contacts.rate if plan.contacts is not None else 0.0
-    if plan.step is None or not plan.method.limit or rate * plan.step <= 1.0:
-        return []
-    least = resolving_step(rate)
-    return [
-        f"soft or penalty contacts make rates of about {rate:.3g}/s, which steps of "
-        f"{plan.step:.3g} s do not resolve: give {least:.2g} s or less, or a smaller stiffness"
-    ]
-
-
-def _filled(plan: RunPlan) -> list[str]:
-    """Return a notice if meshes collide as convex hulls that are much larger than the meshes."""
-    if plan.contacts is None or not plan.contacts.hulls:
-        return []
-    excess, body = max(plan.contacts.hulls)
-    more = len(plan.contacts.hulls) - 1
-    others = f", and {more} more" if more else ""
-    return [
-        f"the mesh of '{body}'{others} touches by its convex hull, whose volume is {excess:.3g} "
-        "times its own, so hollows are filled; give its shape hull 'parts', or 'convex' to "
-        "accept this"
-    ]

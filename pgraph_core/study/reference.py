@@ -14,7 +14,7 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..result import Result, Status
-from ..simulation.plan import MANY_RADIANS
+from ..simulation.choice import MANY_RADIANS
 from ..tolerances import NOTABLE, ROUNDING, SOLVED
 from ..verification import Case, States
 from .measures import TRUST, Measure, joint_errors, measure_of, rms

@@ -1,0 +1,99 @@
+"""The choice of a method and step: as asked, or those that suit the scene."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ..dynamics.scene import contact_tables, rubs
+from ..errors import InputError, Problem
+from ..integrators import DOP853, DOPRI5, MOREAU_JEAN, RADAU5, RK4, Method, method_of
+from ..mechanism import Mechanism
+from ..model import Scenario
+from ..model.scenario import STEP
+from ..packing import Loads
+from ..packing.constraints import block_arrays
+from ..packing.signals import contacts_read
+from .options import Options
+from .rates import Rate, resolving_step
+
+if TYPE_CHECKING:
+    from ..contact.tables import Tables
+    from .event_scene import ContactPoint
+    from .plan import RunPlan
+
+MANY_RADIANS = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
+
+
+def given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
+    """Return the requested step size, or the one required by penalty contacts if none is given."""
+    contacts = plan.contacts
+    stated = given.step if given is not None else None
+    asked = stated is not None or o.step is not None or o.rtol is not None
+    if asked or contacts is None or not contacts.remembers or plan.impulses:
+        return o.step
+    return min(STEP, resolving_step(contacts.rate))
+
+
+def method_for(
+    rate: Rate, plan: RunPlan, name: str, o: Options, step: float | None
+) -> tuple[Method, str]:
+    """Compute the method `name`, or a suitable method for "auto", with the reason for it. Raises
+    InputError."""
+    impulses, touching = plan.impulses, plan.contacts is not None
+    tendons = plan.contacts is not None and plan.contacts.tendons
+    rubbing = rubs(plan.drives)
+    if name != "auto":
+        method = method_of(name, impulses=impulses, touching=touching or rubbing)
+        return method, f"{name}: as asked"
+    if impulses and (o.rtol is None or tendons):
+        return MOREAU_JEAN, "moreau_jean: the scene has rigid contacts or joint limits"
+    if rubbing and o.rtol is None:
+        return MOREAU_JEAN, "moreau_jean: dry friction of joints or tendons, which may stick"
+    loose = o.rtol is not None and o.rtol > 1e-5
+    if impulses:
+        if loose:
+            return DOPRI5, "dopri5: rigid contacts or joint limits with a loose tolerance"
+        return DOP853, "dop853: rigid contacts or joint limits with a tight tolerance"
+    if step is not None and o.rtol is None:
+        if rate() * step > RK4.limit:
+            text = f"radau5: the fastest rate, {rate():.3g}/s, times the step is too much for rk4"
+            return RADAU5, text
+        if touching:
+            return RK4, "rk4: soft or penalty contacts at a fixed step, narrower inside hard ones"
+        return RK4, "rk4: the most accurate of the methods for smooth motion at a fixed step"
+    if rate() * rate.span > MANY_RADIANS and rate() > 30.0 * (rest := rate.without_forces()):
+        text = f"radau5: springs or dampers make rates of {rate():.3g}/s, the rest {rest:.3g}/s"
+        return RADAU5, text
+    if touching:
+        return DOPRI5, "dopri5: soft contacts, whose forces are not smooth, with adaptive steps"
+    if loose:
+        return DOPRI5, "dopri5: smooth motion with a loose tolerance"
+    return DOP853, "dop853: smooth motion with a tight tolerance and adaptive steps"
+
+
+def event_driven(
+    mech: Mechanism, contacts: Tables, loads: Loads
+) -> tuple[Tables | None, tuple[ContactPoint, ...]]:
+    """Compute (soft contacts, rigid contact points and limits) for an event-driven run."""
+    if contacts.remembers:
+        text = (
+            "a penalty contact stores its sticking point, so steps with events cannot be repeated"
+        )
+        text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
+        raise InputError(Problem("simulate", "method", text))
+    rigid = {t.contact.name for t in contacts.touches if t.contact.law != "soft"}
+    if read := rigid & {mech.model.contacts[i].name for i in contacts_read(loads.signals[0])}:
+        text = f"a control reads the force of the rigid contact '{min(read)}', which is a signal in"
+        text += " time stepping only; use method 'moreau_jean'"
+        raise InputError(Problem("simulate", "method", text))
+    from .event_scene import contact_points
+
+    if contacts.tendons:
+        text = "limits of tendons and springs require time stepping; use method 'moreau_jean'"
+        raise InputError(Problem("simulate", "method", text))
+    points = contact_points(mech.model, mech.topology, mech.packed.system, contacts)
+    soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")
+    rest = contact_tables(mech.packed, tuple(dict.fromkeys(soft)))
+    if rest is None or not rest.touches:
+        return None, points
+    return rest._replace(limits=(), limit_blocks=block_arrays(())), points
