@@ -66,7 +66,7 @@ def test_one_selection_is_shown_by_table_digraph_pgraph_properties_and_3d(page, 
     page.mouse.click(*on_screen(page, middle_of(served, "shank")))
     selected_everywhere(page, "shank")
     page.keyboard.press("Delete")
-    until(lambda: "shank" not in served.store.state.derived.names, "the body gone")
+    row(page, "shank").wait_for(state="detached")
     page.keyboard.press("Control+z")
     until(lambda: "shank" in served.store.state.derived.names, "the body back")
     row(page, "shank").locator("td.number").click()
