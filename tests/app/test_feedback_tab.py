@@ -14,6 +14,7 @@ from pgraph_app.feedback.view import feedback
 from pgraph_app.run import Request
 
 from ..core.test_feedback import PLANTS, cart_pole, linear
+from ..nights import combined
 from .store import ME, after, answered, begun, do, notice, reply
 
 
@@ -188,16 +189,16 @@ def test_an_answer_that_is_too_late_is_not_shown():
 
 
 @pytest.mark.parametrize(
-    ("kp", "ki", "kd", "inertia"), [(4, 8, 0, 1), (1, 20, 0, 0.5), (6, 1, 2, 3), (0, 5, 3, 1)]
+    ("gains", "how", "setpoint"),
+    combined(
+        [(4, 8, 0, 1), (1, 20, 0, 0.5), (6, 1, 2, 3), (0, 5, 3, 1)],
+        [{}, {"method": "dopri5", "step": None, "rtol": 1e-9}, {"method": "rk4", "step": 2e-3}],
+        [0.0, -5.0, "=sin(3*t)"],
+    ),
 )
-@pytest.mark.parametrize(
-    "how", [{}, {"method": "dopri5", "step": None, "rtol": 1e-9}, {"method": "rk4", "step": 2e-3}]
-)
-@pytest.mark.parametrize("setpoint", [0.0, -5.0, "=sin(3*t)"])
-def test_the_step_response_of_a_pid_is_that_of_its_transfer_function(
-    kp, ki, kd, inertia, how, setpoint
-):
+def test_the_step_response_of_a_pid_is_that_of_its_transfer_function(gains, how, setpoint):
     """A wheel 1/(I s) whose speed is controlled by kp + ki/s + kd s/(T s + 1)."""
+    kp, ki, kd, inertia = gains
     lag = 0.1
     wheel = pg.Body(name="wheel", axes=[(0, 0, 1)], inertia=(inertia,) * 3, v=1.0)
     control = pg.PID(name="signal", signal="=2*v.wheel - v.wheel", setpoint=setpoint,

@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
 from tests.controlled import EVERY, STATES, TORQUE, Z, pendulum
+from tests.nights import combined
 
 
 def noted(run, name):
@@ -81,9 +82,10 @@ def test_the_estimate_has_the_states():
     assert pg.simulate(model, t_end=1.0, step=5e-2, estimate=False).state_error_at.shape[1] == 2
 
 
-@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5"])
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
-@pytest.mark.parametrize("lag", [1.0, 0.1, 0.01])
+@pytest.mark.parametrize(
+    ("method", "rtol", "lag"),
+    combined(["dopri5", "dop853", "radau5"], [1e-4, 1e-6, 1e-8], [1.0, 0.1, 0.01]),
+)
 def test_frames_between_steps_are_as_good_as_their_ends(method, rtol, lag):
     controls = [pg.Filter(name="f", input="=v.arm + sin(5*t)", lag=lag)]
     model = pendulum(controls, "=-3*x.f")

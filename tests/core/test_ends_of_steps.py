@@ -5,6 +5,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from ..worlds import built_in
 
 W = 2.0  # rad/s of the oscillator
@@ -134,9 +135,13 @@ def carts(condition, **fields):
     return pg.Model(bodies=bodies, **given)
 
 
-@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 0.01}, {"rtol": 1e-6}])
-@pytest.mark.parametrize("once", [True, False])
-@pytest.mark.parametrize("gap", [0.1, 0.07, 0.033])
+@pytest.mark.parametrize(
+    ("gap", "once", "options"),
+    combined(
+        [0.1, 0.07, 0.033], [True, False],
+        [{}, {"method": "rk4", "step": 0.01}, {"rtol": 1e-6}],
+    ),
+)  # fmt: skip
 def test_a_clutch_may_keep_the_motion_at_the_threshold_that_closed_it(gap, once, options):
     """Both move on with half the speed from the time of contact, and part with it."""
     model = carts(f"=q.a > q.b - {gap}", **({"once": True} if once else {}))

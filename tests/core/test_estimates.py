@@ -14,6 +14,7 @@ from scipy.special import ellipj, ellipk, gamma
 import pgraph_core as pg
 from pgraph_core.dynamics.states import differences
 
+from ..nights import combined
 from ..worlds import built_in as model
 from .trees import random_case
 
@@ -549,8 +550,7 @@ def test_errors_are_saved_with_the_run(tmp_path):
     assert again.accuracy == run.accuracy
 
 
-@pytest.mark.parametrize("size", [1e-4, 0.1, 10.0])
-@pytest.mark.parametrize("e", [0.0, 0.3, 0.6])
+@pytest.mark.parametrize(("size", "e"), combined([1e-4, 0.1, 10.0], [0.0, 0.3, 0.6]))
 def test_what_a_slow_impact_leaves_open_is_in_the_error_of_a_ball_at_rest(size, e):
     scene, options, _ = falling(size, e)
     run = pg.simulate(scene, **{**options, "t_end": 30.0, "frames": 31})
