@@ -105,7 +105,6 @@ class Tables(NamedTuple):
     room: int  # contact points that there is room for
     remembers: bool  # penalty friction sticks to anchors
     turns: bool  # a contact resists rolling or spinning
-    rate: float  # about the fastest [1/s] that soft and penalty contacts make of a body at rest
     tendons: bool  # some limits bound sums of coordinates, or lengths
     hulls: tuple[tuple[float, str], ...]  # (volume over the mesh's, body) of hulls far larger
     friction_blocks: tuple[Ints, Array, Ints, Array] = block_arrays(())  # joint friction
@@ -286,7 +285,6 @@ class _Shapes:
             room=room,
             remembers=any(t.contact.law == "penalty" for t in self.touches),
             turns=bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
-            rate=max((rate_of(row, pull_of(self.model)) for row in laws), default=0.0),
             tendons=any(len(block.terms) != 1 for _, block in limits),
             hulls=tuple(self.hulls),
         )
@@ -368,21 +366,7 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
             needed = 1.25 * energy / deep**2.5 if soft else energy / deep**2
             stiffness = max(stiffness, needed)
         row["stiffness"] = stiffness
-    pull = pull_of(mech.model)
-    return found._replace(laws=laws, rate=max((rate_of(row, pull) for row in laws), default=0.0))
-
-
-def rate_of(row: Any, pull: float) -> float:
-    """Compute the rate [1/s] of a mass on a soft or penalty contact, with damper and friction."""
-    mass, stiffness = float(row["mass"]), float(row["stiffness"])
-    if row["law"] == SOFT:
-        depth = (mass * pull / stiffness) ** (2 / 3)
-        damper = float(row["loss"]) * np.sqrt(1.25 * pull / depth)
-        return float(np.sqrt(1.5 * pull / depth) + damper + row["friction"] * pull / row["creep"])
-    if row["law"] == PENALTY:
-        loss = row["damping"] + row["loss"] * np.sqrt(stiffness * mass)
-        return float(np.sqrt(stiffness / mass) + loss / mass)
-    return 0.0
+    return found._replace(laws=laws)
 
 
 def _moved(c: Contact, topology: Topology, packed: System) -> float:

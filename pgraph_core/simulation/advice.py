@@ -17,6 +17,7 @@ from ..integrators import DOP853
 from ..packing import Array
 from ..result import Status
 from ..tolerances import VISIBLE
+from .compliance import fastest_contact
 from .options import Tolerance
 from .plan import NO_SUBSTEPS, NO_TIMES
 from .rates import FAST, STIFF, Rate, advised_step, resolving_step
@@ -62,7 +63,9 @@ def _advice(record: Running, left: bool) -> Advice:
         if rate > fastest:
             best, fastest = here, rate
     assert best is not None, "a run has a first state"
-    contacts = plan.contacts.rate if plan.contacts is not None else 0.0
+    contacts = 0.0
+    if plan.contacts is not None:
+        contacts = fastest_contact(record.mech, plan.contacts, record.began[0])
     return Advice(advised_step(plan.method, fastest, contacts), fastest, best, diverged)
 
 

@@ -13,6 +13,7 @@ from ..model.scenario import STEP
 from ..packing import Loads
 from ..packing.constraints import block_arrays
 from ..packing.signals import contacts_read
+from .compliance import fastest_contact
 from .options import Options
 from .rates import Rate, resolving_step
 
@@ -24,14 +25,14 @@ if TYPE_CHECKING:
 MANY_RADIANS = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 
 
-def given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
+def given_step(mech: Mechanism, plan: RunPlan, given: Scenario | None, o: Options) -> Any:
     """Return the requested step size, or the one required by penalty contacts if none is given."""
     contacts = plan.contacts
     stated = given.step if given is not None else None
     asked = stated is not None or o.step is not None or o.rtol is not None
     if asked or contacts is None or not contacts.remembers or plan.impulses:
         return o.step
-    return min(STEP, resolving_step(contacts.rate))
+    return min(STEP, resolving_step(fastest_contact(mech, contacts, plan.start[0])))
 
 
 def method_for(

@@ -343,11 +343,11 @@ def _on_a_way(
 ) -> RunPlan:  # fmt: skip
     """Compute the plan with its method and times, and notices about their fit to forces."""
     asked, duration = o.step or (given.step if given else None), span[1] - span[0]
-    o = o._replace(step=given_step(plan, given, o))
+    o = o._replace(step=given_step(mech, plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
     plan = _with_times(mech, plan, o, given, span)
     plan = replace(plan, too_wide=too_wide(plan, rate))
-    told = [*hard(plan), *filled(plan), *told_of(plan.kinks)]
+    told = [*hard(mech, plan), *filled(plan), *told_of(plan.kinks)]
     if asked and plan.step is not None and asked > duration * (1 + SOLVED):
         told.append(
             f"step: {asked:g} s is longer than the run, which takes one step of {duration:g} s; "

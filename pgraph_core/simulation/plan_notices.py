@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..errors import choices
+from ..mechanism import Mechanism
+from .compliance import fastest_contact
 from .rates import Rate, resolving_step
 
 if TYPE_CHECKING:
@@ -31,13 +33,15 @@ def too_wide(plan: RunPlan, rate: Rate) -> bool:
     return plan.method.name != "moreau_jean" or rate.explicit() * step > limit
 
 
-def hard(plan: RunPlan) -> list[str]:
+def hard(mech: Mechanism, plan: RunPlan) -> list[str]:
     """Return a notice if fixed steps are too large for the stiffness or friction of contacts.
 
     A method without a limit damps rates that its steps do not resolve.
     """
-    rate = plan.contacts.rate if plan.contacts is not None else 0.0
-    if plan.step is None or not plan.method.limit or rate * plan.step <= 1.0:
+    if plan.step is None or not plan.method.limit or plan.contacts is None:
+        return []
+    rate = fastest_contact(mech, plan.contacts, plan.start[0])
+    if rate * plan.step <= 1.0:
         return []
     least = resolving_step(rate)
     return [
