@@ -20,7 +20,7 @@ from ..forces import Force, Motor, OnJoint
 from ..model import Model
 from ..packing import Array
 from ..signals import written
-from ..signals.grammar import LONGEST
+from ..signals.grammar import LONGEST_EXPRESSION
 from ..tolerances import NOTABLE, ROUNDING
 from .linear import Linearisation, linearise
 
@@ -296,9 +296,10 @@ def _closed(
     plant = _Plant(call, found.A, B, names, *zip(*((f.name, f.body) for f in drives)))
     K = np.atleast_2d(gains(plant))
     texts = [_text(names, at, row, float(u)) for row, u in zip(K, hold)]
-    if (longest := max(map(len, texts))) > LONGEST:
+    if (longest := max(map(len, texts))) > LONGEST_EXPRESSION:
         text = f"the feedback of {len(names)} states has {longest} characters, and an expression "
-        raise InputError(Problem(call, "states", f"{text}at most {LONGEST}; choose fewer states"))
+        text += f"at most {LONGEST_EXPRESSION}; choose fewer states"
+        raise InputError(Problem(call, "states", text))
     model = _with_inputs(model, drives, texts)
     poles: Any = np.linalg.eigvals(found.A - B @ K)
     poles = poles[np.lexsort((-poles.imag, poles.real))]

@@ -490,8 +490,8 @@ def _hull_excess(file: str, scale: Scale, changed: int) -> float:
     return float(mesh.convex_hull.volume / abs(mesh.volume))
 
 
-MOST_PARTS = 64
-CORNERS = 32  # limit on the corners of a part
+MOST_HULLS = 64
+HULL_CORNERS = 32  # limit on the corners of a part
 
 
 def convex_parts(file: str | Path, scale: Scale = 1.0) -> tuple[Solid, ...]:
@@ -513,9 +513,9 @@ def _convex_parts(file: str, scale: Scale, changed: int) -> tuple[Solid, ...]:
     coacd = needed("coacd", "meshes")
     coacd.set_log_level("error")
     given = coacd.Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-    parts = coacd.run_coacd(given, seed=0, decimate=True, max_ch_vertex=CORNERS)
-    if len(parts) > MOST_PARTS:
-        text = f"splits into {len(parts)} convex parts, more than {MOST_PARTS}"
+    parts = coacd.run_coacd(given, seed=0, decimate=True, max_ch_vertex=HULL_CORNERS)
+    if len(parts) > MOST_HULLS:
+        text = f"splits into {len(parts)} convex parts, more than {MOST_HULLS}"
         do = "simplify the mesh, use simple shapes, or hull 'convex'"
         raise ModelError(Problem(f"mesh {file}", "", f"{text}; {do}"))
     return tuple(hull(np.unique(vertices, axis=0)) for vertices, _ in parts)

@@ -24,7 +24,7 @@ from .expressions import (
     renamed_in,
 )
 from .output import Output, Site
-from .parameters import LONGEST, Formula, at, negated, ordered, probed
+from .parameters import LONGEST_FORMULA, Formula, at, negated, ordered, probed
 from .scenario import Scenario
 
 Names = Mapping[str, str]  # names of the copies by old names
@@ -161,7 +161,7 @@ class _Copy:
         found = at(part, path)
         signs = set(found) if isinstance(found, tuple) else {found}
         text = f.text if signs == {1.0} else negated(f.text)
-        if signs not in ({1.0}, {-1.0}) or len(text) > LONGEST:
+        if signs not in ({1.0}, {-1.0}) or len(text) > LONGEST_FORMULA:
             return None
         return f.unchecked_copy({"name": called[f.name], "path": path, "text": text})
 

@@ -27,7 +27,7 @@ TEXT = {  # fields that hold words, of parts and what is in them
     "name", "parent", "joint", "kind", "body", "other", "law", "frame", "file",
 }  # fmt: skip
 DIRECTIONS = {"axes", "motions"}  # stand twice in a body, so that a formula would have two places
-LONGEST = 200  # characters of a formula
+LONGEST_FORMULA = 200  # characters of a formula
 MOST_FORMULAS = 10_000  # formulas of a model: evaluating them takes about a second
 LONGEST_NAME = 60
 USABLE = re.compile(r"[^\W\d]\w*")  # a name of the grammar
@@ -66,8 +66,8 @@ _WORD = {
 def evaluated(text: str, parameters: Mapping[str, float]) -> float:
     """Return the finite value of a formula '=...'. Raises ValueError with a message."""
     given = shown(text.strip())
-    if len(text) > LONGEST:
-        raise ValueError(f"a formula has at most {LONGEST} characters, got {len(text)}")
+    if len(text) > LONGEST_FORMULA:
+        raise ValueError(f"a formula has at most {LONGEST_FORMULA} characters, got {len(text)}")
     try:
         tree = parsed(text)
     except Unreadable as error:

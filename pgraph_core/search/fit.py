@@ -21,7 +21,7 @@ from ..result.columns import columns_of, meant, no_column
 from ..tolerances import NOTABLE
 from .curves import slopes_of
 from .found import Ending, Numbered
-from .free import FAR, TOLD, Case, Numbers, Values, option, starts_of
+from .free import COST_OF_FAILURE, TOLD, Case, Numbers, Values, option, starts_of
 from .given import cases_of, noise_of, priors_of
 from .integration import Finer, finer_runs, gives_steps
 from .measured import factor_of, measured
@@ -30,7 +30,7 @@ from .quality import SURE, Linear, beyond_noise, not_noise
 Array = np.ndarray
 PART = 4  # an error that moves a number by less than this part of its standard error is small
 TRIED = 10  # random points for each start
-ROUNDS = 10  # fits at most, each weighted by the noise that the last one left
+MOST_FITS = 10  # fits at most, each weighted by the noise that the last one left
 MEDIAN = NormalDist().inv_cdf(0.75)  # median absolute value of a standard normal variable
 # loss -> ρ' and ρ'' over the squared residual z in units of its noise, as in SciPy
 LOSSES: dict[str, Callable[[Array], tuple[Array, Array]]] = {
@@ -401,7 +401,7 @@ class _Task:
         held, none = np.isfinite(priors[:, 1]).any(), np.full_like(priors, np.inf)
         again = sigma is None and (len(self.measured) > 1 or self.loss != "linear" or held)
         found, fresh = None, noise is self.scale
-        for n in range(ROUNDS if again else 1):
+        for n in range(MOST_FITS if again else 1):
             # before the noise is known, priors cannot be weighed against the data
             found = self._search(x, noise, none if again and fresh and n == 0 else priors)
             x, before = found.x, noise
@@ -418,7 +418,7 @@ class _Task:
         """Search again with curves that are corrected by finer runs, until this changes nothing."""
         first, cost, given = (x, noise, text), self._cost(x, noise), gives_steps(self.numbers)
         before: Finer | None = None
-        for _ in range(ROUNDS):
+        for _ in range(MOST_FITS):
             linear = self._linear(x, noise)
             fine = self._finer(x, partial(self._small, linear, noise), before)
             if isinstance(fine, str):
@@ -494,7 +494,7 @@ class _Task:
         """All residuals divided by their noise. Residuals of priors are last."""
         held = np.isfinite(priors[:, 1])
         if runs is None:
-            return np.full(sum(self.lengths) + held.sum(), FAR)
+            return np.full(sum(self.lengths) + held.sum(), COST_OF_FAILURE)
         parts = [left / size for left, size in zip(self._missed(runs), noise)]
         return np.concatenate([*parts, (x - priors[:, 0])[held] / priors[held, 1]])
 

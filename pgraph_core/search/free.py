@@ -19,7 +19,7 @@ from ..simulation.variables import Wanted
 from ..tolerances import EPS
 
 Array = np.ndarray
-FAR = 1e3  # cost of a failed run, in units of the goal or of the noise
+COST_OF_FAILURE = 1e3  # cost of a failed run, in units of the goal or of the noise
 INSIDE = np.cbrt(EPS)  # share of its range by which a number is moved off a bound
 TOLD = 6  # numbers in a sentence
 OURS = ("wrt", "events", "progress")  # arguments of `simulate` that a search gives itself

@@ -19,7 +19,7 @@ from ..model import Model
 from ..result import Result
 from ..tolerances import NEARBY, NOTABLE, VISIBLE
 from .found import Ending, Numbered
-from .free import FAR, Case, Numbers, Values, option, starts_of
+from .free import COST_OF_FAILURE, Case, Numbers, Values, option, starts_of
 from .goals import Goals
 from .integration import finer_options
 from .telling import Teller
@@ -279,7 +279,7 @@ class Search:
                 raise numbers.refused("model", f"its run fails at the start: {failed}")
             found = good.values.copy()
             own = found[: goals.count]
-            own += FAR * (1.0 + np.abs(own).max())
+            own += COST_OF_FAILURE * (1.0 + np.abs(own).max())
             point = _Point(u.copy(), None, found)
             trial = Trial(values, math.nan, {}, failed)
         self._last = point
@@ -480,7 +480,7 @@ class Search:
         def over(u: Array) -> Array:
             point = self.at(u)
             if point.run is None:
-                return np.full(len(per), FAR)
+                return np.full(len(per), COST_OF_FAILURE)
             if goals.missed(point.values) <= VISIBLE:
                 raise _Kept
             return per * goals.over(point.values)

@@ -13,7 +13,7 @@ ROW, ROW_OF_LOOPS = 37.0, 48.0  # [px] distance of levels without and with loops
 LANE, LANE_ROW = 18.0, 22.0
 MOST_LANES = 24  # beside a list: further branches share the last one
 CHARACTER, NODE = 6.2, 26.0  # [px] width of a letter and of a node
-LONGEST = 20  # shown letters of a name
+LONGEST_LABEL = 20  # shown letters of a name
 LABEL = NODE / 2 + 14  # [px] from a node's middle to where its name begins
 CLEAR, BELOW, APART = (13.0, 17.0, 4.0)  # [px] loops from nodes, levels, other loops
 
@@ -64,7 +64,7 @@ def _tree(parent: tuple[int, ...], letters: tuple[int, ...], row: float) -> Layo
 
 def _reach(letters: int) -> float:
     """Return the extent of a node and its label to the right of its centre [px]."""
-    return LABEL + CHARACTER * min(letters, LONGEST)
+    return LABEL + CHARACTER * min(letters, LONGEST_LABEL)
 
 
 @dataclass
@@ -112,7 +112,7 @@ def _lanes(parent: tuple[int, ...], letters: tuple[int, ...]) -> Layout:
         if k not in last:
             taken.discard(lane[k])
     x = tuple(NODE / 2 + LANE * i for i in lane)
-    longest = CHARACTER * min(max(letters, default=0), LONGEST)
+    longest = CHARACTER * min(max(letters, default=0), LONGEST_LABEL)
     y = tuple(k * LANE_ROW + NODE for k in range(n + 1))
     return Layout("lanes", x, y, max(x) + NODE + longest, y[-1] + NODE)
 
@@ -348,7 +348,7 @@ def _ground(x: float, y: float) -> str:
 
 def shown_name(name: str) -> str:
     """Shorten a name to fit."""
-    return name if len(name) <= LONGEST else name[: LONGEST - 1] + "…"
+    return name if len(name) <= LONGEST_LABEL else name[: LONGEST_LABEL - 1] + "…"
 
 
 def _node(number: int, name: str, x: float, y: float) -> str:

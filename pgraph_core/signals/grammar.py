@@ -15,7 +15,7 @@ from typing import NamedTuple, NoReturn
 
 from ..errors import nearest, shown
 
-LONGEST = 2000  # characters of an expression
+LONGEST_EXPRESSION = 2000  # characters of an expression
 MOST_LEVELS = 50  # brackets and signs inside each other
 DEEPEST = 250  # operations inside each other: a sum of that many terms
 KEPT = 512  # trees of the last texts
@@ -79,9 +79,9 @@ def is_expression(value: object) -> bool:
 @lru_cache(KEPT)
 def parsed(text: str) -> Node:
     """Parse an expression, with or without a leading '='. Raises Unreadable."""
-    if len(text) > LONGEST:
-        reason = f"an expression has at most {LONGEST} characters, got {len(text)}"
-        raise Unreadable(LONGEST + 1, reason)
+    if len(text) > LONGEST_EXPRESSION:
+        reason = f"an expression has at most {LONGEST_EXPRESSION} characters, got {len(text)}"
+        raise Unreadable(LONGEST_EXPRESSION + 1, reason)
     return _Reader(text).whole()
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..analysis.assembly import ASSEMBLY_ROUNDS
 from ..dynamics.lifted import flat, laid_out, lifted
 from ..engine import arrays
 from ..engine import layout as at
@@ -30,7 +31,6 @@ from .variables import Slope
 
 MOST_ROWS = 3000  # limit for derivatives, whose laws form one dense system
 GAP = (CONTACT.fields or {})["gap"][1] // 8  # word of a contact point
-ROUNDS = 50  # projections of the initial state, as in `assembled`
 
 
 class Part(NamedTuple):
@@ -95,7 +95,7 @@ class RunOfDuals:
         self.strayed = False  # whether the start is another than that of the primal run
         if constrain and record.plan.project:
             t = float(record.plan.times[0])
-            duals.place_of_duals(self.address, t, ROUNDS)
+            duals.place_of_duals(self.address, t, ASSEMBLY_ROUNDS)
             apart = np.abs(y[: record.mech.nq, 0] - steps.q[: record.mech.nq])
             self.strayed = bool((apart > NOTABLE).any())
         y[: nq + nv, 0] = np.concatenate((steps.q, steps.v))
@@ -170,7 +170,7 @@ class RunOfDuals:
         self._scene.space.vectors[FACTORED] = 0.0
         y[:n, 0] = np.concatenate((steps.q, steps.v))
         if self._scene.blocks.active[0]:
-            duals.place_of_duals(self.address, t, ROUNDS)
+            duals.place_of_duals(self.address, t, ASSEMBLY_ROUNDS)
             y[n:, 1:] = np.nan  # derivative of the energy lost in the impulse
         y[:n, 0] = np.concatenate((steps.q, steps.v))
         if len(late):

@@ -27,8 +27,8 @@ from .plan import RunPlan
 from .rates import fastest_rate, fastest_swings
 from .running import Running
 
-BETWEEN = 64  # frames between two in one round of the search for a hit
-ROUNDS = 3  # of that search, for hits that are 64**3 times shorter than frames are apart
+FRAMES_BETWEEN = 64  # frames between two in one round of the search for a hit
+SEARCHES = 3  # of that search, for hits that are 64**3 times shorter than frames are apart
 COARSE = "frames are too coarse for the contact forces"
 MANY = "give more frames=, or t_eval= with many times around a hit"
 
@@ -114,7 +114,7 @@ def hits_unseen(record: Running) -> Iterator[str]:
     """Yield a notice if the peak of a soft or penalty contact force lies between frames and exceeds
     those at frames by more than NAMED.
 
-    Where a force may change between frames, the run is repeated with more frames there, ROUNDS
+    Where a force may change between frames, the run is repeated with more frames there, SEARCHES
     times at most. A torque function that may remember its calls is not called again. Frames of time
     stepping contain mean forces.
     """
@@ -123,7 +123,7 @@ def hits_unseen(record: Running) -> Iterator[str]:
     if plan.contacts is None or not plan.method.starts or jumps:
         return
     again = not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
-    for _ in range(ROUNDS):
+    for _ in range(SEARCHES):
         near = _changing(other)
         finer = _between(other, near) if near.any() else other.planned
         if len(finer.times) <= other.done:
@@ -145,7 +145,7 @@ def _changing(record: Running) -> Any:
     The force M Δv / h that the velocities show between two frames is compared with the mean of M v'
     at both. If a force changes smoothly, they differ by f'' h² / 12, and frames miss at most
     f'' h² / 8 of a peak. It may hide where that is NAMED**1.5 of the largest force of its unit, in
-    at most BETWEEN places.
+    at most FRAMES_BETWEEN places.
     """
     mech, n, nv = record.mech, record.done, record.mech.nv
     share = np.zeros(max(n - 1, 0))
@@ -163,7 +163,7 @@ def _changing(record: Running) -> Any:
             peak = shown[:, same].max(initial=0.0)
             share = np.maximum(share, missed[:, same].max(axis=1, initial=0.0) / (peak or 1.0))
     near = share > NAMED**1.5
-    near[np.argsort(share)[:-BETWEEN]] = False
+    near[np.argsort(share)[:-FRAMES_BETWEEN]] = False
     near[1:] |= near[:-1].copy()
     near[:-1] |= near[1:].copy()
     return near
@@ -174,7 +174,7 @@ def _between(record: Running, near: Any) -> RunPlan:
     plan, n = record.planned, record.done
     fixed = plan.tolerance is None
     parts = np.ones(n - 1, dtype=np.int64)
-    parts[near] = plan.substeps[: n - 1][near] if fixed else BETWEEN
+    parts[near] = plan.substeps[: n - 1][near] if fixed else FRAMES_BETWEEN
     ends = np.append(0, np.cumsum(parts))
     times = np.interp(np.arange(ends[-1] + 1), ends, record.steps.times[:n])
     steps: Any = {}

@@ -12,7 +12,7 @@ from pgraph_app.digraph.view import seven_steps
 from pgraph_core.show.digraph import (
     CHARACTER,
     LABEL,
-    LONGEST,
+    LONGEST_LABEL,
     MOST_LANES,
     NODE,
     TIDY,
@@ -91,7 +91,7 @@ def test_loop_edges_end_at_their_bodies_and_cross_no_name_and_no_node(parent, se
             assert abs(y - place.y[k]) <= NODE / 2
         assert all(0 <= x <= place.width and 0 <= y <= place.height for x, y in route)
         for k in range(1, n + 1):
-            reach = LABEL - 14 + CHARACTER * min(letters[k - 1], LONGEST)
+            reach = LABEL - 14 + CHARACTER * min(letters[k - 1], LONGEST_LABEL)
             x, y = place.x[k], place.y[k]
             name = (x + NODE / 2 + 2, y - 6, x + reach, y + 6)
             node = (x - 11, y - 11, x + 11, y + 11)
