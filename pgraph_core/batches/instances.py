@@ -31,7 +31,7 @@ from ..simulation.stepper import ADDRESSES, Stepper
 
 WORD = 8  # bytes
 IN_LANES = ("rk4", "semi_implicit_euler")
-STEPS_BETWEEN_LOOKS = 1_000_000  # of instances, at whether the user wants to stop
+STEPS_BEFORE_A_LOOK = 1_000_000  # of instances, at whether the user wants to stop
 
 
 def state_arrays(stepper: Stepper) -> list[Any]:
@@ -158,7 +158,7 @@ class Instances:
         self.control["fresh"][self.codes == at.RUNNING] = 0
         if self.pairs is not None:
             self._elapsed[self.codes == at.RUNNING] = 0.0
-        most = max(STEPS_BETWEEN_LOOKS // len(self.codes), 1)
+        most = max(STEPS_BEFORE_A_LOOK // len(self.codes), 1)
         while n > 0:
             self.spread(partial(self._part, min(n, most)), len(self.codes))
             n -= most
