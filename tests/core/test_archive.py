@@ -14,6 +14,8 @@ import pytest
 from pgraph_core.engine.compiler import archive, loading, sources
 from pgraph_core.engine.compiler.jit import JIT
 
+from ..nights import at_night
+
 pytestmark = pytest.mark.skipif(not JIT, reason="nothing is compiled")
 STALE = archive.current().stale() or archive.current().problem
 fits = pytest.mark.skipif(bool(STALE), reason=f"make the archive again: {archive.COMMAND}")
@@ -75,7 +77,7 @@ def test_a_first_run_needs_no_compiler_and_says_nothing(tmp_path):
 
 @fits
 @pytest.mark.parametrize(
-    "model", ["pg.Model.serial(2)", "pg.Model.load(pgraph_models.path('four_bar'))"]
+    "model", ["pg.Model.load(pgraph_models.path('four_bar'))", *at_night("pg.Model.serial(2)")]
 )
 def test_first_derivatives_need_no_compiler(tmp_path, model):
     code = (
