@@ -331,10 +331,16 @@ def _of_inner_calls(
     Return () if no problem is about an argument of this call.
     """
     given, ours = {*named, *_names(function)}, _called_as(function, args)
-    problems = tuple(
-        replace(one, where=ours) if one.where in CALLS and one.field in given else one
-        for one in refused.problems
-    )
+
+    def ours_of(one: Problem) -> Problem:
+        if one.where in CALLS and one.field.partition("[")[0] in given:
+            return replace(one, where=ours)
+        return replace(one, where=ours, field=one.where) if bare(one) else one
+
+    def bare(one: Problem) -> bool:  # "q: must have shape ..."
+        return not one.field and one.where in given
+
+    problems = tuple(map(ours_of, refused.problems))
     return () if problems == refused.problems else problems
 
 

@@ -136,6 +136,10 @@ OWN = {  # a call that passes a wrong argument on -> how its refusal begins
     lambda: pg.BatchStepper(MODEL, 2, step=1e-3, method="euler3"): "BatchStepper, method: ",
     lambda: pg.simulate(MODEL, t_end=0.01, switches=[1]): "simulate, switches: ",
     lambda: pg.simulate(MODEL, t_end=-1.0): "simulate, t_end: ",
+    lambda: pg.simulate(MODEL, t_end=0.1, q=[1.0, 2.0]): "simulate, q: ",
+    lambda: pg.Stepper(MODEL, step=1e-3, v=[1.0]): "Stepper, v: ",
+    lambda: pg.Stepper(MODEL, step=1e-3, inputs={"push": 5.0}): "Stepper, inputs",
+    lambda: pg.Mechanism(MODEL).mass_matrix([1.0]): "Mechanism.mass_matrix, q: ",
 }
 
 

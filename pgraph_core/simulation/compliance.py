@@ -36,6 +36,7 @@ def fastest_contact(mech: Mechanism, contacts: Tables, q: Array) -> float:
     if not contacts.compliant:
         return 0.0
     found, laws, pull = contacts.candidates, contacts.laws, pull_of(mech.model)
+    q = q[: mech.nq]  # without the states of controls
     inertia, known = mech.mass_matrix(q), dict[int, Ends]()
 
     def ends(i: int) -> Ends:

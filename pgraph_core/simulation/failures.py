@@ -51,6 +51,9 @@ def _advice(record: Running, status: Status) -> str:
     match status:
         case Status.CANNOT_CLOSE:
             torn = "the mechanism may be torn or at a singular position"
+            if not len(record.active):
+                torn = "contacts and limits at rest are held as constraints, which these steps "
+                torn += "cannot follow; try a smaller step, or method 'moreau_jean'"
             heavy = unequal(record.mech, record.active)
             return _contradicted(record) or heavy or _blocking(record) or torn
         case Status.STEP_TOO_SMALL:

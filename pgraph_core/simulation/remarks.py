@@ -22,7 +22,7 @@ from ..packing import Array, Ints, row_of_velocity, translations
 from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..result.records import energy_drift
-from ..tolerances import NAMED, NOTABLE, SOLVED, VISIBLE
+from ..tolerances import EPS, NAMED, NOTABLE, SOLVED, VISIBLE
 from .plan import RunPlan
 from .rates import fastest_rate, fastest_swings
 from .running import Running
@@ -81,9 +81,10 @@ def pulses(record: Running) -> Iterator[str]:
 
     A pulse between the evaluations of a step is passed over by any method. Frames are
     evaluated too. Accelerations below NOTABLE of the largest one of the same unit are errors of a
-    coordinate that does not move.
+    coordinate that does not move, as are those below the rounding of all.
     """
-    n, events = record.done, record.plan.contacts is not None or record.plan.changes
+    n, plan = record.done, record.plan
+    events = plan.contacts is not None or plan.contact_points or plan.changes
     if events or n < 6 or record.steps.counters["steps"] >= n:
         return
     nv, t = record.mech.nv, record.steps.times[:n, None]
@@ -95,7 +96,10 @@ def pulses(record: Running) -> Iterator[str]:
     slides = translations(record.mech.packed.system.rows, nv)
     largest = np.abs(vdot).max(axis=0)
     whole = np.where(slides, largest[slides].max(initial=0.0), largest[~slides].max(initial=0.0))
+    arm = np.where(slides, 1.0, record.mech.packed.length)  # [m] of an angular acceleration
+    rounding = EPS * float((largest * arm).max(initial=0.0))
     sized = acts > np.maximum(NAMED * largest, NOTABLE * whole)
+    sized &= acts * arm > rounding
     missed = sized & (felt < VISIBLE * acts)
     if missed.any():
         k, j = (int(x[0]) for x in np.nonzero(missed))

@@ -452,3 +452,17 @@ def test_corners_that_land_together_keep_a_mirror_symmetry():
     assert np.abs(turned[:, 1]).max() > 1.0
     assert np.abs(run["plank"][:, 1]).max() < 1e-6
     assert np.abs(turned[:, [0, 2]]).max() < 1e-3  # 6 rad/s where one corner is hit first
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-9])
+@pytest.mark.parametrize("speed", [0.0, 2.0])
+def test_a_flat_impact_misses_no_force(rtol, speed):
+    """Rounding of 1e-31 rad/s^2 in a box that does not turn was called a pulse that was missed."""
+    shape = {"kind": "box", "size": (0.4, 0.3, 0.2)}
+    box = pg.Body(
+        name="box", joint="free", mass=2, link=(0, 0, 0.2), v=(0, 0, speed, 0, 0, 0), shape=shape,
+        derived=("inertia",),
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="box", friction=0.5, restitution=0.5)
+    run = pg.simulate(pg.Model(bodies=[box], contacts=[floor]), t_end=0.2, rtol=rtol)
+    assert run.notices == ()
