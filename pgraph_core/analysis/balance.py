@@ -328,8 +328,8 @@ def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
         space = kernels.Slopes(
             *packed.tree, mech._work,
             passive=np.empty((n if sprung else 0, 2 * n)),
-            bodies=np.empty((len(packed.rows), kernels.BODY)),
-            freedoms=np.empty((n, kernels.FREEDOM)),
+            bodies=np.empty((len(packed.rows), kernels.MOTION_SUM.total)),
+            freedoms=np.empty((n, kernels.FREEDOM.total)),
             outer=np.empty((2, n), np.int64),
             factor=np.zeros((n + 1, n)),  # stays zero where no body carries the other
         )  # fmt: skip

@@ -24,7 +24,7 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import ready
-from ..engine.inverse import VECTORS
+from ..engine.inverse import INVERSE
 from ..engine.inverse import least_torques as LEAST
 from ..errors import InputError, Problem, choices, counted, shown
 from ..joints import SIZE
@@ -126,7 +126,7 @@ def _prepared(mech: Dynamics) -> Prepared | None:
     n, m = mech.nv, len(scene.space.omega)
     accelerate = address_of(motion.acceleration)
     addresses = scene.address, accelerate, radius_of_gyration(mech.packed.system)
-    space = np.empty((n, m)), np.empty((m, m)), np.empty((VECTORS, max(n, m, 3)))
+    space = np.empty((n, m)), np.empty((m, m)), np.empty((INVERSE.total, max(n, m, 3)))
     vars(mech)["_inverse_prepared"] = own = Prepared(addresses, np.ones(n), space)
     ready(LEAST)
     return own

@@ -137,11 +137,12 @@ def _room(stepper: Stepper, ways: Ints) -> tuple[Ints, tuple[Array, ...], Array,
     contacts, n = scene.touching.contacts, len(scene.packed.rows)
     points, pairs, wide = len(ways), len(contacts.laws), max(len(steps.q), len(steps.v), 2)
     shapes = (
-        (n, at.CONST), (n, at.WORK), (n, 3), (columns.VECTORS, wide),
-        (len(scene.drives.table), columns.DRIVE), (len(contacts.geometry.shapes), columns.SHAPE),
-        contacts.geometry.vertices.shape, (pairs, 2), (len(contacts.bodies_f), 3),
-        (points, columns.POINT), (points, 3 * (ways.shape[1] - columns.W_JOINT)), (points, 9),
-        (pairs, columns.PAIR), (len(contacts.wrenches), 6), (1, columns.LANE),
+        (n, at.CONST), (n, at.WORK), (n, 3), (columns.VECTOR.total, wide),
+        (len(scene.drives.table), columns.DRIVE.total),
+        (len(contacts.geometry.shapes), columns.SHAPE.total), contacts.geometry.vertices.shape,
+        (pairs, 2), (len(contacts.bodies_f), 3), (points, columns.POINT.total),
+        (points, 3 * (ways.shape[1] - columns.WAY.joint)), (points, 9),
+        (pairs, columns.PAIR.total), (len(contacts.wrenches), 6), (1, columns.LANE.total),
     )  # fmt: skip
     block = tuple(np.zeros((*shape, LANE_WIDTH)) for shape in shapes)
     frames = np.zeros((LANE_WIDTH, n, at.WORK))

@@ -362,8 +362,8 @@ FILL = 38  # 4 x 4 blocks a row of the contact solver's factor: islands with mor
 
 def islands(rows: Ints, nv: int, blocks: Blocks) -> Islands:
     """Allocate buffers in the contact solver."""
-    from ..engine.contact.islands import COLUMNS  # compiled only if something touches
-    from ..engine.contact.sweeps import NORMAL, WIDTH
+    from ..engine.contact.islands import GRAPH  # compiled only if something touches
+    from ..engine.contact.sweeps import NORMAL_ROWS, SWEPT
 
     n, count = len(rows), len(blocks.blocks_i)
     fours = nv // 4 + n  # a tree may begin with a new one
@@ -380,7 +380,7 @@ def islands(rows: Ints, nv: int, blocks: Blocks) -> Islands:
         edges=_integers(8 * count, 2),
         blocks=_integers(count),
         first=_integers(count + 2),
-        graph=_integers(n, COLUMNS),
+        graph=_integers(n, GRAPH.total),
         queue=_integers(n),
         size=_integers(2),
         freedoms=_integers(4 * fours),
@@ -400,7 +400,7 @@ def islands(rows: Ints, nv: int, blocks: Blocks) -> Islands:
         reached=_integers(reached),
         fours=_integers(count + 1),
         pushed=np.zeros((count, 3)),
-        slope=np.zeros((count + NORMAL, WIDTH)),
+        slope=np.zeros((count + NORMAL_ROWS, SWEPT.total)),
         weight=np.zeros(count),
         mobility=np.zeros(count),
     )

@@ -68,16 +68,16 @@ TAU = 7  # joint forces
 PLACED, FACTORED = 8, 9  # q of the last factors, then their μ, null directions and validity
 LEAST = 10  # the smallest inverse pivots so far
 BEFORE = 11  # velocities of rows before an impulse
-FREE, TARGET = 12, 13  # speeds of an island's joints and rows without impulses
+FREE_SPEEDS, TARGET = 12, 13  # speeds of an island's joints and rows without impulses
 REPORT = 14  # report on the impulse solver, by these:
 # sweeps, Newton's steps, largest miss of a law, energy gained [J], hard islands, islands that no
 # velocities satisfy, bounces left out
 SWEEPS_DONE, STEPS_DONE, MISSED, STRAYS, GAINED, HARD, BARRED, CALMED = range(8)
 DAMPING, STIFFNESS = 15, 16  # drives in a step as inertia, as torque
-ARMATURE, GIVEN = 17, 18  # the same without drives
-TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds, and the best λ so far in Newton's method
+OWN_ARMATURE, OWN_GIVEN = 17, 18  # the same without drives
+SPEED_TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds, and the best λ so far in Newton's method
 SPEEDS = 22  # joint speeds without impulses, behind the articulated factors
-HELD = 23  # λ with given friction bounds
+HELD_LAMBDA = 23  # λ with given friction bounds
 # mean velocity of a part of a step, change of v by its impulses, half of J' v times its width
 MEAN, KICK, TURNED = 24, 25, 26
 GYRE = 27  # the `spinning.GYRE_ROWS` columns of the search for velocities at the middle of a step

@@ -40,8 +40,9 @@ from .signals import (
     value_of,
 )
 
-MARK, NEEDED, COMPARES = 4, 1, 2
-BEFORE, LEAST, MOST = 1, 3, 4
+MARK, NEEDED, COMPARES = 4, 1, 2  # column of an operation, and its values
+# of a second row: the result of a comparison before, and the range of a value in an interval
+RESULT_BEFORE, LOWEST, HIGHEST = 1, 3, 4
 DEEPEST = 26  # halvings, to √EPS of a search: what changes twice within that changes nothing
 # Intervals of a search. The edges of 30 expressions took at most 152, and were the same from 256 to
 # 16384. A comparison of two equal curves would take 2^DEEPEST.
@@ -126,9 +127,9 @@ def changed(code, t, keep):
             code[i + 1, 0] = value_of(op, a, b, c)
             if code[i, MARK] == COMPARES:
                 now = compared(op, a, b)
-                other = other or now != code[i + 1, BEFORE]
+                other = other or now != code[i + 1, RESULT_BEFORE]
                 if keep:
-                    code[i + 1, BEFORE] = now
+                    code[i + 1, RESULT_BEFORE] = now
     return other
 
 
@@ -158,8 +159,8 @@ def may_change(code, begin, end):
             least, most = range_of(op, a, b, c)
         else:
             continue
-        code[i + 1, LEAST] = least
-        code[i + 1, MOST] = most
+        code[i + 1, LOWEST] = least
+        code[i + 1, HIGHEST] = most
     return False
 
 
@@ -167,7 +168,7 @@ def may_change(code, begin, end):
 def range_at(code, i, operand):
     """Return the (least, largest) value of an operand."""
     k = 2 * int(code[i, operand]) + 1
-    return code[k, LEAST], code[k, MOST]
+    return code[k, LOWEST], code[k, HIGHEST]
 
 
 @part

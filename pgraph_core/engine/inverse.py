@@ -28,6 +28,7 @@ from .constraints.blocks import (
 from .constraints.constraints import located
 from .layout import T_ALIGN, T_TURN
 from .motion import call_acceleration
+from .records import columns
 from .rows import kind_of, nv_of, origin_of, parent_of, v_of
 from .tree.dynamics import motion, newton_euler
 from .tree.kinematics import outboard
@@ -35,8 +36,8 @@ from .vec import add, cross, dot, sub
 
 FIXED_POINT_ROUNDS = 12
 IDLE = EPS**-0.25  # weight of a joint without a motor, of the largest: the gain of a round
-WANTED, TORQUE, SHIFT, WEIGHT, ROW, AGAIN, FLOW = 0, 1, 2, 3, 4, 5, 6
-VECTORS = 7  # rows of the workspace
+# rows of the workspace
+INVERSE = columns("wanted", "torque", "shift", "weight", "row", "again", "flow")
 
 
 @part
@@ -137,7 +138,12 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     n = v.shape[0]
-    wanted, shift, weight, row = vectors[WANTED], vectors[SHIFT], vectors[WEIGHT], vectors[ROW]
+    wanted, shift, weight, row = (
+        vectors[INVERSE.wanted],
+        vectors[INVERSE.shift],
+        vectors[INVERSE.weight],
+        vectors[INVERSE.row],
+    )
     outboard(rows, const, work, q, v)
     newton_euler(rows, const, v, vdot, work, tau)
     largest = 0.0
@@ -196,11 +202,14 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
         if not cost[j] > 0.0:
             tau[j] = 0.0
         data.given[j] = tau[j]
-    again = vectors[AGAIN, :n]
-    call_acceleration(accelerate, (scene, 0.0, q, v, vectors[TORQUE, :n], again, vectors[FLOW, :3]))
+    again = vectors[INVERSE.again, :n]
+    call_acceleration(
+        accelerate,
+        (scene, 0.0, q, v, vectors[INVERSE.torque, :n], again, vectors[INVERSE.flow, :3]),
+    )
     outboard(rows, const, work, q, v)
-    newton_euler(rows, const, v, again, work, vectors[TORQUE, :n])
+    newton_euler(rows, const, v, again, work, vectors[INVERSE.torque, :n])
     apart = 0.0
     for j in range(n):
-        apart = max(apart, abs(vectors[TORQUE, j] - passive[j] - wanted[j]))
+        apart = max(apart, abs(vectors[INVERSE.torque, j] - passive[j] - wanted[j]))
     return 0 if apart <= SOLVED * largest else 1

@@ -58,7 +58,7 @@ TABLE = 2  # the table's row of the body
 DOF = 3  # degrees of freedom of its joint
 OWN_ROWS = 4  # number of rows of its joint, one for the ground
 # and by the table's row
-NUMBER = 5  # number of the body
+BODY_NUMBER = 5  # number of the body
 CHILD, NEXT = 6, 7  # rows of the first child and of the next sibling, 0 = none
 FIRST_MOTION, FIRST_Q, FIRST_V = 8, 9, 10  # first entries of the joint in the table's order
 BODIES_I = 11
@@ -103,7 +103,7 @@ ROOM = 22  # speed at which a unilateral block closes to its tolerated depth in 
 SETTLED = 21  # 1 where impulses of least norm were sought for the λ that a contact starts with
 # of a constraint in time stepping, on `body` at PA in world axes
 PULL = 28  # 6, impulse of the last step [N m s, N s]
-MEAN = 34  # 6, mean wrench since the last frame [N m, N]
+MEAN_PULL = 34  # 6, mean wrench since the last frame [N m, N]
 BLOCK_F = 40
 
 T_POINT = 0  # DIR_r · (x_A - x_B) = 0

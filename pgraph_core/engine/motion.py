@@ -187,7 +187,7 @@ def mean_wrenches(scene, forces, i):
     known = contacts_at(data.links.contacts).tally[0].elapsed > 0.0
     for n in range(forces.shape[0] if known or i == 0 else 0):
         for c in range(6):
-            mean = data.blocks.blocks_f[n, at.MEAN + c]
+            mean = data.blocks.blocks_f[n, at.MEAN_PULL + c]
             forces[n, MEANS + c] = mean if known else forces[n, c]
 
 

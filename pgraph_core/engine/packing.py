@@ -6,6 +6,7 @@
 from . import layout as at
 from .compiler.jit import kernel, part
 from .compiler.kinds import F1, F2, I1, I2, i8
+from .records import columns
 from .rows import (
     home_of,
     mass_of,
@@ -35,11 +36,11 @@ from .vec import (
 # the table's bodies, float64 (nb + 1, 18), in its order: row 0 holds gravity, the others what
 # `packing/packed.py` writes
 TABLE_GRAVITY = 0
-LINK, ROTATION, MASS, COM, INERTIA, MOTIONS = 0, 3, 7, 8, 11, 17
-TABLE_BODY = 18
+TABLE_BODY = columns(link=3, rotation=4, mass=1, com=3, inertia=6, motions=1)
 # the table's motions, float64 (nm, 10), in its order
-KIND, AXIS, ARMATURE, STIFFNESS, DAMPING, REST, FRICTION, PITCH = 0, 1, 4, 5, 6, 7, 8, 9
-TABLE_MOTION = 10
+TABLE_MOTION = columns(
+    kind=1, axis=3, armature=1, stiffness=1, damping=1, rest=1, friction=1, pitch=1
+)
 
 
 # -- numbers --------------------------------------------------------------------------------------
@@ -54,7 +55,7 @@ def canonical(parent, bodies_i):
     """
     child, following = bodies_i[:, at.CHILD], bodies_i[:, at.NEXT]
     number, table, before = (
-        bodies_i[:, at.NUMBER],
+        bodies_i[:, at.BODY_NUMBER],
         bodies_i[:, at.TABLE],
         bodies_i[:, at.BODY_PARENT],
     )
@@ -111,20 +112,28 @@ def pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home):
         p = parents[b]
         base = home_of(bodies_f, p)
         turned = _turned(base, body, i)
-        link = add(offset_of(bodies_f, p), mul(base, load(body, i, LINK)))
+        link = add(offset_of(bodies_f, p), mul(base, load(body, i, TABLE_BODY.link)))
         row = carrier[p]
         q_end = qi
         v_end = vi
         first = first_motion[i]
-        motions = int(body[i, MOTIONS])
+        motions = int(body[i, TABLE_BODY.motions])
         for m in range(first, first + motions):
             k += 1
-            kind = int(motion[m, KIND])
+            kind = int(motion[m, TABLE_MOTION.kind])
             set_row(rows, k, row, kind, q_end, v_end)
             q_end += nq_of(kind)
             v_end += nv_of(kind)
-            axis = mul(turned, load(motion, m, AXIS))
-            set_motion(const, k, axis, link, base, motion[m, ARMATURE], motion[m, PITCH])
+            axis = mul(turned, load(motion, m, TABLE_MOTION.axis))
+            set_motion(
+                const,
+                k,
+                axis,
+                link,
+                base,
+                motion[m, TABLE_MOTION.armature],
+                motion[m, TABLE_MOTION.pitch],
+            )
             springs += has_spring(motion, m)
             link = (0.0, 0.0, 0.0)
             row = k
@@ -135,9 +144,9 @@ def pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home):
         copy(start, nq + first_v[i], home, nq + vi, nq + v_end)
         qi = q_end
         vi = v_end
-        mass = body[i, MASS]
-        com = mul(turned, load(body, i, COM))
-        inertia = rotate_sym(turned, load6(body, i, INERTIA))
+        mass = body[i, TABLE_BODY.mass]
+        com = mul(turned, load(body, i, TABLE_BODY.com))
+        inertia = rotate_sym(turned, load6(body, i, TABLE_BODY.inertia))
         set_body(bodies_f, b, link, turned, mass, com, inertia)
         if motions > 0:
             set_mass(const, row, mass, add(link, com), inertia)
@@ -168,8 +177,8 @@ def _ground(body, rows, const, bodies_i, bodies_f):
 @part
 def _turned(base, body, i):
     """Return the home orientation of row i's body, with a shortcut if it has no rotation."""
-    w = body[i, ROTATION]
-    x, y, z = load(body, i, ROTATION + 1)
+    w = body[i, TABLE_BODY.rotation]
+    x, y, z = load(body, i, TABLE_BODY.rotation + 1)
     if w == 1.0 and x == 0.0 and y == 0.0 and z == 0.0:
         return base
     return orthonormal(mat_mul(base, quaternion_matrix(w, x, y, z)))
@@ -192,8 +201,8 @@ def _places(body, motion, bodies_i):
         first_motion[i] = m
         first_q[i] = qi
         first_v[i] = vi
-        for _ in range(int(body[i, MOTIONS])):
-            kind = int(motion[m, KIND])
+        for _ in range(int(body[i, TABLE_BODY.motions])):
+            kind = int(motion[m, TABLE_MOTION.kind])
             qi += nq_of(kind)
             vi += nv_of(kind)
             m += 1
@@ -205,7 +214,9 @@ def has_spring(motion, m):
     """Return 1 if the motion has a spring, a damper or friction, or else 0."""
     return (
         1
-        if motion[m, STIFFNESS] != 0.0 or motion[m, DAMPING] != 0.0 or motion[m, FRICTION] != 0.0
+        if motion[m, TABLE_MOTION.stiffness] != 0.0
+        or motion[m, TABLE_MOTION.damping] != 0.0
+        or motion[m, TABLE_MOTION.friction] != 0.0
         else 0
     )
 

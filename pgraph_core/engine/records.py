@@ -8,6 +8,8 @@ code loads a field as fast as an entry of a plain array. Arrays that are also us
 
 from __future__ import annotations
 
+from collections import namedtuple
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -35,6 +37,16 @@ def record(**fields: Any) -> np.dtype[Any]:
     split = {name: kind if isinstance(kind, tuple) else (kind,) for name, kind in fields.items()}
     kind = np.dtype([(name, *kind) for name, kind in split.items()], align=True)
     return kind if JIT else np.dtype((Uncompiled, kind))
+
+
+def columns(*names: str, **widths: int) -> Any:
+    """Return the first column of each name, and `total`, the number of columns.
+
+    A name without a width has one column. Columns follow each other, so none has two names.
+    """
+    widths = dict.fromkeys(names, 1) | widths
+    places = accumulate(widths.values(), initial=0)
+    return namedtuple("Columns", [*widths, "total"])(*places)
 
 
 def table(kind: np.dtype[Any], *shape: int) -> Any:
@@ -77,7 +89,10 @@ DIP = record(
 CHOSEN, GIVEN = 0, 1  # widths of steps: by their error, as listed
 ONCE, ALWAYS = 1, 2  # when events are due: after this step, after every step
 ASLEEP = 2  # direction of an event that is not watched, where -1, 0 and 1 are falling, both, rising
-REACHED, NEAR = 1, 2  # reason of an interruption: an event, a possible contact in the next step
+REACHED, CONTACT_AHEAD = (
+    1,
+    2,
+)  # reason of an interruption: an event, a possible contact in the next step
 
 METHOD = record(
     order=INTEGER,
@@ -117,7 +132,7 @@ STEP_CONTROL = record(
     fresh=INTEGER,  # 1: SLOPE belongs to Y
     filled=INTEGER,  # 1: the further stages of dense output are known
     repeated=INTEGER,  # 1: the stages are those of a part of the last step
-    fired=INTEGER,  # REACHED or NEAR: waits to be reported
+    fired=INTEGER,  # REACHED or CONTACT_AHEAD: waits to be reported
     rejected=INTEGER,  # 1: the last step was rejected
     broken=INTEGER,  # why: 1 not finite, 2 not solved
     corner=INTEGER,  # the next corner of a table

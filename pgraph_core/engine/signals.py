@@ -12,14 +12,15 @@ from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, I2, f8, void
 from .loads import LOADS, put_in_knots
 
-COLUMNS, OWN_COLUMNS = 5, 3
+COLUMNS, OWN_COLUMNS = 5, 4
 (
     NUMBER, TIME, Q, V, ADD, SUB, MUL, DIV, MIN, MAX, CHOOSE, LESS, AT_MOST, ABS, SQRT, SIN, COS,
     TAN, EXP, LOG, ASIN, ACOS, ATAN, POW, BLEND,
 ) = range(25)  # fmt: skip
 COMPARING = MIN, MAX, LESS, AT_MOST, ABS
-HELD = 25  # added to a comparison of the motion: a run holds its result within a step
-JUMPING = CHOOSE, LESS, AT_MOST, HELD + LESS, HELD + AT_MOST  # operations whose value jumps
+HELD_FROM = 25  # added to a comparison of the motion: a run holds its result within a step
+# operations whose value jumps
+JUMPING = CHOOSE, LESS, AT_MOST, HELD_FROM + LESS, HELD_FROM + AT_MOST
 # in the second row of a held comparison: 1 if it is true, -1 if not, 0 if not held; in between the
 # motion slides along its margin, with a share of both sides
 SIDE = 1
@@ -29,7 +30,7 @@ NEAREST, WHEN, REST = 5, 6, 7
 # where a value goes: the instruction, DRIVE, a kind of load, counted from 1, or LAW, the first knot
 # or pair, how many, the column; the number of its part, and 1 once the value was not valid
 DRIVE, LAW = 0, 1 + len(LOADS)
-OWNER, FAILED, TARGET = 5, 6, 7
+OWNER, FAILED, TARGETS = 5, 6, 7
 # states of controls: the instruction of the rate or the new value, that of the time between samples
 # or -1, that of the first value, the number of the control, and 1 once the value was not finite
 SAMPLE, START, CONTROL, LOST, STATES = 1, 2, 3, 4, 5
@@ -52,10 +53,10 @@ def evaluate(code, first, count, t, q, v):
             a = code[first + 2 * int(code[i, 1]) + 1, 0]
             b = code[first + 2 * int(code[i, 2]) + 1, 0]
             c = code[first + 2 * int(code[i, 3]) + 1, 0]
-            if op < HELD:
+            if op < HELD_FROM:
                 code[i + 1, 0] = value_of(op, a, b, c)
             else:
-                code[i + 1, 0] = held(op - HELD, code[i + 1, SIDE], a, b)
+                code[i + 1, 0] = held(op - HELD_FROM, code[i + 1, SIDE], a, b)
 
 
 @part

@@ -274,7 +274,9 @@ def packed(numbers: Numbers) -> tuple[Arrays, int]:
 
 # parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18) and motion (nm, 10); q and v (nq + nv,)
 Numbers: TypeAlias = tuple[Ints, Array, Array, Array]
-BODY, MOTION = (struct.Struct(f"{n}d").pack for n in (packing.TABLE_BODY, packing.TABLE_MOTION))
+BODY, MOTION = (
+    struct.Struct(f"{n}d").pack for n in (packing.TABLE_BODY.total, packing.TABLE_MOTION.total)
+)
 Record: TypeAlias = tuple[bytes, bytes, bytes, bytes]  # bytes of the body, its motions, q and v
 
 
@@ -282,12 +284,12 @@ def numbers_of(model: Model) -> Numbers:
     """Return the table for a valid model. Row 0 contains gravity."""
     rows = model.row
     parent = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in model.bodies]
-    ground = struct.pack("18d", *model.gravity, *(0.0,) * (packing.TABLE_BODY - 3))
+    ground = struct.pack("18d", *model.gravity, *(0.0,) * (packing.TABLE_BODY.total - 3))
     body, motion, q, v = zip(*map(record_of, model.bodies)) if rows else ((),) * 4
     return (
         np.array(parent, np.int64),
-        _floats([ground, *body]).reshape(-1, packing.TABLE_BODY),
-        _floats(motion).reshape(-1, packing.TABLE_MOTION),
+        _floats([ground, *body]).reshape(-1, packing.TABLE_BODY.total),
+        _floats(motion).reshape(-1, packing.TABLE_MOTION.total),
         _floats([*q, *v]),
     )
 

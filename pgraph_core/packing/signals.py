@@ -11,20 +11,17 @@ from .. import joints
 from ..curves import Table, VectorTable
 from ..engine import signals as kernels
 from ..engine.edges import COMPARES, MARK, NEEDED
-from ..engine.signals import DRIVE, HELD, LAW, NEAREST, STATES, TARGET
+from ..engine.signals import DRIVE, HELD_FROM, LAW, NEAREST, STATES, TARGETS
 from ..engine.stepping.measured import (
     BEND,
     BOUND,
     CONSTRAINT,
     CONTACT,
-    COUNT,
-    FIRST,
-    INPUT,
-    LENGTH,
-    SPEED,
+    MEASURE,
+    OF_INPUT,
+    OF_LENGTH,
+    OF_SPEED,
     TOUCH,
-    VALUE,
-    WHAT,
 )
 from ..fields import EMPTY
 from ..forces import LOADS, OnBody, OnJoint, Strut, Wrench
@@ -38,7 +35,7 @@ from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates
 
 NO_STATES = np.zeros((0, STATES), np.int64)
-NO_SIGNALS = np.zeros((0, kernels.COLUMNS)), np.zeros((0, TARGET), np.int64), NO_STATES
+NO_SIGNALS = np.zeros((0, kernels.COLUMNS)), np.zeros((0, TARGETS), np.int64), NO_STATES
 OPERATIONS = {
     name: getattr(kernels, name.upper())
     for name in (
@@ -255,10 +252,10 @@ class Program:
             drag = self.put(kernels.MUL, self.apart(kd), self.along(f, "v"))
             total = self.put(kernels.SUB, total, drag)
         if kp:
-            target = self.put(kernels.NUMBER, INPUT, n) if target is None else target
+            target = self.put(kernels.NUMBER, OF_INPUT, n) if target is None else target
             pull = self.put(kernels.SUB, target, self.along(f, "q"))
             total = self.put(kernels.ADD, total, self.put(kernels.MUL, self.apart(kp), pull))
-        torque = self.put(kernels.NUMBER, INPUT, n, 1) if torque is None else torque
+        torque = self.put(kernels.NUMBER, OF_INPUT, n, 1) if torque is None else torque
         total = self.put(kernels.ADD, total, torque)
         for k, bound in enumerate(f.torques):
             if np.isfinite(bound):
@@ -277,7 +274,10 @@ class Program:
 
     def watch_strut(self, f: Strut, n: int, knot: int) -> None:
         """Let steps end at the bends of strut n, whose knots begin at this one."""
-        length, speed = self.put(kernels.NUMBER, LENGTH, n), self.put(kernels.NUMBER, SPEED, n)
+        length, speed = (
+            self.put(kernels.NUMBER, OF_LENGTH, n),
+            self.put(kernels.NUMBER, OF_SPEED, n),
+        )
         for signal, lines in ((length, f.spring), (speed, f.damper)):
             for x in bends(lines)[1][:, 0].tolist():
                 place = self.put(kernels.NUMBER, BEND, knot, number=x)
@@ -335,7 +335,7 @@ class Program:
             if op == kernels.CHOOSE and moves[k] and true[reads[0]] and self._holds:
                 rows[k, 0] = kernels.BLEND
             if op in kernels.COMPARING and moves[k] and self._holds:
-                rows[k, 0] += HELD
+                rows[k, 0] += HELD_FROM
                 rows[k, NEAREST] = np.inf
         for k in range(len(rows) - 1, -1, -1):
             if (op := int(rows[k, 0])) > kernels.V and rows[k, MARK]:
@@ -353,13 +353,16 @@ def _operands(op: int) -> int:
 
 def measured_rows(code: Array) -> Ints:
     """Return the rows of the forces of contacts and constraints in a program."""
-    return np.flatnonzero((code[::2, 0] == kernels.NUMBER) & (code[::2, WHAT] >= CONSTRAINT)) * 2
+    return (
+        np.flatnonzero((code[::2, 0] == kernels.NUMBER) & (code[::2, MEASURE.what] >= CONSTRAINT))
+        * 2
+    )
 
 
 def contacts_read(code: Array) -> list[int]:
     """Return the indices of the contacts whose forces are used in a program."""
     rows = code[measured_rows(code)]
-    return rows[rows[:, WHAT] >= CONTACT, FIRST].astype(int).tolist()
+    return rows[rows[:, MEASURE.what] >= CONTACT, MEASURE.first].astype(int).tolist()
 
 
 def with_pairs(targets: Ints, pairs: Sequence[int]) -> Ints:
@@ -381,13 +384,13 @@ def locate_forces(code: Array, first: Sequence[int], pairs: Sequence[int]) -> No
     `pairs` contains the contact index of each pair.
     """
     for i in measured_rows(code).tolist():
-        n = int(code[i, FIRST])
-        if code[i, WHAT] < CONTACT:
+        n = int(code[i, MEASURE.first])
+        if code[i, MEASURE.what] < CONTACT:
             begin, end = first[n : n + 2] if n + 1 < len(first) else (0, 0)
-            code[i, FIRST], code[i, COUNT] = begin, end - begin
+            code[i, MEASURE.first], code[i, MEASURE.count] = begin, end - begin
         else:
             own = [k for k, number in enumerate(pairs) if number == n]
-            code[i, FIRST], code[i, COUNT] = min(own, default=0), len(own)
+            code[i, MEASURE.first], code[i, MEASURE.count] = min(own, default=0), len(own)
 
 
 def count_of_edges(code: Array) -> int:
@@ -398,16 +401,19 @@ def count_of_edges(code: Array) -> int:
 
 def count_of_held(code: Array) -> int:
     """Return how many comparisons of the motion a program has."""
-    return int(np.count_nonzero(code[::2, 0] >= HELD))
+    return int(np.count_nonzero(code[::2, 0] >= HELD_FROM))
 
 
 def hold(code: Array, q: Array, v: Array) -> None:
     """Hold the comparisons of the motion in a program with their results at a state, at t = 0."""
-    rows = 2 * np.flatnonzero(code[::2, 0] >= HELD)
+    rows = 2 * np.flatnonzero(code[::2, 0] >= HELD_FROM)
     if not len(rows):
         return
     kernels.values(code, 0.0, q, v)
-    op, (a, b) = code[rows, 0] - HELD, (code[2 * code[rows, k].astype(int) + 1, 0] for k in (1, 2))
+    op, (a, b) = (
+        code[rows, 0] - HELD_FROM,
+        (code[2 * code[rows, k].astype(int) + 1, 0] for k in (1, 2)),
+    )
     b[op == kernels.ABS] = 0.0
     code[rows + 1, kernels.SIDE] = np.where(np.where(op == kernels.AT_MOST, a <= b, a < b), 1, -1)
 
@@ -563,7 +569,7 @@ def signals(
         sample = program.sampling(c) if own.sample else -1
         states.append((program.of(own.change), sample, program.of(own.start), numbers[c.name], 0))
     owners, own = (
-        np.array(x, np.int64).reshape(-1, n) for x, n in ((targets, TARGET), (states, STATES))
+        np.array(x, np.int64).reshape(-1, n) for x, n in ((targets, TARGETS), (states, STATES))
     )
     for text in watched:
         program.watch(parsed(text))
@@ -624,10 +630,10 @@ def limits_of(table: Any, code: Array) -> Array:
     the limits.
     """
     found = np.column_stack((table["low"], table["high"]))
-    rows = code[::2][(code[::2, 0] == kernels.NUMBER) & (code[::2, WHAT] == BOUND)]
-    of = rows[:, FIRST].astype(int)
+    rows = code[::2][(code[::2, 0] == kernels.NUMBER) & (code[::2, MEASURE.what] == BOUND)]
+    of = rows[:, MEASURE.first].astype(int)
     found[of] = -np.inf, np.inf
-    found[of, rows[:, COUNT].astype(int)] = rows[:, VALUE]
+    found[of, rows[:, MEASURE.count].astype(int)] = rows[:, MEASURE.value]
     return found
 
 

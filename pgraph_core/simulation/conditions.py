@@ -13,7 +13,7 @@ from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
 from ..engine.records import LIMIT, rows_of
 from ..engine.signals import values
-from ..engine.stepping.measured import CONSTRAINT, CONTACT, FIRST, VALUE, WHAT
+from ..engine.stepping.measured import CONSTRAINT, CONTACT, MEASURE
 from ..errors import choices, refusal, shown
 from ..mechanism import Mechanism
 from ..model import Force, Switch, When
@@ -222,7 +222,7 @@ class Condition:
         """Write the forces that a comparison names into its program."""
         code, model = self.given.place.code, self.record.mech.model
         for i in measured_rows(code).tolist():
-            what, number = int(code[i, WHAT]), int(code[i, FIRST])
+            what, number = int(code[i, MEASURE.what]), int(code[i, MEASURE.first])
             if what < CONTACT:
                 force = self._held(number, t, q, v)
             else:
@@ -231,7 +231,7 @@ class Condition:
                 pairs = [k for k, pair in enumerate(touches) if pair.contact.name == name]
                 force = self._push(name, pairs, t, q, v) if pairs else np.zeros(3)
             entry = what % CONSTRAINT
-            code[i, VALUE] = force[entry - 1] if entry else np.linalg.norm(force)
+            code[i, MEASURE.value] = force[entry - 1] if entry else np.linalg.norm(force)
 
     def _held(self, number: int, t: float, q: Array, v: Array) -> Array:
         """Return the force of a constraint [N], zero for one that this run never switches on."""

@@ -75,7 +75,7 @@ class ContactEvents:
         for s in np.flatnonzero(np.isnan(f["gap"])).tolist():
             self._stop_flat(t, s)
             return
-        heights = self.scene.points["rounding"] / point_kernels.COORDINATES
+        heights = self.scene.points["rounding"] / point_kernels.GAP_ROUNDING
         limits = [point.limit for point in self.scene.contact_points]
         sizes = np.array([h if x is None else x.size for h, x in zip(heights.tolist(), limits)])
         size = float(np.max(sizes, initial=0.0)) or 1.0

@@ -113,10 +113,10 @@ class RunOfDuals:
     @property
     def last_part(self) -> Part:
         """The last sub-step of a step of time stepping that ended at an event."""
-        from ..engine.stepping.moreau_duals import START, TAKEN
+        from ..engine.stepping.moreau_duals import PART_START, TIMES
 
         stages = self._run.stages
-        start, width, moved = stages[START], stages[at.END, TAKEN], stages[at.FROM, 0]
+        start, width, moved = stages[PART_START], stages[at.END, TIMES.taken], stages[at.FROM, 0]
         times = -width[1:-1] / (moved - width)[1:-1]  # at which its width stays zero
         return Part(width[0], start[:-2, 0].copy(), times, start[:, 1].copy())
 

@@ -269,7 +269,7 @@ class EventScene(Scene):
     def over(self) -> NDArray[np.bool_]:
         """Check whether each monitor of a contact point has fallen below zero, (points, 3)."""
         count = 3 * len(self.contact_points)
-        return self.watched[point_kernels.NOW, :count].reshape(-1, 3) < 0
+        return self.watched[point_kernels.WATCHED.now, :count].reshape(-1, 3) < 0
 
     @property
     def held(self) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 
 from ..dynamics.scene import contact_tables
 from ..dynamics.states import differences
-from ..engine.signals import AT_MOST, HELD, LESS, NEAREST, SIDE, WHEN, values
+from ..engine.signals import AT_MOST, HELD_FROM, LESS, NEAREST, SIDE, WHEN, values
 from ..engine.stepping.widths import GOLDEN
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
@@ -243,7 +243,7 @@ def _events(record: Recording, watch: Watch) -> list[Approach]:
 
     monitors = watch.monitors
     watched = record.steps.watched[:, record.steps.watched.shape[1] - len(monitors) :]
-    nearest, when = watched[[points.NEAREST, points.WHEN]].tolist()
+    nearest, when = watched[[points.WATCHED.nearest, points.WATCHED.when]].tolist()
     found = []
     for number, (m, x, t) in enumerate(zip(monitors, nearest, when, strict=True)):
         if not math.isfinite(x):
@@ -261,7 +261,9 @@ def grazed(record: Recording) -> list[Approach]:
     """Return how close the motion came to thresholds from which it may have turned back."""
     code, found = record.scene.loads.signals[0].copy(), list[Approach]()
     code[1::2, SIDE] = 0.0
-    for i in (2 * np.flatnonzero(np.isin(code[::2, 0], (HELD + LESS, HELD + AT_MOST)))).tolist():
+    for i in (
+        2 * np.flatnonzero(np.isin(code[::2, 0], (HELD_FROM + LESS, HELD_FROM + AT_MOST)))
+    ).tolist():
         value, t = code[i, [NEAREST, WHEN]].tolist()
         if 0.0 < value < math.inf and (read := readers(record, i)):  # 0: it stays there
 

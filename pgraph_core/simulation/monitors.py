@@ -96,11 +96,11 @@ def monitors_of(events: Any, size: tuple[int, int]) -> tuple[FunctionMonitor, ..
 
 
 def room_for(monitors: int, others: int = 0) -> Array:
-    """Allocate the (ROWS, others + monitors) array for event kernels, with user events last."""
-    from ..engine.contact.points import NEAREST, ROWS
+    """Allocate the array `watched` of event kernels, with the columns of user events last."""
+    from ..engine.contact.points import WATCHED
 
-    found = np.zeros((ROWS, others + monitors))
-    found[NEAREST] = np.inf
+    found = np.zeros((WATCHED.total, others + monitors))
+    found[WATCHED.nearest] = np.inf
     return found
 
 
@@ -173,10 +173,10 @@ class Watch:
 
     def fired(self, watched: Array) -> list[int]:
         """Return the indices of the monitors that have crossed zero."""
-        from ..engine.contact.points import NOW
+        from ..engine.contact.points import WATCHED
 
         count = len(self.monitors)
-        return np.flatnonzero(watched[NOW, watched.shape[1] - count :] < 0.0).tolist()
+        return np.flatnonzero(watched[WATCHED.now, watched.shape[1] - count :] < 0.0).tolist()
 
     def note(self, t: float, numbers: Sequence[int], q: Array, v: Array) -> Monitor | None:
         """Log events of the given monitors. Returns one that ends the run, or None."""

@@ -106,9 +106,9 @@ def fastest_rate(
     Oscillations are included, contacts are not.
     """
     scene, size = _held(mech, forces, active, q, v), (len(q), len(v))
-    stages = np.zeros((stiffness.STIFFNESS_ROWS, sum(size)))
-    stages[stiffness.STATE, : len(q)] = q
-    stages[stiffness.STATE, len(q) :] = v
+    stages = np.zeros((stiffness.POWER.total, sum(size)))
+    stages[stiffness.POWER.state, : len(q)] = q
+    stages[stiffness.POWER.state, len(q) :] = v
     accelerate = address_of(motion.acceleration)
     rate = stiffness.fastest_rate(scene.address, accelerate, size, stages, np.zeros(3))
     return float(rate) if np.isfinite(rate) else 0.0

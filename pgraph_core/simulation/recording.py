@@ -452,7 +452,7 @@ class Recording(Running):
         if self.scene.touching is not None:
             self.scene.touching.pairs["phase"] = SWING  # no contact has occurred yet
             self.scene.touching.tally["elapsed"] = t - self.steps.times[max(done - 1, 0)]
-            means = self.scene.blocks.blocks_f[:, at.MEAN : at.MEAN + motion.MEANS]
+            means = self.scene.blocks.blocks_f[:, at.MEAN_PULL : at.MEAN_PULL + motion.MEANS]
             means[: old.wrenches.shape[1]] = old.wrenches[max(done - 1, 0)]
             self._changes = [self.scene.touching.begin_log(self.start)]
         if self.events is not None:

@@ -18,8 +18,8 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.compiler.dual import WIDTH
-from ..engine.records import NEAR
-from ..engine.signals import AT_MOST, HELD, LESS, SIDE, values
+from ..engine.records import CONTACT_AHEAD
+from ..engine.signals import AT_MOST, HELD_FROM, LESS, SIDE, values
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
@@ -188,7 +188,7 @@ class Carried:
         """Return to derivatives at a given time, after the step that began at a touch."""
         record = self._record
         self._touch, self._begins = None, False
-        if record.steps.control["fired"] == NEAR:  # the step is taken back
+        if record.steps.control["fired"] == CONTACT_AHEAD:  # the step is taken back
             self._shift(-touch.rates, touch.times)
             return
         back, self._within = begun_at(touch, record, rates(record, record.steps.control["time"]))
@@ -230,7 +230,7 @@ class Carried:
         before, held = rates(record, t, scene), code.copy()
         code[1::2, SIDE] = 0.0
         after = rates(record, t, scene)
-        jumps = np.isin(held[::2, 0], (HELD + LESS, HELD + AT_MOST))
+        jumps = np.isin(held[::2, 0], (HELD_FROM + LESS, HELD_FROM + AT_MOST))
         changed = jumps & (code[1::2, 0] != held[1::2, 0])
         self._jump = None
         for k in np.flatnonzero(changed).tolist():

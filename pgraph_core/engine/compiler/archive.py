@@ -21,7 +21,7 @@ import llvmlite.binding as llvm
 from . import sources
 from .jit import ENGINE
 
-DIGEST, LENGTH = 32, 8  # [bytes]
+DIGEST, LENGTH_BYTES = 32, 8  # [bytes]
 FORM = 1  # version of the file format
 FILE = ENGINE / "kernels.archive"
 COMMAND = "python -m pgraph_core.engine --archive"
@@ -46,7 +46,7 @@ def written(index: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
         places[name] = (at, len(data))
         at += len(data)
     head = zlib.compress(json.dumps({"form": FORM, **index, "sections": places}).encode(), 9)
-    rest = len(head).to_bytes(LENGTH, "little") + head + b"".join(packed.values())
+    rest = len(head).to_bytes(LENGTH_BYTES, "little") + head + b"".join(packed.values())
     return hashlib.sha256(rest).digest() + rest
 
 
@@ -63,11 +63,11 @@ class File:
         digest, rest = content[:DIGEST], content[DIGEST:]
         if hashlib.sha256(rest).digest() != digest:
             raise Unusable("is damaged")
-        length = int.from_bytes(rest[:LENGTH], "little")
-        self.index = json.loads(zlib.decompress(rest[LENGTH : LENGTH + length]))
+        length = int.from_bytes(rest[:LENGTH_BYTES], "little")
+        self.index = json.loads(zlib.decompress(rest[LENGTH_BYTES : LENGTH_BYTES + length]))
         if self.index.get("form") != FORM:
             raise Unusable("is of another version of Pgraph")
-        self._rest, self._start = rest, LENGTH + length
+        self._rest, self._start = rest, LENGTH_BYTES + length
         self._sections: dict[str, bytes] = {}
 
     def part(self, section: str, begin: int = 0, size: int | None = None) -> bytes:

@@ -24,7 +24,10 @@ from .kinds import Array, Group, Kind, Signature
 INT, UNSIGNED, REAL, ARRAY, TUPLE, NONE = range(6)
 OF_SCALAR = {"i8": INT, "of_duals": INT, "u8": UNSIGNED, "f8": REAL, "none": NONE}
 # words of the table, then a word for each result, then for each argument its message and its kind
-FUNCTION, ARGUMENTS, SIZE, NOGIL, RESULTS, IN_TUPLE, HEAD, NDARRAY, COUNT, FAILED, FIRST = range(11)
+(
+    FUNCTION, ARGUMENTS, WORDS_NEEDED, NOGIL, RESULTS, IN_TUPLE, HEAD, NDARRAY, COUNT_MESSAGE,
+    FAILURE_MESSAGE, FIRST_RESULT,
+) = range(11)  # fmt: skip
 MOST_RESULTS = 8  # results
 ORDERED, WRITEABLE = 0x101, 0x400  # NumPy's flags: C-contiguous and aligned, and writeable
 EQUAL = 2  # Py_EQ
@@ -276,7 +279,7 @@ def _enter(made: ir.Module, take: Any) -> None:
     code = _Code(made, ENTER, OBJECT, (OBJECT, OBJECT.as_pointer(), WORD))
     b, (own, given, number) = code.builder, code.function.args
     table = b.bitcast(code.python("PyBytes_AsString", own), WORDS)
-    words = b.alloca(WORD, code.word(table, SIZE))
+    words = b.alloca(WORD, code.word(table, WORDS_NEEDED))
     results = b.alloca(WORD, WORD(MOST_RESULTS))
     at_kind, at_word = b.alloca(WORDS), b.alloca(WORDS)
 
@@ -287,10 +290,10 @@ def _enter(made: ir.Module, take: Any) -> None:
 
     count = code.word(table, ARGUMENTS)
     with b.if_then(b.icmp_signed("!=", number, count), likely=False):
-        fail("PyExc_TypeError", code.word(table, COUNT))
+        fail("PyExc_TypeError", code.word(table, COUNT_MESSAGE))
     b.store(words, at_word)
     made_of = code.word(table, RESULTS)
-    b.store(code.place(table, b.add(made_of, WORD(FIRST))), at_kind)
+    b.store(code.place(table, b.add(made_of, WORD(FIRST_RESULT))), at_kind)
 
     def argument(i: Any) -> None:
         kind = b.load(at_kind)
@@ -305,7 +308,7 @@ def _enter(made: ir.Module, take: Any) -> None:
     code.loop(count, argument)
     status = _called(code, table, words, results)
     with b.if_then(b.icmp_signed("!=", status, HALF(0)), likely=False):
-        fail("PyExc_RuntimeError", code.word(table, FAILED))
+        fail("PyExc_RuntimeError", code.word(table, FAILURE_MESSAGE))
     with b.if_then(b.icmp_signed("==", made_of, WORD(0))):
         none = code.data("_Py_NoneStruct")
         code.python("Py_IncRef", none)
@@ -340,7 +343,7 @@ def _called(code: _Code, table: Any, words: Any, results: Any) -> Any:
 def _boxed(code: _Code, table: Any, results: Any, i: Any) -> Any:
     """Return result i as a Python object."""
     b, value = code.builder, code.word(results, i)
-    real = b.icmp_signed("==", code.word(table, b.add(i, WORD(FIRST))), WORD(REAL))
+    real = b.icmp_signed("==", code.word(table, b.add(i, WORD(FIRST_RESULT))), WORD(REAL))
     return _either(
         b,
         real,

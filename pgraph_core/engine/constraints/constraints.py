@@ -59,9 +59,9 @@ from .proximal import along_nulls, factor_proximal, solve_proximal
 _, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
 
 NO_GAP = 64 * EPS  # relative to the mechanism's size: rounding
-CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
+LOOP_CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
 SMALL_MOVE = 1e-10  # rad, m: below it one factorisation serves position and velocity
-NEAR = 1e-4  # largest distance of a state from that of reused factors
+NEAR_FACTORS = 1e-4  # largest distance of a state from that of reused factors
 
 
 @part
@@ -347,7 +347,7 @@ def settle(scene, t, q, v):
     moved = 0.0
     for i in range(q.shape[0]):
         moved = max(moved, abs(q[i] - vectors[PLACED, i]))
-    if known == 0.0 or not moved < NEAR:
+    if known == 0.0 or not moved < NEAR_FACTORS:
         return False
     frames(rows, const, work, q, v)
     m = located(scene, v, True)
@@ -434,12 +434,12 @@ def project(scene, t, q, v, rounds):
         advance(rows, q, vectors[STEP], 1.0)
         if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE and taken >= least:
             break
-    if gap <= CLOSED * size:
+    if gap <= LOOP_CLOSED * size:
         return taken
     frames(rows, const, work, q, v)  # beside a mechanism that is a point every gap is large
     located(scene, v, False)
     gaps(scene, t, q, RHS)
-    return taken if largest(vectors[RHS], m) <= CLOSED * gap else -1
+    return taken if largest(vectors[RHS], m) <= LOOP_CLOSED * gap else -1
 
 
 @sweep

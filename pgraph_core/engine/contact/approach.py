@@ -29,10 +29,10 @@ from .phases import opened_events
 from .placing import far_apart, place
 from .search import may_collide
 
-TURN = 0.5  # rad: how far a body may turn in a step with points in the air
+TURN_IN_AIR = 0.5  # rad: how far a body may turn in a step with points in the air
 WITHIN = 0.05  # given steps inside a hard contact, relative to its own time
 LEAD = 0.01  # first given step into an impact, relative to its depth
-HARD = 10.0  # force of a contact that is not at rest, relative to the weight
+PRESSED = 10.0  # force of a contact that is not at rest, relative to the weight
 
 
 @kernel(LOOK_BACK, nogil=True, later=True)
@@ -60,14 +60,14 @@ def bound_step(run):
 
 @sweep
 def turn_bound(phased, work):
-    """Compute the time in which no body with an airborne point rotates by more than TURN [s]."""
+    """Compute the time in which bodies with airborne points turn by at most TURN_IN_AIR [s]."""
     points, blocks = phased.contact.points, phased.scene.blocks
     fastest = 0.0
     for s in range(points.shape[0]):
         if points[s].phase == SWING and points[s].turns == 1:
             turn = spin_of(work, blocks.blocks_i[points[s].slide_block, at.B_A])
             fastest = max(fastest, math.sqrt(dot(turn, turn)))
-    return TURN / fastest if fastest > 0.0 else math.inf
+    return TURN_IN_AIR / fastest if fastest > 0.0 else math.inf
 
 
 @sweep
@@ -189,7 +189,7 @@ def one_bound(contacts, pair, gap, rates, thin, steps):
             loss = law.damping * push
             if law.loss > 0.0:
                 loss = law.loss * math.sqrt(1.25 * law.mass * push / depth)
-        if push > HARD * law.mass * contacts.tally[0].pull or rate * width > PART * depth:
+        if push > PRESSED * law.mass * contacts.tally[0].pull or rate * width > PART * depth:
             own = math.sqrt(slope / law.mass) + loss / law.mass
             bound = min(bound, WITHIN * contacts.tally[0].fine / own)
     return bound

@@ -16,7 +16,7 @@ from ..arrays import GUARD, guard_at, opened_run, save_guard_tuple
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F2, I1, i8, plain, read, void
 from ..motion import opened
-from ..records import NEAR, ONCE
+from ..records import CONTACT_AHEAD, ONCE
 from ..rows import BALL, FREE, SCREW, TRANSLATE, kind_of, origin_of, parent_of, pitch_of, q_of, v_of
 from ..stepping.explicit import dense_output
 from ..stepping.run import LOOK_BACK
@@ -26,14 +26,14 @@ from ..vec import dot, sub, xyz
 from .placing import place
 from .search import find_contacts, find_gaps
 
-AHEAD = 32.0  # steps' motion: how far a search looks at least
+LOOK_AHEAD = 32.0  # steps' motion: how far a search looks at least
 FARTHER = 4.0  # range of the next search, relative to the clearance
 PATH = 1.25  # length of a path over what its ends say
 CLOSE = 0.02  # distance that counts as near, relative to a step's motion
 LOOKS = 24  # along one step
 LASTING = 0.9  # share of the clearance that the rest of a run may use
 FASTER = 2.0  # growth of speeds that a skipped check permits
-CLOSED = 4 * COINCIDENT  # search distance from bodies at rest, relative to the reach of shapes
+REST_RANGE = 4 * COINCIDENT  # search distance from bodies at rest, relative to the reach of shapes
 
 
 @kernel(void(I1, plain(GUARD)), later=True)
@@ -172,7 +172,7 @@ def may_touch(run, guard, moved):
     data = opened_run(run)
     state = guard.state[0]
     widest = widest_reach(guard.reach)
-    ahead = max(AHEAD * moved, state.ahead, CLOSED * widest)
+    ahead = max(LOOK_AHEAD * moved, state.ahead, REST_RANGE * widest)
     free = clearance(guard, ahead)
     if free > moved or moved == 0.0:
         state.ahead = FARTHER * free
@@ -183,20 +183,20 @@ def may_touch(run, guard, moved):
         return True
     share = 0.0
     pose(run, guard, at.Y_OLD)
-    free = clearance(guard, AHEAD * moved)
+    free = clearance(guard, LOOK_AHEAD * moved)
     for _ in range(LOOKS):
         if not free > CLOSE * moved:
             return True
         share += 0.9 * free / moved
         if share >= 1.0:
             pose(run, guard, at.Y)
-            free = clearance(guard, AHEAD * moved)
+            free = clearance(guard, LOOK_AHEAD * moved)
             find_reach(run, guard, free)
             state.free = free
             return not free > CLOSE * moved
         dense_output(run, share)
         pose(run, guard, at.TRIAL)
-        free = clearance(guard, AHEAD * moved)
+        free = clearance(guard, LOOK_AHEAD * moved)
     return True
 
 
@@ -285,7 +285,7 @@ def look_again(run):
         copied(stages, at.Y_OLD, at.Y, stages.shape[1])
         control.time = control.old_time
         control.fresh = 0
-        control.fired = NEAR
+        control.fired = CONTACT_AHEAD
 
 
 @part

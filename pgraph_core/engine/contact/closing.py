@@ -16,7 +16,9 @@ from .contacts import contacts_at, relative_velocity
 from .placing import DEPTH
 
 COORDINATES = 4 * EPS  # rounding of a gap, relative to the coordinates it is the difference of
-HARD = 4.0  # multiple of the speed that weight adds in a step, below which impacts are not located
+LOCATED_FROM = (
+    4.0  # multiple of the speed that weight adds in a step, below which impacts are not located
+)
 PART = 0.2  # largest unchecked motion per step, relative to half the thickness
 
 
@@ -43,7 +45,7 @@ def closed_gap(contacts, a, b, p):
 @part
 def hits(closing, h, size, pull):
     """Check whether a closing speed is an impact to be located in steps of size h."""
-    return closing * h > DEPTH * size and closing > HARD * pull * h
+    return closing * h > DEPTH * size and closing > LOCATED_FROM * pull * h
 
 
 @part

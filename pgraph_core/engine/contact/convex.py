@@ -41,7 +41,7 @@ class Side(NamedTuple):
 
 
 # squared sine: edges closer to parallel span no face that the others do not
-PARALLEL = COINCIDENT * COINCIDENT
+PARALLEL_EDGES = COINCIDENT * COINCIDENT
 
 
 @sweep
@@ -229,7 +229,7 @@ def edge_separation(geometry, room, a, b, least):
                 outward = add(f, g)
             n = cross(da, db)
             size = dot(n, n)
-            if size <= PARALLEL * dot(da, da) * dot(db, db):
+            if size <= PARALLEL_EDGES * dot(da, da) * dot(db, db):
                 continue
             n = scale(math.copysign(1.0 / math.sqrt(size), dot(n, outward)), n)
             if dot(n, sub(q, p)) <= best:
@@ -516,7 +516,7 @@ def edge_to_edge(geometry, room, a, b, best):
             q, db = edge_line(geometry, room, b, j)
             across, r = cross(da, db), sub(q, p)
             size = dot(across, across)
-            if size <= PARALLEL * dot(da, da) * dot(db, db):
+            if size <= PARALLEL_EDGES * dot(da, da) * dot(db, db):
                 continue
             s, t = dot(cross(r, db), across) / size, dot(cross(r, da), across) / size
             if min(s, t) < 0.0 or max(s, t) > 1.0:

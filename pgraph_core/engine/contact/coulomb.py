@@ -14,7 +14,7 @@ from ..compiler.jit import sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, without
 
 THIN = 64 * EPS  # relative: a mobility across the normal that is rounding of some ten terms
-LEAST = math.sqrt(TINY)  # less friction is none
+NO_FRICTION = math.sqrt(TINY)  # less friction is none
 NEWTON = 30  # limit on steps, of which more than five are rare
 
 
@@ -39,7 +39,7 @@ def contact(own, u, old, mu, here):
     x = chosen(most(abs(x), ROUNDING * abs(p * free_n)), 0.0 * x, x)
     y = chosen(most(abs(y), ROUNDING * abs(q * free_n)), 0.0 * y, y)
     det = a * c - b * b
-    smooth = most(mu, LEAST)
+    smooth = most(mu, NO_FRICTION)
     hold_x = chosen(smooth, 0.0, (b * y - c * x) / det)
     hold_y = chosen(smooth, 0.0, (b * x - a * y) / det)
     hold_n = -w * (free_n + own[1] * hold_x + own[2] * hold_y)

@@ -34,16 +34,16 @@ CORNERS = 48  # limit on the corners of the polytope
 FACES = 160  # rows for its faces, dead ones too
 HORIZON = 96  # rows for the edges around what a new corner sees
 HULL_ROOM = CORNERS + FACES + HORIZON
-ROUNDS = 8
-NEWTON = 12
+EXPANSIONS = 8
+NEWTON_TURNS = 12
 NEAR_EDGE = 0.5  # cosine: an edge this near to a right angle with n is tried
 CONVERGED = EPS / 2  # rad: the last turn of Newton's method, half the spacing of cosines
 CURVELESS = 64 * EPS  # determinant that counts as rounding, relative to the squared curvature
 GAIN = 4 * EPS  # gain of separation that counts as rounding, relative to the sizes
 PREFER = 4 * ROUNDING  # preference of flat faces over other features, relative to the sizes
-FLAT = NOTABLE  # rad: a face this near to n lies in the contact plane
-PARALLEL = 1e-4  # rad: two edges this near to parallel touch along a line
-DEEPEST = CROSSING - 1  # tag of a point that is on no outline
+FLAT_FACE = NOTABLE  # rad: a face this near to n lies in the contact plane
+NEAR_PARALLEL = 1e-4  # rad: two edges this near to parallel touch along a line
+NO_OUTLINE = CROSSING - 1  # tag of a point that is on no outline
 RIM = 8  # points of a disc's edge
 ASKEW = (0.18, 0.24, 0.4)  # offset that prevents flat tetrahedra of shapes at right angles
 CURVED = 6  # kind of touch, after those of `convex`
@@ -329,7 +329,7 @@ def edge_near(geometry, room, core, n):
 def along_edge(room, a, b, n, e):
     """Find the n across direction e with the largest separation by Newton's method."""
     n = unit(add_scaled(n, -dot(n, e), e))
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_TURNS):
         u = cross(e, n)
         w = between(room, a, b, n)
         stiff = bend(a, n, u, u) + bend(b, n, u, u) + dot(n, w)
@@ -345,7 +345,7 @@ def along_edge(room, a, b, n, e):
 @sweep
 def freely(room, a, b, n):
     """Refine n by Newton's method to maximise the separation of two curved surfaces."""
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_TURNS):
         t, u = tangents(n)
         w = between(room, a, b, n)
         s = dot(n, w)
@@ -377,7 +377,7 @@ def exact_normal(geometry, room, a, b, n, size):
     """Refine n locally. Returns (signed distance, n)."""
     best = dot(n, between(room, a, b, n))
     gain, prefer = -GAIN * size, PREFER * size
-    for _ in range(ROUNDS):
+    for _ in range(EXPANSIONS):
         before, start = best, n
         best, n = better(room, a, b, freely(room, a, b, start), best, n, gain)
         edge_a, cos_a = edge_near(geometry, room, a, start)
@@ -388,7 +388,7 @@ def exact_normal(geometry, room, a, b, n, size):
             best, n = better(room, a, b, along_edge(room, a, b, start, edge_b), best, n, gain)
         both = cross(edge_a, edge_b)
         square = dot(both, both)
-        if cos_a < NEAR_EDGE and cos_b < NEAR_EDGE and square > PARALLEL * PARALLEL:
+        if cos_a < NEAR_EDGE and cos_b < NEAR_EDGE and square > NEAR_PARALLEL * NEAR_PARALLEL:
             both = scale(math.copysign(1.0 / math.sqrt(square), dot(both, start)), both)
             best, n = better(room, a, b, both, best, n, prefer)
         # Faces far from n too: where what is flat just touches, the polytope may stop far away.
@@ -442,7 +442,7 @@ def straight_edge(geometry, room, core, n, row):
     """Write the ends of the edge found by `edge_near`, starting at `row`. Returns direction,
     cosine."""
     direction, c = edge_near(geometry, room, core, n)
-    if c > FLAT:
+    if c > FLAT_FACE:
         return direction, c
     if core.kind == CYLINDER:
         middle = support(room, core, n)
@@ -482,9 +482,10 @@ def outline_of_cylinder(geometry, room, core, d, row):
     return RIM, abs(g[2])
 
 
-D = math.sqrt(0.5)
+DIAGONAL = math.sqrt(0.5)
 OCTAGON = (
-    (1.0, 0.0), (D, D), (0.0, 1.0), (-D, D), (-1.0, 0.0), (-D, -D), (0.0, -1.0), (D, -D),
+    (1.0, 0.0), (DIAGONAL, DIAGONAL), (0.0, 1.0), (-DIAGONAL, DIAGONAL),
+    (-1.0, 0.0), (-DIAGONAL, -DIAGONAL), (0.0, -1.0), (DIAGONAL, -DIAGONAL),
 )  # fmt: skip
 
 
@@ -559,7 +560,7 @@ def touch_points(geometry, room, row, a, b, touch, origin, size, margin, out, co
     many_b, cos_b = outline(geometry, room, b, back, first_b)
     low = first_b + many_b  # first row of the clipped points, followed by scratch
     spare = low + many_a + many_b
-    flat = 1.0 - 0.5 * FLAT * FLAT
+    flat = 1.0 - 0.5 * FLAT_FACE * FLAT_FACE
     is_flat_a, is_flat_b = many_a > 2 and cos_a >= flat, many_b > 2 and cos_b >= flat
     of_a = is_flat_b and (a.kind == CYLINDER or not is_flat_a)  # a rim has no exact sides
     x, one = support(room, a, n), support(room, b, back)  # the case of a single point
@@ -576,10 +577,10 @@ def touch_points(geometry, room, row, a, b, touch, origin, size, margin, out, co
     else:
         edge_a, cos_a = straight_edge(geometry, room, a, n, row)
         edge_b, cos_b = straight_edge(geometry, room, b, back, low)
-        straight_a, straight_b = cos_a <= FLAT, cos_b <= FLAT
+        straight_a, straight_b = cos_a <= FLAT_FACE, cos_b <= FLAT_FACE
         across = cross(edge_a, edge_b)
         square = dot(across, across)
-        if straight_a and straight_b and square < PARALLEL * PARALLEL:
+        if straight_a and straight_b and square < NEAR_PARALLEL * NEAR_PARALLEL:
             low, m = clip_to_edge(room, row, low, 2, spare)
         elif straight_a and straight_b:
             q = corner_at(room, low, 0)
@@ -598,7 +599,7 @@ def touch_points(geometry, room, row, a, b, touch, origin, size, margin, out, co
     if whole and (
         kept == 0 or deepest > s + PREFER * size
     ):  # the deepest lies beside what was clipped
-        set_point(room, low + kept, x if of_a else one, DEEPEST)
+        set_point(room, low + kept, x if of_a else one, NO_OUTLINE)
         room[low + kept].height = s
         kept += 1
     for k in range(low, low + thin(room, low, kept, n)):

@@ -18,7 +18,7 @@ from ..arrays import (
     CALMED,
     CHANGE,
     DINV,
-    FREE,
+    FREE_SPEEDS,
     GAINED,
     HARD,
     LAMBDA,
@@ -61,12 +61,13 @@ from .newton import (
 )
 from .sweeps import gauss_seidel, joint_speeds, own_block
 
-CROWD = math.sqrt(EPS)  # tolerance of large heaps: half of the digits, as forces are not unique
+# tolerance of large heaps: half of the digits, as forces are not unique
+HEAP_TOLERANCE = math.sqrt(EPS)
 SWEEPS = 200  # limit on sweeps where a factor would cost more
 MOST_SWEEPS = 1000  # further ones where there is no room for a factor and the residual is notable
 FEW_SWEEPS = 40  # before Newton's method
-SWEPT = 3e3  # a factor's work per block above which its steps cost more than sweeps
-TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies that move together
+FACTOR_WORK = 3e3  # a factor's work per block above which its steps cost more than sweeps
+MOVES_TOGETHER = 1e3  # least ratio of a body's speed to that of its contacts if both move alike
 
 
 @sweep
@@ -160,13 +161,14 @@ def is_as_before(scene, n):
 
 @sweep
 def aim(scene, n):
-    """Write joint speeds without impulses into FREE and the remaining row speeds of island n into
-    TARGET.
+    """Write joint speeds without impulses into FREE_SPEEDS and the remaining row speeds of island n
+    into TARGET.
 
     TARGET includes bounces and the motion of surfaces past their bodies. It also includes the
     permitted speed at which a contact point closes its gap, or a length reaches its bound
     (`slack_of`). For bodies with a large common velocity, differences of speeds would only contain
-    rounding errors. In this case FREE is zero, and TARGET contains the velocities of the rows.
+    rounding errors. In this case FREE_SPEEDS is zero, and TARGET contains the velocities of the
+    rows.
     """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
@@ -179,7 +181,7 @@ def aim(scene, n):
         r = first_of(slots, i)
         for s in range(joints_of(slots, i)):
             k = joint_of(slots, i, s)
-            vectors[FREE, k] = vectors[SPEEDS, k]
+            vectors[FREE_SPEEDS, k] = vectors[SPEEDS, k]
         rate = rows_of(vectors[RHS], r, size_of(blocks_i, i))
         along = gather(y, slots, i, vectors[SPEEDS])
         for c in range(size_of(blocks_i, i)):
@@ -189,7 +191,7 @@ def aim(scene, n):
             k = joint_of(slots, i, s)
             x = load(y, i, 3 * s)
             carried = max(carried, abs(vectors[SPEEDS, k]) * math.sqrt(dot(x, x)))
-    together = carried > TOGETHER * size
+    together = carried > MOVES_TOGETHER * size
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         r = first_of(slots, i)
@@ -202,7 +204,7 @@ def aim(scene, n):
                 vectors[TARGET, r + c] = blocks_f[i, at.SURFACE + c] + vectors[TURNED, r + c]
         if together:
             for s in range(joints_of(slots, i)):
-                vectors[FREE, joint_of(slots, i, s)] = 0.0
+                vectors[FREE_SPEEDS, joint_of(slots, i, s)] = 0.0
         if unilateral:
             vectors[TARGET, r] += rebound(data, i, blocks_f[i, at.BOUNCE], vectors[BEFORE, r])
             vectors[TARGET, r] += slack_of(blocks_i, blocks_f, i)
@@ -256,8 +258,8 @@ def solve_island(scene, n, still):
     count = islands.first[n + 1] - islands.first[n]
     weigh(scene, n)
     work, room = order_island(scene, n)
-    small = room and work <= SWEPT * count
-    tolerance = fine * (TOLERANCE if small else CROWD)
+    small = room and work <= FACTOR_WORK * count
+    tolerance = fine * (TOLERANCE if small else HEAP_TOLERANCE)
     alone = unique(scene, n)
     left = math.inf if alone else stays(scene, n, size)
     solved = left < math.inf

@@ -12,10 +12,11 @@ and the speeds of joints with impulses are w + Yᵀ λ.
 import math
 
 from ..arrays import DINV, opened
-from ..arrays import FREE as NO_IMPULSES
+from ..arrays import FREE_SPEEDS as NO_IMPULSES
 from ..compiler.jit import part, sweep
 from ..compiler.lane import four, store_four
 from ..constraints.blocks import joint_of, joints_of, size_of
+from ..records import columns
 from ..rows import FREE, kind_of, nv_of, parent_of, v_of
 from .contacts import contacts_at
 
@@ -23,8 +24,7 @@ NOWHERE = -1
 # Columns of `graph`. Of a tree: a mark, the number of its neighbours, NOWHERE once eliminated, the
 # tree that it is eliminated into, 0: none, the number of those that are eliminated into it and
 # itself, and where they end. By numbers: trees in the order they are chosen, and neighbours.
-MARK, DEGREE, PARENT, SIZE, END, CHOSEN, NEAR = range(7)
-COLUMNS = 7
+GRAPH = columns("mark", "degree", "parent", "size", "end", "chosen", "near")
 
 
 @sweep
@@ -144,7 +144,7 @@ def order_island(scene, n):
     count = 0
     for turn in range(trees):
         t = islands.queue[turn]
-        if islands.graph[t, SIZE] == 1:
+        if islands.graph[t, GRAPH.size] == 1:
             count = whole_fours(islands, count)
         k = islands.head[t]
         while k != NOWHERE:
@@ -191,22 +191,22 @@ def order_trees(islands, begin):
         limit, least, kept = least, islands.size[1], 0
         for n in range(trees - 1, trees - 1 - left, -1):
             t = queue[n]
-            if graph[t, DEGREE] > limit:
-                least = min(least, graph[t, DEGREE])
+            if graph[t, GRAPH.degree] > limit:
+                least = min(least, graph[t, GRAPH.degree])
                 queue[trees - 1 - kept] = t
                 kept += 1
             else:
                 eliminate(islands, t)
-                graph[chosen, CHOSEN] = t
+                graph[chosen, GRAPH.chosen] = t
                 chosen += 1
         left = kept
-    graph[0, END] = trees
+    graph[0, GRAPH.end] = trees
     for n in range(trees - 1, -1, -1):
-        t = graph[n, CHOSEN]
-        parent = graph[t, PARENT]
-        graph[t, END] = graph[parent, END] - 1
-        graph[parent, END] -= graph[t, SIZE]
-        queue[graph[t, END]] = t
+        t = graph[n, GRAPH.chosen]
+        parent = graph[t, GRAPH.parent]
+        graph[t, GRAPH.end] = graph[parent, GRAPH.end] - 1
+        graph[parent, GRAPH.end] -= graph[t, GRAPH.size]
+        queue[graph[t, GRAPH.end]] = t
     return trees
 
 
@@ -215,18 +215,18 @@ def breadth_first(islands, begin):
     """Write the trees connected to `begin` into `queue`. Returns their number."""
     queue, graph, edges = islands.queue, islands.graph, islands.edges
     queue[0] = begin
-    graph[begin, SIZE] = 1
+    graph[begin, GRAPH.size] = 1
     found = 1
     n = 0
     while n < found:
         t = queue[n]
-        graph[t, PARENT], graph[t, DEGREE] = 0, 0
+        graph[t, GRAPH.parent], graph[t, GRAPH.degree] = 0, 0
         e = islands.edge[t]
         while e != NOWHERE:
             other = edges[e, 1]
-            graph[t, DEGREE] += 1
-            if graph[other, SIZE] == 0:
-                graph[other, SIZE] = 1
+            graph[t, GRAPH.degree] += 1
+            if graph[other, GRAPH.size] == 0:
+                graph[other, GRAPH.size] = 1
                 queue[found] = other
                 found += 1
             e = edges[e, 0]
@@ -238,38 +238,41 @@ def breadth_first(islands, begin):
 def eliminate(islands, t):
     """Connect all remaining neighbours of tree t, and update their number of neighbours."""
     graph, edges = islands.graph, islands.edges
-    graph[0, MARK] += 1
+    graph[0, GRAPH.mark] += 1
     near = 0
     e = islands.edge[t]
     while e != NOWHERE:
         other = edges[e, 1]
-        if graph[other, DEGREE] == NOWHERE:
-            if graph[other, PARENT] == 0:
-                graph[other, PARENT] = t
-                graph[t, SIZE] += graph[other, SIZE]
-        elif graph[other, MARK] != graph[0, MARK]:
-            graph[other, MARK] = graph[0, MARK]
-            graph[near, NEAR] = other
+        if graph[other, GRAPH.degree] == NOWHERE:
+            if graph[other, GRAPH.parent] == 0:
+                graph[other, GRAPH.parent] = t
+                graph[t, GRAPH.size] += graph[other, GRAPH.size]
+        elif graph[other, GRAPH.mark] != graph[0, GRAPH.mark]:
+            graph[other, GRAPH.mark] = graph[0, GRAPH.mark]
+            graph[near, GRAPH.near] = other
             near += 1
         e = edges[e, 0]
-    graph[t, DEGREE] = NOWHERE
+    graph[t, GRAPH.degree] = NOWHERE
     for k in range(near):
-        a = graph[k, NEAR]
-        graph[0, MARK] += 1
-        graph[a, MARK] = graph[0, MARK]
-        graph[a, DEGREE] = 0
+        a = graph[k, GRAPH.near]
+        graph[0, GRAPH.mark] += 1
+        graph[a, GRAPH.mark] = graph[0, GRAPH.mark]
+        graph[a, GRAPH.degree] = 0
         e = islands.edge[a]
         while e != NOWHERE:
             other = edges[e, 1]
-            if graph[other, DEGREE] != NOWHERE and graph[other, MARK] != graph[0, MARK]:
-                graph[other, MARK] = graph[0, MARK]
-                graph[a, DEGREE] += 1
+            if (
+                graph[other, GRAPH.degree] != NOWHERE
+                and graph[other, GRAPH.mark] != graph[0, GRAPH.mark]
+            ):
+                graph[other, GRAPH.mark] = graph[0, GRAPH.mark]
+                graph[a, GRAPH.degree] += 1
             e = edges[e, 0]
         for m in range(near):
-            other = graph[m, NEAR]
-            if graph[other, MARK] != graph[0, MARK]:
+            other = graph[m, GRAPH.near]
+            if graph[other, GRAPH.mark] != graph[0, GRAPH.mark]:
                 connect(islands, a, other)
-                graph[a, DEGREE] += 1
+                graph[a, GRAPH.degree] += 1
 
 
 @part
@@ -367,7 +370,7 @@ def forget_order(islands):
         i = islands.freedoms[p]
         if i != NOWHERE:
             islands.place[i] = NOWHERE
-            islands.graph[islands.tree[i], SIZE] = 0
+            islands.graph[islands.tree[i], GRAPH.size] = 0
 
 
 @sweep

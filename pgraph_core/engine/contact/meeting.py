@@ -40,9 +40,9 @@ from .pairs import pair_contacts
 from .placing import far_apart, place
 from .search import may_collide
 
-CLOSED = 1e-10  # gap of a reached limit relative to its range
+LIMIT_CLOSED = 1e-10  # gap of a reached limit relative to its range
 CROWD = 64  # pairs that may touch: with more, slow impacts are taken where the step finds them
-ROUNDS = 200  # limit on iterations of the search for one instant
+INSTANT_ROUNDS = 200  # limit on iterations of the search for one instant
 SUNK = 0.25  # depth that counts as landed at any speed, in half thicknesses of the thinner shape
 INSIDE = 2 * SUNK  # depth beyond which a landing is sought earlier: queries are no farther apart
 # distance of a time from the end that counts as the end, relative to the sub-step
@@ -55,7 +55,7 @@ CARRIED = -2  # `shape_b` after a soft arrival, no longer followed (-1 is the gr
 def closed_limit(blocks, i):
     """Compute the gap below which limit i counts as closed [rad, m], from its range `at.SIZE`."""
     size, value = blocks.blocks_f[i, at.SIZE], blocks.blocks_f[i, at.VALUE]
-    return max(CLOSED * size, COORDINATES * abs(value))
+    return max(LIMIT_CLOSED * size, COORDINATES * abs(value))
 
 
 @part
@@ -257,7 +257,7 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
             if meetings[n].shape_b >= 0 and meetings[n].vertex == TOUCHING:
                 left = min(left, straight(scene, meetings[n].shape_a, meetings[n].shape_b))
         found = left
-        for _ in range(ROUNDS):
+        for _ in range(INSTANT_ROUNDS):
             step = left - tau
             arrived = False
             beyond = False

@@ -22,7 +22,7 @@ import math
 
 from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED, SOLVED
 from .. import layout as at
-from ..arrays import BEST, HELD, LAMBDA, OTHER, STEP, TARGET, opened
+from ..arrays import BEST, HELD_LAMBDA, LAMBDA, OTHER, STEP, TARGET, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import (
     four,
@@ -34,6 +34,7 @@ from ..compiler.lane import (
     triple,
 )
 from ..constraints.blocks import dry, first_of, joint_of, joints_of, one_sided, size_of, type_of
+from ..records import columns
 from ..vec import add_scaled, dot, load, mul, scale, store, sub
 from .contacts import contacts_at
 from .sparse import factor, substitute, total
@@ -54,7 +55,7 @@ INNER_STEPS = 30  # of one such problem
 HALVINGS = 20  # of one such step, until the slope along it is a tenth
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
 # Where the scratch of an island keeps them: columns of a block.
-SLOPE, MISS, RATE, MOVE, FROM, STATE, RESTS = 0, 9, 12, 21, 24, 27, 28
+SCRATCH = columns(slope=9, miss=3, rate=9, move=3, start=3, state=1, rests=1)
 LAWS, BOUNDS, CONES, NORMALS = 0, 1, 2, 3  # what `look` projects onto
 
 
@@ -211,8 +212,8 @@ def state_of(slope):
 
 @sweep
 def look(scene, n, soft, onto):
-    """Write P - λ of island n's blocks into MISS and P' into SLOPE, with `soft` applied to all of
-    λ.
+    """Write P - λ of island n's blocks into SCRATCH.miss and P' into SCRATCH.slope, with `soft`
+    applied to all of λ.
 
     P projects onto the LAWS, with BOUNDS onto those with the friction bounds of λ, with CONES onto
     the cones of the contacts that rest, and with NORMALS onto the laws without friction. Return
@@ -240,16 +241,16 @@ def look(scene, n, soft, onto):
         bounds = (0.0, 0.0) if onto == NORMALS else bounds_of(data, i)
         if onto == BOUNDS and kind == at.T_CONTACT and size > 1:
             p, slope = turning(z, 0.0, math.inf, bounds[0] * max(lam[0], 0.0))
-        elif onto == CONES and kept[i, RESTS] == 1.0:
+        elif onto == CONES and kept[i, SCRATCH.rests] == 1.0:
             p, slope = into_cone(z, bounds[0])
         else:
             p, slope = admitted(kind, size, z, bounds)
         miss = sub(p, lam)
-        store(kept, i, MISS, miss)
+        store(kept, i, SCRATCH.miss, miss)
         for c in range(9):
-            kept[i, SLOPE + c] = slope[c]
-        changed += 0 if kept[i, STATE] == state_of(slope) else 1
-        kept[i, STATE] = state_of(slope)
+            kept[i, SCRATCH.slope + c] = slope[c]
+        changed += 0 if kept[i, SCRATCH.state] == state_of(slope) else 1
+        kept[i, SCRATCH.state] = state_of(slope)
         total += dot(miss, miss) * mobility * mobility
         most = max(most, mobility * max(abs(miss[0]), max(abs(miss[1]), abs(miss[2]))))
         push = max(push, mobility * max(abs(lam[0]), max(abs(lam[1]), abs(lam[2]))))
@@ -291,13 +292,13 @@ def prepare(scene, n, soft, refactor):
         slope = (*first, *second, *third)
         symmetric = symmetric and not on_rim(slope)
         inverse = resistance(slope, ks)
-        move = mul(inverse, load(kept, i, MISS))
-        store(kept, i, MOVE, move)
+        move = mul(inverse, load(kept, i, SCRATCH.miss))
+        store(kept, i, SCRATCH.move, move)
         pull(islands, j, move, islands.change)
         if refactor:
-            store(kept, i, RATE, scale(k, mul(inverse, (slope[0], slope[3], slope[6]))))
-            store(kept, i, RATE + 3, scale(k, mul(inverse, (slope[1], slope[4], slope[7]))))
-            store(kept, i, RATE + 6, scale(k, mul(inverse, (slope[2], slope[5], slope[8]))))
+            store(kept, i, SCRATCH.rate, scale(k, mul(inverse, (slope[0], slope[3], slope[6]))))
+            store(kept, i, SCRATCH.rate + 3, scale(k, mul(inverse, (slope[1], slope[4], slope[7]))))
+            store(kept, i, SCRATCH.rate + 6, scale(k, mul(inverse, (slope[2], slope[5], slope[8]))))
     if not refactor:
         return symmetric
     for e in range(start[rows]):
@@ -312,7 +313,11 @@ def prepare(scene, n, soft, refactor):
             upper[start[p], 5 * c] = 1.0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        if kept[i, RATE] == 0.0 and kept[i, RATE + 4] == 0.0 and kept[i, RATE + 8] == 0.0:
+        if (
+            kept[i, SCRATCH.rate] == 0.0
+            and kept[i, SCRATCH.rate + 4] == 0.0
+            and kept[i, SCRATCH.rate + 8] == 0.0
+        ):
             continue
         add_block(islands, j, symmetric)
     return symmetric
@@ -323,8 +328,8 @@ def add_block(islands, j, symmetric):
     """Add Yᵀ R Y of the j-th block to the matrix."""
     start, column, upper, lower = islands.start, islands.column, islands.upper, islands.lower
     across, reached, i = islands.across, islands.reached, islands.blocks[j]
-    r0, r1 = load(islands.slope, i, RATE), load(islands.slope, i, RATE + 3)
-    r2 = load(islands.slope, i, RATE + 6)
+    r0, r1 = load(islands.slope, i, SCRATCH.rate), load(islands.slope, i, SCRATCH.rate + 3)
+    r2 = load(islands.slope, i, SCRATCH.rate + 6)
     first, end = islands.fours[j], islands.fours[j + 1]
     for e in range(first, end):
         u = columns(across, e, r0, r1, r2)
@@ -363,8 +368,8 @@ def add_four(x, to, here, across, g, u):
 
 @sweep
 def direction(scene, n, soft, refactor, held):
-    """Compute the Newton updates of λ and w, and store them in MOVE and `change`. Returns whether
-    there is a factor.
+    """Compute the Newton updates of λ and w, and store them in SCRATCH.move and `change`. Returns
+    whether there is a factor.
 
     If `held`, w has moved along `path`, but λ does not include that move.
     """
@@ -381,16 +386,16 @@ def direction(scene, n, soft, refactor, held):
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         u = felt(islands, j, change)
-        move = load(kept, i, MOVE)
+        move = load(kept, i, SCRATCH.move)
         for c in range(3):
-            move = add_scaled(move, -u[c], load(kept, i, RATE + 3 * c))
-        store(kept, i, MOVE, move)
+            move = add_scaled(move, -u[c], load(kept, i, SCRATCH.rate + 3 * c))
+        store(kept, i, SCRATCH.move, move)
     return True
 
 
 @sweep
 def start_from_here(scene, n):
-    """Copy λ of island n into FROM."""
+    """Copy λ of island n into SCRATCH.start."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     slots = data.space.slots
@@ -398,12 +403,12 @@ def start_from_here(scene, n):
         i = islands.blocks[j]
         size = size_of(data.blocks.blocks_i, i)
         lam = rows_of(data.space.vectors[LAMBDA], first_of(slots, i), size)
-        store(islands.slope, i, FROM, lam)
+        store(islands.slope, i, SCRATCH.start, lam)
 
 
 @sweep
 def go(scene, n, part_of_it):
-    """Move λ of island n by a fraction of MOVE, and update w accordingly."""
+    """Move λ of island n by a fraction of SCRATCH.move, and update w accordingly."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     kept, lam = islands.slope, data.space.vectors[LAMBDA]
@@ -411,7 +416,7 @@ def go(scene, n, part_of_it):
         i = islands.blocks[j]
         r = first_of(data.space.slots, i)
         for c in range(size_of(data.blocks.blocks_i, i)):
-            lam[r + c] = kept[i, FROM + c] + part_of_it * kept[i, MOVE + c]
+            lam[r + c] = kept[i, SCRATCH.start + c] + part_of_it * kept[i, SCRATCH.move + c]
     respond(scene, n)
 
 
@@ -524,7 +529,7 @@ def converge(scene, n, size, careful):
 
 @sweep
 def unchanged(scene, n):
-    """Compute the part of MOVE and `change` after which the first contact opens, or slides.
+    """Compute the part of SCRATCH.move and `change` after which the first contact opens, or slides.
 
     In a chain of bodies that touch at several points, impulses that hardly move any of them are
     large. Many contacts would open in such a step, but the first one that opens ends the chain.
@@ -540,8 +545,8 @@ def unchanged(scene, n):
         k, mu = 1.0 / islands.mobility[i], bounds_of(data, i)[0]
         target = rows_of(space.vectors[TARGET], first_of(space.slots, i), size_of(blocks_i, i))
         u = add_scaled(target, 1.0, felt(islands, j, islands.speeds))
-        x = add_scaled(load(kept, i, FROM), -k, u)
-        move = add_scaled(load(kept, i, MOVE), -k, felt(islands, j, islands.change))
+        x = add_scaled(load(kept, i, SCRATCH.start), -k, u)
+        move = add_scaled(load(kept, i, SCRATCH.move), -k, felt(islands, j, islands.change))
         if x[0] > 0.0 and move[0] < 0.0:
             reach = min(reach, -x[0] / move[0])
         room = mu * mu * x[0] * x[0] - x[1] * x[1] - x[2] * x[2]
@@ -573,17 +578,17 @@ def hold(scene, n, size, left):
     drop_impulses(scene, n)
     best, taken, firm, growth = left, 0, FIRM[0], FIRM[1]
     for _ in range(ROUNDS):
-        copy_impulses(scene, n, LAMBDA, HELD)
+        copy_impulses(scene, n, LAMBDA, HELD_LAMBDA)
         rescale(scene, n, 1.0 / firm)
         more, solved = solve_held(scene, n, size)
         rescale(scene, n, firm)
         taken += more
         if not solved:
-            copy_impulses(scene, n, HELD, LAMBDA)
+            copy_impulses(scene, n, HELD_LAMBDA, LAMBDA)
             firm /= FIRM[1]
             growth = math.sqrt(growth)
             continue
-        copy_impulses(scene, n, LAMBDA, HELD)
+        copy_impulses(scene, n, LAMBDA, HELD_LAMBDA)
         left, more, _ = converge(scene, n, size, CAREFUL / firm)
         taken += more
         if left < best:
@@ -591,7 +596,7 @@ def hold(scene, n, size, left):
             copy_impulses(scene, n, LAMBDA, OTHER)
         if best <= NOTABLE:
             break
-        copy_impulses(scene, n, HELD, LAMBDA)
+        copy_impulses(scene, n, HELD_LAMBDA, LAMBDA)
         firm *= growth
     copy_impulses(scene, n, OTHER, LAMBDA)
     respond(scene, n)
@@ -640,7 +645,7 @@ def solve_held(scene, n, size):
     start_from_here(scene, n)
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        store(kept, i, MOVE, load(kept, i, MISS))
+        store(kept, i, SCRATCH.move, load(kept, i, SCRATCH.miss))
     go(scene, n, 1.0)
     return taken, solved
 
@@ -655,7 +660,7 @@ def along(scene, n):
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         u = felt(islands, j, islands.change)
-        rise -= dot(load(islands.slope, i, MISS), u)
+        rise -= dot(load(islands.slope, i, SCRATCH.miss), u)
         fastest = max(fastest, max(abs(u[0]), max(abs(u[1]), abs(u[2]))))
     return rise, fastest
 
@@ -707,7 +712,7 @@ def note_resting(scene, n, size):
         u = add_scaled(target, 1.0, felt(islands, j, islands.speeds))
         rests = max(abs(u[1]), abs(u[2])) <= TOLERANCE * size
         rests = rests and type_of(blocks_i, i) == at.T_CONTACT
-        islands.slope[i, RESTS] = 1.0 if rests else 0.0
+        islands.slope[i, SCRATCH.rests] = 1.0 if rests else 0.0
 
 
 @sweep

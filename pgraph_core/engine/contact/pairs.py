@@ -18,10 +18,10 @@ from .placing import DEPTH, label, vertex
 from .seams import has, hidden_side, open_face, to_local
 from .segments import ball_ball, ball_box, ball_segment, segment_segment
 
-POINT = 1 << 51  # features of point k of a list of points start at k times this
+PER_POINT = 1 << 51  # features of point k of a list of points start at k times this
 
 
-CROWD = 48  # points on a heightfield, above which they are thinned on the way
+THINNED_ABOVE = 48  # points on a heightfield, above which they are thinned on the way
 SAME_NORMAL = 1.0 - COINCIDENT  # cosine
 NEW, DROPPED, KEPT = 0, 1, 2
 
@@ -129,8 +129,8 @@ def field_contacts(geometry, poses, i, j, margin, room, out, n):
                     if hidden_side(geometry, poses, i, j, out, start, n) > 0:
                         n = start
                     for c in range(start, min(n, out.shape[0])):
-                        out[c].feature += POINT * (k + triangle)
-                    if n - first > CROWD:
+                        out[c].feature += PER_POINT * (k + triangle)
+                    if n - first > THINNED_ABOVE:
                         n = fewer(out, first, n, room)
     return fewer(out, first, n, room)
 
@@ -275,7 +275,7 @@ def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
             if side > 0:
                 n = open_face(geometry, poses, i, k, j, m, side, margin, room, out, start)
             for c in range(start, min(n, out.shape[0])):
-                out[c].feature += POINT * (k + m)
+                out[c].feature += PER_POINT * (k + m)
     label(out, first, n, i, j, contact)
     return n
 

@@ -16,7 +16,9 @@ from .search import may_collide
 
 CORE = 0.9  # examined core of a shape relative to its extents, since its rim may be grazed
 HULL_CORE = 0.4  # examined core of a hull, whose shape its extents do not describe
-TURNED = 1 + 2 * math.cos(1.0)  # trace of a rotation of a radian: beyond it, ways are not straight
+RADIAN_TRACE = 1 + 2 * math.cos(
+    1.0
+)  # trace of a rotation of a radian: beyond it, ways are not straight
 
 
 @sweep
@@ -71,7 +73,7 @@ def passes(contacts, i, j):
     for n in range(9):
         trace += r[n] * turned[n]
     half = xyz(shapes[j].half_extents)
-    return trace > TURNED and (
+    return trace > RADIAN_TRACE and (
         cuts_box(p, way, half) if kind == BOX else cuts_ball(p, way, half, kind == HULL)
     )
 

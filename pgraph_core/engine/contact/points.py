@@ -34,7 +34,7 @@ from ..constraints.constraints import (
     unit_responses,
 )
 from ..motion import RECORD, call_acceleration, call_record
-from ..records import STANCE, SWING
+from ..records import STANCE, SWING, columns
 from ..rows import FREE, SCREW, TRANSLATE, axis_of, kind_of, link_of, origin_of, parent_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
@@ -44,14 +44,14 @@ from .phases import RANK, opened_events, slides, slip_direction, tangential
 # scene, t, q, v, v', flow
 OBSERVE = i8(i8, f8, F1, F1, F1, F1)
 call_observe = caller(OBSERVE)
-COORDINATES = 2 * EPS  # rounding of a gap relative to the coordinates whose difference it is
-WIDTH = 4 * EPS  # width of a bracket that counts as an instant, relative to the step
+GAP_ROUNDING = 2 * EPS  # rounding of a gap relative to the coordinates whose difference it is
+INSTANT = 4 * EPS  # width of a bracket that counts as an instant, relative to the step
 TRIALS = 80
 FORCE_TOLERANCE = RANK  # rounding of contact forces relative to the largest one
 NEARLY = 0.02  # plausible error of the cubic relative to the motion of a gap in a step
-START, LOW, HIGH, NOW = 0, 1, 2, 3  # rows of `watched`: at a step's start, the bracket, now
-NEAREST, WHEN = 4, 5  # least distance of a user's event from zero, and its time [s]
-ROWS = 6
+# rows of `watched`: at a step's start, the bracket, now, then the least distance of a user's event
+# from zero, and its time [s]
+WATCHED = columns("start", "low", "high", "now", "nearest", "when")
 NOTHING = 1.0  # value of an unused monitor
 BELOW = sys.float_info.min  # stand-in for a value of zero, which counts as reached
 
@@ -121,7 +121,7 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
             set_xyz(points[s].slip_velocity, tangential(points, s, u))
             normal = xyz(points[s].normal)
             spread = path_length(rows, const, work, blocks_i[i, at.B_A], p, normal)
-        points[s].rounding = COORDINATES * spread
+        points[s].rounding = GAP_ROUNDING * spread
 
 
 @part
@@ -328,7 +328,7 @@ def start(contact, h):
             if along > 10.0 * points[s].slip_tolerance:
                 points[s].fresh = 0
             points[s].blend_speed = 0.5 * h * rate
-    watch(contact, START, 0.0)
+    watch(contact, WATCHED.start, 0.0)
 
 
 @kernel(void(i8, f8), later=True)
@@ -377,8 +377,8 @@ def urgent(watched, width, sides):
     """Compute the step size from `lo` to the first zero by the secant rule, weighed by `sides`."""
     best = width
     for n in range(watched.shape[1]):
-        low = watched[LOW, n]
-        high = watched[HIGH, n]
+        low = watched[WATCHED.low, n]
+        high = watched[WATCHED.high, n]
         if high < 0.0:
             low = max(low, 0.0) * sides[0]
             high = high * sides[1]
@@ -395,8 +395,8 @@ def copy_row(watched, a, b):
 @sweep
 def bracket_of(watched, end):
     """Return (lo, hi, both secant weights, end moved last), a bracket around the end of a phase."""
-    copy_row(watched, START, LOW)
-    copy_row(watched, NOW, HIGH)
+    copy_row(watched, WATCHED.start, WATCHED.low)
+    copy_row(watched, WATCHED.now, WATCHED.high)
     return 0.0, end, 1.0, 1.0, 0
 
 
@@ -405,7 +405,7 @@ def next_try(watched, bracket, n, h):
     """Return the next step size to examine in a step of h: secants, a third bisections."""
     lo, hi, _, _, _ = bracket
     w = 0.5 * (lo + hi) if n % 3 == 2 else lo + urgent(watched, hi - lo, bracket[2:4])
-    return min(max(w, lo + 0.3 * WIDTH * h), hi - 0.3 * WIDTH * h)
+    return min(max(w, lo + 0.3 * INSTANT * h), hi - 0.3 * INSTANT * h)
 
 
 @sweep
@@ -413,7 +413,7 @@ def narrowed(watched, bracket, w, ended):
     """Return the bracket narrowed by an evaluation at w, whose values are in row NOW."""
     lo, hi, low, high, last = bracket
     if ended:
-        copy_row(watched, NOW, HIGH)
+        copy_row(watched, WATCHED.now, WATCHED.high)
         return lo, w, 0.5 * low if last == 1 else 1.0, 1.0, 1
-    copy_row(watched, NOW, LOW)
+    copy_row(watched, WATCHED.now, WATCHED.low)
     return w, hi, 1.0, 0.5 * high if last == -1 else 1.0, -1

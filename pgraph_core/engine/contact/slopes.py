@@ -34,12 +34,13 @@ from ..constraints.blocks import (
     type_of,
 )
 from ..constraints.constraints import joint_impulses
+from ..records import columns
 from .impulse import rebound
 from .newton import gather, rows_of, scatter
 
 # State of a block according to its law: without impulse, at its bound, held in all rows, held in
 # the first row and sliding in the others, held in the first without friction, between two states.
-OPEN, BOUND, HELD, SLIDING, SMOOTH, UNCLEAR = 0, 1, 2, 3, 4, 5
+BLOCK_STATE = columns("open", "bound", "held", "sliding", "smooth", "unclear")
 
 
 @sweep
@@ -51,27 +52,27 @@ def law_of(data, i, unilateral, size):
     """
     lam, r = data.space.vectors[LAMBDA], first_of(data.space.slots, i)
     if not unilateral:
-        return HELD
+        return BLOCK_STATE.held
     if type_of(data.blocks.blocks_i, i) == at.T_FRICTION:
         u = gather(data.space.y, data.space.slots, i, data.space.vectors[STEP])
         bound = data.blocks.blocks_f[i, at.AIM]
         slip, spare = abs(data.space.vectors[RHS, r] + u[0]), bound - abs(lam[r])
         if slip > spare * data.space.own[i, 0]:
-            return BOUND if slip > SOLVED * size else UNCLEAR
-        return HELD if spare > NOTABLE * bound else UNCLEAR
+            return BLOCK_STATE.bound if slip > SOLVED * size else BLOCK_STATE.unclear
+        return BLOCK_STATE.held if spare > NOTABLE * bound else BLOCK_STATE.unclear
     if not lam[r] * data.space.own[i, 0] > SOLVED * size:  # not more than what rounding leaves
-        return OPEN
+        return BLOCK_STATE.open
     if size_of(data.blocks.blocks_i, i) == 1:
-        return HELD
+        return BLOCK_STATE.held
     _, _, slip = slip_of(data, i)
     rim = data.blocks.blocks_f[i, at.FRICTION] * lam[r]
     spare = rim - math.sqrt(lam[r + 1] * lam[r + 1] + lam[r + 2] * lam[r + 2])
     slides = slip > spare * max(data.space.own[i, 4], data.space.own[i, 8])
     if slides and slip > SOLVED * size:
-        return SLIDING
+        return BLOCK_STATE.sliding
     if rim == 0.0:
-        return SMOOTH
-    return HELD if not slides and spare > NOTABLE * rim else UNCLEAR
+        return BLOCK_STATE.smooth
+    return BLOCK_STATE.held if not slides and spare > NOTABLE * rim else BLOCK_STATE.unclear
 
 
 @part
@@ -91,7 +92,7 @@ def changed_law(data, i, law, effect, own):
     this `effect` on the speeds of all joints.
     """
     u = gather(data.space.y, data.space.slots, i, effect)
-    if law != SLIDING:
+    if law != BLOCK_STATE.sliding:
         return u
     friction = data.blocks.blocks_f[i, at.FRICTION]
     x, y, speed = slip_of(data, i)
@@ -104,9 +105,9 @@ def changed_law(data, i, law, effect, own):
 @part
 def unknowns(law, size):
     """Count the impulses of a block that are determined by its law."""
-    if law == OPEN or law == BOUND:
+    if law == BLOCK_STATE.open or law == BLOCK_STATE.bound:
         return 0
-    return 1 if law == SMOOTH else size
+    return 1 if law == BLOCK_STATE.smooth else size
 
 
 @sweep
@@ -133,7 +134,7 @@ def linearise_laws(data, carried, first, size):
     for j in range(1, active[0] + 1):
         i = active[j]
         law = law_of(data, i, j >= first, size)
-        unclear = unclear or law == UNCLEAR
+        unclear = unclear or law == BLOCK_STATE.unclear
         for c in range(unknowns(law, size_of(blocks_i, i))):
             for k in range(dinv.shape[0]):
                 effect[k] = 0.0
@@ -174,7 +175,7 @@ def miss_laws(scene, data, first, size):
         if one_sided(type_of(blocks_i, i)) and count > 0:
             missed[row] += rebound(data, i, blocks_f[i, at.BOUNCE], vectors[BEFORE, r])
             missed[row] += slack_of(blocks_i, blocks_f, i)
-        if law == SLIDING:
+        if law == BLOCK_STATE.sliding:
             x, y, _ = slip_of(own, i)
             rim = blocks_f[i, at.FRICTION] * vectors[LAMBDA, r]
             missed[row + 1] = vectors[LAMBDA, r + 1] + rim * x
@@ -196,7 +197,7 @@ def impulses_of_duals(scene, numbers, carried, first, m):
     size = largest_of(data, m)
     for j in range(first, own.blocks.active[0] + 1):
         i = own.blocks.active[j]
-        if law_of(data, i, True, size) == BOUND:
+        if law_of(data, i, True, size) == BLOCK_STATE.bound:
             r, bound = first_of(own.space.slots, i), own.blocks.blocks_f[i, at.AIM]
             vectors[LAMBDA, r] = bound if given[r] > 0.0 else -bound
     joint_impulses(own.blocks, own.space)

@@ -10,23 +10,23 @@ import math
 
 from ...tolerances import EPS, ROUNDING
 from .. import layout as at
-from ..arrays import DINV, FREE, LAMBDA, REPORT, STEP, SWEEPS_DONE, opened
+from ..arrays import DINV, FREE_SPEEDS, LAMBDA, REPORT, STEP, SWEEPS_DONE, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
+from ..records import columns
 from ..vec import add_scaled, dot, load, store, sub
 from .contacts import contacts_at
 from .coulomb import contact
 from .islands import NOWHERE
 from .newton import bounds_of, rows_of, velocity
 
-DEPTH = 4  # sweeps that are combined
-SMALL = 16  # blocks of one tree, as of feet: sweeps of no more converge by themselves
+COMBINED = 4  # sweeps that are combined
+FEW_BLOCKS = 16  # blocks of one tree, as of feet: sweeps of no more converge by themselves
 FEWEST = 3  # blocks between several trees of which the same holds
 # Where the scratch of an island keeps them: columns of a block behind the nine of Newton's slope.
-LAST, VALUE, CHANGES, VALUES = 9, 12, 15, 15 + 3 * DEPTH
-WIDTH = 15 + 6 * DEPTH
-NORMAL = 2 * DEPTH + 1  # rows behind those of blocks: products of changes, shares, a factor
+SWEPT = columns(slope=9, last=3, value=3, changes=3 * COMBINED, values=3 * COMBINED)
+NORMAL_ROWS = 2 * COMBINED + 1  # rows behind those of blocks: products of changes, shares, a factor
 WORSE = 4.0  # squared growth of changes after which the acceleration starts again
 
 
@@ -51,15 +51,15 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     one = islands.tree[joint_of(data.space.slots, islands.blocks[islands.first[n]], 0)]
-    few = SMALL if islands.edge[one] == NOWHERE else FEWEST
+    few = FEW_BLOCKS if islands.edge[one] == NOWHERE else FEWEST
     large = islands.first[n + 1] - islands.first[n] > few
     joint_speeds(scene, n)
     least = math.inf
     used = 0
     change = 0.0
     for k in range(sweeps):
-        count = min(used + 1, DEPTH) if large else 0
-        change, turned_over = sweep_once(scene, n, used % DEPTH, count)
+        count = min(used + 1, COMBINED) if large else 0
+        change, turned_over = sweep_once(scene, n, used % COMBINED, count)
         if not change > tolerance * size:
             break
         if turned_over > WORSE * least:
@@ -69,7 +69,7 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
             used += 1
         least = min(least, turned_over)
         if large and used > 0 and k + 1 < sweeps:
-            move_on(scene, n, (used - 1) % DEPTH, count)
+            move_on(scene, n, (used - 1) % COMBINED, count)
     return change / size
 
 
@@ -83,7 +83,7 @@ def joint_speeds(scene, n):
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         for s in range(joints_of(slots, i)):
-            w[joint_of(slots, i, s)] = vectors[FREE, joint_of(slots, i, s)]
+            w[joint_of(slots, i, s)] = vectors[FREE_SPEEDS, joint_of(slots, i, s)]
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         size = size_of(data.blocks.blocks_i, i)
@@ -107,8 +107,8 @@ def sweep_once(scene, n, slot, count):
     y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
     lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
     past = islands.slope
-    normal = past[past.shape[0] - NORMAL :]
-    share = normal[DEPTH]
+    normal = past[past.shape[0] - NORMAL_ROWS :]
+    share = normal[COMBINED]
     largest = 0.0
     energy = 0.0
     for p in range(count):
@@ -131,15 +131,15 @@ def sweep_once(scene, n, slot, count):
             energy += step[c] * step[c] * own[i, 4 * c]
         if count == 0:
             continue
-        change = sub(step, load(past, i, LAST))
-        store(past, i, CHANGES + 3 * slot, change)
-        store(past, i, VALUES + 3 * slot, sub(new, load(past, i, VALUE)))
-        store(past, i, LAST, step)
-        store(past, i, VALUE, new)
+        change = sub(step, load(past, i, SWEPT.last))
+        store(past, i, SWEPT.changes + 3 * slot, change)
+        store(past, i, SWEPT.values + 3 * slot, sub(new, load(past, i, SWEPT.value)))
+        store(past, i, SWEPT.last, step)
+        store(past, i, SWEPT.value, new)
         size = (own[i, 0], own[i, 4], own[i, 8])
         change, step = times(size, change), times(size, step)
         for p in range(count):
-            other = load(past, i, CHANGES + 3 * p)
+            other = load(past, i, SWEPT.changes + 3 * p)
             normal[slot, p] += dot(other, change)
             share[p] += dot(other, step)
     vectors[REPORT, SWEEPS_DONE] += 1.0
@@ -159,8 +159,8 @@ def move_on(scene, n, slot, count):
     y, slots, vectors = space.y, space.slots, space.vectors
     lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
     past = islands.slope
-    normal = past[past.shape[0] - NORMAL :]
-    share = normal[DEPTH]
+    normal = past[past.shape[0] - NORMAL_ROWS :]
+    share = normal[COMBINED]
     for p in range(count):
         normal[p, slot] = normal[slot, p]
     if not combine(normal, count):
@@ -170,7 +170,7 @@ def move_on(scene, n, slot, count):
         r = first_of(slots, i)
         step = (0.0, 0.0, 0.0)
         for p in range(count):
-            step = add_scaled(step, -share[p], load(past, i, VALUES + 3 * p))
+            step = add_scaled(step, -share[p], load(past, i, SWEPT.values + 3 * p))
         for c in range(size_of(blocks_i, i)):
             lam[r + c] += step[c]
         for s in range(joints_of(slots, i)):
@@ -180,9 +180,9 @@ def move_on(scene, n, slot, count):
 
 @sweep
 def combine(normal, count):
-    """Write the weights of the last `count` sweeps into row DEPTH, the right-hand side."""
-    share = normal[DEPTH]
-    begin = DEPTH + 1  # first row of the factor
+    """Write the weights of the last `count` sweeps into row COMBINED, the right-hand side."""
+    share = normal[COMBINED]
+    begin = COMBINED + 1  # first row of the factor
     largest = 0.0
     for p in range(count):
         largest = max(largest, normal[p, p])

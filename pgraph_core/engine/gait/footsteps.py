@@ -9,7 +9,7 @@ from ..compiler.masks import larger, smaller
 from ..vec import add_scaled, scale, sub, xyz
 from .tables import FEET, into, out_of, smooth
 
-FREED, FREE = 0.04, 0.2  # parts of a swing in which the foot only lifts, and is released
+LIFTED, RELEASED = 0.04, 0.2  # parts of a swing in which the foot only lifts, and is released
 SURE = 0.5  # load on the ground relative to a full one above which the slope is known
 SPREAD = 1e-3  # m²: feet closer together along x say nothing of a slope
 EDGE = 0.06  # least distance of a foot from an edge, relative to the height of the centre of mass
@@ -187,7 +187,7 @@ def swing_foot(feet, f, legs, s, terrain, heading, felt, leave, land):
     z = feet[f].swing
     whole = (1.0 - legs[f].duty) * s.stride
     foot = xyz(feet[f].place)
-    free = smooth((z - FREED) / FREE)
+    free = smooth((z - LIFTED) / RELEASED)
     m, m1, m2 = eased(z)
     m1 /= whole
     m2 /= whole * whole

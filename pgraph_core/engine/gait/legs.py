@@ -15,9 +15,9 @@ from ..compiler.lane import in_each
 from ..compiler.masks import chosen, larger, more, most, smaller
 
 STRAIGHT, FOLDED = 0.99, -0.98  # cosine of the knee's bend: no nearer to either
-FLAT = 0.02  # m²: below it the leg is nearly straight, and rates are damped
-DAMPED = (FLAT / 6) ** 2  # m⁴: rates are at most three times those at FLAT
-FASTEST, HARDEST = 35.0, 900.0  # rad/s, rad/s²: what is asked of a hinge at most
+NEARLY_STRAIGHT = 0.02  # m²: below it the leg is nearly straight, and rates are damped
+DAMPED = (NEARLY_STRAIGHT / 6) ** 2  # m⁴: rates are at most three times those at NEARLY_STRAIGHT
+FASTEST_HINGE, HARDEST_HINGE = 35.0, 900.0  # rad/s, rad/s²: what is asked of a hinge at most
 acos = in_each(elementary.acos)
 
 
@@ -55,7 +55,7 @@ def two_rates(place, b, rate):
     x, y = place
     bx, by = b
     area = x * by - y * bx
-    over = chosen(more(FLAT, abs(area)), area / (area * area + DAMPED), 1.0 / area)
+    over = chosen(more(NEARLY_STRAIGHT, abs(area)), area / (area * area + DAMPED), 1.0 / area)
     return (rate[0] * bx + rate[1] * by) * over, -(rate[0] * x + rate[1] * y) * over
 
 
@@ -92,12 +92,12 @@ def swing(legs, f, place, speed, push, q, v, s):
     b = turned(hip + knee, legs[f].shank[0], legs[f].shank[1])
     hip_rate, knee_rate = two_rates((place[0], y), b, (speed[0], speed[1]))
     hip_push, knee_push = two_rates((place[0], y), b, (push[0], push[1]))
-    hip_rate = clamp(hip_rate, FASTEST)
-    knee_rate = clamp(knee_rate, FASTEST)
-    bent = clamp(knee_push, HARDEST)
+    hip_rate = clamp(hip_rate, FASTEST_HINGE)
+    knee_rate = clamp(knee_rate, FASTEST_HINGE)
+    bent = clamp(knee_push, HARDEST_HINGE)
     return (
         aside,
-        kp * (hip - q[i]) + kd * (hip_rate - v[j]) + clamp(hip_push, HARDEST),
+        kp * (hip - q[i]) + kd * (hip_rate - v[j]) + clamp(hip_push, HARDEST_HINGE),
         kp * (knee - q[i + 1]) + kd * (knee_rate - v[j + 1]) + bent,
         kp * (-knee - q[i + 2]) + kd * (-knee_rate - v[j + 2]) - bent,
     )

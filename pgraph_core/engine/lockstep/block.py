@@ -8,14 +8,15 @@ from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.elementary import FAR
 from ..compiler.jit import part, sweep
-from ..compiler.lane import LANE_WIDTH, lanes
+from ..compiler.lane import lanes
 from ..compiler.masks import larger
 from ..contact.closing import COORDINATES, DEPTH, thickness
 from ..contact.contacts import FROZEN, contacts_at
 from ..contact.manifold import tangents
 from ..motion import opened
+from ..records import columns
 from ..stepping.state import size_of_state
-from ..stepping.unilateral import WEIGHT
+from ..stepping.unilateral import SINKING
 from ..vec import xyz
 
 
@@ -25,82 +26,65 @@ class Block(NamedTuple):
     const: Any  # (n + 1, CONST) of the bodies
     work: Any  # (n + 1, WORK)
     linear: Any  # (n + 1, 3) velocities of origins
-    vectors: Any  # (VECTORS, max(nq, nv)) rows are named below
-    drives: Any  # (nd, DRIVE)
-    shapes: Any  # (ns, SHAPE)
+    vectors: Any  # (VECTOR.total, max(nq, nv)) rows are named by VECTOR
+    drives: Any  # (nd, DRIVE.total)
+    shapes: Any  # (ns, SHAPE.total)
     vertices: Any  # (nv, 3)
     laws: Any  # (contact pairs, 2) friction, restitution
     bodies: Any  # (nb + 1, 3) from the row's origin to the body's
-    points: Any  # (points, POINT)
+    points: Any  # (points, POINT.total)
     y: Any  # (points, 3 w) what unit impulses do in each joint
     own: Any  # (points, 9)
-    pairs: Any  # (contact pairs, PAIR)
+    pairs: Any  # (contact pairs, PAIR.total)
     wrenches: Any  # (nb + 1, 6)
-    lane: Any  # (1, LANE) numbers of the lane
+    lane: Any  # (1, LANE.total) numbers of the lane
 
 
-W = LANE_WIDTH
-
-# Rows of `vectors`
-Q, V, LEDGER = 0, 1, 2  # the state
-NEW_Q, NEW_V = 3, 4  # at the end of the step
-TAU, VDOT, GIVEN, PUSHED = 5, 6, 7, 8  # given torques, and with what stiff springs add
-DAMPING, STIFFNESS, ARMATURE = 9, 10, 11
-STEP, SPEEDS, FREED, DINV, MOVE, DONE, MEAN, ZERO = 12, 13, 14, 15, 16, 17, 18, 19
-VECTORS = 20
-
+# rows of `vectors`: the state, that at the end of the step, given torques and with what stiff
+# springs add, drives as inertia and torque, then what impulses do
+VECTOR = columns(
+    "q", "v", "ledger", "new_q", "new_v", "tau", "vdot", "given", "pushed", "damping", "stiffness",
+    "armature", "effect", "speeds", "freed", "dinv", "move", "done", "mean", "zero",
+)  # fmt: skip
 # columns of `drives`
-D_STIFFNESS, D_DAMPING, D_LOW, D_HIGH, D_FRICTION, D_TARGET, D_TORQUE = range(7)
-DRIVE = 7
-
+DRIVE = columns("stiffness", "damping", "low", "high", "friction", "target", "torque")
 # columns of `shapes`
-S_PLACE, S_TURN, S_REACH, S_RADIUS, S_THIN, S_SIZE, S_THICK, S_POSE, S_POSED = (
-    0, 3, 12, 13, 14, 15, 16, 17, 20,
+SHAPE = columns(
+    place=3, turn=9, reach=1, radius=1, thin=1, size=1, thick=1, pose=3, posed=9,
 )  # fmt: skip
-SHAPE = 29
-
-# columns of `points`
-FOUND, ACTIVE, GAP, SLACK, MIDDLE, ON_A, ON_B = 0, 1, 2, 3, 4, 7, 10
-BEFORE, RATE, TARGET, LAM, HELD, MISSED, SLIP = 13, 16, 19, 22, 25, 28, 30
-KEPT, VALUE, SLIDES = 31, 32, 35  # values of the last step
-TURNED, PASSED = 36, 39  # PASSED: RATE of the pass before
-POINT = 42
-
-# columns of `pairs`
-FORCE, TORQUE, P_GAP, P_SLIP, PHASE = 0, 3, 6, 7, 8
-P_MEAN = 9  # 6, of force and torque
-PAIR = 15
-
-# columns of `lane`
-TIME, NORMAL, LENGTH, PULL, ALONE, PUT_IN, LOST = 0, 1, 10, 11, 12, 13, 14
-SIZE, OPEN, SWEPT, GAINED, RESIDUAL, LARGEST_DEPTH, COMPLEMENTARITY, CONE = (
-    15, 16, 17, 18, 19, 20, 21, 22,
+# columns of `points`: `kept`, `value` and `slides` are of the last step, `passed` is the rate of
+# the pass before
+POINT = columns(
+    found=1, active=1, gap=1, slack=1, middle=3, on_a=3, on_b=3, before=3, rate=3, target=3, lam=3,
+    held=3, missed=2, slip=1, kept=1, value=3, slides=1, turned=3, passed=3,
 )  # fmt: skip
-PENETRATION, LARGEST, WORST, WORST_PAIR, WORST_TIME, DEEPEST, DEEPEST_PAIR = (
-    23, 24, 25, 26, 27, 28, 29,
+# columns of `pairs`: `mean` is that of force and torque
+PAIR = columns(force=3, torque=3, gap=1, slip=1, phase=1, mean=6)
+# columns of `lane`: `fallen` and `fell` say when a walk fell first, and with the step under way,
+# `stays` is 1 where the pass has the rates of that before it
+LANE = columns(
+    time=1, normal=9, length=1, pull=1, alone=1, put_in=1, lost=1, size=1, open=1, swept=1,
+    gained=1, residual=1, largest_depth=1, complementarity=1, cone=1, penetration=1, largest=1,
+    worst=1, worst_pair=1, worst_time=1, deepest=1, deepest_pair=1, deepest_time=1,
+    deepest_depth=1, count=1, number=1, logged=1, lives=1, origin=1, taken=1, fallen=1, fell=1,
+    stays=1, elapsed=1,
 )  # fmt: skip
-DEEPEST_TIME, DEEPEST_DEPTH, COUNT, NUMBER, LOGGED, LIVES = 30, 31, 32, 33, 34, 35
-ORIGIN, TAKEN, FALLEN, FELL = 36, 37, 38, 39  # when a walk fell first, and with the step under way
-STAYS = 40  # 1 where the pass has the rates of that before it
-ELAPSED = 41
-LANE = 42
-
 # columns of `ways`: of a point its shape, row, body, contact pair, vertex, feature, joints
-W_SHAPE, W_ROW, W_BODY, W_PAIR, W_VERTEX, W_FEATURE, W_KIND, W_JOINTS, W_JOINT = range(9)
+WAY = columns("shape", "row", "body", "pair", "vertex", "feature", "kind", "joints", "joint")
 
 
 @part
 def closed_gap(b, i, p):
     """Return `closing.closed_gap` above the ground."""
     return larger(
-        COINCIDENT * b.shapes[i, S_SIZE], COORDINATES * (abs(p[0]) + abs(p[1]) + abs(p[2]))
+        COINCIDENT * b.shapes[i, SHAPE.size], COORDINATES * (abs(p[0]) + abs(p[1]) + abs(p[2]))
     )
 
 
 @part
 def tolerated(b, i, h):
     """Return `unilateral.tolerated`."""
-    return larger(DEPTH * b.shapes[i, S_SIZE], WEIGHT * b.lane[0, PULL] * h * h)
+    return larger(DEPTH * b.shapes[i, SHAPE.size], SINKING * b.lane[0, LANE.pull] * h * h)
 
 
 @part
@@ -125,49 +109,49 @@ def take_in(run, ways, drives, b, w, all_):
         take_numbers(data, contacts, ways, drives, b, w)
     far = 0.0
     for i in range(nq):
-        x[Q, i, w] = y[i]
+        x[VECTOR.q, i, w] = y[i]
         far = max(far, abs(y[i]))
     for j in range(nv):
-        x[V, j, w] = y[nq + j]
-        x[GIVEN, j, w] = data.given[j]
-    x[LEDGER, 0, w] = y[nq + nv]
-    x[LEDGER, 1, w] = y[nq + nv + 1]
+        x[VECTOR.v, j, w] = y[nq + j]
+        x[VECTOR.given, j, w] = data.given[j]
+    x[VECTOR.ledger, 0, w] = y[nq + nv]
+    x[VECTOR.ledger, 1, w] = y[nq + nv + 1]
     kept, tally = contacts.kept, contacts.tally[0]
     for n in range(ways.shape[0]):
-        b.points[n, KEPT, w] = 0.0
+        b.points[n, POINT.kept, w] = 0.0
         for m in range(tally.kept):
             one = kept[m]
-            if one.shape_a == ways[n, W_SHAPE] and one.feature == ways[n, W_FEATURE]:
-                b.points[n, KEPT, w] = 1.0
+            if one.shape_a == ways[n, WAY.shape] and one.feature == ways[n, WAY.feature]:
+                b.points[n, POINT.kept, w] = 1.0
                 for c in range(3):
-                    b.points[n, VALUE + c, w] = one.value[c]
-                b.points[n, SLIDES, w] = one.slides
+                    b.points[n, POINT.value + c, w] = one.value[c]
+                b.points[n, POINT.slides, w] = one.slides
     for k in range(contacts.laws.shape[0]):
-        b.pairs[k, PHASE, w] = contacts.pairs[k].phase
+        b.pairs[k, PAIR.phase, w] = contacts.pairs[k].phase
         for c in range(3):
-            b.pairs[k, P_MEAN + c, w] = contacts.pairs[k].mean_force[c]
-            b.pairs[k, P_MEAN + 3 + c, w] = contacts.pairs[k].mean_torque[c]
+            b.pairs[k, PAIR.mean + c, w] = contacts.pairs[k].mean_force[c]
+            b.pairs[k, PAIR.mean + 3 + c, w] = contacts.pairs[k].mean_torque[c]
     lane = b.lane[0]
-    lane[ORIGIN, w] = control.origin
-    lane[TAKEN, w] = control.taken
-    lane[TIME, w] = control.origin + control.taken * control.widest + control.done
-    lane[ELAPSED, w] = tally.elapsed
-    lane[RESIDUAL, w] = tally.residual
-    lane[LARGEST_DEPTH, w] = tally.depth
-    lane[COMPLEMENTARITY, w] = tally.complementarity
-    lane[CONE, w] = tally.cone
-    lane[PENETRATION, w] = tally.penetration
-    lane[LARGEST, w] = tally.force
-    lane[WORST, w] = tally.worst
-    lane[WORST_PAIR, w] = tally.worst_pair
-    lane[WORST_TIME, w] = tally.worst_time
-    lane[DEEPEST, w] = tally.deepest
-    lane[DEEPEST_PAIR, w] = tally.deepest_pair
-    lane[DEEPEST_TIME, w] = tally.deepest_time
-    lane[DEEPEST_DEPTH, w] = tally.deepest_depth
-    lane[LOGGED, w] = 0.0
-    lane[COUNT, w] = 0.0
-    lane[NUMBER, w] = 0.0
+    lane[LANE.origin, w] = control.origin
+    lane[LANE.taken, w] = control.taken
+    lane[LANE.time, w] = control.origin + control.taken * control.widest + control.done
+    lane[LANE.elapsed, w] = tally.elapsed
+    lane[LANE.residual, w] = tally.residual
+    lane[LANE.largest_depth, w] = tally.depth
+    lane[LANE.complementarity, w] = tally.complementarity
+    lane[LANE.cone, w] = tally.cone
+    lane[LANE.penetration, w] = tally.penetration
+    lane[LANE.largest, w] = tally.force
+    lane[LANE.worst, w] = tally.worst
+    lane[LANE.worst_pair, w] = tally.worst_pair
+    lane[LANE.worst_time, w] = tally.worst_time
+    lane[LANE.deepest, w] = tally.deepest
+    lane[LANE.deepest_pair, w] = tally.deepest_pair
+    lane[LANE.deepest_time, w] = tally.deepest_time
+    lane[LANE.deepest_depth, w] = tally.deepest_depth
+    lane[LANE.logged, w] = 0.0
+    lane[LANE.count, w] = 0.0
+    lane[LANE.number, w] = 0.0
     return far < FAR and fits(contacts, data, control)
 
 
@@ -180,16 +164,16 @@ def take_numbers(data, contacts, ways, drives, b, w):
     for i in range(shapes.shape[0]):
         shape = shapes[i]
         for c in range(3):
-            b.shapes[i, S_PLACE + c, w] = shape.position[c]
+            b.shapes[i, SHAPE.place + c, w] = shape.position[c]
         for c in range(9):
-            b.shapes[i, S_TURN + c, w] = shape.rotation[c]
+            b.shapes[i, SHAPE.turn + c, w] = shape.rotation[c]
         thin = thickness(shape)
         size = shape.reach if shape.reach > 0.0 else tally.length
-        b.shapes[i, S_REACH, w] = shape.reach
-        b.shapes[i, S_RADIUS, w] = shape.radius
-        b.shapes[i, S_THIN, w] = thin
-        b.shapes[i, S_SIZE, w] = size
-        b.shapes[i, S_THICK, w] = 2.0 * thin if thin > 0.0 else size
+        b.shapes[i, SHAPE.reach, w] = shape.reach
+        b.shapes[i, SHAPE.radius, w] = shape.radius
+        b.shapes[i, SHAPE.thin, w] = thin
+        b.shapes[i, SHAPE.size, w] = size
+        b.shapes[i, SHAPE.thick, w] = 2.0 * thin if thin > 0.0 else size
     for i in range(vertices.shape[0]):
         for c in range(3):
             b.vertices[i, c, w] = vertices[i, c]
@@ -202,11 +186,11 @@ def take_numbers(data, contacts, ways, drives, b, w):
     normal = xyz(plane.normal)
     t, s = tangents(normal)
     for c in range(3):
-        b.lane[0, NORMAL + c, w] = normal[c]
-        b.lane[0, NORMAL + 3 + c, w] = t[c]
-        b.lane[0, NORMAL + 6 + c, w] = s[c]
-    b.lane[0, LENGTH, w] = tally.length
-    b.lane[0, PULL, w] = tally.pull
+        b.lane[0, LANE.normal + c, w] = normal[c]
+        b.lane[0, LANE.normal + 3 + c, w] = t[c]
+        b.lane[0, LANE.normal + 6 + c, w] = s[c]
+    b.lane[0, LANE.length, w] = tally.length
+    b.lane[0, LANE.pull, w] = tally.pull
 
 
 @sweep
@@ -217,15 +201,15 @@ def take_drives(data, drives, b, w):
         for c in range(const.shape[1]):
             b.const[k, c, w] = const[k, c]
     for n in range(table.shape[0]):
-        b.drives[n, D_STIFFNESS, w] = table[n].stiffness
-        b.drives[n, D_DAMPING, w] = table[n].damping
-        b.drives[n, D_LOW, w] = table[n].low
-        b.drives[n, D_HIGH, w] = table[n].high
-        b.drives[n, D_FRICTION, w] = table[n].friction
-        b.drives[n, D_TARGET, w] = knots[table[n].first_target, 1] if drives[n, 1] >= 0 else 0.0
-        b.drives[n, D_TORQUE, w] = 0.0
+        b.drives[n, DRIVE.stiffness, w] = table[n].stiffness
+        b.drives[n, DRIVE.damping, w] = table[n].damping
+        b.drives[n, DRIVE.low, w] = table[n].low
+        b.drives[n, DRIVE.high, w] = table[n].high
+        b.drives[n, DRIVE.friction, w] = table[n].friction
+        b.drives[n, DRIVE.target, w] = knots[table[n].first_target, 1] if drives[n, 1] >= 0 else 0.0
+        b.drives[n, DRIVE.torque, w] = 0.0
         if drives[n, 2] == 0:
-            b.drives[n, D_TORQUE, w] = knots[table[n].first_torque, 1]
+            b.drives[n, DRIVE.torque, w] = knots[table[n].first_torque, 1]
 
 
 @sweep
@@ -255,46 +239,46 @@ def put_out(run, ways, b, w, taken, swept):
     nq, nv = size_of_state(run)
     y, x, lane = this.stages[at.Y], b.vectors, b.lane[0]
     for i in range(nq):
-        y[i] = x[Q, i, w]
+        y[i] = x[VECTOR.q, i, w]
     for j in range(nv):
-        y[nq + j] = x[V, j, w]
+        y[nq + j] = x[VECTOR.v, j, w]
         contacts.limit_tau[j] = 0.0
-    y[nq + nv] = x[LEDGER, 0, w]
-    y[nq + nv + 1] = x[LEDGER, 1, w]
+    y[nq + nv] = x[VECTOR.ledger, 0, w]
+    y[nq + nv + 1] = x[VECTOR.ledger, 1, w]
     move_on(run, taken, taken)
     this.counters[0].solver_iterations += swept
     tally = contacts.tally[0]
     tally.frozen = FROZEN
     tally.share = 1.0
     tally.width = this.control[0].widest
-    tally.elapsed = lane[ELAPSED, w]
-    tally.residual = lane[RESIDUAL, w]
-    tally.depth = lane[LARGEST_DEPTH, w]
-    tally.complementarity = lane[COMPLEMENTARITY, w]
-    tally.cone = lane[CONE, w]
-    tally.penetration = lane[PENETRATION, w]
-    tally.force = lane[LARGEST, w]
-    tally.worst = lane[WORST, w]
-    tally.worst_pair = int(lane[WORST_PAIR, w])
-    tally.worst_time = lane[WORST_TIME, w]
-    tally.deepest = lane[DEEPEST, w]
-    tally.deepest_pair = int(lane[DEEPEST_PAIR, w])
-    tally.deepest_time = lane[DEEPEST_TIME, w]
-    tally.deepest_depth = lane[DEEPEST_DEPTH, w]
-    tally.logged += int(lane[LOGGED, w])
+    tally.elapsed = lane[LANE.elapsed, w]
+    tally.residual = lane[LANE.residual, w]
+    tally.depth = lane[LANE.largest_depth, w]
+    tally.complementarity = lane[LANE.complementarity, w]
+    tally.cone = lane[LANE.cone, w]
+    tally.penetration = lane[LANE.penetration, w]
+    tally.force = lane[LANE.largest, w]
+    tally.worst = lane[LANE.worst, w]
+    tally.worst_pair = int(lane[LANE.worst_pair, w])
+    tally.worst_time = lane[LANE.worst_time, w]
+    tally.deepest = lane[LANE.deepest, w]
+    tally.deepest_pair = int(lane[LANE.deepest_pair, w])
+    tally.deepest_time = lane[LANE.deepest_time, w]
+    tally.deepest_depth = lane[LANE.deepest_depth, w]
+    tally.logged += int(lane[LANE.logged, w])
     found, count = 0, 0
     for n in range(ways.shape[0]):
-        if b.points[n, FOUND, w] != 0.0:
+        if b.points[n, POINT.found, w] != 0.0:
             put_found(contacts.found[found], ways, b, n, w)
             found += 1
-        if b.points[n, KEPT, w] != 0.0:
+        if b.points[n, POINT.kept, w] != 0.0:
             one = contacts.kept[count]
-            one.shape_a = ways[n, W_SHAPE]
+            one.shape_a = ways[n, WAY.shape]
             one.shape_b = -1
-            one.feature = ways[n, W_FEATURE]
-            one.slides = int(b.points[n, SLIDES, w])
+            one.feature = ways[n, WAY.feature]
+            one.slides = int(b.points[n, POINT.slides, w])
             for c in range(3):
-                one.value[c] = b.points[n, VALUE + c, w]
+                one.value[c] = b.points[n, POINT.value + c, w]
                 one.turn[c] = 0.0
             count += 1
     tally.found = found
@@ -302,13 +286,13 @@ def put_out(run, ways, b, w, taken, swept):
     for k in range(contacts.laws.shape[0]):
         pair = contacts.pairs[k]
         for c in range(3):
-            pair.force[c] = b.pairs[k, FORCE + c, w]
-            pair.torque[c] = b.pairs[k, TORQUE + c, w]
-            pair.mean_force[c] = b.pairs[k, P_MEAN + c, w]
-            pair.mean_torque[c] = b.pairs[k, P_MEAN + 3 + c, w]
-        pair.gap = b.pairs[k, P_GAP, w]
-        pair.slip = b.pairs[k, P_SLIP, w]
-        pair.phase = int(b.pairs[k, PHASE, w])
+            pair.force[c] = b.pairs[k, PAIR.force + c, w]
+            pair.torque[c] = b.pairs[k, PAIR.torque + c, w]
+            pair.mean_force[c] = b.pairs[k, PAIR.mean + c, w]
+            pair.mean_torque[c] = b.pairs[k, PAIR.mean + 3 + c, w]
+        pair.gap = b.pairs[k, PAIR.gap, w]
+        pair.slip = b.pairs[k, PAIR.slip, w]
+        pair.phase = int(b.pairs[k, PAIR.phase, w])
     for k in range(contacts.wrenches.shape[0]):
         for c in range(3):
             contacts.wrenches[k].torque[c] = b.wrenches[k, c, w]
@@ -319,16 +303,16 @@ def put_out(run, ways, b, w, taken, swept):
 def put_found(one, ways, b, n, w):
     """Write point n of lane w in the format of the contact search."""
     for c in range(3):
-        one.point_a[c] = b.points[n, ON_A + c, w]
-        one.point_b[c] = b.points[n, ON_B + c, w]
-        one.normal[c] = b.lane[0, NORMAL + c, w]
-        if b.points[n, ACTIVE, w] != 0.0:
-            one.held[c] = b.points[n, HELD + c, w]
-    one.gap = b.points[n, GAP, w]
-    one.feature = ways[n, W_FEATURE]
-    one.shape_a = ways[n, W_SHAPE]
+        one.point_a[c] = b.points[n, POINT.on_a + c, w]
+        one.point_b[c] = b.points[n, POINT.on_b + c, w]
+        one.normal[c] = b.lane[0, LANE.normal + c, w]
+        if b.points[n, POINT.active, w] != 0.0:
+            one.held[c] = b.points[n, POINT.held + c, w]
+    one.gap = b.points[n, POINT.gap, w]
+    one.feature = ways[n, WAY.feature]
+    one.shape_a = ways[n, WAY.shape]
     one.shape_b = -1
-    one.pair = ways[n, W_PAIR]
+    one.pair = ways[n, WAY.pair]
 
 
 @part

@@ -10,10 +10,10 @@ from ..compiler.jit import part, sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
 from ..constraints.blocks import point_acceleration, point_velocity
 from ..constraints.paths import spread, taxicab
-from ..contact.closing import DEPTH, HARD
+from ..contact.closing import DEPTH, LOCATED_FROM
 from ..contact.coulomb import contact
-from ..contact.impulse import FEW_SWEEPS, TOGETHER, TOLERANCE
-from ..contact.sweeps import SMALL
+from ..contact.impulse import FEW_SWEEPS, MOVES_TOGETHER, TOLERANCE
+from ..contact.sweeps import FEW_BLOCKS
 from ..contact.touches import NEARBY
 from ..linear import forward_free
 from ..records import POINTS, SPHERE
@@ -31,7 +31,7 @@ from ..rows import (
     set_acceleration,
     spin_of,
 )
-from ..stepping.unilateral import DRIFT, ENOUGH, PUSH_SWEEPS, RECOVER, WEIGHT
+from ..stepping.unilateral import DRIFT, OPENED, PUSH_SWEEPS, RECOVER, SINKING
 from ..tree.kinematics import accelerate
 from ..tree.moving import advance
 from ..vec import (
@@ -60,81 +60,85 @@ def find(ways, near, b, h):
     The points that are close in any lane are written to `near`, after their number.
     """
     lane, work, linear, shapes, points = b.lane[0], b.work, b.linear, b.shapes, b.points
-    normal = load(b.lane, 0, of.NORMAL)
-    zero = 0.0 * lane[of.COUNT]
+    normal = load(b.lane, 0, of.LANE.normal)
+    zero = 0.0 * lane[of.LANE.count]
     closed, margin = zero, zero
     for n in range(ways.shape[0]):
-        i, k = ways[n, of.W_SHAPE], ways[n, of.W_ROW]
-        points[n, of.FOUND] = zero
-        points[n, of.ACTIVE] = zero
-        if n > 0 and ways[n - 1, of.W_SHAPE] == i:
+        i, k = ways[n, of.WAY.shape], ways[n, of.WAY.row]
+        points[n, of.POINT.found] = zero
+        points[n, of.POINT.active] = zero
+        if n > 0 and ways[n - 1, of.WAY.shape] == i:
             continue
         r = rotation_of(work, k)
-        pose = add(origin_of(work, k), mul(r, load(shapes, i, of.S_PLACE)))
-        store(shapes, i, of.S_POSE, pose)
+        pose = add(origin_of(work, k), mul(r, load(shapes, i, of.SHAPE.place)))
+        store(shapes, i, of.SHAPE.pose, pose)
         closed = larger(closed, closed_gap(b, i, pose))
         u = point_velocity(work, linear, k, pose)
         turn = load(work, k, at.W)
-        arm = shapes[i, of.S_REACH] if ways[n, of.W_KIND] != SPHERE else zero
+        arm = shapes[i, of.SHAPE.reach] if ways[n, of.WAY.kind] != SPHERE else zero
         moved = h * (math.sqrt(dot(u, u)) + arm * math.sqrt(dot(turn, turn)))
-        if ways[n, of.W_KIND] != POINTS:
-            lane[of.ALONE] = either(lane[of.ALONE], more(moved, shapes[i, of.S_THIN]))
-            moved = smaller(moved, shapes[i, of.S_THIN])
+        if ways[n, of.WAY.kind] != POINTS:
+            lane[of.LANE.alone] = either(lane[of.LANE.alone], more(moved, shapes[i, of.SHAPE.thin]))
+            moved = smaller(moved, shapes[i, of.SHAPE.thin])
         margin = larger(margin, moved)
-    drift = larger(DEPTH * lane[of.LENGTH], WEIGHT * lane[of.PULL] * h * h)
+    drift = larger(DEPTH * lane[of.LANE.length], SINKING * lane[of.LANE.pull] * h * h)
     within = larger(larger(8.0 * closed, DRIFT * drift), margin)
     count = 0
     shape = -1
     close = False
     for n in range(ways.shape[0]):
-        i, k = ways[n, of.W_SHAPE], ways[n, of.W_ROW]
-        pose = load(shapes, i, of.S_POSE)
-        above = most(dot(pose, normal) - shapes[i, of.S_REACH], 0.0 + within)
+        i, k = ways[n, of.WAY.shape], ways[n, of.WAY.row]
+        pose = load(shapes, i, of.SHAPE.pose)
+        above = most(dot(pose, normal) - shapes[i, of.SHAPE.reach], 0.0 + within)
         if i != shape:
             shape = i
             close = any_of(above)
             if close:
-                turn = mat_mul(rotation_of(work, k), load9(shapes, i, of.S_TURN))
-                store9(shapes, i, of.S_POSED, turn)
+                turn = mat_mul(rotation_of(work, k), load9(shapes, i, of.SHAPE.turn))
+                store9(shapes, i, of.SHAPE.posed, turn)
         if not close:
             continue
-        p = add(pose, mul(load9(shapes, i, of.S_POSED), load(b.vertices, ways[n, of.W_VERTEX], 0)))
-        gap = dot(p, normal) - shapes[i, of.S_RADIUS]
+        p = add(
+            pose, mul(load9(shapes, i, of.SHAPE.posed), load(b.vertices, ways[n, of.WAY.vertex], 0))
+        )
+        gap = dot(p, normal) - shapes[i, of.SHAPE.radius]
         found = without(above, more(gap, within))
         if any_of(found):
             count += 1
             near[count] = n
-            points[n, of.FOUND] = found
-            points[n, of.GAP] = gap
-            store(points, n, of.ON_A, p)
+            points[n, of.POINT.found] = found
+            points[n, of.POINT.gap] = gap
+            store(points, n, of.POINT.on_a, p)
     near[0] = count
-    if count > SMALL:
-        lane[of.ALONE] = lane[of.LIVES]
+    if count > FEW_BLOCKS:
+        lane[of.LANE.alone] = lane[of.LANE.lives]
         near[0] = 0
     kept = zero
     for n in range(ways.shape[0]):
-        kept = kept + points[n, of.KEPT]
-    lane[of.ALONE] = either(lane[of.ALONE], more(kept, NEARBY))
+        kept = kept + points[n, of.POINT.kept]
+    lane[of.LANE.alone] = either(lane[of.LANE.alone], more(kept, NEARBY))
     for m in range(near[0]):
         activate(ways, b, near[1 + m], h)
     for m in range(near[0]):
         n = near[1 + m]
         redundant = more(3.0 + zero, own_joints(ways, near, b, n))
-        lane[of.ALONE] = either(lane[of.ALONE], both(points[n, of.ACTIVE], redundant))
+        lane[of.LANE.alone] = either(
+            lane[of.LANE.alone], both(points[n, of.POINT.active], redundant)
+        )
 
 
 @part
 def own_joints(ways, near, b, n):
     """Count the joints that only point n moves among the active points."""
-    zero = 0.0 * b.lane[0, of.COUNT]
+    zero = 0.0 * b.lane[0, of.LANE.count]
     own = zero
-    for s in range(ways[n, of.W_JOINTS]):
+    for s in range(ways[n, of.WAY.joints]):
         shared = zero
         for m in range(near[0]):
             other = near[1 + m]
-            for r in range(ways[other, of.W_JOINTS]):
+            for r in range(ways[other, of.WAY.joints]):
                 if other != n and joint(ways, other, r) == joint(ways, n, s):
-                    shared = either(shared, b.points[other, of.ACTIVE])
+                    shared = either(shared, b.points[other, of.POINT.active])
         own = own + chosen(shared, 0.0, 1.0 + zero)
     return own
 
@@ -143,28 +147,29 @@ def own_joints(ways, near, b, n):
 def activate(ways, b, n, h):
     """Decide whether point n, whose position is in ON_A, is active and whether it hits."""
     lane, shapes, points = b.lane[0], b.shapes, b.points
-    i, k, gap = ways[n, of.W_SHAPE], ways[n, of.W_ROW], points[n, of.GAP]
-    normal = load(b.lane, 0, of.NORMAL)
-    on_b = add_scaled(load(points, n, of.ON_A), -gap - shapes[i, of.S_RADIUS], normal)
+    i, k, gap = ways[n, of.WAY.shape], ways[n, of.WAY.row], points[n, of.POINT.gap]
+    normal = load(b.lane, 0, of.LANE.normal)
+    on_b = add_scaled(load(points, n, of.POINT.on_a), -gap - shapes[i, of.SHAPE.radius], normal)
     on_a = add_scaled(on_b, gap, normal)
     middle = scale(0.5, add(on_a, on_b))
-    store(points, n, of.ON_A, on_a)
-    store(points, n, of.ON_B, on_b)
-    store(points, n, of.MIDDLE, middle)
+    store(points, n, of.POINT.on_a, on_a)
+    store(points, n, of.POINT.on_b, on_b)
+    store(points, n, of.POINT.middle, middle)
     closing = -dot(point_velocity(b.work, b.linear, k, middle), normal)
     shut = closed_gap(b, i, on_a)
     hits = both(
-        more(closing * h, DEPTH * shapes[i, of.S_SIZE]), more(closing, HARD * lane[of.PULL] * h)
+        more(closing * h, DEPTH * shapes[i, of.SHAPE.size]),
+        more(closing, LOCATED_FROM * lane[of.LANE.pull] * h),
     )
     hits = both(hits, most(gap - 0.5 * h * closing, shut))
     near = 4.0 * shut
-    held = both(points[n, of.KEPT], more(points[n, of.VALUE], 0.0))
+    held = both(points[n, of.POINT.kept], more(points[n, of.POINT.value], 0.0))
     drifts = both(more(gap, near), held)
     near = chosen(drifts, DRIFT * tolerated(b, i, h), near)
-    points[n, of.SLACK] = chosen(drifts, gap / h, 0.0)
-    active = both(points[n, of.FOUND], most(gap, near))
-    points[n, of.ACTIVE] = active
-    lane[of.ALONE] = either(lane[of.ALONE], both(points[n, of.FOUND], hits))
+    points[n, of.POINT.slack] = chosen(drifts, gap / h, 0.0)
+    active = both(points[n, of.POINT.found], most(gap, near))
+    points[n, of.POINT.active] = active
+    lane[of.LANE.alone] = either(lane[of.LANE.alone], both(points[n, of.POINT.found], hits))
 
 
 @part
@@ -172,9 +177,11 @@ def directions(ways, near, b, column):
     """Compute the velocities of the points along the normal and tangents."""
     for m in range(near[0]):
         n = near[1 + m]
-        u = point_velocity(b.work, b.linear, ways[n, of.W_ROW], load(b.points, n, of.MIDDLE))
+        u = point_velocity(
+            b.work, b.linear, ways[n, of.WAY.row], load(b.points, n, of.POINT.middle)
+        )
         for r in range(3):
-            b.points[n, column + r] = dot(load(b.lane, 0, of.NORMAL + 3 * r), u)
+            b.points[n, column + r] = dot(load(b.lane, 0, of.LANE.normal + 3 * r), u)
 
 
 @sweep
@@ -183,18 +190,20 @@ def turned(rows, ways, near, b, h):
     x, work, points = b.vectors, b.work, b.points
     set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for j in range(x.shape[1]):
-        x[of.ZERO, j] = 0.0
-    accelerate(rows, b.const, work, x[of.MEAN], x[of.ZERO])
-    normal = load(b.lane, 0, of.NORMAL)
+        x[of.VECTOR.zero, j] = 0.0
+    accelerate(rows, b.const, work, x[of.VECTOR.mean], x[of.VECTOR.zero])
+    normal = load(b.lane, 0, of.LANE.normal)
     for m in range(near[0]):
         n = near[1 + m]
-        k, radius = ways[n, of.W_ROW], b.shapes[ways[n, of.W_SHAPE], of.S_RADIUS]
+        k, radius = ways[n, of.WAY.row], b.shapes[ways[n, of.WAY.shape], of.SHAPE.radius]
         w = spin_of(work, k)
         rolling = scale(radius, cross(w, normal))
-        apart = add(point_acceleration(work, k, load(points, n, of.MIDDLE)), cross(w, rolling))
+        apart = add(
+            point_acceleration(work, k, load(points, n, of.POINT.middle)), cross(w, rolling)
+        )
         for r in range(3):
-            along = dot(load(b.lane, 0, of.NORMAL + 3 * r), apart)
-            points[n, of.TURNED + r] = along * (0.5 * h)
+            along = dot(load(b.lane, 0, of.LANE.normal + 3 * r), apart)
+            points[n, of.POINT.turned + r] = along * (0.5 * h)
 
 
 @part
@@ -210,11 +219,11 @@ def past_hinge(work, k, share, moment, force):
 def carry(rows, ways, b, n):
     """Compute Y of point n as in `paths.carry`, over the joints on its path."""
     work, y = b.work, b.y[n]
-    p = load(b.points, n, of.MIDDLE)
+    p = load(b.points, n, of.POINT.middle)
     for r in range(3):
-        k = ways[n, of.W_ROW]
+        k = ways[n, of.WAY.row]
         reach = taxicab(p) + taxicab(p)
-        force = load(b.lane, 0, of.NORMAL + 3 * r)
+        force = load(b.lane, 0, of.LANE.normal + 3 * r)
         moment = cross(sub(p, origin_of(work, k)), force)
         s = 0
         while k > 0:
@@ -239,16 +248,16 @@ def carry(rows, ways, b, n):
 
 @part
 def joint(ways, n, s):
-    return ways[n, of.W_JOINT + s]
+    return ways[n, of.WAY.joint + s]
 
 
 @sweep
 def own_block(ways, b, n):
     """Compute `sweeps.own_block`."""
-    y, own, dinv = b.y[n], b.own[n], b.vectors[of.DINV]
+    y, own, dinv = b.y[n], b.own[n], b.vectors[of.VECTOR.dinv]
     for c in range(9):
         own[c] = 0.0
-    for s in range(ways[n, of.W_JOINTS]):
+    for s in range(ways[n, of.WAY.joints]):
         d = dinv[joint(ways, n, s)]
         z = scale(d, (y[3 * s], y[3 * s + 1], y[3 * s + 2]))
         for r in range(3):
@@ -259,10 +268,10 @@ def own_block(ways, b, n):
 @part
 def warm(b, n):
     """Return λ of the last step for an active point."""
-    goes_on = both(b.points[n, of.ACTIVE], b.points[n, of.KEPT])
+    goes_on = both(b.points[n, of.POINT.active], b.points[n, of.POINT.kept])
     for c in range(3):
-        b.points[n, of.LAM + c] = chosen(goes_on, b.points[n, of.VALUE + c], 0.0)
-        b.points[n, of.HELD + c] = b.points[n, of.LAM + c]
+        b.points[n, of.POINT.lam + c] = chosen(goes_on, b.points[n, of.POINT.value + c], 0.0)
+        b.points[n, of.POINT.held + c] = b.points[n, of.POINT.lam + c]
 
 
 @part
@@ -271,21 +280,21 @@ def gather(ways, b, n, row):
     y, z = b.y[n], b.vectors[row]
     zero = 0.0 * z[0]
     u = (zero, zero, zero)
-    for s in range(ways[n, of.W_JOINTS]):
+    for s in range(ways[n, of.WAY.joints]):
         u = add_scaled(u, z[joint(ways, n, s)], (y[3 * s], y[3 * s + 1], y[3 * s + 2]))
     return u
 
 
 @part
 def velocity(ways, b, n):
-    return add_scaled(gather(ways, b, n, of.STEP), 1.0, load(b.points, n, of.TARGET))
+    return add_scaled(gather(ways, b, n, of.VECTOR.effect), 1.0, load(b.points, n, of.POINT.target))
 
 
 @part
 def scatter(ways, b, n, change):
     """Add diag(1/d) Yᵀ times a change in λ to STEP."""
-    y, w, dinv = b.y[n], b.vectors[of.STEP], b.vectors[of.DINV]
-    for s in range(ways[n, of.W_JOINTS]):
+    y, w, dinv = b.y[n], b.vectors[of.VECTOR.effect], b.vectors[of.VECTOR.dinv]
+    for s in range(ways[n, of.WAY.joints]):
         k = joint(ways, n, s)
         w[k] += dinv[k] * dot((y[3 * s], y[3 * s + 1], y[3 * s + 2]), change)
 
@@ -294,37 +303,41 @@ def scatter(ways, b, n, change):
 def aim(ways, near, b, again):
     """Run `impulse.aim` and `impulse.is_as_before`. SIZE receives the largest velocity."""
     x, points, lane = b.vectors, b.points, b.lane[0]
-    size, carried, change = lane[of.COUNT] * 0.0, lane[of.COUNT] * 0.0, lane[of.COUNT] * 0.0
+    size, carried, change = (
+        lane[of.LANE.count] * 0.0,
+        lane[of.LANE.count] * 0.0,
+        lane[of.LANE.count] * 0.0,
+    )
     for m in range(near[0]):
         n = near[1 + m]
-        here = points[n, of.ACTIVE]
+        here = points[n, of.POINT.active]
         for c in range(3):
-            most_ = larger(abs(points[n, of.RATE + c]), abs(points[n, of.BEFORE + c]))
+            most_ = larger(abs(points[n, of.POINT.rate + c]), abs(points[n, of.POINT.before + c]))
             size = larger(size, chosen(here, most_, 0.0))
-            moved = abs(points[n, of.RATE + c] - points[n, of.PASSED + c])
+            moved = abs(points[n, of.POINT.rate + c] - points[n, of.POINT.passed + c])
             change = larger(change, chosen(here, moved, 0.0))
-            points[n, of.PASSED + c] = points[n, of.RATE + c]
+            points[n, of.POINT.passed + c] = points[n, of.POINT.rate + c]
         y = b.y[n]
-        for s in range(ways[n, of.W_JOINTS]):
+        for s in range(ways[n, of.WAY.joints]):
             column = (y[3 * s], y[3 * s + 1], y[3 * s + 2])
-            one = abs(x[of.SPEEDS, joint(ways, n, s)]) * math.sqrt(dot(column, column))
+            one = abs(x[of.VECTOR.speeds, joint(ways, n, s)]) * math.sqrt(dot(column, column))
             carried = larger(carried, chosen(here, one, 0.0))
-    together = more(carried, TOGETHER * size)
+    together = more(carried, MOVES_TOGETHER * size)
     for j in range(x.shape[1]):
-        x[of.FREED, j] = chosen(together, 0.0 * size, x[of.SPEEDS, j])
+        x[of.VECTOR.freed, j] = chosen(together, 0.0 * size, x[of.VECTOR.speeds, j])
     for m in range(near[0]):
         n = near[1 + m]
-        pair = ways[n, of.W_PAIR]
+        pair = ways[n, of.WAY.pair]
         for c in range(3):
-            points[n, of.TARGET + c] = chosen(
-                together, points[n, of.RATE + c], points[n, of.TURNED + c]
+            points[n, of.POINT.target + c] = chosen(
+                together, points[n, of.POINT.rate + c], points[n, of.POINT.turned + c]
             )
-        points[n, of.TARGET] += b.laws[pair, 1] * smaller(points[n, of.BEFORE], 0.0)
-        points[n, of.TARGET] += points[n, of.SLACK]
-    lane[of.SIZE] = size
-    lane[of.STAYS] = 0.0
+        points[n, of.POINT.target] += b.laws[pair, 1] * smaller(points[n, of.POINT.before], 0.0)
+        points[n, of.POINT.target] += points[n, of.POINT.slack]
+    lane[of.LANE.size] = size
+    lane[of.LANE.stays] = 0.0
     if again:
-        lane[of.STAYS] = chosen(most(change, EPS * size), 1.0 + 0.0 * size, 0.0)
+        lane[of.LANE.stays] = chosen(most(change, EPS * size), 1.0 + 0.0 * size, 0.0)
 
 
 @sweep
@@ -332,29 +345,31 @@ def gauss_seidel(ways, near, b):
     """Run `sweeps.gauss_seidel`. Finished lanes wait for the others."""
     x, points, lane = b.vectors, b.points, b.lane[0]
     for j in range(x.shape[1]):
-        x[of.STEP, j] = x[of.FREED, j]
+        x[of.VECTOR.effect, j] = x[of.VECTOR.freed, j]
     for m in range(near[0]):
         n = near[1 + m]
-        scatter(ways, b, n, load(points, n, of.LAM))
-    size = lane[of.SIZE]
+        scatter(ways, b, n, load(points, n, of.POINT.lam))
+    size = lane[of.LANE.size]
     touches = 0.0 * size
     for m in range(near[0]):
         n = near[1 + m]
-        touches = either(touches, points[n, of.ACTIVE])
-    open_ = both(touches, without(lane[of.LIVES], either(lane[of.ALONE], lane[of.STAYS])))
-    lane[of.ALONE] = either(lane[of.ALONE], both(open_, most(size, 0.0)))
-    swept, left = lane[of.SWEPT], 0.0 * size
+        touches = either(touches, points[n, of.POINT.active])
+    open_ = both(
+        touches, without(lane[of.LANE.lives], either(lane[of.LANE.alone], lane[of.LANE.stays]))
+    )
+    lane[of.LANE.alone] = either(lane[of.LANE.alone], both(open_, most(size, 0.0)))
+    swept, left = lane[of.LANE.swept], 0.0 * size
     for _ in range(FEW_SWEEPS):
         if not any_of(open_):
             break
         change = 0.0 * size
         for m in range(near[0]):
             n = near[1 + m]
-            here = both(open_, points[n, of.ACTIVE])
+            here = both(open_, points[n, of.POINT.active])
             if not any_of(here):
                 continue
-            old = load(points, n, of.LAM)
-            u, mu = velocity(ways, b, n), b.laws[ways[n, of.W_PAIR], 0]
+            old = load(points, n, of.POINT.lam)
+            u, mu = velocity(ways, b, n), b.laws[ways[n, of.WAY.pair], 0]
             new = contact(b.own[n], u, old, mu, here)
             new = (
                 chosen(here, new[0], old[0]),
@@ -363,15 +378,15 @@ def gauss_seidel(ways, near, b):
             )
             step = sub(new, old)
             scatter(ways, b, n, step)
-            store(points, n, of.LAM, new)
+            store(points, n, of.POINT.lam, new)
             for c in range(3):
                 change = larger(change, abs(step[c]) * b.own[n, 4 * c])
         swept += chosen(open_, 1.0 + 0.0 * size, 0.0)
         left = chosen(open_, change / size, left)
         open_ = both(open_, more(change, TOLERANCE * size))
-    lane[of.SWEPT] = swept
-    lane[of.OPEN] = larger(lane[of.OPEN], left)
-    lane[of.ALONE] = either(lane[of.ALONE], both(touches, more(left, TOLERANCE)))
+    lane[of.LANE.swept] = swept
+    lane[of.LANE.open] = larger(lane[of.LANE.open], left)
+    lane[of.LANE.alone] = either(lane[of.LANE.alone], both(touches, more(left, TOLERANCE)))
 
 
 @sweep
@@ -379,17 +394,21 @@ def gain_and_miss(ways, near, b):
     """Run `impulse.gained` and `note_missed`. Lanes in which a rebound increases the energy
     continue individually."""
     points, lane, own = b.points, b.lane[0], b.own
-    gain, size, bouncing = 0.0 * lane[of.SIZE], 0.0 * lane[of.SIZE], 0.0 * lane[of.SIZE]
+    gain, size, bouncing = (
+        0.0 * lane[of.LANE.size],
+        0.0 * lane[of.LANE.size],
+        0.0 * lane[of.LANE.size],
+    )
     for m in range(near[0]):
         n = near[1 + m]
-        here = points[n, of.ACTIVE]
-        law = b.laws[ways[n, of.W_PAIR]]
+        here = points[n, of.POINT.active]
+        law = b.laws[ways[n, of.WAY.pair]]
         u = velocity(ways, b, n)
-        lam = load(points, n, of.LAM)
-        before = load(points, n, of.BEFORE)
-        rate = load(points, n, of.RATE)
+        lam = load(points, n, of.POINT.lam)
+        before = load(points, n, of.POINT.before)
+        rate = load(points, n, of.POINT.rate)
         back = law[1] * smaller(before[0], 0.0)
-        back = back + points[n, of.SLACK]
+        back = back + points[n, of.POINT.slack]
         for c in range(3):
             mean = before[c] + u[c]
             if c == 0:
@@ -401,7 +420,7 @@ def gain_and_miss(ways, near, b):
             bouncing, both(here, both(more(law[1], 0.0), more(-before[0], 4.0 * pressed)))
         )
         moves = more(own[n, 0], 0.0)
-        points[n, of.MISSED] = chosen(
+        points[n, of.POINT.missed] = chosen(
             moves, abs(lam[0] - larger(lam[0] - u[0] / own[n, 0], 0.0)), 0.0
         )
         mobility = larger(own[n, 4], own[n, 8])
@@ -410,9 +429,9 @@ def gain_and_miss(ways, near, b):
         pull = math.sqrt(x * x + y * y)
         fit = chosen(more(pull, rim), rim / pull, 1.0)
         x, y = lam[1] - fit * x, lam[2] - fit * y
-        points[n, of.MISSED + 1] = chosen(more(mobility, 0.0), math.sqrt(x * x + y * y), 0.0)
-    lane[of.GAINED] = gain
-    lane[of.ALONE] = either(lane[of.ALONE], both(bouncing, more(gain, NOTABLE * size)))
+        points[n, of.POINT.missed + 1] = chosen(more(mobility, 0.0), math.sqrt(x * x + y * y), 0.0)
+    lane[of.LANE.gained] = gain
+    lane[of.LANE.alone] = either(lane[of.LANE.alone], both(bouncing, more(gain, NOTABLE * size)))
 
 
 @sweep
@@ -420,60 +439,60 @@ def effects(ways, near, b):
     """Write diag(1/d) Yᵀ λ into STEP, and compute the slip speeds of the points."""
     x, points = b.vectors, b.points
     for j in range(x.shape[1]):
-        x[of.STEP, j] = 0.0
+        x[of.VECTOR.effect, j] = 0.0
     for m in range(near[0]):
         n = near[1 + m]
-        here = points[n, of.ACTIVE]
+        here = points[n, of.POINT.active]
         for c in range(3):
-            points[n, of.LAM + c] = chosen(here, points[n, of.LAM + c], 0.0)
-        scatter(ways, b, n, load(points, n, of.LAM))
+            points[n, of.POINT.lam + c] = chosen(here, points[n, of.POINT.lam + c], 0.0)
+        scatter(ways, b, n, load(points, n, of.POINT.lam))
     for m in range(near[0]):
         n = near[1 + m]
-        u = gather(ways, b, n, of.STEP)
-        along, across = points[n, of.RATE + 1] + u[1], points[n, of.RATE + 2] + u[2]
-        points[n, of.SLIP] = math.sqrt(along * along + across * across)
+        u = gather(ways, b, n, of.VECTOR.effect)
+        along, across = points[n, of.POINT.rate + 1] + u[1], points[n, of.POINT.rate + 2] + u[2]
+        points[n, of.POINT.slip] = math.sqrt(along * along + across * across)
 
 
 @sweep
 def push_out(rows, ways, near, b, h):
     """Run `unilateral.push_out`, which moves the new state out of deep penetration."""
-    x, points, own, dinv = b.vectors, b.points, b.own, b.vectors[of.DINV]
-    zero = 0.0 * b.lane[0, of.COUNT]
+    x, points, own, dinv = b.vectors, b.points, b.own, b.vectors[of.VECTOR.dinv]
+    zero = 0.0 * b.lane[0, of.LANE.count]
     deepest, deep = zero, zero
     for m in range(near[0]):
         n = near[1 + m]
-        here, depth = points[n, of.ACTIVE], -points[n, of.GAP]
+        here, depth = points[n, of.POINT.active], -points[n, of.POINT.gap]
         deepest = larger(deepest, chosen(here, depth, 0.0))
-        deep = either(deep, both(here, more(depth, tolerated(b, ways[n, of.W_SHAPE], h))))
-        points[n, of.TARGET] = zero  # here the impulse that pushes out
+        deep = either(deep, both(here, more(depth, tolerated(b, ways[n, of.WAY.shape], h))))
+        points[n, of.POINT.target] = zero  # here the impulse that pushes out
     if not any_of(deep):
         return
-    z = x[of.STEP]
+    z = x[of.VECTOR.effect]
     for j in range(x.shape[1]):
         z[j] = zero
-        x[of.FREED, j] = x[of.NEW_Q, j]
+        x[of.VECTOR.freed, j] = x[of.VECTOR.new_q, j]
     open_ = deep
     for _ in range(PUSH_SWEEPS):
         moved = zero
         for m in range(near[0]):
             n = near[1 + m]
-            y, lam = b.y[n], points[n, of.TARGET]
-            here = both(both(open_, points[n, of.ACTIVE]), more(own[n, 0], 0.0))
+            y, lam = b.y[n], points[n, of.POINT.target]
+            here = both(both(open_, points[n, of.POINT.active]), more(own[n, 0], 0.0))
             if not any_of(here):
                 continue
-            gap = RECOVER * (points[n, of.GAP] + 0.5 * tolerated(b, ways[n, of.W_SHAPE], h))
-            for s in range(ways[n, of.W_JOINTS]):
+            gap = RECOVER * (points[n, of.POINT.gap] + 0.5 * tolerated(b, ways[n, of.WAY.shape], h))
+            for s in range(ways[n, of.WAY.joints]):
                 gap += y[3 * s] * z[joint(ways, n, s)]
             new = chosen(here, larger(0.0, lam - gap / own[n, 0]), lam)
-            for s in range(ways[n, of.W_JOINTS]):
+            for s in range(ways[n, of.WAY.joints]):
                 k = joint(ways, n, s)
                 z[k] += dinv[k] * y[3 * s] * (new - lam)
             moved = larger(moved, abs(new - lam) * own[n, 0])
-            points[n, of.TARGET] = new
-        open_ = both(open_, more(moved, ENOUGH * RECOVER * deepest))
+            points[n, of.POINT.target] = new
+        open_ = both(open_, more(moved, OPENED * RECOVER * deepest))
         if not any_of(open_):
             break
     spread(rows, b.const, b.work, z)
-    advance(rows, x[of.NEW_Q], z, 1.0)
+    advance(rows, x[of.VECTOR.new_q], z, 1.0)
     for j in range(x.shape[1]):
-        x[of.NEW_Q, j] = chosen(deep, x[of.NEW_Q, j], x[of.FREED, j])
+        x[of.VECTOR.new_q, j] = chosen(deep, x[of.VECTOR.new_q, j], x[of.VECTOR.freed, j])

@@ -12,6 +12,7 @@ from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F3, I1, I2, group, i8, void
+from ..compiler.lane import LANE_WIDTH
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
 from ..constraints.blocks import velocities
 from ..constraints.paths import pivots, spread, unspread
@@ -62,13 +63,13 @@ def begin(rows, drives, b, h):
     """Compute the first half of a step, including the frames at its midpoint."""
     x = b.vectors
     for i in range(x.shape[1]):
-        x[of.NEW_Q, i] = x[of.Q, i]
-        x[of.NEW_V, i] = x[of.V, i]
-        x[of.MEAN, i] = x[of.V, i]
-    q, v = x[of.NEW_Q], x[of.V]
-    b.lane[0, of.SWEPT] = 0.0
-    b.lane[0, of.ALONE] = 0.0
-    b.lane[0, of.OPEN] = 0.0
+        x[of.VECTOR.new_q, i] = x[of.VECTOR.q, i]
+        x[of.VECTOR.new_v, i] = x[of.VECTOR.v, i]
+        x[of.VECTOR.mean, i] = x[of.VECTOR.v, i]
+    q, v = x[of.VECTOR.new_q], x[of.VECTOR.v]
+    b.lane[0, of.LANE.swept] = 0.0
+    b.lane[0, of.LANE.alone] = 0.0
+    b.lane[0, of.LANE.open] = 0.0
     advance(rows, q, v, 0.5 * h)
     stiffen(rows, drives, b, h, q, v)
     act(drives, b, q, v)
@@ -79,15 +80,15 @@ def begin(rows, drives, b, h):
 def begin_again(rows, drives, b, h):
     """Compute velocities and forces at the mean velocity of the first pass."""
     x, work = b.vectors, b.work
-    q, v, mean = x[of.NEW_Q], x[of.V], x[of.MEAN]
+    q, v, mean = x[of.VECTOR.new_q], x[of.VECTOR.v], x[of.VECTOR.mean]
     for j in range(x.shape[1]):
-        mean[j] = v[j] + 0.5 * (h * x[of.VDOT, j] + x[of.MOVE, j])
+        mean[j] = v[j] + 0.5 * (h * x[of.VECTOR.vdot, j] + x[of.VECTOR.move, j])
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
             j = v_of(rows, k)
-            pivot, extra = inverse_pivot_of(work, k), x[of.DAMPING, j]
-            more_ = softened(pivot, extra, x[of.STIFFNESS, j], h, v[j], mean[j])
-            x[of.PUSHED, j] = x[of.GIVEN, j] + more_
+            pivot, extra = inverse_pivot_of(work, k), x[of.VECTOR.damping, j]
+            more_ = softened(pivot, extra, x[of.VECTOR.stiffness, j], h, v[j], mean[j])
+            x[of.VECTOR.pushed, j] = x[of.VECTOR.given, j] + more_
     act(drives, b, q, mean)
     outboard(rows, b.const, work, q, mean)
 
@@ -97,38 +98,40 @@ def stiffen(rows, drives, b, h, q, v):
     """Run `moreau.stiffen`."""
     x, const = b.vectors, b.const
     for j in range(x.shape[1]):
-        x[of.DAMPING, j] = 0.0
-        x[of.STIFFNESS, j] = 0.0
-        x[of.PUSHED, j] = x[of.GIVEN, j]
+        x[of.VECTOR.damping, j] = 0.0
+        x[of.VECTOR.stiffness, j] = 0.0
+        x[of.VECTOR.pushed, j] = x[of.VECTOR.given, j]
     for n in range(drives.shape[0]):
         j, i = drives[n, 0], drives[n, 1]
         d = b.drives[n]
-        torque = -d[of.D_DAMPING] * v[j]
+        torque = -d[of.DRIVE.damping] * v[j]
         if i >= 0:
-            torque += d[of.D_STIFFNESS] * (d[of.D_TARGET] - q[i])
-        torque += d[of.D_TORQUE]
-        limited = either(more(d[of.D_LOW], torque), more(torque, d[of.D_HIGH]))
-        counts = without(more(d[of.D_DAMPING], 0.0), limited)
-        x[of.DAMPING, j] += chosen(counts, d[of.D_DAMPING], 0.0)
+            torque += d[of.DRIVE.stiffness] * (d[of.DRIVE.target] - q[i])
+        torque += d[of.DRIVE.torque]
+        limited = either(more(d[of.DRIVE.low], torque), more(torque, d[of.DRIVE.high]))
+        counts = without(more(d[of.DRIVE.damping], 0.0), limited)
+        x[of.VECTOR.damping, j] += chosen(counts, d[of.DRIVE.damping], 0.0)
         if i >= 0:
-            x[of.STIFFNESS, j] += chosen(counts, d[of.D_STIFFNESS], 0.0)
+            x[of.VECTOR.stiffness, j] += chosen(counts, d[of.DRIVE.stiffness], 0.0)
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
             j = v_of(rows, k)
-            x[of.ARMATURE, j] = armature_of(const, k)
-            x[of.DAMPING, j] = h * x[of.DAMPING, j] + 0.5 * h * h * x[of.STIFFNESS, j]
-            const[k, at.ARMATURE] += x[of.DAMPING, j]
-            x[of.PUSHED, j] -= 0.5 * h * x[of.STIFFNESS, j] * v[j]
+            x[of.VECTOR.armature, j] = armature_of(const, k)
+            x[of.VECTOR.damping, j] = (
+                h * x[of.VECTOR.damping, j] + 0.5 * h * h * x[of.VECTOR.stiffness, j]
+            )
+            const[k, at.ARMATURE] += x[of.VECTOR.damping, j]
+            x[of.VECTOR.pushed, j] -= 0.5 * h * x[of.VECTOR.stiffness, j] * v[j]
 
 
 @sweep
 def act(drives, b, q, v):
     """Run `forces.drive` for drives with one coordinate and no tables."""
     x, lane = b.vectors, b.lane[0]
-    tau, given = x[of.TAU], x[of.PUSHED]
-    lane[of.PUT_IN] = 0.0
-    lane[of.LOST] = 0.0
-    put_in, lost = lane[of.PUT_IN], lane[of.LOST]
+    tau, given = x[of.VECTOR.tau], x[of.VECTOR.pushed]
+    lane[of.LANE.put_in] = 0.0
+    lane[of.LANE.lost] = 0.0
+    put_in, lost = lane[of.LANE.put_in], lane[of.LANE.lost]
     for j in range(tau.shape[0]):
         tau[j] = given[j]
         put_in += given[j] * v[j]
@@ -136,21 +139,21 @@ def act(drives, b, q, v):
         j, i = drives[n, 0], drives[n, 1]
         d = b.drives[n]
         speed = v[j]
-        drag = d[of.D_DAMPING] * speed
-        friction = d[of.D_FRICTION] * speed / math.sqrt(speed * speed + CREEP * CREEP)
-        drag = chosen(more(d[of.D_FRICTION], 0.0), drag + friction, drag)
+        drag = d[of.DRIVE.damping] * speed
+        friction = d[of.DRIVE.friction] * speed / math.sqrt(speed * speed + CREEP * CREEP)
+        drag = chosen(more(d[of.DRIVE.friction], 0.0), drag + friction, drag)
         torque = -drag
         if i >= 0:
-            torque += d[of.D_STIFFNESS] * (d[of.D_TARGET] - q[i])
+            torque += d[of.DRIVE.stiffness] * (d[of.DRIVE.target] - q[i])
         if drives[n, 2] == 1:
             lost += drag * speed
         else:
-            torque += d[of.D_TORQUE]
-            torque = smaller(larger(torque, d[of.D_LOW]), d[of.D_HIGH])
+            torque += d[of.DRIVE.torque]
+            torque = smaller(larger(torque, d[of.DRIVE.low]), d[of.DRIVE.high])
             put_in += torque * speed
         tau[j] += torque
-    lane[of.PUT_IN] = put_in
-    lane[of.LOST] = lost
+    lane[of.LANE.put_in] = put_in
+    lane[of.LANE.lost] = lost
 
 
 @sweep
@@ -158,22 +161,22 @@ def set_velocities(rows, ways, near, b, h):
     """Write J v into BEFORE and J (v + h v') into RATE, as in `moreau.set_velocities`."""
     x, work, linear, points = b.vectors, b.work, b.linear, b.points
     turned(rows, ways, near, b, h)
-    turn_rates(rows, b.const, work, x[of.V])
-    velocities(rows, b.const, work, x[of.V], linear)
-    directions(ways, near, b, of.BEFORE)
+    turn_rates(rows, b.const, work, x[of.VECTOR.v])
+    velocities(rows, b.const, work, x[of.VECTOR.v], linear)
+    directions(ways, near, b, of.POINT.before)
     for j in range(x.shape[1]):
-        x[of.STEP, j] = x[of.V, j] + h * x[of.VDOT, j]
-    turn_rates(rows, b.const, work, x[of.STEP])
-    velocities(rows, b.const, work, x[of.STEP], linear)
-    directions(ways, near, b, of.RATE)
+        x[of.VECTOR.effect, j] = x[of.VECTOR.v, j] + h * x[of.VECTOR.vdot, j]
+    turn_rates(rows, b.const, work, x[of.VECTOR.effect])
+    velocities(rows, b.const, work, x[of.VECTOR.effect], linear)
+    directions(ways, near, b, of.POINT.rate)
     for m in range(near[0]):
         n = near[1 + m]
         for r in range(3):
-            points[n, of.BEFORE + r] -= points[n, of.TURNED + r]
-            points[n, of.RATE + r] += points[n, of.TURNED + r]
+            points[n, of.POINT.before + r] -= points[n, of.POINT.turned + r]
+            points[n, of.POINT.rate + r] += points[n, of.POINT.turned + r]
     for j in range(x.shape[1]):
-        x[of.SPEEDS, j] = x[of.STEP, j]
-    unspread(rows, b.const, work, x[of.SPEEDS])
+        x[of.VECTOR.speeds, j] = x[of.VECTOR.effect, j]
+    unspread(rows, b.const, work, x[of.VECTOR.speeds])
 
 
 @sweep
@@ -183,8 +186,8 @@ def solve(rows, ways, near, b, h, again):
     Sets ALONE for lanes that must continue individually. Returns whether points touch in any lane.
     """
     x, lane, work, const, linear = b.vectors, b.lane[0], b.work, b.const, b.linear
-    vdot = x[of.VDOT]
-    inboard(rows, const, work, x[of.TAU])
+    vdot = x[of.VECTOR.vdot]
+    inboard(rows, const, work, x[of.VECTOR.tau])
     joint_acceleration(rows, const, work, vdot)
     positions(rows, work)
     for k in range(1, rows.shape[0]):
@@ -192,18 +195,18 @@ def solve(rows, ways, near, b, h, again):
         if p > 0:
             w, u = spin_of(work, k), spin_of(work, p)
             most_turn = larger(dot(w, w), dot(u, u)) * h * h
-            lane[of.ALONE] = either(lane[of.ALONE], more(most_turn, GYRATES * GYRATES))
+            lane[of.LANE.alone] = either(lane[of.LANE.alone], more(most_turn, GYRATES * GYRATES))
     if not again:
-        velocities(rows, const, work, x[of.V], linear)
+        velocities(rows, const, work, x[of.VECTOR.v], linear)
         find(ways, near, b, h)
     some = any_of(touching(near, b))
     for j in range(x.shape[1]):
-        x[of.STEP, j] = 0.0
-        x[of.MOVE, j] = 0.0
+        x[of.VECTOR.effect, j] = 0.0
+        x[of.VECTOR.move, j] = 0.0
     if some:
         set_velocities(rows, ways, near, b, h)
         if not again:
-            pivots(rows, work, x[of.DINV])
+            pivots(rows, work, x[of.VECTOR.dinv])
             for m in range(near[0]):
                 n = near[1 + m]
                 carry(rows, ways, b, n)
@@ -214,17 +217,17 @@ def solve(rows, ways, near, b, h, again):
         gain_and_miss(ways, near, b)
         effects(ways, near, b)
         for j in range(x.shape[1]):
-            x[of.MOVE, j] = x[of.STEP, j]
-        spread(rows, const, work, x[of.MOVE])
+            x[of.VECTOR.move, j] = x[of.VECTOR.effect, j]
+        spread(rows, const, work, x[of.VECTOR.move])
     return some
 
 
 @part
 def touching(near, b):
     """Return the lanes in which a point is active."""
-    touches = b.lane[0, of.COUNT] * 0.0
+    touches = b.lane[0, of.LANE.count] * 0.0
     for m in range(near[0]):
-        touches = either(touches, b.points[near[1 + m], of.ACTIVE])
+        touches = either(touches, b.points[near[1 + m], of.POINT.active])
     return touches
 
 
@@ -232,36 +235,38 @@ def touching(near, b):
 def finish(rows, ways, near, b, h, passive):
     """Finish a step into NEW_Q and NEW_V by its second pass."""
     x, lane, const = b.vectors, b.lane[0], b.const
-    v, vdot, mean_ = x[of.V], x[of.VDOT], x[of.MEAN]
+    v, vdot, mean_ = x[of.VECTOR.v], x[of.VECTOR.vdot], x[of.VECTOR.mean]
     some = solve(rows, ways, near, b, h, True)
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
-            const[k, at.ARMATURE] = x[of.ARMATURE, v_of(rows, k)]
-    x[of.DONE, 0] = x[of.LEDGER, 0] + h * lane[of.PUT_IN]
-    x[of.DONE, 1] = x[of.LEDGER, 1] + h * lane[of.LOST]
+            const[k, at.ARMATURE] = x[of.VECTOR.armature, v_of(rows, k)]
+    x[of.VECTOR.done, 0] = x[of.VECTOR.ledger, 0] + h * lane[of.LANE.put_in]
+    x[of.VECTOR.done, 1] = x[of.VECTOR.ledger, 1] + h * lane[of.LANE.lost]
     if some:
-        x[of.DONE, 1] -= chosen(touching(near, b), lane[of.GAINED], 0.0)
-    new, more_work = x[of.NEW_V], lane[of.COUNT] * 0.0
+        x[of.VECTOR.done, 1] -= chosen(touching(near, b), lane[of.LANE.gained], 0.0)
+    new, more_work = x[of.VECTOR.new_v], lane[of.LANE.count] * 0.0
     for j in range(x.shape[1]):
-        new[j] = v[j] + (h * vdot[j] + x[of.MOVE, j])
+        new[j] = v[j] + (h * vdot[j] + x[of.VECTOR.move, j])
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
             j = v_of(rows, k)
             change = new[j] - v[j]
             mean = 0.5 * (new[j] + v[j])
-            pushed = h * x[of.TAU, j]
-            more_work += (pushed - x[of.DAMPING, j] * change) * mean - pushed * mean_[j]
+            pushed = h * x[of.VECTOR.tau, j]
+            more_work += (pushed - x[of.VECTOR.damping, j] * change) * mean - pushed * mean_[j]
     if passive:
-        x[of.DONE, 1] -= more_work
+        x[of.VECTOR.done, 1] -= more_work
     else:
-        x[of.DONE, 0] += more_work
-    advance(rows, x[of.NEW_Q], new, 0.5 * h)
+        x[of.VECTOR.done, 0] += more_work
+    advance(rows, x[of.VECTOR.new_q], new, 0.5 * h)
     if some:
         push_out(rows, ways, near, b, h)
-    sum_ = x[of.DONE, 0] + x[of.DONE, 1]
+    sum_ = x[of.VECTOR.done, 0] + x[of.VECTOR.done, 1]
     for i in range(x.shape[1]):
-        sum_ += x[of.NEW_Q, i] + new[i]
-    lane[of.ALONE] = either(lane[of.ALONE], without(lane[of.LIVES], most(abs(sum_), 1e300)))
+        sum_ += x[of.VECTOR.new_q, i] + new[i]
+    lane[of.LANE.alone] = either(
+        lane[of.LANE.alone], without(lane[of.LANE.lives], most(abs(sum_), 1e300))
+    )
     commit(rows, ways, near, b, h)
 
 
@@ -269,94 +274,98 @@ def finish(rows, ways, near, b, h, passive):
 def commit(rows, ways, near, b, h):
     """Commit state and history after the step as `booking.book`, in lanes that stay together."""
     x, lane, points, pairs = b.vectors, b.lane[0], b.points, b.pairs
-    good = without(lane[of.LIVES], lane[of.ALONE])
-    zero = 0.0 * lane[of.COUNT]
-    normalise_all(rows, x[of.NEW_Q])
+    good = without(lane[of.LANE.lives], lane[of.LANE.alone])
+    zero = 0.0 * lane[of.LANE.count]
+    normalise_all(rows, x[of.VECTOR.new_q])
     for i in range(x.shape[1]):
-        x[of.Q, i] = chosen(good, x[of.NEW_Q, i], x[of.Q, i])
-        x[of.V, i] = chosen(good, x[of.NEW_V, i], x[of.V, i])
+        x[of.VECTOR.q, i] = chosen(good, x[of.VECTOR.new_q, i], x[of.VECTOR.q, i])
+        x[of.VECTOR.v, i] = chosen(good, x[of.VECTOR.new_v, i], x[of.VECTOR.v, i])
     for c in range(2):
-        x[of.LEDGER, c] = chosen(good, x[of.DONE, c], x[of.LEDGER, c])
+        x[of.VECTOR.ledger, c] = chosen(good, x[of.VECTOR.done, c], x[of.VECTOR.ledger, c])
     number, found, touches = zero, zero, zero
     for k in range(pairs.shape[0]):
         for c in range(6):
-            pairs[k, of.FORCE + c] = zero
-        pairs[k, of.P_GAP] = zero + math.inf
-        pairs[k, of.P_SLIP] = zero
+            pairs[k, of.PAIR.force + c] = zero
+        pairs[k, of.PAIR.gap] = zero + math.inf
+        pairs[k, of.PAIR.slip] = zero
     for k in range(b.wrenches.shape[0]):
         for c in range(6):
             b.wrenches[k, c] = zero
     for m in range(near[0]):
         n = near[1 + m]
-        here = both(good, points[n, of.ACTIVE])
-        found = found + points[n, of.FOUND]
+        here = both(good, points[n, of.POINT.active])
+        found = found + points[n, of.POINT.found]
         number = number + here
         touches = either(touches, here)
         note_point(ways, b, n, here, h)
         push_body(ways, b, n, here, h)
     for n in range(ways.shape[0]):
-        points[n, of.KEPT] = chosen(good, points[n, of.ACTIVE], points[n, of.KEPT])
-    lane[of.SWEPT] = chosen(both(good, touches), lane[of.SWEPT], 0.0)
-    note_largest(lane, of.RESIDUAL, touches, lane[of.OPEN])
-    lane[of.NUMBER] = chosen(good, number, lane[of.NUMBER])
-    lane[of.COUNT] = chosen(good, found, lane[of.COUNT])
-    lane[of.ELAPSED] = chosen(good, lane[of.ELAPSED] + h, lane[of.ELAPSED])
-    share = h / larger(lane[of.ELAPSED], h)
+        points[n, of.POINT.kept] = chosen(
+            good, points[n, of.POINT.active], points[n, of.POINT.kept]
+        )
+    lane[of.LANE.swept] = chosen(both(good, touches), lane[of.LANE.swept], 0.0)
+    note_largest(lane, of.LANE.residual, touches, lane[of.LANE.open])
+    lane[of.LANE.number] = chosen(good, number, lane[of.LANE.number])
+    lane[of.LANE.count] = chosen(good, found, lane[of.LANE.count])
+    lane[of.LANE.elapsed] = chosen(good, lane[of.LANE.elapsed] + h, lane[of.LANE.elapsed])
+    share = h / larger(lane[of.LANE.elapsed], h)
     for k in range(pairs.shape[0]):
         change_phase(b, k, good)
         for c in range(6):
-            mean, force = pairs[k, of.P_MEAN + c], pairs[k, of.FORCE + c]
-            pairs[k, of.P_MEAN + c] = chosen(good, force + (1.0 - share) * (mean - force), mean)
+            mean, force = pairs[k, of.PAIR.mean + c], pairs[k, of.PAIR.force + c]
+            pairs[k, of.PAIR.mean + c] = chosen(good, force + (1.0 - share) * (mean - force), mean)
 
 
 @part
 def note_point(ways, b, n, here, h):
     """Record the residual and depth at point n, and the start of the next step."""
     lane, points = b.lane[0], b.points
-    zero, t = 0.0 * lane[of.COUNT], lane[of.TIME] + h
-    lam, gap = load(points, n, of.LAM), points[n, of.GAP]
-    i, pair = ways[n, of.W_SHAPE], ways[n, of.W_PAIR] + zero
-    broken, cone = points[n, of.MISSED] / h, points[n, of.MISSED + 1] / h
-    note_largest(lane, of.COMPLEMENTARITY, here, broken)
-    note_largest(lane, of.CONE, here, cone)
-    note_largest(lane, of.LARGEST, here, math.sqrt(dot(lam, lam)) / h)
-    new = both(here, more(larger(broken, cone), lane[of.WORST]))
-    lane[of.WORST] = chosen(new, larger(broken, cone), lane[of.WORST])
-    lane[of.WORST_PAIR] = chosen(new, pair, lane[of.WORST_PAIR])
-    lane[of.WORST_TIME] = chosen(new, t, lane[of.WORST_TIME])
-    note_largest(lane, of.PENETRATION, here, -gap)
-    note_largest(lane, of.LARGEST_DEPTH, here, -gap)
-    share = -gap / b.shapes[i, of.S_THICK]
-    new = both(here, more(share, lane[of.DEEPEST]))
-    lane[of.DEEPEST] = chosen(new, share, lane[of.DEEPEST])
-    lane[of.DEEPEST_DEPTH] = chosen(new, -gap, lane[of.DEEPEST_DEPTH])
-    lane[of.DEEPEST_PAIR] = chosen(new, pair, lane[of.DEEPEST_PAIR])
-    lane[of.DEEPEST_TIME] = chosen(new, t, lane[of.DEEPEST_TIME])
+    zero, t = 0.0 * lane[of.LANE.count], lane[of.LANE.time] + h
+    lam, gap = load(points, n, of.POINT.lam), points[n, of.POINT.gap]
+    i, pair = ways[n, of.WAY.shape], ways[n, of.WAY.pair] + zero
+    broken, cone = points[n, of.POINT.missed] / h, points[n, of.POINT.missed + 1] / h
+    note_largest(lane, of.LANE.complementarity, here, broken)
+    note_largest(lane, of.LANE.cone, here, cone)
+    note_largest(lane, of.LANE.largest, here, math.sqrt(dot(lam, lam)) / h)
+    new = both(here, more(larger(broken, cone), lane[of.LANE.worst]))
+    lane[of.LANE.worst] = chosen(new, larger(broken, cone), lane[of.LANE.worst])
+    lane[of.LANE.worst_pair] = chosen(new, pair, lane[of.LANE.worst_pair])
+    lane[of.LANE.worst_time] = chosen(new, t, lane[of.LANE.worst_time])
+    note_largest(lane, of.LANE.penetration, here, -gap)
+    note_largest(lane, of.LANE.largest_depth, here, -gap)
+    share = -gap / b.shapes[i, of.SHAPE.thick]
+    new = both(here, more(share, lane[of.LANE.deepest]))
+    lane[of.LANE.deepest] = chosen(new, share, lane[of.LANE.deepest])
+    lane[of.LANE.deepest_depth] = chosen(new, -gap, lane[of.LANE.deepest_depth])
+    lane[of.LANE.deepest_pair] = chosen(new, pair, lane[of.LANE.deepest_pair])
+    lane[of.LANE.deepest_time] = chosen(new, t, lane[of.LANE.deepest_time])
     for c in range(3):
-        points[n, of.VALUE + c] = chosen(here, lam[c], points[n, of.VALUE + c])
-    mu = b.laws[ways[n, of.W_PAIR], 0]
-    slides = goes_on_sliding(lam, mu, points[n, of.RATE], points[n, of.SLIP])
-    points[n, of.SLIDES] = chosen(here, slides, points[n, of.SLIDES])
+        points[n, of.POINT.value + c] = chosen(here, lam[c], points[n, of.POINT.value + c])
+    mu = b.laws[ways[n, of.WAY.pair], 0]
+    slides = goes_on_sliding(lam, mu, points[n, of.POINT.rate], points[n, of.POINT.slip])
+    points[n, of.POINT.slides] = chosen(here, slides, points[n, of.POINT.slides])
 
 
 @part
 def push_body(ways, b, n, here, h):
     """Add the force at point n to its contact pair and its body."""
     points, pairs, wrenches, work = b.points, b.pairs, b.wrenches, b.work
-    pair, k, body = ways[n, of.W_PAIR], ways[n, of.W_ROW], ways[n, of.W_BODY]
-    zero, lam = 0.0 * b.lane[0, of.COUNT], load(points, n, of.LAM)
+    pair, k, body = ways[n, of.WAY.pair], ways[n, of.WAY.row], ways[n, of.WAY.body]
+    zero, lam = 0.0 * b.lane[0, of.LANE.count], load(points, n, of.POINT.lam)
     force = (zero, zero, zero)
     for c in range(3):
-        force = add_scaled(force, lam[c] / h, load(b.lane, 0, of.NORMAL + 3 * c))
+        force = add_scaled(force, lam[c] / h, load(b.lane, 0, of.LANE.normal + 3 * c))
     force = only(here, force)
-    pairs[pair, of.P_GAP] = smaller(
-        pairs[pair, of.P_GAP], chosen(here, points[n, of.GAP], math.inf)
+    pairs[pair, of.PAIR.gap] = smaller(
+        pairs[pair, of.PAIR.gap], chosen(here, points[n, of.POINT.gap], math.inf)
     )
-    pairs[pair, of.P_SLIP] = larger(pairs[pair, of.P_SLIP], chosen(here, points[n, of.SLIP], 0.0))
-    arm = sub(load(points, n, of.MIDDLE), origin_of(work, k))
+    pairs[pair, of.PAIR.slip] = larger(
+        pairs[pair, of.PAIR.slip], chosen(here, points[n, of.POINT.slip], 0.0)
+    )
+    arm = sub(load(points, n, of.POINT.middle), origin_of(work, k))
     offset = mul(rotation_of(work, k), load(b.bodies, body, 0))
-    accumulate(pairs, pair, of.FORCE, force)
-    accumulate(pairs, pair, of.TORQUE, cross(sub(arm, offset), force))
+    accumulate(pairs, pair, of.PAIR.force, force)
+    accumulate(pairs, pair, of.PAIR.torque, cross(sub(arm, offset), force))
     accumulate(wrenches, body, 0, cross(arm, force))
     accumulate(wrenches, body, 3, force)
 
@@ -365,15 +374,15 @@ def push_body(ways, b, n, here, h):
 def change_phase(b, k, good):
     """Update the phase of contact pair k after the step, and count any change."""
     lane, pairs = b.lane[0], b.pairs
-    zero = 0.0 * lane[of.COUNT]
-    force, before = load(pairs, k, of.FORCE), pairs[k, of.PHASE]
+    zero = 0.0 * lane[of.LANE.count]
+    force, before = load(pairs, k, of.PAIR.force), pairs[k, of.PAIR.phase]
     starts = both(more(before, SWING - 0.5), most(before, ACCEPTANCE + 0.5))
     slips = chosen(starts, ACCEPTANCE + zero, 2.0)
-    now = chosen(most(pairs[k, of.P_SLIP], STILL), STANCE + zero, slips)
+    now = chosen(most(pairs[k, of.PAIR.slip], STILL), STANCE + zero, slips)
     now = chosen(more(dot(force, force), 0.0), now, SWING + zero)
     changed = without(good, both(most(now, before), most(before, now)))
-    pairs[k, of.PHASE] = chosen(changed, now, before)
-    lane[of.LOGGED] = lane[of.LOGGED] + changed
+    pairs[k, of.PAIR.phase] = chosen(changed, now, before)
+    lane[of.LANE.logged] = lane[of.LANE.logged] + changed
 
 
 @part
@@ -408,13 +417,13 @@ def ask_user(run, b, w, h):
     q, v = trial[:nq], trial[nq : nq + nv]
     x, lane = b.vectors, b.lane[0]
     for i in range(nq):
-        q[i] = x[of.NEW_Q, i, w]
+        q[i] = x[of.VECTOR.new_q, i, w]
     for j in range(nv):
-        v[j] = x[of.MEAN, j, w]
-        tau[j] = x[of.TAU, j, w]
-    lane[of.PUT_IN, w] += user_torque(data.user, lane[of.TIME, w] + 0.5 * h, q, v, tau)
+        v[j] = x[of.VECTOR.mean, j, w]
+        tau[j] = x[of.VECTOR.tau, j, w]
+    lane[of.LANE.put_in, w] += user_torque(data.user, lane[of.LANE.time, w] + 0.5 * h, q, v, tau)
     for j in range(nv):
-        x[of.TAU, j, w] = tau[j]
+        x[of.VECTOR.tau, j, w] = tau[j]
 
 
 @sweep
@@ -422,7 +431,7 @@ def lay_out(work, frames):
     """Compute frames, velocities and inertias of all lanes, one lane after the other."""
     for k in range(work.shape[0]):
         for c in range(at.PROJECTED):
-            for w in range(of.W):
+            for w in range(LANE_WIDTH):
                 frames[w, k, c] = work[k, c, w]
 
 
@@ -450,9 +459,9 @@ def step_lanes(
     while first < end:
         step_block(
             run, advance, copy, own, numbers, memory, ways, near, drives, block, frames, state,
-            tables, kind, codes, n, first, min(first + of.W, end), walk, place, fallen,
+            tables, kind, codes, n, first, min(first + LANE_WIDTH, end), walk, place, fallen,
         )  # fmt: skip
-        first += of.W
+        first += LANE_WIDTH
 
 
 @part
@@ -475,7 +484,7 @@ def step_block(
     running, h = 0, this.control[0].widest
     for i in range(first, end):
         running += 1 if is_running(codes, i) else 0
-    for w in range(of.W):
+    for w in range(LANE_WIDTH):
         i = min(first + w, end - 1)
         since[w] = 0
         swept[w] = 0
@@ -489,10 +498,10 @@ def step_block(
             good = take_in(run, ways, drives, s, w, True)
             if walk != 0:
                 call_walk(walk, (place, w, h))
-                lane[of.FALLEN, w] = fallen[0]
+                lane[of.LANE.fallen, w] = fallen[0]
             if first + w < end and is_running(codes, i):
                 ways_on[w] = IN_LANES if good else BY_ITSELF
-        lane[of.LIVES, w] = 1.0 if ways_on[w] == IN_LANES else 0.0
+        lane[of.LANE.lives, w] = 1.0 if ways_on[w] == IN_LANES else 0.0
     if running < LEAST_INSTANCES:
         return
     mine = own[own.shape[0] - memory :]
@@ -508,7 +517,7 @@ def step_block(
             elif user.address != 0:
                 lay_out(s.work, frames)
                 size = 8 * at.WORK * work.shape[0]
-                for w in range(of.W):
+                for w in range(LANE_WIDTH):
                     if ways_on[w] == IN_LANES:
                         i = first + w
                         row = tables[0, 0] + i * tables[0, 1]
@@ -522,36 +531,36 @@ def step_block(
             if again == 0:
                 solve(rows, ways, near, b, h, False)
         finish(rows, ways, near, b, h, passive)
-        for w in range(of.W):
+        for w in range(LANE_WIDTH):
             i = first + w
-            if ways_on[w] == IN_LANES and lane[of.ALONE, w] == 0.0:
+            if ways_on[w] == IN_LANES and lane[of.LANE.alone, w] == 0.0:
                 since[w] += 1
-                swept[w] += int(lane[of.SWEPT, w])
-                lane[of.TAKEN, w] += 1.0
-                lane[of.TIME, w] = lane[of.ORIGIN, w] + lane[of.TAKEN, w] * h
-                lane[of.FALLEN, w] = lane[of.FELL, w]
+                swept[w] += int(lane[of.LANE.swept, w])
+                lane[of.LANE.taken, w] += 1.0
+                lane[of.LANE.time, w] = lane[of.LANE.origin, w] + lane[of.LANE.taken, w] * h
+                lane[of.LANE.fallen, w] = lane[of.LANE.fell, w]
             elif ways_on[w] != OUT:
                 load_run(copy, own, numbers, tables, kind, i)
                 loaded = kind[i]
                 if since[w] > 0:
                     put_out(run, ways, s, w, since[w], swept[w])
                     if walk != 0:
-                        fallen[0] = lane[of.FALLEN, w]
+                        fallen[0] = lane[of.LANE.fallen, w]
                 codes[i] = call_advance(advance, (run, 1))
                 exchange(copy, own, tables[0, 0] + i * tables[0, 1], True)
                 since[w] = 0
                 swept[w] = 0
                 good = take_in(run, ways, drives, s, w, False)
                 if walk != 0:
-                    lane[of.FALLEN, w] = fallen[0]
+                    lane[of.LANE.fallen, w] = fallen[0]
                 ways_on[w] = OUT
                 if is_running(codes, i):
                     ways_on[w] = IN_LANES if good else BY_ITSELF
-                lane[of.LIVES, w] = 1.0 if ways_on[w] == IN_LANES else 0.0
-    for w in range(of.W):
+                lane[of.LANE.lives, w] = 1.0 if ways_on[w] == IN_LANES else 0.0
+    for w in range(LANE_WIDTH):
         if ways_on[w] == IN_LANES and since[w] > 0:
             load_run(copy, own, numbers, tables, kind, first + w)
             put_out(run, ways, s, w, since[w], swept[w])
             if walk != 0:
-                fallen[0] = lane[of.FALLEN, w]
+                fallen[0] = lane[of.LANE.fallen, w]
             exchange(copy, own, tables[0, 0] + (first + w) * tables[0, 1], True)

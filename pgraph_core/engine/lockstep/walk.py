@@ -10,7 +10,7 @@ from ..compiler.lane import in_lanes_of, lanes
 from ..gait.tables import FOOT, GAIT_SETTINGS, LEG, Walk
 from ..gait.walking import control
 from ..rows import TRANSLATE, armature_of, kind_of, v_of
-from .block import ARMATURE, FALLEN, FELL, MEAN, MOVE, NEW_Q, PUT_IN, TAU, TIME, VDOT
+from .block import LANE, VECTOR
 
 
 class WalkOfLanes(NamedTuple):
@@ -66,8 +66,8 @@ def exchange_armatures(rows, const, x):
         if kind_of(rows, k) <= TRANSLATE:
             j = v_of(rows, k)
             stiff = armature_of(const, k)
-            const[k, at.ARMATURE] = x[ARMATURE, j]
-            x[ARMATURE, j] = stiff
+            const[k, at.ARMATURE] = x[VECTOR.armature, j]
+            x[VECTOR.armature, j] = stiff
 
 
 @kernel(i8(i8, i8, f8), later=True, lanes=True)
@@ -85,20 +85,20 @@ def walk_in_lanes(place, w, h):
         return 0
     const, work, x, lane = lanes(our.const), lanes(our.work), lanes(our.vectors), lanes(our.lane)[0]
     nv = our.limit.shape[1]
-    v, torque = x[MEAN, :nv], x[MOVE, :nv]
-    lane[FELL] = lane[FALLEN]
+    v, torque = x[VECTOR.mean, :nv], x[VECTOR.move, :nv]
+    lane[LANE.fell] = lane[LANE.fallen]
     walk = Walk(
         our.rows, const, lanes(our.own), lanes(our.linear), _legs(our.all_legs),
         _settings(our.all_settings), lanes(our.all_waves), _feet(our.feet), lanes(our.matrix),
-        x[NEW_Q], v, torque, x[VDOT, :nv], lanes(our.all_limits)[0], our.spine,
-        lane[FELL : FELL + 1], None, work,
+        x[VECTOR.new_q], v, torque, x[VECTOR.vdot, :nv], lanes(our.all_limits)[0], our.spine,
+        lane[LANE.fell : LANE.fell + 1], None, work,
     )  # fmt: skip
     exchange_armatures(our.rows, const, x)
-    control(walk, work, lane[TIME] + 0.5 * h)
+    control(walk, work, lane[LANE.time] + 0.5 * h)
     exchange_armatures(our.rows, const, x)
-    power = 0.0 * lane[TIME]
+    power = 0.0 * lane[LANE.time]
     for j in range(nv):
-        x[TAU, j] += torque[j]
+        x[VECTOR.tau, j] += torque[j]
         power += torque[j] * v[j]
-    lane[PUT_IN] += power
+    lane[LANE.put_in] += power
     return 0

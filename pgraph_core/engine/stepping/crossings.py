@@ -15,7 +15,7 @@ from ...tolerances import EPS, ROUNDING, step_of_differences
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
-from ..edges import DEEPEST, LEAST, MOST, compared, hull, range_at, range_of
+from ..edges import DEEPEST, HIGHEST, LOWEST, compared, hull, range_at, range_of
 from ..motion import opened
 from ..records import CHOSEN
 from ..signals import (
@@ -27,7 +27,7 @@ from ..signals import (
     COS,
     DIV,
     EXP,
-    HELD,
+    HELD_FROM,
     LESS,
     MAX,
     MIN,
@@ -47,11 +47,11 @@ from ..signals import (
 )
 from .measured import (
     CONSTRAINT,
-    FAR,
-    INPUT,
-    LENGTH,
-    RATE,
-    SPEED,
+    GAP_RANGE,
+    LENGTH_RATE,
+    OF_INPUT,
+    OF_LENGTH,
+    OF_SPEED,
     TOUCH,
     hold,
     observe,
@@ -62,17 +62,17 @@ from .widths import size_of
 
 # of a second row: of a coordinate or velocity, what bends its way; the value, or the margin, where
 # a part begins; the margin where a part ends, and how much it changes
-BEND, BEGIN, END, CHANGE = 1, 2, 3, 4
-SLOWEST, FASTEST = 5, 6  # range of the rate
+BENDING, BEGIN_MARGIN, END_MARGIN, MARGIN_CHANGE = 1, 2, 7, 8
+LOWEST_RATE, HIGHEST_RATE = 5, 6  # range of the rate
 OLD_RATE = 6  # column in the row of a length: rate at the start of an interval
-CLEAR, CHANGED, OPEN, RESTS = 0, 1, 2, 3
+CLEAR, CHANGED, UNDECIDED, RESTS = 0, 1, 2, 3
 SHORTEST = 1.0 / (1 << DEEPEST)  # part of a step: what changes twice within it changes nothing
-MOST_LOOKS = 256  # parts of a step: for a margin that is at its bound all the way
+MOST_INTERVALS = 256  # parts of a step: for a margin that is at its bound all the way
 TRIALS = 80  # bisections alone need 52
-AHEAD = 16  # steps of this way within which nothing can change: later ones need no look
+STEPS_AHEAD = 16  # steps of this way within which nothing can change: later ones need no look
 ROUNDED = 4 * EPS  # width of an instant, relative to the step or the time
 SPAN = 2.0 * step_of_differences(3)  # fraction of a step; three values give a rate and a curvature
-FLAT = math.sqrt(ROUNDED)  # fraction of a step below which a start at zero rate is rounding
+RATELESS = math.sqrt(ROUNDED)  # fraction of a step below which a start at zero rate is rounding
 GROWTH = 16  # factor for the smallest width while branches alternate
 
 
@@ -126,7 +126,7 @@ def see(run, code, row, t):
 def release(code):
     """Let comparisons have the results that the state gives."""
     for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD:
+        if code[i, 0] >= HELD_FROM:
             code[i + 1, SIDE] = 0.0
 
 
@@ -136,7 +136,7 @@ def take_sides(run, code):
     control = opened_run(run).control[0]
     see(run, code, at.Y, control.time)
     for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD:
+        if code[i, 0] >= HELD_FROM:
             side = side_of(code, i)
             if code[i + 1, SIDE] == -side:
                 code[i, REST] = abs(margin_of(code, i))
@@ -158,7 +158,7 @@ def operand(code, i, k):
 @part
 def side_of(code, i):
     """Return 1 if a held comparison is true, else -1."""
-    op = int(code[i, 0]) - HELD
+    op = int(code[i, 0]) - HELD_FROM
     return 2.0 * compared(op, operand(code, i, 1), operand(code, i, 2)) - 1.0
 
 
@@ -166,13 +166,13 @@ def side_of(code, i):
 def margin_of(code, i):
     """Return the left side of a held comparison minus its right side."""
     a = operand(code, i, 1)
-    return a if code[i, 0] == HELD + ABS else a - operand(code, i, 2)
+    return a if code[i, 0] == HELD_FROM + ABS else a - operand(code, i, 2)
 
 
 @part
 def sides(code, i):
     """Return the size of both sides of a held comparison, of whose difference an `abs` is."""
-    if code[i, 0] != HELD + ABS:
+    if code[i, 0] != HELD_FROM + ABS:
         return abs(operand(code, i, 1)) + abs(operand(code, i, 2))
     k = 2 * int(code[i, 1])
     if code[k, 0] != SUB:
@@ -184,7 +184,7 @@ def sides(code, i):
 def rests(code, i):
     """Check whether a held comparison is at its threshold at both ends of an interval, where
     rounding decides."""
-    most = max(abs(code[i + 1, BEGIN]), abs(margin_of(code, i)))
+    most = max(abs(code[i + 1, BEGIN_MARGIN]), abs(margin_of(code, i)))
     return most <= ROUNDING * sides(code, i)
 
 
@@ -192,9 +192,11 @@ def rests(code, i):
 def keep(code):
     """Start the next interval of the step at the state that was evaluated last."""
     for i in range(0, code.shape[0], 2):
-        code[i + 1, BEGIN] = margin_of(code, i) if code[i, 0] >= HELD else code[i + 1, 0]
+        code[i + 1, BEGIN_MARGIN] = (
+            margin_of(code, i) if code[i, 0] >= HELD_FROM else code[i + 1, 0]
+        )
         if code[i, 0] == NUMBER:
-            code[i, OLD_RATE] = code[i, RATE]
+            code[i, OLD_RATE] = code[i, LENGTH_RATE]
 
 
 @part
@@ -206,7 +208,7 @@ def has_changed(code, i):
 @part
 def jumps(code, i):
     """Check whether a value jumps where the held comparison changes."""
-    return code[i, 0] == HELD + LESS or code[i, 0] == HELD + AT_MOST
+    return code[i, 0] == HELD_FROM + LESS or code[i, 0] == HELD_FROM + AT_MOST
 
 
 @sweep
@@ -218,7 +220,7 @@ def leaves(run, code, begin, end):
     step_to(run, code, 0.5 * (begin + end))
     found = False
     for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD and abs(code[i + 1, BEGIN]) <= ROUNDING * sides(code, i):
+        if code[i, 0] >= HELD_FROM and abs(code[i + 1, BEGIN_MARGIN]) <= ROUNDING * sides(code, i):
             found = found or (has_changed(code, i) and not rests(code, i))
     step_to(run, code, end)
     return found
@@ -229,7 +231,7 @@ def any_changed(code):
     """Check whether a comparison has changed."""
     found = False
     for i in range(0, code.shape[0], 2):
-        found = found or (code[i, 0] >= HELD and has_changed(code, i))
+        found = found or (code[i, 0] >= HELD_FROM and has_changed(code, i))
     return found
 
 
@@ -257,22 +259,22 @@ def bend(run, code, h):
     bend_numbers(run, code, h)
     for i in range(0, code.shape[0], 2):
         op, k = int(code[i, 0]), int(code[i, 1])
-        way = code[i + 1, 0] - code[i + 1, BEGIN]
+        way = code[i + 1, 0] - code[i + 1, BEGIN_MARGIN]
         if op == Q:
             j = nq + int(code[i, 2])
             first, last = h * stages[at.Y, j] - way, h * stages[at.CANDIDATE, j] - way
-            code[i + 1, BEND] = max(abs(first), abs(last))
+            code[i + 1, BENDING] = max(abs(first), abs(last))
         elif op == V:
             slope = h * rate_in(run, at.Y, nq + k)
-            code[i + 1, BEND] = abs(slope - way) if slope != 0.0 else 0.0
+            code[i + 1, BENDING] = abs(slope - way) if slope != 0.0 else 0.0
 
 
 @part
 def is_curved(table, code, i):
     """Check whether an instruction is the rate of a strut, or an input of a drive that bends."""
     what, n = int(code[i, 1]), int(code[i, 2])
-    if code[i, 0] != NUMBER or what != INPUT:
-        return code[i, 0] == NUMBER and what == SPEED
+    if code[i, 0] != NUMBER or what != OF_INPUT:
+        return code[i, 0] == NUMBER and what == OF_SPEED
     return table[n].lag > 0.0 or table[n].integrates != 0
 
 
@@ -287,7 +289,7 @@ def bend_numbers(run, code, h):
     table, ahead = opened(data.scene).drives.table, False
     for i in range(0, code.shape[0], 2):
         if is_curved(table, code, i):
-            code[i + 1, BEND] = code[i + 1, 0] - code[i + 1, BEGIN]
+            code[i + 1, BENDING] = code[i + 1, 0] - code[i + 1, BEGIN_MARGIN]
             ahead = True
     if not ahead:
         return
@@ -298,15 +300,15 @@ def bend_numbers(run, code, h):
     see(run, code, at.TRIAL, t + SPAN * h)
     for i in range(0, code.shape[0], 2):
         if is_curved(table, code, i):
-            first = (code[i + 1, 0] - code[i + 1, BEGIN]) / SPAN
-            code[i + 1, BEND] = abs(first - code[i + 1, BEND])
+            first = (code[i + 1, 0] - code[i + 1, BEGIN_MARGIN]) / SPAN
+            code[i + 1, BENDING] = abs(first - code[i + 1, BENDING])
     see(run, code, at.CANDIDATE, t + h)
 
 
 @sweep
 def judged(code, t, share, width):
     """Return CLEAR if no comparison changes in an interval, CHANGED if one has changed at its end,
-    RESTS if one may but is at its threshold at both ends, or OPEN.
+    RESTS if one may but is at its threshold at both ends, or UNDECIDED.
 
     The interval from t [s] has this share of the step and this width [s]. A margin without a known
     range is judged by its values at both ends, like a margin that does not turn. For comparisons
@@ -320,30 +322,33 @@ def judged(code, t, share, width):
             continue
         a, b = range_at(code, i, 1), range_at(code, i, 2)
         by_a, by_b = rate_at(code, i, 1), rate_at(code, i, 2)
-        if op < HELD:
+        if op < HELD_FROM:
             x = range_of(op, a, b, range_at(code, i, 3))
             put_range(code, i, x, rate_range(op, x, a, b, by_a, by_b, rate_at(code, i, 3)))
             continue
         side = code[i + 1, SIDE]
-        least, most = by_a if op == HELD + ABS else (by_a[0] - by_b[1], by_a[1] - by_b[0])
+        least, most = by_a if op == HELD_FROM + ABS else (by_a[0] - by_b[1], by_a[1] - by_b[0])
         turns = most - least < math.inf and least <= 0.0 <= most
-        sure = certain(op - HELD, side, a, b)
+        sure = certain(op - HELD_FROM, side, a, b)
         if not sure and share > 0.0 and rests(code, i):
             sure = True
             found = RESTS if found == CLEAR else found
         if not sure and (turns or share == 0.0):
-            found = OPEN
-        elif not sure and found != OPEN and has_changed(code, i):
+            found = UNDECIDED
+        elif not sure and found != UNDECIDED and has_changed(code, i):
             found = CHANGED
         if turns and abs(side) == 1.0 and share > 0.0 and (sure or share < 2.0 * SHORTEST):
             near = max(b[0] - a[1] if side > 0.0 else a[0] - b[1], 0.0)
-            begin, end = abs(code[i + 1, BEGIN]), abs(margin_of(code, i))
+            begin, end = abs(code[i + 1, BEGIN_MARGIN]), abs(margin_of(code, i))
             rest = ROUNDING * sides(code, i)
             comes = end < begin and begin - code[i, REST] > rest  # else it leaves, or it rests
             if comes and near < min(end, code[i, NEAREST]):
                 code[i, NEAREST], code[i, WHEN] = near, t
         put_range(
-            code, i, range_held(op - HELD, side, a, b), rate_held(op - HELD, side, by_a, by_b)
+            code,
+            i,
+            range_held(op - HELD_FROM, side, a, b),
+            rate_held(op - HELD_FROM, side, by_a, by_b),
         )
     return found
 
@@ -351,32 +356,32 @@ def judged(code, t, share, width):
 @sweep
 def put_signal(code, i, op, share, width):
     """Store the range of a signal and of its rate in an interval."""
-    a, b = code[i + 1, BEGIN], code[i + 1, 0]
-    off = code[i + 1, BEND] * share * share
-    if op == NUMBER and code[i, 1] == LENGTH:  # its rate turns fast where two points come close
+    a, b = code[i + 1, BEGIN_MARGIN], code[i + 1, 0]
+    off = code[i + 1, BENDING] * share * share
+    if op == NUMBER and code[i, 1] == OF_LENGTH:  # its rate turns fast where two points come close
         way = b - a
-        off = max(abs(width * code[i, OLD_RATE] - way), abs(width * code[i, RATE] - way))
-    code[i + 1, LEAST], code[i + 1, MOST] = min(a, b) - off, max(a, b) + off
+        off = max(abs(width * code[i, OLD_RATE] - way), abs(width * code[i, LENGTH_RATE] - way))
+    code[i + 1, LOWEST], code[i + 1, HIGHEST] = min(a, b) - off, max(a, b) + off
     slope, off = 0.0, 3.0 * off
     if op == TIME:
         slope = 1.0
     elif width > 0.0:
         slope, off = (b - a) / width, off / width
-    code[i + 1, SLOWEST], code[i + 1, FASTEST] = slope - off, slope + off
+    code[i + 1, LOWEST_RATE], code[i + 1, HIGHEST_RATE] = slope - off, slope + off
 
 
 @part
 def put_range(code, i, x, rate):
     """Store the range of a value and of its rate."""
-    code[i + 1, LEAST], code[i + 1, MOST] = x
-    code[i + 1, SLOWEST], code[i + 1, FASTEST] = rate
+    code[i + 1, LOWEST], code[i + 1, HIGHEST] = x
+    code[i + 1, LOWEST_RATE], code[i + 1, HIGHEST_RATE] = rate
 
 
 @part
 def rate_at(code, i, k):
     """Return the (least, largest) rate of an operand."""
     row = 2 * int(code[i, k]) + 1
-    return code[row, SLOWEST], code[row, FASTEST]
+    return code[row, LOWEST_RATE], code[row, HIGHEST_RATE]
 
 
 @part
@@ -456,11 +461,11 @@ def look_ahead(run, code, h):
     for i in range(0, code.shape[0], 2):
         op = int(code[i, 0])
         if op <= V:
-            room = AHEAD * way_of(run, code, i, h)
-            code[i + 1, BEGIN], code[i + 1, 0] = code[i + 1, 0] - room, code[i + 1, 0] + room
+            room = STEPS_AHEAD * way_of(run, code, i, h)
+            code[i + 1, BEGIN_MARGIN], code[i + 1, 0] = code[i + 1, 0] - room, code[i + 1, 0] + room
     control, corners = opened_run(run).control[0], opened_run(run).corners
     if judged(code, control.time, 0.0, 0.0) == CLEAR:
-        control.clear = control.time + (1.0 + AHEAD) * h
+        control.clear = control.time + (1.0 + STEPS_AHEAD) * h
         if control.corner < corners.shape[0]:
             control.clear = min(control.clear, corners[control.corner])
 
@@ -488,8 +493,8 @@ def way_of_number(table, code, i):
     """Return `way_of` for a signal that is not part of the state. Between corners, inputs are
     straight."""
     what, n = int(code[i, 1]), int(code[i, 2])
-    if what == INPUT and table[n].lag == 0.0 and table[n].integrates == 0:
-        return abs(code[i + 1, 0] - code[i + 1, BEGIN])
+    if what == OF_INPUT and table[n].lag == 0.0 and table[n].integrates == 0:
+        return abs(code[i + 1, 0] - code[i + 1, BEGIN_MARGIN])
     return math.inf if 0 < what < CONSTRAINT else 0.0  # lengths are not known ahead
 
 
@@ -502,8 +507,8 @@ def within_ranges(run, code, h):
     inside = t + h <= data.control[0].clear
     for i in range(0, code.shape[0], 2):
         if code[i, 0] == NUMBER and code[i, 1] == TOUCH:
-            code[i, FAR] = width_of_touch(data.scene, h)
-            inside = inside and code[i, FAR] == 0.0
+            code[i, GAP_RANGE] = width_of_touch(data.scene, h)
+            inside = inside and code[i, GAP_RANGE] == 0.0
     if not inside:
         return False
     for i in range(0, code.shape[0], 2):
@@ -513,7 +518,7 @@ def within_ranges(run, code, h):
             x, y = stages[at.Y, j], stages[at.CANDIDATE, j]
             room = way_of(run, code, i, h)
             low, high = min(x, y) - room, max(x, y) + room
-            inside = inside and code[i + 1, LEAST] <= low and high <= code[i + 1, MOST]
+            inside = inside and code[i + 1, LOWEST] <= low and high <= code[i + 1, HIGHEST]
     return inside
 
 
@@ -539,15 +544,15 @@ def first_change(run, code, h):
         looks += 1
         found = judged(code, t + begin, (end - begin) / h, end - begin)
         if found == RESTS and leaves(run, code, begin, end):
-            found = OPEN
-        if found == OPEN and share > SHORTEST and looks < MOST_LOOKS:
+            found = UNDECIDED
+        if found == UNDECIDED and share > SHORTEST and looks < MOST_INTERVALS:
             share *= 0.5
         else:
-            if found == CHANGED or (found == OPEN and any_changed(code)):
+            if found == CHANGED or (found == UNDECIDED and any_changed(code)):
                 return begin, end
             keep(code)
             begin = end
-            share = 1.0 if looks >= MOST_LOOKS else min(2.0 * share, 1.0)
+            share = 1.0 if looks >= MOST_INTERVALS else min(2.0 * share, 1.0)
         if begin < h:
             end = min(begin + share * h, h)
             step_to(run, code, end)
@@ -562,9 +567,9 @@ def located(run, code, h, begin, end):
     are zero up to rounding.
     """
     for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD:
-            code[i + 1, END] = margin_of(code, i)
-            code[i + 1, CHANGE] = abs(code[i + 1, END] - code[i + 1, BEGIN])
+        if code[i, 0] >= HELD_FROM:
+            code[i + 1, END_MARGIN] = margin_of(code, i)
+            code[i + 1, MARGIN_CHANGE] = abs(code[i + 1, END_MARGIN] - code[i + 1, BEGIN_MARGIN])
     low, high, last = begin, end, end
     left, right, apart = 1.0, 1.0, instant(opened_run(run).control[0], h)
     for n in range(TRIALS):
@@ -572,8 +577,8 @@ def located(run, code, h, begin, end):
             break
         w = high
         for i in range(0, code.shape[0], 2):
-            if code[i, 0] >= HELD and code[i + 1, SIDE] * code[i + 1, END] >= 0.0:
-                a, b = left * abs(code[i + 1, BEGIN]), right * abs(code[i + 1, END])
+            if code[i, 0] >= HELD_FROM and code[i + 1, SIDE] * code[i + 1, END_MARGIN] >= 0.0:
+                a, b = left * abs(code[i + 1, BEGIN_MARGIN]), right * abs(code[i + 1, END_MARGIN])
                 w = min(w, low + (high - low) * (a / (a + b) if a + b > 0.0 else 0.0))
         w += 0.5 * apart
         if n % 4 == 3 or not low < w < high:
@@ -582,8 +587,8 @@ def located(run, code, h, begin, end):
         last = w
         if any_changed(code):
             for i in range(0, code.shape[0], 2):
-                if code[i, 0] >= HELD:
-                    code[i + 1, END] = margin_of(code, i)
+                if code[i, 0] >= HELD_FROM:
+                    code[i + 1, END_MARGIN] = margin_of(code, i)
             left, right = (0.5 * left if high < end else 1.0), 1.0
             high = w
         else:
@@ -598,8 +603,8 @@ def reached(code):
     """Check whether every margin that has changed its sign is zero up to rounding."""
     found = True
     for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD and has_changed(code, i):
-            least = ROUNDED * max(code[i + 1, CHANGE], sides(code, i))
+        if code[i, 0] >= HELD_FROM and has_changed(code, i):
+            least = ROUNDED * max(code[i + 1, MARGIN_CHANGE], sides(code, i))
             found = found and abs(margin_of(code, i)) <= least
     return found
 
@@ -622,7 +627,7 @@ def ended(run, h, w):
         step_to(run, code, w)
         return w
     least = max(instant(control, h), control.shut)
-    soon = w <= max(least, FLAT * h)
+    soon = w <= max(least, RATELESS * h)
     step_to(run, code, w)
     if soon and control.slid == 0 and begins_to_slide(run, code, h):
         return slide(run, code, SHORTEST * h)
@@ -646,9 +651,9 @@ def turn_beyond(run, code, h, w):
     begin, end = beside(w, h)
     jump = False
     for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD:
+        if code[i, 0] >= HELD_FROM:
             now = jumps(code, i) and has_changed(code, i)
-            code[i + 1, CHANGE] = -code[i + 1, SIDE] if now else 0.0
+            code[i + 1, MARGIN_CHANGE] = -code[i + 1, SIDE] if now else 0.0
             jump = jump or now
     if not jump:
         return
@@ -657,13 +662,17 @@ def turn_beyond(run, code, h, w):
     keep(code)
     step_to(run, code, 0.5 * (begin + end))
     for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD:
-            code[i + 1, END] = margin_of(code, i)
+        if code[i, 0] >= HELD_FROM:
+            code[i + 1, END_MARGIN] = margin_of(code, i)
     step_to(run, code, end)
     for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD and code[i + 1, CHANGE] != 0.0:
-            side = code[i + 1, CHANGE]
-            y = (side * code[i + 1, BEGIN], side * code[i + 1, END], side * margin_of(code, i))
+        if code[i, 0] >= HELD_FROM and code[i + 1, MARGIN_CHANGE] != 0.0:
+            side = code[i + 1, MARGIN_CHANGE]
+            y = (
+                side * code[i + 1, BEGIN_MARGIN],
+                side * code[i + 1, END_MARGIN],
+                side * margin_of(code, i),
+            )
             _, least = vertex((0.0, 0.5, 1.0), y)
             if -least < code[i, NEAREST] and least < 0.0:
                 code[i, NEAREST], code[i, WHEN] = -least, opened_run(run).control[0].time + w

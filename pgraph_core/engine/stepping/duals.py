@@ -26,8 +26,8 @@ from ..motion import (
     opened,
     projection,
 )
-from ..records import NEAR, REACHED
-from ..signals import HELD, SIDE
+from ..records import CONTACT_AHEAD, REACHED
+from ..signals import HELD_FROM, SIDE
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance, normalise_all
@@ -131,8 +131,8 @@ def take_sides(run, numbers):
     given = opened(opened_run(numbers).scene).loads.signals[0]
     n = 0
     for i in range(0, given.shape[0], 2):
-        if given[i, 0] >= HELD:
-            while code[n, 0] < HELD:
+        if given[i, 0] >= HELD_FROM:
+            while code[n, 0] < HELD_FROM:
                 n += 2
             code[n + 1, SIDE] = revalued(code[n + 1, SIDE], given[i + 1, SIDE])
             n += 2
@@ -380,7 +380,7 @@ def advance_with_duals(run, advance, others, step, note, out, until, budget):
     for _ in range(budget):
         frame, steps = control.frame, counters.steps
         code = call_advance(advance, (run, 1))
-        if counters.steps > steps and control.fired != NEAR:  # which takes the step back
+        if counters.steps > steps and control.fired != CONTACT_AHEAD:  # which takes the step back
             if control.repeated == 1 and control.carried != 0:  # duals are at the end of a trial
                 if control.fired == REACHED:
                     control.repeated = MOVING

@@ -14,15 +14,10 @@ from ..compiler.kinds import F1, f8, i8, u8, void
 from ..contact.phases import opened_events
 from ..contact.points import (
     BELOW,
-    HIGH,
-    LOW,
-    NEAREST,
+    INSTANT,
     NOTHING,
-    NOW,
-    START,
     TRIALS,
-    WHEN,
-    WIDTH,
+    WATCHED,
     accepted,
     bracket_of,
     call_observe,
@@ -51,8 +46,8 @@ _call_user = caller(void(f8, u8, u8, u8))
 
 PARTS = 4  # parts of a step with dense output that are examined separately
 DIPS = 60  # evaluations for the minimum of an event near zero
-DEEP = 0.25  # plausible error of a parabola through three values, relative to their fall
-HALVINGS = 40  # halvings of a part that starts at an event
+PARABOLIC = 0.25  # plausible error of a parabola through three values, relative to their fall
+EVENT_HALVINGS = 40  # halvings of a part that starts at an event
 WIDER = 8  # growth of the interval after an instant at which a value is and stays zero
 
 
@@ -134,7 +129,7 @@ def look(run, low, w):
         vdot = stages[at.ERROR, nq : nq + nv]
         call_observe(contact.links.observe, (data.scene, t, q, v, vdot, data.flow))
         counters.evaluations += 1
-        watch(contact, NOW, w)
+        watch(contact, WATCHED.now, w)
     if data.links.events != 0:
         values_of_events(run, t, q, v)
         watch_events(run)
@@ -166,7 +161,7 @@ def watch_events(run):
             monitor = signs[i] * values[i]
             if monitor == 0.0:
                 monitor = -BELOW
-        watched[NOW, first + i] = monitor
+        watched[WATCHED.now, first + i] = monitor
 
 
 @sweep
@@ -180,7 +175,7 @@ def begin_part(run):
     for i in range(signs.shape[0]):
         if values[i] != 0.0:
             signs[i] = 1 if values[i] > 0.0 else -1
-        watched[START, first + i] = abs(values[i])
+        watched[WATCHED.start, first + i] = abs(values[i])
 
 
 @sweep
@@ -195,7 +190,7 @@ def begin_events(run):
     for i in range(signs.shape[0]):
         if signs[i] == 0 and values[i] != 0.0:
             signs[i] = 1 if values[i] > 0.0 else -1
-        watched[START, first + i] = abs(values[i])
+        watched[WATCHED.start, first + i] = abs(values[i])
 
 
 @part
@@ -219,7 +214,7 @@ def take_sides(run, low, width):
         for i in range(signs.shape[0]):
             if signs[i] == 0 and values[i] != 0.0:
                 signs[i] = 1 if values[i] > 0.0 else -1
-                watched[START, first + i] = abs(values[i])
+                watched[WATCHED.start, first + i] = abs(values[i])
         w *= WIDER
 
 
@@ -231,7 +226,7 @@ def happened(run, low, width):
     """Return the width at which an event has occurred in the interval from `low`, or else 0."""
     data = opened_run(run)
     look(run, low, width)
-    if over(data.watched, NOW):
+    if over(data.watched, WATCHED.now):
         return width
     first = width
     if phases_watched(run):
@@ -261,7 +256,7 @@ def least_gap(run, low, s, w, widths):
     falls, rises = points[s].start_rate, points[s].gap_rate
     for n in range(DIPS):
         look(run, low, w)
-        if over(data.watched, NOW):
+        if over(data.watched, WATCHED.now):
             return w
         rate = points[s].gap_rate
         if rate < 0.0:
@@ -285,11 +280,11 @@ def locate(run, low, end):
     ended = True
     for n in range(TRIALS):
         width = bracket[1] - bracket[0]
-        if width <= WIDTH * h:
+        if width <= INSTANT * h:
             break
         w = next_try(watched, bracket, n, h)
         look(run, low, w)
-        ended = over(watched, NOW)
+        ended = over(watched, WATCHED.now)
         bracket = narrowed(watched, bracket, w, ended)
     if not ended:
         look(run, low, bracket[1])
@@ -310,16 +305,16 @@ def keep_values(run, row):
 def dip(run, low, width, i):
     """Find the point after `low` at which event i touches zero without crossing it.
 
-    Rows LOW and HIGH hold the values at its start and middle. Return the widths that bracket the
-    event. Both widths are equal if zero is only touched, and 0 if there is no event. How near it
-    came is kept then.
+    Rows WATCHED.low and WATCHED.high hold the values at its start and middle. Return the widths
+    that bracket the event. Both widths are equal if zero is only touched, and 0 if there is no
+    event. How near it came is kept then.
     """
     data = opened_run(run)
     watched, values = data.watched, data.values
     sign = data.signs[i] if data.wanted[i] != ASLEEP else 0
     n = watched.shape[1] - data.signs.shape[0] + i
     x = (0.0, 0.5, 1.0)
-    y = (sign * watched[LOW, n], sign * watched[HIGH, n], sign * values[i])
+    y = (sign * watched[WATCHED.low, n], sign * watched[WATCHED.high, n], sign * values[i])
     if not (y[0] > 0.0 and y[1] > 0.0 and y[2] > 0.0):
         return 0.0, 0.0
     size = max(y[0], y[2])
@@ -328,7 +323,7 @@ def dip(run, low, width, i):
         within = x[0] + SOLVED < w < x[2] - SOLVED
         if k == 0 and not within:
             return 0.0, 0.0
-        if not within or least > DEEP * (max(y[0], y[2]) - least):
+        if not within or least > PARABOLIC * (max(y[0], y[2]) - least):
             if k == 0:
                 x, y = (x[0], w, x[2]), (y[0], least, y[2])
             break
@@ -340,7 +335,7 @@ def dip(run, low, width, i):
         if value < 0.0:
             return x[0] * width, w * width
         if value <= ROUNDING * size and data.wanted[i] == 0:
-            watched[NOW, n] = -BELOW
+            watched[WATCHED.now, n] = -BELOW
             return w * width, w * width
         if w < x[1]:
             if value < y[1]:
@@ -353,9 +348,9 @@ def dip(run, low, width, i):
             x, y = (x[0], x[1], w), (y[0], y[1], value)
         if x[2] - x[0] < SOLVED:
             break
-    if y[1] < watched[NEAREST, n]:
-        watched[NEAREST, n] = y[1]
-        watched[WHEN, n] = data.control[0].old_time + low + x[1] * width
+    if y[1] < watched[WATCHED.nearest, n]:
+        watched[WATCHED.nearest, n] = y[1]
+        watched[WATCHED.when, n] = data.control[0].old_time + low + x[1] * width
     return 0.0, 0.0
 
 
@@ -371,7 +366,7 @@ def dipped(run, low, end):
     middle = 0.5 * (low + end)
     for i in range(count):
         first, last = dip(run, low, end - low, i)
-        if last > 0.0 and watched[NOW, watched.shape[1] - count + i] < 0.0:
+        if last > 0.0 and watched[WATCHED.now, watched.shape[1] - count + i] < 0.0:
             return low + first, last - first
         look(run, middle, end - middle)  # the same call as in `looked_at` gives equal bits
     return low, -1.0
@@ -385,7 +380,7 @@ def zero_exactly(run):
     first = watched.shape[1] - data.signs.shape[0]
     found = False
     for i in range(data.signs.shape[0]):
-        found = found or (values[i] == 0.0 and watched[NOW, first + i] < 0.0)
+        found = found or (values[i] == 0.0 and watched[WATCHED.now, first + i] < 0.0)
     return found
 
 
@@ -396,17 +391,17 @@ def clear_of_zero(run, low, end):
     Right after an event, rounding hides on which side of zero its value is.
     """
     watched, count = opened_run(run).watched, opened_run(run).signs.shape[0]
-    for _ in range(HALVINGS):
+    for _ in range(EVENT_HALVINGS):
         clear = True
         for n in range(watched.shape[1] - count, watched.shape[1]):
-            clear = clear and watched[START, n] >= -SOLVED * watched[NOW, n]
+            clear = clear and watched[WATCHED.start, n] >= -SOLVED * watched[WATCHED.now, n]
         if clear:
             break
         end *= 0.5
         look(run, low, end)
-        if not over(watched, NOW):
+        if not over(watched, WATCHED.now):
             for n in range(watched.shape[1] - count, watched.shape[1]):
-                watched[START, n] = watched[NOW, n]
+                watched[WATCHED.start, n] = watched[WATCHED.now, n]
             low += end
             look(run, low, end)
             break
@@ -423,20 +418,23 @@ def turn_beyond(run, w):
     signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
-        counts = watched[NOW, first + i] < 0.0 and signs[i] * wanted[i] <= 0
-        watched[START, first + i] = signs[i] if counts else 0.0
+        counts = watched[WATCHED.now, first + i] < 0.0 and signs[i] * wanted[i] <= 0
+        watched[WATCHED.start, first + i] = signs[i] if counts else 0.0
     begin, end = beside(w, data.control[0].old_width)
     look(run, begin, 0.0)
-    keep_values(run, LOW)
+    keep_values(run, WATCHED.low)
     look(run, begin, 0.5 * (end - begin))
-    keep_values(run, HIGH)
+    keep_values(run, WATCHED.high)
     look(run, begin, end - begin)
     for i in range(signs.shape[0]):
-        n, side = first + i, watched[START, first + i]
-        y = (side * watched[LOW, n], side * watched[HIGH, n], side * values[i])
+        n, side = first + i, watched[WATCHED.start, first + i]
+        y = (side * watched[WATCHED.low, n], side * watched[WATCHED.high, n], side * values[i])
         _, least = vertex((0.0, 0.5, 1.0), y)
-        if -least < watched[NEAREST, n] and least < 0.0:
-            watched[NEAREST, n], watched[WHEN, n] = -least, data.control[0].old_time + w
+        if -least < watched[WATCHED.nearest, n] and least < 0.0:
+            watched[WATCHED.nearest, n], watched[WATCHED.when, n] = (
+                -least,
+                data.control[0].old_time + w,
+            )
 
 
 @sweep
@@ -458,19 +456,19 @@ def reached(run, low, end):
             look(run, low, w)
     if end > 0.0 and zero_exactly(run):
         look(run, low, end)
-        keep_values(run, HIGH)
+        keep_values(run, WATCHED.high)
         look(run, low, w)
     else:
-        keep_values(run, HIGH)
+        keep_values(run, WATCHED.high)
     for i in range(signs.shape[0]):
-        watched[START, first + i] = abs(values[i])
-        if end == 0.0 or watched[NOW, first + i] >= 0.0:
+        watched[WATCHED.start, first + i] = abs(values[i])
+        if end == 0.0 or watched[WATCHED.now, first + i] >= 0.0:
             continue
         if signs[i] * wanted[i] > 0:
-            watched[NOW, first + i] = NOTHING
-        side = watched[HIGH, first + i]
+            watched[WATCHED.now, first + i] = NOTHING
+        side = watched[WATCHED.high, first + i]
         signs[i] = 0 if side == 0.0 else (1 if side > 0.0 else -1)
-    return over(watched, NOW), low + w
+    return over(watched, WATCHED.now), low + w
 
 
 @part
@@ -502,7 +500,7 @@ def looked_at(run, low, end):
     if data.links.events != 0:
         halves = 2
         take_sides(run, low, end - low)
-    keep_values(run, LOW)
+    keep_values(run, WATCHED.low)
     begin = low
     for k in range(halves):
         stop = end if k == halves - 1 else 0.5 * (low + end)
@@ -513,7 +511,7 @@ def looked_at(run, low, end):
             accepted(opened_events(data.scene).contact)
         begin_part(run)
         if k < halves - 1:
-            keep_values(run, HIGH)
+            keep_values(run, WATCHED.high)
             begin = stop
     if halves == 2:
         begin, width = dipped(run, low, end)

@@ -26,6 +26,7 @@ from ..compiler.elementary import power
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
+from ..records import columns
 from ..rows import (
     SCREW,
     TRANSLATE,
@@ -51,29 +52,36 @@ from ..tree.moving import advance, local_rate
 from ..vec import add, add_cross, add_scaled, cross, dot, finite, mul, mul_t, scale, sym_mul
 from . import implicit
 from .implicit import KEEP, MOVE, add_half_turn, factor_pair, prepare, solve
-from .state import NOT_SOLVED, STEP, copied, size_of_state
+from .state import STEP, UNSOLVED, copied, size_of_state
 
 # rows of the real matrix from `own` on, before which it holds what `implicit` needs, the factors of
 # the mass matrix and the mass matrix: 2 nv wide
-Z, RATE, KEPT = 0, 3, 6  # (ξ, v), (ξ', p') and p of up to three stages
-PIVOTS, START, SCRATCH, VDOT, WANTED = 9, 10, 11, 12, 13
-MISSED = 14  # 3: missed momenta and velocities
-REPORT = 17  # of derivatives
-ROWS = 18
+GAUSS = columns(
+    z=3,  # (ξ, v) of up to three stages
+    rate=3,  # (ξ', p')
+    kept=3,  # p
+    pivots=1,
+    start=1,
+    scratch=1,
+    vdot=1,
+    wanted=1,
+    missed=3,  # momenta and velocities
+    report=1,  # of derivatives
+)
 STAGE_ROUNDS = 60
 NEWTON_ROUNDS = 4  # usual ones of Newton's method, in addition to the cost of the Jacobian
 BY_COST, PATIENT, TO_THE_END = 0.0, 0.5, 1.0  # convergence rates at which M⁻¹ alone is given up
 PASSES = 8  # of the kinematics of turning bodies, which cost less than an evaluation
 SERVES = 1  # largest convergence rate of a Jacobian that is used
 USELESS = 3  # instead of a rate: Newton's method took more evaluations than it saved
-STILL = 64  # largest correction of a motionless position in units of rounding
+MOTIONLESS = 64  # largest correction of a motionless position in units of rounding
 TERMS = 12  # terms of the series of dexp, exact for rotations of up to 3 rad
 
 
 @part
 def mass(nv):
     """Return the first row of the factors of the mass matrix, before the mass matrix."""
-    return 3 * nv + implicit.ROWS
+    return 3 * nv + implicit.RADAU.total
 
 
 @part
@@ -84,7 +92,7 @@ def own(nv):
 
 def matrix_rows(nv):
     """Return the number of rows of the real matrix."""
-    return 5 * nv + implicit.ROWS + ROWS
+    return 5 * nv + implicit.RADAU.total + GAUSS.total
 
 
 # -- momenta --------------------------------------------------------------------------------------
@@ -227,7 +235,7 @@ def mass_matrix(run, q):
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     scene = opened(data.scene)
-    inertia, still = real[mass(nv) : mass(nv) + nv], real[own(nv) + SCRATCH, :nv]
+    inertia, still = real[mass(nv) : mass(nv) + nv], real[own(nv) + GAUSS.scratch, :nv]
     for i in range(nv):
         still[i] = 0.0
         for j in range(nv):
@@ -249,7 +257,7 @@ def factor_mass(run, q):
     for i in range(nv):
         for j in range(nv):
             real[first + nv + i, j] = inertia[i, j]
-    return factor(inertia, nv, real[own(nv) + PIVOTS]), total
+    return factor(inertia, nv, real[own(nv) + GAUSS.pivots]), total
 
 
 @sweep
@@ -260,20 +268,20 @@ def evaluate(run, t, i):
     nq, nv = size_of_state(run)
     q = stages[at.TRIAL, :nq]
     first = own(nv)
-    z = real[first + Z + i]
+    z = real[first + GAUSS.z + i]
     for j in range(nq):
         q[j] = stages[at.Y, j]
     rows = opened(data.scene).rows
     advance(rows, q, z[:nv], 1.0)
     v = z[nv : 2 * nv]
-    vdot = real[first + VDOT, :nv]
+    vdot = real[first + GAUSS.vdot, :nv]
     tau = stages[at.TORQUE, :nv]
     call_acceleration(data.links.accelerate, (data.scene, t, q, v, tau, vdot, flow))
     counters.evaluations += 1
     counters.solver_iterations += int(flow[2])
     scene = opened(data.scene)
-    rate = real[first + RATE + i]
-    kept = real[first + KEPT + i]
+    rate = real[first + GAUSS.rate + i]
+    kept = real[first + GAUSS.kept + i]
     p = kept[:nv]
     pdot = rate[nv : 2 * nv]
     momenta(scene.rows, scene.const, scene.work, q, v, p, pdot)
@@ -293,33 +301,37 @@ def collocated(run, weights, h, out):
     real, nv = data.real, data.control[0].nv
     for j in range(nv):
         out[j] = 0.0
-        out[nv + j] = real[own(nv) + START, j]
+        out[nv + j] = real[own(nv) + GAUSS.start, j]
     for i in range(weights.shape[0]):
         for j in range(2 * nv):
-            out[j] += h * weights[i] * real[own(nv) + RATE + i, j]
+            out[j] += h * weights[i] * real[own(nv) + GAUSS.rate + i, j]
 
 
 @sweep
 def use_misses(run, h, newton):
     """Replace missed momenta by the changes of momentum and velocity that remove them.
 
-    The velocities follow MISSED momenta, at first by the inverse mass matrix. Newton's method also
+    The velocities follow missed momenta, at first by the inverse mass matrix. Newton's method also
     considers the change of forces.
     """
     data = opened_run(run)
     real, pair, rows = data.real, data.pair, opened(data.scene).rows
     nv, count = data.control[0].nv, data.tableau.b.shape[0]
-    missed, factors = real[own(nv) + MISSED :], real[mass(nv) : mass(nv) + nv]
+    missed, factors = real[own(nv) + GAUSS.missed :], real[mass(nv) : mass(nv) + nv]
     for i in range(count):
         for j in range(nv):
             missed[i, nv + j] = missed[i, j]
-        substitute(factors, nv, real[own(nv) + PIVOTS], missed[i, nv:])
+        substitute(factors, nv, real[own(nv) + GAUSS.pivots], missed[i, nv:])
     if not newton:
         return
     base, a = 3 * nv, data.tableau.a
     t, inverse, mu = a[3:6], a[6:9], a[9]
     shift, shift_c = mu[0] / h, complex(mu[1], mu[2]) / h
-    right, right_c, scratch = real[base + implicit.RIGHT], pair[nv], real[base + implicit.SCRATCH]
+    right, right_c, scratch = (
+        real[base + implicit.RADAU.right],
+        pair[nv],
+        real[base + implicit.RADAU.scratch],
+    )
     for j in range(nv):
         x = y = z = 0.0
         for i in range(count):
@@ -328,7 +340,7 @@ def use_misses(run, h, newton):
             z += inverse[2, i] * missed[i, nv + j]
         right[j], right[nv + j] = 0.0, shift * x
         right_c[j], right_c[nv + j] = 0.0j, shift_c * complex(y, z)
-    pivots, pivots_c = real[base + implicit.PIVOTS], real[base + implicit.PIVOTS_C]
+    pivots, pivots_c = real[base + implicit.RADAU.pivots], real[base + implicit.RADAU.pivots_c]
     solve(rows, shift, real, nv, real[2 * nv : base], pivots, right, scratch)
     solve(rows, shift_c, real, nv, pair[:nv], pivots_c, right_c, pair[nv + 1])
     for i in range(count):
@@ -348,13 +360,13 @@ def corrected(run, h, newton):
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     rows, first = opened(data.scene).rows, own(nv)
-    wanted, scratch = real[first + WANTED], real[first + SCRATCH]
+    wanted, scratch = real[first + GAUSS.wanted], real[first + GAUSS.scratch]
     change = 0.0
     size = 0.0
     for i in range(data.tableau.b.shape[0]):
-        z = real[first + Z + i]
-        p = real[first + KEPT + i]
-        missed = real[first + MISSED + i]
+        z = real[first + GAUSS.z + i]
+        p = real[first + GAUSS.kept + i]
+        missed = real[first + GAUSS.missed + i]
         collocated(run, data.tableau.a[i], h, wanted)
         out_of_chart(rows, z[:nv], wanted[nv : 2 * nv], scratch[:nv], missed[:nv])
         for j in range(nv):
@@ -362,8 +374,8 @@ def corrected(run, h, newton):
             missed[j] -= p[j]
     use_misses(run, h, newton)
     for i in range(data.tableau.b.shape[0]):
-        z = real[first + Z + i]
-        missed = real[first + MISSED + i]
+        z = real[first + GAUSS.z + i]
+        missed = real[first + GAUSS.missed + i]
         for j in range(nv):
             change += missed[j] * missed[nv + j]
             z[nv + j] += missed[nv + j]
@@ -381,32 +393,32 @@ def place(run, h, newton):
     real, rows = data.real, opened(data.scene).rows
     nq, nv = size_of_state(run)
     first, count = own(nv), data.tableau.b.shape[0]
-    wanted = real[first + WANTED]
+    wanted = real[first + GAUSS.wanted]
     for _ in range(PASSES if newton and nq > nv else 1):
         for i in range(count):
-            z = real[first + Z + i]
-            local_rate(rows, z[:nv], z[nv : 2 * nv], real[first + RATE + i, :nv])
+            z = real[first + GAUSS.z + i]
+            local_rate(rows, z[:nv], z[nv : 2 * nv], real[first + GAUSS.rate + i, :nv])
         for i in range(count):
             collocated(run, data.tableau.a[i], h, wanted)
             for j in range(nv):
-                real[first + Z + i, j] = wanted[j]
+                real[first + GAUSS.z + i, j] = wanted[j]
 
 
 @sweep
 def begin_stages(run, h):
-    """Write p₀ to START, and the stages that the slope at Y predicts."""
+    """Write p₀ to GAUSS.start, and the stages that the slope at Y predicts."""
     data = opened_run(run)
     stages, real, scene, tableau = data.stages, data.real, opened(data.scene), data.tableau
     nq, nv = size_of_state(run)
     q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
-    start, unused = real[own(nv) + START, :nv], real[own(nv) + SCRATCH, :nv]
+    start, unused = real[own(nv) + GAUSS.start, :nv], real[own(nv) + GAUSS.scratch, :nv]
     momenta(scene.rows, scene.const, scene.work, q, v, start, unused)
     for i in range(tableau.b.shape[0]):
         late = tableau.c[i] * h
         for j in range(nv):
             slope = stages[at.SLOPE, nq + j]
-            real[own(nv) + Z + i, j] = late * (v[j] + 0.5 * late * slope)
-            real[own(nv) + Z + i, nv + j] = v[j] + late * slope
+            real[own(nv) + GAUSS.z + i, j] = late * (v[j] + 0.5 * late * slope)
+            real[own(nv) + GAUSS.z + i, nv + j] = v[j] + late * slope
 
 
 @sweep
@@ -415,7 +427,7 @@ def end_stages(run, h):
     data = opened_run(run)
     stages, real, rows = data.stages, data.real, opened(data.scene).rows
     nq, nv = size_of_state(run)
-    wanted, scratch = real[own(nv) + WANTED], real[own(nv) + SCRATCH]
+    wanted, scratch = real[own(nv) + GAUSS.wanted], real[own(nv) + GAUSS.scratch]
     collocated(run, data.tableau.b, h, wanted)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
     q = stages[at.CANDIDATE, :nq]
@@ -423,7 +435,7 @@ def end_stages(run, h):
     regular, _ = factor_mass(run, q)
     out_of_chart(rows, wanted[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], scratch[:nv])
     factors = real[mass(nv) : mass(nv) + nv]
-    substitute(factors, nv, real[own(nv) + PIVOTS], scratch)
+    substitute(factors, nv, real[own(nv) + GAUSS.pivots], scratch)
     for j in range(nv):
         stages[at.CANDIDATE, nq + j] = scratch[j]
     return regular
@@ -437,11 +449,11 @@ def jacobian(run):
     nq, nv = size_of_state(run)
     rows, first, base = opened(data.scene).rows, own(nv), 3 * nv
     t = min(control.time, control.clip)
-    z, rate = real[first + Z], real[first + RATE, nv:]
-    p = real[first + KEPT, nv if nq > nv else 0 :]  # in the chart
-    factors, pivots = real[mass(nv) : mass(nv) + nv], real[first + PIVOTS]
-    plus, minus = real[base + implicit.F], real[base + implicit.F + 1]
-    speeds, weights = real[base + implicit.SPEEDS], real[base + implicit.WEIGHTS]
+    z, rate = real[first + GAUSS.z], real[first + GAUSS.rate, nv:]
+    p = real[first + GAUSS.kept, nv if nq > nv else 0 :]  # in the chart
+    factors, pivots = real[mass(nv) : mass(nv) + nv], real[first + GAUSS.pivots]
+    plus, minus = real[base + implicit.RADAU.f], real[base + implicit.RADAU.f + 1]
+    speeds, weights = real[base + implicit.RADAU.speeds], real[base + implicit.RADAU.weights]
     prepare(run)
     for j in range(nv):
         speeds[j] = stages[at.Y, nq + j]
@@ -579,10 +591,10 @@ def gauss(run, h):
     nq, nv = size_of_state(run)
     regular, total = factor_mass(run, stages[at.Y, :nq])
     if not regular:
-        return NOT_SOLVED
-    found, power, loss = solve_stages(run, h, (STILL * EPS / h) ** 2 * total)
+        return UNSOLVED
+    found, power, loss = solve_stages(run, h, (MOTIONLESS * EPS / h) ** 2 * total)
     if not found or not end_stages(run, h):
-        return NOT_SOLVED
+        return UNSOLVED
     stages[at.CANDIDATE, nq + nv] += power
     stages[at.CANDIDATE, nq + nv + 1] += loss
     return 0.0 if finite(stages[at.CANDIDATE]) else math.inf

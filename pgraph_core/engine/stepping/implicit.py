@@ -17,18 +17,26 @@ from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
-from ..records import CHOSEN
+from ..records import CHOSEN, columns
 from ..rows import BALL, FREE, OWN, kind_of, q_of, v_of
 from ..tree.moving import advance, local_rate
 from ..vec import finite
-from .state import NOT_SOLVED, STEP, copied, size_of_state
+from .state import STEP, UNSOLVED, copied, size_of_state
 from .widths import inverse, larger, weigh
 
 # rows of the real matrices, from 3 nv on: 2 nv wide
-PIVOTS, PIVOTS_C = 0, 1
-Z, F, W = 2, 5, 8  # 3 each: stages, their slopes, decoupled stages
-RIGHT, SCRATCH, WEIGHTS, SPEEDS, POWERS = 11, 12, 13, 14, 15
-ROWS = 16
+RADAU = columns(
+    pivots=1,
+    pivots_c=1,  # of the complex pair
+    z=3,  # stages
+    f=3,  # their slopes
+    w=3,  # decoupled stages
+    right=1,
+    scratch=1,
+    weights=1,
+    speeds=1,
+    powers=1,
+)
 LEAST_COLUMNS = 6  # columns
 
 MOVE = EPS ** (1 / 3)  # step of central differences over their scale: their error is least
@@ -38,7 +46,7 @@ ITERATIONS = 12
 
 def matrix_rows(nv):
     """Return the number of rows of the real matrix."""
-    return 3 * nv + ROWS
+    return 3 * nv + RADAU.total
 
 
 @sweep
@@ -104,10 +112,10 @@ def jacobian(run):
     nq, nv = size_of_state(run)
     rows = opened(data.scene).rows
     t = min(control.time, control.clip)
-    z = real[3 * nv + SCRATCH]
-    plus = real[3 * nv + F]
-    minus = real[3 * nv + F + 1]
-    weights = real[3 * nv + WEIGHTS]
+    z = real[3 * nv + RADAU.scratch]
+    plus = real[3 * nv + RADAU.f]
+    minus = real[3 * nv + RADAU.f + 1]
+    weights = real[3 * nv + RADAU.weights]
     for j in range(2 * nv):
         z[j] = 0.0
     for j in range(2 * nv):
@@ -122,7 +130,7 @@ def jacobian(run):
         first = 0 if j < nv else nv
         for i in range(nv):
             real[first + i, j - first] = (plus[nv + i] - minus[nv + i]) / (2.0 * move)
-    speeds = real[3 * nv + SPEEDS]
+    speeds = real[3 * nv + RADAU.speeds]
     for j in range(nv):
         speeds[j] = stages[at.Y, nq + j]
     for k in range(1, rows.shape[0]):
@@ -162,7 +170,7 @@ def assemble(shift, real, nv, out):
 @sweep
 def solve(rows, shift, real, nv, factors, pivots, right, x):
     """Solve (λ - J) x = right (2 nv) in place of `right`, using x as scratch."""
-    speeds = real[3 * nv + SPEEDS]
+    speeds = real[3 * nv + RADAU.speeds]
     for i in range(nv):
         x[i] = right[nv + i] + shift * right[i] - row_times(real, nv + i, 0, nv, right)
     half_turn(rows, speeds, 1.0, right, x)
@@ -194,7 +202,7 @@ def prepare(run):
     stages, rows, size = data.stages, opened(data.scene).rows, size_of_state(run)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
     weigh(rows, size, stages, data.control[0])
-    local_weights(rows, size, stages, data.real[3 * size[1] + WEIGHTS])
+    local_weights(rows, size, stages, data.real[3 * size[1] + RADAU.weights])
 
 
 @sweep
@@ -203,7 +211,7 @@ def weigh_states(run):
     data = opened_run(run)
     control, stages, rows = data.control[0], data.stages, opened(data.scene).rows
     nq, nv = size_of_state(run)
-    given, weights = stages[at.WEIGHT], data.real[3 * nv + WEIGHTS]
+    given, weights = stages[at.WEIGHT], data.real[3 * nv + RADAU.weights]
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) == OWN:
             i, j = q_of(rows, k), v_of(rows, k)
@@ -235,19 +243,21 @@ def factor_pair(run, h, mu):
     assemble(mu[0] / h, real, nv, real[2 * nv : 3 * nv])
     assemble(complex(mu[1], mu[2]) / h, real, nv, pair[:nv])
     data.control[0].factored = h
-    done = factor(real[2 * nv : 3 * nv], nv, real[3 * nv + PIVOTS])
-    return factor(pair[:nv], nv, real[3 * nv + PIVOTS_C]) and done
+    done = factor(real[2 * nv : 3 * nv], nv, real[3 * nv + RADAU.pivots])
+    return factor(pair[:nv], nv, real[3 * nv + RADAU.pivots_c]) and done
 
 
 @sweep
 def correct(run, h, slopes, decoupled, stages):
-    """Perform one Newton iteration on W and Z from the slopes of Z. RIGHT keeps the change of W."""
+    """Perform one Newton iteration on `decoupled` and `stages` from their slopes. RADAU.right keeps
+    the change of `decoupled`.
+    """
     data = opened_run(run)
     real, pair, rows = data.real, data.pair, opened(data.scene).rows
     nv = data.control[0].nv
     base = 3 * nv
     t, inverse, mu = data.tableau.a[:3], data.tableau.a[3:6], data.tableau.a[6]
-    right = real[base + RIGHT]
+    right = real[base + RADAU.right]
     right_c = pair[nv]
     shift = mu[0] / h
     shift_c = complex(mu[1], mu[2]) / h
@@ -260,9 +270,9 @@ def correct(run, h, slopes, decoupled, stages):
             z += inverse[2, i] * f
         right[j] = x - shift * decoupled[0, j]
         right_c[j] = complex(y, z) - shift_c * complex(decoupled[1, j], decoupled[2, j])
-    scratch = real[base + SCRATCH]
-    solve(rows, shift, real, nv, real[2 * nv : base], real[base + PIVOTS], right, scratch)
-    solve(rows, shift_c, real, nv, pair[:nv], real[base + PIVOTS_C], right_c, pair[nv + 1])
+    scratch = real[base + RADAU.scratch]
+    solve(rows, shift, real, nv, real[2 * nv : base], real[base + RADAU.pivots], right, scratch)
+    solve(rows, shift_c, real, nv, pair[:nv], real[base + RADAU.pivots_c], right_c, pair[nv + 1])
     for j in range(2 * nv):
         decoupled[0, j] += right[j]
         decoupled[1, j] += right_c[j].real
@@ -279,10 +289,10 @@ def correct_stages(run, h):
     data = opened_run(run)
     real, pair, nv = data.real, data.pair, data.control[0].nv
     base = 3 * nv
-    f, w, z = base + F, base + W, base + Z
+    f, w, z = base + RADAU.f, base + RADAU.w, base + RADAU.z
     correct(run, h, real[f : f + 3], real[w : w + 3], real[z : z + 3])
-    weights = real[base + WEIGHTS]
-    right = size_of_local(real[base + RIGHT], weights, 2 * nv)
+    weights = real[base + RADAU.weights]
+    right = size_of_local(real[base + RADAU.right], weights, 2 * nv)
     return max(right, size_of_local(pair[nv], weights, 2 * nv))
 
 
@@ -299,18 +309,18 @@ def newton(run, h):
     base = 3 * nv
     for row in range(3):
         for j in range(2 * nv):
-            real[base + Z + row, j] = 0.0
-            real[base + W + row, j] = 0.0
+            real[base + RADAU.z + row, j] = 0.0
+            real[base + RADAU.w + row, j] = 0.0
     rtol = control.rtol
     enough = max(10.0 * EPS / rtol, min(0.03, math.sqrt(rtol)))
     last = 0.0
     for n in range(ITERATIONS):
         for i in range(3):
             t = min(control.time + data.tableau.c[i] * h, control.clip)
-            out = real[base + F + i]
-            local_slope(run, t, real[base + Z + i], out)
-            real[base + POWERS, 2 * i] = flow[0]
-            real[base + POWERS, 2 * i + 1] = flow[1]
+            out = real[base + RADAU.f + i]
+            local_slope(run, t, real[base + RADAU.z + i], out)
+            real[base + RADAU.powers, 2 * i] = flow[0]
+            real[base + RADAU.powers, 2 * i + 1] = flow[1]
             if not finite(out[: 2 * nv]):
                 return False
         counters.newton_iterations += 1
@@ -339,21 +349,21 @@ def radau_error(run, h):
     base = 3 * nv
     rows = opened(data.scene).rows
     shift = data.tableau.a[6, 0] / h
-    right = real[base + RIGHT]
-    weights = real[base + WEIGHTS]
-    scratch = real[base + SCRATCH]
-    factors, pivots = real[2 * nv : base], real[base + PIVOTS]
+    right = real[base + RADAU.right]
+    weights = real[base + RADAU.weights]
+    scratch = real[base + RADAU.scratch]
+    factors, pivots = real[2 * nv : base], real[base + RADAU.pivots]
     weighted_stages(data.tableau.error[0], h, real, base, nv)
     for j in range(nv):
-        right[j] = real[base + W, j] + stages[at.Y, nq + j]
-        right[nv + j] = real[base + W, nv + j] + stages[at.SLOPE, nq + j]
+        right[j] = real[base + RADAU.w, j] + stages[at.Y, nq + j]
+        right[nv + j] = real[base + RADAU.w, nv + j] + stages[at.SLOPE, nq + j]
     solve(rows, shift, real, nv, factors, pivots, right, scratch)
     error = size_of_local(right, weights, 2 * nv)
     if error > 1.0 and (control.rejected == 1 or data.counters[0].steps == 0):
-        out = real[base + F]
+        out = real[base + RADAU.f]
         local_slope(run, min(control.time, control.clip), right, out)
         for j in range(2 * nv):
-            right[j] = real[base + W, j] + out[j]
+            right[j] = real[base + RADAU.w, j] + out[j]
         solve(rows, shift, real, nv, factors, pivots, right, scratch)
         error = size_of_local(right, weights, 2 * nv)
     return error
@@ -365,8 +375,8 @@ def weighted_stages(error, h, real, base, nv):
     for j in range(2 * nv):
         x = 0.0
         for i in range(3):
-            x += error[i] * real[base + Z + i, j]
-        real[base + W, j] = x / h
+            x += error[i] * real[base + RADAU.z + i, j]
+        real[base + RADAU.w, j] = x / h
 
 
 @kernel(STEP, nogil=True, later=True)
@@ -383,18 +393,18 @@ def radau(run, h):
         if control.factored != h:
             data.counters[0].factorisations += 1
             if not factor_pair(run, h, data.tableau.a[6]):
-                return NOT_SOLVED
+                return UNSOLVED
         solved = newton(run, h)
         if not solved:
             if control.jacobian_time == control.time:
-                return NOT_SOLVED
+                return UNSOLVED
             control.jacobian_rate = 2.0
     power = 0.0
     loss = 0.0
     for i in range(3):
-        power += h * data.tableau.b[i] * real[base + POWERS, 2 * i]
-        loss += h * data.tableau.b[i] * real[base + POWERS, 2 * i + 1]
-    finish_local(run, real[base + Z + 2], power, loss)
+        power += h * data.tableau.b[i] * real[base + RADAU.powers, 2 * i]
+        loss += h * data.tableau.b[i] * real[base + RADAU.powers, 2 * i + 1]
+    finish_local(run, real[base + RADAU.z + 2], power, loss)
     if not finite(stages[at.CANDIDATE]):
         return math.inf
     if control.widths != CHOSEN:

@@ -17,40 +17,42 @@ from ..compiler.dual import WIDTH, parted, revalued
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, substitute
 from ..motion import opened
+from ..records import columns
 from ..tree.moving import advance
 from . import gauss as by_gauss
 from . import implicit as by_radau
 from .duals import STEP_OF_DUALS, end_step, go_back, width_of_step
-from .implicit import finish_local, local_slope
+from .gauss import GAUSS
+from .implicit import RADAU, finish_local, local_slope
 from .state import copied, size_of_state
 
-ROUNDS = 60  # maximum number of corrections: reaches ROUNDING at a rate of 0.6
-CHANGED, BEFORE, SIZE = 0, 1, 2  # columns per derivative: correction, previous one, size
-FIRST = 3  # size at the start of the step
+CORRECTION_ROUNDS = 60  # maximum number of corrections: reaches ROUNDING at a rate of 0.6
+# rows of a report, per derivative: correction, previous one, size, size at the start of the step
+SIZES = columns("now", "before", "largest", "first")
 
 
 @part
 def open_report(report):
     """Reset the sizes of corrections."""
     for k in range(WIDTH):
-        report[CHANGED, k] = math.inf
-        report[FIRST, k] = 0.0
+        report[SIZES.now, k] = math.inf
+        report[SIZES.first, k] = 0.0
 
 
 @part
 def begin_round(report):
     """Keep the sizes of the last corrections, and reset those of the next ones."""
     for k in range(WIDTH):
-        report[BEFORE, k] = report[CHANGED, k]
-        report[CHANGED, k] = 0.0
-        report[SIZE, k] = 0.0
+        report[SIZES.before, k] = report[SIZES.now, k]
+        report[SIZES.now, k] = 0.0
+        report[SIZES.largest, k] = 0.0
 
 
 @part
 def is_small(report, k, share):
     """Check whether the correction of derivative k is at most this share, or a rounding error."""
-    change = report[CHANGED, k]
-    return change <= share * report[SIZE, k] or change <= ROUNDING * report[FIRST, k]
+    change = report[SIZES.now, k]
+    return change <= share * report[SIZES.largest, k] or change <= ROUNDING * report[SIZES.first, k]
 
 
 @sweep
@@ -58,8 +60,8 @@ def settled(report):
     """Check whether every derivative has converged, is not finite or no longer improves."""
     done = True
     for k in range(1, WIDTH):
-        change = report[CHANGED, k]
-        rounded = change >= report[BEFORE, k] and is_small(report, k, SOLVED)
+        change = report[SIZES.now, k]
+        rounded = change >= report[SIZES.before, k] and is_small(report, k, SOLVED)
         done = done and (rounded or is_small(report, k, ROUNDING) or not change < math.inf)
     return done
 
@@ -69,7 +71,7 @@ def reject(report, row):
     """Make the derivatives of a row nan whose last correction is visible."""
     derivatives = parted(row)
     for k in range(1, WIDTH):
-        if not (report[CHANGED, k] < math.inf and is_small(report, k, NOTABLE)):
+        if not (report[SIZES.now, k] < math.inf and is_small(report, k, NOTABLE)):
             for i in range(row.shape[0]):
                 derivatives[i, k] = math.nan
 
@@ -83,18 +85,18 @@ def correct_radau(run, numbers, h, report):
     real, given = opened_run(run).real, opened_run(numbers).real
     nv = opened_run(run).control[0].nv
     base = 3 * nv
-    parts, weights = parted(real), given[base + by_radau.WEIGHTS]
-    f, w, z = base + by_radau.F, base + by_radau.W, base + by_radau.Z
+    parts, weights = parted(real), given[base + RADAU.weights]
+    f, w, z = base + RADAU.f, base + RADAU.w, base + RADAU.z
     for k in range(1 - opened_run(numbers).control[0].repeated, WIDTH):
         slopes, decoupled = parts[f : f + 3, :, k], parts[w : w + 3, :, k]
         by_radau.correct(numbers, h, slopes, decoupled, parts[z : z + 3, :, k])
-        change = by_radau.size_of_local(given[base + by_radau.RIGHT], weights, 2 * nv)
+        change = by_radau.size_of_local(given[base + RADAU.right], weights, 2 * nv)
         pair = by_radau.size_of_local(opened_run(numbers).pair[nv], weights, 2 * nv)
-        report[CHANGED, k] = max(change, pair)
-        report[SIZE, k] = report[FIRST, k]
+        report[SIZES.now, k] = max(change, pair)
+        report[SIZES.largest, k] = report[SIZES.first, k]
         for i in range(3):
             size = by_radau.size_of_local(parts[z + i, :, k], weights, 2 * nv)
-            report[SIZE, k] = max(report[SIZE, k], size)
+            report[SIZES.largest, k] = max(report[SIZES.largest, k], size)
 
 
 @kernel(STEP_OF_DUALS, nogil=True, later=True)
@@ -105,40 +107,40 @@ def radau_of_duals(run, numbers):
     control, stages, flow, real = data.control[0], data.stages, data.flow, data.real
     nv, h = control.nv, width_of_step(numbers)
     base = 3 * nv
-    report, y = parted(real[base + by_radau.WEIGHTS]), parted(stages[at.Y])
+    report, y = parted(real[base + RADAU.weights]), parted(stages[at.Y])
     open_report(report)
     for k in range(1, WIDTH):
         for i in range(control.nq + nv):
             size = abs(y[i, k]) * given.stages[at.WEIGHT, i]
-            report[FIRST, k] = max(report[FIRST, k], size)
+            report[SIZES.first, k] = max(report[SIZES.first, k], size)
     decoupling = data.tableau.a[3:6]
     for i in range(3):
         for j in range(2 * nv):
-            real[base + by_radau.Z + i, j] = given.real[base + by_radau.Z + i, j]
-            real[base + by_radau.W + i, j] = 0.0
+            real[base + RADAU.z + i, j] = given.real[base + RADAU.z + i, j]
+            real[base + RADAU.w + i, j] = 0.0
             for n in range(3):
-                z = given.real[base + by_radau.Z + n, j]
-                real[base + by_radau.W + i, j] += decoupling[i, n] * z
+                z = given.real[base + RADAU.z + n, j]
+                real[base + RADAU.w + i, j] += decoupling[i, n] * z
     if given.control[0].factored != h:
         by_radau.factor_pair(numbers, h, data.tableau.a[6])
         given.control[0].factored = 0.0  # the primal run factors again, as without derivatives
-    for _ in range(ROUNDS):
+    for _ in range(CORRECTION_ROUNDS):
         begin_round(report)
         for i in range(3):
             t = min(control.time + data.tableau.c[i] * h, control.clip)
-            local_slope(run, t, real[base + by_radau.Z + i], real[base + by_radau.F + i])
-            real[base + by_radau.POWERS, 2 * i] = flow[0]
-            real[base + by_radau.POWERS, 2 * i + 1] = flow[1]
+            local_slope(run, t, real[base + RADAU.z + i], real[base + RADAU.f + i])
+            real[base + RADAU.powers, 2 * i] = flow[0]
+            real[base + RADAU.powers, 2 * i + 1] = flow[1]
         correct_radau(run, numbers, h, report)
         if settled(report):
             break
     power = 0.0 * flow[0]
     loss = 0.0 * flow[0]
     for i in range(3):
-        power += h * data.tableau.b[i] * real[base + by_radau.POWERS, 2 * i]
-        loss += h * data.tableau.b[i] * real[base + by_radau.POWERS, 2 * i + 1]
+        power += h * data.tableau.b[i] * real[base + RADAU.powers, 2 * i]
+        loss += h * data.tableau.b[i] * real[base + RADAU.powers, 2 * i + 1]
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
-    finish_local(run, real[base + by_radau.Z + 2], power, loss)
+    finish_local(run, real[base + RADAU.z + 2], power, loss)
     reject(report, stages[at.CANDIDATE])
     end_step(run, numbers)
 
@@ -152,12 +154,12 @@ def correct_gauss(run, numbers, h, report):
     data, given = opened_run(run), opened_run(numbers)
     real, nv = data.real, data.control[0].nv
     rows, first, count = opened(data.scene).rows, by_gauss.own(nv), data.tableau.b.shape[0]
-    parts, found = parted(real), given.real[first + by_gauss.MISSED :]
-    wanted, scratch = real[first + by_gauss.WANTED], real[first + by_gauss.SCRATCH]
+    parts, found = parted(real), given.real[first + GAUSS.missed :]
+    wanted, scratch = real[first + GAUSS.wanted], real[first + GAUSS.scratch]
     newton = given.control[0].jacobian_rate < by_gauss.SERVES
     for i in range(count):
-        z, p = real[first + by_gauss.Z + i], real[first + by_gauss.KEPT + i]
-        missed = real[first + by_gauss.MISSED + i, :nv]
+        z, p = real[first + GAUSS.z + i], real[first + GAUSS.kept + i]
+        missed = real[first + GAUSS.missed + i, :nv]
         by_gauss.collocated(run, data.tableau.a[i], h, wanted)
         by_gauss.out_of_chart(rows, z[:nv], wanted[nv : 2 * nv], scratch[:nv], missed)
         for j in range(nv):
@@ -165,15 +167,15 @@ def correct_gauss(run, numbers, h, report):
     for k in range(1 - given.control[0].repeated, WIDTH):
         for i in range(count):
             for j in range(nv):
-                found[i, j] = parts[first + by_gauss.MISSED + i, j, k]
+                found[i, j] = parts[first + GAUSS.missed + i, j, k]
         by_gauss.use_misses(numbers, h, newton)
         for i in range(count):
             for j in range(nv):
                 x = found[i, nv + j]
-                parts[first + by_gauss.Z + i, nv + j, k] += x
-                report[CHANGED, k] = max(report[CHANGED, k], abs(x))
-                size = abs(parts[first + by_gauss.Z + i, nv + j, k])
-                report[SIZE, k] = max(report[SIZE, k], size)
+                parts[first + GAUSS.z + i, nv + j, k] += x
+                report[SIZES.now, k] = max(report[SIZES.now, k], abs(x))
+                size = abs(parts[first + GAUSS.z + i, nv + j, k])
+                report[SIZES.largest, k] = max(report[SIZES.largest, k], size)
     by_gauss.place(run, h, newton)
 
 
@@ -188,7 +190,7 @@ def finish_gauss(run, numbers, h):
     real, stages = data.real, data.stages
     nq, nv = size_of_state(run)
     rows, first, own = opened(data.scene).rows, by_gauss.mass(nv), by_gauss.own(nv)
-    wanted, scratch = real[own + by_gauss.WANTED], real[own + by_gauss.SCRATCH]
+    wanted, scratch = real[own + GAUSS.wanted], real[own + GAUSS.scratch]
     by_gauss.collocated(run, data.tableau.b, h, wanted)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
@@ -196,7 +198,7 @@ def finish_gauss(run, numbers, h):
     by_gauss.mass_matrix(run, q)
     by_gauss.out_of_chart(rows, wanted[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], v)
     mass, speeds = parted(real[first : first + nv]), parted(v)
-    x, pivots = given.real[own + by_gauss.SCRATCH], given.real[own + by_gauss.PIVOTS]
+    x, pivots = given.real[own + GAUSS.scratch], given.real[own + GAUSS.pivots]
     factors = given.real[first : first + nv]
     for i in range(nv):
         for j in range(nv):
@@ -222,17 +224,17 @@ def gauss_of_duals(run, numbers):
     h, count = width_of_step(numbers), data.tableau.b.shape[0]
     scene, first = opened(data.scene), by_gauss.own(nv)
     q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
-    start, unused = real[first + by_gauss.START, :nv], real[first + by_gauss.SCRATCH, :nv]
+    start, unused = real[first + GAUSS.start, :nv], real[first + GAUSS.scratch, :nv]
     by_gauss.momenta(scene.rows, scene.const, scene.work, q, v, start, unused)
-    report, y = parted(real[first + by_gauss.REPORT]), parted(stages[at.Y])
+    report, y = parted(real[first + GAUSS.report]), parted(stages[at.Y])
     open_report(report)
     for k in range(1, WIDTH):
         for i in range(nq + nv):  # rounded positions are rounded velocities over a step
             size = abs(y[i, k]) / h if i < nq else abs(y[i, k])
-            report[FIRST, k] = max(report[FIRST, k], size)
+            report[SIZES.first, k] = max(report[SIZES.first, k], size)
     for i in range(count):
         for j in range(nv):
-            z, values = real[first + by_gauss.Z + i], given.real[first + by_gauss.Z + i]
+            z, values = real[first + GAUSS.z + i], given.real[first + GAUSS.z + i]
             z[j] = revalued(data.tableau.c[i] * h * v[j], values[j])
             z[nv + j] = revalued(v[j], values[nv + j])
     if given.control[0].jacobian_rate < by_gauss.SERVES and given.control[0].factored != h:
@@ -240,7 +242,7 @@ def gauss_of_duals(run, numbers):
         given.control[0].factored = 0.0  # the primal run factors again, as without derivatives
     power = 0.0 * flow[0]
     loss = 0.0 * flow[0]
-    for _ in range(ROUNDS):
+    for _ in range(CORRECTION_ROUNDS):
         begin_round(report)
         power = 0.0 * flow[0]
         loss = 0.0 * flow[0]

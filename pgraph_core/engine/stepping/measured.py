@@ -21,7 +21,8 @@ from ..constraints.constraints import wrenches
 from ..contact.touches import HOLDING, next_touch, relative_velocity, touching
 from ..forces import acting, own_torque
 from ..motion import call_acceleration, opened
-from ..signals import ABS, HELD, NUMBER, SAMPLE, SIDE, sample_time
+from ..records import columns
+from ..signals import ABS, HELD_FROM, NUMBER, SAMPLE, SIDE, sample_time
 from ..tree.kinematics import outboard, positions
 from ..vec import add_scaled, dot, load, scale, set_xyz, store, sub, xyz
 
@@ -29,16 +30,16 @@ _, contacts_at = stored(CONTACTS)
 
 # operands of a measured NUMBER: what is measured, plus the entry (0: its size, 1 to 3: along an
 # axis); the first block or pair; how many. `Program` writes the number of the part as the second.
-WHAT, FIRST, COUNT, VALUE = 1, 2, 3, 4
-# the length or its rate of strut `FIRST`, and the target (`COUNT` 0) or torque (1) of drive `FIRST`
-LENGTH, SPEED, INPUT = 1, 2, 3
+MEASURE = columns("operation", "what", "first", "count", "value")
+# the length or its rate of strut `first`, and the target (`count` 0) or torque (1) of drive `first`
+OF_LENGTH, OF_SPEED, OF_INPUT = 1, 2, 3
 # a NUMBER at which a force bends: a bound of a drive (0: low, 1: high), or the knot of a strut
 BOUND, BEND = -1, -2
 TOUCH = -3  # the least gap of soft and penalty contacts that are open
 CONSTRAINT, CONTACT = 4, 8
-RATE = 5  # column in the row of a length
-FAR = 5  # column in the row of a gap: larger gaps are not sought [m]
-PLACE = 3  # column of a comparison: the value at which a force has a kink
+LENGTH_RATE = 5  # column in the row of a length
+GAP_RANGE = 5  # column in the row of a gap: larger gaps are not sought [m]
+KINK = 3  # column of a comparison: the value at which a force has a kink
 
 
 @sweep
@@ -52,7 +53,7 @@ def measures(signals, t, near):
             due = due or abs(apart * math.floor(t / apart + 0.5) - t) <= near
     if due:
         for i in range(0, code.shape[0], 2):
-            if code[i, 0] == NUMBER and code[i, WHAT] >= CONSTRAINT:
+            if code[i, 0] == NUMBER and code[i, MEASURE.what] >= CONSTRAINT:
                 return True
     return False
 
@@ -70,10 +71,12 @@ def measure(scene, accelerate, t, q, v, vdot, flow, forces):
         wrenches(data.rows, data.blocks, data.work, data.space, forces)
     code = data.loads.signals[0]
     for i in range(0, code.shape[0], 2):
-        what = int(code[i, WHAT])
+        what = int(code[i, MEASURE.what])
         if code[i, 0] == NUMBER and what >= CONSTRAINT:
             flow[0] = flow[1] = flow[2] = 0.0  # the force
-            for k in range(int(code[i, FIRST]), int(code[i, FIRST] + code[i, COUNT])):
+            for k in range(
+                int(code[i, MEASURE.first]), int(code[i, MEASURE.first] + code[i, MEASURE.count])
+            ):
                 for axis in range(3):
                     if what < CONTACT:
                         flow[axis] += forces[k, 3 + axis]
@@ -81,7 +84,7 @@ def measure(scene, accelerate, t, q, v, vdot, flow, forces):
                         flow[axis] += contacts_at(data.links.contacts).pairs[k].force[axis]
             entry = what % CONSTRAINT
             size = math.sqrt(flow[0] * flow[0] + flow[1] * flow[1] + flow[2] * flow[2])
-            code[i, VALUE] = size if entry == 0 else flow[entry - 1]
+            code[i, MEASURE.value] = size if entry == 0 else flow[entry - 1]
 
 
 @kernel(void(i8, i8, f8, F1, F1, F1, F1, F2), later=True)
@@ -105,7 +108,12 @@ def average(scene):
     for i in range(tally.first_limit - tally.frictions):
         for c in (0, 3):
             pull = scale(1.0 / tally.width, load(blocks_f, i, at.PULL + c))
-            store(blocks_f, i, at.MEAN + c, mixed(share, load(blocks_f, i, at.MEAN + c), pull))
+            store(
+                blocks_f,
+                i,
+                at.MEAN_PULL + c,
+                mixed(share, load(blocks_f, i, at.MEAN_PULL + c), pull),
+            )
 
 
 @part
@@ -120,23 +128,30 @@ def observe(scene, code, t, q, v):
     data = opened(scene)
     work, drives, located = data.work, data.drives, False
     for i in range(0, code.shape[0], 2):
-        what, n = (int(code[i, WHAT]), int(code[i, FIRST])) if code[i, 0] == NUMBER else (0, 0)
-        if what == INPUT and code[i, COUNT] == 0.0:
+        what, n = (
+            (int(code[i, MEASURE.what]), int(code[i, MEASURE.first]))
+            if code[i, 0] == NUMBER
+            else (0, 0)
+        )
+        if what == OF_INPUT and code[i, MEASURE.count] == 0.0:
             one = drives.table[n]
-            code[i, VALUE] = acting(one, drives.knots, one.first_target, one.targets, t)
-        elif what == INPUT:
-            code[i, VALUE] = own_torque(drives.table[n], drives.knots, t)
-        elif what == LENGTH or what == SPEED or what == TOUCH:
+            code[i, MEASURE.value] = acting(one, drives.knots, one.first_target, one.targets, t)
+        elif what == OF_INPUT:
+            code[i, MEASURE.value] = own_torque(drives.table[n], drives.knots, t)
+        elif what == OF_LENGTH or what == OF_SPEED or what == TOUCH:
             if not located:
                 outboard(data.rows, data.const, work, q, v)
                 positions(data.rows, work)
                 velocities(data.rows, data.const, work, v, data.space.linear)
                 located = True
             if what == TOUCH:
-                code[i, VALUE] = gap_ahead(scene, code[i, FAR])
+                code[i, MEASURE.value] = gap_ahead(scene, code[i, GAP_RANGE])
                 continue
             line = line_of(data.loads.strut[0][n], work, data.space.linear)
-            code[i, VALUE], code[i, RATE] = line[3] if what == LENGTH else line[4], line[4]
+            code[i, MEASURE.value], code[i, LENGTH_RATE] = (
+                line[3] if what == OF_LENGTH else line[4],
+                line[4],
+            )
 
 
 @sweep
@@ -196,22 +211,22 @@ def hold(scene, code):
     data = opened(scene)
     table = data.drives.table
     for i in range(0, code.shape[0], 2):
-        if code[i, 0] == NUMBER and code[i, WHAT] == BOUND:
-            table[int(code[i, FIRST])].low = -math.inf
-            table[int(code[i, FIRST])].high = math.inf
+        if code[i, 0] == NUMBER and code[i, MEASURE.what] == BOUND:
+            table[int(code[i, MEASURE.first])].low = -math.inf
+            table[int(code[i, MEASURE.first])].high = math.inf
     for i in range(0, code.shape[0], 2):
-        k = 2 * int(code[i, PLACE])
-        if code[i, 0] != HELD + ABS or code[k, 0] != NUMBER or not code[k, WHAT] < 0.0:
+        k = 2 * int(code[i, KINK])
+        if code[i, 0] != HELD_FROM + ABS or code[k, 0] != NUMBER or not code[k, MEASURE.what] < 0.0:
             continue
-        n, side = int(code[k, FIRST]), code[i + 1, SIDE]
-        if code[k, WHAT] == BEND:
+        n, side = int(code[k, MEASURE.first]), code[i + 1, SIDE]
+        if code[k, MEASURE.what] == BEND:
             knot = data.loads.strut[1][n]
             knot[2] = math.inf * side if side != 0.0 else 0.0
             knot[3] = 0.0 if side > 0.0 else math.inf
         elif side > 0.0:
             table[n].low = math.inf
-            table[n].high = code[k, VALUE]
-        elif side == 0.0 and code[k, COUNT] == 0.0:
-            table[n].low = code[k, VALUE]
+            table[n].high = code[k, MEASURE.value]
+        elif side == 0.0 and code[k, MEASURE.count] == 0.0:
+            table[n].low = code[k, MEASURE.value]
         elif side == 0.0:
-            table[n].high = code[k, VALUE]
+            table[n].high = code[k, MEASURE.value]

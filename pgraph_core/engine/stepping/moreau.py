@@ -23,14 +23,12 @@ import math
 from ...tolerances import SOLVED
 from .. import layout as at
 from ..arrays import (
-    ARMATURE,
     BARRED,
     BEFORE,
     CALMED,
     DAMPING,
     FACTORED,
     GAINED,
-    GIVEN,
     GYRE,
     HARD,
     KICK,
@@ -38,6 +36,8 @@ from ..arrays import (
     MEAN,
     MISSED,
     OTHER,
+    OWN_ARMATURE,
+    OWN_GIVEN,
     REPORT,
     RHS,
     SPEEDS,
@@ -88,12 +88,12 @@ from ..signals import put_rates
 from ..tree.kinematics import accelerate as accelerate_rows
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
-from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
+from ..tree.spinning import SPIN, keep_gyrating, keep_spinning
 from ..vec import add, add_scaled, finite, mul, set_xyz, store, xyz
 from .booking import book, note_chain
 from .state import NOT_MET, copied, size_of_state
 from .state import STEP as STEP_SIGNATURE
-from .unilateral import ASK, CUT, REST, add_passed, add_unilateral, push_out
+from .unilateral import ASK, CUT, REMAINDER, add_passed, add_unilateral, push_out
 
 # runs of duals, run of numbers, finished part of the step, its width, that of the part, first block
 # or 0 to begin the step, perhaps again, and the pass
@@ -137,7 +137,7 @@ def moreau_jean(run, h):
         again = parts < MOST_PARTS and not stuck
         if w > 0.0 and again and hits_at_once(scene, h, q, v, vdot):
             w = 0.0
-        elif part_of_step(run, done, h, left, ASK if again else REST):
+        elif part_of_step(run, done, h, left, ASK if again else REMAINDER):
             start = stages[at.TRIAL]
             state_at(scene, 0.0, q, v, start, vdot, space.vectors[STEP, :nv])
             if parts == 0:
@@ -359,7 +359,7 @@ def end_acceleration(run, w, width):
     if w > 0.0:
         for j in range(nv):
             vectors[ZERO, j] = 0.0
-        gyre = vectors[GYRE : GYRE + GYRE_ROWS]
+        gyre = vectors[GYRE : GYRE + SPIN.total]
         keep_gyrating(rows, const, work, q, before, mean, kick, width, vectors[ZERO], gyre, vdot)
         keep_spinning(rows, const, work, before, mean, kick, width, vectors[STEP], vdot)
     positions(rows, work)
@@ -428,8 +428,8 @@ def stiffen(scene, t, h, q, v):
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
             j = v_of(rows, k)
-            vectors[ARMATURE, j] = armature_of(const, k)
-            vectors[GIVEN, j] = given[j]
+            vectors[OWN_ARMATURE, j] = armature_of(const, k)
+            vectors[OWN_GIVEN, j] = given[j]
             damping[j] = h * damping[j] + 0.5 * h * h * stiffness[j]
             const[k, at.ARMATURE] += damping[j]
             given[j] -= 0.5 * h * stiffness[j] * v[j]
@@ -446,7 +446,7 @@ def soften(scene, h, v):
             j = v_of(rows, k)
             pivot = inverse_pivot_of(data.work, k)
             more = softened(pivot, damping[j], stiffness[j], h, v[j], mean[j])
-            given[j] = vectors[GIVEN, j] + more
+            given[j] = vectors[OWN_GIVEN, j] + more
 
 
 @part
@@ -471,8 +471,8 @@ def relax(rows, const, vectors, given):
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
             j = v_of(rows, k)
-            const[k, at.ARMATURE] = vectors[ARMATURE, j]
-            given[j] = vectors[GIVEN, j]
+            const[k, at.ARMATURE] = vectors[OWN_ARMATURE, j]
+            given[j] = vectors[OWN_GIVEN, j]
 
 
 @part

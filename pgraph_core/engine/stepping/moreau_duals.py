@@ -54,6 +54,7 @@ from ..contact.placing import place
 from ..contact.slopes import impulses_of_duals
 from ..contact.sweeps import own_block
 from ..motion import call_acceleration, opened
+from ..records import columns
 from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
 from ..vec import xyz
@@ -77,10 +78,17 @@ from .unilateral import push_out, span_reaches
 BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
 # entries of END: when a part begins, of which only the derivatives count, how wide it is, and what
 # was left of the step when the path to an impact was looked for
-BEGUN, TAKEN, LEFT, KEPT = 0, 1, 2, 3
-START, HERE = at.WEIGHT, at.STAGE  # rows: the state there, and the one that waits meanwhile
+TIMES = columns("begun", "taken", "left", "kept")
+PART_START, HERE = at.WEIGHT, at.STAGE  # rows: the state there, and the one that waits meanwhile
 SHIFT = step_of_differences(2)  # part of a step over which forces are differenced in time
-NO_SLOPE, TOGETHER, HIT, ASIDE, LOOSE, PARTED = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0  # why derivatives end
+NO_SLOPE, TOGETHER, HIT_TWICE, ASIDE, LOOSE, PARTED = (
+    1.0,
+    2.0,
+    3.0,
+    4.0,
+    5.0,
+    6.0,
+)  # why derivatives end
 
 
 @kernel(i8(of_duals, f8, i8), nogil=True, later=True)
@@ -119,10 +127,10 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
     scene, stages = data.scene, data.stages
     if first == 0:
         copied(stages, at.CANDIDATE, at.Y_OLD, stages.shape[1])
-        stages[at.FROM, 0] = stages[at.END, TAKEN]
+        stages[at.FROM, 0] = stages[at.END, TIMES.taken]
         copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
-        stages[at.END, BEGUN] = 0.0
-        parted(stages[at.END])[LEFT, 0] = 0.0
+        stages[at.END, TIMES.begun] = 0.0
+        parted(stages[at.END])[TIMES.left, 0] = 0.0
         return
     moves = end_moves(numbers)
     t, late = opened_run(numbers).control[0].time + done, w < h or moves > 0.0
@@ -132,14 +140,14 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
         take_values(run, numbers, at.CANDIDATE, at.TRIAL)
         if w == 0.0:
             locate_impact(run, numbers, carried, (done, h), first)
-        elif parted(stages[at.END])[LEFT, 0] > 0.0:
+        elif parted(stages[at.END])[TIMES.left, 0] > 0.0:
             locate_end(run, numbers, (done, h))
         begin_part(run, done, h, w, moves)
         if w > 0.0 and done == 0.0 and opened_run(numbers).counters[0].steps == 0:
             end_where_parted(run, numbers, carried, first)
         copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
         move_freely(run, t, h, w, late)
-    width = stages[at.END, TAKEN]
+    width = stages[at.END, TIMES.taken]
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     vdot, before = stages[at.SLOPE, nq : nq + nv], stages[at.TRIAL, nq : nq + nv]
@@ -185,7 +193,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
         for j in range(first, own.blocks.active[0] + 1):
             own_block(space.y, space.slots, space.vectors[DINV], own.blocks.active[j], space.own)
         push_out(scene, first, h, q)
-    stages[at.END, BEGUN] = stages[at.END, BEGUN] + width
+    stages[at.END, TIMES.begun] = stages[at.END, TIMES.begun] + width
     cease(carried, stages[at.CANDIDATE])
 
 
@@ -201,7 +209,7 @@ def begin_part(run, done, h, w, moves):
     which has the derivatives `moves`.
     """
     stages = opened_run(run).stages
-    begun, taken = parted(stages[at.END])[BEGUN], parted(stages[at.END])[TAKEN]
+    begun, taken = parted(stages[at.END])[TIMES.begun], parted(stages[at.END])[TIMES.taken]
     if w > 0.0:
         state = parted(stages[at.CANDIDATE])
         for i in range(stages.shape[1]):
@@ -213,11 +221,11 @@ def begin_part(run, done, h, w, moves):
     taken[0] = w
     taken[BY_WIDTH] = 1.0 if w > 0.0 and not last else 0.0
     if w > 0.0:
-        left = parted(stages[at.END])[LEFT]
+        left = parted(stages[at.END])[TIMES.left]
         left[0] = 0.0 if last else h - done
         for k in range(1, BY_WIDTH):
             left[k] = moves - begun[k]
-        copied(stages, at.CANDIDATE, START, stages.shape[1])
+        copied(stages, at.CANDIDATE, PART_START, stages.shape[1])
 
 
 @sweep
@@ -227,7 +235,7 @@ def move_freely(run, t, h, w, moves):
     scene, stages = data.scene, data.stages
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
-    own, width = opened(scene), stages[at.END, TAKEN]
+    own, width = opened(scene), stages[at.END, TIMES.taken]
     active = own.blocks.active
     count = active[0]
     active[0] = 0
@@ -243,7 +251,7 @@ def move_freely(run, t, h, w, moves):
 def move_again(run, t, w, moves):
     """Compute v' and the power again at the mean velocity of the first pass."""
     data = opened_run(run)
-    stages, own, width = data.stages, opened(data.scene), data.stages[at.END, TAKEN]
+    stages, own, width = data.stages, opened(data.scene), data.stages[at.END, TIMES.taken]
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     tau, vdot, active = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv], own.blocks.active
@@ -262,9 +270,9 @@ def end_later(run, w, moves):
     data = opened_run(run)
     stages, flow = data.stages, data.flow
     nq, nv = size_of_state(run)
-    vdot, width = stages[at.SLOPE, nq : nq + nv], stages[at.END, TAKEN]
+    vdot, width = stages[at.SLOPE, nq : nq + nv], stages[at.END, TIMES.taken]
     if moves and w > 0.0:
-        late = revalued(stages[at.END, BEGUN] + 0.5 * width, 0.0)
+        late = revalued(stages[at.END, TIMES.begun] + 0.5 * width, 0.0)
         for j in range(nv):
             vdot[j] += stages[at.FROM, nq + j] * late
         flow[0] += stages[at.FROM, nq + nv] * late
@@ -276,7 +284,7 @@ def end_later(run, w, moves):
 def accelerate(run, t):
     """Compute v' and the power of CANDIDATE at time t, with drives as inertia."""
     data = opened_run(run)
-    stages, width = data.stages, data.stages[at.END, TAKEN]
+    stages, width = data.stages, data.stages[at.END, TIMES.taken]
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     tau, vdot = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv]
@@ -368,7 +376,7 @@ def follow_width(run, t, h, m):
     data = opened_run(run)
     own, stages = opened(data.scene), data.stages
     vectors, nv = own.space.vectors, data.control[0].nv
-    end = revalued(stages[at.END, BEGUN] + stages[at.END, TAKEN], 0.0)
+    end = revalued(stages[at.END, TIMES.begun] + stages[at.END, TIMES.taken], 0.0)
     for sign in (-1.0, 1.0):
         row = vectors[CHANGE] if sign < 0.0 else vectors[OTHER]
         moment = t + sign * SHIFT * h
@@ -476,8 +484,8 @@ def locate_impact(run, numbers, carried, place, first):
             chief, fastest = active[j], closing
     if chief < 0:
         return
-    if not parted(stages[at.END])[LEFT, 0] > 0.0:  # no part has ended here
-        end_derivatives(carried, opened_run(numbers).control[0].time + place[0], HIT)
+    if not parted(stages[at.END])[TIMES.left, 0] > 0.0:  # no part has ended here
+        end_derivatives(carried, opened_run(numbers).control[0].time + place[0], HIT_TWICE)
         return
     follow_path(run, numbers, place)
     q = stages[at.CANDIDATE, : data.control[0].nq]
@@ -557,18 +565,18 @@ def arrive(run):
     data = opened_run(run)
     stages, gap = data.stages, parted(opened(data.scene).space.vectors[OTHER])
     copied(stages, HERE, at.CANDIDATE, stages.shape[1])
-    stages[at.END, BEGUN] = stages[at.END, KEPT]
-    stages[at.END, TAKEN] = 0.0
+    stages[at.END, TIMES.begun] = stages[at.END, TIMES.kept]
+    stages[at.END, TIMES.taken] = 0.0
     state, times = parted(stages[at.CANDIDATE]), parted(stages[at.END])
     for k in range(1, BY_WIDTH):
         later = -gap[0, k] / gap[0, BY_WIDTH]
         for i in range(stages.shape[1]):
             state[i, k] += state[i, BY_WIDTH] * later
-        times[BEGUN, k] += times[BEGUN, BY_WIDTH] * later
+        times[TIMES.begun, k] += times[TIMES.begun, BY_WIDTH] * later
     for i in range(stages.shape[1]):
         state[i, BY_WIDTH] = 0.0
-    times[BEGUN, BY_WIDTH] = 0.0
-    times[LEFT, 0] = 0.0
+    times[TIMES.begun, BY_WIDTH] = 0.0
+    times[TIMES.left, 0] = 0.0
 
 
 @sweep
@@ -578,24 +586,24 @@ def follow_path(run, numbers, place):
     scene, stages = data.scene, data.stages
     nq, nv = size_of_state(run)
     done, h = place
-    left = parted(stages[at.END])[LEFT, 0]
+    left = parted(stages[at.END])[TIMES.left, 0]
     copied(stages, at.CANDIDATE, HERE, stages.shape[1])
-    copied(stages, START, at.CANDIDATE, stages.shape[1])
-    copied(stages, START, at.TRIAL, stages.shape[1])
-    stages[at.END, KEPT] = stages[at.END, BEGUN]
-    stages[at.END, BEGUN] = -stages[at.END, LEFT]
-    moves, begun = end_moves(numbers), parted(stages[at.END])[BEGUN]
+    copied(stages, PART_START, at.CANDIDATE, stages.shape[1])
+    copied(stages, PART_START, at.TRIAL, stages.shape[1])
+    stages[at.END, TIMES.kept] = stages[at.END, TIMES.begun]
+    stages[at.END, TIMES.begun] = -stages[at.END, TIMES.left]
+    moves, begun = end_moves(numbers), parted(stages[at.END])[TIMES.begun]
     for k in range(1, BY_WIDTH):
         begun[k] += moves
-    stages[at.END, TAKEN] = stages[at.END, LEFT]
+    stages[at.END, TIMES.taken] = stages[at.END, TIMES.left]
     move_freely(
         run, opened_run(numbers).control[0].time + (h - left), h, left, left < h or moves > 0.0
     )
     relax(opened(scene).rows, opened(scene).const, opened(scene).space.vectors, opened(scene).given)
-    copied(stages, START, at.CANDIDATE, stages.shape[1])
-    stages[at.END, TAKEN] = done - (h - left)
-    parted(stages[at.END])[TAKEN, BY_WIDTH] = 1.0
-    own, time = opened(scene), stages[at.END, TAKEN]
+    copied(stages, PART_START, at.CANDIDATE, stages.shape[1])
+    stages[at.END, TIMES.taken] = done - (h - left)
+    parted(stages[at.END])[TIMES.taken, BY_WIDTH] = 1.0
+    own, time = opened(scene), stages[at.END, TIMES.taken]
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     speed = own.space.vectors[STEP, :nv]
     for j in range(nv):
@@ -631,11 +639,11 @@ def cease(carried, state):
 def moreau_jean_of_duals(run, numbers):
     """Complete a step after repeating all sub-steps.
 
-    The derivatives of START become how much more those of the repetition before are.
+    The derivatives of PART_START become how much more those of the repetition before are.
     """
     stages = opened_run(run).stages
     start, end, moved = (
-        parted(stages[START]),
+        parted(stages[PART_START]),
         parted(stages[at.CANDIDATE]),
         parted(stages[at.Y_OLD]),
     )

@@ -13,7 +13,7 @@ from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import I1, i8, plain, void
 from ..motion import call_record, call_settle, opened
-from ..records import CHOSEN, FROZEN, GIVEN, NEAR, REACHED
+from ..records import CHOSEN, CONTACT_AHEAD, FROZEN, GIVEN, REACHED
 from ..rows import v_of
 from ..signals import take_samples
 from ..tree.moving import normalise_all
@@ -21,14 +21,7 @@ from ..vec import finite
 from .crossings import within_ranges
 from .explicit import dense_output, last_stage, turn_spins
 from .measured import HOLDING, average, contacts_at, hold_touches, measure, measures
-from .state import (
-    NOT_SOLVED,
-    acceleration_of,
-    call_step,
-    copied,
-    onto_constraints,
-    size_of_state,
-)
+from .state import UNSOLVED, acceleration_of, call_step, copied, onto_constraints, size_of_state
 from .widths import (
     first_width,
     given_start,
@@ -78,7 +71,7 @@ def advance_run(run, budget):
             else:
                 code = at.NOT_FINITE
         elif control.fired != 0:
-            found = at.NEAR if control.fired == NEAR else at.EVENT
+            found = at.NEAR if control.fired == CONTACT_AHEAD else at.EVENT
             control.fired = 0
             return found
         elif counters.steps + counters.rejected_steps >= control.most:
@@ -120,7 +113,7 @@ def step_once(run):
     cornered = data.corners.shape[0] > 0 or control.edges > 0
     if good and error > 1.0 and control.widths == CHOSEN and cornered:
         error = 1.0 if error <= blurred(run, h) else error
-    if error == NOT_SOLVED and control.widths == GIVEN:
+    if error == UNSOLVED and control.widths == GIVEN:
         h, error = halved(run, h)
         good, end, corner = error >= 0.0 and error < math.inf, control.time + h, False
     if not good or (error > 1.0 and control.widths == CHOSEN):
@@ -167,8 +160,8 @@ def halved(run, h):
     """Halve a given step until its equations are solved. Return the width and the error of the
     step."""
     data = opened_run(run)
-    control, error = data.control[0], float(NOT_SOLVED)
-    while error == NOT_SOLVED and 0.5 * h > nearby(control.time + control.widest):
+    control, error = data.control[0], float(UNSOLVED)
+    while error == UNSOLVED and 0.5 * h > nearby(control.time + control.widest):
         data.counters[0].rejected_steps += 1
         h *= 0.5
         error = call_step(data.links.step, (run, h))

@@ -16,12 +16,12 @@ from ..tree.moving import rate
 from ..vec import finite
 
 # run, h: a step of width h from Y into CANDIDATE; its error over the tolerance, 0 without one,
-# infinite where the state is not finite, NOT_SOLVED where equations were not solved, NOT_MET where
+# infinite where the state is not finite, UNSOLVED where equations were not solved, NOT_MET where
 # no velocities satisfy constraints, limits and contacts
 STEP = f8(i8, f8)
 call_step = caller(STEP)
 
-NOT_SOLVED = -math.inf
+UNSOLVED = -math.inf
 NOT_MET = -1.0
 STEP_ROUNDS = 10  # limit on projections per step, of which one usually suffices
 

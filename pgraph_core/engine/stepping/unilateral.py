@@ -4,7 +4,7 @@ import math
 
 from ...tolerances import NOTABLE, TOUCHING
 from .. import layout as at
-from ..arrays import DINV, LAMBDA, STEP, TRIAL
+from ..arrays import DINV, LAMBDA, SPEED_TRIAL, STEP
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
     ends_of,
@@ -47,10 +47,10 @@ from ..vec import dot, sub, xyz
 
 RECOVER = 0.2  # part of deeper penetration that a step removes
 PUSH_SWEEPS = 30
-ENOUGH = 1e-3  # share of the penetration to remove below which a sweep is the last
+OPENED = 1e-3  # share of the penetration to remove below which a sweep is the last
 DRIFT = 50.0  # largest drift of a loaded contact whose gap is closed, in tolerated depths
-ASK, CUT, REST = 0, 1, 2  # a part: whether something hits in it, until it does, what is left
-WEIGHT = 0.1  # penetration tolerance as a fraction of g h^2
+ASK, CUT, REMAINDER = 0, 1, 2  # a part: whether something hits in it, until it does, what is left
+SINKING = 0.1  # penetration tolerance as a fraction of g h^2
 
 
 @sweep
@@ -78,7 +78,7 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
             continue
         if look and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
             return True
-        if limit_reaches(blocks, i, h, w, left, mode == REST, q, v, vdot):
+        if limit_reaches(blocks, i, h, w, left, mode == REMAINDER, q, v, vdot):
             append(active, i)
     if laws.shape[0] == 0:
         return False
@@ -88,7 +88,7 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
     if look and fast:
         return True
     first = tally.first_contact
-    closed = max(closed, DRIFT * max(DEPTH * tally.length, WEIGHT * tally.pull * h * h))
+    closed = max(closed, DRIFT * max(DEPTH * tally.length, SINKING * tally.pull * h * h))
     tally.margin = max(closed, margin) if look else closed
     count = touching(scene, tally.margin, 1)
     for n in range(count):
@@ -166,7 +166,7 @@ def add_passed(scene, first, w, q, v, vdot):
     active, tally = blocks.active, contacts_at(data.links.contacts).tally[0]
     if tally.limits == 0:
         return False
-    change = space.vectors[TRIAL]
+    change = space.vectors[SPEED_TRIAL]
     for j in range(v.shape[0]):
         change[j] = space.vectors[STEP, j]
     spread(data.rows, data.const, work, change)
@@ -252,7 +252,7 @@ def carried(contacts, n):
 def tolerated(contacts, n, h):
     """Compute the depth of contact point n that is tolerated [m]."""
     size = smaller_size(contacts, contacts.found[n].shape_a, contacts.found[n].shape_b)
-    return max(DEPTH * size, WEIGHT * contacts.tally[0].pull * h * h)
+    return max(DEPTH * size, SINKING * contacts.tally[0].pull * h * h)
 
 
 @sweep
@@ -310,7 +310,7 @@ def depth_to_remove(scene, n, h):
 
 @sweep
 def separate(scene, n, way):
-    """Add the motion that opens the gaps in AIM of island n to STEP, with an accuracy of ENOUGH
+    """Add the motion that opens the gaps in AIM of island n to STEP, with an accuracy of OPENED
     times `way` [m]."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
@@ -337,7 +337,7 @@ def separate(scene, n, way):
                 z[k] += dinv[k] * y[i, 3 * s] * (new - lam[r])
             moved = max(moved, abs(new - lam[r]) * own[i, 0])
             lam[r] = new
-        if not moved > ENOUGH * way:
+        if not moved > OPENED * way:
             break
 
 

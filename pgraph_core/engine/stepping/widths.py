@@ -19,10 +19,10 @@ from ..records import CHOSEN, GIVEN
 from ..rows import BALL, FREE, OWN, TRANSLATE, kind_of, q_of, v_of
 from ..signals import next_sample
 from ..vec import finite
-from .state import NOT_MET, NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
+from .state import NOT_MET, UNSOLVED, acceleration_of, copied, rate_of, size_of_state
 
 GOLDEN = (3 - math.sqrt(5)) / 2  # fraction of the golden section
-LEAST = sys.float_info.min / EPS  # smaller numbers have fewer digits
+FULL_DIGITS = sys.float_info.min / EPS  # smaller numbers have fewer digits
 
 
 @sweep
@@ -99,7 +99,7 @@ def weigh(rows, size, stages, control):
 @part
 def inverse(x):
     """Return 1/x, or 0 for a coordinate without scale, which has not moved by what has digits."""
-    return 1.0 / x if x > LEAST else 0.0
+    return 1.0 / x if x > FULL_DIGITS else 0.0
 
 
 @sweep
@@ -358,7 +358,7 @@ def refuse(run, error, h):
         control.broken = 0
         widen(control, data.method[0], error, h)
     else:
-        control.broken = 2 if error == NOT_SOLVED else 1
+        control.broken = 2 if error == UNSOLVED else 1
         control.width = 0.25 * h
     floor = max(16.0 * EPS * control.time, 1e-18 * control.span)
     if control.widths == CHOSEN and control.width > floor:

@@ -4,7 +4,7 @@ import math
 
 from ..compiler.jit import kernel, part
 from ..compiler.kinds import F1, F2, F3, array_of, read, void
-from ..records import INTEGER, REAL, record
+from ..records import INTEGER, REAL, columns, record
 from ..vec import (
     add,
     add_cross,
@@ -21,9 +21,10 @@ from ..vec import (
     xyz,
 )
 
-Q, V, POSITION, ROTATION, VELOCITY, SPIN, VELOCIMETER, GYRO, ACCELEROMETER, FORCE, TORQUE = range(
-    11
-)
+SENSED = columns(
+    "q", "v", "position", "rotation", "velocity", "spin", "velocimeter", "gyro", "accelerometer",
+    "force", "torque",
+)  # fmt: skip
 
 SENSOR = record(
     kind=INTEGER,  # one of the above
@@ -73,11 +74,11 @@ def read_sensors(sensors, gravity, q, v, pose, velocity, acceleration, force, ou
     for i in range(out.shape[0]):
         for sensor in sensors:
             first, kind, b = sensor.first, sensor.kind, sensor.body - 1
-            if kind == Q:
+            if kind == SENSED.q:
                 out[i, first] = q[i, sensor.entry]
-            elif kind == V:
+            elif kind == SENSED.v:
                 out[i, first] = v[i, sensor.entry]
-            elif kind == ROTATION:
+            elif kind == SENSED.rotation:
                 turn = (1.0, 0.0, 0.0, 0.0)
                 if b >= 0:
                     turn = (pose[i, b, 3], pose[i, b, 4], pose[i, b, 5], pose[i, b, 6])
@@ -115,20 +116,20 @@ def of_frame(sensor, gravity, b, pose, velocity, acceleration, force):
         torque, push = load(force, b, 0), load(force, b, 3)
     kind, arm, own = sensor.kind, mul(turn, xyz(sensor.point)), sensor.turn
     speed = add_cross(speed, omega, arm)
-    if kind == POSITION:
+    if kind == SENSED.position:
         return add(place, arm)
-    if kind == VELOCITY:
+    if kind == SENSED.velocity:
         return speed
-    if kind == SPIN:
+    if kind == SENSED.spin:
         return omega
     own_axes = mat_mul(turn, quaternion_matrix(own[0], own[1], own[2], own[3]))
-    if kind == VELOCIMETER:
+    if kind == SENSED.velocimeter:
         return mul_t(own_axes, speed)
-    if kind == GYRO:
+    if kind == SENSED.gyro:
         return mul_t(own_axes, omega)
-    if kind == ACCELEROMETER:
+    if kind == SENSED.accelerometer:
         felt = add(add_cross(linear, alpha, arm), cross(omega, cross(omega, arm)))
         return mul_t(own_axes, sub(felt, load3(gravity, 0)))
-    if kind == FORCE:
+    if kind == SENSED.force:
         return mul_t(own_axes, push)
     return mul_t(own_axes, add_cross(torque, scale(-1.0, arm), push))

@@ -17,6 +17,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, I1, I2, i8, named, plain, void
 from ..layout import FREE
 from ..linear import restore6
+from ..records import columns
 from ..rows import (
     TRANSLATE,
     armature_of,
@@ -56,12 +57,11 @@ from .dynamics import motion, outer_freedoms
 from .kinematics import outboard, positions
 
 # columns of `bodies`: what a row and all that it carries sum up to, and its own motion
-MASS, CENTRE, INERTIA, MOMENTUM, SPINNING, FORCE = 0, 1, 4, 10, 13, 22
-VELOCITY, ACCELERATION = 28, 34
-BODY = 40
+MOTION_SUM = columns(
+    mass=1, centre=3, inertia=6, momentum=3, spinning=9, force=6, velocity=6, acceleration=6
+)
 # columns of `freedoms`: S, ψ, S″, and ψ + S′, which speeds carry
-AXIS, PSI, SECOND, BOTH = 0, 6, 12, 18
-FREEDOM = 24
+FREEDOM = columns(axis=6, psi=6, second=6, both=6)
 
 
 class Slopes(NamedTuple):
@@ -71,8 +71,8 @@ class Slopes(NamedTuple):
     const: Any
     work: Any
     passive: Any  # (nv, 2 nv) slopes of what is in τ of q and v, or empty
-    bodies: Any  # (rows, BODY)
-    freedoms: Any  # (nv, FREEDOM)
+    bodies: Any  # (rows, MOTION_SUM.total)
+    freedoms: Any  # (nv, FREEDOM.total)
     outer: Any  # (2, nv) the freedom towards the root, and the end of the carried ones
     factor: Any  # (nv + 1, nv) M = Lᵀ D L, with v' as the last row
 
@@ -129,23 +129,25 @@ def power(x, f):
 @part
 def inertial(bodies, k, x):
     """Return I x for a row and its subtree, [J α + c × a, m a - c × α] with c = m centre."""
-    c = load(bodies, k, CENTRE)
-    angular = add(sym_mul(load6(bodies, k, INERTIA), x[0]), cross(c, x[1]))
-    return angular, sub(scale(bodies[k, MASS], x[1]), cross(c, x[0]))
+    c = load(bodies, k, MOTION_SUM.centre)
+    angular = add(sym_mul(load6(bodies, k, MOTION_SUM.inertia), x[0]), cross(c, x[1]))
+    return angular, sub(scale(bodies[k, MOTION_SUM.mass], x[1]), cross(c, x[0]))
 
 
 @part
 def swept(bodies, k, x):
     """Return B x for a row and its subtree, [K ω, -2 p × ω] with the linear momentum p."""
-    linear = scale(-2.0, cross(load(bodies, k, MOMENTUM), x[0]))
-    return mul(load9(bodies, k, SPINNING), x[0]), linear
+    linear = scale(-2.0, cross(load(bodies, k, MOTION_SUM.momentum), x[0]))
+    return mul(load9(bodies, k, MOTION_SUM.spinning), x[0]), linear
 
 
 @part
 def swept_back(bodies, k, x):
     """Return the angular part of Bᵀ x, whose linear part is zero."""
     return add_scaled(
-        mul_t(load9(bodies, k, SPINNING), x[0]), 2.0, cross(load(bodies, k, MOMENTUM), x[1])
+        mul_t(load9(bodies, k, MOTION_SUM.spinning), x[0]),
+        2.0,
+        cross(load(bodies, k, MOTION_SUM.momentum), x[1]),
     )
 
 
@@ -170,14 +172,14 @@ def spinning(w, u, j, c):
 def set_freedoms(rows, const, work, v, vdot, bodies, freedoms):
     """Compute the motion vectors of all rows and degrees of freedom, after `positions`."""
     none = (0.0, 0.0, 0.0)
-    store66(bodies, 0, VELOCITY, (none, none))
-    store66(bodies, 0, ACCELERATION, (none, scale(-1.0, gravity_of(const))))
+    store66(bodies, 0, MOTION_SUM.velocity, (none, none))
+    store66(bodies, 0, MOTION_SUM.acceleration, (none, scale(-1.0, gravity_of(const))))
     here = origin_of(work, 1)
     for k in range(1, rows.shape[0]):
         p, first, size = parent_of(rows, k), v_of(rows, k), nv_of(kind_of(rows, k))
         at = sub(origin_of(work, k), here)
-        carrier = load66(bodies, p, VELOCITY)
-        rate = load66(bodies, p, ACCELERATION)
+        carrier = load66(bodies, p, MOTION_SUM.velocity)
+        rate = load66(bodies, p, MOTION_SUM.acceleration)
         done = size
         while done > 0:  # the slide of a free motion, then its turn
             begin = 3 if done == 6 else 0
@@ -190,20 +192,25 @@ def set_freedoms(rows, const, work, v, vdot, bodies, freedoms):
                 velocity = plus(velocity, times(v[first + c], s))
                 acceleration = plus(acceleration, times(vdot[first + c], s))
                 acceleration = plus(acceleration, times(v[first + c], swung))
-                store66(freedoms, first + c, AXIS, s)
-                store66(freedoms, first + c, BOTH, swung)
+                store66(freedoms, first + c, FREEDOM.axis, s)
+                store66(freedoms, first + c, FREEDOM.both, swung)
             for c in range(begin, done):
-                s = load66(freedoms, first + c, AXIS)
+                s = load66(freedoms, first + c, FREEDOM.axis)
                 psi = moved(velocity, s)
                 second = plus(moved(acceleration, s), moved(velocity, psi))
-                store66(freedoms, first + c, PSI, psi)
-                store66(freedoms, first + c, SECOND, second)
-                store66(freedoms, first + c, BOTH, plus(psi, load66(freedoms, first + c, BOTH)))
+                store66(freedoms, first + c, FREEDOM.psi, psi)
+                store66(freedoms, first + c, FREEDOM.second, second)
+                store66(
+                    freedoms,
+                    first + c,
+                    FREEDOM.both,
+                    plus(psi, load66(freedoms, first + c, FREEDOM.both)),
+                )
             carrier = velocity
             rate = acceleration
             done = begin
-        store66(bodies, k, VELOCITY, carrier)
-        store66(bodies, k, ACCELERATION, rate)
+        store66(bodies, k, MOTION_SUM.velocity, carrier)
+        store66(bodies, k, MOTION_SUM.acceleration, rate)
 
 
 @sweep
@@ -216,20 +223,20 @@ def set_sums(rows, const, work, bodies):
         centre = add(sub(origin_of(work, k), here), mul(r, com))
         inertia = about_origin(rotate_sym(r, central), m, centre)
         c = scale(m, centre)
-        bodies[k, MASS] = m
-        store(bodies, k, CENTRE, c)
-        store(bodies, k, INERTIA, inertia[:3])
-        store(bodies, k, INERTIA + 3, inertia[3:])
-        velocity = load66(bodies, k, VELOCITY)
+        bodies[k, MOTION_SUM.mass] = m
+        store(bodies, k, MOTION_SUM.centre, c)
+        store(bodies, k, MOTION_SUM.inertia, inertia[:3])
+        store(bodies, k, MOTION_SUM.inertia + 3, inertia[3:])
+        velocity = load66(bodies, k, MOTION_SUM.velocity)
         momentum = inertial(bodies, k, velocity)
-        force = inertial(bodies, k, load66(bodies, k, ACCELERATION))
-        store(bodies, k, MOMENTUM, momentum[1])
-        store9(bodies, k, SPINNING, spinning(velocity[0], velocity[1], inertia, c))
-        store66(bodies, k, FORCE, plus(force, pushed(velocity, momentum)))
+        force = inertial(bodies, k, load66(bodies, k, MOTION_SUM.acceleration))
+        store(bodies, k, MOTION_SUM.momentum, momentum[1])
+        store9(bodies, k, MOTION_SUM.spinning, spinning(velocity[0], velocity[1], inertia, c))
+        store66(bodies, k, MOTION_SUM.force, plus(force, pushed(velocity, momentum)))
     for k in range(rows.shape[0] - 1, 0, -1):
         p = parent_of(rows, k)
         if p > 0:
-            for n in range(VELOCITY):
+            for n in range(MOTION_SUM.velocity):
                 bodies[p, n] += bodies[k, n]
 
 
@@ -245,29 +252,29 @@ def set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes):
     set_sums(rows, const, work, bodies)
     for k in range(1, rows.shape[0]):
         kind, first = kind_of(rows, k), v_of(rows, k)
-        carried = load66(bodies, k, FORCE)
+        carried = load66(bodies, k, MOTION_SUM.force)
         for j in range(first, first + nv_of(kind)):
-            s = load66(freedoms, j, AXIS)
-            felt = swept(bodies, k, load66(freedoms, j, PSI))
-            felt = plus(felt, inertial(bodies, k, load66(freedoms, j, SECOND)))
+            s = load66(freedoms, j, FREEDOM.axis)
+            felt = swept(bodies, k, load66(freedoms, j, FREEDOM.psi))
+            felt = plus(felt, inertial(bodies, k, load66(freedoms, j, FREEDOM.second)))
             turned = plus(felt, pushed(s, carried))
             by_speed = swept(bodies, k, s)
-            by_speed = plus(by_speed, inertial(bodies, k, load66(freedoms, j, BOTH)))
+            by_speed = plus(by_speed, inertial(bodies, k, load66(freedoms, j, FREEDOM.both)))
             slides = kind == FREE and j >= first + 3
             for i in range(first, first + nv_of(kind)):
-                own = load66(freedoms, i, AXIS)
+                own = load66(freedoms, i, FREEDOM.axis)
                 slopes[i, j] = power(own, felt if slides and i < first + 3 else turned)
                 slopes[i, n + j] = power(own, by_speed)
             mine = inertial(bodies, k, s)
             back = swept_back(bodies, k, s)
             i = outer[first]
             while i >= 0:
-                own = load66(freedoms, i, AXIS)
+                own = load66(freedoms, i, FREEDOM.axis)
                 slopes[i, j] = power(own, turned)
                 slopes[i, n + j] = power(own, by_speed)
-                psi = load(freedoms, i, PSI)
-                slopes[j, i] = power(load66(freedoms, i, SECOND), mine) + dot(psi, back)
-                both = load66(freedoms, i, BOTH)
+                psi = load(freedoms, i, FREEDOM.psi)
+                slopes[j, i] = power(load66(freedoms, i, FREEDOM.second), mine) + dot(psi, back)
+                both = load66(freedoms, i, FREEDOM.both)
                 slopes[j, n + i] = power(both, mine) + dot(own[0], back)
                 i = outer[i]
 
@@ -302,9 +309,9 @@ def set_factor(rows, const, work, freedoms, m):
         for c in range(nv_of(kind)):
             h = motion(rows, const, work, k, c)
             u = add(sym_mul(j, h[0]), mul(b, h[1])), add(mul_t(b, h[0]), sym_mul(mass, h[1]))
-            store66(freedoms, first + c, AXIS, u)
+            store66(freedoms, first + c, FREEDOM.axis, u)
         for c in range(nv_of(kind) - 1, -1, -1):
-            u = load66(freedoms, first + c, AXIS)
+            u = load66(freedoms, first + c, FREEDOM.axis)
             pivot = power(motion(rows, const, work, k, c), u)
             if kind <= TRANSLATE:
                 pivot += armature_of(const, k)
@@ -313,8 +320,8 @@ def set_factor(rows, const, work, freedoms, m):
             for d in range(c):  # reduces the inertia of the other freedoms of the row
                 a = power(motion(rows, const, work, k, d), u)
                 m[first + c, first + d] = a
-                left = plus(load66(freedoms, first + d, AXIS), times(-a * pivot, u))
-                store66(freedoms, first + d, AXIS, left)
+                left = plus(load66(freedoms, first + d, FREEDOM.axis), times(-a * pivot, u))
+                store66(freedoms, first + d, FREEDOM.axis, left)
             moment, force = u
             p = k
             while True:

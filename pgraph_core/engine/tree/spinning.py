@@ -17,6 +17,7 @@ from ...tolerances import EPS, LONGEST_STEP, TINY, VISIBLE
 from ..compiler.elementary import sine_cosine
 from ..compiler.jit import part, sweep
 from ..linear import factor3, solve3
+from ..records import columns
 from ..rows import (
     BALL,
     FREE,
@@ -66,9 +67,10 @@ SEARCHES = 20
 # rows of scratch: the tree of every row, whether it gyrates, velocities at the middle, by how much
 # they are missed, what does not change of them, C', C' at another place, that place, the
 # correction, then directions and what each does
-TREE, FAST, MIDDLE, MISS, FIXED, BIAS, OTHER, SHIFTED, CORRECTION, WAYS = range(10)
-EFFECTS = WAYS + DIRECTIONS
-GYRE_ROWS = EFFECTS + DIRECTIONS
+SPIN = columns(
+    "tree", "fast", "middle", "miss", "fixed", "bias", "other", "shifted", "correction",
+    ways=DIRECTIONS, effects=DIRECTIONS,
+)  # fmt: skip
 
 
 @sweep
@@ -113,7 +115,7 @@ def keep_spinning(rows, const, work, v, mean, kick, h, free, vdot):
 @sweep
 def find_gyrating(rows, work, h, scratch):
     """Mark trees of several rows with large rotations in a step. Returns whether there are any."""
-    tree, fast = scratch[TREE], scratch[FAST]
+    tree, fast = scratch[SPIN.tree], scratch[SPIN.fast]
     found = False
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
@@ -132,7 +134,7 @@ def find_gyrating(rows, work, h, scratch):
 @part
 def gyrates(rows, scratch, k):
     """Check whether row k belongs to a marked tree."""
-    return scratch[FAST, int(scratch[TREE, k - 1])] > 0.0
+    return scratch[SPIN.fast, int(scratch[SPIN.tree, k - 1])] > 0.0
 
 
 @part
@@ -155,13 +157,18 @@ def keep_gyrating(rows, const, work, q, v, mean, kick, h, zero, scratch, vdot):
     """
     if not find_gyrating(rows, work, h, scratch):
         return
-    x, miss, fixed, bias = scratch[MIDDLE], scratch[MISS], scratch[FIXED], scratch[BIAS]
+    x, miss, fixed, bias = (
+        scratch[SPIN.middle],
+        scratch[SPIN.miss],
+        scratch[SPIN.fixed],
+        scratch[SPIN.bias],
+    )
     n = v.shape[0]
     articulated(rows, const, q, mean, zero, work, bias)
     for j in range(n):
         x[j] = v[j] + 0.5 * kick[j]
         miss[j] = 0.0
-        scratch[CORRECTION, j] = 0.0
+        scratch[SPIN.correction, j] = 0.0
     for k in range(1, rows.shape[0]):
         if gyrates(rows, scratch, k):
             for j in range(v_of(rows, k), v_of(rows, k) + nv_of(kind_of(rows, k))):
@@ -190,20 +197,20 @@ def search(rows, const, work, q, h, zero, scratch, n):
 
     Directions are stored such that their effects are orthonormal.
     """
-    x, miss, correction = scratch[MIDDLE], scratch[MISS], scratch[CORRECTION]
+    x, miss, correction = scratch[SPIN.middle], scratch[SPIN.miss], scratch[SPIN.correction]
     for j in range(n):
         correction[j] = 0.0
     least = ENOUGH * product(miss, miss, n)  # the next search squares what is left
     for m in range(DIRECTIONS):
-        way, effect = scratch[WAYS + m], scratch[EFFECTS + m]
+        way, effect = scratch[SPIN.ways + m], scratch[SPIN.effects + m]
         for j in range(n):
             way[j] = miss[j]
         derivative(rows, const, work, q, h, zero, scratch, way, effect, n)
         for i in range(m):
-            share = product(scratch[EFFECTS + i], effect, n)
+            share = product(scratch[SPIN.effects + i], effect, n)
             for j in range(n):
-                effect[j] -= share * scratch[EFFECTS + i, j]
-                way[j] -= share * scratch[WAYS + i, j]
+                effect[j] -= share * scratch[SPIN.effects + i, j]
+                way[j] -= share * scratch[SPIN.ways + i, j]
         size = math.sqrt(product(effect, effect, n))
         if not size > 0.0:
             break
@@ -223,18 +230,18 @@ def search(rows, const, work, q, h, zero, scratch, n):
 @sweep
 def derivative(rows, const, work, q, h, zero, scratch, way, effect, n):
     """Compute the change of x - h/2 C'(x) along a direction, at the midpoint velocities."""
-    place, x = scratch[SHIFTED], scratch[MIDDLE]
+    place, x = scratch[SPIN.shifted], scratch[SPIN.middle]
     for j in range(n):
         place[j] = x[j] + way[j]
         effect[j] = 0.0
-    articulated(rows, const, q, place[:n], zero, work, scratch[BIAS])
+    articulated(rows, const, q, place[:n], zero, work, scratch[SPIN.bias])
     for j in range(n):
         place[j] = x[j] - way[j]
-    articulated(rows, const, q, place[:n], zero, work, scratch[OTHER])
+    articulated(rows, const, q, place[:n], zero, work, scratch[SPIN.other])
     for k in range(1, rows.shape[0]):
         if gyrates(rows, scratch, k):
             for j in range(v_of(rows, k), v_of(rows, k) + nv_of(kind_of(rows, k))):
-                effect[j] = way[j] - 0.25 * h * (scratch[BIAS, j] - scratch[OTHER, j])
+                effect[j] = way[j] - 0.25 * h * (scratch[SPIN.bias, j] - scratch[SPIN.other, j])
 
 
 # -- momentum of trees that float ------------------------------------------------------------------
@@ -248,22 +255,22 @@ def keep_momentum(rows, const, work, q, v, h, scratch, vdot):
     from those at the end. A rigid motion of the whole tree compensates for the difference. The
     rotation is computed by Newton's method, since it also rotates the existing momentum.
     """
-    place, middle = scratch[SHIFTED], scratch[MIDDLE]
+    place, middle = scratch[SPIN.shifted], scratch[SPIN.middle]
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) != FREE or parent_of(rows, k) > 0 or not gyrates(rows, scratch, k):
             continue
-        tree = scratch[TREE, k - 1]
+        tree = scratch[SPIN.tree, k - 1]
         for j in range(v.shape[0]):
             middle[j] = v[j] + 0.5 * h * vdot[j]
         frames(rows, const, work, q, middle)
         positions(rows, work)
         fixed = origin_of(work, k)
         accelerate(rows, const, work, middle, vdot)
-        torque, force = forces_of(rows, const, work, scratch[TREE], tree, fixed)
+        torque, force = forces_of(rows, const, work, scratch[SPIN.tree], tree, fixed)
         for i in range(q.shape[0]):
             place[i] = q[i]
         advance(rows, place[: q.shape[0]], v, -0.5 * h)
-        spin, push, _, _ = momentum_of(rows, const, work, place, v, scratch[TREE], tree, fixed)
+        spin, push, _, _ = momentum_of(rows, const, work, place, v, scratch[SPIN.tree], tree, fixed)
         spin, push = add_scaled(spin, h, torque), add_scaled(push, h, force)
         aim = fixed, spin, push
         for _ in range(NEWTON):
@@ -279,14 +286,14 @@ def correct_momentum(rows, const, work, q, v, h, scratch, vdot, k, aim):
     `aim` is (a fixed point, angular momentum about it, linear momentum).
     """
     fixed, spin, push = aim
-    place, after = scratch[SHIFTED], scratch[CORRECTION]
+    place, after = scratch[SPIN.shifted], scratch[SPIN.correction]
     for j in range(v.shape[0]):
         after[j] = v[j] + h * vdot[j]
     for i in range(q.shape[0]):
         place[i] = q[i]
     advance(rows, place[: q.shape[0]], after, 0.5 * h)
     now, pushed, body, inertia = momentum_of(
-        rows, const, work, place, after, scratch[TREE], scratch[TREE, k - 1], fixed
+        rows, const, work, place, after, scratch[SPIN.tree], scratch[SPIN.tree, k - 1], fixed
     )
     m, mc = body
     c = scale(1.0 / m, mc)

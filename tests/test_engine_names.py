@@ -1,0 +1,46 @@
+"""Names of the engine's constants and of the rows and columns of its memory."""
+
+import ast
+import importlib
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import pgraph_core
+from pgraph_core.engine.records import columns
+
+pytestmark = pytest.mark.quick
+CORE = Path(pgraph_core.__file__).parent
+
+
+def assigned(body: list[ast.stmt]) -> Iterator[str]:
+    """The capitals that the statements of a module bind."""
+    for one in body:
+        targets = one.targets if isinstance(one, ast.Assign) else [getattr(one, "target", one)]
+        if isinstance(one, (ast.Assign, ast.AnnAssign)):
+            names = (x.id for t in targets for x in ast.walk(t) if isinstance(x, ast.Name))
+            yield from (name for name in names if name.isupper())
+
+
+def test_no_constant_of_the_engine_has_two_values():
+    """A name says its number in every file: an index into a table, a limit or a tolerance."""
+    known: dict[str, dict[float, Path]] = defaultdict(dict)
+    for path in sorted((CORE / "engine").rglob("*.py")):
+        name = ".".join(path.relative_to(CORE.parent).with_suffix("").parts)
+        if path.stem == "__main__":
+            continue
+        module = importlib.import_module(name.removesuffix(".__init__"))
+        for constant in assigned(ast.parse(path.read_text(encoding="utf-8")).body):
+            value = getattr(module, constant)
+            if isinstance(value, (int, float)):
+                known[constant][value] = path
+    assert len(known) > 500
+    assert {name: values for name, values in known.items() if len(values) > 1} == {}
+
+
+def test_columns_follow_each_other():
+    table = columns("a", "b", c=3, d=1)
+    assert table == (0, 1, 2, 5, 6)
+    assert (table.a, table.b, table.c, table.d, table.total) == table
