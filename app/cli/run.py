@@ -15,10 +15,10 @@ from pgraph_core.model.files import write_atomic
 
 from .terminal import (
     MODEL,
+    RUN,
     SCENARIO,
     T_END,
     Answer,
-    above_0,
     aligned,
     command,
     count,
@@ -27,24 +27,12 @@ from .terminal import (
     open_model,
     positive,
     progress_bar,
+    settings,
     takes,
     whole,
 )
 
 SHOWN = 12  # rows of a sweep's table that are printed
-RUN = (  # arguments of `simulate`
-    SCENARIO,
-    T_END,
-    takes("--method", help="integration method; default: the scenario's, else auto"),
-    takes("--step", type=positive, metavar="S", help="step [s]"),
-    takes("--rtol", type=above_0(0.1), metavar="R", help="relative tolerance of adaptive steps"),
-)
-
-
-def _options(args: Namespace) -> dict[str, Any]:
-    """Return the given simulation options, except the scenario."""
-    asked = {name: getattr(args, name, None) for name in ("t_end", "method", "step", "rtol")}
-    return {name: value for name, value in asked.items() if value is not None}
 
 
 # -- run -------------------------------------------------------------------------------------------
@@ -67,7 +55,7 @@ def run(args: Namespace) -> Answer:
         pg.Mechanism(model),
         scenario=scenario,
         progress=lambda fraction: bar("running", fraction),
-        **_options(args),
+        **settings(args),
     )
     bar("", 1.0)
     if args.output and args.output.lower().endswith(".html"):
@@ -199,7 +187,7 @@ def sweep(args: Namespace) -> Answer:
         model, dict(args.set), args.metric, first_scenario(model, args.scenario),
         samples=args.samples, n=args.n, seed=args.seed, workers=args.workers,
         scheduler=args.scheduler, out=args.output, resume=args.resume,
-        progress=lambda x: bar("sweep", x), **_options(args),
+        progress=lambda x: bar("sweep", x), **settings(args),
     )  # fmt: skip
     bar("", 1.0)
     columns = table.columns()
@@ -299,7 +287,7 @@ def _drawn(args: Namespace, film: bool) -> Answer:
     elif not film and args.what == "view" and args.at is None and args.scenario is None:
         model.to_image(args.output, **sized, **look)
     else:
-        run = pg.simulate(model, scenario=scenario, **_options(args))
+        run = pg.simulate(model, scenario=scenario, **settings(args))
         if args.what == "plot":
             write_atomic(args.output, pictures.plot(run, args.output, args.columns, **sized))
         elif film:
@@ -325,7 +313,7 @@ def _page(args: Namespace) -> Answer:
     if args.live or args.open:
         result, why = exported(model, scenario, args.open, args.t_end, Path(args.output))
     else:
-        result = pg.simulate(model, scenario=scenario, **_options(args))
+        result = pg.simulate(model, scenario=scenario, **settings(args))
         result.to_html(args.output)
     bar("", 1.0)
     size = Path(args.output).stat().st_size

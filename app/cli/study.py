@@ -20,6 +20,7 @@ from .terminal import (
     MODEL,
     NAMED,
     SCENARIO,
+    T_END,
     Answer,
     Bar,
     aligned,
@@ -32,9 +33,6 @@ from .terminal import (
     progress_bar,
     takes,
 )
-
-T_END = takes("--t-end", type=positive, metavar="S", help="duration [s]")
-
 
 WITHIN = takes("--within", type=positive, metavar="S", help="time for all runs; default: 45 s")
 

@@ -15,14 +15,15 @@ from typing import Any
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.errors import FileError, InputError, Problem, choices, plain
+from pgraph_core.errors import FileError, InputError, ModelError, Problem, choices, plain
+from pgraph_core.fields import about
 from pgraph_core.markup import content_of, reason_of
 from pgraph_core.model.files import mesh_folder
+from pgraph_core.model.settings import Settings
 from pgraph_core.portable import jsonable
 from pgraph_core.study import figures
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
-LONGEST = 1e9  # [s] limit on a run's duration (thirty years), beyond which it does not end
 FREE = "none"  # in place of a scenario
 WIDTH = 30  # characters of the bar
 
@@ -134,21 +135,38 @@ def whole(least: int, most: int | None = None, about: str = "") -> Callable[[str
     return parsed
 
 
-def above_0(most: float | None = None, unit: str = "") -> Callable[[str], float]:
-    """Return a parser of finite numbers > 0, or also of at most `most`."""
+def positive(text: str) -> float:
+    """Parse a finite number > 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < math.inf:
+        raise ArgumentTypeError(f"must be a finite number > 0, got {text!r}")
+    return value
 
-    def parsed(text: str) -> float:
+
+def setting(name: str) -> Takes:
+    """Return the argument for a setting of a run, as its field says."""
+    known = about(Settings.model_fields[name], name)
+
+    def parsed(text: str) -> Any:
         try:
-            value = float(text)
-        except ValueError:
-            value = 0.0
-        if not 0 < value < math.inf:
-            raise ArgumentTypeError(f"must be a finite number > 0, got {text!r}")
-        if most is not None and value > most:
-            raise ArgumentTypeError(f"must be at most {most:g}{unit}, got {text!r}")
-        return value
+            return Settings.read(name, text)
+        except ModelError as error:
+            raise ArgumentTypeError(error.problems[0].text) from None
 
-    return parsed
+    help = known.help + (f" [{known.unit}]" if known.unit else "")
+    flag = f"--{name.replace('_', '-')}"
+    # a name is checked with the model, by the core
+    kind = str if name in Settings.CHOICES else parsed
+    return takes(flag, type=kind, metavar=known.label.upper(), help=help)
+
+
+def settings(args: Namespace) -> dict[str, Any]:
+    """Return the given settings of a run."""
+    given = {name: getattr(args, name, None) for name in Settings.model_fields}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -201,7 +219,7 @@ def command(name: str, help: str, *arguments: Takes) -> Callable[[Any], Any]:
 # -- arguments of several commands -----------------------------------------------------------------
 
 
-count, positive = whole(1, LARGEST), above_0()
+count = whole(1, LARGEST)
 FILES = (
     takes(
         "--root", action="append", default=[], metavar="FOLDER",
@@ -219,7 +237,8 @@ SCENARIO = takes(
     "--scenario", metavar="NAME",
     help=f"default: the model's first one; {FREE}: the model as it is, without a scenario",
 )  # fmt: skip
-T_END = takes("--t-end", type=above_0(LONGEST, " s"), metavar="S", help="duration [s]")
+T_END, *OTHERS = map(setting, Settings.model_fields)
+RUN = (SCENARIO, T_END, *OTHERS)  # arguments of `simulate`
 METHODS = takes("--methods", type=names, metavar="M,M", help="default: all that fit")
 
 

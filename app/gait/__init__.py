@@ -253,7 +253,7 @@ def requested(model: pg.Model, offer: Offer) -> Request:
     """Return the run request for a walk, with a method suited to the contact law of its feet."""
     scenario = model.scenario(offer.scenario)
     _, method, step = LAWS[law(model)]
-    return Request(offer.scenario, scenario.t_end, step, method)
+    return Request(scenario=offer.scenario, t_end=scenario.t_end, step=step, method=method)
 
 
 class SetGait(TypedText):

@@ -246,19 +246,20 @@ class Motion:
         if self._stepper is not None and self._stepped == (self._mech, request):
             return self._stepper.record_over(span, frames, tau=tau)
         known = {s.name for s in self._mech.model.scenarios}
-        scenario = request.scenario if request.scenario in known else None
+        options = request.options
+        if request.scenario not in known:
+            options["scenario"] = None
+        if request.step is not None or request.rtol is None:
+            options["step"] = step
         part = pg.simulate(
             self._mech,
             *self._state,
             t_start=self.time,
             t_end=self.time + span,
-            method=request.method,
-            step=None if request.step is None and request.rtol is not None else step,
-            rtol=request.rtol,
             frames=frames,
-            scenario=scenario,
             tau=tau,
             estimate=False,
+            **options,
         )
         if part.status.ok:
             self._stepper = self._stepper_after(part, step)

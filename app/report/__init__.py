@@ -160,7 +160,8 @@ class UseAdvised(FromPage):
         found = advised(latest(state.report, self.kind))
         if found is None:
             return state
-        asked = replace(state.request, method=found.method, step=found.step, rtol=found.rtol)
+        how = {name: getattr(found, name) for name in ("method", "step", "rtol")}
+        asked = state.request.unchecked_copy(how)
         return replace(state, request=asked)
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import bisect
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.model.scenario import AUTO, METHOD_NAMES
+from pgraph_core.fields import Number, about
+from pgraph_core.model.settings import AUTO, OF, STEP, Settings, settings_of
 from pgraph_core.numbering import children_of
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import Look, extent, looks
@@ -30,21 +31,31 @@ MOMENTS, FEW = 48, 100  # moments of a run, and most bodies, for a view of all c
 FREE_RUN = ""  # the scenario of a run that has none
 
 
-@dataclass(frozen=True)
-class Request:
+class Request(Settings):
     """Settings of a run, either a named scenario with its own settings or a free run with these."""
 
     scenario: str = FREE_RUN
-    t_end: float = 2.0  # [s]
-    step: float | None = 1e-3  # [s] step, None if the method chooses
-    method: str = "auto"
-    rtol: float | None = None
+    t_end: Annotated[Number, OF["t_end"]] = 2.0
+    step: Annotated[Number | None, OF["step"]] = STEP  # None if the method chooses it
+    method: Annotated[str, OF["method"]] = AUTO
+
+    @classmethod
+    def of(cls, scenario: pg.Scenario) -> Self:
+        """Return the request for a scenario with its own settings."""
+        return cls(scenario=scenario.name, **settings_of(scenario))
 
     @property
     def options(self) -> dict[str, Any]:
         """The arguments of `simulate`, except for times."""
         named = None if self.scenario == FREE_RUN else self.scenario
-        return {"scenario": named, "method": self.method, "step": self.step, "rtol": self.rtol}
+        own = {name: x for name, x in settings_of(self).items() if name not in self.TIMES}
+        return {"scenario": named, **own}
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """The arguments of `simulate` for its recorded times, except for the end."""
+        times = {name: getattr(self, name) for name in self.TIMES if name != "t_end"}
+        return {name: x for name, x in times.items() if x is not None}
 
 
 @dataclass(frozen=True)
@@ -192,8 +203,7 @@ def first_request(model: pg.Model) -> Request:
     """Return the initial request: the model's first scenario, or a free run if it has none."""
     if not model.scenarios:
         return Request()
-    s = model.scenarios[0]
-    return Request(s.name, s.t_end, s.step, s.method)
+    return Request.of(model.scenarios[0])
 
 
 @dataclass(frozen=True)
@@ -247,7 +257,7 @@ class State(state.State):
     def followed(self, before: Any, names: Names) -> Self:
         old, new, request = before.model, self.model, self.request
         if all(s.name != request.scenario for s in new.scenarios):
-            request = replace(request, scenario=FREE_RUN)
+            request = request.unchecked_copy({"scenario": FREE_RUN})
         stays = self.live or (before.run is not None and same_motion(old, new))
         at_start = replace(self.playback, time=0.0, playing=False, preview=False)
         return replace(
@@ -399,8 +409,6 @@ def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:
 # -- simulation settings, background runs, live runs and the compiler (pure) -----------------------
 
 
-LONGEST_RUN = 3600.0  # [s]
-LEAST_RTOL, LARGEST_RTOL = 1e-15, 0.1
 MOST_FRAMES = 36_000  # limit on the frames of a live run (ten minutes), older ones are dropped
 TOGETHER, TWICE = 32, 2  # number of parts joined into one, and levels of joining
 MOST_FALLS = 36_000  # and of the changes of feet
@@ -419,44 +427,39 @@ class SetScenario(TypedText):
         name = self.scenario
         scenario = next((s for s in state.model.scenarios if s.name == name), None)
         if scenario is not None:
-            asked = Request(name, scenario.t_end, scenario.step, scenario.method)
-            state = replace(state, request=asked)
+            state = replace(state, request=Request.of(scenario))
         elif name == FREE_RUN:
             state = replace(state, request=Request())
         return state
 
 
 class SetRun(TypedText):
-    """Change the duration, step, tolerance or method."""
+    """Change a setting of the run."""
 
-    field: Literal["t_end", "step", "rtol", "method"]
+    field: Text
     text: Text
 
     def taken(self, state: State) -> State:
-        changed = {self.field: _value(self.field, self.text)}
+        changed = {self.field: typed(state.request, self.field, self.text)}
         if self.field == "method":  # settings of the other kind of method do not apply
             was, now = (method in ADAPTIVE for method in (state.request.method, self.text))
             changed |= {} if was == now else {"step": None}
             changed |= {} if now or self.text == AUTO else {"rtol": None}
-        return replace(state, request=replace(state.request, **changed))
+        return replace(state, request=state.request.unchecked_copy(changed))
 
 
-def _value(field: str, text: str) -> float | str | None:
-    if field == "method":
-        if text not in METHOD_NAMES:
-            raise Refusal(f"The method must be one of {', '.join(METHOD_NAMES)}.")
-        return text
-    if field != "t_end" and not text.strip():
-        return None
-    name = {"t_end": "The duration", "step": "The step", "rtol": "The tolerance"}[field]
-    value = cells.named_number(name, text)
-    if field == "rtol":
-        if not LEAST_RTOL <= value <= LARGEST_RTOL:
-            between = f"between {LEAST_RTOL:g} and {LARGEST_RTOL:g}"
-            raise Refusal(f"{name} must lie {between}, got {value:g}.")
-    elif not 0 < value <= LONGEST_RUN:
-        raise Refusal(f"{name} must be above 0 and at most {LONGEST_RUN:g} s, got {value:g}.")
-    return value
+def typed(request: Request, name: str, text: str) -> Any:
+    """Return the value of a setting typed on the page, None for an empty text. Raises Refusal."""
+    known = about(OF[name], name).label.lower() if name in OF else ""
+    if not known:
+        raise Refusal("no run has this setting")
+    value = text.strip() or None
+    if value is not None and name not in Settings.CHOICES:
+        value = cells.named_number(f"The {known}", text)
+    try:
+        return getattr(request.model_copy(update={name: value}), name)
+    except pg.ModelError as error:
+        raise Refusal(f"The {known}: {error.problems[0].text}.") from None
 
 
 # -- runs in the background --------------------------------------------------------------------

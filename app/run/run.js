@@ -52,36 +52,37 @@
   }
 
   function settings(host) {
-    const edit = (field) => (serial, value) => send("SetRun", { serial, field, text: value });
-    const method = cells.choice(() => pgraph.latest.run.methods, edit("method"), { label: "method" });
-    const number = (field, label) => cells.input(edit(field), { label, numeric: true });
-    const found = { method, t_end: number("t_end", "duration"), step: number("step", "step"), rtol: number("rtol", "tolerance") };
-    Object.assign(host.pgraphRun, found);
-    const field = (label, unit, cell, help) => make("div", { className: "field", title: help }, make("div", { className: "what" }, text("span", "", label), text("span", "unit", unit)), cell);
     return make("div", { className: "settings" },
-      field("Method", "", method, "Integration method; automatic gives the reason for its choice"), field("Duration", "s", found.t_end, "Length of the run"),
-      field("Step", "s", found.step, ""), field("Tolerance", "", found.rtol, ""),
+      host.pgraphRun.form = make("div"),
       make("div", { className: "run-line" }, pgraph.button("keep", "Keep in the scenario", "The scenario has these settings from now on", () => send("KeepSettings")), text("span", "spring"),
         pgraph.button("continue", "Continue", "Go on from the end of the run for as long again", () => asSet("Continue"))));
+  }
+
+  // A setting of the run: its label, and a list of choices or a number.
+  function setting({ name, label, unit, options }) {
+    const edit = (serial, value) => send("SetRun", { serial, field: name, text: value }), called = { label: label.toLowerCase(), numeric: true };
+    const cell = options.length ? cells.choice(() => options, edit, called) : cells.input(edit, called);
+    return make("div", { className: "field" }, make("div", { className: "what" }, text("span", "", label), text("span", "unit", unit)), cell);
+  }
+  function fill(el, { value, options, placeholder, help, acts }) {
+    const cell = el.lastChild;
+    el.title = help[0].toUpperCase() + help.slice(1);
+    cell.disabled = !acts;
+    if (options.length) cells.choose(cell, value);
+    else {
+      cell.placeholder = placeholder;
+      cells.set(cell, value ?? "");
+    }
   }
 
   function draw(host, data) {
     if (!data) return;
     const $ = (selector) => host.querySelector(selector), box = document.querySelector(".pgraph-popup.settings"), live = going(data.live);
-    const { scenario, method, t_end, step, rtol } = host.pgraphRun;
+    const { scenario, form } = host.pgraphRun;
     if (live && !went) mode = "live"; // from another page, or by Walk
     went = live;
     cells.choose(scenario, data.request.scenario);
-    cells.choose(method, data.request.method);
-    cells.set(t_end, data.request.t_end);
-    cells.set(step, data.request.step ?? "");
-    cells.set(rtol, data.request.rtol ?? "");
-    for (const [name, cell] of Object.entries({ step, rtol })) {
-      const [hint, about, acts] = data.hints[name];
-      cell.placeholder = hint;
-      cell.closest(".field").title = about;
-      cell.disabled = !acts;
-    }
+    pgraph.keyed(form, data.form, setting, fill);
     box.querySelector(".keep").hidden = !data.keeps;
     box.querySelector(".continue").hidden = !data.continues;
     $(".method .said").textContent = `Method: ${data.method}`;

@@ -10,7 +10,7 @@ import numpy as np
 
 from pgraph_core.analysis.singular import TOO_LOW
 from pgraph_core.integrators import METHODS
-from pgraph_core.model.scenario import METHOD_NAMES
+from pgraph_core.model.settings import METHOD_NAMES
 from pgraph_core.result.records import Status
 
 from ..core.views import Payload

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.fields import about
+from pgraph_core.fields import about, fields_of
 from pgraph_core.model.checks import PARTS as MODEL_PARTS
-from pgraph_core.model.scenario import AUTO, METHOD_NAMES
+from pgraph_core.model.settings import AUTO, METHOD_NAMES, OF, Settings
 from pgraph_core.model.world import World
 from pgraph_core.show.stage import GRID
 from pgraph_core.simulation.options import ADAPTIVE
@@ -30,9 +29,8 @@ def run(state: State) -> Payload:
     request = state.request
     return {
         "scenarios": [*([s.name, s.name] for s in state.model.scenarios), [FREE_RUN, "free run"]],
-        "methods": list(METHOD_NAMES.items()),
-        "request": vars(request),
-        "hints": hints(request),
+        "request": fields_of(request),
+        "form": form(request),
         "keeps": keeps(state),
         "method": METHOD_NAMES[request.method].partition(" (")[0],
         "empty": not state.model.bodies,
@@ -48,8 +46,26 @@ def run(state: State) -> Payload:
     }
 
 
+def form(request: Request) -> list[Payload]:
+    """Return the cells of the settings, those with a list of choices first."""
+    found = []
+    for name, (placeholder, help, acts) in hints(request).items():
+        known = about(OF[name], name)
+        found.append({
+            "name": name, "label": known.label, "unit": known.unit, "value": getattr(request, name),
+            "options": list(Settings.CHOICES.get(name, {}).items()), "placeholder": placeholder,
+            "help": help, "acts": acts,
+        })  # fmt: skip
+    return sorted(found, key=lambda one: not one["options"])
+
+
 def hints(request: Request) -> dict[str, tuple[str, str, bool]]:
-    """Return placeholder, value and state of the step and tolerance fields."""
+    """Return placeholder, help and state of each setting."""
+    usual = {name: ("auto", about(info, name).help, True) for name, info in OF.items()}
+    return usual | _hints_of_steps(request)
+
+
+def _hints_of_steps(request: Request) -> dict[str, tuple[str, str, bool]]:
     called = METHOD_NAMES[request.method]
     if request.method == AUTO:
         step = "Step size; empty: the method chooses"
@@ -70,9 +86,8 @@ def hints(request: Request) -> dict[str, tuple[str, str, bool]]:
 
 def keeps(state: State) -> bool:
     """Check whether the run has other settings than its scenario, which may keep them."""
-    request = replace(state.request, rtol=None)
-    own = (Request(s.name, s.t_end, s.step, s.method) for s in state.model.scenarios)
-    return any(one.scenario == request.scenario and one != request for one in own)
+    own = map(Request.of, state.model.scenarios)
+    return any(s.scenario == state.request.scenario and s != state.request for s in own)
 
 
 def kernels(state: State) -> Payload | None:
@@ -197,13 +212,9 @@ SI = {"length": "m", "angle": "rad"}
 
 def differences(runs: Sequence[Run]) -> list[list[str]]:
     """Return rows (name, value for each run) of the settings and fields in which runs differ."""
-    asked = [run.request for run in runs]
-    rows = [
-        ["method", *(METHOD_NAMES[one.method] for one in asked)],
-        ["step", *("auto" if one.step is None else f"{one.step:g} s" for one in asked)],
-        ["tolerance", *("auto" if one.rtol is None else f"{one.rtol:g}" for one in asked)],
-    ]
-    found = [row for row in rows if len(set(row[1:])) > 1]
+    forms = zip(*(form(run.request) for run in runs))
+    rows = [[one[0]["label"].lower(), *map(_setting, one)] for one in forms]
+    found = [row for row in rows if row[0] != "duration" and len(set(row[1:])) > 1]
     models = [run.model for run in runs]
     if any(model is not models[0] for model in models):
         found += _of_fields(World, "", models)
@@ -215,6 +226,14 @@ def differences(runs: Sequence[Run]) -> list[list[str]]:
         *found[:MOST_ROWS],
         [f"{len(found) - MOST_ROWS} more differences", *("" for _ in runs)],
     ]
+
+
+def _setting(cell: Payload) -> str:
+    """Return the value of a setting as a short text."""
+    value = dict(cell["options"]).get(cell["value"], cell["value"])
+    if isinstance(value, float):
+        value = f"{value:g} {cell['unit']}".strip()
+    return "auto" if value is None else str(value)
 
 
 def _of_parts(part: str, models: Sequence[pg.Model]) -> list[list[str]]:

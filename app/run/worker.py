@@ -32,6 +32,7 @@ def simulated(job: Simulation, progress: Report) -> object:
         tau=None if job.gait is None else pg.Controller(mech, job.gait),
         progress=progress,
         **request.options,
+        **request.recorded,
     )
     return run if before is None or len(run.t) == 0 else pg.joined((before, run))
 

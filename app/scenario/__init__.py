@@ -7,6 +7,7 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.model.editing import free_name
+from pgraph_core.model.settings import settings_of
 
 from ..constraints import Client as Client
 from ..constraints import Part, parts
@@ -27,7 +28,7 @@ def first_name(model: pg.Model) -> str:
 def made(model: pg.Model, request: Request) -> tuple[pg.Model, str]:
     """Return a model with a new scenario equivalent to the free run, and the scenario's name."""
     name = first_name(model)
-    new = pg.Scenario(name=name, t_end=request.t_end, step=request.step, method=request.method)
+    new = pg.Scenario(name=name, **settings_of(request))
     return model.add(new), name
 
 

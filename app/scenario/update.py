@@ -10,6 +10,7 @@ from pydantic import Field
 
 import pgraph_core as pg
 from pgraph_core.dynamics.states import with_initial
+from pgraph_core.model.settings import settings_of
 
 from ..constraints import KINDS, parts
 from ..core.cells import Refusal
@@ -49,7 +50,7 @@ def chosen(state: State, name: str) -> State:
     s = next((s for s in state.model.scenarios if s.name == name), None)
     if s is None:
         return state
-    return replace(state, request=Request(name, s.t_end, s.step, s.method, state.request.rtol))
+    return replace(state, request=Request.of(s))
 
 
 class EditOfScenario(OfScenario, ModelEdit):
@@ -87,9 +88,8 @@ class KeepSettings(ModelEdit):
     """Store the current run settings in the chosen scenario."""
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
-        request, name = state.request, named(state)
-        fields = {"t_end": request.t_end, "step": request.step, "method": request.method}
-        return put(state.model, name, **fields), f"settings of {name}"
+        name = named(state)
+        return put(state.model, name, **settings_of(state.request)), f"settings of {name}"
 
 
 class CopyScenario(OfScenario, NewScenario):

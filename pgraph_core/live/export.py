@@ -25,7 +25,7 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..model import Force, Model
 from ..model.files import write_atomic
-from ..model.scenario import STEP
+from ..model.settings import STEP
 from ..numbering import children_of
 from ..result import Result
 from ..result.columns import coordinates

@@ -208,7 +208,7 @@ class Setup(NamedTuple):
     def options(self, method: str | None) -> Options:
         """Return options for a run with two frames after the start, the next one and the end."""
         adaptive = method in METHODS and METHODS[method].adaptive
-        return Options(
+        return Options.unchecked(
             scenario=self.scenario, method=method, step=None if adaptive else self.step,
             t_start=self.t_start, t_end=self.t_start + MOST_LIVE_STEPS * self.step, frames=3,
             forces=self.forces, estimate=False,

@@ -29,14 +29,15 @@ from .contact import Contact
 from .control import Control
 from .output import OF_SUBTREE
 from .parameters import CURVE, Formula, holds_formula, inlined, texts_in
-from .scenario import STEP
+from .scenario import Scenario
+from .settings import STEP
 from .shape import Shape
 from .world import Ground
 
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
 # 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces;
 # 7: without expressions in springs; 8: without expressions in contacts, `once` in switches, speed
-# limits and outputs of subtrees, and with 0.01 kg m^2 for bodies without inertia
+# limits, outputs of subtrees and `rtol` in scenarios, with 0.01 kg m^2 for bodies without inertia
 SCHEMA_VERSION = 9
 EXPRESSIONS, ONCE = 6, 9
 SCHEMA = "pgraph-model"
@@ -114,7 +115,7 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
     yield 9 if any(x["kind"] in OF_SUBTREE for x in data["outputs"]) else 1
     yield 3 if data["sites"] or data["outputs"] else 2 if data["parameters"] else 1
     yield 4 if any("step" not in scenario for scenario in data["scenarios"]) else 1
-    parts = [(Ground, data["ground"])]
+    parts = [(Ground, data["ground"]), *((Scenario, x) for x in data["scenarios"])]
     parts += [(Body, x) for x in data["bodies"]]
     shaped = (x.get("shapes") or [x.get("shape")] for x in data["bodies"])
     parts += [(Shape, shape) for shapes in shaped for shape in shapes if shape]

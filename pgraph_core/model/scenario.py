@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from .. import joints
-from ..errors import Problem, choices, no_method, shown
+from ..errors import Problem, choices, shown
 from ..fields import (
     EMPTY,
     ByName,
@@ -32,6 +32,7 @@ from ..signals import parsed
 from ..signals.meaning import compares
 from .body import Body
 from .constraint import Constraint
+from .settings import AUTO, OF, Settings
 
 Positive = Annotated[Number, Field(gt=0)]
 AtLeast0 = Annotated[Number, Field(ge=0)]
@@ -257,8 +258,8 @@ class Switch(Frozen):
         return self
 
 
-class Scenario(Described):
-    """Named run settings for `simulate(mech, scenario=name)`."""
+class Setup(Described):
+    """What a scenario has besides the settings of its run: its name, start and parts."""
 
     name: Text = Field(description="a non-empty string")
     description: Text = Field(default="", description="a sentence")
@@ -286,31 +287,13 @@ class Scenario(Described):
         "a gait that drives the joints, or None: {'name': ...}",
         converter=maybe_part_of(Gait), default=None,
     )  # fmt: skip
-    t_end: Annotated[Number, Field(gt=0)] = Field(default=1.0, description="a duration > 0 [s]")
-    step: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="a step > 0 [s]; default: as without a scenario"
-    )
-    method: Text = Field(default="auto", description="the name of an integrator")
-
-    @model_validator(mode="after")
-    def _known_method(self) -> Self:
-        if self.method not in METHOD_NAMES:
-            refuse([("method", no_method(self.method, METHOD_NAMES))])
-        return self
 
 
-AUTO = "auto"  # chosen for the scene
-STEP = 1e-3  # [s] fixed steps where nothing is given
-METHOD_NAMES = {  # names in calls and files -> labels
-    AUTO: "automatic",
-    "rk4": "Runge-Kutta 4",
-    "semi_implicit_euler": "semi-implicit Euler",
-    "dopri5": "Dormand-Prince 5",
-    "dop853": "Dormand-Prince 8",
-    "gauss6": "Gauss 6 (symplectic)",
-    "radau5": "Radau 5 (stiff)",
-    "moreau_jean": "Moreau-Jean (impacts)",
-}
+class Scenario(Settings, Setup):
+    """Named run settings for `simulate(mech, scenario=name)`."""
+
+    t_end: Annotated[Number, OF["t_end"]] = 1.0
+    method: Annotated[Text, OF["method"]] = AUTO
 
 
 # -- conditions ------------------------------------------------------------------------------------

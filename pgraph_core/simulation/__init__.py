@@ -178,10 +178,11 @@ def simulate(
     if start is not None:
         given = {"q": q, "v": v, "states": states, "t_start": t_start or None}
         q, v, states, t_start, memory = state_of(mech, start, "simulate", given)
-    options = Options(
-        scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
-        forces, switches, estimate,
-        () if inputs is None else inputs_of(inputs, "simulate"), memory,
+    options = Options.unchecked(
+        scenario=scenario, t_start=t_start, t_end=t_end, method=method, step=step, rtol=rtol,
+        atol=atol, max_steps=max_steps, frames=frames, t_eval=t_eval, stabilise=stabilise,
+        forces=forces, switches=switches, estimate=estimate,
+        inputs=() if inputs is None else inputs_of(inputs, "simulate"), memory=memory,
     )  # fmt: skip
     if q is not None or v is not None:
         refuse_interval(q, v, t_end)

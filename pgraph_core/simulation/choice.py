@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..dynamics.scene import contact_tables, rubs
 from ..errors import InputError, Problem
 from ..integrators import DOP853, DOPRI5, MOREAU_JEAN, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
-from ..model import Scenario
-from ..model.scenario import STEP
+from ..model.settings import AUTO, STEP
 from ..packing import Loads
 from ..packing.constraints import block_arrays
 from ..packing.signals import contacts_read
@@ -25,25 +24,24 @@ if TYPE_CHECKING:
 MANY_RADIANS = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 
 
-def given_step(mech: Mechanism, plan: RunPlan, given: Scenario | None, o: Options) -> Any:
+def given_step(mech: Mechanism, plan: RunPlan, o: Options) -> float | None:
     """Return the requested step size, or the one required by penalty contacts if none is given."""
     contacts = plan.contacts
-    stated = given.step if given is not None else None
-    asked = stated is not None or o.step is not None or o.rtol is not None
+    asked = (o.usual, o.step, o.rtol) != (None, None, None)
     if asked or contacts is None or not contacts.remembers or plan.impulses:
         return o.step
     return min(STEP, resolving_step(fastest_contact(mech, contacts, plan.start[0])))
 
 
-def method_for(
-    rate: Rate, plan: RunPlan, name: str, o: Options, step: float | None
-) -> tuple[Method, str]:
-    """Compute the method `name`, or a suitable method for "auto", with the reason for it. Raises
-    InputError."""
+def method_for(rate: Rate, plan: RunPlan, o: Options) -> tuple[Method, str]:
+    """Return the requested method, or a suitable one for "auto", with the reason for it.
+
+    Raises InputError.
+    """
     impulses, touching = plan.impulses, plan.contacts is not None
     tendons = plan.contacts is not None and plan.contacts.tendons
     rubbing = rubs(plan.drives)
-    if name != "auto":
+    if (name := o.method or AUTO) != AUTO:
         method = method_of(name, impulses=impulses, touching=touching or rubbing)
         return method, f"{name}: as asked"
     if impulses and (o.rtol is None or tendons):
@@ -55,6 +53,7 @@ def method_for(
         if loose:
             return DOPRI5, "dopri5: rigid contacts or joint limits with a loose tolerance"
         return DOP853, "dop853: rigid contacts or joint limits with a tight tolerance"
+    step = o.step or o.usual
     if step is not None and o.rtol is None:
         if rate() * step > RK4.limit:
             text = f"radau5: the fastest rate, {rate():.3g}/s, times the step is too much for rk4"

@@ -1,4 +1,4 @@
-"""Validated options for stepping and recording a run, as passed to `simulate`."""
+"""Options for stepping and recording a run, as passed to `simulate`."""
 
 from __future__ import annotations
 
@@ -6,32 +6,30 @@ import contextlib
 import inspect
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from .. import words
 from ..dynamics.arguments import whole_number
-from ..errors import InputError, Problem, choices, needed, one_of, shown
-from ..fields import listed
+from ..errors import InputError, ModelError, Problem, choices, needed, one_of, shown
+from ..fields import Flag, Number, Text, Whole, field, listed
 from ..forces import OnJoint
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
 from ..model.checks import force_problems, late_limits
+from ..model.settings import AUTO, STEP, Settings
 from ..packing import Array, Ints
 from ..portable import array_of
-from ..result.records import Memory
-from ..tolerances import EPS, SOLVED
+from ..tolerances import SOLVED
 
-LEAST_RTOL = 4 * EPS  # the error of a step is rounding below it
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
 MOST_FRAMES = 100_000_000  # gigabytes
 FRAMES = 1000  # recorded by default
 RTOL = 1e-8  # default tolerance of adaptive runs
-STABILISE = ("project", "baumgarte", None)
 ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
 
 
@@ -47,40 +45,67 @@ class Tolerance(NamedTuple):
 Inputs = tuple[tuple[str, float | Table], ...]
 
 
-class Options(NamedTuple):
+class Options(Settings):
     """The arguments of `simulate` that do not depend on the state, with None for defaults."""
 
-    scenario: str | None = None
+    scenario: Text | None = field("the name of a scenario", default=None)
     t_start: Any = 0.0
-    t_end: Any = None
-    method: str | None = None
-    step: Any = None
-    rtol: Any = None
-    atol: Any = 0.0
-    max_steps: Any = MOST_CHOSEN
-    frames: Any = None
+    atol: Number = field("a finite number >= 0", default=0.0, ge=0)
+    max_steps: Whole = field("a whole number >= 1", default=MOST_CHOSEN, ge=1)
+    frames: Whole | None = field(
+        f"a whole number from 2 to {MOST_FRAMES}", default=None, ge=2, le=MOST_FRAMES
+    )
     t_eval: Any = None
-    stabilise: Any = "project"
-    forces: Sequence[Force] = ()
+    stabilise: Literal["project", "baumgarte"] | None = field(
+        "'project', 'baumgarte' or None", default="project"
+    )
+    forces: Any = ()
     switches: Any = None
-    estimate: Any = None  # False for a run without an error estimate
-    inputs: Inputs = ()  # inputs of motors and servos, by name
-    memory: Memory | None = None  # the memory of the run that goes on
+    estimate: Flag | None = field("True, False or None", default=None)
+    inputs: Any = ()  # Inputs
+    memory: Any = None  # the Memory of the run that goes on
+    usual: Any = None  # the step of the scenario [s], for methods that do not choose their steps
 
-    def check(self) -> None:
-        """Raise InputError if options are mutually exclusive or not among their choices."""
-        if self.frames is not None and self.t_eval is not None:
+    @classmethod
+    def unchecked(cls, **given: Any) -> Self:
+        """Return options that `over` checks, once for all runs with the same plan."""
+        made = cls.__new__(cls)
+        object.__setattr__(made, "__dict__", {**_USUAL, **given})
+        return made
+
+    def changed(self, **changes: Any) -> Self:
+        """Return other options, which are not checked."""
+        return self.unchecked(**{**vars(self), **changes})
+
+    def over(self, given: Scenario | None) -> Self:
+        """Return the checked options, with a scenario's settings where the call has none.
+
+        A setting of the scenario that does not fit an argument of the call is left out. Its step
+        is `usual`. Raises InputError.
+        """
+        try:
+            own = type(self)(**{**vars(self), "t_end": None})  # `span` checks t_end
+        except ModelError as error:
+            raise InputError([replace(p, where="simulate") for p in error.problems]) from None
+        if own.frames is not None and own.t_eval is not None:
             raise InputError(Problem("simulate", "frames", "give frames or t_eval, not both"))
-        if self.stabilise not in STABILISE:
-            text = f"must be 'project', 'baumgarte' or None, got {self.stabilise!r}"
-            raise InputError(Problem("simulate", "stabilise", text))
-        if self.estimate not in (None, True, False):
-            text = f"must be True, False or None, got {shown(self.estimate)}"
-            raise InputError(Problem("simulate", "estimate", text))
-        if self.rtol is not None:
-            positive("rtol", self.rtol, unit="")
-        if self.step is not None:
-            positive("step", self.step)
+        taken = {name: getattr(given, name) for name in SETTINGS} if given is not None else {}
+        for name, others in REPLACED.items():
+            if getattr(own, name) is not None:
+                taken |= dict.fromkeys(others)
+        if own.rtol is not None and taken.get("method") not in ADAPTIVE:
+            taken["method"] = None
+        if own.method not in (None, AUTO, *ADAPTIVE):
+            taken["rtol"] = None
+        now = {name: x for name, x in taken.items() if getattr(own, name) is None}
+        if given is not None and now.get("rtol") is not None:
+            now["step"] = given.step  # the largest one
+        return own.changed(**now, t_end=self.t_end, usual=given and given.step)
+
+    @property
+    def width(self) -> float:
+        """The size of fixed steps [s]."""
+        return self.step or self.usual or STEP
 
     def span(self, given: Scenario | None) -> tuple[float, float]:
         """Return the start and end times of the run [s]. Raises InputError."""
@@ -96,37 +121,22 @@ class Options(NamedTuple):
             raise InputError(Problem("simulate", "t_end", text))
         return start, end
 
-    def method_name(self, given: Scenario | None) -> str:
-        """Return the requested method, or the scenario's, or "auto" by default."""
-        if self.method is not None:
-            return words.chosen(self.method, METHODS) or self.method
-        name = given.method if given else "auto"
-        # a tolerance replaces a scenario's method that takes none
-        return "auto" if self.rtol is not None and name not in ADAPTIVE else name
-
     def tolerance(self, method: Method, length: float) -> Tolerance | None:
         """Return the tolerances of `method`, or None for fixed steps. Raises InputError.
 
         A step without a tolerance is the size of every step, and with one the largest size.
         """
-        rtol, step = self.rtol, self.step
-        most = whole_number("simulate", "max_steps", self.max_steps, 1)
+        rtol, step, most = self.rtol, self.step, self.max_steps
         if not method.adaptive:
             if given := "rtol" if rtol is not None else "atol" if self.atol else "":
                 text = f"{method.name} takes a step, not a tolerance; for one choose "
                 raise InputError(Problem("simulate", given, text + choices(ADAPTIVE)))
             return None
-        if rtol is not None:
-            rtol = positive("rtol", rtol, unit="")
-            if not LEAST_RTOL <= rtol <= 0.1:
-                text = f"must lie within {LEAST_RTOL:g}, rounding, and 0.1, got {rtol:g}"
-                raise InputError(Problem("simulate", "rtol", text))
-        atol = self.atol if self.atol == 0.0 else positive("atol", self.atol, unit="")
         if step is None:
-            return Tolerance(rtol or RTOL, float(atol), length, most)
-        if rtol is None and atol == 0.0:
+            return Tolerance(rtol or RTOL, self.atol, length, most)
+        if rtol is None and self.atol == 0.0:
             return None
-        return Tolerance(rtol or RTOL, float(atol), positive("step", step), most)
+        return Tolerance(rtol or RTOL, self.atol, step, most)
 
     def checked_forces(self, mech: Mechanism) -> tuple[Force, ...]:
         """Return the forces of a call, checked to fit the model. Raises InputError."""
@@ -156,6 +166,13 @@ class Options(NamedTuple):
                 found.append(Problem(f"force '{f.name}'", "name", text))
             taken[f.name] = "the call"
         return found
+
+
+# settings of a scenario that replace missing arguments of a call
+SETTINGS = tuple(name for name in Settings.model_fields if name not in ("t_end", "step"))
+# argument of a call -> settings of a scenario that it replaces: of steps and of recorded times
+REPLACED = {"step": ("rtol",), "rtol": ("step",), "t_eval": ("frames",)}
+_USUAL = {name: info.default for name, info in Options.model_fields.items()}
 
 
 def inputs_of(given: Mapping[str, Any] | None, call: str) -> Inputs:

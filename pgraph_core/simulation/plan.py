@@ -24,10 +24,9 @@ from ..engine.tree.heights import lowest
 from ..errors import InputError, Problem
 from ..fields import EVERY, GROUND, Frozen
 from ..forces import OnJoint
-from ..integrators import METHODS, RK4, Method
+from ..integrators import RK4, Method
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
-from ..model.scenario import STEP
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import drives_begun_from, exerts
 from ..packing.signals import begun_from
@@ -47,7 +46,6 @@ from .options import (
     driven,
     fixed_step_times,
     frame_times,
-    positive,
     steps_between,
 )
 from .plan_notices import filled, hard, lost, too_wide
@@ -72,7 +70,7 @@ LARGEST_NUMBER = (sys.float_info.max * EPS) ** 0.25
 KEPT_PLANS = 8  # by a mechanism
 KEEPING = threading.Lock()
 NO_PLAN = (None, None, None)
-PARTS = Options._fields.index("forces")  # index in the options, followed by switches
+LISTS = ("forces", "switches")  # options that are lists of parts
 MANY_STEPS = 1_000_000  # number of default steps above which a warning is given
 NO_TIMES = np.zeros(0)
 NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
@@ -210,9 +208,10 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
     Raises InputError.
     """
     kept: dict[Any, tuple[RunPlan, Any, Options]] = mech.__dict__.setdefault("_plans", {})
-    forces, switches = _keyed(options.forces), _keyed(options.switches)
-    given = (*options[:PARTS], forces, switches, *options[PARTS + 2 :])
-    key: Any = (*given, *map(type, options), callable(tau), q is None, v is None)
+    given = vars(options)
+    parts = (_keyed(options.forces), _keyed(options.switches))
+    key: Any = (*(x for name, x in given.items() if name not in LISTS), *parts)
+    key += (*map(type, given.values()), callable(tau), q is None, v is None)
     try:
         plan, state, _ = kept.get(key, NO_PLAN)
     except (TypeError, ValueError):  # an option that cannot be hashed, such as an array
@@ -261,8 +260,8 @@ def _bytes(x: Any) -> bytes | None:
 def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[RunPlan, bool]:
     """Return (plan, whether its method was chosen for the state). Raises InputError."""
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
+    o = o.over(given)
     extra = o.checked_forces(mech)
-    o.check()
     _check_sizes(mech)
     span = o.span(given)
     tau = controller_of(mech, given) if tau is None else tau
@@ -275,10 +274,10 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     bare = replace(bare, start=start, tau=tau if is_controller(tau) else None)
     acts, length = (bare.drives, bare.loads), span[1] - span[0]
     rate = Rate(mech, acts, bare.active, start, length)
-    plan = _on_a_way(mech, replace(bare, contacts=contacts), rate, o, given, span)
-    if declared is not None and _may_wait(plan, declared, o.method_name(given)):
+    plan = _on_a_way(mech, replace(bare, contacts=contacts), rate, o, span)
+    if declared is not None and _may_wait(plan, declared, o.method):
         way = Way(**{one.name: getattr(plan, one.name) for one in fields(Way)})
-        bare = _on_a_way(mech, bare, rate, o, given, span)
+        bare = _on_a_way(mech, bare, rate, o, span)
         if bare.method.name != "moreau_jean":  # the same method takes them from the start
             plan = replace(bare, way=way, declared=declared)
     elif plan.refused is not None:
@@ -328,7 +327,7 @@ def _with_memory(plan: RunPlan) -> RunPlan:
     return replace(plan, drives=drives_begun_from(plan.driving, plan.drives, plan.memory))
 
 
-def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
+def _may_wait(plan: RunPlan, declared: Tables, asked: str | None) -> bool:
     """Check whether contacts and limits can be ignored until bodies come close to each other.
 
     Contacts must be included if the requested method or other elements require them.
@@ -338,14 +337,13 @@ def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
 
 
 def _on_a_way(
-    mech: Mechanism, plan: RunPlan, rate: Rate, o: Options, given: Scenario | None,
-    span: tuple[float, float],
-) -> RunPlan:  # fmt: skip
+    mech: Mechanism, plan: RunPlan, rate: Rate, o: Options, span: tuple[float, float]
+) -> RunPlan:
     """Compute the plan with its method and times, and notices about their fit to forces."""
-    asked, duration = o.step or (given.step if given else None), span[1] - span[0]
-    o = o._replace(step=given_step(mech, plan, given, o))
-    plan, o = _with_method(mech, plan, rate, o, given)
-    plan = _with_times(mech, plan, o, given, span)
+    asked, duration = o.step or o.usual, span[1] - span[0]
+    o = o.changed(step=given_step(mech, plan, o))
+    plan, o = _with_method(mech, plan, rate, o)
+    plan = _with_times(mech, plan, o, span)
     plan = replace(plan, too_wide=too_wide(plan, rate))
     told = [*hard(mech, plan), *filled(plan), *told_of(plan.kinks)]
     if asked and plan.step is not None and asked > duration * (1 + SOLVED):
@@ -410,27 +408,23 @@ def _loads(
     return mech.packed.loads(exerted, states=True, watched=watched, bent=bent, touching=yields)
 
 
-def _with_method(
-    mech: Mechanism, plan: RunPlan, rate: Rate, o: Options, given: Scenario | None
-) -> tuple[RunPlan, Options]:
+def _with_method(mech: Mechanism, plan: RunPlan, rate: Rate, o: Options) -> tuple[RunPlan, Options]:
     """Return (plan with its method, options for that method).
 
     If the requested method does not support the contacts, "moreau_jean" is used, and the plan
     contains the reason.
     """
-    name, refused = o.method_name(given), None
-    step = o.step or (given.step if given else None)
-    contacts, points = plan.contacts, plan.contact_points
+    refused, contacts, points = None, plan.contacts, plan.contact_points
     try:
-        method, why = method_for(rate, plan, name, o, step)
+        method, why = method_for(rate, plan, o)
         if contacts is not None and plan.impulses and method.name != "moreau_jean":
             contacts, points = event_driven(mech, contacts, plan.loads)
             why = f"{why}, from event to event of contacts and limits"
     except InputError as problem:
-        if not plan.impulses or name not in ("auto", *METHODS):
+        if not plan.impulses:
             raise
-        refused, o = problem, o._replace(rtol=None, atol=0.0, method="moreau_jean")
-        method, why = method_for(rate, plan, "moreau_jean", o, step)
+        refused, o = problem, o.changed(rtol=None, atol=0.0, method="moreau_jean")
+        method, why = method_for(rate, plan, o)
     if method.name == "moreau_jean":
         contacts = stepped_tables(mech.packed, contacts, plan.drives)
     plan = replace(
@@ -440,13 +434,10 @@ def _with_method(
     return plan, o
 
 
-def _with_times(
-    mech: Mechanism, plan: RunPlan, o: Options, given: Scenario | None, span: tuple[float, float]
-) -> RunPlan:
+def _with_times(mech: Mechanism, plan: RunPlan, o: Options, span: tuple[float, float]) -> RunPlan:
     """Return the plan with its recorded times, and its steps or tolerance."""
-    usual, changes = (given.step if given else None) or STEP, plan.changes
-    tolerance = o.tolerance(plan.method, span[1] - span[0])
-    width, asked = _times(o, tolerance, span, usual)
+    changes, tolerance = plan.changes, o.tolerance(plan.method, span[1] - span[0])
+    width, asked = _times(o, tolerance, span)
     times = asked
     if changes:
         times, changes = with_instants(times, changes)
@@ -462,7 +453,7 @@ def _with_times(
         ends = np.union1d(ends, plan.tau.ticks(*span))
     return replace(
         plan, times=times, substeps=substeps, width=widths, tolerance=tolerance, changes=changes,
-        corners=ends, gains=_gains(o, usual), shown=_shown(times, o, asked),
+        corners=ends, gains=_gains(o), shown=_shown(times, o, asked),
         kinks=tuple(kinks),
     )  # fmt: skip
 
@@ -569,12 +560,11 @@ def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]
 
 
 def _times(
-    o: Options, tolerance: Tolerance | None, span: tuple[float, float], usual: float
+    o: Options, tolerance: Tolerance | None, span: tuple[float, float]
 ) -> tuple[float, Array]:
     """Return the fixed step size [s], or 0 for adaptive steps, and the recorded times."""
     if tolerance is None:
-        step = positive("step", usual if o.step is None else o.step)
-        return step, fixed_step_times(*span, step, o.frames, o.t_eval)
+        return o.width, fixed_step_times(*span, o.width, o.frames, o.t_eval)
     frames = FRAMES + 1 if o.frames is None else o.frames
     return 0.0, frame_times(*span, frames, o.t_eval)
 
@@ -589,9 +579,9 @@ def _shown(times: Array, o: Options, asked: Array) -> NDArray[np.bool_] | None:
     return shown
 
 
-def _gains(o: Options, usual: float) -> Array:
+def _gains(o: Options) -> Array:
     """Return Baumgarte's 2α and α² with α = 0.1/h, stable for all methods, gone in 10 steps."""
     if o.stabilise != "baumgarte":
         return NO_GAINS
-    alpha = 0.1 / float(usual if o.step is None else o.step)
+    alpha = 0.1 / o.width
     return np.array([2 * alpha, alpha * alpha])

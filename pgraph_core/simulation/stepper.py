@@ -23,7 +23,7 @@ from ..errors import InputError, Problem, explained, guarded, one_of, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.expressions import drives_read
-from ..model.scenario import STEP
+from ..model.settings import STEP
 from ..packing import Array
 from ..packing.forces import drive_forces, on_bodies
 from ..packing.signals import values_of
@@ -143,7 +143,7 @@ class Stepper(Snapshots):
             q, v, states, t_start, memory = state_of(mech, start, "Stepper", replaced)
         vars(self).update(mech=mech)
         self._width = positive("step", step, call="Stepper")
-        self._options = Options(
+        self._options = Options.unchecked(
             scenario=scenario,
             method=method,
             step=self._width,
@@ -614,10 +614,10 @@ class Stepper(Snapshots):
     def _begin(self, t: float, q: Any, v: Any, states: Any, memory: Memory | None) -> None:
         mech, tau, name = self.mech, self._tau, self._options.scenario
         given = mech.model.scenario(name) if name is not None else None
-        options = self._options._replace(t_start=t, t_end=t + self._width, memory=memory)
+        options = self._options.changed(t_start=t, t_end=t + self._width, memory=memory)
         plan = with_contacts(plan_of(mech, options, tau, q, v))
         if plan.contact_points and options.method is None:
-            plan = with_contacts(plan_of(mech, options._replace(method="moreau_jean"), tau, q, v))
+            plan = with_contacts(plan_of(mech, options.changed(method="moreau_jean"), tau, q, v))
         elif plan.contact_points:
             text = f"{options.method} is event-driven for rigid contacts and limits, which a "
             text += "Stepper does not support; choose 'moreau_jean', or use simulate"
@@ -673,7 +673,7 @@ class Stepper(Snapshots):
     @property
     def options_of_step(self) -> Options:
         """The options of a run over the next step."""
-        return self._options._replace(t_start=self.t, t_end=self.t + self._width)
+        return self._options.changed(t_start=self.t, t_end=self.t + self._width)
 
     @property
     def width(self) -> float:

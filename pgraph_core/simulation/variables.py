@@ -158,7 +158,7 @@ def _input(given: Given, name: str, call: str) -> Variable:
 
     def made(x: float) -> tuple[Mechanism, RunPlan]:
         changed = tuple((inputs | {name: x}).items())
-        return given.mech, given.at(given.mech, options._replace(inputs=changed))
+        return given.mech, given.at(given.mech, options.changed(inputs=changed))
 
     return Variable(f"inputs.{name}", float(present), made)
 

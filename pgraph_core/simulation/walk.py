@@ -110,7 +110,9 @@ class Walk(Portable):
     def _new_stepper(self, dt: float) -> Stepper | None:
         """Return the stepper for the next segments, or None if the method requires separate
         runs."""
-        options = Options(scenario=self.scenario, t_end=dt, forces=self._forces, **self._options)
+        options = Options.unchecked(
+            scenario=self.scenario, t_end=dt, forces=self._forces, **self._options
+        )
         plan = plan_of(self.mech, options, self.controller, self.q, self.v)
         given = self.mech.model.scenario(self.scenario)
         if plan.tolerance is not None or plan.contact_points or given.switches:

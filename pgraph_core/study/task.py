@@ -21,10 +21,11 @@ from ..errors import choices, no_method, refusal, shown
 from ..integrators import METHODS, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Scenario
+from ..model.settings import LEAST_RTOL
 from ..packing import Array
 from ..result import Result, Status
 from ..simulation import simulate
-from ..simulation.options import LEAST_RTOL, positive
+from ..simulation.options import positive
 from ..simulation.plan import active_constraints, touching_contacts
 from ..simulation.rates import fastest_rate
 from ..simulation.start import initial_state

@@ -210,7 +210,7 @@ def test_a_clock_that_is_far_behind_waits(monkeypatch):
 def test_continue_asks_for_a_run_from_the_end(finished):
     state = after(finished, do.Continue(ME))
     assert state.job.before is finished.run.result
-    request = replace(state.job.request, t_end=0.2)
+    request = state.job.request.model_copy(update={"t_end": 0.2})
     whole = simulated(replace(state.job, request=request), lambda _: True)
     assert (whole.t[0], whole.t[-1]) == pytest.approx((0.0, 0.4))
     done = after(state, do.Done(state.job.id, whole))

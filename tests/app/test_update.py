@@ -179,7 +179,7 @@ def test_the_end_loops_or_stops_and_scrubbing_stays_within_the_run(ran):
 
 def test_settings_and_scenarios(state):
     state = after(state, do.SetRun(ME, 1, "t_end", "0.5"), do.SetRun(ME, 2, "method", "rk4"))
-    assert state.request == Request(FREE_RUN, 0.5, 1e-3, "rk4")
+    assert state.request == Request(t_end=0.5, step=1e-3, method="rk4")
     state = after(state, do.SetRun(ME, 1, "step", " "), do.SetRun(ME, 2, "rtol", "1e-9"))
     assert (state.request.step, state.request.rtol) == (None, 1e-9)
     assert after(state, do.SetScenario(ME, 1, "no such")).request == state.request
@@ -211,7 +211,10 @@ def test_a_scenario_brings_its_settings_and_changes_of_them_are_shown():
     state = begun(pg.Model.serial(2).replace(scenarios=(scenario,)))
     assert after(state, do.SetScenario(ME, 1, FREE_RUN)).request.scenario == FREE_RUN
     state = after(state, do.SetScenario(ME, 1, "short"))
-    assert (state.request, keeps(state)) == (Request("short", 0.25, 1e-3, "rk4"), False)
+    assert (state.request, keeps(state)) == (
+        Request(scenario="short", t_end=0.25, step=1e-3, method="rk4"),
+        False,
+    )
     changed = after(state, do.SetRun(ME, 2, "t_end", "3"))
     assert keeps(changed)
     assert changed.model.scenarios == (scenario,)
