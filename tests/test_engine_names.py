@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 import pgraph_core
+from pgraph_core.engine import arrays, layout
 from pgraph_core.engine.records import columns
+from pgraph_core.engine.tree.spinning import SPIN
 
 pytestmark = pytest.mark.quick
 CORE = Path(pgraph_core.__file__).parent
@@ -44,3 +46,18 @@ def test_columns_follow_each_other():
     table = columns("a", "b", c=3, d=1)
     assert table == (0, 1, 2, 5, 6)
     assert (table.a, table.b, table.c, table.d, table.total) == table
+
+
+def test_no_row_of_the_workspaces_has_two_names():
+    """A row that two names share holds two quantities, of which one may overwrite the other."""
+    names = [*assigned(ast.parse(Path(arrays.__file__).read_text(encoding="utf-8")).body)]
+    rows = names[names.index("RHS") : names.index("VECTORS")]
+    report = ["SWEEPS_DONE", "STEPS_DONE", "MISSED", "STRAYS", "GAINED", "HARD", "BARRED", "CALMED"]
+    tables = [name for name in rows if not isinstance(getattr(arrays, name), int)]
+    single = [name for name in rows if name not in report and name not in tables]
+    assert [getattr(arrays, name) for name in single] == [*range(arrays.GYRE + 1)]
+    assert arrays.GYRE + SPIN.total == arrays.VECTORS
+    assert [getattr(arrays, name) for name in report] == [*range(len(report))]
+    names = [*assigned(ast.parse(Path(layout.__file__).read_text(encoding="utf-8")).body)]
+    states = names[names.index("Y") :]
+    assert [getattr(layout, name) for name in states] == [*range(layout.STAGE + 1)]

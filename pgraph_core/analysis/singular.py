@@ -18,7 +18,7 @@ from ..dynamics import Dynamics
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.arrays import FACTORED
+from ..engine.arrays import FACTORED, FACTORS
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
 from ..tolerances import FAINT, NAMED, NEARBY, NOTABLE
@@ -39,7 +39,7 @@ def redundancy(scene: Scene) -> str:
     A null direction of Ω is a combination of rows without effect. The last row of a direction that
     is not the last row of another direction is reported as redundant, as in `mobility`.
     """
-    count = int(scene.space.vectors[FACTORED, 1])
+    count = int(scene.space.vectors[FACTORED, FACTORS.nulls])
     blocks = sum(end - first for _, first, end in scene.spans)
     if count == 0 or blocks != scene.active[0]:  # contacts take part, which change at any moment
         return ""
@@ -139,7 +139,7 @@ class _Look:
         q, v = self.q.copy(), self.v.copy()
         motion.move(self.scene.packed.rows, q, v, tau)
         for _ in range(2):  # onto the constraints, and Ω there
-            self.scene.space.vectors[FACTORED, 2] = 0.0
+            self.scene.space.vectors[FACTORED, FACTORS.known] = 0.0
             motion.projection(self.scene.held, self.t + tau, q, v, 1)
         self.places[tau] = q
         omega = self.scene.space.omega[: self.rows, : self.rows]

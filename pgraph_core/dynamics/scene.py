@@ -11,6 +11,7 @@ from ..engine import layout as at
 from ..engine.arrays import (
     CALMED,
     FACTORED,
+    FACTORS,
     LEAST,
     VECTORS,
     Contacts,
@@ -163,7 +164,7 @@ class Scene(Unportable):
         self.active[0] = len(chosen)
         self.active[1 : len(chosen) + 1] = chosen
         self.space.vectors[LEAST] = np.inf
-        self.space.vectors[FACTORED, 2] = 0.0  # the last factors were of other blocks
+        self.space.vectors[FACTORED, FACTORS.known] = 0.0  # the last factors were of other blocks
         self.space.dips[:] = 0
         self.space.watch[:] = 0
         self.space.watch["rows"] = self.blocks.blocks_i[chosen, at.B_SIZE].sum()

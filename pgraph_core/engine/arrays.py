@@ -58,29 +58,43 @@ from .records import (
     SHAPE_PAIR,
     STEP_CONTROL,
     WATCH,
+    columns,
 )
 
-# Rows of `Workspace.vectors`: right side and solution of Ω λ = r, corrections of λ, what λ does
-RHS, LAMBDA, CHANGE, STEP = 0, 1, 2, 3
-DINV = 4  # 1/d of every freedom
-ZERO, MOVED = 5, 6  # no joint forces, change of v that waits for that of q
-TAU = 7  # joint forces
-PLACED, FACTORED = 8, 9  # q of the last factors, then their μ, null directions and validity
-LEAST = 10  # the smallest inverse pivots so far
-BEFORE = 11  # velocities of rows before an impulse
-FREE_SPEEDS, TARGET = 12, 13  # speeds of an island's joints and rows without impulses
-REPORT = 14  # report on the impulse solver, by these:
+# Rows of `Workspace.vectors`
+RHS, LAMBDA, EFFECT = 0, 1, 2  # right side and solution of Ω λ = r, what λ does to the joints
+DINV = 3  # 1/d of every freedom
+ZERO, MOVED = 4, 5  # no joint forces, change of v that waits for that of q
+TAU = 6  # joint forces
+PLACED, FACTORED = 7, 8  # q of the last factors, and what FACTORS names:
+FACTORS = columns("mu", "nulls", "known")  # their μ, number of null directions, 1 if they are valid
+LEAST = 9  # the smallest inverse pivots so far
+CORRECTION, CORRECTION_SIZES = 10, 11  # of λ in its refinement, sizes of its derivatives
+RESIDUAL, RESIDUAL_RATE = 12, 13  # of observed rows: g, g' or g''; g' beside g
+INTO_CONES = 14  # change of λ towards the cones of stances
+BEFORE = 15  # velocities of rows before an impulse
+FREE_SPEEDS, TARGET = 16, 17  # speeds of an island's joints and rows without impulses
+JOINT_SPEEDS = 18  # those of the joints with impulses
+SPEEDS = 19  # joint speeds without impulses, behind the articulated factors
+LAST_RHS = 20  # RHS of the last solution
+IMPULSES_BEFORE, BEST_IMPULSES = 21, 22  # λ to return to, and the best so far, in Newton's method
+HELD_IMPULSES = 23  # λ with given friction bounds
+REPORT = 24  # report on the impulse solver, by these:
 # sweeps, Newton's steps, largest miss of a law, energy gained [J], hard islands, islands that no
 # velocities satisfy, bounces left out
 SWEEPS_DONE, STEPS_DONE, MISSED, STRAYS, GAINED, HARD, BARRED, CALMED = range(8)
-DAMPING, STIFFNESS = 15, 16  # drives in a step as inertia, as torque
-OWN_ARMATURE, OWN_GIVEN = 17, 18  # the same without drives
-SPEED_TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds, and the best λ so far in Newton's method
-SPEEDS = 22  # joint speeds without impulses, behind the articulated factors
-HELD_LAMBDA = 23  # λ with given friction bounds
+DAMPING, STIFFNESS = 25, 26  # drives in a step as inertia, as torque
+OWN_ARMATURE, OWN_GIVEN = 27, 28  # the same without drives
 # mean velocity of a part of a step, change of v by its impulses, half of J' v times its width
-MEAN, KICK, TURNED = 24, 25, 26
-GYRE = 27  # the `spinning.GYRE_ROWS` columns of the search for velocities at the middle of a step
+MEAN, KICK, TURNED = 29, 30, 31
+FREE_SPIN = 32  # scratch of `spinning.keep_spinning`
+SPEEDS_AFTER = 33  # joint speeds after the impulses of a part
+PUSH, UNPUSHED = 34, 35  # motion that removes penetration, q before it
+WAY_SPEEDS = 36  # joint speeds at a time of the way to an impact
+# of derivatives: speeds of rows a little sooner and later, gaps on the way to an impact, by how
+# much laws are missed, what one impulse does to the joints
+SOONER, LATER, PATH_GAPS, LAW_MISSES, UNIT_EFFECT = 37, 38, 39, 40, 41
+GYRE = 42  # the `spinning.SPIN` rows of the search for velocities at the middle of a step
 VECTORS = GYRE + 25
 
 

@@ -157,4 +157,11 @@ Y, Y_OLD, END = 0, 1, 2  # the state, that before the last step, Y while that st
 SLOPE, CANDIDATE = 3, 4  # v' and power at Y, the state that a step proposes
 FROM, ERROR, WEIGHT = 5, 6, 7  # base of the stages, error of CANDIDATE, 1 / tolerance
 TRIAL, TORQUE = 8, 9  # a trial state, joint forces
-STAGE = 10  # the stages of the method from here on
+OBSERVED, RATE_CHANGE = 10, 11  # v' for monitors, change of y' in a step
+BRANCHES = 12  # difference of the states of both branches of a comparison
+# of a part of a time step: the state before, added inertia, the middle of its velocities
+PART_BEFORE, PART_DAMPING, PART_MIDDLE = 13, 14, 15
+# of its derivatives: times, the width of the last part of the step before, slope of forces in time,
+# the state where a part begins, and the one that waits while a path is followed
+PART_TIMES, LAST_WIDTH, FORCE_SLOPE, PART_START, WAITING = 16, 17, 18, 19, 20
+STAGE = 21  # the stages of the method from here on

@@ -17,7 +17,7 @@ from ..analysis.assembly import ASSEMBLY_ROUNDS
 from ..dynamics.states import bodies_over
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.arrays import FACTORED
+from ..engine.arrays import FACTORED, FACTORS
 from ..engine.contact import points as point_kernels
 from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
@@ -68,7 +68,9 @@ class ContactEvents:
 
     def begin(self, t: float) -> None:
         """Set the phases for the initial state and the velocity scales."""
-        self.scene.space.vectors[FACTORED, 2] = 0.0  # factors of other blocks are not ours
+        self.scene.space.vectors[FACTORED, FACTORS.known] = (
+            0.0  # factors of other blocks are not ours
+        )
         f = self.scene.points
         gravity = float(np.linalg.norm(self.mech.model.gravity))
         self._observe(t)

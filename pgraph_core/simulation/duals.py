@@ -113,10 +113,11 @@ class RunOfDuals:
     @property
     def last_part(self) -> Part:
         """The last sub-step of a step of time stepping that ended at an event."""
-        from ..engine.stepping.moreau_duals import PART_START, TIMES
+        from ..engine.stepping.moreau_duals import TIMES
 
         stages = self._run.stages
-        start, width, moved = stages[PART_START], stages[at.END, TIMES.taken], stages[at.FROM, 0]
+        start, width = stages[at.PART_START], stages[at.PART_TIMES, TIMES.taken]
+        moved = stages[at.LAST_WIDTH, 0]
         times = -width[1:-1] / (moved - width)[1:-1]  # at which its width stays zero
         return Part(width[0], start[:-2, 0].copy(), times, start[:, 1].copy())
 

@@ -7,17 +7,18 @@
 from ...tolerances import DIP, EPS, ROUNDING
 from .. import layout as at
 from ..arrays import (
-    CHANGE,
     CONTACTS,
     CONTACTS_OF_DUALS,
     DINV,
+    EFFECT,
     FACTORED,
+    FACTORS,
     LAMBDA,
     LEAST,
     MOVED,
     PLACED,
+    RESIDUAL,
     RHS,
-    STEP,
     ZERO,
     opened,
 )
@@ -147,12 +148,12 @@ def couple(blocks_i, i, n, y, slots, where, dinv, omega):
 
 @part
 def joint_impulses(blocks, space):
-    """Compute diag(1/d) Yᵀ λ of the active blocks and store it in STEP."""
+    """Compute diag(1/d) Yᵀ λ of the active blocks and store it in EFFECT."""
     blocks_i, active = blocks.blocks_i, blocks.active
     y, slots, vectors = space.y, space.slots, space.vectors
     lam = vectors[LAMBDA]
     dinv = vectors[DINV]
-    step = vectors[STEP]
+    step = vectors[EFFECT]
     for k in range(dinv.shape[0]):
         step[k] = 0.0
     for j in range(1, active[0] + 1):
@@ -170,9 +171,9 @@ def joint_impulses(blocks, space):
 
 @part
 def respond(rows, const, blocks, work, space):
-    """Compute M⁻¹ Jᵀ λ and store it in STEP."""
+    """Compute M⁻¹ Jᵀ λ and store it in EFFECT."""
     joint_impulses(blocks, space)
-    spread(rows, const, work, space.vectors[STEP])
+    spread(rows, const, work, space.vectors[EFFECT])
 
 
 @sweep
@@ -220,11 +221,11 @@ def impose(scene, t, q, v, vdot):
     rhs = vectors[RHS]
     residual_acceleration(blocks, work, space, t, vdot, rhs)
     if gains[0] > 0.0:
-        other = vectors[CHANGE]
-        speeds(scene, t, v, CHANGE)
+        other = vectors[RESIDUAL]
+        speeds(scene, t, v, RESIDUAL)
         for r in range(m):
             rhs[r] += gains[0] * other[r]
-        gaps(scene, t, q, CHANGE)
+        gaps(scene, t, q, RESIDUAL)
         for r in range(m):
             rhs[r] += gains[1] * other[r]
     for r in range(m):
@@ -235,7 +236,7 @@ def impose(scene, t, q, v, vdot):
     iterations = solve_proximal(space.omega, space.factor, space.nulls, mu, count, vectors, m, 0.0)
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
-        vdot[j] += vectors[STEP, j]
+        vdot[j] += vectors[EFFECT, j]
     return iterations
 
 
@@ -258,9 +259,9 @@ def remember(vectors, q, mu, count):
     """Store the state of the current factors for `settle`."""
     for i in range(q.shape[0]):
         vectors[PLACED, i] = q[i]
-    vectors[FACTORED, 0] = mu
-    vectors[FACTORED, 1] = count
-    vectors[FACTORED, 2] = 1.0
+    vectors[FACTORED, FACTORS.mu] = mu
+    vectors[FACTORED, FACTORS.nulls] = count
+    vectors[FACTORED, FACTORS.known] = 1.0
 
 
 @part
@@ -271,10 +272,10 @@ def drift(rows, const, blocks, work, space, t, q, v, out):
     velocities(rows, const, work, v, space.linear)
     m = number_rows(blocks, space.slots)
     locate(blocks, work, space.place)
-    residual(blocks, work, space, t, q, vectors[CHANGE])
-    out[0] = largest(vectors[CHANGE], m)
-    residual_velocity(blocks, work, space, t, v, vectors[CHANGE])
-    out[1] = largest(vectors[CHANGE], m)
+    residual(blocks, work, space, t, q, vectors[RESIDUAL])
+    out[0] = largest(vectors[RESIDUAL], m)
+    residual_velocity(blocks, work, space, t, v, vectors[RESIDUAL])
+    out[1] = largest(vectors[RESIDUAL], m)
 
 
 @part
@@ -341,9 +342,9 @@ def settle(scene, t, q, v):
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors, nulls = space.vectors, space.nulls
-    mu, count = vectors[FACTORED, 0], int(vectors[FACTORED, 1])
-    known = vectors[FACTORED, 2]
-    vectors[FACTORED, 2] = 0.0
+    mu, count = vectors[FACTORED, FACTORS.mu], int(vectors[FACTORED, FACTORS.nulls])
+    known = vectors[FACTORED, FACTORS.known]
+    vectors[FACTORED, FACTORS.known] = 0.0
     moved = 0.0
     for i in range(q.shape[0]):
         moved = max(moved, abs(q[i] - vectors[PLACED, i]))
@@ -358,14 +359,14 @@ def settle(scene, t, q, v):
     correct(scene, mu, count, m, enough)
     change = vectors[MOVED]
     for j in range(v.shape[0]):
-        change[j] = vectors[STEP, j]
+        change[j] = vectors[EFFECT, j]
     missed = max(missed, moved * largest(change, v.shape[0]))
     gaps(scene, t, q, RHS)
     open_gap = carries(q) or largest(vectors[RHS], m) > rounding
     if open_gap:
         missed = max(missed, along_nulls(nulls, count, vectors[RHS], m))
         correct(scene, mu, count, m, enough)
-        step = largest(vectors[STEP], v.shape[0])
+        step = largest(vectors[EFFECT], v.shape[0])
         missed = max(missed, moved * step)
         if not step < SMALL_MOVE:
             return False
@@ -374,7 +375,7 @@ def settle(scene, t, q, v):
     for j in range(v.shape[0]):
         v[j] += change[j]
     if open_gap:
-        advance(rows, q, vectors[STEP], 1.0)
+        advance(rows, q, vectors[EFFECT], 1.0)
     return True
 
 
@@ -423,7 +424,7 @@ def project(scene, t, q, v, rounds):
         speeds(scene, t, v, RHS)
         correct(scene, mu, count, m, 0.0)
         for j in range(v.shape[0]):
-            v[j] += vectors[STEP, j]
+            v[j] += vectors[EFFECT, j]
         note_pulls(scene, t, q, v, zero)
         gaps(scene, t, q, RHS)
         gap = largest(vectors[RHS], m)
@@ -431,8 +432,8 @@ def project(scene, t, q, v, rounds):
         if gap <= NO_GAP * size and taken >= least:
             return taken
         correct(scene, mu, count, m, 0.0)
-        advance(rows, q, vectors[STEP], 1.0)
-        if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE and taken >= least:
+        advance(rows, q, vectors[EFFECT], 1.0)
+        if largest(vectors[EFFECT], v.shape[0]) < SMALL_MOVE and taken >= least:
             break
     if gap <= LOOP_CLOSED * size:
         return taken
@@ -444,7 +445,7 @@ def project(scene, t, q, v, rounds):
 
 @sweep
 def correct(scene, mu, count, m, enough):
-    """Compute -M⁻¹ Jᵀ Ω⁺ RHS in STEP, to within `enough` of RHS."""
+    """Compute -M⁻¹ Jᵀ Ω⁺ RHS in EFFECT, to within `enough` of RHS."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors = space.vectors

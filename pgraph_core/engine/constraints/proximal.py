@@ -10,7 +10,7 @@ of 3x3, which fit into the registers. The last block is padded with zeros.
 import math
 
 from ...tolerances import PROXIMAL
-from ..arrays import CHANGE, LAMBDA, RHS
+from ..arrays import CORRECTION, LAMBDA, RHS
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, store_triple, triple
 from ..compiler.masks import chosen, more
@@ -223,7 +223,7 @@ def solve_proximal(omega, factor, nulls, mu, count, vectors, m, enough):
     """
     rhs = vectors[RHS]
     lam = vectors[LAMBDA]
-    change = vectors[CHANGE]
+    change = vectors[CORRECTION]
     end = whole_blocks(m)
     for r in range(m, end):
         rhs[r] = 0.0

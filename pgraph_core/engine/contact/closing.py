@@ -16,9 +16,8 @@ from .contacts import contacts_at, relative_velocity
 from .placing import DEPTH
 
 COORDINATES = 4 * EPS  # rounding of a gap, relative to the coordinates it is the difference of
-LOCATED_FROM = (
-    4.0  # multiple of the speed that weight adds in a step, below which impacts are not located
-)
+# multiple of the speed that weight adds in a step, below which impacts are not located
+LOCATED_FROM = 4.0
 PART = 0.2  # largest unchecked motion per step, relative to half the thickness
 
 

@@ -10,7 +10,7 @@ is such an impulse divided by s. Friction takes no part, since it requires no ve
 
 from ...tolerances import NOTABLE, PROXIMAL, SHARED
 from .. import layout as at
-from ..arrays import LAMBDA, OTHER, opened
+from ..arrays import IMPULSES_BEFORE, LAMBDA, opened
 from ..compiler.jit import sweep
 from ..compiler.lane import load_four
 from ..constraints.blocks import (
@@ -68,7 +68,7 @@ def barred(scene, n, size):
     rows would then have to change by more than 1 / NOTABLE times as much as those that violate them
     least. If so, the normal impulses are in the third column of `pushed`. Otherwise λ is unchanged.
     """
-    copy_impulses(scene, n, LAMBDA, OTHER)
+    copy_impulses(scene, n, LAMBDA, IMPULSES_BEFORE)
     drop_impulses(scene, n)
     weigh(scene, n)
     respond(scene, n)
@@ -88,7 +88,7 @@ def barred(scene, n, size):
             left = look(scene, n, soft, NORMALS)[1]
     found = is_certain(scene, n, soft, size)
     if not found:
-        copy_impulses(scene, n, OTHER, LAMBDA)
+        copy_impulses(scene, n, IMPULSES_BEFORE, LAMBDA)
         respond(scene, n)
     return found
 

@@ -16,17 +16,17 @@ from ..arrays import (
     BARRED,
     BEFORE,
     CALMED,
-    CHANGE,
     DINV,
     FREE_SPEEDS,
     GAINED,
     HARD,
+    JOINT_SPEEDS,
     LAMBDA,
+    LAST_RHS,
     MISSED,
     REPORT,
     RHS,
     SPEEDS,
-    STEP,
     STEPS_DONE,
     STRAYS,
     TARGET,
@@ -76,7 +76,7 @@ def solve_impulses(scene, h, again):
     whose previous value is the initial guess. If the same rows are solved `again`, islands with the
     same b as before keep their λ.
 
-    Their effect on the joints is written to STEP. REPORT receives the numbers of sweeps and of
+    Their effect on the joints is written to EFFECT. REPORT receives the numbers of sweeps and of
     Newton steps, the largest velocity residual of a law, relative to its island and in m/s, the
     kinetic energy added by unilateral impulses [J], and the number of islands that were hard, that
     no velocities satisfy, and that did not bounce because they would have gained energy.
@@ -131,7 +131,7 @@ def solve_impulses(scene, h, again):
         report[GAINED] += gain
         note_missed(scene, n)
     for r in range(vectors.shape[1]):
-        vectors[CHANGE, r] = vectors[RHS, r]
+        vectors[LAST_RHS, r] = vectors[RHS, r]
     joint_impulses(blocks, space)
 
 
@@ -148,14 +148,14 @@ def note_left(report, left, size):
 
 @sweep
 def is_as_before(scene, n):
-    """Check whether b of island n in RHS is that in CHANGE, up to rounding."""
+    """Check whether b of island n in RHS is that in LAST_RHS, up to rounding."""
     data = opened(scene)
     islands, vectors = contacts_at(data.links.contacts).islands, data.space.vectors
     change = 0.0
     for j in range(islands.first[n], islands.first[n + 1]):
         r = first_of(data.space.slots, islands.blocks[j])
         for c in range(size_of(data.blocks.blocks_i, islands.blocks[j])):
-            change = max(change, abs(vectors[RHS, r + c] - vectors[CHANGE, r + c]))
+            change = max(change, abs(vectors[RHS, r + c] - vectors[LAST_RHS, r + c]))
     return change <= EPS * largest_velocity(scene, n)
 
 
@@ -228,7 +228,7 @@ def note_missed(scene, n):
         islands.pushed[i, 1] = 0.0
         if one_sided(kind):
             lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
-            u = velocity(data, i, vectors[STEP])
+            u = velocity(data, i, vectors[JOINT_SPEEDS])
             if own[i, 0] > 0.0:
                 islands.pushed[i, 0] = abs(lam[0] - max(lam[0] - u[0] / own[i, 0], 0.0))
             mobility = max(own[i, 4], own[i, 8])
@@ -242,7 +242,7 @@ def note_missed(scene, n):
 
 @sweep
 def solve_island(scene, n, still):
-    """Solve for λ of one island, and write the resulting speeds w into STEP.
+    """Solve for λ of one island, and write the resulting speeds w into JOINT_SPEEDS.
 
     A velocity of at most `still` moves nothing by more than the rounding of its position in a step.
     Returns (residual over the largest velocity of the island, or infinity if no velocities satisfy
@@ -366,7 +366,7 @@ def gained(scene, n):
         kind = type_of(blocks_i, i)
         if one_sided(kind) or dry(kind):
             r = first_of(slots, i)
-            after = velocity(data, i, vectors[STEP])
+            after = velocity(data, i, vectors[JOINT_SPEEDS])
             back = rebound(data, i, blocks_f[i, at.BOUNCE], vectors[BEFORE, r])
             back += slack_of(blocks_i, blocks_f, i)
             for c in range(size_of(blocks_i, i)):

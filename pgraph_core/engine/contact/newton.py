@@ -22,7 +22,15 @@ import math
 
 from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED, SOLVED
 from .. import layout as at
-from ..arrays import BEST, HELD_LAMBDA, LAMBDA, OTHER, STEP, TARGET, opened
+from ..arrays import (
+    BEST_IMPULSES,
+    HELD_IMPULSES,
+    IMPULSES_BEFORE,
+    JOINT_SPEEDS,
+    LAMBDA,
+    TARGET,
+    opened,
+)
 from ..compiler.jit import part, sweep
 from ..compiler.lane import (
     four,
@@ -456,10 +464,10 @@ def solve_exact(scene, n, size):
     note_settled(scene, n, settle)
     if not settle:
         return left, taken
-    copy_impulses(scene, n, LAMBDA, OTHER)
+    copy_impulses(scene, n, LAMBDA, IMPULSES_BEFORE)
     again, noise = least_norm(scene, n, size)
     if not again <= max(left, TOLERANCE, noise):
-        copy_impulses(scene, n, OTHER, LAMBDA)
+        copy_impulses(scene, n, IMPULSES_BEFORE, LAMBDA)
         respond(scene, n)
         again = left
     return again, taken + 1
@@ -491,7 +499,7 @@ def converge(scene, n, size, careful):
     respond(scene, n)
     first, left, noise, _ = look(scene, n, 0.0, LAWS)
     best, before = left, first
-    copy_impulses(scene, n, LAMBDA, BEST)
+    copy_impulses(scene, n, LAMBDA, BEST_IMPULSES)
     care, stuck = careful, 0
     taken = 0
     same = True
@@ -514,7 +522,7 @@ def converge(scene, n, size, careful):
         stuck = 0 if now < 0.5 * best else stuck + 1
         if now < best:
             best = now
-            copy_impulses(scene, n, LAMBDA, BEST)
+            copy_impulses(scene, n, LAMBDA, BEST_IMPULSES)
         if norm <= max(first, NOTABLE * size) or soft == 1.0:
             left, before = now, norm
             care = max(care / TENFOLD, careful) if whole else care
@@ -522,7 +530,7 @@ def converge(scene, n, size, careful):
             care *= TENFOLD
             go(scene, n, 0.0)
             look(scene, n, 0.0, LAWS)
-    copy_impulses(scene, n, BEST, LAMBDA)
+    copy_impulses(scene, n, BEST_IMPULSES, LAMBDA)
     respond(scene, n)
     return best / size, taken, same
 
@@ -574,31 +582,31 @@ def hold(scene, n, size, left):
     a heavy body meets 1/k of what a light one does, s decreases with 1/k. Return (residual divided
     by `size`, number of steps). λ is the best one that was found.
     """
-    copy_impulses(scene, n, LAMBDA, OTHER)
+    copy_impulses(scene, n, LAMBDA, IMPULSES_BEFORE)
     drop_impulses(scene, n)
     best, taken, firm, growth = left, 0, FIRM[0], FIRM[1]
     for _ in range(ROUNDS):
-        copy_impulses(scene, n, LAMBDA, HELD_LAMBDA)
+        copy_impulses(scene, n, LAMBDA, HELD_IMPULSES)
         rescale(scene, n, 1.0 / firm)
         more, solved = solve_held(scene, n, size)
         rescale(scene, n, firm)
         taken += more
         if not solved:
-            copy_impulses(scene, n, HELD_LAMBDA, LAMBDA)
+            copy_impulses(scene, n, HELD_IMPULSES, LAMBDA)
             firm /= FIRM[1]
             growth = math.sqrt(growth)
             continue
-        copy_impulses(scene, n, LAMBDA, HELD_LAMBDA)
+        copy_impulses(scene, n, LAMBDA, HELD_IMPULSES)
         left, more, _ = converge(scene, n, size, CAREFUL / firm)
         taken += more
         if left < best:
             best = left
-            copy_impulses(scene, n, LAMBDA, OTHER)
+            copy_impulses(scene, n, LAMBDA, IMPULSES_BEFORE)
         if best <= NOTABLE:
             break
-        copy_impulses(scene, n, HELD_LAMBDA, LAMBDA)
+        copy_impulses(scene, n, HELD_IMPULSES, LAMBDA)
         firm *= growth
-    copy_impulses(scene, n, OTHER, LAMBDA)
+    copy_impulses(scene, n, IMPULSES_BEFORE, LAMBDA)
     respond(scene, n)
     return best, taken
 
@@ -784,7 +792,7 @@ def copy_impulses(scene, n, source, target):
 
 @sweep
 def respond(scene, n):
-    """Write w = w₀ + Yᵀ λ of island n into `speeds`, and the speeds of joints into STEP."""
+    """Write w = w₀ + Yᵀ λ of island n into `speeds`, and the speeds of joints into JOINT_SPEEDS."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     vectors, speeds = data.space.vectors, islands.speeds
@@ -797,7 +805,7 @@ def respond(scene, n):
     for p in range(islands.size[0]):
         i = islands.freedoms[p]
         if i >= 0:
-            vectors[STEP, i] = islands.scale[p] * speeds[p >> 2, p & 3]
+            vectors[JOINT_SPEEDS, i] = islands.scale[p] * speeds[p >> 2, p & 3]
 
 
 @part

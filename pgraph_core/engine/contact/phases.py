@@ -13,7 +13,7 @@ import math
 
 from ...tolerances import EPS, ROUNDING, SOLVED
 from .. import layout as at
-from ..arrays import CHANGE, EVENT_SCENE, LAMBDA, RHS, STEP
+from ..arrays import EFFECT, EVENT_SCENE, INTO_CONES, LAMBDA, RHS
 from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import I1, plain, void
@@ -108,7 +108,7 @@ def event_acceleration(scene, t, q, v, tau, vdot, flow):
     watch(scene, t, q, v)  # rows of constraints come first: their pivots know nothing of points
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
-        vdot[j] += vectors[STEP, j]
+        vdot[j] += vectors[EFFECT, j]
     return 0
 
 
@@ -164,7 +164,7 @@ def share_out(space, contact, count, held):
     points = contact.points
     slots, place, vectors, nulls = space.slots, space.place, space.vectors, space.nulls
     lam = vectors[LAMBDA]
-    change = vectors[CHANGE]
+    change = vectors[INTO_CONES]
     for _ in range(SHARES):
         worst = 0.0
         size = 0.0

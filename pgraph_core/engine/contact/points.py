@@ -9,7 +9,7 @@ import sys
 
 from ...tolerances import EPS, SOLVED
 from .. import layout as at
-from ..arrays import CHANGE, LAMBDA, RHS, STEP, TAU, ZERO, Blocks, Frames, opened
+from ..arrays import EFFECT, LAMBDA, RESIDUAL, RESIDUAL_RATE, RHS, TAU, ZERO, Blocks, Frames, opened
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, f8, i8, void
@@ -101,13 +101,13 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
     slots, place, vectors, linear = space.slots, space.place, space.vectors, space.linear
     number_rows(observed, slots)
     locate(observed, work, place)
-    residual(observed, work, space, t, q, vectors[CHANGE])
-    residual_velocity(observed, work, space, t, v, vectors[RHS])
+    residual(observed, work, space, t, q, vectors[RESIDUAL])
+    residual_velocity(observed, work, space, t, v, vectors[RESIDUAL_RATE])
     for s in range(points.shape[0]):
         i = points[s].slide_block
         r = first_of(slots, i)
-        points[s].gap = vectors[CHANGE, r]
-        points[s].gap_rate = vectors[RHS, r]
+        points[s].gap = vectors[RESIDUAL, r]
+        points[s].gap_rate = vectors[RESIDUAL_RATE, r]
         if points[s].limit == 1:
             spread = abs(blocks_f[i, at.VALUE])
             first = blocks_i[i, at.B_TERM]
@@ -200,15 +200,15 @@ def point_accelerations(scene, t, q, v, vdot, flow):
     observed = with_active(blocks, every)
     number_rows(observed, slots)
     locate(observed, work, place)
-    residual_acceleration(observed, work, space, t, vdot, vectors[RHS])
+    residual_acceleration(observed, work, space, t, vdot, vectors[RESIDUAL])
     for s in range(points.shape[0]):
         i = points[s].slide_block
         r = first_of(slots, i)
-        points[s].normal_acceleration = vectors[RHS, r]
+        points[s].normal_acceleration = vectors[RESIDUAL, r]
         set_xyz(points[s].tangential_acceleration, (0.0, 0.0, 0.0))
         if points[s].limit == 0:
-            a = scale(vectors[RHS, r + 1], load(place, i, at.PLACE_D + 3))
-            a = add_scaled(a, vectors[RHS, r + 2], load(place, i, at.PLACE_D + 6))
+            a = scale(vectors[RESIDUAL, r + 1], load(place, i, at.PLACE_D + 3))
+            a = add_scaled(a, vectors[RESIDUAL, r + 2], load(place, i, at.PLACE_D + 6))
             set_xyz(points[s].tangential_acceleration, a)
 
 
@@ -255,7 +255,7 @@ def add_impulses(scene, v, ledger):
             ledger[at.DISSIPATED] -= lam[r] * mean
     respond(rows, const, blocks, work, space)
     for j in range(v.shape[0]):
-        v[j] += space.vectors[STEP, j]
+        v[j] += space.vectors[EFFECT, j]
     ledger[at.WORK_DONE] += 0.5 * driven_power(blocks, space, v)
 
 

@@ -14,12 +14,12 @@ from ...tolerances import NOTABLE, PROXIMAL, SOLVED
 from .. import layout as at
 from ..arrays import (
     BEFORE,
-    CHANGE,
     DINV,
+    EFFECT,
     LAMBDA,
-    OTHER,
+    LAW_MISSES,
     RHS,
-    STEP,
+    UNIT_EFFECT,
     opened,
 )
 from ..compiler.dual import WIDTH, parted
@@ -54,7 +54,7 @@ def law_of(data, i, unilateral, size):
     if not unilateral:
         return BLOCK_STATE.held
     if type_of(data.blocks.blocks_i, i) == at.T_FRICTION:
-        u = gather(data.space.y, data.space.slots, i, data.space.vectors[STEP])
+        u = gather(data.space.y, data.space.slots, i, data.space.vectors[EFFECT])
         bound = data.blocks.blocks_f[i, at.AIM]
         slip, spare = abs(data.space.vectors[RHS, r] + u[0]), bound - abs(lam[r])
         if slip > spare * data.space.own[i, 0]:
@@ -79,7 +79,7 @@ def law_of(data, i, unilateral, size):
 def slip_of(data, i):
     """Compute the direction in which a contact slides along its tangents, and its speed."""
     r = first_of(data.space.slots, i)
-    u = gather(data.space.y, data.space.slots, i, data.space.vectors[STEP])
+    u = gather(data.space.y, data.space.slots, i, data.space.vectors[EFFECT])
     x, y = data.space.vectors[RHS, r + 1] + u[1], data.space.vectors[RHS, r + 2] + u[2]
     speed = math.sqrt(x * x + y * y)
     share = 1.0 / speed if speed > 0.0 else 0.0
@@ -128,7 +128,7 @@ def linearise_laws(data, carried, first, size):
     """
     blocks_i, active, slots = data.blocks.blocks_i, data.blocks.active, data.space.slots
     y, vectors, order, matrix = data.space.y, data.space.vectors, carried.order, carried.matrix
-    effect, dinv = vectors[OTHER], vectors[DINV]
+    effect, dinv = vectors[UNIT_EFFECT], vectors[DINV]
     count = 0
     unclear = False
     for j in range(1, active[0] + 1):
@@ -157,19 +157,19 @@ def linearise_laws(data, carried, first, size):
 
 @sweep
 def miss_laws(scene, data, first, size):
-    """Write by how much duals miss the laws into CHANGE, in the order of the unknowns."""
+    """Write by how much duals miss the laws into LAW_MISSES, in the order of the unknowns."""
     own = opened(scene)
     blocks, space = own.blocks, own.space
     blocks_i, blocks_f, active, slots = blocks.blocks_i, blocks.blocks_f, blocks.active, space.slots
     vectors = space.vectors
-    missed = vectors[CHANGE]
+    missed = vectors[LAW_MISSES]
     row = 0
     for j in range(1, active[0] + 1):
         i = active[j]
         law = law_of(data, i, j >= first, size)
         count = unknowns(law, size_of(blocks_i, i))
         r = first_of(slots, i)
-        u = gather(space.y, slots, i, vectors[STEP])
+        u = gather(space.y, slots, i, vectors[EFFECT])
         for c in range(count):
             missed[row + c] = vectors[RHS, r + c] + u[c]
         if one_sided(type_of(blocks_i, i)) and count > 0:
@@ -185,7 +185,7 @@ def miss_laws(scene, data, first, size):
 
 @sweep
 def impulses_of_duals(scene, numbers, carried, first, m):
-    """Compute the dual λ from RHS and BEFORE, and its effect on the joints in STEP.
+    """Compute the dual λ from RHS and BEFORE, and its effect on the joints in EFFECT.
 
     Returns whether a law has no slope, between sticking and sliding, and whether the laws leave
     velocities undetermined.
@@ -203,7 +203,7 @@ def impulses_of_duals(scene, numbers, carried, first, m):
     joint_impulses(own.blocks, own.space)
     count, unclear = linearise_laws(data, carried, first, size)
     miss_laws(scene, data, first, size)
-    missed, impulses = parted(vectors[CHANGE]), parted(vectors[LAMBDA])
+    missed, impulses = parted(vectors[LAW_MISSES]), parted(vectors[LAMBDA])
     right, order = carried.right, carried.order
     for row in range(count):
         for k in range(1, WIDTH):
@@ -226,7 +226,12 @@ def undetermined(data, carried, rank, count, m):
     which must be called first.
     """
     blocks, space = data.blocks, data.space
-    slots, own, effect, dinv = space.slots, space.own, space.vectors[OTHER], space.vectors[DINV]
+    slots, own, effect, dinv = (
+        space.slots,
+        space.own,
+        space.vectors[UNIT_EFFECT],
+        space.vectors[DINV],
+    )
     matrix, scale, order = carried.matrix, carried.right, carried.order
     for n in range(rank, count):
         change = matrix[rank]  # of λ by rows: the elimination needs the lines above only

@@ -10,7 +10,7 @@ import math
 
 from ...tolerances import EPS, ROUNDING
 from .. import layout as at
-from ..arrays import DINV, FREE_SPEEDS, LAMBDA, REPORT, STEP, SWEEPS_DONE, opened
+from ..arrays import DINV, FREE_SPEEDS, JOINT_SPEEDS, LAMBDA, REPORT, SWEEPS_DONE, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
@@ -75,11 +75,11 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
 
 @sweep
 def joint_speeds(scene, n):
-    """Write w = w₀ + diag(1/d) Yᵀ λ of island n into STEP."""
+    """Write w = w₀ + diag(1/d) Yᵀ λ of island n into JOINT_SPEEDS."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     y, slots, vectors = data.space.y, data.space.slots, data.space.vectors
-    w, dinv = vectors[STEP], vectors[DINV]
+    w, dinv = vectors[JOINT_SPEEDS], vectors[DINV]
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         for s in range(joints_of(slots, i)):
@@ -105,7 +105,7 @@ def sweep_once(scene, n, slot, count):
     blocks_i, space = data.blocks.blocks_i, data.space
     islands = contacts_at(data.links.contacts).islands
     y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
-    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
+    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[JOINT_SPEEDS]
     past = islands.slope
     normal = past[past.shape[0] - NORMAL_ROWS :]
     share = normal[COMBINED]
@@ -157,7 +157,7 @@ def move_on(scene, n, slot, count):
     blocks_i, space = data.blocks.blocks_i, data.space
     islands = contacts_at(data.links.contacts).islands
     y, slots, vectors = space.y, space.slots, space.vectors
-    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
+    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[JOINT_SPEEDS]
     past = islands.slope
     normal = past[past.shape[0] - NORMAL_ROWS :]
     share = normal[COMBINED]

@@ -4,7 +4,7 @@ import math
 
 from ...tolerances import SOLVED
 from .. import layout as at
-from ..arrays import BEFORE, LAMBDA, RHS, STEP
+from ..arrays import BEFORE, EFFECT, LAMBDA, RHS
 from ..compiler.jit import part, sweep
 from ..compiler.masks import both, either, more, most
 from ..constraints.blocks import along, ends_of, first_of, place_a, place_b, type_of
@@ -100,7 +100,7 @@ def book(scene, first, t, w, h, last):
         pair = found[n].pair
         log_missed(tally, missed[active[j], 0] / h, missed[active[j], 1] / h, size, pair, t)
         log_depth(tally, -found[n].gap, thickness_at(contacts, n), pair, t)
-        u = gather(space.y, slots, active[j], space.vectors[STEP])
+        u = gather(space.y, slots, active[j], space.vectors[EFFECT])
         x, z = space.vectors[RHS, r + 1] + u[1], space.vectors[RHS, r + 2] + u[2]
         slip = math.sqrt(x * x + z * z)
         place_in = count

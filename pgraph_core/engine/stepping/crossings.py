@@ -756,16 +756,16 @@ def kept_on(run, code, i, w):
     """Compute the weight of the true branch for which the margin is zero at width w, or 0 or 1 if
     one branch leads away from the threshold.
 
-    The step is taken with this weight, and END receives the difference between the states of both
-    branches.
+    The step is taken with this weight, and BRANCHES receives the difference between the states of
+    both branches.
     """
     stages = opened_run(run).stages
     below = beyond(run, code, i, 0.0, w)
     for j in range(stages.shape[1]):
-        stages[at.END, j] = stages[at.CANDIDATE, j]
+        stages[at.BRANCHES, j] = stages[at.CANDIDATE, j]
     above = beyond(run, code, i, 1.0, w)
     for j in range(stages.shape[1]):
-        stages[at.END, j] -= stages[at.CANDIDATE, j]
+        stages[at.BRANCHES, j] -= stages[at.CANDIDATE, j]
     if above >= 0.0:
         return 1.0
     if below < 0.0:
@@ -800,7 +800,7 @@ def slide(run, code, h):
     while True:
         share = kept_on(run, code, i, h)
         for j in range(stages.shape[1]):
-            stages[at.ERROR, j] = 0.125 * (share - control.share) * stages[at.END, j]
+            stages[at.ERROR, j] = 0.125 * (share - control.share) * stages[at.BRANCHES, j]
         known = size_of(rows, size, stages, at.ERROR)
         if control.widths != CHOSEN or not known > 1.0 or h <= instant(control, h):
             break

@@ -9,7 +9,20 @@ import math
 
 from ...tolerances import NOTABLE, ROUNDING
 from .. import layout as at
-from ..arrays import CHANGE, DINV, FACTORED, LAMBDA, OUT, RHS, STEP, ZERO, carried_at, opened_run
+from ..arrays import (
+    CORRECTION,
+    CORRECTION_SIZES,
+    DINV,
+    EFFECT,
+    FACTORED,
+    FACTORS,
+    LAMBDA,
+    OUT,
+    RHS,
+    ZERO,
+    carried_at,
+    opened_run,
+)
 from ..compiler.address import caller
 from ..compiler.dual import WIDTH, duals, parted, revalued
 from ..compiler.jit import kernel, part, sweep
@@ -254,9 +267,9 @@ def take_factors(scene, numbers, q, v, m):
             mine.slots[i, k] = other.slots[i, k]
     copied_values(mine.omega, other.omega, 0, end, end)
     copied_values(mine.factor, other.factor, 0, end, end)
-    copied_values(mine.nulls, other.nulls, 0, int(other.vectors[FACTORED, 1]), end)
+    copied_values(mine.nulls, other.nulls, 0, int(other.vectors[FACTORED, FACTORS.nulls]), end)
     copied_values(mine.vectors, other.vectors, DINV, 1, other.vectors.shape[1])
-    mine.vectors[FACTORED, 2] = 0.0  # have no derivatives
+    mine.vectors[FACTORED, FACTORS.known] = 0.0  # have no derivatives
 
 
 @sweep
@@ -282,10 +295,15 @@ def improves(lam, change, before, end):
 
 @sweep
 def corrected(scene, count, m):
-    """Compute -M⁻¹ Jᵀ Ω⁺ RHS in STEP with the factors at hand, refined for the derivatives."""
+    """Compute -M⁻¹ Jᵀ Ω⁺ RHS in EFFECT with the factors at hand, refined for the derivatives."""
     own = opened(scene)
     space, vectors, end = own.space, own.space.vectors, whole_blocks(m)
-    rhs, lam, change, before = vectors[RHS], vectors[LAMBDA], vectors[CHANGE], vectors[STEP]
+    rhs, lam, change, before = (
+        vectors[RHS],
+        vectors[LAMBDA],
+        vectors[CORRECTION],
+        vectors[CORRECTION_SIZES],
+    )
     for r in range(end):
         rhs[r] = -rhs[r] if r < m else 0.0 * rhs[r]
     for n in range(count):
@@ -319,12 +337,12 @@ def frame_onto_constraints(run, numbers, t, row):
     if data.control[0].project == 0 or opened(scene).blocks.active[0] == 0:
         return
     nq, nv = size_of_state(run)
-    own, count = opened(scene), int(opened(given).space.vectors[FACTORED, 1])
+    own, count = opened(scene), int(opened(given).space.vectors[FACTORED, FACTORS.nulls])
     m = number_rows(own.blocks, own.space.slots)
     take_values(run, numbers, row, row)
     state = other.stages[row]
     take_factors(scene, given, state[:nq], state[nq : nq + nv], m)
-    q, v, step = data.stages[row, :nq], data.stages[row, nq : nq + nv], own.space.vectors[STEP]
+    q, v, step = data.stages[row, :nq], data.stages[row, nq : nq + nv], own.space.vectors[EFFECT]
     frames(own.rows, own.const, own.work, q, v)
     located(scene, v, False)
     gaps(scene, t, q, RHS)

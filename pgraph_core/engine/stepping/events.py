@@ -126,7 +126,7 @@ def look(run, low, w):
     t = control.old_time + low + w
     if phases_watched(run):
         contact = opened_events(data.scene).contact
-        vdot = stages[at.ERROR, nq : nq + nv]
+        vdot = stages[at.OBSERVED, nq : nq + nv]
         call_observe(contact.links.observe, (data.scene, t, q, v, vdot, data.flow))
         counters.evaluations += 1
         watch(contact, WATCHED.now, w)

@@ -21,7 +21,7 @@ import math
 
 from ...tolerances import EPS, ROUNDING
 from .. import layout as at
-from ..arrays import FACTORED, opened_run
+from ..arrays import FACTORED, FACTORS, opened_run
 from ..compiler.elementary import power
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
@@ -51,7 +51,7 @@ from ..tree.kinematics import joint_force, linear_velocity, outboard
 from ..tree.moving import advance, local_rate
 from ..vec import add, add_cross, add_scaled, cross, dot, finite, mul, mul_t, scale, sym_mul
 from . import implicit
-from .implicit import KEEP, MOVE, add_half_turn, factor_pair, prepare, solve
+from .implicit import COUPLING, KEEP, MOVE, add_half_turn, factor_pair, prepare, solve
 from .state import STEP, UNSOLVED, copied, size_of_state
 
 # rows of the real matrix from `own` on, before which it holds what `implicit` needs, the factors of
@@ -242,7 +242,7 @@ def mass_matrix(run, q):
             inertia[i, j] = 0.0
     outboard(scene.rows, scene.const, scene.work, q, still)
     joint_inertia(scene.rows, scene.const, scene.work, inertia)
-    scene.space.vectors[FACTORED, 2] = 0.0
+    scene.space.vectors[FACTORED, FACTORS.known] = 0.0
 
 
 @sweep
@@ -552,7 +552,7 @@ def solved_by_newton(run, h, still):
             jacobian(run)
         if control.factored != h:
             counters.factorisations += 1
-            if not factor_pair(run, h, data.tableau.a[9]):
+            if not factor_pair(run, h, data.tableau.a[3 + COUPLING.eigenvalues]):
                 return False, 0.0, 0.0
         found = solved(run, h, still, True, SERVES)
         if found[0]:

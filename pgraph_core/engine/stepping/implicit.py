@@ -36,7 +36,16 @@ RADAU = columns(
     weights=1,
     speeds=1,
     powers=1,
+    probe=1,  # a coordinate moved for a difference, and the slopes on both sides
+    forward=1,
+    backward=1,
+    mean=1,  # of the stages, weighted for the error, the error, and the slope there
+    missed=1,
+    slope=1,
+    report=1,  # of derivatives
 )
+# rows of the tableau's `a`: stages from decoupled ones, the reverse, eigenvalues of the inverse
+COUPLING = columns(stages=3, decoupled=3, eigenvalues=1)
 LEAST_COLUMNS = 6  # columns
 
 MOVE = EPS ** (1 / 3)  # step of central differences over their scale: their error is least
@@ -47,6 +56,16 @@ ITERATIONS = 12
 def matrix_rows(nv):
     """Return the number of rows of the real matrix."""
     return 3 * nv + RADAU.total
+
+
+@part
+def coupling_of(a):
+    """Return the parts of a tableau's `a` that COUPLING names."""
+    return (
+        a[: COUPLING.decoupled],
+        a[COUPLING.decoupled : COUPLING.eigenvalues],
+        a[COUPLING.eigenvalues],
+    )
 
 
 @sweep
@@ -112,9 +131,9 @@ def jacobian(run):
     nq, nv = size_of_state(run)
     rows = opened(data.scene).rows
     t = min(control.time, control.clip)
-    z = real[3 * nv + RADAU.scratch]
-    plus = real[3 * nv + RADAU.f]
-    minus = real[3 * nv + RADAU.f + 1]
+    z = real[3 * nv + RADAU.probe]
+    plus = real[3 * nv + RADAU.forward]
+    minus = real[3 * nv + RADAU.backward]
     weights = real[3 * nv + RADAU.weights]
     for j in range(2 * nv):
         z[j] = 0.0
@@ -256,7 +275,7 @@ def correct(run, h, slopes, decoupled, stages):
     real, pair, rows = data.real, data.pair, opened(data.scene).rows
     nv = data.control[0].nv
     base = 3 * nv
-    t, inverse, mu = data.tableau.a[:3], data.tableau.a[3:6], data.tableau.a[6]
+    t, inverse, mu = coupling_of(data.tableau.a)
     right = real[base + RADAU.right]
     right_c = pair[nv]
     shift = mu[0] / h
@@ -348,35 +367,35 @@ def radau_error(run, h):
     nq, nv = size_of_state(run)
     base = 3 * nv
     rows = opened(data.scene).rows
-    shift = data.tableau.a[6, 0] / h
-    right = real[base + RADAU.right]
+    shift = data.tableau.a[COUPLING.eigenvalues, 0] / h
+    missed = real[base + RADAU.missed]
     weights = real[base + RADAU.weights]
     scratch = real[base + RADAU.scratch]
     factors, pivots = real[2 * nv : base], real[base + RADAU.pivots]
     weighted_stages(data.tableau.error[0], h, real, base, nv)
     for j in range(nv):
-        right[j] = real[base + RADAU.w, j] + stages[at.Y, nq + j]
-        right[nv + j] = real[base + RADAU.w, nv + j] + stages[at.SLOPE, nq + j]
-    solve(rows, shift, real, nv, factors, pivots, right, scratch)
-    error = size_of_local(right, weights, 2 * nv)
+        missed[j] = real[base + RADAU.mean, j] + stages[at.Y, nq + j]
+        missed[nv + j] = real[base + RADAU.mean, nv + j] + stages[at.SLOPE, nq + j]
+    solve(rows, shift, real, nv, factors, pivots, missed, scratch)
+    error = size_of_local(missed, weights, 2 * nv)
     if error > 1.0 and (control.rejected == 1 or data.counters[0].steps == 0):
-        out = real[base + RADAU.f]
-        local_slope(run, min(control.time, control.clip), right, out)
+        out = real[base + RADAU.slope]
+        local_slope(run, min(control.time, control.clip), missed, out)
         for j in range(2 * nv):
-            right[j] = real[base + RADAU.w, j] + out[j]
-        solve(rows, shift, real, nv, factors, pivots, right, scratch)
-        error = size_of_local(right, weights, 2 * nv)
+            missed[j] = real[base + RADAU.mean, j] + out[j]
+        solve(rows, shift, real, nv, factors, pivots, missed, scratch)
+        error = size_of_local(missed, weights, 2 * nv)
     return error
 
 
 @part
 def weighted_stages(error, h, real, base, nv):
-    """Write Σ e_i Z_i / h into W."""
+    """Write Σ e_i Z_i / h into RADAU.mean."""
     for j in range(2 * nv):
         x = 0.0
         for i in range(3):
             x += error[i] * real[base + RADAU.z + i, j]
-        real[base + RADAU.w, j] = x / h
+        real[base + RADAU.mean, j] = x / h
 
 
 @kernel(STEP, nogil=True, later=True)
@@ -392,7 +411,7 @@ def radau(run, h):
             jacobian(run)
         if control.factored != h:
             data.counters[0].factorisations += 1
-            if not factor_pair(run, h, data.tableau.a[6]):
+            if not factor_pair(run, h, data.tableau.a[COUPLING.eigenvalues]):
                 return UNSOLVED
         solved = newton(run, h)
         if not solved:

@@ -23,7 +23,7 @@ from . import gauss as by_gauss
 from . import implicit as by_radau
 from .duals import STEP_OF_DUALS, end_step, go_back, width_of_step
 from .gauss import GAUSS
-from .implicit import RADAU, finish_local, local_slope
+from .implicit import COUPLING, RADAU, coupling_of, finish_local, local_slope
 from .state import copied, size_of_state
 
 CORRECTION_ROUNDS = 60  # maximum number of corrections: reaches ROUNDING at a rate of 0.6
@@ -107,13 +107,13 @@ def radau_of_duals(run, numbers):
     control, stages, flow, real = data.control[0], data.stages, data.flow, data.real
     nv, h = control.nv, width_of_step(numbers)
     base = 3 * nv
-    report, y = parted(real[base + RADAU.weights]), parted(stages[at.Y])
+    report, y = parted(real[base + RADAU.report]), parted(stages[at.Y])
     open_report(report)
     for k in range(1, WIDTH):
         for i in range(control.nq + nv):
             size = abs(y[i, k]) * given.stages[at.WEIGHT, i]
             report[SIZES.first, k] = max(report[SIZES.first, k], size)
-    decoupling = data.tableau.a[3:6]
+    _, decoupling, eigenvalues = coupling_of(data.tableau.a)
     for i in range(3):
         for j in range(2 * nv):
             real[base + RADAU.z + i, j] = given.real[base + RADAU.z + i, j]
@@ -122,7 +122,7 @@ def radau_of_duals(run, numbers):
                 z = given.real[base + RADAU.z + n, j]
                 real[base + RADAU.w + i, j] += decoupling[i, n] * z
     if given.control[0].factored != h:
-        by_radau.factor_pair(numbers, h, data.tableau.a[6])
+        by_radau.factor_pair(numbers, h, eigenvalues)
         given.control[0].factored = 0.0  # the primal run factors again, as without derivatives
     for _ in range(CORRECTION_ROUNDS):
         begin_round(report)
@@ -238,7 +238,7 @@ def gauss_of_duals(run, numbers):
             z[j] = revalued(data.tableau.c[i] * h * v[j], values[j])
             z[nv + j] = revalued(v[j], values[nv + j])
     if given.control[0].jacobian_rate < by_gauss.SERVES and given.control[0].factored != h:
-        by_radau.factor_pair(numbers, h, data.tableau.a[9])
+        by_radau.factor_pair(numbers, h, data.tableau.a[3 + COUPLING.eigenvalues])
         given.control[0].factored = 0.0  # the primal run factors again, as without derivatives
     power = 0.0 * flow[0]
     loss = 0.0 * flow[0]

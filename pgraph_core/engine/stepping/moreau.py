@@ -27,7 +27,10 @@ from ..arrays import (
     BEFORE,
     CALMED,
     DAMPING,
+    EFFECT,
     FACTORED,
+    FACTORS,
+    FREE_SPIN,
     GAINED,
     GYRE,
     HARD,
@@ -35,18 +38,19 @@ from ..arrays import (
     LAMBDA,
     MEAN,
     MISSED,
-    OTHER,
     OWN_ARMATURE,
     OWN_GIVEN,
+    PUSH,
     REPORT,
     RHS,
     SPEEDS,
-    STEP,
     STEPS_DONE,
     STIFFNESS,
     STRAYS,
     SWEEPS_DONE,
     TURNED,
+    UNPUSHED,
+    WAY_SPEEDS,
     ZERO,
     carried_at,
     opened_run,
@@ -138,18 +142,18 @@ def moreau_jean(run, h):
         if w > 0.0 and again and hits_at_once(scene, h, q, v, vdot):
             w = 0.0
         elif part_of_step(run, done, h, left, ASK if again else REMAINDER):
-            start = stages[at.TRIAL]
-            state_at(scene, 0.0, q, v, start, vdot, space.vectors[STEP, :nv])
+            start = stages[at.PART_BEFORE]
+            state_at(scene, 0.0, q, v, start, vdot, space.vectors[WAY_SPEEDS, :nv])
             if parts == 0:
                 keep_poses(scene)
-            w = first_meeting(scene, h, left, q, v, start, vdot, space.vectors[STEP, :nv])
+            w = first_meeting(scene, h, left, q, v, start, vdot, space.vectors[WAY_SPEEDS, :nv])
         else:
             break
         parts += 1
         part_of_step(run, done, h, w, CUT)
         if w == left or tally.barred == 1:
             break
-        stuck = w == 0.0 and not changed(stages[at.TRIAL], stages[at.CANDIDATE], nq, nv)
+        stuck = w == 0.0 and not changed(stages[at.PART_BEFORE], stages[at.CANDIDATE], nq, nv)
         tally.cuts += 1
         done += w
     if parts == MOST_PARTS:  # the rest was taken at once, as a time step without location
@@ -157,7 +161,7 @@ def moreau_jean(run, h):
         if tally.crowded == 1:
             tally.crowded_time = t + done
     if parts > 0:
-        state_at(scene, 0.0, q, v, stages[at.CANDIDATE], vdot, space.vectors[STEP, :nv])
+        state_at(scene, 0.0, q, v, stages[at.CANDIDATE], vdot, space.vectors[WAY_SPEEDS, :nv])
         note_passages(scene, t + h)
     tally.frozen = FROZEN
     if tally.barred == 1:
@@ -194,19 +198,19 @@ def part_of_step(run, done, h, w, mode):
 
     If requested, the function returns True if an impact may occur within the sub-step, without
     changing CANDIDATE. A part without width is an impact of all that touches. The state before is
-    in TRIAL.
+    in PART_BEFORE.
     """
     this = opened_run(run)
     scene, stages = this.scene, this.stages
     t = this.control[0].time + done
     nq, nv = size_of_state(run)
-    copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
+    copied(stages, at.CANDIDATE, at.PART_BEFORE, stages.shape[1])
     q = stages[at.CANDIDATE, :nq]
     v = stages[at.CANDIDATE, nq : nq + nv]
     ledger = stages[at.CANDIDATE, nq + nv :]
-    before = stages[at.TRIAL, nq : nq + nv]
+    before = stages[at.PART_BEFORE, nq : nq + nv]
     vdot = stages[at.SLOPE, nq : nq + nv]
-    damping = stages[at.ERROR, :nv]
+    damping = stages[at.PART_DAMPING, :nv]
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     active = blocks.active
@@ -236,9 +240,9 @@ def part_of_step(run, done, h, w, mode):
             note_chain(scene, first, t)
     book(scene, first, t + w, w, h, w == h - done)
     if active[0] > 0:
-        spread(rows, const, work, space.vectors[STEP])
+        spread(rows, const, work, space.vectors[EFFECT])
     for j in range(nv - states):
-        v[j] += w * vdot[j] + space.vectors[STEP, j]
+        v[j] += w * vdot[j] + space.vectors[EFFECT, j]
     mean = space.vectors[MEAN]
     book_drives(rows, data.drives, stages[at.TORQUE, :nv], before, mean, damping, w, v, ledger)
     if bilateral > 0:  # impulses times the mean speed over the part
@@ -246,7 +250,7 @@ def part_of_step(run, done, h, w, mode):
         work_done = driven_power(blocks, space, before) + driven_power(blocks, space, v)
         ledger[at.WORK_DONE] += 0.5 * work_done
     if states > 0:
-        middle = stages[at.FROM, nq : nq + nv]
+        middle = stages[at.PART_MIDDLE, nq : nq + nv]
         for j in range(nv - states):
             middle[j] = 0.5 * (before[j] + v[j])
         for j in range(nv - states, nv):
@@ -263,24 +267,24 @@ def part_of_step(run, done, h, w, mode):
 def lifted(scene, q, v):
     """Return the potential energy that `push_out` has added by moving q [J]."""
     data = opened(scene)
-    before = data.space.vectors[OTHER, : q.shape[0]]
+    before = data.space.vectors[UNPUSHED, : q.shape[0]]
     for i in range(q.shape[0]):
         before[i] = q[i]
-    advance(data.rows, before, data.space.vectors[STEP], -1.0)
+    advance(data.rows, before, data.space.vectors[PUSH], -1.0)
     return energies(scene, q, v)[1] - energies(scene, before, v)[1]
 
 
 @sweep
 def accelerate(run, t, h, w):
     """Move CANDIDATE to the middle of a part of width w from time t on, and write v' there without
-    impulses into SLOPE, torques into TORQUE and damping into ERROR.
+    impulses into SLOPE, torques into TORQUE and damping into PART_DAMPING.
     """
     this = opened_run(run)
     scene, stages = this.scene, this.stages
     nq, nv = size_of_state(run)
     q = stages[at.CANDIDATE, :nq]
     v = stages[at.CANDIDATE, nq : nq + nv]
-    before = stages[at.TRIAL, nq : nq + nv]
+    before = stages[at.PART_BEFORE, nq : nq + nv]
     tau = stages[at.TORQUE, :nv]
     vdot = stages[at.SLOPE, nq : nq + nv]
     data = opened(scene)
@@ -295,7 +299,7 @@ def accelerate(run, t, h, w):
     for j in range(nv):
         vectors[MEAN, j] = v[j]
         vectors[KICK, j] = 0.0
-        stages[at.ERROR, j] = vectors[DAMPING, j]
+        stages[at.PART_DAMPING, j] = vectors[DAMPING, j]
     contacts_at(data.links.contacts).tally[0].share = w / h
     call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, v, tau, vdot, this.flow))
     this.counters[0].evaluations += 1
@@ -327,13 +331,13 @@ def accelerate_again(run, t, h, w):
 @sweep
 def find_mean(scene, w, v, vdot, count):
     """Write the mean velocity of a part of width w and the effect of its impulses into MEAN and
-    KICK, from v' without the impulses of the `count` active blocks, which are in STEP.
+    KICK, from v' without the impulses of the `count` active blocks, which are in EFFECT.
     """
     data = opened(scene)
     vectors = data.space.vectors
     states = data.loads.signals[2].shape[0]
     for j in range(v.shape[0]):
-        vectors[KICK, j] = vectors[STEP, j]
+        vectors[KICK, j] = vectors[EFFECT, j]
     if count > 0:
         spread(data.rows, data.const, data.work, vectors[KICK])
     for j in range(v.shape[0] - states):
@@ -352,7 +356,7 @@ def end_acceleration(run, w, width):
     this = opened_run(run)
     stages, data = this.stages, opened(this.scene)
     nq, nv = size_of_state(run)
-    q, before = stages[at.CANDIDATE, :nq], stages[at.TRIAL, nq : nq + nv]
+    q, before = stages[at.CANDIDATE, :nq], stages[at.PART_BEFORE, nq : nq + nv]
     vdot, vectors = stages[at.SLOPE, nq : nq + nv], data.space.vectors
     rows, const, work = data.rows, data.const, data.work
     mean, kick = vectors[MEAN, :nv], vectors[KICK, :nv]
@@ -361,7 +365,7 @@ def end_acceleration(run, w, width):
             vectors[ZERO, j] = 0.0
         gyre = vectors[GYRE : GYRE + SPIN.total]
         keep_gyrating(rows, const, work, q, before, mean, kick, width, vectors[ZERO], gyre, vdot)
-        keep_spinning(rows, const, work, before, mean, kick, width, vectors[STEP], vdot)
+        keep_spinning(rows, const, work, before, mean, kick, width, vectors[FREE_SPIN], vdot)
     positions(rows, work)
 
 
@@ -374,9 +378,9 @@ def take_back(run, h, w):
     v, states = stages[at.CANDIDATE, nq : nq + nv], data.loads.signals[2].shape[0]
     put_contacts(run, v, -w / h)
     for i in range(nq):
-        stages[at.CANDIDATE, i] = stages[at.TRIAL, i]
+        stages[at.CANDIDATE, i] = stages[at.PART_BEFORE, i]
     for j in range(nv - states, nv):
-        v[j] = stages[at.TRIAL, nq + j]
+        v[j] = stages[at.PART_BEFORE, nq + j]
 
 
 @sweep
@@ -512,10 +516,10 @@ def set_velocities(scene, t, end, h, v, vdot, m):
     velocities(rows, const, work, v, linear)
     residual_velocity(blocks, work, space, t, v, vectors[BEFORE])
     for j in range(v.shape[0]):
-        vectors[STEP, j] = v[j] + h * vdot[j]
-    turn_rates(rows, const, work, vectors[STEP])
-    velocities(rows, const, work, vectors[STEP], linear)
-    residual_velocity(blocks, work, space, end, vectors[STEP], vectors[RHS])
+        vectors[SPEEDS, j] = v[j] + h * vdot[j]
+    turn_rates(rows, const, work, vectors[SPEEDS])
+    velocities(rows, const, work, vectors[SPEEDS], linear)
+    residual_velocity(blocks, work, space, end, vectors[SPEEDS], vectors[RHS])
     for r in range(m):
         vectors[BEFORE, r] -= vectors[TURNED, r]
         vectors[RHS, r] += vectors[TURNED, r]
@@ -576,7 +580,7 @@ def warm_start(scene, first, m):
 def solve_part(run, own, q, v, vdot):
     """Solve for the impulses in a pass of a part of width w, starting at t, of a step of width h.
 
-    Their effect on the joints is stored in STEP. The second pass starts with those of the first.
+    Their effect on the joints is stored in EFFECT. The second pass starts with those of the first.
     """
     t, h, w, first, which = own
     this = opened_run(run)
@@ -584,14 +588,12 @@ def solve_part(run, own, q, v, vdot):
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     report = space.vectors[REPORT]
     for j in range(v.shape[0]):
-        space.vectors[STEP, j] = 0.0
-    space.vectors[FACTORED, 2] = 0.0  # Y is no longer that of the last factors
+        space.vectors[EFFECT, j] = 0.0
+    space.vectors[FACTORED, FACTORS.known] = 0.0  # Y is no longer that of the last factors
     goes_on = which == MIDPOINT
     while blocks.active[0] > 0:
         m = number_rows(blocks, space.slots)
         set_velocities(scene, t, t + w, w, v, vdot, m)
-        for j in range(v.shape[0]):
-            space.vectors[SPEEDS, j] = space.vectors[STEP, j]
         unspread(rows, const, work, space.vectors[SPEEDS])
         if not goes_on:
             unit_responses(rows, const, blocks, work, space)

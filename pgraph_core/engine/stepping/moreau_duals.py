@@ -15,15 +15,18 @@ from ...tolerances import NOTABLE, step_of_differences
 from .. import layout as at
 from ..arrays import (
     BEFORE,
-    CHANGE,
     DAMPING,
     DINV,
+    EFFECT,
     KICK,
     LAMBDA,
+    LATER,
     MEAN,
-    OTHER,
+    PATH_GAPS,
     RHS,
-    STEP,
+    SOONER,
+    SPEEDS,
+    WAY_SPEEDS,
     carried_at,
     opened_run,
 )
@@ -76,10 +79,9 @@ from .state import copied, size_of_state
 from .unilateral import push_out, span_reaches
 
 BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
-# entries of END: when a part begins, of which only the derivatives count, how wide it is, and what
-# was left of the step when the path to an impact was looked for
+# entries of PART_TIMES: when a part begins, of which only the derivatives count, how wide it is,
+# and what was left of the step when the path to an impact was looked for
 TIMES = columns("begun", "taken", "left", "kept")
-PART_START, HERE = at.WEIGHT, at.STAGE  # rows: the state there, and the one that waits meanwhile
 SHIFT = step_of_differences(2)  # part of a step over which forces are differenced in time
 NO_SLOPE, TOGETHER, HIT_TWICE, ASIDE, LOOSE, PARTED = (
     1.0,
@@ -121,36 +123,36 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
     """Repeat a pass of a sub-step from the state CANDIDATE, or begin a step (`first` = 0).
 
     A step may be taken again, since the location of an event takes shorter ones in between. The end
-    of the time before is kept in Y_OLD, and the width of its last sub-step in FROM.
+    of the time before is kept in Y_OLD, and the width of its last sub-step in LAST_WIDTH.
     """
     data = opened_run(run)
     scene, stages = data.scene, data.stages
     if first == 0:
         copied(stages, at.CANDIDATE, at.Y_OLD, stages.shape[1])
-        stages[at.FROM, 0] = stages[at.END, TIMES.taken]
+        stages[at.LAST_WIDTH, 0] = stages[at.PART_TIMES, TIMES.taken]
         copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
-        stages[at.END, TIMES.begun] = 0.0
-        parted(stages[at.END])[TIMES.left, 0] = 0.0
+        stages[at.PART_TIMES, TIMES.begun] = 0.0
+        parted(stages[at.PART_TIMES])[TIMES.left, 0] = 0.0
         return
     moves = end_moves(numbers)
     t, late = opened_run(numbers).control[0].time + done, w < h or moves > 0.0
     if which == MIDPOINT:
         move_again(run, t, w, late)
     else:
-        take_values(run, numbers, at.CANDIDATE, at.TRIAL)
+        take_values(run, numbers, at.CANDIDATE, at.PART_BEFORE)
         if w == 0.0:
             locate_impact(run, numbers, carried, (done, h), first)
-        elif parted(stages[at.END])[TIMES.left, 0] > 0.0:
+        elif parted(stages[at.PART_TIMES])[TIMES.left, 0] > 0.0:
             locate_end(run, numbers, (done, h))
         begin_part(run, done, h, w, moves)
         if w > 0.0 and done == 0.0 and opened_run(numbers).counters[0].steps == 0:
             end_where_parted(run, numbers, carried, first)
-        copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
+        copied(stages, at.CANDIDATE, at.PART_BEFORE, stages.shape[1])
         move_freely(run, t, h, w, late)
-    width = stages[at.END, TIMES.taken]
+    width = stages[at.PART_TIMES, TIMES.taken]
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
-    vdot, before = stages[at.SLOPE, nq : nq + nv], stages[at.TRIAL, nq : nq + nv]
+    vdot, before = stages[at.SLOPE, nq : nq + nv], stages[at.PART_BEFORE, nq : nq + nv]
     ledger, flow = stages[at.CANDIDATE, nq + nv :], data.flow
     scene_of_numbers = opened_run(numbers).scene
     own = opened(scene)
@@ -159,7 +161,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
     set_rows(scene, scene_of_numbers, first, h, width, q, v)
     turn_rates(own.rows, own.const, own.work, space.vectors[MEAN, :nv])
     for k in range(nv):
-        space.vectors[STEP, k] = 0.0
+        space.vectors[EFFECT, k] = 0.0
     if own.blocks.active[0] > 0:
         m = number_rows(own.blocks, space.slots)
         set_velocities(scene, t, t + w, width, v, vdot, m)
@@ -179,10 +181,10 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
     ledger[at.WORK_DONE] += width * flow[0]
     ledger[at.DISSIPATED] += width * flow[1]
     if own.blocks.active[0] > 0:
-        spread(own.rows, own.const, own.work, space.vectors[STEP])
+        spread(own.rows, own.const, own.work, space.vectors[EFFECT])
     for j in range(nv):
-        v[j] += width * vdot[j] + space.vectors[STEP, j]
-    damping, tau = stages[at.ERROR, :nv], stages[at.TORQUE, :nv]
+        v[j] += width * vdot[j] + space.vectors[EFFECT, j]
+    damping, tau = stages[at.PART_DAMPING, :nv], stages[at.TORQUE, :nv]
     mean = space.vectors[MEAN]
     book_drives(own.rows, own.drives, tau, before, mean, damping, width, v, ledger)
     if first > 1:
@@ -193,7 +195,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
         for j in range(first, own.blocks.active[0] + 1):
             own_block(space.y, space.slots, space.vectors[DINV], own.blocks.active[j], space.own)
         push_out(scene, first, h, q)
-    stages[at.END, TIMES.begun] = stages[at.END, TIMES.begun] + width
+    stages[at.PART_TIMES, TIMES.begun] = stages[at.PART_TIMES, TIMES.begun] + width
     cease(carried, stages[at.CANDIDATE])
 
 
@@ -209,7 +211,10 @@ def begin_part(run, done, h, w, moves):
     which has the derivatives `moves`.
     """
     stages = opened_run(run).stages
-    begun, taken = parted(stages[at.END])[TIMES.begun], parted(stages[at.END])[TIMES.taken]
+    begun, taken = (
+        parted(stages[at.PART_TIMES])[TIMES.begun],
+        parted(stages[at.PART_TIMES])[TIMES.taken],
+    )
     if w > 0.0:
         state = parted(stages[at.CANDIDATE])
         for i in range(stages.shape[1]):
@@ -221,11 +226,11 @@ def begin_part(run, done, h, w, moves):
     taken[0] = w
     taken[BY_WIDTH] = 1.0 if w > 0.0 and not last else 0.0
     if w > 0.0:
-        left = parted(stages[at.END])[TIMES.left]
+        left = parted(stages[at.PART_TIMES])[TIMES.left]
         left[0] = 0.0 if last else h - done
         for k in range(1, BY_WIDTH):
             left[k] = moves - begun[k]
-        copied(stages, at.CANDIDATE, PART_START, stages.shape[1])
+        copied(stages, at.CANDIDATE, at.PART_START, stages.shape[1])
 
 
 @sweep
@@ -235,7 +240,7 @@ def move_freely(run, t, h, w, moves):
     scene, stages = data.scene, data.stages
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
-    own, width = opened(scene), stages[at.END, TIMES.taken]
+    own, width = opened(scene), stages[at.PART_TIMES, TIMES.taken]
     active = own.blocks.active
     count = active[0]
     active[0] = 0
@@ -251,7 +256,7 @@ def move_freely(run, t, h, w, moves):
 def move_again(run, t, w, moves):
     """Compute v' and the power again at the mean velocity of the first pass."""
     data = opened_run(run)
-    stages, own, width = data.stages, opened(data.scene), data.stages[at.END, TIMES.taken]
+    stages, own, width = data.stages, opened(data.scene), data.stages[at.PART_TIMES, TIMES.taken]
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     tau, vdot, active = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv], own.blocks.active
@@ -270,13 +275,13 @@ def end_later(run, w, moves):
     data = opened_run(run)
     stages, flow = data.stages, data.flow
     nq, nv = size_of_state(run)
-    vdot, width = stages[at.SLOPE, nq : nq + nv], stages[at.END, TIMES.taken]
+    vdot, width = stages[at.SLOPE, nq : nq + nv], stages[at.PART_TIMES, TIMES.taken]
     if moves and w > 0.0:
-        late = revalued(stages[at.END, TIMES.begun] + 0.5 * width, 0.0)
+        late = revalued(stages[at.PART_TIMES, TIMES.begun] + 0.5 * width, 0.0)
         for j in range(nv):
-            vdot[j] += stages[at.FROM, nq + j] * late
-        flow[0] += stages[at.FROM, nq + nv] * late
-        flow[1] += stages[at.FROM, nq + nv + 1] * late
+            vdot[j] += stages[at.FORCE_SLOPE, nq + j] * late
+        flow[0] += stages[at.FORCE_SLOPE, nq + nv] * late
+        flow[1] += stages[at.FORCE_SLOPE, nq + nv + 1] * late
     end_acceleration(run, w, width)
 
 
@@ -284,7 +289,7 @@ def end_later(run, w, moves):
 def accelerate(run, t):
     """Compute v' and the power of CANDIDATE at time t, with drives as inertia."""
     data = opened_run(run)
-    stages, width = data.stages, data.stages[at.END, TIMES.taken]
+    stages, width = data.stages, data.stages[at.PART_TIMES, TIMES.taken]
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     tau, vdot = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv]
@@ -293,7 +298,7 @@ def accelerate(run, t):
     for j in range(nv):
         vectors[MEAN, j] = v[j]
         vectors[KICK, j] = 0.0
-        stages[at.ERROR, j] = vectors[DAMPING, j]
+        stages[at.PART_DAMPING, j] = vectors[DAMPING, j]
     call_acceleration(data.links.accelerate, (data.scene, t, q, v, tau, vdot, data.flow))
 
 
@@ -308,10 +313,12 @@ def differ_in_time(run, t, shift):
         relax(own.rows, own.const, own.space.vectors, own.given)
         for j in range(nv):
             x = sign * stages[at.SLOPE, nq + j] / (2.0 * shift)
-            stages[at.FROM, nq + j] = x if sign < 0.0 else stages[at.FROM, nq + j] + x
+            stages[at.FORCE_SLOPE, nq + j] = x if sign < 0.0 else stages[at.FORCE_SLOPE, nq + j] + x
         for c in range(2):
             x = sign * flow[c] / (2.0 * shift)
-            stages[at.FROM, nq + nv + c] = x if sign < 0.0 else stages[at.FROM, nq + nv + c] + x
+            stages[at.FORCE_SLOPE, nq + nv + c] = (
+                x if sign < 0.0 else stages[at.FORCE_SLOPE, nq + nv + c] + x
+            )
 
 
 @sweep
@@ -376,13 +383,13 @@ def follow_width(run, t, h, m):
     data = opened_run(run)
     own, stages = opened(data.scene), data.stages
     vectors, nv = own.space.vectors, data.control[0].nv
-    end = revalued(stages[at.END, TIMES.begun] + stages[at.END, TIMES.taken], 0.0)
+    end = revalued(stages[at.PART_TIMES, TIMES.begun] + stages[at.PART_TIMES, TIMES.taken], 0.0)
     for sign in (-1.0, 1.0):
-        row = vectors[CHANGE] if sign < 0.0 else vectors[OTHER]
+        row = vectors[SOONER] if sign < 0.0 else vectors[LATER]
         moment = t + sign * SHIFT * h
-        residual_velocity(own.blocks, own.work, own.space, moment, vectors[STEP, :nv], row)
+        residual_velocity(own.blocks, own.work, own.space, moment, vectors[SPEEDS, :nv], row)
     for r in range(m):
-        slope = (vectors[OTHER, r] - vectors[CHANGE, r]) / (2.0 * SHIFT * h)
+        slope = (vectors[LATER, r] - vectors[SOONER, r]) / (2.0 * SHIFT * h)
         vectors[RHS, r] += slope * end
 
 
@@ -437,7 +444,7 @@ def end_where_parted(run, numbers, carried, first):
     scene, stages = data.scene, data.stages
     own, given = opened(scene), opened(of_numbers)
     nq, nv = size_of_state(run)
-    state, gaps = parted(stages[at.CANDIDATE]), own.space.vectors[OTHER]
+    state, gaps = parted(stages[at.CANDIDATE]), own.space.vectors[PATH_GAPS]
     q, v, gap = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv], parted(gaps)
     frames(own.rows, own.const, own.work, q, v)
     positions(own.rows, own.work)
@@ -475,7 +482,7 @@ def locate_impact(run, numbers, carried, place, first):
     data = opened_run(run)
     scene, stages = data.scene, data.stages
     own, given = opened(scene), opened(opened_run(numbers).scene)
-    active, gaps = own.blocks.active, own.space.vectors[OTHER]
+    active, gaps = own.blocks.active, own.space.vectors[PATH_GAPS]
     chief, fastest = -1, 0.0
     for j in range(first, active[0] + 1):
         r = first_of(given.space.slots, active[j])
@@ -484,14 +491,14 @@ def locate_impact(run, numbers, carried, place, first):
             chief, fastest = active[j], closing
     if chief < 0:
         return
-    if not parted(stages[at.END])[TIMES.left, 0] > 0.0:  # no part has ended here
+    if not parted(stages[at.PART_TIMES])[TIMES.left, 0] > 0.0:  # no part has ended here
         end_derivatives(carried, opened_run(numbers).control[0].time + place[0], HIT_TWICE)
         return
     follow_path(run, numbers, place)
     q = stages[at.CANDIDATE, : data.control[0].nq]
     of_numbers = opened_run(numbers).scene
     if touches(of_numbers):
-        look_for_points(scene, of_numbers, own.space.vectors[STEP, : data.control[0].nv])
+        look_for_points(scene, of_numbers, own.space.vectors[WAY_SPEEDS, : data.control[0].nv])
     gaps[0] = gap_of(scene, of_numbers, chief, q)
     gap = parted(gaps)
     if not abs(gap[0, 0]) <= reached(given, chief):  # nan if there is no such point
@@ -531,7 +538,7 @@ def locate_end(run, numbers, place):
     scene, stages = data.scene, data.stages
     of_numbers = opened_run(numbers).scene
     own, given = opened(scene), opened(of_numbers)
-    gaps, contacts = own.space.vectors[OTHER], contacts_at(given.links.contacts)
+    gaps, contacts = own.space.vectors[PATH_GAPS], contacts_at(given.links.contacts)
     tally, gap = contacts.tally[0], parted(gaps)
     follow_path(run, numbers, place)
     q = stages[at.CANDIDATE, : data.control[0].nq]
@@ -546,7 +553,7 @@ def locate_end(run, numbers, place):
                 least = abs(gap[1, 0])
                 gaps[0] = gaps[1]
     if least == math.inf and touches(of_numbers):
-        look_for_points(scene, of_numbers, own.space.vectors[STEP, : data.control[0].nv])
+        look_for_points(scene, of_numbers, own.space.vectors[WAY_SPEEDS, : data.control[0].nv])
         mine = contacts_at(own.links.contacts)
         for n in range(mine.tally[0].found):
             point = mine.found[n]
@@ -563,11 +570,11 @@ def locate_end(run, numbers, place):
 def arrive(run):
     """Return from the path to the saved state, at the time at which the first gap closes."""
     data = opened_run(run)
-    stages, gap = data.stages, parted(opened(data.scene).space.vectors[OTHER])
-    copied(stages, HERE, at.CANDIDATE, stages.shape[1])
-    stages[at.END, TIMES.begun] = stages[at.END, TIMES.kept]
-    stages[at.END, TIMES.taken] = 0.0
-    state, times = parted(stages[at.CANDIDATE]), parted(stages[at.END])
+    stages, gap = data.stages, parted(opened(data.scene).space.vectors[PATH_GAPS])
+    copied(stages, at.WAITING, at.CANDIDATE, stages.shape[1])
+    stages[at.PART_TIMES, TIMES.begun] = stages[at.PART_TIMES, TIMES.kept]
+    stages[at.PART_TIMES, TIMES.taken] = 0.0
+    state, times = parted(stages[at.CANDIDATE]), parted(stages[at.PART_TIMES])
     for k in range(1, BY_WIDTH):
         later = -gap[0, k] / gap[0, BY_WIDTH]
         for i in range(stages.shape[1]):
@@ -586,26 +593,26 @@ def follow_path(run, numbers, place):
     scene, stages = data.scene, data.stages
     nq, nv = size_of_state(run)
     done, h = place
-    left = parted(stages[at.END])[TIMES.left, 0]
-    copied(stages, at.CANDIDATE, HERE, stages.shape[1])
-    copied(stages, PART_START, at.CANDIDATE, stages.shape[1])
-    copied(stages, PART_START, at.TRIAL, stages.shape[1])
-    stages[at.END, TIMES.kept] = stages[at.END, TIMES.begun]
-    stages[at.END, TIMES.begun] = -stages[at.END, TIMES.left]
-    moves, begun = end_moves(numbers), parted(stages[at.END])[TIMES.begun]
+    left = parted(stages[at.PART_TIMES])[TIMES.left, 0]
+    copied(stages, at.CANDIDATE, at.WAITING, stages.shape[1])
+    copied(stages, at.PART_START, at.CANDIDATE, stages.shape[1])
+    copied(stages, at.PART_START, at.PART_BEFORE, stages.shape[1])
+    stages[at.PART_TIMES, TIMES.kept] = stages[at.PART_TIMES, TIMES.begun]
+    stages[at.PART_TIMES, TIMES.begun] = -stages[at.PART_TIMES, TIMES.left]
+    moves, begun = end_moves(numbers), parted(stages[at.PART_TIMES])[TIMES.begun]
     for k in range(1, BY_WIDTH):
         begun[k] += moves
-    stages[at.END, TIMES.taken] = stages[at.END, TIMES.left]
+    stages[at.PART_TIMES, TIMES.taken] = stages[at.PART_TIMES, TIMES.left]
     move_freely(
         run, opened_run(numbers).control[0].time + (h - left), h, left, left < h or moves > 0.0
     )
     relax(opened(scene).rows, opened(scene).const, opened(scene).space.vectors, opened(scene).given)
-    copied(stages, PART_START, at.CANDIDATE, stages.shape[1])
-    stages[at.END, TIMES.taken] = done - (h - left)
-    parted(stages[at.END])[TIMES.taken, BY_WIDTH] = 1.0
-    own, time = opened(scene), stages[at.END, TIMES.taken]
+    copied(stages, at.PART_START, at.CANDIDATE, stages.shape[1])
+    stages[at.PART_TIMES, TIMES.taken] = done - (h - left)
+    parted(stages[at.PART_TIMES])[TIMES.taken, BY_WIDTH] = 1.0
+    own, time = opened(scene), stages[at.PART_TIMES, TIMES.taken]
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
-    speed = own.space.vectors[STEP, :nv]
+    speed = own.space.vectors[WAY_SPEEDS, :nv]
     for j in range(nv):
         speed[j] = v[j] + 0.5 * time * stages[at.SLOPE, nq + j]
     advance(own.rows, q, speed, time)
@@ -643,7 +650,7 @@ def moreau_jean_of_duals(run, numbers):
     """
     stages = opened_run(run).stages
     start, end, moved = (
-        parted(stages[PART_START]),
+        parted(stages[at.PART_START]),
         parted(stages[at.CANDIDATE]),
         parted(stages[at.Y_OLD]),
     )

@@ -4,7 +4,7 @@ import math
 
 from ...tolerances import NOTABLE, TOUCHING
 from .. import layout as at
-from ..arrays import DINV, LAMBDA, SPEED_TRIAL, STEP
+from ..arrays import DINV, EFFECT, LAMBDA, PUSH, SPEEDS_AFTER
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
     ends_of,
@@ -159,16 +159,16 @@ def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
 def add_passed(scene, first, w, q, v, vdot):
     """Append limits that impulses on other rows would violate. Returns True if there are any.
 
-    q is the middle of the part of width w, and STEP has the impulses' effect.
+    q is the middle of the part of width w, and EFFECT has the impulses' effect.
     """
     data = opened(scene)
     blocks, work, space = data.blocks, data.work, data.space
     active, tally = blocks.active, contacts_at(data.links.contacts).tally[0]
     if tally.limits == 0:
         return False
-    change = space.vectors[SPEED_TRIAL]
+    change = space.vectors[SPEEDS_AFTER]
     for j in range(v.shape[0]):
-        change[j] = space.vectors[STEP, j]
+        change[j] = space.vectors[EFFECT, j]
     spread(data.rows, data.const, work, change)
     for j in range(v.shape[0]):
         change[j] += v[j] + w * vdot[j]
@@ -258,7 +258,7 @@ def tolerated(contacts, n, h):
 @sweep
 def push_out(scene, first, h, q):
     """Reduce deep penetration by moving q along the normals, in the mass metric, separately for
-    each island. Returns whether there was any. The move is in STEP.
+    each island. Returns whether there was any. The move is in PUSH.
     """
     data = opened(scene)
     blocks, space = data.blocks, data.space
@@ -274,7 +274,7 @@ def push_out(scene, first, h, q):
             blocks.blocks_f[active[j], at.AIM] = found[n].gap + 0.5 * tolerated(contacts, n, h)
     if not deep:
         return False
-    z = space.vectors[STEP]
+    z = space.vectors[PUSH]
     for k in range(z.shape[0]):
         z[k] = 0.0
     for n in range(find_islands(scene)):
@@ -310,13 +310,13 @@ def depth_to_remove(scene, n, h):
 
 @sweep
 def separate(scene, n, way):
-    """Add the motion that opens the gaps in AIM of island n to STEP, with an accuracy of OPENED
+    """Add the motion that opens the gaps in AIM of island n to PUSH, with an accuracy of OPENED
     times `way` [m]."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     islands = contacts_at(data.links.contacts).islands
     y, slots, own = space.y, space.slots, space.own
-    lam, dinv, z = space.vectors[LAMBDA], space.vectors[DINV], space.vectors[STEP]
+    lam, dinv, z = space.vectors[LAMBDA], space.vectors[DINV], space.vectors[PUSH]
     for j in range(islands.first[n], islands.first[n + 1]):
         lam[first_of(slots, islands.blocks[j])] = 0.0
     for _ in range(PUSH_SWEEPS):
@@ -359,7 +359,7 @@ def limits_beyond(scene, first, q):
                 beyond = max(beyond, -gap)
         elif kind == at.T_SPAN:
             if not moved:
-                frames(data.rows, data.const, data.work, q, vectors[STEP])
+                frames(data.rows, data.const, data.work, q, vectors[EFFECT])
                 positions(data.rows, data.work)
                 moved = True
             a, b = ends_of(blocks_i, i)

@@ -159,14 +159,14 @@ def first_width(run):
     h = 0.01 / fastest
     for i in range(n):
         stages[at.CANDIDATE, i] = stages[at.Y, i] + h * stages[at.SLOPE, i]
-    rate_of(rows, size, stages, at.CANDIDATE, at.ERROR)
-    acceleration_of(run, control.time + h, at.CANDIDATE, at.ERROR)
-    if not finite(stages[at.ERROR]):
+    rate_of(rows, size, stages, at.CANDIDATE, at.RATE_CHANGE)
+    acceleration_of(run, control.time + h, at.CANDIDATE, at.RATE_CHANGE)
+    if not finite(stages[at.RATE_CHANGE]):
         return 0.1 * shrink * h
     weigh(rows, size, stages, control)
     for i in range(n):
-        stages[at.ERROR, i] = (stages[at.ERROR, i] - stages[at.SLOPE, i]) / h
-    bend = math.sqrt(size_of(rows, size, stages, at.ERROR) * rtol)
+        stages[at.RATE_CHANGE, i] = (stages[at.RATE_CHANGE, i] - stages[at.SLOPE, i]) / h
+    bend = math.sqrt(size_of(rows, size, stages, at.RATE_CHANGE) * rtol)
     return shrink / max(fastest, bend)
 
 
