@@ -453,9 +453,10 @@ def typed(request: Request, name: str, text: str) -> Any:
     known = about(OF[name], name).label.lower() if name in OF else ""
     if not known:
         raise Refusal("no run has this setting")
-    value = text.strip() or None
-    if value is not None and name not in Settings.CHOICES:
+    value: str | float | None = text.strip() or None
+    if value and name not in Settings.CHOICES:
         value = cells.named_number(f"The {known}", text)
+        value = int(value) if value.is_integer() else value
     try:
         return getattr(request.model_copy(update={name: value}), name)
     except pg.ModelError as error:
