@@ -18,8 +18,21 @@ from .app.store import ME, after, begun, do, reply
 from .refusals import assert_names, refusal
 
 pytestmark = pytest.mark.quick
-OTHER_VALUE: dict[str, Any] = {"t_end": 0.25, "step": 0.004, "method": "dopri5", "rtol": 1e-5}
-BAD = [("step", -1.0), ("step", "1 s"), ("rtol", 0.5), ("rtol", 1e-17), ("t_end", 0.0)]
+OTHER_VALUE: dict[str, Any] = {
+    "t_end": 0.25,
+    "step": 0.004,
+    "method": "dopri5",
+    "rtol": 1e-5,
+    "frames": 12,
+}
+BAD = [
+    ("step", -1.0),
+    ("step", "1 s"),
+    ("rtol", 0.5),
+    ("rtol", 1e-17),
+    ("t_end", 0.0),
+    ("frames", 1),
+]
 ROD = pg.Model.serial(1)
 
 
@@ -122,6 +135,9 @@ def about_value(name: str) -> str:
         ({"rtol": 1e-5, "method": "dopri5"}, {}, ("dopri5", None, 1e-5, 1001)),
         ({"step": 2e-3, "method": "rk4"}, {"rtol": 1e-7}, ("dop853", None, 1e-7, 1001)),
         ({"step": 2e-3}, {"method": "dopri5"}, ("dopri5", None, 1e-8, 1001)),
+        ({"frames": 5}, {}, ("dop853", None, 1e-8, 5)),
+        ({"frames": 5}, {"frames": 7}, ("dop853", None, 1e-8, 7)),
+        ({"frames": 5}, {"t_eval": [0.0, 0.01]}, ("dop853", None, 1e-8, 2)),
         ({"method": "RK45"}, {}, ("dopri5", None, 1e-8, 1001)),  # the name in SciPy
     ],
 )

@@ -10,13 +10,14 @@ from pydantic import ValidatorFunctionWrapHandler, field_validator
 
 from .. import words
 from ..errors import ModelError, no_method
-from ..fields import Frozen, Number, Text, field, refuse
+from ..fields import Frozen, Number, Text, Whole, field, refuse
 from ..tolerances import EPS
 from ..units import S
 
 AUTO = "auto"  # chosen for the scene
 STEP = 1e-3  # [s] fixed steps where nothing is given
 LONGEST = 1_000_000_000  # [s] thirty years: longer runs do not end
+MOST_FRAMES = 100_000_000  # gigabytes
 LEAST_RTOL = 4 * EPS  # the error of a step is rounding below it
 METHOD_NAMES = {  # names in calls and files -> labels
     AUTO: "automatic",
@@ -38,7 +39,7 @@ class Settings(Frozen):
     """
 
     CHOICES: ClassVar[Mapping[str, Mapping[str, str]]] = {"method": METHOD_NAMES}  # -> labels
-    TIMES: ClassVar[tuple[str, ...]] = ("t_end",)  # those that say what is recorded
+    TIMES: ClassVar[tuple[str, ...]] = ("t_end", "frames")  # those that say what is recorded
 
     t_end: Number | None = field(
         "a finite number > 0, at most 1e9 [s]", default=None, gt=0, le=LONGEST, dim=S,
@@ -55,6 +56,11 @@ class Settings(Frozen):
     rtol: Number | None = field(
         "a number from 1e-15, above rounding, to 0.1", default=None, ge=LEAST_RTOL, le=0.1,
         label="Tolerance", since=9, help="largest relative error of a step of adaptive methods",
+    )  # fmt: skip
+
+    frames: Whole | None = field(
+        f"a whole number from 2 to {MOST_FRAMES}", default=None, ge=2, le=MOST_FRAMES, since=9,
+        help="number of recorded frames; default: about 1000",
     )  # fmt: skip
 
     @field_validator("method", mode="wrap")

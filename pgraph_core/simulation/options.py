@@ -20,14 +20,13 @@ from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
 from ..model.checks import force_problems, late_limits
-from ..model.settings import AUTO, STEP, Settings
+from ..model.settings import AUTO, MOST_FRAMES, STEP, Settings
 from ..packing import Array, Ints
 from ..portable import array_of
 from ..tolerances import SOLVED
 
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
-MOST_FRAMES = 100_000_000  # gigabytes
 FRAMES = 1000  # recorded by default
 RTOL = 1e-8  # default tolerance of adaptive runs
 ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
@@ -52,9 +51,6 @@ class Options(Settings):
     t_start: Any = 0.0
     atol: Number = field("a finite number >= 0", default=0.0, ge=0)
     max_steps: Whole = field("a whole number >= 1", default=MOST_CHOSEN, ge=1)
-    frames: Whole | None = field(
-        f"a whole number from 2 to {MOST_FRAMES}", default=None, ge=2, le=MOST_FRAMES
-    )
     t_eval: Any = None
     stabilise: Literal["project", "baumgarte"] | None = field(
         "'project', 'baumgarte' or None", default="project"
