@@ -5,12 +5,13 @@ import importlib
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import pgraph_core
 from pgraph_core.engine import arrays, layout
-from pgraph_core.engine.records import columns
+from pgraph_core.engine.records import STEP_CONTROL, columns
 from pgraph_core.engine.tree.spinning import SPIN
 
 pytestmark = pytest.mark.quick
@@ -61,3 +62,57 @@ def test_no_row_of_the_workspaces_has_two_names():
     names = [*assigned(ast.parse(Path(layout.__file__).read_text(encoding="utf-8")).body)]
     states = names[names.index("Y") :]
     assert [getattr(layout, name) for name in states] == [*range(layout.STAGE + 1)]
+
+
+# modules that write a record of STEP_CONTROL: the goal is one each, so these lists only shrink
+WRITERS = {
+    "clock": {
+        "engine/contact/clearance", "engine/lockstep/block", "engine/stepping/crossings",
+        "engine/stepping/duals", "engine/stepping/events", "engine/stepping/explicit",
+        "engine/stepping/run", "engine/stepping/widths", "simulation/duals", "simulation/loop",
+    },
+    "error": {
+        "engine/lockstep/block", "engine/stepping/run", "engine/stepping/widths",
+        "simulation/duals", "simulation/loop",
+    },
+    "ends": {
+        "engine/lockstep/block", "engine/stepping/crossings", "engine/stepping/run",
+        "engine/stepping/widths", "simulation/loop",
+    },
+    "guard": {
+        "engine/contact/approach", "engine/contact/clearance", "engine/stepping/events",
+        "engine/stepping/run", "simulation/duals", "simulation/loop",
+    },
+    "newton": {
+        "engine/stepping/gauss", "engine/stepping/implicit", "engine/stepping/implicit_duals",
+        "simulation/loop",
+    },
+}  # fmt: skip
+
+
+def record_written(target: Any) -> tuple[str, str]:
+    """The record and the field to which an assignment writes: to `control.clock.time` in kernels,
+    to `control["clock"]["time"]` or `steps.clock["time"]` in Python."""
+
+    def last(node: Any) -> str:
+        if isinstance(node, ast.Subscript):
+            return str(getattr(node.slice, "value", ""))
+        return str(getattr(node, "attr", getattr(node, "id", "")))
+
+    inside = getattr(target, "value", None)
+    return last(inside), last(target)
+
+
+def test_records_of_steps_have_few_writers():
+    kinds: dict[str, Any] = {
+        name: kind[0] for name, kind in (STEP_CONTROL.fields or {}).items() if kind[0].names
+    }
+    assert len(kinds) <= 5
+    found: dict[str, set[str]] = {name: set() for name in kinds}
+    for path in sorted(CORE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(getattr(node, "ctx", None), ast.Store):
+                name, field = record_written(node)
+                if name in kinds and field in kinds[name].names:
+                    found[name].add(path.relative_to(CORE).with_suffix("").as_posix())
+    assert found == WRITERS

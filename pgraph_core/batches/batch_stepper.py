@@ -198,7 +198,7 @@ class BatchStepper(Snapshots):
     @property
     def t(self) -> Array:
         """(size,) times [s]."""
-        return self._many.control["time"].copy()
+        return self._many.control["clock"]["time"].copy()
 
     @property
     def q(self) -> Array:
@@ -239,8 +239,8 @@ class BatchStepper(Snapshots):
         return {text: which for text, which in found.items() if len(which)}
 
     def _reason(self, code: int, control: Any) -> str:
-        moved = self.mech.packed.moved_fastest(int(control["fastest"]))
-        where = f"at t = {control['failed']:.6g} s; {moved}"
+        moved = self.mech.packed.moved_fastest(int(control["clock"]["fastest"]))
+        where = f"at t = {control['clock']['failed']:.6g} s; {moved}"
         return f"{STATUS[code].value} {where}"
 
     @property
@@ -410,7 +410,7 @@ class BatchStepper(Snapshots):
         if vs is not None:
             many.v[chosen, : self.mech.nv] = vs
         record = self._first.recording
-        begun = len(record.plan.active) or nx or record.steps.control["approach"]
+        begun = len(record.plan.active) or nx or record.steps.guard["approach"]
         try:
             for i in chosen.tolist() if begun and not (qs is None and vs is None) else ():
                 worker = many.into_worker(i)

@@ -155,7 +155,7 @@ class Instances:
 
     def step(self, n: int) -> None:
         """Take n steps of all running instances with the `given` torques."""
-        self.control["fresh"][self.codes == at.RUNNING] = 0
+        self.control["clock"]["fresh"][self.codes == at.RUNNING] = 0
         if self.pairs is not None:
             self._elapsed[self.codes == at.RUNNING] = 0.0
         most = max(STEPS_BEFORE_A_LOOK // len(self.codes), 1)
@@ -200,13 +200,15 @@ class Instances:
 
     def relink(self) -> None:
         """Replace data from another process: addresses, and bounds for the next steps."""
-        here = self.workers[0].stepper.recording.steps.control
+        here = self.workers[0].stepper.recording.steps.guard
         for name in ADDRESSES:
-            self.control[name] = here[name]
-        for i in np.flatnonzero(self.codes == at.RUNNING).tolist() if here["approach"] else ():
+            self.control["guard"][name] = here[name]
+        for i in (
+            np.flatnonzero(self.codes == at.RUNNING).tolist() if here["guard"]["approach"] else ()
+        ):
             record = self.into_worker(i).stepper.recording
             record.bound()
-            self.control["bound"][i] = record.steps.control["bound"]
+            self.control["guard"]["bound"][i] = record.steps.guard["bound"]
 
     def into_worker(self, i: int) -> Worker:
         """Load instance i into the run of the first worker, and return that worker."""
@@ -295,7 +297,7 @@ class TreeLanes(Instances):
     def step(self, n: int) -> None:
         """Take n steps of all running instances with the `given` torques."""
         for i in self._in_lanes(n, None).tolist():
-            self.control["fresh"][i] = 0
+            self.control["clock"]["fresh"][i] = 0
             self._part(n, 0, i, i + 1)
 
     def trace(self, n: int) -> Array:
@@ -304,7 +306,7 @@ class TreeLanes(Instances):
         states[:] = np.concatenate((self.q, self.v), axis=1)
         for i in self._in_lanes(n, states).tolist():
             for state in states:
-                self.control["fresh"][i] = 0
+                self.control["clock"]["fresh"][i] = 0
                 self._part(1, 0, i, i + 1)
                 state[i] = np.concatenate((self.q[i], self.v[i]))
         return states
@@ -313,14 +315,14 @@ class TreeLanes(Instances):
         """Take n steps in lanes and store them in `states`. Return the instances without a fit."""
         running = np.flatnonzero(self.codes == at.RUNNING)
         late = max(self._corners[-1:].tolist(), default=-np.inf)
-        if self._cut or (self.control["time"][running] < late).any():
+        if self._cut or (self.control["clock"]["time"][running] < late).any():
             return running  # lanes take whole steps, and tables or lags end some
         left = [self._advance(which, n, states) for which in self._at_one_time(running)]
         return np.concatenate((running[:0], *left))
 
     def _fit(self, q: Array, v: Array) -> NDArray[np.bool_]:
         """Return a mask of the states that lanes accept: finite, with angles within FAR."""
-        width = float(self.control["widest"][0])
+        width = float(self.control["error"]["widest"][0])
         if abs(q).max(initial=0.0) < FAR and abs(v).max(initial=0.0) * width < FAR:
             return np.ones(len(q), dtype=bool)
         far = np.any(~(abs(q[:, self._angles]) < FAR), axis=1)  # also of nan
@@ -335,11 +337,11 @@ class TreeLanes(Instances):
         parts = self.q, self.v, self.ledger if works else self.ledger[:, :0]
         method, size = plan.method, sum(x.shape[1] for x in parts)
         *state, given = map(to_lanes, (*(x[which] for x in parts), self._pushed(which)))
-        first, width = which[0], float(control["widest"][0])
-        times = [float(control["time"][first])]
+        first, width = which[0], float(control["error"]["widest"][0])
+        times = [float(control["clock"]["time"][first])]
         if states is not None:  # those of one step after the other
-            taken = control["taken"][first] + np.arange(n)
-            times += (control["origin"][first] + taken * width).tolist()[1:]
+            taken = control["ends"]["taken"][first] + np.arange(n)
+            times += (control["ends"]["origin"][first] + taken * width).tolist()[1:]
         acts = (*self._acts(which, plan.drives, plan.loads), method.tableau[:3])
         stages = at.STAGE + method.evaluations, size, LANE_WIDTH
 
@@ -358,9 +360,9 @@ class TreeLanes(Instances):
         taken = which[good]
         for own, found in zip(parts, new):
             own[taken] = found[good]
-        control["taken"][taken] += n
-        now = control["origin"] + control["taken"] * control["widest"]
-        control["time"][taken] = now[taken]
+        control["ends"]["taken"][taken] += n
+        now = control["ends"]["origin"] + control["ends"]["taken"] * control["error"]["widest"]
+        control["clock"]["time"][taken] = now[taken]
         return which[~good]
 
     def accelerations(self) -> Array:
@@ -375,7 +377,7 @@ class TreeLanes(Instances):
     def _accelerations(self, which: Ints) -> Array:
         plan = self.workers[0].stepper.recording.plan
         q, v, given = map(to_lanes, (self.q[which], self.v[which], self._pushed(which)))
-        out, t = np.empty_like(v), float(self.control["time"][which[0]])
+        out, t = np.empty_like(v), float(self.control["clock"]["time"][which[0]])
         acts = self._acts(which, plan.drives, plan.loads)
 
         def work(begin: int, end: int, space: Array) -> None:
@@ -413,7 +415,7 @@ class TreeLanes(Instances):
 
     def _at_one_time(self, which: Ints) -> Iterator[Ints]:
         """Yield the instances in groups with equal time if the forces depend on time."""
-        times = self.control["time"][which] if self._timed else np.zeros(len(which))
+        times = self.control["clock"]["time"][which] if self._timed else np.zeros(len(which))
         for t in np.unique(times):
             yield which[times == t]
 

@@ -54,6 +54,15 @@ def table(kind: np.dtype[Any], *shape: int) -> Any:
     return np.zeros(shape, kind)
 
 
+def offsets(kind: np.dtype[Any]) -> dict[str, int]:
+    """Return the place of each field [bytes], also of those of records within the record."""
+    found: dict[str, int] = {}
+    for name, (inside, start, *_) in (kind.fields or {}).items():
+        inner = offsets(inside) if inside.names else {name: 0}
+        found |= {one: start + place for one, place in inner.items()}
+    return found
+
+
 def rows_of(kind: np.dtype[Any], rows: Any) -> Any:
     """Return an array of records built from rows of numbers."""
     found = table(kind, len(rows))
@@ -105,36 +114,39 @@ METHOD = record(
     most=REAL,
 )
 
-STEP_CONTROL = record(
-    nq=INTEGER,
-    nv=INTEGER,
+CLOCK_STATE = record(  # where the run is
     time=REAL,  # time of the state [s]
     width=REAL,  # the step to try next [s]
     old_time=REAL,  # time of the state before the last step [s]
     old_width=REAL,  # width of the step from there [s]
     clip=REAL,  # stages are not taken later: left of a corner or edge [s]
+    span=REAL,  # length of the run [s]
+    frame=INTEGER,  # the next frame
+    last=INTEGER,  # frames until which the run goes on
+    most=INTEGER,  # steps allowed
+    fresh=INTEGER,  # 1: SLOPE belongs to Y
+    filled=INTEGER,  # 1: the further stages of dense output are known
+    repeated=INTEGER,  # 1: the stages are those of a part of the last step
+    failed=REAL,  # time of the failure of the run [s]
+    fastest=INTEGER,  # row that moved fastest there
+)
+
+ERROR_CONTROL = record(  # what steps are wide for
     last_error=REAL,  # error of the last accepted step over the tolerance
     rtol=REAL,  # relative to the scales below
     atol=REAL,  # absolute, for every coordinate
     widest=REAL,  # the largest step [s]
-    span=REAL,  # length of the run [s]
     length=REAL,  # length of the mechanism, or its displacement [m]
     spin=REAL,  # the fastest rotation so far [rad/s]
     speed=REAL,  # the fastest translation so far [m/s]
-    jacobian_rate=REAL,  # convergence rate of Newton's method, large without a Jacobian
-    jacobian_time=REAL,  # time of the Jacobian [s]
-    factored=REAL,  # width for which the matrices are factored [s]
     widths=INTEGER,  # CHOSEN or GIVEN
     project=INTEGER,  # 1: steps end on the constraints
-    most=INTEGER,  # steps allowed
-    frame=INTEGER,  # the next frame
-    last=INTEGER,  # frames until which the run goes on
-    fresh=INTEGER,  # 1: SLOPE belongs to Y
-    filled=INTEGER,  # 1: the further stages of dense output are known
-    repeated=INTEGER,  # 1: the stages are those of a part of the last step
-    fired=INTEGER,  # REACHED or CONTACT_AHEAD: waits to be reported
     rejected=INTEGER,  # 1: the last step was rejected
     broken=INTEGER,  # why: 1 not finite, 2 not solved
+    steepest=REAL,  # largest acceleration of a step so far, if corners end steps [rad/s², m/s²]
+)
+
+ENDS_OF_STEPS = record(  # times at which steps end, and what holds until then
     corner=INTEGER,  # the next corner of a table
     edges=INTEGER,  # comparisons of times in expressions, at whose changes steps end
     edge=REAL,  # time of the last corner or edge at which a step ended [s]
@@ -152,17 +164,34 @@ STEP_CONTROL = record(
     taken=INTEGER,  # given steps since then
     left=INTEGER,  # given steps to the next frame
     done=REAL,  # finished part of the current given step [s]
+)
+
+GUARD_STATE = record(  # what is looked for in a step
+    fired=INTEGER,  # REACHED or CONTACT_AHEAD: waits to be reported
     turning=REAL,  # time in which friction may turn slow slip around [s]
-    failed=REAL,  # time of the failure of the run [s]
-    fastest=INTEGER,  # row that moved fastest there
     bound=REAL,  # the next step may not be wider, or things could pass through each other [s]
-    guard=INTEGER,  # address of a GUARD, 0 for none
+    address=INTEGER,  # address of a GUARD, 0 for none
     due=INTEGER,  # ALWAYS or ONCE: events are looked for in the last step
-    clock=REAL,  # time of the next check of the guard while nothing is faster than `slow` [s]
+    next_check=REAL,  # time of the next check of the guard while nothing is faster than `slow` [s]
     slow=REAL,  # [rad/s, m/s]
     approach=INTEGER,  # address of the kernel that finds `bound`, 0 for none
     carried=INTEGER,  # address of what repeats parts of a step with derivatives, 0 for none
-    steepest=REAL,  # largest acceleration of a step so far, if corners end steps [rad/s², m/s²]
+)
+
+NEWTON_STATE = record(  # matrices of implicit methods
+    jacobian_rate=REAL,  # convergence rate of Newton's method, large without a Jacobian
+    jacobian_time=REAL,  # time of the Jacobian [s]
+    factored=REAL,  # width for which the matrices are factored [s]
+)
+
+STEP_CONTROL = record(
+    nq=INTEGER,
+    nv=INTEGER,
+    clock=CLOCK_STATE,
+    error=ERROR_CONTROL,
+    ends=ENDS_OF_STEPS,
+    guard=GUARD_STATE,
+    newton=NEWTON_STATE,
 )
 
 COUNTERS = record(

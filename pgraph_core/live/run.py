@@ -18,7 +18,7 @@ from ..engine import motion
 from ..engine.arrays import CONTACTS, RUN, SCENE, Links, RunLinks
 from ..engine.compiler.address import address_of
 from ..engine.compiler.kinds import Array, Group
-from ..engine.records import CHOSEN, GIVEN, STEP_CONTROL, table
+from ..engine.records import CHOSEN, GIVEN, STEP_CONTROL, offsets, table
 from ..engine.stepping import crossings
 from ..errors import InputError, Problem, choices
 from ..forces import spring
@@ -187,11 +187,6 @@ LOADS, CORNERS = offset_of(SCENE, "loads", "spring"), offset_of(RUN, "corners")
 MOST_LIVE_STEPS = 100_000_000  # limit on the steps of a reader's run
 
 
-def offsets(kind: Any) -> dict[str, int]:
-    """Return the byte offset of each field in a record."""
-    return {name: offset for name, (_, offset, *_) in kind.fields.items()}
-
-
 CONTROL = offsets(STEP_CONTROL)
 NO_LINKS, NO_RUN_LINKS = Links(), RunLinks(0, 0, 0, 0)
 
@@ -284,7 +279,7 @@ class LiveRun:
         kept = kept._replace(user=kept.user._replace(address=0))
         run = steps._kept._replace(scene=at_["scene"], links=NO_RUN_LINKS)
         found = self.image.bytes({"scene": kept, "run": run})
-        for name in ("guard", "approach"):
+        for name in ("address", "approach"):
             start = self._control + CONTROL[name] - BASE
             found[start : start + 8] = bytes(8)
         return found
@@ -307,7 +302,7 @@ class LiveRun:
         user = self.record.scene.user
         if user is not None:
             found.append((scene + offset_of(SCENE, "user", "address"), names[user.address]))
-        if approach := int(self.record.steps.control["approach"]):
+        if approach := int(self.record.steps.guard["approach"]):
             field = CONTROL["approach"]
             found.append((self._control + field, names[approach]))
         return found
@@ -360,7 +355,7 @@ class LiveRun:
             "columns": {"mass": at.MASS, "link": at.LINK, "com": at.COM, "inertia": at.INERTIA},
             "own_loads": len(self._pull) - 1,
             "project": bool(self.plan.project and len(self.plan.active)),
-            "bounded": bool(steps.control["approach"]),
+            "bounded": bool(steps.guard["approach"]),
             "fallen": place(user.fallen) if user is not None else 0,
             "logged": _logged(self.image, touching),
         }  # fmt: skip

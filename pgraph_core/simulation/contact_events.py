@@ -138,7 +138,7 @@ class ContactEvents:
             if code != at.EVENT:
                 return code
             began = time.perf_counter()
-            t = float(steps.control["time"])
+            t = float(steps.clock["time"])
             self._observe(t)  # frames may have been looked at since
             if self.noted is not None:
                 self.noted(t)
@@ -222,7 +222,7 @@ class ContactEvents:
         self._observe(t)
         f = scene.points
         f["fresh"][(scene.phase == SWING) & (f["gap"] > 2 * f["rounding"])] = 0
-        point_kernels.begin(scene.address, float(self.steps.control["turning"]))
+        point_kernels.begin(scene.address, float(self.steps.guard["turning"]))
 
     def _log(self, t: float, s: int, before: int, cause: str) -> None:
         point = self.scene.contact_points[s]

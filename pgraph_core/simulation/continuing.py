@@ -36,7 +36,7 @@ TAU = "tau"  # beginning of the names of a controller's arrays
 def left_by(record: Running) -> Memory:
     """Return what a run keeps at its present time beside its state."""
     plan, scene, model = record.plan, record.scene, record.mech.model
-    t, switching = float(record.steps.control["time"]), record.switching
+    t, switching = float(record.steps.clock["time"]), record.switching
     found: dict[str, Any] = {"t": np.array([t]), **states_of_drives(plan.driving, scene.drives, t)}
     if model.constraints:
         active = record.active.tolist()

@@ -39,8 +39,8 @@ class Corners:
         ]
         self.laws = [one for one in found if len(one[1])]
         # times of the next and the last look [s]
-        self.next = self._time = float(record.steps.control["time"])
-        self.frame = int(record.steps.control["frame"])  # the next one at the last look
+        self.next = self._time = float(record.steps.clock["time"])
+        self.frame = int(record.steps.clock["frame"])  # the next one at the last look
         self._last: list[Array] = []
         if self.laws:  # the scene of the run keeps its memory
             plan = replace(record.plan, contacts=None)
@@ -56,7 +56,7 @@ class Corners:
         """
         record = self.record
         motion.energy(self._scene.address, record.q, record.v)
-        t = float(record.steps.control["time"])
+        t = float(record.steps.clock["time"])
         ahead, since = np.inf, max(t - self._time, np.finfo(float).tiny)
         for i, (kind, loads, of) in enumerate(self.laws):
             now, margin = of(loads)
@@ -75,7 +75,7 @@ class Corners:
             with np.errstate(divide="ignore", over="ignore"):  # at rest
                 ahead = min(ahead, float((margin / rate).min()))
         self.next, self._time = t + min(0.5 * ahead, 2.0 * since), t
-        self.frame = int(record.steps.control["frame"])
+        self.frame = int(record.steps.clock["frame"])
         return ""
 
     def _points(self, table: Any, end: str) -> Array:

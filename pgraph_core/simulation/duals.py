@@ -76,8 +76,8 @@ class RunOfDuals:
         stages = np.zeros((*steps.stages.shape, WIDTH))
         control = table(STEP_CONTROL, 1)
         control[:] = steps.control_table
-        control["fresh"] = control["filled"] = control["guard"] = 0
-        control["widths"] = CHOSEN  # not used: steps are given
+        control["clock"]["fresh"] = control["clock"]["filled"] = control["guard"]["address"] = 0
+        control["error"]["widths"] = CHOSEN  # not used: steps are given
         project = address_of(duals.projection_of_duals) if constrain else 0
         links = RunLinks(address_of(duals.acceleration_of_duals), project, 0, 0)
         kept = steps.kept
@@ -159,7 +159,7 @@ class RunOfDuals:
         """Add to the derivatives of the state."""
         self._run.stages[at.Y, :, 1:] += derivatives
         self._run.stages[at.CANDIDATE] = self._run.stages[at.Y]
-        self._run.control["fresh"] = self._run.control["filled"] = 0
+        self._run.control["clock"]["fresh"] = self._run.control["clock"]["filled"] = 0
 
     def switch(self, t: float, steps: Any, late: Array, before: Any, after: Any) -> None:
         """Project the state onto other constraints at t, whose derivatives are `late`."""
@@ -177,7 +177,7 @@ class RunOfDuals:
         if len(late):
             y[:, 1 : 1 + len(late)] -= np.outer(after, late)
         self._run.stages[at.CANDIDATE] = y
-        self._run.control["fresh"] = self._run.control["filled"] = 0
+        self._run.control["clock"]["fresh"] = self._run.control["clock"]["filled"] = 0
 
 
 def contacts_of_duals(space: Any, acting: Any, slopes: Array) -> Any:

@@ -85,7 +85,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
             finer.carried, plan.times, *shared(record, finer, n)
         )
     ahead = plan.onward() if record.met else plan
-    changed = record.steps.control["change"] > -np.inf  # steps after it begin anywhere
+    changed = record.steps.ends["change"] > -np.inf  # steps after it begin anywhere
     if ahead.tolerance is None and (changed or may_jump(record, ahead)):
         third = _again(record, offset_plan(finer_plan(plan, n), ahead, 1), carries=False)
         if not isinstance(third, str):
@@ -126,7 +126,7 @@ def _rounding(record: Recording, t: Array) -> Array:
     """
     out, nq, nv, n = record.out, record.mech.nq, record.mech.nv, len(t)
     later, speeds = t - t[0], np.abs(out.v[:n]).max(axis=0)
-    later *= float(record.steps.control["steepest"])
+    later *= float(record.steps.error["steepest"])
     far, fastest = np.abs(out.q[:n, :nq]).max(initial=0.0), speeds[:nv].max(initial=0.0)
     rates = np.zeros((n, 1 + len(speeds) - nv))
     rates[:, 0] = later + fastest

@@ -33,7 +33,7 @@ STATUS = {
 
 def failure(record: Running, code: int) -> tuple[Status, str]:
     """Return (status, message) of a kernel's status code, with the place and a suggestion."""
-    t, row = record.steps.control["failed"], int(record.steps.control["fastest"])
+    t, row = record.steps.clock["failed"], int(record.steps.clock["fastest"])
     status = STATUS[code]
     touching, tables = record.scene.touching, record.plan.contacts
     if touching is not None and tables is not None and touching.tally["barred"]:
@@ -58,7 +58,7 @@ def _advice(record: Running, status: Status) -> str:
             return _contradicted(record) or heavy or _blocking(record) or torn
         case Status.STEP_TOO_SMALL:
             text = "forces may be discontinuous, or the tolerance too small; try a larger one"
-            return _steep(record, float(record.steps.control["failed"])) or text
+            return _steep(record, float(record.steps.clock["failed"])) or text
         case Status.TOO_MANY_STEPS:
             return "give a larger max_steps or rtol, or try radau5 if it is stiff"
     if given is not None:

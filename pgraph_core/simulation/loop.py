@@ -22,6 +22,7 @@ from ..engine.records import (
     GIVEN,
     METHOD,
     STEP_CONTROL,
+    offsets,
     rows_of,
     table,
 )
@@ -46,7 +47,7 @@ NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
 ANY_NUMBER = (1 << 63) - 1  # limit on steps if none is given
 UNCOUNTED = 1 << 62  # steps to the next frame if none is recorded
-TAKEN, FRESH, FRAME = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh", "frame"))
+TAKEN, FRESH, FRAME = (offsets(STEP_CONTROL)[x] // 8 for x in ("taken", "fresh", "frame"))
 TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
 
 
@@ -68,6 +69,9 @@ class Steps:
         self.q[:], self.v[:] = q, v
         self.control_table, self.counters_table = table(STEP_CONTROL, 1), table(COUNTERS, 1)
         self.control, self.counters = self.control_table[0], self.counters_table[0]
+        self.clock, self.error, self.ends, self.guard, self.newton = (
+            self.control[name] for name in ("clock", "error", "ends", "guard", "newton")
+        )
         self._begin()
         self.frames = frames
         self.clearance: Clearance | None = None  # guard of shapes that may touch
@@ -78,27 +82,28 @@ class Steps:
     def _begin(self) -> None:
         control, plan, given = self.control, self.plan, self.tolerance
         control["nq"], control["nv"] = len(self.q), len(self.v)
-        control["time"] = control["origin"] = self.times[0]
-        control["last"], control["project"] = len(self.times), plan.project
-        control["length"], control["last_error"] = plan.length, 1e-4
-        control["bound"], control["clock"], control["change"] = np.inf, -np.inf, -np.inf
-        control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
-        control["span"] = self.times[-1] - self.times[0]
+        self.clock["time"] = self.ends["origin"] = self.times[0]
+        self.clock["last"], self.error["project"] = len(self.times), plan.project
+        self.error["length"], self.error["last_error"] = plan.length, 1e-4
+        self.guard["bound"], self.ends["change"] = np.inf, -np.inf
+        self.search_again()
+        self.newton["jacobian_rate"], self.newton["jacobian_time"] = np.inf, np.nan
+        self.clock["span"] = self.times[-1] - self.times[0]
         lags = plan.drives.table["lag"]
         code, _, states = plan.loads.signals
-        control["samples"] = np.count_nonzero(states[:, SAMPLE] >= 0)
-        control["edges"], control["edge"] = count_of_edges(code), self.times[0]
-        control["parts"], control["lag"] = plan.parts, lags[lags > 0.0].min(initial=np.inf)
+        self.ends["samples"] = np.count_nonzero(states[:, SAMPLE] >= 0)
+        self.ends["edges"], self.ends["edge"] = count_of_edges(code), self.times[0]
+        self.ends["parts"], self.ends["lag"] = plan.parts, lags[lags > 0.0].min(initial=np.inf)
         if given is None:
-            control["widths"], control["most"] = GIVEN, ANY_NUMBER
+            self.error["widths"], self.clock["most"] = GIVEN, ANY_NUMBER
             assert plan.step is not None, "a run without a tolerance has a step"
-            control["turning"] = plan.step / plan.parts
+            self.guard["turning"] = plan.step / plan.parts
             measured = plan.method.implicit or plan.method.adaptive
-            control["rtol"] = SOLVED if measured else 0.0
+            self.error["rtol"] = SOLVED if measured else 0.0
             return
-        control["widths"] = CHOSEN
-        control["rtol"], control["atol"] = given.rtol, given.atol
-        control["widest"], control["most"] = given.widest, given.most
+        self.error["widths"] = CHOSEN
+        self.error["rtol"], self.error["atol"] = given.rtol, given.atol
+        self.error["widest"], self.clock["most"] = given.widest, given.most
 
     def join(
         self, scene: int, links: RunLinks, watched: Array, wanted: Ints = NO_EVENTS, user: int = 0
@@ -111,7 +116,7 @@ class Steps:
         a guard watches.
         """
         always = user or watched.shape[1] > len(wanted)
-        self.control["due"] = ALWAYS if always else 0
+        self.guard["due"] = ALWAYS if always else 0
         plan, method = self.plan, self.plan.method
         matrices = _matrices(method, len(self.v)) if method.implicit else NO_MATRICES
         if method.starts and count_of_held(plan.loads.signals[0]):
@@ -136,7 +141,7 @@ class Steps:
     def extend(self, plan: RunPlan, frames: tuple[Array, ...]) -> None:
         """Continue with the given steps of another plan, recording in `frames`."""
         self.plan, n = plan, len(plan.times)
-        self.control["frame"], self.control["last"] = 0, n
+        self.clock["frame"], self.clock["last"] = 0, n
         self.counters_table[:] = 0
         self.ledger[:] = 0.0
         kept = self._kept
@@ -168,6 +173,31 @@ class Steps:
         """Re-evaluate the acceleration after forces have changed."""
         self._words[0][FRESH] = 0
 
+    def search_again(self) -> None:
+        """Search for the clearance again at the next look."""
+        self.guard["next_check"] = -np.inf
+
+    def factor_again(self) -> None:
+        """Evaluate the Jacobian of an implicit method again if it converges slowly."""
+        self.newton["jacobian_rate"] = 2.0
+
+    def end_at(self, frames: int) -> None:
+        """Go on until this number of frames is recorded."""
+        self.clock["last"] = frames
+
+    def count_frames(self, frames: int) -> None:
+        """Set the number of frames that are recorded already."""
+        self.clock["frame"] = frames
+
+    def forget_event(self) -> None:
+        """Do not report what ended the last step."""
+        self.guard["fired"] = 0
+
+    def guarded_by(self, **addresses: int) -> None:
+        """Set addresses of what looks at steps, by the names in GUARD_STATE."""
+        for name, address in addresses.items():
+            self.guard[name] = address
+
     @property
     def watched(self) -> Array:
         """The event monitors, (4, 3 points + user events)."""
@@ -196,7 +226,7 @@ class Steps:
 
         before = tally.copy(), self.counters_table.copy()
         first = self.plan.width[0] if self.tolerance is None else self.times[1] - self.times[0]
-        moreau_jean(self.address, min(float(first), float(self.control["widest"]) or np.inf))
+        moreau_jean(self.address, min(float(first), float(self.error["widest"]) or np.inf))
         hit = tally["cuts"][0] > before[0]["cuts"][0]
         tally[:], self.counters_table[:] = before
         pairs["mean_force"], pairs["mean_torque"] = pairs["force"], pairs["torque"]
@@ -205,16 +235,17 @@ class Steps:
     def solve_tighter(self) -> None:
         """Solve the equations of given implicit steps to the tolerance of half the step."""
         if self.tolerance is None:
-            self.control["rtol"] /= self.plan.method.gain
+            self.error["rtol"] /= self.plan.method.gain
 
     def open_ended(self, width: float) -> None:
         """Continue with steps of this size, without frames."""
-        control = self.control
-        if control["widest"] != width:
-            control["widest"], control["origin"], control["taken"] = width, control["time"], 0
-        control["frame"], control["last"], control["left"], control["fresh"] = 1, 2, UNCOUNTED, 0
+        if self.error["widest"] != width:
+            self.error["widest"] = width
+            self.ends["origin"], self.ends["taken"] = self.clock["time"], 0
+        self.clock["frame"], self.clock["last"], self.clock["fresh"] = 1, 2, 0
+        self.ends["left"] = UNCOUNTED
         kept = self._kept
-        kept.times[:2] = control["time"], np.inf
+        kept.times[:2] = self.clock["time"], np.inf
         kept.substeps[0], kept.width[0] = UNCOUNTED, width
 
     @property
@@ -247,18 +278,18 @@ class Steps:
     def scale(self, time: float) -> None:
         """Let adaptive steps redirect slip that is negligible within a fraction of `time` [s]."""
         if self.tolerance is not None:
-            self.control["turning"] = TURNED * np.sqrt(self.tolerance.rtol) * time
+            self.guard["turning"] = TURNED * np.sqrt(self.tolerance.rtol) * time
 
     def go_on(self) -> None:
         """Continue from the state after an event, using the last step size before the event."""
-        self.control["fresh"] = self.control["filled"] = self.control["rejected"] = 0
-        self.control["last_error"] = 1e-4
+        self.clock["fresh"] = self.clock["filled"] = self.error["rejected"] = 0
+        self.error["last_error"] = 1e-4
 
     def restart(self) -> None:
         """Continue with a changed state or changed equations, recording the last frame again."""
-        self.control["frame"] -= 1
-        self.control["fresh"] = self.control["filled"] = 0
-        self.control["jacobian_rate"] = 2.0
+        self.clock["frame"] -= 1
+        self.clock["fresh"] = self.clock["filled"] = 0
+        self.factor_again()
 
     def go_another_way(self, plan: RunPlan, frames: Frames) -> None:
         """Continue with the method and steps of `plan`, in the scene provided next by `join`.
@@ -272,23 +303,25 @@ class Steps:
             if row != at.Y:
                 self.stages[row] = 0.0
         self._begin()
-        control, frame = self.control, int(before["frame"])
-        for name in ("time", "frame", "last", "steepest"):
-            control[name] = before[name]
-        control["origin"] = before["time"]
+        frame = int(before["clock"]["frame"])
+        for name in ("time", "frame", "last"):
+            self.clock[name] = before["clock"][name]
+        self.error["steepest"] = before["error"]["steepest"]
+        self.ends["origin"] = before["clock"]["time"]
         if self.tolerance is not None:
             return
         if given:
-            for name in ("origin", "taken", "left", "widest", "done"):
-                control[name] = before[name]
+            for name in ("origin", "taken", "left", "done"):
+                self.ends[name] = before["ends"][name]
+            self.error["widest"] = before["error"]["widest"]
             return
-        left = float(self.times[frame] - control["time"])
+        left = float(self.times[frame] - self.clock["time"])
         count = max(int(np.ceil(left / plan.width.max() - 1e-9)), 1)
-        control["left"], control["widest"] = count, left / count
+        self.ends["left"], self.error["widest"] = count, left / count
 
     def fraction(self) -> float:
         """The completed fraction of the run, 0 to 1."""
-        return float(min(1.0, (self.control["time"] - self.times[0]) / self.control["span"]))
+        return float(min(1.0, (self.clock["time"] - self.times[0]) / self.clock["span"]))
 
     def crawl(self) -> str:
         """Return a message if the run would need more than MANY_STEPS at its current step sizes.
@@ -299,7 +332,7 @@ class Steps:
         n, given = int(self.counters["steps"]), self.tolerance
         if given is None or n * n < MANY_STEPS or n <= MANY_STEPS * self.fraction():
             return ""
-        count, t = n / max(self.fraction(), 1.0 / MOST_CHOSEN), float(self.control["time"])
+        count, t = n / max(self.fraction(), 1.0 / MOST_CHOSEN), float(self.clock["time"])
         width = (t - float(self.times[0])) / n
         what = f"rtol={RTOL:g}, the default" if given.rtol < RTOL else "a larger rtol"
         stiff = "" if self.plan.method.implicit else ", or method='radau5' if it is stiff"

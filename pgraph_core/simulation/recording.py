@@ -179,12 +179,13 @@ class Recording(Running):
                 guard = self.coarser.steps.clearance
             margin = max((c.margin for c in plan.conditions), default=0.0)
             guard = guard or Clearance(self.mech, tables, conditions, margin)
-            steps.clearance, steps.control["guard"] = guard, guard.address
+            steps.clearance = guard
+            steps.guarded_by(address=guard.address)
             links = links._replace(watch=guard.look_back)
         if points or (plan.contacts and plan.contacts.compliant):
             from ..engine.contact.approach import bound_step
 
-            steps.control["approach"] = address_of(bound_step)
+            steps.guarded_by(approach=address_of(bound_step))
         if not points:
             watched = NO_MONITORS if watch is None else room_for(len(watch.monitors))
             steps.join(self.scene.address, links, watched, *wanted)
@@ -220,7 +221,7 @@ class Recording(Running):
             out = self.out
             out.q[0], out.v[0], out.vdot[0] = self.q, self.v, np.nan
             out.energies[0, :2] = motion.energy(self.scene.address, self.q, self.v)
-            self.steps.control["frame"] = 1
+            self.steps.count_frames(1)
         elif self.ended.status is Status.DONE:
             self.ended.notices += remarks(self)
         if self.coarser is None:
@@ -375,7 +376,7 @@ class Recording(Running):
         """Take at most `budget` steps and frames. Returns the kernel's status code."""
         code = (self.events or self.steps).advance(budget)
         if code == at.EVENT and self.events is None:
-            self._user_event(float(self.steps.control["time"]))
+            self._user_event(float(self.steps.clock["time"]))
             self.steps.go_on()
             code = at.RUNNING
         touching = self.scene.touching
@@ -401,14 +402,16 @@ class Recording(Running):
 
     def _last_frame(self) -> None:
         """Record the current state as the last frame."""
-        control, t = self.steps.control, float(self.steps.control["time"])
+        steps, t = self.steps, float(self.steps.clock["time"])
         # the step from which the event led back may have changed phases after t
         self._changes = [rows[rows["when"] <= t] for rows in self._changes]
-        i = int(control["frame"])
-        if i and self.steps.times[i - 1] == t:
+        i = steps.recorded
+        if i and steps.times[i - 1] == t:
             return
-        self.steps.times[i], control["last"], control["fired"] = t, i + 1, 0
-        self.steps.advance(1)
+        steps.times[i] = t
+        steps.end_at(i + 1)
+        steps.forget_event()
+        steps.advance(1)
 
     def _raise_user_error(self) -> None:
         if self.user is not None and self.user.error is not None:
@@ -418,7 +421,7 @@ class Recording(Running):
 
     def _come_near(self) -> bool:
         """Continue with contacts. Returns False if the run ends. Raises InputError."""
-        plan, t, done = self.plan, float(self.steps.control["time"]), self.done
+        plan, t, done = self.plan, float(self.steps.clock["time"]), self.done
         assert plan.way is not None
         refused = plan.way.refused
         if refused is not None and (t == self.start or refused.problems[0].where == "simulate"):
@@ -478,7 +481,7 @@ class Recording(Running):
 
     def bound(self) -> None:
         """Limit the next step by approaching bodies if contacts are compliant."""
-        if self.steps.control["approach"]:
+        if self.steps.guard["approach"]:
             from ..engine.contact.approach import bound_step
 
             bound_step(self.steps.address)
@@ -502,7 +505,7 @@ class Recording(Running):
         """Record the present state as frame 0."""
         steps = self.steps
         motion.record(
-            self.scene.address, address_of(motion.acceleration), float(steps.control["time"]),
+            self.scene.address, address_of(motion.acceleration), float(steps.clock["time"]),
             self.q, self.v, np.zeros(3), steps.ledger, 0, self._arrays,
         )  # fmt: skip
         self._raise_user_error()

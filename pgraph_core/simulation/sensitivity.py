@@ -133,7 +133,7 @@ class Carried:
         self._kernel = duals.advance_with_duals
         if stepped:
             self._parts = Parts(record, self._runs)
-            record.steps.control["carried"] = self._parts.address
+            record.steps.guarded_by(carried=self._parts.address)
         record.steps.carried = self
         record.reused = False  # nobody else steps it
         corners = Corners(record)
@@ -154,16 +154,16 @@ class Carried:
 
     def advance(self, run: int, budget: int) -> int:
         """`advance_run`, with derivatives."""
-        control, times = self._record.steps.control, self._record.steps.times
+        clock, times = self._record.steps.clock, self._record.steps.times
         if self._within is not None:
             later = np.searchsorted(times, self._within.end)
-            if later > control["frame"]:
-                return self._advanced_within(run, min(budget, int(later - control["frame"])))
+            if later > clock["frame"]:
+                return self._advanced_within(run, min(budget, int(later - clock["frame"])))
             self._within = None
         if self._jump is not None or self._touch is not None:
-            later = np.searchsorted(times, control["time"], side="right")
-            if later > control["frame"]:
-                return self._advanced(run, min(budget, int(later - control["frame"])))
+            later = np.searchsorted(times, clock["time"], side="right")
+            if later > clock["frame"]:
+                return self._advanced(run, min(budget, int(later - clock["frame"])))
             if self._jump is not None:
                 self._shift(self._jump.rates, self._jump.times)
             self._jump = None
@@ -188,19 +188,19 @@ class Carried:
         """Return to derivatives at a given time, after the step that began at a touch."""
         record = self._record
         self._touch, self._begins = None, False
-        if record.steps.control["fired"] == CONTACT_AHEAD:  # the step is taken back
+        if record.steps.guard["fired"] == CONTACT_AHEAD:  # the step is taken back
             self._shift(-touch.rates, touch.times)
             return
-        back, self._within = begun_at(touch, record, rates(record, record.steps.control["time"]))
+        back, self._within = begun_at(touch, record, rates(record, record.steps.clock["time"]))
         self._shift(back, touch.times)
 
     def _advanced_within(self, run: int, budget: int) -> int:
         """Note frames within the step that began at a touch."""
         within = self._within
         assert within is not None
-        record, first = self._record, int(self._record.steps.control["frame"])
+        record, first = self._record, int(self._record.steps.clock["frame"])
         code = self._advanced(run, budget)
-        for i in range(first, int(record.steps.control["frame"])):
+        for i in range(first, int(record.steps.clock["frame"])):
             t, y = float(record.steps.times[i]), (record.out.q[i], record.out.v[i])
             share = (t - within.begin) / (within.end - within.begin)
             back = share * within.by_start - rates(record, t, state=y)
@@ -215,7 +215,7 @@ class Carried:
         the change differ.
         """
         record, nq = self._record, len(self._record.q)
-        t, sliding = (record.steps.control[x] for x in ("time", "slid"))
+        t, sliding = record.steps.clock["time"], record.steps.ends["slid"]
         if record.steps.links.cross == 0 or record.steps.carried is not self:
             return
         if sliding:
@@ -251,14 +251,14 @@ class Carried:
                 break
             self._jump = Jump(times, before - after)
             self._jumped.append(float(t))
-        if self._jump is None and record.steps.control["sided"] == 0:
+        if self._jump is None and record.steps.ends["sided"] == 0:
             self._touch = touch_of(record, self._runs, rates(record, t))
 
     def _advanced(self, run: int, budget: int) -> int:
         given, corners = (self._addresses, self._step, self._note, self.out), self._corners
         until = np.inf if corners is None else corners.next
         code = self._kernel(run, self._advance, *given, until, budget)
-        if corners is None or corners.record.steps.control["time"] < until:
+        if corners is None or corners.record.steps.clock["time"] < until:
             return code
         if why := corners.passed():
             self.out[:, corners.frame :] = np.nan
@@ -290,8 +290,9 @@ class Carried:
 
     def stop(self, record: Recording, why: str) -> None:
         """Go on without derivatives."""
-        t = float(record.steps.control["time"])
-        record.steps.carried, record.steps.control["carried"] = None, 0
+        t = float(record.steps.clock["time"])
+        record.steps.carried = None
+        record.steps.guarded_by(carried=0)
         self._ended.append(f"at t = {t:.6g} s derivatives end: {why}")
 
     def switch(self, record: Recording, t: float, late: Lateness | None) -> None:
@@ -320,7 +321,7 @@ class Carried:
         if record.steps.carried is not self:  # derivatives have ended
             return Lateness(np.full(len(self.slopes), np.nan), before)
         nq, n, old = len(record.q), len(record.q) + len(record.v), record.steps.stages[at.Y_OLD]
-        y, since = record.steps.stages[at.Y, :n], float(record.steps.control["old_time"])
+        y, since = record.steps.stages[at.Y, :n], float(record.steps.clock["old_time"])
 
         def value(t: float, y: Array) -> float:
             return monitor(t, y[:nq].copy(), y[nq:n].copy())
@@ -329,7 +330,7 @@ class Carried:
         if record.plan.method.name == "moreau_jean":
             parts = [run.last_part for run in self._runs]
             before = parts[0].rates
-            if parts[0].width < record.steps.control["old_width"]:
+            if parts[0].width < record.steps.clock["old_width"]:
                 there = value(t - parts[0].width, parts[0].start)
                 if there == 0.0 or here * there > 0.0:
                     times = np.concatenate([part.times for part in parts])
@@ -346,7 +347,7 @@ class Carried:
 
     def end_at(self, record: Recording, monitor: Any) -> None:
         """Differentiate the time of a terminal event, with which the last frame moves."""
-        t = float(record.steps.control["time"])
+        t = float(record.steps.clock["time"])
         self._end = record.done - 1, self._lateness(record, t, monitor, rates(record, t))
 
     def keep_late(self, constraints: Sequence[int], late: Lateness | None) -> None:
@@ -511,7 +512,7 @@ class Carried:
         record, accelerate = address_of(motion.record), address_of(motion.acceleration)
         arrays = tuple(other.out)
         record_states(other.scene.address, record, accelerate, plan.times, states, arrays)
-        other.steps.control["frame"] = len(times)
+        other.steps.count_frames(len(times))
         if stepped:  # impulses are not among the derivatives
             other.out.vdot[:], other.out.wrenches[:] = np.nan, np.nan
             other.out.energies[:, 3] = np.nan  # they dissipate

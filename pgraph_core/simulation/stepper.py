@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from .one_step import LinearStep
 
 STEPS_BETWEEN_LOOKS = 100_000  # steps between two looks at whether the user wants to stop
-ADDRESSES = ("guard", "approach")  # fields of a run's control that belong to this process
+ADDRESSES = ("address", "approach")  # fields of a run's guard that belong to this process
 
 
 @guarded(
@@ -163,7 +163,7 @@ class Stepper(Snapshots):
     @property
     def t(self) -> float:
         """Time [s]."""
-        return float(self._steps.control["time"])
+        return float(self._steps.clock["time"])
 
     @property
     def q(self) -> Array:
@@ -441,10 +441,10 @@ class Stepper(Snapshots):
         if frames is not None and whole_number("Stepper", "frames", frames, 2) <= n:
             k = np.unique(np.round(np.linspace(0, n, frames)).astype(np.int64))
         control = self._steps.control
-        times = control["time"] + k * width
+        times = control["clock"]["time"] + k * width
         if width == self._width:  # the same times as without recording
-            times = control["origin"] + (control["taken"] + k) * width
-        times[0] = control["time"]
+            times = control["ends"]["origin"] + (control["ends"]["taken"] + k) * width
+        times[0] = control["clock"]["time"]
         self._give(tau)
         self._record.extend(times, np.diff(k), np.full(len(k) - 1, width))
         self._recording, self._looked = True, False
@@ -559,7 +559,8 @@ class Stepper(Snapshots):
     def _put(self, name: str, x: float) -> None:
         """Set an input to x from now on."""
         self._inputs.put(name, x, self.t)
-        self._steps.control["fresh"], self._looked = 0, False
+        self._steps.anew()
+        self._looked = False
 
     def target(self, servo: str, value: float) -> None:
         """Set the target of a servo, which stays constant until `reset`.
@@ -577,7 +578,8 @@ class Stepper(Snapshots):
             If the name is unknown or the value is not finite.
         """
         self._inputs.aim(servo, value)
-        self._steps.control["fresh"], self._looked = 0, False
+        self._steps.anew()
+        self._looked = False
 
     # -- snapshots -------------------------------------------------------------------------------
 
@@ -597,13 +599,13 @@ class Stepper(Snapshots):
         if len(words) != 1 or not {*active} <= {*map(str, range(len(self.mech.model.constraints)))}:
             text = "names constraints that this mechanism does not have"
             raise InputError(Problem("Stepper.restore", "snapshot", text))
-        control = self._steps.control
-        here = {name: control[name] for name in ADDRESSES}
+        guard = self._steps.guard
+        here = {name: guard[name] for name in ADDRESSES}
         self._active = {*map(int, active)}
         self._record.scene.activate(np.array(sorted(self._active), dtype=np.int64))
         put_back(state, memory)
         for name, address in here.items():
-            control[name] = address
+            guard[name] = address
         self._record.ended = Outcome()
         self._ended(Outcome())
         self._open()

@@ -59,7 +59,7 @@ class Switching:
         """Set the loop to stop at the next change or at the end."""
         times = self.record.plan.times
         to = times[-1] if not self._ahead else self._ahead[0].t
-        self.record.steps.control["last"] = int(np.searchsorted(times, to)) + 1
+        self.record.steps.end_at(int(np.searchsorted(times, to)) + 1)
 
     def apply_next(self) -> bool:
         """Apply the next change. Returns False if there is none, or if the run ends."""
@@ -201,8 +201,8 @@ class Switching:
             self.stop_at_next()
         else:
             steps.go_on()
-            steps.control["jacobian_rate"] = 2.0
-        steps.control["clock"] = -np.inf  # forces a new search for the clearance
+            steps.factor_again()
+        steps.search_again()
         self.heed()
         self._set_first(change.t)
         return record.ended.ok
@@ -214,7 +214,7 @@ class Switching:
         record.scene.switch(change.active)
         steps = record.steps
         closed(record.mech, record.scene, change, record.q, record.v, steps.ledger)
-        steps.control["fresh"] = 0
+        steps.anew()
 
     def _energy(self) -> float:
         record = self.record

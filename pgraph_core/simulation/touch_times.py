@@ -47,7 +47,7 @@ def touch_of(record: Recording, runs: list[RunOfDuals], rates: Array) -> Touch |
     if touching is None or not record.plan.yields or record.events is not None:
         return None
     steps = record.steps
-    if steps.control["widths"] == GIVEN:
+    if steps.error["widths"] == GIVEN:
         rates = change_of_step(steps, 0.0, 1.0)
     near = ROUNDING * float(touching.tally["length"])
     found = [run.touch(rates, near) for run in runs]
@@ -63,9 +63,11 @@ def begun_at(touch: Touch, record: Recording, rates: Array) -> tuple[Array, With
     """
     steps = record.steps
     control, by_start = steps.control, change_of_step(steps, 1.0, 0.0)
-    stays = control["widths"] == GIVEN and (control["done"] == 0.0 or control["sided"] == 0)
+    stays = control["error"]["widths"] == GIVEN and (
+        control["ends"]["done"] == 0.0 or control["ends"]["sided"] == 0
+    )
     rates = change_of_step(steps, 0.0, 1.0) if stays else rates
-    times = float(control["old_time"]), float(control["time"])
+    times = float(control["clock"]["old_time"]), float(control["clock"]["time"])
     return by_start - rates, Within(touch.times, *times, by_start)
 
 
@@ -79,9 +81,9 @@ def change_of_step(steps: Steps, later: float, wider: float) -> Array:
     kept = steps.kept
     tables = kept.stages, kept.real, kept.pair, steps.control_table, steps.counters_table
     before = [table.copy() for table in tables]
-    begin, width = float(steps.control["old_time"]), float(steps.control["old_width"])
-    if steps.control["fired"] == REACHED:  # an event has cut it short
-        width = float(steps.control["time"]) - begin
+    begin, width = float(steps.clock["old_time"]), float(steps.clock["old_width"])
+    if steps.guard["fired"] == REACHED:  # an event has cut it short
+        width = float(steps.clock["time"]) - begin
     h, total = step_of_differences(4) * width, np.zeros(kept.stages.shape[1])
     for k, weight in BACKWARDS.items():
         duals.step_beside(steps.address, begin - k * h * later, width - k * h * wider)

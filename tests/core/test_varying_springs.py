@@ -126,7 +126,7 @@ def test_all_ways_to_run_have_the_same_bits(method, tmp_path):
     live = LiveRun(pg.Mechanism(model), Setup(step=call["step"]), method)
     stepper.step(n=128)
     batch.step(n=128)
-    while live.record.steps.control["time"] < 1.0:  # steps end where abs(v.b) has its corner
+    while live.record.steps.clock["time"] < 1.0:  # steps end where abs(v.b) has its corner
         live.record.steps.advance(1)
     last = {"last": lambda run: float(run.q[-1, 0])}
     swept = pg.sweep(model, {"k": [30.0, 40.0]}, last, t_end=1.0, **call)

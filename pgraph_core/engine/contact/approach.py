@@ -40,22 +40,23 @@ def bound_step(run):
     """Store the maximum step size from the state in Y in `bound`."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
+    clock, error, guard = control.clock, control.error, control.guard
     nq, nv = size_of_state(run)
     q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
     scene = opened(data.scene)
     outboard(scene.rows, scene.const, scene.work, q, v)
     positions(scene.rows, scene.work)
     velocities(scene.rows, scene.const, scene.work, v, scene.space.linear)
-    control.bound = math.inf
+    guard.bound = math.inf
     if data.watched.shape[1] > data.signs.shape[0]:
-        control.bound = turn_bound(opened_events(data.scene), scene.work)
+        guard.bound = turn_bound(opened_events(data.scene), scene.work)
     if scene.links.contacts != 0:
-        width = control.widest if control.widest > 0.0 else control.span
-        given = control.widths != CHOSEN
-        if not given and control.width > 0.0:
-            width = min(width, control.width)
-        steps = (width, given, 0.0 if given else control.rtol, control.time)
-        control.bound = min(control.bound, contact_bound(data.scene, steps))
+        width = error.widest if error.widest > 0.0 else clock.span
+        given = error.widths != CHOSEN
+        if not given and clock.width > 0.0:
+            width = min(width, clock.width)
+        steps = (width, given, 0.0 if given else error.rtol, clock.time)
+        guard.bound = min(guard.bound, contact_bound(data.scene, steps))
 
 
 @sweep

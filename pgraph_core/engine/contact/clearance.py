@@ -94,13 +94,13 @@ def limits_near(run, guard):
     for n in range(limits.shape[0]):
         i, sign, value = limits[n].coordinate, limits[n].sign, limits[n].value
         before, now = sign * stages[at.Y_OLD, i] - value, sign * stages[at.Y, i] - value
-        path = PATH * path_of(stages, i, nq + limits[n].velocity, control.old_width)
+        path = PATH * path_of(stages, i, nq + limits[n].velocity, control.clock.old_width)
         if limits[n].event >= 0 and now < 0.0:
             before, now = -before, -now
         if now <= 0.0 or min(now, before) <= path - abs(now - before):
             if limits[n].event < 0:
                 return True
-            control.due = max(control.due, ONCE)
+            control.guard.due = max(control.guard.due, ONCE)
             now = 0.0
         free = min(free, now)
     guard.state[0].free_turn = free
@@ -208,19 +208,20 @@ def watch_clearance(run):
     """
     data = opened_run(run)
     control, stages = data.control[0], data.stages
-    guard = guard_at(control.guard)
+    clock = control.clock
+    guard = guard_at(control.guard.address)
     state, rows = guard.state[0], opened(data.scene).rows
-    if control.clock == -math.inf:  # another run
+    if control.guard.next_check == -math.inf:  # another run
         forget(guard)
-    moved, turn = path_lengths(rows, stages, control.nq, control.old_width, guard.reach)
-    quiet = max(control.old_time - state.since, 0.0)
+    moved, turn = path_lengths(rows, stages, control.nq, clock.old_width, guard.reach)
+    quiet = max(clock.old_time - state.since, 0.0)
     state.free -= quiet * state.rate + moved
-    state.free_turn -= quiet * PATH * control.slow + turn
-    state.since = control.time
+    state.free_turn -= quiet * PATH * control.guard.slow + turn
+    state.since = clock.time
     if not (state.free > 0.0 and state.free_turn > 0.0):
         look_again(run)
-    if control.fired == 0:
-        left = data.times[control.last - 1] - control.time
+    if control.guard.fired == 0:
+        left = data.times[clock.last - 1] - clock.time
         set_clock(control, state, rows, stages, guard.reach, left)
 
 
@@ -255,14 +256,14 @@ def set_clock(control, state, rows, stages, reach, left):
         way = min(way, state.free / rate)
     if left > 0.0 and way < math.inf:
         slow = max(slow, LASTING * way / (PATH * left))
-    control.slow = slow
+    control.guard.slow = slow
     state.rate = PATH * slow * rate
     least = math.inf
     if state.rate > 0.0:
         least = state.free / state.rate
     if slow > 0.0:
         least = min(least, state.free_turn / (PATH * slow))
-    control.clock = control.time + least
+    control.guard.next_check = control.clock.time + least
 
 
 @sweep
@@ -270,7 +271,8 @@ def look_again(run):
     """Recompute the clearance after a step. Return to its start if a contact may have been."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
-    guard = guard_at(control.guard)
+    clock = control.clock
+    guard = guard_at(control.guard.address)
     state = guard.state[0]
     near = not state.free_turn > 0.0 and limits_near(run, guard)
     if not near and guard.geometry.shapes.shape[0] > 0 and not state.free > 0.0:
@@ -279,13 +281,13 @@ def look_again(run):
             find_reach(run, guard, 0.0)
             state.ahead = widest_reach(guard.reach)
         rows = opened(data.scene).rows
-        moved, _ = path_lengths(rows, stages, control.nq, control.old_width, guard.reach)
+        moved, _ = path_lengths(rows, stages, control.nq, clock.old_width, guard.reach)
         near = may_touch(run, guard, moved)
     if near:
         copied(stages, at.Y_OLD, at.Y, stages.shape[1])
-        control.time = control.old_time
-        control.fresh = 0
-        control.fired = CONTACT_AHEAD
+        clock.time = clock.old_time
+        clock.fresh = 0
+        control.guard.fired = CONTACT_AHEAD
 
 
 @part

@@ -90,7 +90,7 @@ def tolerated(b, i, h):
 @part
 def fits(contacts, data, control):
     """Check whether the instance in the run can be stepped in lanes."""
-    good = control.done == 0.0 and control.fired == 0 and control.bound == math.inf
+    good = control.ends.done == 0.0 and control.guard.fired == 0 and control.guard.bound == math.inf
     for k in range(contacts.laws.shape[0]):
         law = contacts.laws[k]
         good = good and law.static_friction == law.friction
@@ -102,6 +102,7 @@ def take_in(run, ways, drives, b, w, all_):
     """Copy the run's instance into lane w, with constants if `all_`. True if it fits."""
     this = opened_run(run)
     data, control = opened(this.scene), this.control[0]
+    ends = control.ends
     contacts = contacts_at(data.links.contacts)
     nq, nv = size_of_state(run)
     y, x = this.stages[at.Y], b.vectors
@@ -132,9 +133,9 @@ def take_in(run, ways, drives, b, w, all_):
             b.pairs[k, PAIR.mean + c, w] = contacts.pairs[k].mean_force[c]
             b.pairs[k, PAIR.mean + 3 + c, w] = contacts.pairs[k].mean_torque[c]
     lane = b.lane[0]
-    lane[LANE.origin, w] = control.origin
-    lane[LANE.taken, w] = control.taken
-    lane[LANE.time, w] = control.origin + control.taken * control.widest + control.done
+    lane[LANE.origin, w] = ends.origin
+    lane[LANE.taken, w] = ends.taken
+    lane[LANE.time, w] = ends.origin + ends.taken * control.error.widest + ends.done
     lane[LANE.elapsed, w] = tally.elapsed
     lane[LANE.residual, w] = tally.residual
     lane[LANE.largest_depth, w] = tally.depth
@@ -217,16 +218,17 @@ def move_on(run, taken, evaluations):
     """Advance the time of a run by the steps of a lane."""
     this = opened_run(run)
     control, counters = this.control[0], this.counters[0]
-    width = control.widest
-    control.old_time = control.origin + (control.taken + taken - 1) * width + control.done
-    control.taken += taken
-    control.left -= taken
-    control.time = control.origin + control.taken * width
-    control.old_width = width
-    control.filled = 0
-    control.rejected = 0
-    control.fresh = 0
-    control.clip = math.inf
+    clock, ends = control.clock, control.ends
+    width = control.error.widest
+    clock.old_time = ends.origin + (ends.taken + taken - 1) * width + ends.done
+    ends.taken += taken
+    ends.left -= taken
+    clock.time = ends.origin + ends.taken * width
+    clock.old_width = width
+    clock.filled = 0
+    control.error.rejected = 0
+    clock.fresh = 0
+    clock.clip = math.inf
     counters.steps += taken
     counters.evaluations += evaluations
 
@@ -250,7 +252,7 @@ def put_out(run, ways, b, w, taken, swept):
     tally = contacts.tally[0]
     tally.frozen = FROZEN
     tally.share = 1.0
-    tally.width = this.control[0].widest
+    tally.width = this.control[0].error.widest
     tally.elapsed = lane[LANE.elapsed, w]
     tally.residual = lane[LANE.residual, w]
     tally.depth = lane[LANE.largest_depth, w]

@@ -481,7 +481,7 @@ def step_block(
     passive = data.drives.table.shape[0] <= data.drives.passive
     b, s = in_lanes(block), named_block(block)
     since, ways_on, swept, lane = state[0], state[1], state[2], s.lane[0]
-    running, h = 0, this.control[0].widest
+    running, h = 0, this.control[0].error.widest
     for i in range(first, end):
         running += 1 if is_running(codes, i) else 0
     for w in range(LANE_WIDTH):

@@ -135,9 +135,9 @@ def step_instances(run, advance, copy, own, numbers, tables, kind, codes, n, beg
         copy_in(copy, numbers, tables[1, 0] + kind[i] * tables[1, 1])
         copy_in(copy, own, row)
         control = opened_run(run).control[0]
-        end = control.taken + n  # near stiff contacts a step is taken in parts
-        while codes[i] == at.RUNNING and control.taken < end:
-            codes[i] = call_advance(advance, (run, end - control.taken))
+        end = control.ends.taken + n  # near stiff contacts a step is taken in parts
+        while codes[i] == at.RUNNING and control.ends.taken < end:
+            codes[i] = call_advance(advance, (run, end - control.ends.taken))
         for k in range(own.shape[0]):
             call_copy(copy, (row + own[k, 1], own[k, 0], own[k, 2]))
 

@@ -86,29 +86,30 @@ def cross(run, h):
     """
     data = opened_run(run)
     control, code = data.control[0], opened(data.scene).loads.signals[0]
+    clock, ends = control.clock, control.ends
     if h <= 0.0:
-        control.sided = 0
+        ends.sided = 0
         release(code)
         if h == 0.0:
             take_sides(run, code)
         hold(data.scene, code)
         return 0.0
-    see(run, code, at.Y, control.time)
+    see(run, code, at.Y, clock.time)
     keep(code)
-    see(run, code, at.CANDIDATE, control.time + h)
-    control.clear = -math.inf
-    if control.slid > 0:
+    see(run, code, at.CANDIDATE, clock.time + h)
+    ends.clear = -math.inf
+    if ends.slid > 0:
         h = slide(run, code, h)
     bend(run, code, h)
-    found = judged(code, control.time, 1.0, h)
+    found = judged(code, clock.time, 1.0, h)
     if found == CLEAR or found == RESTS:
-        if control.slid == 0:
+        if ends.slid == 0:
             look_ahead(run, code, h)
         return h
     begin, end = first_change(run, code, h)
     if end == 0.0:
         calm(control)
-        control.pieces = 0
+        ends.pieces = 0
         return h
     return ended(run, h, located(run, code, h, begin, end))
 
@@ -134,7 +135,8 @@ def release(code):
 def take_sides(run, code):
     """Set the results of comparisons at Y, and reset the states for which they are valid."""
     control = opened_run(run).control[0]
-    see(run, code, at.Y, control.time)
+    ends = control.ends
+    see(run, code, at.Y, control.clock.time)
     for i in range(0, code.shape[0], 2):
         if code[i, 0] >= HELD_FROM:
             side = side_of(code, i)
@@ -143,10 +145,10 @@ def take_sides(run, code):
             code[i + 1, SIDE] = side
             if opened_run(run).counters[0].steps == 0:
                 code[i, NEAREST], code[i, REST] = math.inf, 0.0
-    if control.slid > 0:
-        blend(code, control.slid, control.share)
-    control.sided = 1
-    control.clear = -math.inf
+    if ends.slid > 0:
+        blend(code, ends.slid, ends.share)
+    ends.sided = 1
+    ends.clear = -math.inf
 
 
 @part
@@ -285,7 +287,7 @@ def bend_numbers(run, code, h):
     Their first rates are differences over a small part of the step, along the rate of the state.
     """
     data = opened_run(run)
-    stages, t, size = data.stages, data.control[0].time, size_of_state(run)
+    stages, t, size = data.stages, data.control[0].clock.time, size_of_state(run)
     table, ahead = opened(data.scene).drives.table, False
     for i in range(0, code.shape[0], 2):
         if is_curved(table, code, i):
@@ -464,10 +466,11 @@ def look_ahead(run, code, h):
             room = STEPS_AHEAD * way_of(run, code, i, h)
             code[i + 1, BEGIN_MARGIN], code[i + 1, 0] = code[i + 1, 0] - room, code[i + 1, 0] + room
     control, corners = opened_run(run).control[0], opened_run(run).corners
-    if judged(code, control.time, 0.0, 0.0) == CLEAR:
-        control.clear = control.time + (1.0 + STEPS_AHEAD) * h
-        if control.corner < corners.shape[0]:
-            control.clear = min(control.clear, corners[control.corner])
+    ends = control.ends
+    if judged(code, control.clock.time, 0.0, 0.0) == CLEAR:
+        ends.clear = control.clock.time + (1.0 + STEPS_AHEAD) * h
+        if ends.corner < corners.shape[0]:
+            ends.clear = min(ends.clear, corners[ends.corner])
 
 
 @part
@@ -502,9 +505,9 @@ def way_of_number(table, code, i):
 def within_ranges(run, code, h):
     """Check whether the step in CANDIDATE stays where no comparison changes."""
     data = opened_run(run)
-    stages, t = data.stages, data.control[0].time
+    stages, t = data.stages, data.control[0].clock.time
     nq, _ = size_of_state(run)
-    inside = t + h <= data.control[0].clear
+    inside = t + h <= data.control[0].ends.clear
     for i in range(0, code.shape[0], 2):
         if code[i, 0] == NUMBER and code[i, 1] == TOUCH:
             code[i, GAP_RANGE] = width_of_touch(data.scene, h)
@@ -529,7 +532,7 @@ def within_ranges(run, code, h):
 def step_to(run, code, w):
     """Take the step with width w into CANDIDATE and evaluate the program there."""
     call_step(opened_run(run).links.step, (run, w))
-    see(run, code, at.CANDIDATE, opened_run(run).control[0].time + w)
+    see(run, code, at.CANDIDATE, opened_run(run).control[0].clock.time + w)
 
 
 @sweep
@@ -539,7 +542,7 @@ def first_change(run, code, h):
     The program is evaluated at its end.
     """
     begin, end, share = 0.0, h, 1.0
-    looks, t = 0, opened_run(run).control[0].time
+    looks, t = 0, opened_run(run).control[0].clock.time
     while begin < h:
         looks += 1
         found = judged(code, t + begin, (end - begin) / h, end - begin)
@@ -621,24 +624,27 @@ def ended(run, h, w):
     run divides the way to w into its parts.
     """
     control, code = opened_run(run).control[0], opened(opened_run(run).scene).loads.signals[0]
-    control.pieces = (control.pieces if control.pieces > 0 else control.parts) - 1
-    if control.pieces > 0:
-        w /= control.pieces + 1
+    ends = control.ends
+    ends.pieces = (ends.pieces if ends.pieces > 0 else ends.parts) - 1
+    if ends.pieces > 0:
+        w /= ends.pieces + 1
         step_to(run, code, w)
         return w
-    least = max(instant(control, h), control.shut)
+    least = max(instant(control, h), ends.shut)
     soon = w <= max(least, RATELESS * h)
     step_to(run, code, w)
-    if soon and control.slid == 0 and begins_to_slide(run, code, h):
+    if soon and ends.slid == 0 and begins_to_slide(run, code, h):
         return slide(run, code, SHORTEST * h)
     if soon:
         w = max(w, min(least, h))
-        control.shut = min(GROWTH * least, control.rtol * h if control.widths == CHOSEN else h)
+        ends.shut = min(
+            GROWTH * least, control.error.rtol * h if control.error.widths == CHOSEN else h
+        )
     else:
         calm(control)
         turn_beyond(run, code, h, w)
     step_to(run, code, w)
-    control.sided = 0
+    ends.sided = 0
     return w
 
 
@@ -675,7 +681,7 @@ def turn_beyond(run, code, h, w):
             )
             _, least = vertex((0.0, 0.5, 1.0), y)
             if -least < code[i, NEAREST] and least < 0.0:
-                code[i, NEAREST], code[i, WHEN] = -least, opened_run(run).control[0].time + w
+                code[i, NEAREST], code[i, WHEN] = -least, opened_run(run).control[0].clock.time + w
 
 
 @part
@@ -698,13 +704,13 @@ def vertex(x, y):
 @part
 def instant(control, h):
     """Find the least difference [s] of two widths of a step."""
-    return ROUNDED * max(h, abs(control.time))
+    return ROUNDED * max(h, abs(control.clock.time))
 
 
 @part
 def calm(control):
     """Make steps narrower again after one that was not the least."""
-    control.shut = control.shut / GROWTH
+    control.ends.shut = control.ends.shut / GROWTH
 
 
 # -- sliding --------------------------------------------------------------------------------------
@@ -731,7 +737,7 @@ def beyond(run, code, i, share, w):
 def start_again(run):
     """Compute the slope at Y with the results of comparisons as they are."""
     if opened_run(run).method[0].starts == 1:
-        acceleration_of(run, opened_run(run).control[0].time, at.Y, at.SLOPE)
+        acceleration_of(run, opened_run(run).control[0].clock.time, at.Y, at.SLOPE)
 
 
 @sweep
@@ -743,8 +749,8 @@ def begins_to_slide(run, code, h):
             side = code[i + 1, SIDE]
             share = kept_on(run, code, i, SHORTEST * h)
             if 0.0 < share < 1.0:
-                control.slid = i
-                control.share = share
+                control.ends.slid = i
+                control.ends.share = share
                 return True
             code[i + 1, SIDE] = side
             start_again(run)
@@ -795,20 +801,21 @@ def slide(run, code, h):
     an eighth of the effect of the change of the weights.
     """
     data = opened_run(run)
-    control, stages, i = data.control[0], data.stages, data.control[0].slid
+    control, stages, i = data.control[0], data.stages, data.control[0].ends.slid
+    ends = control.ends
     rows, size = opened(data.scene).rows, size_of_state(run)
     while True:
         share = kept_on(run, code, i, h)
         for j in range(stages.shape[1]):
-            stages[at.ERROR, j] = 0.125 * (share - control.share) * stages[at.BRANCHES, j]
+            stages[at.ERROR, j] = 0.125 * (share - ends.share) * stages[at.BRANCHES, j]
         known = size_of(rows, size, stages, at.ERROR)
-        if control.widths != CHOSEN or not known > 1.0 or h <= instant(control, h):
+        if control.error.widths != CHOSEN or not known > 1.0 or h <= instant(control, h):
             break
         h *= 0.5
-        control.width = h
-    control.share = share
+        control.clock.width = h
+    ends.share = share
     if share == 0.0 or share == 1.0:
         code[i + 1, SIDE] *= 1.0 - EPS  # judged again from the next step on
-        control.slid = 0
-        control.sided = 0
+        ends.slid = 0
+        ends.sided = 0
     return h

@@ -125,7 +125,7 @@ def step_beside(run, t, w):
     control, stages = data.control[0], data.stages
     nq, nv = size_of_state(run)
     copied(stages, at.Y_OLD, at.Y, stages.shape[1])
-    control.time = t
+    control.clock.time = t
     acceleration_of(run, t, at.Y, at.SLOPE)
     call_step(data.links.step, (run, w))
     copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
@@ -165,8 +165,8 @@ def go_back(run, numbers):
     """Return to the start of the last step, for numbers without derivatives."""
     control, given = opened_run(run).control[0], opened_run(numbers).control[0]
     take_values(run, numbers, at.Y, at.Y_OLD)
-    control.time = given.old_time
-    control.clip = given.clip
+    control.clock.time = given.clock.old_time
+    control.clock.clip = given.clock.clip
     if opened_run(numbers).links.cross != 0:
         take_sides(run, numbers)
 
@@ -175,7 +175,11 @@ def go_back(run, numbers):
 def width_of_step(numbers):
     """Return the width of the last primal step, which an event may have cut short."""
     given = opened_run(numbers).control[0]
-    return given.time - given.old_time if given.fired == REACHED else given.old_width
+    return (
+        given.clock.time - given.clock.old_time
+        if given.guard.fired == REACHED
+        else given.clock.old_width
+    )
 
 
 @sweep
@@ -183,8 +187,8 @@ def begin_step(run, numbers):
     """Return to the start of the last primal step, including v'."""
     go_back(run, numbers)
     control = opened_run(run).control[0]
-    if control.fresh == 0:
-        acceleration_of(run, control.time, at.Y, at.SLOPE)
+    if control.clock.fresh == 0:
+        acceleration_of(run, control.clock.time, at.Y, at.SLOPE)
 
 
 @sweep
@@ -192,20 +196,21 @@ def end_step(run, numbers):
     """Make CANDIDATE, on the constraints, the state Y, as `run.accept` does."""
     data = opened_run(run)
     control, stages, given = data.control[0], data.stages, opened_run(numbers).control[0]
+    clock = control.clock
     rows, size = opened(data.scene).rows, size_of_state(run)
     copied(stages, at.Y, at.Y_OLD, stages.shape[1])
     copied(stages, at.CANDIDATE, at.Y, stages.shape[1])
-    control.old_time = given.old_time
-    control.old_width = given.old_width
-    control.time = given.time
-    control.filled = 0
+    clock.old_time = given.clock.old_time
+    clock.old_width = given.clock.old_width
+    clock.time = given.clock.time
+    clock.filled = 0
     if size[0] > size[1]:
         normalise_all(rows, stages[at.Y, : size[0]])
-    control.fresh = given.fresh if data.method[0].ends == 1 else 0
-    if control.fresh == 1:
+    clock.fresh = given.clock.fresh if data.method[0].ends == 1 else 0
+    if clock.fresh == 1:
         copied(stages, at.STAGE + data.tableau.b.shape[0], at.SLOPE, stages.shape[1])
         turn_spins(rows, size, stages, at.Y, at.SLOPE, True)
-    onto_constraints(run, control.time, at.Y)
+    onto_constraints(run, clock.time, at.Y)
     take_values(run, numbers, at.Y, at.Y)
 
 
@@ -215,21 +220,22 @@ def explicit_of_duals(run, numbers):
     begin_step(run, numbers)
     data, other = opened_run(run), opened_run(numbers).control[0]
     control, stages, tableau = data.control[0], data.stages, data.tableau
+    clock = control.clock
     rows, size = opened(data.scene).rows, size_of_state(run)
     dense = tableau.dense.shape[0] > 0
-    t, h = control.time, other.old_width if dense else width_of_step(numbers)
+    t, h = clock.time, other.clock.old_width if dense else width_of_step(numbers)
     if tableau.b.shape[0] == 0:
         semi_implicit_step(rows, size, h, stages)
     else:
         given, in_body = (tableau.a, tableau.b, tableau.c), tableau.error.shape[0] > 0
-        runge_kutta_step(run, None, rows, given, size, t, h, control.clip, stages, in_body)
+        runge_kutta_step(run, None, rows, given, size, t, h, clock.clip, stages, in_body)
     if data.method[0].ends == 1:
-        last_stage(run, min(t + h, control.clip))
-    if dense and other.fired == REACHED:
+        last_stage(run, min(t + h, clock.clip))
+    if dense and other.guard.fired == REACHED:
         copied(stages, at.Y, at.Y_OLD, stages.shape[1])
-        control.old_time = t
-        control.old_width = h
-        control.filled = 0
+        clock.old_time = t
+        clock.old_width = h
+        clock.filled = 0
         dense_output(run, width_of_step(numbers) / h)
         copied(stages, at.TRIAL, at.CANDIDATE, stages.shape[1])
     end_step(run, numbers)
@@ -334,7 +340,7 @@ def frame_onto_constraints(run, numbers, t, row):
     """
     data, other = opened_run(run), opened_run(numbers)
     scene, given = data.scene, other.scene
-    if data.control[0].project == 0 or opened(scene).blocks.active[0] == 0:
+    if data.control[0].error.project == 0 or opened(scene).blocks.active[0] == 0:
         return
     nq, nv = size_of_state(run)
     own, count = opened(scene), int(opened(given).space.vectors[FACTORED, FACTORS.nulls])
@@ -363,9 +369,10 @@ def note_duals(run, numbers, i, out):
     """Write q and v of frame i, which the primal run has recorded, into `out`."""
     data = opened_run(run)
     control, stages, t = data.control[0], data.stages, opened_run(numbers).times[i]
+    clock = control.clock
     row = at.Y
-    if t != control.time:
-        dense_output(run, (t - control.old_time) / control.old_width)
+    if t != clock.time:
+        dense_output(run, (t - clock.old_time) / clock.old_width)
         row = at.TRIAL
         frame_onto_constraints(run, numbers, t, row)
     wanted = duals(out)
@@ -394,30 +401,35 @@ def advance_with_duals(run, advance, others, step, note, out, until, budget):
     states at the frames.
     """
     control, counters = opened_run(run).control[0], opened_run(run).counters[0]
+    clock, guard = control.clock, control.guard
     crosses = opened_run(run).links.cross != 0
     for _ in range(budget):
-        frame, steps = control.frame, counters.steps
+        frame, steps = clock.frame, counters.steps
         code = call_advance(advance, (run, 1))
-        if counters.steps > steps and control.fired != CONTACT_AHEAD:  # which takes the step back
-            if control.repeated == 1 and control.carried != 0:  # duals are at the end of a trial
-                if control.fired == REACHED:
-                    control.repeated = MOVING
-                    step_again(run, control.old_width)
-                step_again(run, control.old_width)
+        if counters.steps > steps and guard.fired != CONTACT_AHEAD:  # which takes the step back
+            if clock.repeated == 1 and guard.carried != 0:  # duals are at the end of a trial
+                if guard.fired == REACHED:
+                    clock.repeated = MOVING
+                    step_again(run, clock.old_width)
+                step_again(run, clock.old_width)
                 if is_another(run):
-                    ended = carried_at(control.carried).ended
+                    ended = carried_at(guard.carried).ended
                     if ended[1] == 0.0:
-                        ended[0], ended[1] = control.old_time, ANOTHER
-                    step_again(run, control.old_width)
+                        ended[0], ended[1] = clock.old_time, ANOTHER
+                    step_again(run, clock.old_width)
             for k in range(others.shape[0]):
                 call_step_of_duals(step, (others[k], run))
-        if control.frame > frame:
+        if clock.frame > frame:
             for k in range(others.shape[0]):
                 call_note(note, (others[k], run, frame, out[k]))
         if code != at.RUNNING:
             return code
-        if crosses and counters.steps > steps and (control.sided == 0 or control.slid > 0):
+        if (
+            crosses
+            and counters.steps > steps
+            and (control.ends.sided == 0 or control.ends.slid > 0)
+        ):
             break
-        if control.time >= until:
+        if clock.time >= until:
             break
     return at.RUNNING

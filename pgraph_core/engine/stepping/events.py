@@ -74,7 +74,7 @@ def state_within(run, w):
     """Write the state at a time w after the start of the last step into TRIAL."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
-    h = control.old_width
+    h = control.clock.old_width
     if w >= h:
         copied(stages, at.Y, at.TRIAL, stages.shape[1])
     elif data.tableau.dense.shape[0] > 0:
@@ -88,20 +88,21 @@ def step_again(run, w):
     """Repeat the last step with step size w from Y_OLD into TRIAL, with SLOPE still at Y_OLD."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
+    clock = control.clock
     nq, nv = size_of_state(run)
     n = stages.shape[1]
-    time = control.time
+    time = clock.time
     copied(stages, at.Y, at.END, n)
     copied(stages, at.Y_OLD, at.Y, n)
-    control.time = control.old_time
+    clock.time = clock.old_time
     call_step(data.links.step, (run, w))
-    control.repeated = 1
-    control.time = time
+    clock.repeated = 1
+    clock.time = time
     copied(stages, at.END, at.Y, n)
     copied(stages, at.CANDIDATE, at.TRIAL, n)
     if nq > nv:
         normalise_all(opened(data.scene).rows, stages[at.TRIAL, :nq])
-    onto_constraints(run, control.old_time + w, at.TRIAL)
+    onto_constraints(run, clock.old_time + w, at.TRIAL)
 
 
 # -- monitors -------------------------------------------------------------------------------------
@@ -123,7 +124,7 @@ def look(run, low, w):
     nq, nv = size_of_state(run)
     q = stages[at.TRIAL, :nq]
     v = stages[at.TRIAL, nq : nq + nv]
-    t = control.old_time + low + w
+    t = control.clock.old_time + low + w
     if phases_watched(run):
         contact = opened_events(data.scene).contact
         vdot = stages[at.OBSERVED, nq : nq + nv]
@@ -141,8 +142,8 @@ def values_of_events(run, t, q, v):
     data = opened_run(run)
     values = data.values
     call_event(data.links.events, (data.scene, t, q, v, values))
-    if data.control[0].guard != 0:
-        conditions = guard_at(data.control[0].guard).limits
+    if data.control[0].guard.address != 0:
+        conditions = guard_at(data.control[0].guard.address).limits
         for n in range(conditions.shape[0]):
             one = conditions[n]
             if one.event >= 0:
@@ -170,7 +171,7 @@ def begin_part(run):
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     if phases_watched(run):
-        start(opened_events(data.scene).contact, data.control[0].turning)
+        start(opened_events(data.scene).contact, data.control[0].guard.turning)
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
         if values[i] != 0.0:
@@ -185,7 +186,7 @@ def begin_events(run):
     stages, signs, watched, values = data.stages, data.signs, data.watched, data.values
     nq, nv = size_of_state(run)
     q, v = stages[at.Y_OLD, :nq], stages[at.Y_OLD, nq : nq + nv]
-    values_of_events(run, data.control[0].old_time, q, v)
+    values_of_events(run, data.control[0].clock.old_time, q, v)
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
         if signs[i] == 0 and values[i] != 0.0:
@@ -275,7 +276,7 @@ def least_gap(run, low, s, w, widths):
 def locate(run, low, end):
     """Return the width from `low` to the first event. Its state is in TRIAL, its number in NOW."""
     data = opened_run(run)
-    watched, h = data.watched, data.control[0].old_width
+    watched, h = data.watched, data.control[0].clock.old_width
     bracket = bracket_of(watched, end)
     ended = True
     for n in range(TRIALS):
@@ -350,7 +351,7 @@ def dip(run, low, width, i):
             break
     if y[1] < watched[WATCHED.nearest, n]:
         watched[WATCHED.nearest, n] = y[1]
-        watched[WATCHED.when, n] = data.control[0].old_time + low + x[1] * width
+        watched[WATCHED.when, n] = data.control[0].clock.old_time + low + x[1] * width
     return 0.0, 0.0
 
 
@@ -420,7 +421,7 @@ def turn_beyond(run, w):
     for i in range(signs.shape[0]):
         counts = watched[WATCHED.now, first + i] < 0.0 and signs[i] * wanted[i] <= 0
         watched[WATCHED.start, first + i] = signs[i] if counts else 0.0
-    begin, end = beside(w, data.control[0].old_width)
+    begin, end = beside(w, data.control[0].clock.old_width)
     look(run, begin, 0.0)
     keep_values(run, WATCHED.low)
     look(run, begin, 0.5 * (end - begin))
@@ -433,7 +434,7 @@ def turn_beyond(run, w):
         if -least < watched[WATCHED.nearest, n] and least < 0.0:
             watched[WATCHED.nearest, n], watched[WATCHED.when, n] = (
                 -least,
-                data.control[0].old_time + w,
+                data.control[0].clock.old_time + w,
             )
 
 
@@ -476,15 +477,16 @@ def next_look(run, low, n, parts):
     """Return the end of the interval from `low`: a frame, or fraction `n` of `parts`."""
     data = opened_run(run)
     control, times = data.control[0], data.times
-    h = control.old_width
+    clock = control.clock
+    h = clock.old_width
     end = h * n / parts
     if data.links.events == 0 or parts == 1:
         return end
-    i = control.frame
-    while i < control.last and times[i] - control.old_time <= low + SOLVED * h:
+    i = clock.frame
+    while i < clock.last and times[i] - clock.old_time <= low + SOLVED * h:
         i += 1
-    if i < control.last:
-        end = min(end, times[i] - control.old_time)
+    if i < clock.last:
+        end = min(end, times[i] - clock.old_time)
     return end
 
 
@@ -525,11 +527,12 @@ def look_back(run):
     """Go back to the first event within the last step, if there is one."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
+    clock, guard = control.clock, control.guard
     parts = PARTS if data.tableau.dense.shape[0] > 0 else 1
-    if data.links.events != 0 and (data.counters[0].steps == 1 or control.due == ONCE):
+    if data.links.events != 0 and (data.counters[0].steps == 1 or guard.due == ONCE):
         begin_events(run)
-    if control.due == ONCE:
-        control.due = 0
+    if guard.due == ONCE:
+        guard.due = 0
     n = 1
     low = 0.0
     while n <= parts:
@@ -537,11 +540,11 @@ def look_back(run):
         counts, low = looked_at(run, low, end)
         if counts:
             copied(stages, at.TRIAL, at.Y, stages.shape[1])
-            control.time = control.old_time + low
-            if parts == 1 and control.carried != 0:  # duals repeat it, without rounding of time
-                control.old_width = low
-            control.fresh = 0
-            control.fired = REACHED
+            clock.time = clock.old_time + low
+            if parts == 1 and guard.carried != 0:  # duals repeat it, without rounding of time
+                clock.old_width = low
+            clock.fresh = 0
+            guard.fired = REACHED
             return
-        if low >= control.old_width * n / parts:
+        if low >= clock.old_width * n / parts:
             n += 1

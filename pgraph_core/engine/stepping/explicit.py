@@ -187,7 +187,7 @@ def runge_kutta(run, h):
     data = opened_run(run)
     control, stages, error = data.control[0], data.stages, data.tableau.error
     a, b, c = data.tableau.a, data.tableau.b, data.tableau.c
-    t, clip = control.time, control.clip
+    t, clip = control.clock.time, control.clock.clip
     size = size_of_state(run)
     rows = opened(data.scene).rows
     estimated = error.shape[0] > 0
@@ -200,7 +200,7 @@ def runge_kutta(run, h):
         last_stage(run, min(t + h, clip))
     weigh(rows, size, stages, control)
     found = estimate(rows, size, error[0], h, stages)
-    known = found * control.rtol < VISIBLE or found <= 1.0
+    known = found * control.error.rtol < VISIBLE or found <= 1.0
     if error.shape[0] > 1 and found > 0.0 and known:  # [Hairer, Norsett, Wanner 1993, II.10]
         other = 0.1 * estimate(rows, size, error[1], h, stages)
         found /= math.sqrt(1.0 + (other / found) ** 2)
@@ -235,14 +235,15 @@ def fill(run):
     """Compute the additional stages for dense output, once per step."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
+    clock = control.clock
     a, b, c = data.tableau.a, data.tableau.b, data.tableau.c
-    h = control.old_width
+    h = clock.old_width
     rows, size = opened(data.scene).rows, size_of_state(run)
     base(rows, size, stages, at.Y_OLD, True)
     for r in range(b.shape[0] + 1, a.shape[0]):
-        x = min(control.old_time + c[r] * h, control.clip)
+        x = min(clock.old_time + c[r] * h, clock.clip)
         stage(run, None, rows, size, x, h, a[r], r, stages, True)
-    control.filled = 1
+    clock.filled = 1
 
 
 @sweep
@@ -250,7 +251,7 @@ def dense_output(run, share):
     """Interpolate y at this fraction of the last step into TRIAL, with normalised quaternions."""
     data = opened_run(run)
     control, stages, dense = data.control[0], data.stages, data.tableau.dense
-    if control.filled == 0:
+    if control.clock.filled == 0:
         fill(run)
     rows, size = opened(data.scene).rows, size_of_state(run)
     n = stages.shape[1]
@@ -265,6 +266,6 @@ def dense_output(run, share):
                 stages[at.TRIAL, i] += x * stages[at.STAGE + r, i]
     base(rows, size, stages, at.Y_OLD, True)
     for i in range(n):
-        stages[at.TRIAL, i] = stages[at.FROM, i] + control.old_width * stages[at.TRIAL, i]
+        stages[at.TRIAL, i] = stages[at.FROM, i] + control.clock.old_width * stages[at.TRIAL, i]
     turn_spins(rows, size, stages, at.TRIAL, at.TRIAL, True)
     normalise_all(rows, stages[at.TRIAL, : size[0]])

@@ -446,9 +446,10 @@ def jacobian(run):
     """Compute A - B W and B + W - C at Y into the first rows of `real`, by central differences."""
     data = opened_run(run)
     control, stages, real = data.control[0], data.stages, data.real
+    clock = control.clock
     nq, nv = size_of_state(run)
     rows, first, base = opened(data.scene).rows, own(nv), 3 * nv
-    t = min(control.time, control.clip)
+    t = min(clock.time, clock.clip)
     z, rate = real[first + GAUSS.z], real[first + GAUSS.rate, nv:]
     p = real[first + GAUSS.kept, nv if nq > nv else 0 :]  # in the chart
     factors, pivots = real[mass(nv) : mass(nv) + nv], real[first + GAUSS.pivots]
@@ -461,7 +462,7 @@ def jacobian(run):
     for j in range(2 * nv):
         move, start = MOVE, z[j]
         if weights[j] > 0.0:
-            move = MOVE / (weights[j] * (control.rtol + control.atol))
+            move = MOVE / (weights[j] * (control.error.rtol + control.error.atol))
         z[j] = start + move
         evaluate(run, t, 0)
         for i in range(nv):
@@ -486,8 +487,8 @@ def jacobian(run):
         for j in range(nv):
             real[nv + i, j] -= real[2 * nv + i, j]
     data.counters[0].jacobians += 1
-    control.jacobian_time = control.time
-    control.factored = 0.0
+    control.newton.jacobian_time = clock.time
+    control.newton.factored = 0.0
 
 
 @sweep
@@ -514,7 +515,7 @@ def solved(run, h, still, newton, most):
         power = 0.0
         loss = 0.0
         for i in range(tableau.b.shape[0]):
-            evaluate(run, min(control.time + tableau.c[i] * h, control.clip), i)
+            evaluate(run, min(control.clock.time + tableau.c[i] * h, control.clock.clip), i)
             power += h * tableau.b[i] * flow[0]
             loss += h * tableau.b[i] * flow[1]
         change, size = corrected(run, h, newton)
@@ -529,9 +530,9 @@ def solved(run, h, still, newton, most):
         remaining = max(rate, share) * missed if n > 0 else missed  # size of the next correction
         if missed < 2.0 * EPS or remaining < EPS or (share >= 1.0 and rounded):
             if newton:
-                control.jacobian_rate = rate
+                control.newton.jacobian_rate = rate
             elif most == BY_COST:
-                control.jacobian_rate = math.inf
+                control.newton.jacobian_rate = math.inf
             return True, power, loss
         slow = share >= (most if most > BY_COST else SERVES)
         if most == BY_COST and n > 1:  # the first rate is not typical
@@ -547,18 +548,19 @@ def solved_by_newton(run, h, still):
     """Solve for the stages of a step with the Jacobian of this step or of an earlier one."""
     data = opened_run(run)
     control, counters = data.control[0], data.counters[0]
+    newton = control.newton
     while True:
-        if not control.jacobian_rate < KEEP and control.jacobian_time != control.time:
+        if not newton.jacobian_rate < KEEP and newton.jacobian_time != control.clock.time:
             jacobian(run)
-        if control.factored != h:
+        if newton.factored != h:
             counters.factorisations += 1
             if not factor_pair(run, h, data.tableau.a[3 + COUPLING.eigenvalues]):
                 return False, 0.0, 0.0
         found = solved(run, h, still, True, SERVES)
         if found[0]:
             return found
-        control.jacobian_rate = math.inf
-        if control.jacobian_time == control.time:
+        newton.jacobian_rate = math.inf
+        if newton.jacobian_time == control.clock.time:
             return found
 
 
@@ -567,11 +569,12 @@ def solve_stages(run, h, still):
     """Solve for the stages of a step by the cheaper way. Returns (True on success, power, loss)."""
     data = opened_run(run)
     control, counters = data.control[0], data.counters[0]
-    if control.jacobian_rate < SERVES:
+    newton = control.newton
+    if newton.jacobian_rate < SERVES:
         found = solved_by_newton(run, h, still)
     else:
         alone = solved(
-            run, h, still, False, PATIENT if control.jacobian_rate == USELESS else BY_COST
+            run, h, still, False, PATIENT if newton.jacobian_rate == USELESS else BY_COST
         )
         if alone[0]:
             return alone
@@ -579,7 +582,7 @@ def solve_stages(run, h, still):
         found = solved_by_newton(run, h, still)
         rounds = counters.newton_iterations - before
         if found[0] and not is_slow(alone[1], alone[2], rounds, control.nv):
-            control.jacobian_rate = USELESS
+            newton.jacobian_rate = USELESS
     return found if found[0] else solved(run, h, still, False, TO_THE_END)
 
 

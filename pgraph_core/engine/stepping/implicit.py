@@ -128,9 +128,10 @@ def jacobian(run):
     """Compute A - B W and B + W at Y into the first rows of `real`, by central differences."""
     data = opened_run(run)
     control, stages, real = data.control[0], data.stages, data.real
+    clock = control.clock
     nq, nv = size_of_state(run)
     rows = opened(data.scene).rows
-    t = min(control.time, control.clip)
+    t = min(clock.time, clock.clip)
     z = real[3 * nv + RADAU.probe]
     plus = real[3 * nv + RADAU.forward]
     minus = real[3 * nv + RADAU.backward]
@@ -140,7 +141,7 @@ def jacobian(run):
     for j in range(2 * nv):
         move = MOVE
         if weights[j] > 0.0:
-            move = MOVE / (weights[j] * (control.rtol + control.atol))
+            move = MOVE / (weights[j] * (control.error.rtol + control.error.atol))
         z[j] = move
         local_slope(run, t, z, plus)
         z[j] = -move
@@ -156,8 +157,8 @@ def jacobian(run):
         if kind_of(rows, k) >= BALL:
             add_half_turn(real, nv, v_of(rows, k), speeds)
     data.counters[0].jacobians += 1
-    control.jacobian_time = control.time
-    control.factored = 0.0
+    control.newton.jacobian_time = clock.time
+    control.newton.factored = 0.0
 
 
 @part
@@ -235,7 +236,7 @@ def weigh_states(run):
         if kind_of(rows, k) == OWN:
             i, j = q_of(rows, k), v_of(rows, k)
             size = max(given[i], abs(stages[at.CANDIDATE, nq + j]))
-            weights[nv + j] = inverse(control.rtol * size + control.atol)
+            weights[nv + j] = inverse(control.error.rtol * size + control.error.atol)
 
 
 @sweep
@@ -261,7 +262,7 @@ def factor_pair(run, h, mu):
     nv = data.control[0].nv
     assemble(mu[0] / h, real, nv, real[2 * nv : 3 * nv])
     assemble(complex(mu[1], mu[2]) / h, real, nv, pair[:nv])
-    data.control[0].factored = h
+    data.control[0].newton.factored = h
     done = factor(real[2 * nv : 3 * nv], nv, real[3 * nv + RADAU.pivots])
     return factor(pair[:nv], nv, real[3 * nv + RADAU.pivots_c]) and done
 
@@ -330,12 +331,12 @@ def newton(run, h):
         for j in range(2 * nv):
             real[base + RADAU.z + row, j] = 0.0
             real[base + RADAU.w + row, j] = 0.0
-    rtol = control.rtol
+    rtol = control.error.rtol
     enough = max(10.0 * EPS / rtol, min(0.03, math.sqrt(rtol)))
     last = 0.0
     for n in range(ITERATIONS):
         for i in range(3):
-            t = min(control.time + data.tableau.c[i] * h, control.clip)
+            t = min(control.clock.time + data.tableau.c[i] * h, control.clock.clip)
             out = real[base + RADAU.f + i]
             local_slope(run, t, real[base + RADAU.z + i], out)
             real[base + RADAU.powers, 2 * i] = flow[0]
@@ -348,7 +349,7 @@ def newton(run, h):
             return False
         if n > 0:
             rate = change / last if last > 0.0 else 0.0
-            control.jacobian_rate = rate
+            control.newton.jacobian_rate = rate
             if rate >= 1.0:
                 return change * rtol < 100.0 * ROUNDING
             if rate / (1.0 - rate) * change < enough:
@@ -378,9 +379,9 @@ def radau_error(run, h):
         missed[nv + j] = real[base + RADAU.mean, nv + j] + stages[at.SLOPE, nq + j]
     solve(rows, shift, real, nv, factors, pivots, missed, scratch)
     error = size_of_local(missed, weights, 2 * nv)
-    if error > 1.0 and (control.rejected == 1 or data.counters[0].steps == 0):
+    if error > 1.0 and (control.error.rejected == 1 or data.counters[0].steps == 0):
         out = real[base + RADAU.slope]
-        local_slope(run, min(control.time, control.clip), missed, out)
+        local_slope(run, min(control.clock.time, control.clock.clip), missed, out)
         for j in range(2 * nv):
             missed[j] = real[base + RADAU.mean, j] + out[j]
         solve(rows, shift, real, nv, factors, pivots, missed, scratch)
@@ -407,17 +408,20 @@ def radau(run, h):
     prepare(run)
     solved = False
     while not solved:
-        if not control.jacobian_rate < KEEP and control.jacobian_time != control.time:
+        if (
+            not control.newton.jacobian_rate < KEEP
+            and control.newton.jacobian_time != control.clock.time
+        ):
             jacobian(run)
-        if control.factored != h:
+        if control.newton.factored != h:
             data.counters[0].factorisations += 1
             if not factor_pair(run, h, data.tableau.a[COUPLING.eigenvalues]):
                 return UNSOLVED
         solved = newton(run, h)
         if not solved:
-            if control.jacobian_time == control.time:
+            if control.newton.jacobian_time == control.clock.time:
                 return UNSOLVED
-            control.jacobian_rate = 2.0
+            control.newton.jacobian_rate = 2.0
     power = 0.0
     loss = 0.0
     for i in range(3):
@@ -426,7 +430,7 @@ def radau(run, h):
     finish_local(run, real[base + RADAU.z + 2], power, loss)
     if not finite(stages[at.CANDIDATE]):
         return math.inf
-    if control.widths != CHOSEN:
+    if control.error.widths != CHOSEN:
         return 0.0
     weigh_states(run)
     return radau_error(run, h)

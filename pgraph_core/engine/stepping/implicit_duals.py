@@ -87,7 +87,7 @@ def correct_radau(run, numbers, h, report):
     base = 3 * nv
     parts, weights = parted(real), given[base + RADAU.weights]
     f, w, z = base + RADAU.f, base + RADAU.w, base + RADAU.z
-    for k in range(1 - opened_run(numbers).control[0].repeated, WIDTH):
+    for k in range(1 - opened_run(numbers).control[0].clock.repeated, WIDTH):
         slopes, decoupled = parts[f : f + 3, :, k], parts[w : w + 3, :, k]
         by_radau.correct(numbers, h, slopes, decoupled, parts[z : z + 3, :, k])
         change = by_radau.size_of_local(given[base + RADAU.right], weights, 2 * nv)
@@ -121,13 +121,14 @@ def radau_of_duals(run, numbers):
             for n in range(3):
                 z = given.real[base + RADAU.z + n, j]
                 real[base + RADAU.w + i, j] += decoupling[i, n] * z
-    if given.control[0].factored != h:
+    if given.control[0].newton.factored != h:
         by_radau.factor_pair(numbers, h, eigenvalues)
-        given.control[0].factored = 0.0  # the primal run factors again, as without derivatives
+        # the primal run factors again, as without derivatives
+        given.control[0].newton.factored = 0.0
     for _ in range(CORRECTION_ROUNDS):
         begin_round(report)
         for i in range(3):
-            t = min(control.time + data.tableau.c[i] * h, control.clip)
+            t = min(control.clock.time + data.tableau.c[i] * h, control.clock.clip)
             local_slope(run, t, real[base + RADAU.z + i], real[base + RADAU.f + i])
             real[base + RADAU.powers, 2 * i] = flow[0]
             real[base + RADAU.powers, 2 * i + 1] = flow[1]
@@ -156,7 +157,7 @@ def correct_gauss(run, numbers, h, report):
     rows, first, count = opened(data.scene).rows, by_gauss.own(nv), data.tableau.b.shape[0]
     parts, found = parted(real), given.real[first + GAUSS.missed :]
     wanted, scratch = real[first + GAUSS.wanted], real[first + GAUSS.scratch]
-    newton = given.control[0].jacobian_rate < by_gauss.SERVES
+    newton = given.control[0].newton.jacobian_rate < by_gauss.SERVES
     for i in range(count):
         z, p = real[first + GAUSS.z + i], real[first + GAUSS.kept + i]
         missed = real[first + GAUSS.missed + i, :nv]
@@ -164,7 +165,7 @@ def correct_gauss(run, numbers, h, report):
         by_gauss.out_of_chart(rows, z[:nv], wanted[nv : 2 * nv], scratch[:nv], missed)
         for j in range(nv):
             missed[j] -= p[j]
-    for k in range(1 - given.control[0].repeated, WIDTH):
+    for k in range(1 - given.control[0].clock.repeated, WIDTH):
         for i in range(count):
             for j in range(nv):
                 found[i, j] = parts[first + GAUSS.missed + i, j, k]
@@ -237,9 +238,11 @@ def gauss_of_duals(run, numbers):
             z, values = real[first + GAUSS.z + i], given.real[first + GAUSS.z + i]
             z[j] = revalued(data.tableau.c[i] * h * v[j], values[j])
             z[nv + j] = revalued(v[j], values[nv + j])
-    if given.control[0].jacobian_rate < by_gauss.SERVES and given.control[0].factored != h:
+    newton = given.control[0].newton
+    if newton.jacobian_rate < by_gauss.SERVES and newton.factored != h:
         by_radau.factor_pair(numbers, h, data.tableau.a[3 + COUPLING.eigenvalues])
-        given.control[0].factored = 0.0  # the primal run factors again, as without derivatives
+        # the primal run factors again, as without derivatives
+        given.control[0].newton.factored = 0.0
     power = 0.0 * flow[0]
     loss = 0.0 * flow[0]
     for _ in range(CORRECTION_ROUNDS):
@@ -247,7 +250,9 @@ def gauss_of_duals(run, numbers):
         power = 0.0 * flow[0]
         loss = 0.0 * flow[0]
         for i in range(count):
-            by_gauss.evaluate(run, min(control.time + data.tableau.c[i] * h, control.clip), i)
+            by_gauss.evaluate(
+                run, min(control.clock.time + data.tableau.c[i] * h, control.clock.clip), i
+            )
             power += h * data.tableau.b[i] * flow[0]
             loss += h * data.tableau.b[i] * flow[1]
         correct_gauss(run, numbers, h, report)

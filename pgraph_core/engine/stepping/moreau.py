@@ -131,7 +131,7 @@ def moreau_jean(run, h):
         store(blocks_f, i, at.PULL + 3, (0.0, 0.0, 0.0))
     tally.frozen, tally.width = ADDING, h
     tally.barred = 0
-    t = this.control[0].time
+    t = this.control[0].clock.time
     done = 0.0
     parts = 0
     w = 0.0
@@ -172,7 +172,7 @@ def moreau_jean(run, h):
 @part
 def repeat(run, done, h, w, first, which):
     """Repeat what the arguments of REPEAT say in all runs of duals, if there are any."""
-    carried = opened_run(run).control[0].carried
+    carried = opened_run(run).control[0].guard.carried
     if carried != 0:
         call_repeat(carried_at(carried).repeat, (carried, run, done, h, w, first, which))
 
@@ -202,7 +202,7 @@ def part_of_step(run, done, h, w, mode):
     """
     this = opened_run(run)
     scene, stages = this.scene, this.stages
-    t = this.control[0].time + done
+    t = this.control[0].clock.time + done
     nq, nv = size_of_state(run)
     copied(stages, at.CANDIDATE, at.PART_BEFORE, stages.shape[1])
     q = stages[at.CANDIDATE, :nq]

@@ -135,7 +135,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
         parted(stages[at.PART_TIMES])[TIMES.left, 0] = 0.0
         return
     moves = end_moves(numbers)
-    t, late = opened_run(numbers).control[0].time + done, w < h or moves > 0.0
+    t, late = opened_run(numbers).control[0].clock.time + done, w < h or moves > 0.0
     if which == MIDPOINT:
         move_again(run, t, w, late)
     else:
@@ -202,7 +202,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
 @part
 def end_moves(numbers):
     """Return 1 if all derivatives of the width of the step are 1, else 0."""
-    return 1.0 if opened_run(numbers).control[0].repeated == MOVING else 0.0
+    return 1.0 if opened_run(numbers).control[0].clock.repeated == MOVING else 0.0
 
 
 @sweep
@@ -468,7 +468,7 @@ def end_where_parted(run, numbers, carried, first):
                 for c in range(3):
                     moved = max(moved, abs(parted(place_of_a)[c, k]))
             if abs(gap[0, k]) > NOTABLE * moved:
-                end_derivatives(carried, opened_run(numbers).control[0].time, PARTED)
+                end_derivatives(carried, opened_run(numbers).control[0].clock.time, PARTED)
 
 
 @sweep
@@ -492,7 +492,7 @@ def locate_impact(run, numbers, carried, place, first):
     if chief < 0:
         return
     if not parted(stages[at.PART_TIMES])[TIMES.left, 0] > 0.0:  # no part has ended here
-        end_derivatives(carried, opened_run(numbers).control[0].time + place[0], HIT_TWICE)
+        end_derivatives(carried, opened_run(numbers).control[0].clock.time + place[0], HIT_TWICE)
         return
     follow_path(run, numbers, place)
     q = stages[at.CANDIDATE, : data.control[0].nq]
@@ -502,7 +502,7 @@ def locate_impact(run, numbers, carried, place, first):
     gaps[0] = gap_of(scene, of_numbers, chief, q)
     gap = parted(gaps)
     if not abs(gap[0, 0]) <= reached(given, chief):  # nan if there is no such point
-        end_derivatives(carried, opened_run(numbers).control[0].time, ASIDE)
+        end_derivatives(carried, opened_run(numbers).control[0].clock.time, ASIDE)
     for j in range(first, active[0] + 1):
         i = active[j]
         r = first_of(given.space.slots, i)
@@ -512,7 +512,7 @@ def locate_impact(run, numbers, carried, place, first):
             for k in range(1, BY_WIDTH):
                 share = gap[1, BY_WIDTH] / gap[0, BY_WIDTH]
                 if abs(gap[1, k] - share * gap[0, k]) > NOTABLE * (abs(gap[1, k]) + abs(gap[0, k])):
-                    end_derivatives(carried, opened_run(numbers).control[0].time, TOGETHER)
+                    end_derivatives(carried, opened_run(numbers).control[0].clock.time, TOGETHER)
     arrive(run)
 
 
@@ -604,7 +604,11 @@ def follow_path(run, numbers, place):
         begun[k] += moves
     stages[at.PART_TIMES, TIMES.taken] = stages[at.PART_TIMES, TIMES.left]
     move_freely(
-        run, opened_run(numbers).control[0].time + (h - left), h, left, left < h or moves > 0.0
+        run,
+        opened_run(numbers).control[0].clock.time + (h - left),
+        h,
+        left,
+        left < h or moves > 0.0,
     )
     relax(opened(scene).rows, opened(scene).const, opened(scene).space.vectors, opened(scene).given)
     copied(stages, at.PART_START, at.CANDIDATE, stages.shape[1])

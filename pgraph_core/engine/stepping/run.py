@@ -58,30 +58,31 @@ def advance_run(run, budget):
     """
     data = opened_run(run)
     control, counters, times = data.control[0], data.counters[0], data.times
-    control.sided = 0
+    clock, guard = control.clock, control.guard
+    control.ends.sided = 0
     for _ in range(budget):
-        i = control.frame
-        if i == control.last:
+        i = clock.frame
+        if i == clock.last:
             return at.DONE
-        t = control.time
+        t = clock.time
         code = at.DONE
-        if times[i] < t or (times[i] == t and control.fired == 0):
+        if times[i] < t or (times[i] == t and guard.fired == 0):
             if frame(run, i):
-                control.frame = i + 1
+                clock.frame = i + 1
             else:
                 code = at.NOT_FINITE
-        elif control.fired != 0:
-            found = at.NEAR if control.fired == CONTACT_AHEAD else at.EVENT
-            control.fired = 0
+        elif guard.fired != 0:
+            found = at.NEAR if guard.fired == CONTACT_AHEAD else at.EVENT
+            guard.fired = 0
             return found
-        elif counters.steps + counters.rejected_steps >= control.most:
+        elif counters.steps + counters.rejected_steps >= clock.most:
             code = at.TOO_MANY
         else:
             code = step_once(run)
         if code != at.DONE:
             give_up(run, t)
             return code
-    return at.DONE if control.frame == control.last else at.RUNNING
+    return at.DONE if clock.frame == clock.last else at.RUNNING
 
 
 @sweep
@@ -89,20 +90,21 @@ def step_once(run):
     """Attempt a step, which may be rejected. Returns a status code."""
     data = opened_run(run)
     control, method, links = data.control[0], data.method[0], data.links
-    if control.widths == GIVEN:
-        control.time = given_start(control)
+    clock, ends, guard = control.clock, control.ends, control.guard
+    if control.error.widths == GIVEN:
+        clock.time = given_start(control)
     if data.corners.shape[0] > 0:
         pass_corners(run)
-    if control.edges > 0:
+    if ends.edges > 0:
         pass_edges(run)
     take_sides_here(run)
-    if method.starts == 1 and control.fresh == 0:
-        acceleration_of(run, control.time, at.Y, at.SLOPE)
-        control.fresh = 1
+    if method.starts == 1 and clock.fresh == 0:
+        acceleration_of(run, clock.time, at.Y, at.SLOPE)
+        clock.fresh = 1
         if not finite(data.stages[at.SLOPE, control.nq :]):
             return at.NOT_FINITE
-    if control.widths == CHOSEN and control.width == 0.0:
-        control.width = first_width(run)
+    if control.error.widths == CHOSEN and clock.width == 0.0:
+        clock.width = first_width(run)
     h, end, corner = next_width(run)
     error = call_step(links.step, (run, h))
     good = error >= 0.0 and error < math.inf
@@ -110,39 +112,39 @@ def step_once(run):
         call_step(links.cross, (run, -h))
         error = call_step(links.step, (run, h))
         good = error >= 0.0 and error < math.inf
-    cornered = data.corners.shape[0] > 0 or control.edges > 0
-    if good and error > 1.0 and control.widths == CHOSEN and cornered:
+    cornered = data.corners.shape[0] > 0 or ends.edges > 0
+    if good and error > 1.0 and control.error.widths == CHOSEN and cornered:
         error = 1.0 if error <= blurred(run, h) else error
-    if error == UNSOLVED and control.widths == GIVEN:
+    if error == UNSOLVED and control.error.widths == GIVEN:
         h, error = halved(run, h)
-        good, end, corner = error >= 0.0 and error < math.inf, control.time + h, False
-    if not good or (error > 1.0 and control.widths == CHOSEN):
+        good, end, corner = error >= 0.0 and error < math.inf, clock.time + h, False
+    if not good or (error > 1.0 and control.error.widths == CHOSEN):
         return refuse(run, error, h)
-    if control.widths == CHOSEN:
+    if control.error.widths == CHOSEN:
         widen(control, method, min(error, 1.0), h)
-        if data.tableau.dense.shape[0] == 0 and h < control.width < WORTH_FACTORING * h:
-            control.width = h
+        if data.tableau.dense.shape[0] == 0 and h < clock.width < WORTH_FACTORING * h:
+            clock.width = h
     if links.cross != 0 and not within_ranges(run, opened(data.scene).loads.signals[0], h):
         w = call_step(links.cross, (run, h))
         if w < h:
-            h, end, corner = w, control.time + w, control.sided == 0
-            control.change = end if corner else control.change
+            h, end, corner = w, clock.time + w, ends.sided == 0
+            ends.change = end if corner else ends.change
     code = accept(run, h, end, corner)
     if code == at.DONE and links.watch != 0 and is_due(run):
         call_look_back(links.watch, (run,))
-    if code == at.DONE and control.due != 0 and control.fired == 0:
+    if code == at.DONE and guard.due != 0 and guard.fired == 0:
         call_look_back(links.look_back, (run,))
-        if control.fired == REACHED:
-            control.change = control.time
-            onto_constraints(run, control.time, at.Y)
-    if corner and control.time == end:  # no event ended the step before
-        control.edge = end
-    if control.samples > 0 and code == at.DONE and control.time > control.old_time:
+        if guard.fired == REACHED:
+            ends.change = clock.time
+            onto_constraints(run, clock.time, at.Y)
+    if corner and clock.time == end:  # no event ended the step before
+        ends.edge = end
+    if ends.samples > 0 and code == at.DONE and clock.time > clock.old_time:
         sampled(run)
-    if control.widths == GIVEN:
+    if control.error.widths == GIVEN:
         step_taken(run)
-    if control.approach != 0 and code == at.DONE:
-        call_look_back(control.approach, (run,))
+    if guard.approach != 0 and code == at.DONE:
+        call_look_back(guard.approach, (run,))
     if code == at.DONE and steps_in_time(data.scene):
         average(data.scene)
     return code
@@ -161,7 +163,7 @@ def halved(run, h):
     step."""
     data = opened_run(run)
     control, error = data.control[0], float(UNSOLVED)
-    while error == UNSOLVED and 0.5 * h > nearby(control.time + control.widest):
+    while error == UNSOLVED and 0.5 * h > nearby(control.clock.time + control.error.widest):
         data.counters[0].rejected_steps += 1
         h *= 0.5
         error = call_step(data.links.step, (run, h))
@@ -172,7 +174,7 @@ def halved(run, h):
 def take_sides_here(run):
     """Hold the results of comparisons of the motion at Y, unless they are already held."""
     data = opened_run(run)
-    if data.links.cross != 0 and data.control[0].sided == 0:
+    if data.links.cross != 0 and data.control[0].ends.sided == 0:
         call_step(data.links.cross, (run, 0.0))
 
 
@@ -181,15 +183,16 @@ def sampled(run):
     """Take the samples of controls at the end of a step, after all events within it."""
     data = opened_run(run)
     control, y = data.control[0], data.stages[at.Y]
+    clock = control.clock
     nq, nv = size_of_state(run)
-    t = control.time
+    t = clock.time
     signals = opened(data.scene).loads.signals
     if measures(signals, t, nearby(t)):
-        accelerate, i = data.links.accelerate, control.frame
+        accelerate, i = data.links.accelerate, clock.frame
         forces, vdot = data.out[3][i], data.out[2][i]  # a frame that is not recorded yet
         measure(data.scene, accelerate, t, y[:nq], y[nq : nq + nv], vdot, data.flow, forces)
     if take_samples(signals, t, nearby(t), y[:nq], y[nq : nq + nv]) > 0:
-        control.fresh = control.sided = 0
+        clock.fresh = control.ends.sided = 0
 
 
 @sweep
@@ -198,10 +201,11 @@ def is_due(run):
     large."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
-    due = not control.time <= control.clock
+    guard = control.guard
+    due = not control.clock.time <= guard.next_check
     if not due:
         nq, nv = control.nq, control.nv
-        slow, way = control.slow, control.slow * control.old_width
+        slow, way = guard.slow, guard.slow * control.clock.old_width
         for i in range(nq):
             due = due or not abs(stages[at.Y, i] - stages[at.Y_OLD, i]) <= way
         for j in range(nq, nq + nv):
@@ -219,7 +223,7 @@ def blurred(run, h):
     for j in range(nq, nq + nv):
         moved = stages[at.CANDIDATE, j] - stages[at.Y, j]
         change = max(change, abs(moved) * stages[at.WEIGHT, j])
-    return 8.0 * EPS * abs(data.control[0].time) / h * change
+    return 8.0 * EPS * abs(data.control[0].clock.time) / h * change
 
 
 @sweep
@@ -227,24 +231,25 @@ def accept(run, h, end, corner):
     """Accept CANDIDATE, projected onto the constraints, as the state Y. Returns a status code."""
     data = opened_run(run)
     control, stages, scene = data.control[0], data.stages, data.scene
+    clock, error = control.clock, control.error
     ends = data.method[0].ends == 1
     s = data.tableau.b.shape[0]
     rows, size = opened(scene).rows, size_of_state(run)
     nq, nv = size
     if ends and data.tableau.error.shape[1] == s:
-        last_stage(run, min(control.time + h, control.clip))
-    if data.corners.shape[0] > 0 or control.edges > 0:
+        last_stage(run, min(clock.time + h, clock.clip))
+    if data.corners.shape[0] > 0 or control.ends.edges > 0:
         for j in range(nq, nq + nv):
             mean = abs(stages[at.CANDIDATE, j] - stages[at.Y, j]) / h
-            control.steepest = max(control.steepest, mean)
+            error.steepest = max(error.steepest, mean)
     for i in range(stages.shape[1]):
         stages[at.Y_OLD, i] = stages[at.Y, i]
         stages[at.Y, i] = stages[at.CANDIDATE, i]
-    control.old_time = control.time
-    control.old_width = h
-    control.time = end
-    control.filled = control.repeated = 0
-    control.rejected = 0
+    clock.old_time = clock.time
+    clock.old_width = h
+    clock.time = end
+    clock.filled = clock.repeated = 0
+    error.rejected = 0
     data.counters[0].steps += 1
     q = stages[at.Y, :nq]
     v = stages[at.Y, nq : nq + nv]
@@ -253,9 +258,9 @@ def accept(run, h, end, corner):
     settle = opened(scene).links.settle
     if settle != 0:
         call_settle(settle, (scene, end, q, v))
-    moved = control.project == 1 and opened(scene).blocks.active[0] > 0
-    control.fresh = 1 if ends and not moved and not corner else 0
-    if control.fresh == 1:
+    moved = error.project == 1 and opened(scene).blocks.active[0] > 0
+    clock.fresh = 1 if ends and not moved and not corner else 0
+    if clock.fresh == 1:
         copied(stages, at.STAGE + s, at.SLOPE, stages.shape[1])
         turn_spins(rows, size, stages, at.Y, at.SLOPE, True)
     return onto_constraints(run, end, at.Y)
@@ -269,11 +274,12 @@ def frame(run, i):
     """
     data = opened_run(run)
     control, stages, flow = data.control[0], data.stages, data.flow
+    clock = control.clock
     t = data.times[i]
     nq, nv = size_of_state(run)
     row, held = at.Y, False
-    if t != control.time:
-        dense_output(run, (t - control.old_time) / control.old_width)
+    if t != clock.time:
+        dense_output(run, (t - clock.old_time) / clock.old_width)
         row = at.TRIAL
         onto_constraints(run, t, row)
         held = hold_touches(data.scene, 0)  # what touched at the end of the step is another
@@ -292,16 +298,16 @@ def frame(run, i):
     if steps_in_time(data.scene):
         contacts_at(opened(data.scene).links.contacts).tally[0].elapsed = 0.0
     start = t
-    if control.widths == GIVEN:
+    if control.error.widths == GIVEN:
         next_interval(run, i)
         start = given_start(control)
-    if row == at.Y and t == start and control.fresh == 0:
+    if row == at.Y and t == start and clock.fresh == 0:
         vdot = data.out[2]
         for j in range(nv):
             stages[at.SLOPE, nq + j] = vdot[i, j]
         stages[at.SLOPE, nq + nv] = flow[0]
         stages[at.SLOPE, nq + nv + 1] = flow[1]
-        control.fresh = 1
+        clock.fresh = 1
     return good == 1
 
 
@@ -311,17 +317,18 @@ def give_up(run, t):
     frame."""
     data = opened_run(run)
     control, stages, times = data.control[0], data.stages, data.times
+    clock = control.clock
     nq, nv = size_of_state(run)
-    i = control.frame
-    if control.time > t:
+    i = clock.frame
+    if clock.time > t:
         copied(stages, at.Y_OLD, at.Y, stages.shape[1])
-        control.time = t
-    control.failed = t
-    control.fastest = fastest_row(opened(data.scene).rows, stages[at.Y, nq : nq + nv])
-    if 0 < i < control.last and times[i - 1] < t:
+        clock.time = t
+    clock.failed = t
+    clock.fastest = fastest_row(opened(data.scene).rows, stages[at.Y, nq : nq + nv])
+    if 0 < i < clock.last and times[i - 1] < t:
         times[i] = t
         if frame(run, i):
-            control.frame = i + 1
+            clock.frame = i + 1
 
 
 @sweep

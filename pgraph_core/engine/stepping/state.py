@@ -69,7 +69,7 @@ def onto_constraints(run, t, row):
     """Project the state in `row` onto the active constraints. Returns a status code."""
     data = opened_run(run)
     control, counters, stages = data.control[0], data.counters[0], data.stages
-    if control.project == 0 or opened(data.scene).blocks.active[0] == 0:
+    if control.error.project == 0 or opened(data.scene).blocks.active[0] == 0:
         return at.DONE
     nq, nv = size_of_state(run)
     q = stages[row, :nq]

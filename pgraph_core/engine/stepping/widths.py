@@ -58,15 +58,16 @@ def weigh(rows, size, stages, control):
     value so far and in CANDIDATE. The former replaces the weight of its integral, because rejected
     steps may end anywhere.
     """
+    error = control.error
     nq, nv = size
-    found = extremes(rows, size, stages, at.Y, control.spin, control.speed, control.length)
-    control.spin, control.speed, control.length = found
+    found = extremes(rows, size, stages, at.Y, error.spin, error.speed, error.length)
+    error.spin, error.speed, error.length = found
     spin, speed, length = extremes(rows, size, stages, at.CANDIDATE, found[0], found[1], found[2])
-    spin = max(spin, 1.0 / control.span)
-    speed = max(speed, length / control.span)
+    spin = max(spin, 1.0 / control.clock.span)
+    speed = max(speed, length / control.clock.span)
     weights = stages[at.WEIGHT]
-    rtol = control.rtol
-    atol = control.atol
+    rtol = error.rtol
+    atol = error.atol
     weights[nq + nv] = 0.0
     weights[nq + nv + 1] = 0.0
     for k in range(1, rows.shape[0]):
@@ -153,14 +154,14 @@ def first_width(run):
     rate_of(rows, size, stages, at.Y, at.SLOPE)
     copied(stages, at.Y, at.CANDIDATE, n)
     weigh(rows, size, stages, control)
-    rtol = control.rtol
+    rtol = control.error.rtol
     shrink = power(0.01 * rtol, 1.0 / (order + 1))
-    fastest = max(size_of(rows, size, stages, at.SLOPE) * rtol, 1.0 / control.span)
+    fastest = max(size_of(rows, size, stages, at.SLOPE) * rtol, 1.0 / control.clock.span)
     h = 0.01 / fastest
     for i in range(n):
         stages[at.CANDIDATE, i] = stages[at.Y, i] + h * stages[at.SLOPE, i]
     rate_of(rows, size, stages, at.CANDIDATE, at.RATE_CHANGE)
-    acceleration_of(run, control.time + h, at.CANDIDATE, at.RATE_CHANGE)
+    acceleration_of(run, control.clock.time + h, at.CANDIDATE, at.RATE_CHANGE)
     if not finite(stages[at.RATE_CHANGE]):
         return 0.1 * shrink * h
     weigh(rows, size, stages, control)
@@ -185,17 +186,18 @@ def pass_corners(run):
     """Find the next corner. A step that starts within rounding before a corner starts there."""
     data = opened_run(run)
     control, corners = data.control[0], data.corners
-    t, frame = control.time, data.times[control.frame]
-    k = control.corner
+    clock, ends = control.clock, control.ends
+    t, frame = clock.time, data.times[clock.frame]
+    k = ends.corner
     while k < corners.shape[0] and corners[k] <= t + nearby(t):
         if corners[k] > t:
             if corners[k] >= frame:
                 break
-            control.time = corners[k]
-            control.edge = corners[k]
-            control.fresh = 0
+            clock.time = corners[k]
+            ends.edge = corners[k]
+            clock.fresh = 0
         k += 1
-    control.corner = k
+    ends.corner = k
 
 
 @sweep
@@ -203,13 +205,16 @@ def pass_edges(run):
     """Start a step at an edge that is within rounding of its start, or of the run's times."""
     data = opened_run(run)
     control, code = data.control[0], opened(data.scene).loads.signals[0]
-    t, frame = control.time, data.times[control.frame]
-    near = t + nearby(abs(t) + (control.span if control.widths == CHOSEN else control.widest))
+    clock = control.clock
+    t, frame = clock.time, data.times[clock.frame]
+    near = t + nearby(
+        abs(t) + (clock.span if control.error.widths == CHOSEN else control.error.widest)
+    )
     edge = next_edge(code, t, near)
     while edge < frame:
-        control.time = edge
-        control.edge = edge
-        control.fresh = 0
+        clock.time = edge
+        control.ends.edge = edge
+        clock.fresh = 0
         edge = next_edge(code, edge, near)
 
 
@@ -217,11 +222,11 @@ def pass_edges(run):
 def edge_ahead(run, stop):
     """Return the next edge of the expressions until `stop`, within two steps, or infinity [s]."""
     data = opened_run(run)
-    control, t = data.control[0], data.control[0].time
-    if control.edges == 0:
+    control, t = data.control[0], data.control[0].clock.time
+    if control.ends.edges == 0:
         return math.inf
-    if control.widths == CHOSEN:
-        stop = min(stop, t + 2.0 * min(control.width, control.widest))
+    if control.error.widths == CHOSEN:
+        stop = min(stop, t + 2.0 * min(control.clock.width, control.error.widest))
     return next_edge(opened(data.scene).loads.signals[0], t, stop + nearby(stop))
 
 
@@ -234,14 +239,15 @@ def next_width(run):
     """
     data = opened_run(run)
     control, times, corners = data.control[0], data.times, data.corners
-    t, k = control.time, control.corner
-    control.clip = math.inf
-    if control.widths == GIVEN:
-        left = control.widest - control.done
-        end = control.origin + (control.taken + 1) * control.widest
-        stop = times[control.frame] if control.left == 1 else end
+    clock, error, ends = control.clock, control.error, control.ends
+    t, k = clock.time, ends.corner
+    clock.clip = math.inf
+    if error.widths == GIVEN:
+        left = error.widest - ends.done
+        end = ends.origin + (ends.taken + 1) * error.widest
+        stop = times[clock.frame] if ends.left == 1 else end
     else:
-        stop = times[control.last - 1 if data.tableau.dense.shape[0] > 0 else control.frame]
+        stop = times[clock.last - 1 if data.tableau.dense.shape[0] > 0 else clock.frame]
         left = stop - t
     edge = edge_ahead(run, stop)
     bend = min(edge, corners[k]) if k < corners.shape[0] else edge
@@ -249,33 +255,33 @@ def next_width(run):
     if bend < stop - nearby(stop):
         stop = bend
         left = stop - t
-    if control.samples > 0:
+    if ends.samples > 0:
         sample = next_sample(opened(data.scene).loads.signals, t, nearby(t))
         if sample < stop - nearby(stop):
             stop = sample
             left = stop - t
             corner = False
-    h = control.bound
-    if control.widths == GIVEN:
-        if control.lag < 2.0 * control.widest:
+    h = control.guard.bound
+    if error.widths == GIVEN:
+        if ends.lag < 2.0 * error.widest:
             drives, order = opened(data.scene).drives, data.method[0].order
-            h = min(h, lag_width(drives, t, order) / control.parts)
-        if control.parts > 1:
+            h = min(h, lag_width(drives, t, order) / ends.parts)
+        if ends.parts > 1:
             h = min(h, part_width(run, bend))
     else:
-        h = min(min(control.widest, h), control.width)
-        if control.parts > 1 and edge < math.inf:
-            h = min(h, (edge - control.edge) / control.parts)
-        if control.parts > 1 and t == control.change:  # a time shared by the run and its finer run
+        h = min(min(error.widest, h), clock.width)
+        if ends.parts > 1 and edge < math.inf:
+            h = min(h, (edge - ends.edge) / ends.parts)
+        if ends.parts > 1 and t == ends.change:  # a time shared by the run and its finer run
             h = min(h, GOLDEN * left)
     if h * (1.0 + 1e-9) >= left:
         if corner:
-            control.clip = bend - 2.0 * EPS * abs(bend)
+            clock.clip = bend - 2.0 * EPS * abs(bend)
         return left, stop, corner
-    if control.widths == CHOSEN and 2.0 * h > left:
+    if error.widths == CHOSEN and 2.0 * h > left:
         h = 0.5 * left  # no sliver before the end
     end = t + h
-    if control.widths == GIVEN:
+    if error.widths == GIVEN:
         return h, end, False
     return (end - t if end > t else h), end, False  # or rounded times would add up
 
@@ -288,15 +294,17 @@ def part_width(run, bend):
     corners. `bend` is the time of the next corner or edge.
     """
     control = opened_run(run).control[0]
-    begin = control.origin + control.taken * control.widest
-    stop = begin + control.widest
-    return (min(stop, bend) - max(begin, control.edge)) / control.parts
+    ends = control.ends
+    begin = ends.origin + ends.taken * control.error.widest
+    stop = begin + control.error.widest
+    return (min(stop, bend) - max(begin, ends.edge)) / ends.parts
 
 
 @part
 def given_start(control):
     """Compute the start of the next given step, or of its remainder after an event [s]."""
-    return control.origin + control.taken * control.widest + control.done
+    ends = control.ends
+    return ends.origin + ends.taken * control.error.widest + ends.done
 
 
 @sweep
@@ -304,45 +312,48 @@ def next_interval(run, i):
     """Begin the given steps after frame i, counted from the last change in step size."""
     data = opened_run(run)
     control, substeps, width = data.control[0], data.substeps, data.width
-    if i + 1 < control.last:
-        control.left = substeps[i]
-        if width[i] != control.widest:
-            control.widest = width[i]
-            control.origin = data.times[i]
-            control.taken = 0
+    ends = control.ends
+    if i + 1 < control.clock.last:
+        ends.left = substeps[i]
+        if width[i] != control.error.widest:
+            control.error.widest = width[i]
+            ends.origin = data.times[i]
+            ends.taken = 0
 
 
 @sweep
 def step_taken(run):
     """Count a fixed step, or record the completed part if it was shortened."""
     control = opened_run(run).control[0]
-    left = control.widest - control.done
-    gone = control.time - control.old_time if control.fired != 0 else control.old_width
-    if left - gone > nearby(control.time):
-        control.done += gone
+    clock, ends = control.clock, control.ends
+    left = control.error.widest - ends.done
+    gone = clock.time - clock.old_time if control.guard.fired != 0 else clock.old_width
+    if left - gone > nearby(clock.time):
+        ends.done += gone
         return
-    control.done = 0.0
-    control.taken += 1
-    control.left -= 1
-    if control.left == 0:
-        control.time = opened_run(run).times[control.frame]
+    ends.done = 0.0
+    ends.taken += 1
+    ends.left -= 1
+    if ends.left == 0:
+        clock.time = opened_run(run).times[clock.frame]
 
 
 @part
 def widen(control, method, error, h):
     """Compute the step size to try after a step of size h with this error, by PI control."""
+    clock = control.clock
     error = max(error, 1e-10)
     if error > 1.0:
-        control.width = h * max(method.least, method.safety * power(error, -method.by_error))
+        clock.width = h * max(method.least, method.safety * power(error, -method.by_error))
         return
     factor = method.safety * power(error, -method.by_error)
-    factor *= power(control.last_error, method.by_last)
-    most = max(method.most, control.width / h)  # permits the old width after a shortened step
+    factor *= power(control.error.last_error, method.by_last)
+    most = max(method.most, clock.width / h)  # permits the old width after a shortened step
     factor = max(method.least, min(factor, most))
-    if control.rejected == 1:
+    if control.error.rejected == 1:
         factor = min(factor, 1.0)
-    control.width = h * factor
-    control.last_error = max(error, 1e-4)
+    clock.width = h * factor
+    control.error.last_error = max(error, 1e-4)
 
 
 @sweep
@@ -350,19 +361,20 @@ def refuse(run, error, h):
     """Reject a step and choose a smaller one. Returns a status code."""
     data = opened_run(run)
     control, counters = data.control[0], data.counters[0]
+    clock = control.clock
     counters.rejected_steps += 1
-    control.rejected = 1
+    control.error.rejected = 1
     if error == NOT_MET:
         return at.NOT_CONVERGED
     if error >= 0.0 and error < math.inf:
-        control.broken = 0
+        control.error.broken = 0
         widen(control, data.method[0], error, h)
     else:
-        control.broken = 2 if error == UNSOLVED else 1
-        control.width = 0.25 * h
-    floor = max(16.0 * EPS * control.time, 1e-18 * control.span)
-    if control.widths == CHOSEN and control.width > floor:
+        control.error.broken = 2 if error == UNSOLVED else 1
+        clock.width = 0.25 * h
+    floor = max(16.0 * EPS * clock.time, 1e-18 * clock.span)
+    if control.error.widths == CHOSEN and clock.width > floor:
         return at.DONE
-    if control.broken == 1:
+    if control.error.broken == 1:
         return at.NOT_FINITE
-    return at.NOT_SOLVED if control.broken == 2 else at.TOO_SMALL
+    return at.NOT_SOLVED if control.error.broken == 2 else at.TOO_SMALL
