@@ -21,10 +21,10 @@ from .markup import Element, Source, content_of, parse_markup, reason_of, stand_
 from .rotation import rodrigues
 
 FORMATS = ("glb", "gltf", "obj", "off", "ply", "stl", "dae")
-SOME = 10_000  # bytes at the start of a file in which its format shows
+BEGINNING = 10_000  # bytes at the start of a file in which its format shows
 GLTF = re.compile(rb'"asset"\s*:\s*\{')  # a property that all glTF files have
 STL_HEAD, STL_TRIANGLE = 84, 50  # bytes of a binary STL file before and of its triangles
-LARGEST = 200_000_000  # [bytes] limit on the size of a mesh file
+LARGEST_MESH = 200_000_000  # [bytes] limit on the size of a mesh file
 LARGEST_COORDINATE = sys.float_info.max ** (1 / 6)  # m: inertia is of the fifth power
 Scale: TypeAlias = "float | tuple[float, float, float]"
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # [m]
@@ -59,7 +59,7 @@ def parsed_mesh(file: str | Path) -> Any:
         text = f"meshes are not read from .{suffix} files; give one of {choices(FORMATS)}"
         raise FileError(Problem(where, "", text))
     try:
-        content = content_of(file, LARGEST)
+        content = content_of(file, LARGEST_MESH)
     except FileNotFoundError as error:
         raise FileError(Problem(where, "", "the file does not exist")) from error
     except (OSError, ValueError) as error:
@@ -95,11 +95,11 @@ def looks_like(suffix: str, content: bytes) -> bool:
     """Check whether a file starts like its format, to avoid parsing other files as meshes."""
     match suffix:
         case "dae":
-            return b"<COLLADA" in content[:SOME]
+            return b"<COLLADA" in content[:BEGINNING]
         case "glb":
             return content[:4] == b"glTF"
         case "gltf":
-            begun = content[:SOME].lstrip()
+            begun = content[:BEGINNING].lstrip()
             return begun.startswith(b"{") and GLTF.search(content) is not None
         case "ply":
             return content[:3] == b"ply"
@@ -124,8 +124,8 @@ def glb_of(content: bytes, folder: Path) -> bytes:
         starts.append(len(blob))
         blob += _buffer(one, folder)
         blob += b"\0" * (-len(blob) % 4)
-        if len(blob) > LARGEST:
-            text = f"its buffers have more than {LARGEST / 1e6:.0f} MB"
+        if len(blob) > LARGEST_MESH:
+            text = f"its buffers have more than {LARGEST_MESH / 1e6:.0f} MB"
             raise FileError(Problem("", "", text))
     for view in data.get("bufferViews", ()):
         view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
@@ -147,7 +147,7 @@ def _buffer(one: dict[str, Any], folder: Path) -> bytes:
     if not (uri and path.is_relative_to(folder.resolve())):
         raise FileError(Problem("", "", f"its buffer {uri!r} is not in its folder"))
     try:
-        return content_of(path, LARGEST)
+        return content_of(path, LARGEST_MESH)
     except (OSError, ValueError) as error:
         text = f"its buffer {uri!r} cannot be read: {reason_of(error)}"
         raise FileError(Problem("", "", text)) from None

@@ -36,7 +36,7 @@ from .inverse import bounds, single
 from .rows import apart
 
 BALANCE_ROUNDS = 300
-HALVINGS = 40
+STEP_HALVINGS = 40
 
 
 def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Configuration:
@@ -312,7 +312,7 @@ class _Search:
             new = self.moved(self.here, share * step)
             left = float(np.linalg.norm(self.slope(new, self.free(new))))
             return self.taken(new) if left < ways.left else None
-        for _ in range(HALVINGS):
+        for _ in range(STEP_HALVINGS):
             new = self.moved(self.here, share * step)
             if self.here.rise(new) <= SUFFICIENT_DECREASE * share * promised:
                 return self.taken(new)
@@ -342,7 +342,7 @@ class _Search:
             state = max(float(np.abs(here.s).max(initial=0.0)), 1.0)
             far = max(longest, float(np.abs(change).max(initial=0.0)) / state)
             share = self.share(moves) if longest > ROUNDING else 1.0
-            for _ in range(HALVINGS):
+            for _ in range(STEP_HALVINGS):
                 new = self.moved(here, share * moves).with_states(here.s + share * change)
                 other = self.left_of(new, self.free(new)) / scale
                 if len(other) == len(left) and np.linalg.norm(other) < np.linalg.norm(left):

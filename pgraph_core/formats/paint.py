@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..markup import content_of
-from ..mesh_files import LARGEST, glb_of, parsed_mesh
+from ..mesh_files import LARGEST_MESH, glb_of, parsed_mesh
 
 UNDEFINED = "undefined"  # paint of faces with a material that is not there
 MOST_MATERIALS = 1_000_000  # bytes of a file of materials
@@ -36,9 +36,9 @@ def seen_in(file: Path) -> Seen:
         case ".obj":
             faces = _of_obj(file)
         case ".glb":
-            faces = _of_glb(content_of(file, LARGEST))
+            faces = _of_glb(content_of(file, LARGEST_MESH))
         case ".gltf":
-            faces = _of_glb(glb_of(content_of(file, LARGEST), file.absolute().parent))
+            faces = _of_glb(glb_of(content_of(file, LARGEST_MESH), file.absolute().parent))
         case ".ply":
             faces = _of_ply(mesh)
         case _:
@@ -83,7 +83,7 @@ LINES = re.compile(rb"^[ \t]*(?:(usemtl|mtllib)[ \t]+([^\r\n]+)|f[ \t])", re.MUL
 def _of_obj(file: Path) -> Counter[Any]:
     """Count faces by the colour of their material. Its files are read from the mesh's folder."""
     material, materials, faces = "", dict[str, Any](), Counter[Any]()
-    for line in LINES.finditer(content_of(file, LARGEST)):
+    for line in LINES.finditer(content_of(file, LARGEST_MESH)):
         name = (line[2] or b"").decode(errors="replace").strip()
         if line[1] == b"mtllib":
             materials |= _materials(file.parent, name)

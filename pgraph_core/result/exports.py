@@ -326,7 +326,7 @@ class Exports:
 
 # -- the file of a run ----------------------------------------------------------------------------
 
-CHUNK = 1 << 16  # [bytes] block size for reading times
+BLOCK = 1 << 16  # [bytes] block size for reading times
 PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
 ARRAYS = (
     "t", "q", "v", "vdot", "kinetic_energy", "potential_energy", "work", "dissipation",
@@ -428,7 +428,7 @@ def _times(file: ZipFile) -> Array:
     parts = [np.full(1, -np.inf)]
     with file.open("t.npy") as entry:
         (count,), kind = _head(entry)
-        while content := entry.read(CHUNK):
+        while content := entry.read(BLOCK):
             parts.append(np.frombuffer(content, kind))
             if not (np.diff(parts[-1], prepend=parts[-2][-1]) > 0).all():
                 raise ValueError("t does not ascend")

@@ -21,15 +21,15 @@ from ..result.columns import columns_of, meant, no_column
 from ..tolerances import NOTABLE
 from .curves import slopes_of
 from .found import Ending, Numbered
-from .free import COST_OF_FAILURE, TOLD, Case, Numbers, Values, option, starts_of
+from .free import COST_OF_FAILURE, NUMBERS_TOLD, Case, Numbers, Values, option, starts_of
 from .given import cases_of, noise_of, priors_of
 from .integration import Finer, finer_runs, gives_steps
 from .measured import factor_of, measured
-from .quality import SURE, Linear, beyond_noise, not_noise
+from .quality import SIGMAS, Linear, beyond_noise, not_noise
 
 Array = np.ndarray
-PART = 4  # an error that moves a number by less than this part of its standard error is small
-TRIED = 10  # random points for each start
+SMALL_PART = 4  # an error that moves a number by less than this part of its standard error is small
+RANDOM_POINTS = 10  # random points for each start
 MOST_FITS = 10  # fits at most, each weighted by the noise that the last one left
 MEDIAN = NormalDist().inv_cdf(0.75)  # median absolute value of a standard normal variable
 # loss -> ρ' and ρ'' over the squared residual z in units of its noise, as in SciPy
@@ -96,7 +96,7 @@ class Fit(Numbered):
             for text, (value, error) in self.combinations.items()
         ]
         misses = sorted(self._misses(), key=lambda miss: miss[1] / (miss[2] or miss[1] or 1.0))
-        worst = misses[: -TOLD - 1 : -1]
+        worst = misses[: -NUMBERS_TOLD - 1 : -1]
         cells = [(f"{name} [{self.units[name]}]", f"{rms:.3g}", f"{spread:.3g}",
                   f"{self.integration[name]:.1g}") for name, rms, spread in worst]  # fmt: skip
         head = "column", "rms of residuals", "standard deviation of data", "integration error"
@@ -224,7 +224,7 @@ def fit(
     task = _Task(base, data, free, given, progress)
     sigmas, known = noise_of(task.numbers, task.labels, sigma), priors_of(task.numbers, priors)
     count = starts if isinstance(starts, int) else 0  # the best of many
-    several = starts if count <= 1 else 1 + TRIED * (count - 1)
+    several = starts if count <= 1 else 1 + RANDOM_POINTS * (count - 1)
     begins = starts_of(task.numbers, several, seed, {})
     return task.fitted(begins, count, sigmas, known, option("fit", "loss", loss, [*LOSSES]))
 
@@ -435,7 +435,7 @@ class _Task:
             return x, noise, text, before, ["the curves of finer runs do not settle"]
         if not any(map(np.any, self.shift)):
             return x, noise, text, fine, []
-        if self._cost(x, first[1]) > cost + SURE**2:  # the data come from a run like these
+        if self._cost(x, first[1]) > cost + SIGMAS**2:  # the data come from a run like these
             self.shift = [0.0 * shift for shift in self.shift]
             again = self._finer(first[0], lambda _: False, fine)
             told = "the data agree better with the default steps than with finer ones, "
@@ -455,7 +455,7 @@ class _Task:
 
     def _small(self, linear: Linear, noise: Array, missed: Sequence[Array]) -> bool:
         """Check whether changes of the columns move no number by a part of its error."""
-        return bool((PART * np.abs(linear.moved(missed, noise)) <= linear.errors).all())
+        return bool((SMALL_PART * np.abs(linear.moved(missed, noise)) <= linear.errors).all())
 
     def _too_coarse(self, linear: Linear, missed: Any, noise: Array, fine: Finer) -> str:
         moved = np.abs(linear.moved(missed, noise)) / linear.errors

@@ -21,7 +21,7 @@ from ..tolerances import EPS
 Array = np.ndarray
 COST_OF_FAILURE = 1e3  # cost of a failed run, in units of the goal or of the noise
 INSIDE = np.cbrt(EPS)  # share of its range by which a number is moved off a bound
-TOLD = 6  # numbers in a sentence
+NUMBERS_TOLD = 6  # numbers in a sentence
 OURS = ("wrt", "events", "progress")  # arguments of `simulate` that a search gives itself
 
 
@@ -242,8 +242,8 @@ class Numbers:
 
     def _said(self, x: Array) -> str:
         """A text of the first numbers and their values."""
-        said = [f"{name} = {value:.6g}" for name, value in zip(self.names[:TOLD], x)]
-        return ", ".join([*said, *["..."] * (len(self) > TOLD)])
+        said = [f"{name} = {value:.6g}" for name, value in zip(self.names[:NUMBERS_TOLD], x)]
+        return ", ".join([*said, *["..."] * (len(self) > NUMBERS_TOLD)])
 
     def of(self, case: Case) -> list[tuple[int, Path | Own]]:
         """Return the parameters on which a case depends, with their indices."""

@@ -12,7 +12,7 @@ from ..errors import choices
 from ..tolerances import NAMED, NOTABLE, ROUNDING
 
 Array = np.ndarray
-SURE = 4  # standard deviations that noise exceeds in 1 of 16,000 cases
+SIGMAS = 4  # standard deviations that noise exceeds in 1 of 16,000 cases
 
 
 class Linear:
@@ -76,7 +76,7 @@ class Linear:
             terms, value = own * x, float(own @ x)
             with_terms = np.flatnonzero(own)
             others = with_terms[with_terms != weak[k]].tolist()
-            if len(with_terms) == 2 and abs(value) < SURE * error + NOTABLE * np.abs(terms).max():
+            if len(with_terms) == 2 and abs(value) < SIGMAS * error + NOTABLE * np.abs(terms).max():
                 other = others[0]
                 text = f"{names[int(weak[k])]} / {names[other]}"
                 found[text] = float(x[weak[k]] / x[other]), float(error / abs(x[other]))
@@ -109,7 +109,7 @@ def not_noise(residuals: Mapping[str, Array], floor: Mapping[str, float]) -> lis
     for name, left in residuals.items():
         sign = np.sign(left)
         alike = float(np.mean(sign[1:] * sign[:-1])) if len(left) > 1 else 0.0
-        known = SURE / math.sqrt(max(len(left) - 1, 1))
+        known = SIGMAS / math.sqrt(max(len(left) - 1, 1))
         if alike > known and math.sqrt(float(np.mean(left**2))) > floor[name]:
             found.append(f"{name} (correlation {alike:.2f} to the next, noise has at most "
                          f"{known:.2f})")  # fmt: skip
@@ -126,7 +126,7 @@ def beyond_noise(residuals: Mapping[str, Array], noise: Mapping[str, float]) -> 
     found = []
     for name, left in residuals.items():
         square = float(np.mean(left**2)) / noise[name] ** 2
-        if square > 1.0 + SURE * math.sqrt(2.0 / len(left)):
+        if square > 1.0 + SIGMAS * math.sqrt(2.0 / len(left)):
             found.append(f"{math.sqrt(square):.3g} times the given sigma of {name}")
     if not found:
         return []

@@ -21,7 +21,7 @@ from . import shapes, stage
 from .bodies import Track, looks
 from .digraph import digraph_svg
 from .notebook import between, digraph_of, numbered
-from .raster import NOTHING, Camera, Ground, Sun, Tones, cover, developed, light
+from .raster import NO_FACE, Camera, Ground, Sun, Tones, cover, developed, light
 
 DPI = 100  # resolution of plots, whose size is in pixels
 LONGEST_FILM = 20_000  # limit on the frames of a film
@@ -250,7 +250,7 @@ class Drawing:
         camera = self.camera(pose)
         points = self._projected(places, camera)
         self._depth.fill(0.0)
-        self._seen.fill(NOTHING)
+        self._seen.fill(NO_FACE)
         cover(points, faces, self._opacity, self._depth, self._seen)
         sun = self._sun(places)
         shadows, unused = self._shade

@@ -17,7 +17,7 @@ from ..engine.compiler.kinds import F1, F2, f4, f8, group, i4, named, u1, void
 from ..engine.vec import add_scaled, dot, load, scale, sub
 
 Vector = tuple[float, float, float]
-NOTHING = -1  # the number of the face if there is none
+NO_FACE = -1  # the number of the face if there is none
 LINE = 0.008  # half the width of the lines of the ground over a cell
 GLOSS, GLEAM = 40.0, 0.18  # exponent and strength of the sun's reflection (Blinn's model)
 TAPS = 4  # places each way whose mean softens the edge of a shadow
@@ -139,7 +139,7 @@ def light(picture, depth, seen, points, faces, places, normals, colors, shadows,
             if above > 0.0 and sinks > 0.0:
                 far = above / sinks
             face = seen[row, column]
-            if face != NOTHING and far * depth[row, column] >= 1.0:
+            if face != NO_FACE and far * depth[row, column] >= 1.0:
                 place, normal = _on(points, faces, places, normals, face, x, y)
                 if dot(normal, ray) > 0.0:
                     normal = scale(-1.0, normal)

@@ -17,7 +17,7 @@ from ..errors import nearest, shown
 
 LONGEST_EXPRESSION = 2000  # characters of an expression
 MOST_LEVELS = 50  # brackets and signs inside each other
-DEEPEST = 250  # operations inside each other: a sum of that many terms
+MOST_INSIDE = 250  # operations inside each other: a sum of that many terms
 KEPT = 512  # trees of the last texts
 # coordinates, velocities, outputs, controls, inputs of drives and the torques that they give,
 # forces of contacts and constraints
@@ -118,8 +118,8 @@ class _Reader:
 
     def made(self, op: str, args: tuple[Node, ...], at: _Token) -> Node:
         depth = 1 + max(x.depth for x in args)
-        if depth > DEEPEST:
-            self.refuse(f"has more than {DEEPEST} nested operations", at)
+        if depth > MOST_INSIDE:
+            self.refuse(f"has more than {MOST_INSIDE} nested operations", at)
         return Node(op, args, column=at.start + 1, depth=depth)
 
     def expression(self, least: int, level: int) -> Node:

@@ -23,7 +23,7 @@ from .plan import NO_SUBSTEPS, NO_TIMES
 from .rates import FAST, STIFF, Rate, advised_step, resolving_step
 from .running import Running
 
-STATES = 129  # number of states of a motion at which its fastest rate is evaluated
+RATED_STATES = 129  # number of states of a motion at which its fastest rate is evaluated
 PILOT_STEPS = 4000  # limit on a run that chooses its steps: a tenth of a second or so
 
 
@@ -72,7 +72,7 @@ def _advice(record: Running, left: bool) -> Advice:
 def _recorded(record: Running) -> Iterator[tuple[Array, Array]]:
     """Yield some of the recorded states."""
     n = record.done
-    for i in np.unique(np.linspace(0, n - 1, STATES).astype(int)) if n else ():
+    for i in np.unique(np.linspace(0, n - 1, RATED_STATES).astype(int)) if n else ():
         yield record.out.q[i], record.out.v[i]
 
 
@@ -88,7 +88,7 @@ def _pilot(record: Running) -> tuple[list[tuple[Array, Array]], float] | None:
     span = plan.times[0], plan.times[-1]
     given = Tolerance(VISIBLE / 10.0, 0.0, float(span[1] - span[0]), PILOT_STEPS)
     own = replace(
-        plan, method=DOP853, tolerance=given, times=np.linspace(*span, STATES), parts=1,
+        plan, method=DOP853, tolerance=given, times=np.linspace(*span, RATED_STATES), parts=1,
         substeps=NO_SUBSTEPS, width=NO_TIMES, shown=None, way=None, told=(), notices=(),
     )  # fmt: skip
     try:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from .event_scene import ContactPoint
 
 GRAZING = 2  # steps: a flight of a contact that takes no more is none
-MOST_NAMED = 3
+PAIRS_NAMED = 3
 
 CAUSES = {
     (SWING, ACCEPTANCE): "it touched down, sliding",
@@ -396,12 +396,12 @@ def sunk_through(mech: Mechanism, idle: Idle, start: Array, end: Array) -> list[
     if not below:
         return []
     contacts, bodies = list(dict.fromkeys(below.values())), list(below)
-    more = f" and {len(bodies) - MOST_NAMED} more" if len(bodies) > MOST_NAMED else ""
+    more = f" and {len(bodies) - PAIRS_NAMED} more" if len(bodies) > PAIRS_NAMED else ""
     scenarios = [s.name for s in mech.model.scenarios if set(contacts) & set(s.contacts or ())]
     by_scenario = f", or choose scenario={scenarios[0]!r}" if scenarios else ""
     return [
-        f"{_named(bodies[:MOST_NAMED])}{more} went through the ground: contact "
-        f"{_named(contacts[:MOST_NAMED])} does not act here; make it active{by_scenario}"
+        f"{_named(bodies[:PAIRS_NAMED])}{more} went through the ground: contact "
+        f"{_named(contacts[:PAIRS_NAMED])} does not act here; make it active{by_scenario}"
     ]
 
 
@@ -439,7 +439,7 @@ def driven_into(
     others = [p for n, p in enumerate(pairs) if p and n != k and closed[n]]
     rows = [row for other in others for row in _parting(mech, other, q[i])]
     by = holding(mech, active, when, q[i], way, rows) if rows else []
-    names = " and ".join(f"'{p.name}'" for p in [pair, *others][:MOST_NAMED])
+    names = " and ".join(f"'{p.name}'" for p in [pair, *others][:PAIRS_NAMED])
     return _by(by, pair.body, f"contacts {names}")
 
 
@@ -516,7 +516,7 @@ def contradicted(
             what = f"the ground (contact '{p.pair}')"
         if names := holding(mech, active, t, q, way):
             found[what] = _by(names, p.body, what)
-    return "; ".join(list(found.values())[:MOST_NAMED])
+    return "; ".join(list(found.values())[:PAIRS_NAMED])
 
 
 def pressed_between(mech: Mechanism, scene: Scene, tables: Tables) -> str:
@@ -545,7 +545,7 @@ def pressed_between(mech: Mechanism, scene: Scene, tables: Tables) -> str:
     ]
     stops = zip(limited_bodies(mech, tables), tables.limits, limits)
     texts += [f"'{body}' against limit '{name}'" for body, name, at_it in stops if at_it]
-    return _conflict(names, " and ".join(texts[:MOST_NAMED]))
+    return _conflict(names, " and ".join(texts[:PAIRS_NAMED]))
 
 
 def _of(mech: Mechanism, v: int) -> str:
@@ -559,7 +559,7 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
 
 def _conflict(names: Sequence[str], what: str) -> str:
     drive = "constraint {} drives" if len(names) == 1 else "constraints {} drive"
-    named = " and ".join(f"'{name}'" for name in names[:MOST_NAMED])
+    named = " and ".join(f"'{name}'" for name in names[:PAIRS_NAMED])
     return (
         f"{drive.format(named)} {what}, and neither can yield: end the motion earlier, or use a "
         "servo with a torque_limit"

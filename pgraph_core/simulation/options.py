@@ -26,7 +26,7 @@ from ..portable import array_of
 from ..tolerances import SOLVED
 
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
-MOST_STEPS = 1_000_000_000  # a day of computing
+STEPS_ALLOWED = 1_000_000_000  # a day of computing
 FRAMES = 1000  # recorded by default
 RTOL = 1e-8  # default tolerance of adaptive runs
 ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
@@ -275,8 +275,8 @@ def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_e
     The first is `t_start`. By default there are about FRAMES + 1 at most. Raises InputError.
     """
     span = t_end - t_start
-    if span / step > MOST_STEPS:
-        text = f"{step:g} s makes {span / step:.3g} steps; give {span / MOST_STEPS:g} s or more"
+    if span / step > STEPS_ALLOWED:
+        text = f"{step:g} s makes {span / step:.3g} steps; give {span / STEPS_ALLOWED:g} s or more"
         raise InputError(Problem("simulate", "step", text))
     if frames is not None or t_eval is not None:
         return frame_times(t_start, t_end, frames, t_eval)

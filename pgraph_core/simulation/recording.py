@@ -30,7 +30,7 @@ from .continuing import left_by, recall
 from .failures import failure, trouble
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
-from .options import MOST_STEPS, Progress
+from .options import STEPS_ALLOWED, Progress
 from .plan import RunPlan
 from .remarks import remarks
 from .running import Running
@@ -263,7 +263,7 @@ class Recording(Running):
                 return
             self._note_crawl()
             faster = PROGRESS_EVERY / (time.perf_counter() - began)
-            budget = max(1, min(MOST_STEPS, int(budget * min(4.0, faster))))
+            budget = max(1, min(STEPS_ALLOWED, int(budget * min(4.0, faster))))
             if progress is not None and _stops(progress(self.steps.fraction())):
                 t = self.steps.times[self.done - 1]
                 text = f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s"

@@ -28,7 +28,7 @@ from .rates import fastest_rate, fastest_swings
 from .running import Running
 
 FRAMES_BETWEEN = 64  # frames between two in one round of the search for a hit
-SEARCHES = 3  # of that search, for hits that are 64**3 times shorter than frames are apart
+LOOKS_AGAIN = 3  # of that search, for hits that are 64**3 times shorter than frames are apart
 COARSE = "frames are too coarse for the contact forces"
 MANY = "give more frames=, or t_eval= with many times around a hit"
 
@@ -118,7 +118,7 @@ def hits_unseen(record: Running) -> Iterator[str]:
     """Yield a notice if the peak of a soft or penalty contact force lies between frames and exceeds
     those at frames by more than NAMED.
 
-    Where a force may change between frames, the run is repeated with more frames there, SEARCHES
+    Where a force may change between frames, the run is repeated with more frames there, LOOKS_AGAIN
     times at most. A torque function that may remember its calls is not called again. Frames of time
     stepping contain mean forces.
     """
@@ -127,7 +127,7 @@ def hits_unseen(record: Running) -> Iterator[str]:
     if plan.contacts is None or not plan.method.starts or jumps:
         return
     again = not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
-    for _ in range(SEARCHES):
+    for _ in range(LOOKS_AGAIN):
         near = _changing(other)
         finer = _between(other, near) if near.any() else other.planned
         if len(finer.times) <= other.done:

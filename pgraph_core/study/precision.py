@@ -22,7 +22,7 @@ from .measures import Errors, least, machine, measured
 from .reference import Reference
 from .report import LEFT_OUT, Row, Study
 from .task import (
-    WITHIN,
+    MAP_WITHIN,
     Ladder,
     Outcome,
     Participant,
@@ -62,7 +62,7 @@ def work_precision(
     frames: int = USUAL_FRAMES,
     peers: Sequence[str] | str = (),
     longest: float = 1.0,
-    within: float = WITHIN,
+    within: float = MAP_WITHIN,
     progress: Callable[[float], Any] | None = None,
 ) -> Study:
     """Measure the error and run time of several methods for the same motion.

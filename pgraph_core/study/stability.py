@@ -26,7 +26,7 @@ from ..tolerances import NOTABLE
 from .axes import AXES, Axis, applicable, first_axis
 from .map import Cell, StabilityMap, Verdict, judged, step_limit
 from .reference import KnownMotion, known_motion, merged, per_step, weight_of
-from .task import WITHIN, Setting, Task, finite_numbers, methods_of, start, time_limit
+from .task import MAP_WITHIN, Setting, Task, finite_numbers, methods_of, start, time_limit
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 BUDGET = 20_000_000  # evaluations of a run, times `weight_of`: a second or two
@@ -94,7 +94,7 @@ def stability_map(
     scenario: str | None = None,
     stabilise: str | None = "project",
     budget: int = BUDGET,
-    within: float = WITHIN,
+    within: float = MAP_WITHIN,
     threads: int | None = None,
     progress: Callable[[float], Any] | None = None,
     partial: Callable[[StabilityMap], Any] | None = None,

@@ -32,7 +32,8 @@ from ..simulation.start import initial_state
 
 RUNGS = 8
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
-WITHIN = 45  # [s] for a map or report, which with the start of a program takes less than a minute
+# [s] for a map or report, which with the start of a program takes less than a minute
+MAP_WITHIN = 45
 MOST_SETTINGS = 64  # limit on the settings of one method
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.show.pictures import Drawing
-from pgraph_core.show.raster import NOTHING, cover
+from pgraph_core.show.raster import NO_FACE, cover
 
 RED = pg.Shape(kind="sphere", radius=0.1, colour=(0.9, 0.05, 0.05))
 
@@ -45,7 +45,7 @@ def drawing_of(model: pg.Model, size=(320, 200), **look) -> tuple[Drawing, np.nd
 
 def test_a_triangle_covers_the_pixels_whose_centres_it_holds():
     points = np.array([[0.0, 0, 1], [8, 0, 1], [0, 8, 1], [0, 0, 2], [4, 0, 2], [0, 4, 2]])
-    depth, seen = np.zeros((8, 8)), np.full((8, 8), NOTHING, np.int32)
+    depth, seen = np.zeros((8, 8)), np.full((8, 8), NO_FACE, np.int32)
     cover(points, np.array([[0, 1, 2], [3, 4, 5]], np.int32), np.ones(2), depth, seen)
     y, x = np.mgrid[:8, :8] + 0.5
     near, far = x + y <= 4, x + y <= 8
@@ -56,7 +56,7 @@ def test_a_triangle_covers_the_pixels_whose_centres_it_holds():
 @pytest.mark.parametrize("opacity", [0.0, 0.1, 0.5, 0.9, 1.0])
 def test_a_transparent_triangle_covers_its_share_of_the_pixels(opacity):
     points = np.array([[0.0, 0, 1], [128, 0, 1], [0, 128, 1]])
-    depth, seen = np.zeros((64, 64)), np.full((64, 64), NOTHING, np.int32)
+    depth, seen = np.zeros((64, 64)), np.full((64, 64), NO_FACE, np.int32)
     cover(points, np.array([[0, 1, 2]], np.int32), np.array([opacity]), depth, seen)
     assert (seen == 0).mean() == pytest.approx(opacity, abs=1 / 32)
 
@@ -71,7 +71,7 @@ def test_a_picture_shows_what_is_behind_a_transparent_body(opacity):
     drawing.draw(pose)
     near = drawing._seen[160:240, 280:360]
     front = np.isin(near, np.flatnonzero(drawing._colors[:, 0] > 0.5))
-    assert (near != NOTHING).all()
+    assert (near != NO_FACE).all()
     assert front.mean() == pytest.approx(opacity, abs=1 / 32)
 
 

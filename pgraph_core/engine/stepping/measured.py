@@ -39,7 +39,7 @@ TOUCH = -3  # the least gap of soft and penalty contacts that are open
 CONSTRAINT, CONTACT = 4, 8
 LENGTH_RATE = 5  # column in the row of a length
 GAP_RANGE = 5  # column in the row of a gap: larger gaps are not sought [m]
-KINK = 3  # column of a comparison: the value at which a force has a kink
+KINK_COLUMN = 3  # column of a comparison: the value at which a force has a kink
 
 
 @sweep
@@ -215,7 +215,7 @@ def hold(scene, code):
             table[int(code[i, MEASURE.first])].low = -math.inf
             table[int(code[i, MEASURE.first])].high = math.inf
     for i in range(0, code.shape[0], 2):
-        k = 2 * int(code[i, KINK])
+        k = 2 * int(code[i, KINK_COLUMN])
         if code[i, 0] != HELD_FROM + ABS or code[k, 0] != NUMBER or not code[k, MEASURE.what] < 0.0:
             continue
         n, side = int(code[k, MEASURE.first]), code[i + 1, SIDE]
