@@ -8,7 +8,6 @@ import time
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import viser
 
@@ -26,15 +25,11 @@ from .features import initial, places, update
 from .gait.live import LiveRunner
 from .model import recovered
 from .model.apart import Errands
-from .report import Analysis, measured
-from .run import Simulation
-from .run.worker import Compiler, simulated
-from .search import Search, searched
+from .run.worker import Compiler
 from .session import Connected, Disconnected
 from .session.autosave import Autosave, Files, left_behind
 from .session.view import ACCENT
 
-JOBS: dict[type[Job], Any] = {Simulation: simulated, Analysis: measured, Search: searched}
 AGAIN = 0.2  # s, how often a server that waits asks whether it is to stop
 
 
@@ -63,7 +58,7 @@ class Server:
         bridge = Bridge(self.viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
         self._autosave = Autosave(keep, given, self.send, again) if keep else None
-        self._jobs = [Worker(kind, act, self.send) for kind, act in JOBS.items()]
+        self._jobs = [Worker(kind, kind.work, self.send) for kind in Job.__subclasses__()]
         work: list[View] = [*self._jobs]
         work += [worker(self.send) for worker in (LiveRunner, Files, Reports, Errands)]
         keeps = filter(None, [self._autosave])  # first, so confirmed edits are on disk

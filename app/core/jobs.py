@@ -1,7 +1,6 @@
 """Background jobs that compute a result for a model in a thread.
 
-A feature declares its kind of `Job`, a field of its `State` that holds the one in progress, a
-function (job, progress) -> result that does the work.
+A feature declares its kind of `Job`, with its work, and a field of its `State` that holds one.
 """
 
 from __future__ import annotations
@@ -44,6 +43,10 @@ class Job(Work, ABC):
     def changes(self, *news: Any) -> Mapping[str, Any]:
         """Return the fields of the job that news of the work change, by default its fraction."""
         return {"fraction": float(news[0])}
+
+    @abstractmethod
+    def work(self, progress: Report) -> Any:
+        """Return the result. Tell `progress` news, and end early if it returns False."""
 
     @abstractmethod
     def ended(self, state: Any, result: Any) -> Any:

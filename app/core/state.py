@@ -68,6 +68,9 @@ class Step:
     document: int = 0  # `State.document` of that model
 
 
+HOSTED: set[str] = set()  # names of the views that have a place on the page
+
+
 @dataclass(frozen=True)
 class Client:
     """An open page with its selection and its last notice."""

@@ -17,7 +17,7 @@ from .bridge import Bridge
 from .cells import Display
 from .cells import Payload as Payload
 from .events import Event, FromPage
-from .state import State
+from .state import HOSTED, State
 from .store import View
 
 
@@ -151,6 +151,7 @@ class Place:
     def __init__(self, make: Callable[[Desk], View], order: int, *hosts: Host):
         self.make, self.order = make, order
         self.hosts = [h if h.order is not None else replace(h, order=order) for h in hosts]
+        HOSTED.update(host.view for host in hosts)
 
 
 def made(places: list[Place], desk: Desk) -> tuple[View, ...]:

@@ -47,6 +47,10 @@ class Analysis(Job):
         """The requested duration [s]."""
         return self.reporting.t_end or self.request.t_end
 
+    def work(self, progress: Progress) -> object:
+        """Return the requested report."""
+        return MEASURES[self.kind](self, progress)
+
     def ended(self, state: State, result: Any) -> State:
         """Show a Study or StabilityMap, and keep the latest one of the other kind."""
         other = latest(state.report, "stability" if self.kind == "precision" else "precision")
@@ -184,11 +188,6 @@ def settings(now: Analysis) -> dict[str, Any]:
     scenario = now.request.options["scenario"]
     duration = now.reporting.t_end or now.request.t_end
     return {"scenario": scenario, "t_end": duration, "target": now.reporting.target}
-
-
-def measured(job: Analysis, progress: Progress) -> object:
-    """Return the requested report."""
-    return MEASURES[job.kind](job, progress)
 
 
 def precision(now: Analysis, progress: Progress) -> object:

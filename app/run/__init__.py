@@ -20,7 +20,7 @@ from pgraph_core.simulation.options import ADAPTIVE
 from ..core import cells, state
 from ..core.cells import Refusal
 from ..core.events import Event, FromPage, OfServer, Text, TypedText
-from ..core.jobs import Job, News, Work, started
+from ..core.jobs import Job, News, Report, Work, started
 from ..core.state import Client as Client
 from ..core.state import Names
 from .footfalls import Change, changes, since
@@ -67,6 +67,24 @@ class Simulation(Job):
     before: Any = None  # the result that this one goes on from
     gait: pg.Gait | None = None  # replaces the gait of its scenario
     framed: int = 0  # `State.framed` at the request
+
+    def work(self, progress: Report) -> Any:
+        """Return the run, joined to the one before it."""
+        before, start, state = self.before, 0.0, (None, None)
+        if before is not None:
+            start, state = float(before.t[-1]), (before.q[-1], before.v[-1])
+        mech = pg.Mechanism(self.model)
+        run = pg.simulate(
+            mech,
+            *state,
+            t_start=start,
+            t_end=start + self.request.t_end,
+            tau=None if self.gait is None else pg.Controller(mech, self.gait),
+            progress=progress,
+            **self.request.options,
+            **self.request.recorded,
+        )
+        return run if before is None or len(run.t) == 0 else pg.joined((before, run))
 
     def ended(self, state: State, result: Any) -> State:
         """Show the run of a simulation."""

@@ -1,4 +1,4 @@
-"""The work of a simulation, and the compilation of the kernels in the background."""
+"""The compilation of the kernels in the background."""
 
 from __future__ import annotations
 
@@ -7,34 +7,14 @@ import sys
 import threading
 from collections.abc import Callable
 
-import pgraph_core as pg
 from pgraph_core.engine.compiler.archive import current
 
 from ..core.events import Event
-from ..core.jobs import Report
-from . import Compiled, Compiling, Simulation
+from . import Compiled, Compiling
 
 COMPILE = ("-m", "pgraph_core.engine", "--with-parent")
 
 Send = Callable[[Event], None]
-
-
-def simulated(job: Simulation, progress: Report) -> object:
-    """Return the result of a job."""
-    request, before = job.request, job.before
-    start = 0.0 if before is None else float(before.t[-1])
-    mech = pg.Mechanism(job.model)
-    run = pg.simulate(
-        mech,
-        *((None, None) if before is None else (before.q[-1], before.v[-1])),
-        t_start=start,
-        t_end=start + request.t_end,
-        tau=None if job.gait is None else pg.Controller(mech, job.gait),
-        progress=progress,
-        **request.options,
-        **request.recorded,
-    )
-    return run if before is None or len(run.t) == 0 else pg.joined((before, run))
 
 
 def why_compiled() -> str:

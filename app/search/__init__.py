@@ -71,6 +71,10 @@ class Search(Job):
         shown = self.curves if run is None else drawn(self.asked, run)
         return {"trials": trials, "said": said, "curves": shown}
 
+    def work(self, progress: Report) -> Found:
+        trials = count(1)
+        return SEARCHES[self.asked.kind](self, lambda said, run: progress(next(trials), said, run))
+
     def ended(self, state: State, result: Found) -> State:
         return replace(state, found=result)
 
@@ -370,12 +374,6 @@ def full(path: str) -> Any:
 
 
 # -- the work of searches --------------------------------------------------------------------------
-
-
-def searched(now: Search, report: Report) -> Found:
-    """Return the result of the search."""
-    trials = count(1)
-    return SEARCHES[now.asked.kind](now, lambda said, run: report(next(trials), said, run))
 
 
 Progress = Callable[[str, Any], bool]  # takes what a trial reached, and its run

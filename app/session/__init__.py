@@ -15,7 +15,7 @@ from ..constraints.update import picked, picking_of
 from ..core.cells import Display
 from ..core.edit import selected
 from ..core.events import Event, FromPage, OfServer, Text
-from ..core.state import Notice, replied, told, with_client
+from ..core.state import HOSTED, Notice, replied, told, with_client
 from ..plots import KINDS, Signal
 
 
@@ -108,12 +108,12 @@ class Disconnected(OfServer):
 class Sees(FromPage):
     """A view that is only updated while visible was shown or hidden on a page."""
 
-    view: Literal["joints", "constraints", "reports", "scenario", "events", "search"]
+    view: Text
     on: bool
 
     def applied(self, state: State) -> State:
         page = state.clients.get(self.client)
-        if page is None:
+        if page is None or self.view not in HOSTED:
             return state
         now = page.sees | {self.view} if self.on else page.sees - {self.view}
         return with_client(state, self.client, sees=now)

@@ -1,5 +1,6 @@
 """Features of the page: each folder is whole, and their layers hold."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -7,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from pgraph_app.features import APP, FEATURES
+import pgraph_core as pg
+from pgraph_app.features import APP, FEATURES, places
+
+from .store import ME, after, begun, do
 
 pytestmark = pytest.mark.quick
 NOT_FEATURES = {"core", "cli", "__pycache__"}
@@ -71,3 +75,63 @@ def test_an_import_upwards_or_a_folder_without_a_layer_is_refused(tmp_path, file
     assert ran.returncode == 1
     assert "features of the page > core BROKEN" in ran.stdout
     assert names in ran.stdout.partition("Broken contracts")[2]
+
+
+def test_a_page_sees_each_view_that_has_a_place_and_no_other():
+    state = begun(pg.Model())
+    views = {host.view for place in places() for host in place.hosts}
+    state = after(state, *(do.Sees(ME, view, True) for view in sorted(views)))
+    assert state.clients[ME].sees == views
+    assert after(state, do.Sees(ME, "nothing", True)) is state
+
+
+TAB = {  # a whole feature: its part of the state, a job, and a tab that counts the bodies
+    "__init__.py": """
+from dataclasses import dataclass
+from .. import run
+from ..core.jobs import Job
+
+class Client(run.Client): ...
+
+@dataclass(frozen=True)
+class State(run.State):
+    counting: object = None
+
+@dataclass(frozen=True)
+class Counting(Job):
+    NAME, FIELD, PROBLEM = "count", "counting", ""
+    def work(self, progress): return len(self.model.bodies)
+    def ended(self, state, result): return state
+""",
+    "view.py": """
+from ..core.views import Host, Place, topic
+
+VIEWS = (Place(topic("count", len, "model", seen="count"), 60, Host("count", "drawer", "Count")),)
+""",
+}
+PROOF = """
+from pgraph_app import features, server
+from pgraph_app.core.jobs import Job
+from pgraph_app.session import Sees
+import pgraph_core as pg
+tabs = [host.tab for place in features.places() for host in place.hosts]
+state = features.update(features.initial(pg.Model()), server.Connected(1))
+sees = features.update(state, Sees(1, "count", True)).clients[1].sees
+print("Count" in tabs, "count" in sees, "count" in [kind.NAME for kind in Job.__subclasses__()])
+"""
+
+
+def test_a_tab_with_a_job_is_its_folder(tmp_path):
+    """The folder alone makes it. Its layer is a line of `pyproject.toml`, without which it is
+    refused (above)."""
+    shutil.copytree(APP, tmp_path / "app", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "pgraph_app").symlink_to(tmp_path / "app")
+    (folder := tmp_path / "app" / "count").mkdir()
+    for name, text in TAB.items():
+        (folder / name).write_text(text, "utf-8")
+    path = os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", "")))
+    ran = subprocess.run(
+        [sys.executable, "-c", PROOF], cwd=tmp_path, capture_output=True, text=True, timeout=300,
+        env={**os.environ, "PYTHONPATH": path},
+    )  # fmt: skip
+    assert ran.stdout.split() == ["True"] * 3, ran.stderr

@@ -14,7 +14,6 @@ from pgraph_app.gait.live import Clock, LiveRunner, Motion
 from pgraph_app.pose import poses
 from pgraph_app.run import TOGETHER, grown, joined
 from pgraph_app.run.view import measures, run
-from pgraph_app.run.worker import simulated
 
 from .store import ME, after, begun, do, ran, until
 
@@ -211,7 +210,7 @@ def test_continue_asks_for_a_run_from_the_end(finished):
     state = after(finished, do.Continue(ME))
     assert state.job.before is finished.run.result
     request = state.job.request.model_copy(update={"t_end": 0.2})
-    whole = simulated(replace(state.job, request=request), lambda _: True)
+    whole = replace(state.job, request=request).work(lambda _: True)
     assert (whole.t[0], whole.t[-1]) == pytest.approx((0.0, 0.4))
     done = after(state, do.Done(state.job.id, whole))
     assert done.playback.time == pytest.approx(0.2)

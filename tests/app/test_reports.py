@@ -28,7 +28,7 @@ def measured(state, kind):
             done.set()
 
     state = after(state, do.Analyse(ME, kind))
-    Worker(Analysis, report.measured, send).render(state, state)
+    Worker(Analysis, Analysis.work, send).render(state, state)
     assert done.wait(LIMIT)
     return after(state, *heard)
 
@@ -147,7 +147,7 @@ def test_a_cancelled_report_ends(monkeypatch):
 
     monkeypatch.setitem(report.MEASURES, "precision", measure)
     asked, heard = after(begun(pg.Model.serial(1)), do.Analyse(ME, "precision")), []
-    analyst = Worker(Analysis, report.measured, heard.append)
+    analyst = Worker(Analysis, Analysis.work, heard.append)
     analyst.render(asked, asked)
     until(lambda: heard, "progress")
     cancelled = after(asked, do.CancelAnalysis(ME))

@@ -8,7 +8,6 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.cells import Display
 from pgraph_app.run import Run
-from pgraph_app.run.worker import simulated
 from pgraph_app.scenario import conditions
 from pgraph_app.scenario.view import events, scenario
 
@@ -64,7 +63,7 @@ def motor(torque):
 def run_of(state):
     state = after(state, do.Simulate(ME))
     assert state.job is not None, state.run_problem
-    return simulated(state.job, lambda _: 1)
+    return state.job.work(lambda _: 1)
 
 
 def test_a_scenario_is_made_named_set_copied_and_taken_away(slider):

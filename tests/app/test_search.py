@@ -10,7 +10,6 @@ from pgraph_app import search as work_of_search
 from pgraph_app.core.jobs import Worker
 from pgraph_app.model.apart import answer
 from pgraph_app.search import Search
-from pgraph_app.search import searched as work
 from pgraph_app.search.view import searches
 
 from .store import LIMIT, ME, after, begun, do
@@ -43,7 +42,7 @@ def searched(state):
 
     state = after(state, do.StartSearch(ME))
     assert state.search is not None, state.search_problem
-    Worker(Search, work, send).render(state, state)
+    Worker(Search, Search.work, send).render(state, state)
     assert done.wait(LIMIT)
     return after(state, *heard), heard
 
@@ -152,7 +151,7 @@ def test_a_search_is_cancelled_with_its_best():
         heard.append(event)
         done.set()
 
-    searcher = Worker(Search, work, send)
+    searcher = Worker(Search, Search.work, send)
     cancelled = after(state, do.CancelSearch(ME))
     searcher.render(state, cancelled)
     assert done.wait(LIMIT)
