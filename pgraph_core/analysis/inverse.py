@@ -26,6 +26,7 @@ from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import ready
 from ..engine.inverse import INVERSE
 from ..engine.inverse import least_torques as LEAST
+from ..engine.motions import facts
 from ..errors import InputError, Problem, choices, counted, shown
 from ..joints import SIZE
 from ..packing import Array, Ints
@@ -385,9 +386,9 @@ def _around(rows: Rows, q: Array, random: np.random.Generator, low: Array, high:
 def single(rows: Rows) -> Array:
     """Return the rotation and translation coordinates (nv,), with 0 for balls."""
     here = np.zeros(rows.nv)
-    for _, kind, i, j in rows.mech.packed.rows[1:].tolist():
-        if kind <= at.TRANSLATE:
-            here[j] = rows.q[i]
+    single = facts("freedoms")[rows.mech.packed.rows[1:, at.KIND]] == 1
+    of_q, of_v = rows.mech.packed.rows[1:][single, at.QI :].T
+    here[of_v] = rows.q[of_q]
     return here
 
 

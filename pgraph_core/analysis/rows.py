@@ -17,7 +17,7 @@ from ..engine import motion
 from ..engine.tree import dynamics
 from ..model import Constraint
 from ..model.constraint import AtPoints
-from ..packing import Array, Ints, plain
+from ..packing import Array, Ints, plain, translations
 from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
 from ..rotation import multiply, unit
@@ -291,10 +291,7 @@ def _joined(groups: list[Group]) -> Iterator[Group]:
 
 def turns(mech: Dynamics) -> NDArray[np.bool_]:
     """Return a mask (nv,) that is True for rotational degrees of freedom."""
-    angles = np.zeros(mech.nv, dtype=bool)
-    for _, kind, _, j in mech.packed.rows[1:].tolist():
-        angles[j : j + {at.ROTATE: 1, at.SCREW: 1, at.TRANSLATE: 0}.get(kind, 3)] = True
-    return angles
+    return ~translations(mech.packed.rows, mech.nv)
 
 
 def apart(mech: Dynamics, start: Array, q: Array) -> Array:

@@ -23,6 +23,7 @@ from ..engine.compiler.address import address_of, address_of_function, unnamed
 from ..engine.compiler.elementary import FAR
 from ..engine.compiler.jit import JIT
 from ..engine.compiler.lane import LANE_WIDTH
+from ..engine.motions import facts
 from ..engine.stepping import batch as kernels
 from ..engine.stepping import run
 from ..packing import Array, Ints, Loads
@@ -288,7 +289,7 @@ class TreeLanes(Instances):
         self._const: tuple[Ints, Array] | None = None
         self._shared = const.copy()
         rows = stepper.mech.packed.rows[1:]
-        self._angles = rows[rows[:, at.KIND] < at.TRANSLATE, at.QI]
+        self._angles = rows[facts("angle")[rows[:, at.KIND]], at.QI]
         plan = stepper.recording.plan
         self._timed = len(plan.drives.table) > plan.drives.passive or plan.loads.wrench[1].size > 0
         self._corners, lags = plan.corners, plan.drives.table["lag"]

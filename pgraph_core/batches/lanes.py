@@ -13,6 +13,7 @@ from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.lockstep import block as columns
 from ..engine.lockstep import walk as walks
 from ..engine.lockstep.step import step_lanes
+from ..engine.motions import facts
 from ..engine.records import BOX, CAPSULE, POINTS, RIGID, SPHERE
 from ..engine.stepping import run
 from ..gait.controller import GaitTorque
@@ -46,13 +47,13 @@ def on_feet(stepper: Stepper) -> bool:
     ):
         return False
     each = len(np.unique(may.on_ground["shape"])) == len(may.on_ground) == len(shapes) <= LOCATED
-    kinds, roots = rows[:, at.KIND], rows[1:, at.PARENT] == 0
-    one = len(rows) > 2 and roots.sum() == 1 and kinds[1] != at.BALL
+    kinds, roots = rows[1:, at.KIND], rows[1:, at.PARENT] == 0
+    single = facts("freedoms")[kinds] == 1
+    one = len(kinds) > 1 and roots.sum() == 1 and (single[0] or not facts("transmits")[kinds[0]])
     return bool(
         each
         and one
-        and (kinds[2:] <= at.TRANSLATE).all()
-        and not (kinds == at.SCREW).any()
+        and single[1:].all()
         and np.isin(shapes["kind"], OF_VERTICES).all()
         and not shapes["moves"].any()
         and all(is_plain(row) for row in scene.drives.table)
@@ -115,10 +116,9 @@ def joints_to_ground(rows: Ints, k: int) -> list[int]:
     """Return the indices into v of the joints between row k and the ground, as for a free body."""
     joints: list[int] = []
     while k > 0:
-        free = rows[k, at.KIND] == at.FREE
-        first = int(rows[k, at.VI])
-        joints += range(first, first + (6 if free else 1))
-        k = 0 if free else int(rows[k, at.PARENT])
+        kind, first = rows[k, at.KIND], int(rows[k, at.VI])
+        joints += range(first, first + int(facts("freedoms")[kind]))
+        k = int(rows[k, at.PARENT]) if facts("transmits")[kind] else 0
     return joints
 
 

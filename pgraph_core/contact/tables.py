@@ -11,6 +11,7 @@ import numpy as np
 from ..engine import layout as at
 from ..engine.arrays import Candidates, Geometry, Ground
 from ..engine.contact.manifold import MOST
+from ..engine.motions import facts
 from ..engine.records import (
     APART,
     CAPSULE,
@@ -537,7 +538,7 @@ def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
     initial distance from the limit.
     """
     low, high = pair
-    turns = mech.system.rows[row, at.KIND] < at.TRANSLATE
+    turns = facts("angle")[mech.system.rows[row, at.KIND]]
     bounds = [x for x in pair if x is not None]
     start = mech.system.q[mech.system.rows[row, at.QI]]
     ways = [mech.length, *(abs(x) for x in bounds), *(abs(start - x) for x in bounds)]

@@ -9,13 +9,14 @@ import numpy as np
 
 from .. import joints
 from ..engine import layout as at
+from ..engine.motions import facts
 from ..engine.records import table
 from ..engine.tree import bodies as kernels
 from ..engine.tree import sensors
 from ..fields import GROUND, fields_of
 from ..model import Body, Model
 from ..model.output import OF_JOINT, OF_LOAD, OF_SUBTREE, READINGS, Output
-from ..packing import Array, Ints, System, quaternions
+from ..packing import Array, Ints, System, numbers, quaternions
 from ..packing.packed import Packed
 from ..paper import bodies_of, q_slices
 from ..portable import same
@@ -79,16 +80,13 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     Motions have shape (n, nq), the other one or (1, nq), and `rows` are the joint rows of the
     mechanism. Attitudes differ by an angle.
     """
-    kinds, places = rows[1:, at.KIND], rows[1:, at.QI]
+    row, places, _ = numbers(rows)
+    turns = facts("angle")[rows[row, at.KIND]]
     apart = np.abs(q - other)
-    if not kinds.any():  # hinges alone
-        return apart[:, places].max(axis=1, initial=0.0), np.zeros(len(q))
-    free = places[kinds == at.FREE]
-    slides = np.concatenate([places[kinds == at.TRANSLATE], free, free + 1, free + 2])
-    turned = apart[:, places[kinds < at.TRANSLATE]].max(axis=1, initial=0.0)
+    turned = apart[:, places[turns]].max(axis=1, initial=0.0)
     for _, i, _ in quaternions(rows):
         turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
-    return turned, apart[:, slides].max(axis=1, initial=0.0)
+    return turned, apart[:, places[~turns]].max(axis=1, initial=0.0)
 
 
 def ranges_of_motion(rows: Ints, q: Array) -> tuple[float, float]:

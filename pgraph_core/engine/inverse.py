@@ -28,9 +28,10 @@ from .constraints.blocks import (
 from .constraints.constraints import located
 from .layout import T_ALIGN, T_TURN
 from .motion import call_acceleration
+from .motions import column, nv_of
 from .records import columns
-from .rows import kind_of, nv_of, origin_of, parent_of, v_of
-from .tree.dynamics import motion, newton_euler
+from .rows import kind_of, origin_of, parent_of, v_of
+from .tree.dynamics import newton_euler
 from .tree.kinematics import outboard
 from .vec import add, cross, dot, sub
 
@@ -49,7 +50,7 @@ def add_path(data, i, k, p, sign, turned):
     while k > 0:
         arm = sub(p, origin_of(work, k))
         for c in range(nv_of(kind_of(rows, k))):
-            spin, speed = motion(rows, const, work, k, c)
+            spin, speed = column(rows, work, k, const, c)
             if not turns:
                 spin = add(speed, cross(spin, arm))
             for r in range(size_of(data.blocks.blocks_i, i)):

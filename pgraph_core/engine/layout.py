@@ -15,11 +15,8 @@ KIND = 1  # one of the kinds below
 QI = 2  # first index into q
 VI = 3  # first index into v
 
-# kinds of motion: those before TRANSLATE turn, those up to it have one coordinate
-ROTATE, SCREW, TRANSLATE, BALL, FREE = 0, 1, 2, 3, 4
-# a state of a control, in the last rows: the speed of a leaf without mass whose armature is 1, on
-# which its rate acts; nothing else does, and it has no energy
-OWN = -1
+# kinds of motion, in `motions`; the last one, a state of a control, has the last rows
+ROTATE, SCREW, TRANSLATE, BALL, FREE, STATE = 0, 1, 2, 3, 4, 5
 
 # const: float64 (n + 1, 28), home axes
 AXIS = 0  # 3, unit axis of a motion of one coordinate
@@ -45,6 +42,7 @@ IA = 30  # 21, lower triangle of the 6x6 inertia by rows, then its factor for a 
 # motion what its factor is solved for. Where nothing is solved: velocity of the origin, or force
 PROJECTED = FACTOR3 = SOLVED = VELOCITY = FORCE = 51
 D = 57  # inverse of the inertia about the axis
+KEPT = 57  # of row 0: 1 if q and armatures are those of the frames and articulated inertias
 LEFT = 58  # 3, remaining joint force u = τ - Hᵀb, for a ball in world axes
 ANGLE = 58  # 2, sine and cosine of a rotation, before that
 ADVANCE = 60  # PITCH of a screw

@@ -5,6 +5,7 @@ Each kind has a separate table, so that kernels do not check the kind of a row.
 
 from ..forces import LOADS
 from .compiler.jit import part, sweep
+from .motions import project
 from .rows import (
     add_bias,
     bias_of,
@@ -16,7 +17,6 @@ from .rows import (
     rotation_of,
     set_bias,
 )
-from .tree.kinematics import joint_force
 from .vec import accumulate, add, add_cross, mul, scale, sub
 
 
@@ -185,6 +185,6 @@ def torque_of_loads(rows, const, loads, work, linear, tau):
     apply_loads(loads, work, linear, 0.0)
     for k in range(rows.shape[0] - 1, 0, -1):
         moment, force = bias_of(work, k)
-        joint_force(rows, const, work, k, scale(-1.0, force), scale(-1.0, moment), tau)
+        project(rows, work, k, const, scale(-1.0, moment), scale(-1.0, force), tau)
         p = parent_of(rows, k)
         add_bias(work, p, add_cross(moment, link_of(work, k), force), force)

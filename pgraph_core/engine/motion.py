@@ -16,9 +16,10 @@ from .constraints.constraints import drift, driven_power, impose, located, proje
 from .forces import drive, elastic
 from .loads import apply_loads, collect_loads, count_of_loads, elastic_loads, torque_of_loads
 from .records import PAIR
+from .rows import kept_of
 from .signals import begin_states, follow_signals, put_rates, take_samples
-from .tree.articulated import inboard, joint_acceleration, singular_row
-from .tree.kinematics import kinetic_and_potential, outboard, positions
+from .tree.articulated import inboard, inboard_again, joint_acceleration, singular_row
+from .tree.kinematics import kinetic_and_potential, outboard, outboard_again, positions
 from .tree.moving import advance
 from .vec import finite
 
@@ -100,6 +101,8 @@ def begin_controls(scene, t, near, q, v):
 def acceleration(scene, t, q, v, tau, vdot, flow):
     """Compute v' and the joint forces `tau`. Returns the first row without inertia, or 0.
 
+    If row 0 is `kept`, frames and inertias of the last call are used again.
+
     `flow` (3,) gets the power put in and dissipated [W], and the solver's iterations.
     """
     data = opened(scene)
@@ -111,7 +114,11 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
         put_rates(data.loads.signals, tau)
     if not known:
         tau[0] = math.nan
-    outboard(rows, const, work, q, v)
+    again = kept_of(work, 0) == 1.0
+    if again:
+        outboard_again(rows, const, work, v)
+    else:
+        outboard(rows, const, work, q, v)
     if user.address != 0:  # may use the results of `outboard`
         put_in += user_torque(user, t, q, v, tau)
     data = opened(scene)  # again: what is not needed is not read
@@ -126,7 +133,10 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     flow[1] = dissipated
     if links.forces != 0:
         call_contact_forces(links.forces, (scene, v, tau, flow))
-    inboard(rows, const, work, tau)
+    if again:
+        inboard_again(rows, const, work, tau)
+    else:
+        inboard(rows, const, work, tau)
     joint_acceleration(rows, const, work, vdot)
     flow[2] = 0.0
     if opened(scene).blocks.active[0] > 0:

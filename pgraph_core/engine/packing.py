@@ -6,12 +6,11 @@
 from . import layout as at
 from .compiler.jit import kernel, part
 from .compiler.kinds import F1, F2, I1, I2, i8
+from .motions import nq_of, nv_of
 from .records import columns
 from .rows import (
     home_of,
     mass_of,
-    nq_of,
-    nv_of,
     offset_of,
     set_body,
     set_gravity,

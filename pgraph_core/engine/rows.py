@@ -9,9 +9,6 @@ from . import layout as at
 from .compiler.jit import part
 from .vec import accumulate, add, add_cross, load, load6, load9, mul, store, store9, sub
 
-ROTATE, SCREW, TRANSLATE, BALL, FREE = at.ROTATE, at.SCREW, at.TRANSLATE, at.BALL, at.FREE
-OWN = at.OWN
-
 # -- what stands in columns: a function that reads them, then functions that write them ------------
 
 
@@ -93,18 +90,6 @@ def set_row(rows, k, parent, kind, q, v):
     set_v(rows, k, v)
 
 
-@part
-def nv_of(kind):
-    """Return the number of degrees of freedom of a row."""
-    return 1 if kind <= TRANSLATE else 3 if kind == BALL else 6
-
-
-@part
-def nq_of(kind):
-    """Count the coordinates of a row, with spatial rotations as quaternions."""
-    return 1 if kind <= TRANSLATE else 4 if kind == BALL else 7
-
-
 # -- constants, home axes -------------------------------------------------------------------------
 
 home_axis, set_home_axis = vector(at.AXIS)
@@ -164,6 +149,7 @@ projected_of, set_projected, _ = pair(at.PROJECTED)  # U = I h of a hinge, with 
 solved_of, set_solved, _ = pair(at.SOLVED)  # the solution from a free motion's factor
 pitch_of, set_pitch = number(at.ADVANCE)  # way along the axis of a screw [m/rad]
 inverse_pivot_of, set_inverse_pivot = number(at.D)  # 1 / (hᵀ U + armature) of a hinge
+kept_of, set_kept = number(at.KEPT)  # of row 0: see `layout`
 left_of, set_left = number(at.LEFT)  # u = τ - hᵀ b of a hinge
 
 
@@ -180,23 +166,19 @@ def set_sine_cosine(work, k, sine, cosine):
 
 
 @part
-def set_hinge(work, k, angular, linear, pivot, left):
-    """Store U, 1 / (hᵀ U + armature) and u."""
-    set_projected(work, k, angular, linear)
-    set_inverse_pivot(work, k, pivot)
-    set_left(work, k, left)
-
-
-@part
 def ball_of(work, k):
     """Return (factor of the 3x3 block, u in world axes) for a ball."""
     return load6(work, k, at.FACTOR3), load(work, k, at.LEFT)
 
 
 @part
-def set_ball(work, k, factor, left):
+def set_factor(work, k, factor):
     store(work, k, at.FACTOR3, factor[:3])
     store(work, k, at.FACTOR3 + 3, factor[3:])
+
+
+@part
+def set_ball_left(work, k, left):
     store(work, k, at.LEFT, left)
 
 

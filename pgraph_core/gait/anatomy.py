@@ -14,6 +14,7 @@ import numpy as np
 from ..engine import layout as at
 from ..engine.gait.legs import STRAIGHT
 from ..engine.gait.tables import LEG
+from ..engine.motions import facts
 from ..engine.records import table
 from ..errors import InputError, Problem, choices
 from ..mechanism import Mechanism
@@ -56,7 +57,7 @@ def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
         raise _refused(gait, f"needs gravity that pulls down along y; it is {model.gravity}")
     q0 = np.zeros(mech.nq)
     root = model.bodies[mech.topology.row[0]]
-    if root.joint != "free" or mech.packed.system.rows[1, at.KIND] != at.FREE:
+    if root.joint != "free" or facts("transmits")[mech.packed.system.rows[1, at.KIND]]:
         raise _refused(gait, f"needs a trunk that is free; the joint of '{root.name}' is not")
     q0[3] = 1.0
     position, _ = mech.poses(q0)

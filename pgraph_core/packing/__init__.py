@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..engine import layout as at
 from ..engine.arrays import Drives as Drives
 from ..engine.arrays import Loads as Loads
+from ..engine.motions import facts
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
@@ -60,18 +61,26 @@ def length_in(const: Array, home: Array) -> float:
 def quaternions(rows: Ints) -> list[tuple[int, int, int]]:
     """Return (row, first index into q, first index into v) for each quaternion."""
     found: list[tuple[int, int, int]] = []
-    for k in np.flatnonzero(rows[:, at.KIND] >= at.BALL).tolist():
+    for k in (1 + np.flatnonzero(facts("attitude")[rows[1:, at.KIND]])).tolist():
         _, kind, i, j = rows[k].tolist()
-        found.append((k, i + (3 if kind == at.FREE else 0), j))
+        found.append((k, i + int(facts("coordinates")[kind]) - 4, j))
     return found
 
 
 def plain(rows: Ints) -> tuple[Ints, Ints]:
     """Return the indices into q and v for coordinates whose rates are velocities."""
-    kinds, pairs = rows[1:, at.KIND], rows[1:, at.QI :]
-    moved = [pairs[kinds == at.FREE] + np.array((n, 3 + n)) for n in range(3)]
-    of_q, of_v = np.concatenate((pairs[kinds <= at.TRANSLATE], *moved)).T
+    _, of_q, of_v = numbers(rows)
     return of_q, of_v
+
+
+def numbers(rows: Ints) -> tuple[Ints, Ints, Ints]:
+    """Return (row, index into q, index into v) for each coordinate outside quaternions."""
+    kinds = rows[1:, at.KIND]
+    first = 3 * facts("attitude")[kinds]  # angular velocities precede in v
+    count = facts("freedoms")[kinds] - first
+    row = np.repeat(np.arange(1, len(rows)), count)
+    n = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    return row, rows[row, at.QI] + n, rows[row, at.VI] + np.repeat(first, count) + n
 
 
 def row_of_velocity(rows: Ints, index: int) -> int:
@@ -81,11 +90,9 @@ def row_of_velocity(rows: Ints, index: int) -> int:
 
 def translations(rows: Ints, nv: int) -> NDArray[np.bool_]:
     """Return a mask (nv,) of the velocities that are translations [m/s], not rotations [rad/s]."""
+    row, _, of_v = numbers(rows)
     found = np.zeros(nv, dtype=bool)
-    for kind, j in rows[1:, [at.KIND, at.VI]].tolist():
-        if j < nv:
-            found[j] |= kind == at.TRANSLATE
-            found[j + 3 : j + 6] |= kind == at.FREE
+    found[of_v[~facts("angle")[rows[row, at.KIND]] & (of_v < nv)]] = True
     return found
 
 
@@ -99,10 +106,8 @@ def joint_coordinates(packed: System, number: int) -> list[tuple[int, int]]:
     found: list[tuple[int, int]] = []
     for k in range(*np.searchsorted(packed.body_of_row, (number, number + 1))):
         _, kind, qi, vi = packed.rows[k].tolist()
-        if kind <= at.TRANSLATE:
-            found.append((vi, qi))
-        else:
-            found += [(vi + n, -1) for n in range(3 if kind == at.BALL else 6)]
+        known = not facts("attitude")[kind]
+        found += [(vi + n, qi + n if known else -1) for n in range(int(facts("freedoms")[kind]))]
     return found
 
 

@@ -85,7 +85,7 @@ class Packed:
             return self
         rows, const, bodies_i, bodies_f, home = self._arrays
         new, k = np.zeros((count, rows.shape[1]), INT), np.arange(count)
-        new[:, at.KIND], new[:, at.QI], new[:, at.VI] = at.OWN, self.nq + k, self.nv + k
+        new[:, at.KIND], new[:, at.QI], new[:, at.VI] = at.STATE, self.nq + k, self.nv + k
         own = np.zeros((count, const.shape[1]))
         own[:, at.AXIS + 2] = own[:, at.ARMATURE] = 1.0
         own[:, at.BASE : at.BASE + 9 : 4] = 1.0

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..engine import layout as at
+from ..engine.motions import facts
 from ..errors import InputError, Problem, shown
 from ..packing import Array, Ints, plain, quaternions
 from ..portable import array_of
@@ -65,11 +65,11 @@ def unseen(rows: Ints, frames: tuple[Array, Array, Array, Array], length: float)
     `length` is the mechanism's [m].
     """
     t, q, v, vdot = frames
-    spans = _spans(rows)
+    spans, slides = _spans(rows), facts("travels") & ~facts("angle")
     least, least_v = np.full(q.shape[1], NOTABLE), np.full(v.shape[1], NOTABLE)
     shown = np.ptp(q, axis=0)
     for kind, of_q, of_v in spans:
-        if kind in (at.TRANSLATE, at.FREE):
+        if slides[kind]:
             least[of_q][:3] = least_v[of_v][-3:] = NOTABLE * (length or 1.0)
         least_v[of_v] += NOTABLE * shown[of_q].max()
     with np.errstate(over="ignore", invalid="ignore"):
@@ -85,10 +85,9 @@ def unseen(rows: Ints, frames: tuple[Array, Array, Array, Array], length: float)
 
 def _spans(rows: Ints) -> list[tuple[int, slice, slice]]:
     """Return (kind, slice in q, slice in v) for each row."""
-    size = {at.BALL: (4, 3), at.FREE: (7, 6)}
-    found = []
+    sizes, found = np.stack((facts("coordinates"), facts("freedoms")), axis=1).tolist(), []
     for _, kind, i, j in rows[1:].tolist():
-        n, m = size.get(kind, (1, 1))
+        n, m = sizes[kind]
         found.append((kind, slice(i, i + n), slice(j, j + m)))
     return found
 

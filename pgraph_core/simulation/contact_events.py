@@ -19,6 +19,7 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import FACTORED, FACTORS
 from ..engine.contact import points as point_kernels
+from ..engine.motions import facts
 from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
@@ -479,7 +480,7 @@ class ContactEvents:
         if not self.scene.points["limit"][s]:
             return False
         row = self.scene.blocks.blocks_i[self.scene.points["slide_block"][s], at.B_A]
-        return bool(self.mech.packed.system.rows[row, at.KIND] < at.TRANSLATE)
+        return bool(facts("angle")[self.mech.packed.system.rows[row, at.KIND]])
 
     def _hidden(self, t: float, s: int) -> float:
         """Return `_hidden` for point s in its present state."""

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ..dynamics.arguments import positions
-from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import made_by_numba
@@ -259,9 +258,8 @@ def beyond_limits(record: Running) -> Iterator[str]:
     if not beyond:
         return
     j = max(beyond, key=lambda j: beyond[j])
-    row = row_of_velocity(record.mech.packed.system.rows, j)
-    unit = "N" if record.mech.packed.system.rows[row, at.KIND] == at.TRANSLATE else "N m"
-    body = record.mech.packed.body_of(row)
+    unit = "N" if translations(record.mech.packed.rows, record.mech.nv)[j] else "N m"
+    body = record.mech.packed.body_of(row_of_velocity(record.mech.packed.rows, j))
     yield (
         f"tau asks for up to {most[j]:.3g} {unit} in the joint of '{body}', more than the "
         f"{limits[j]:.3g} {unit} of its motors ({names[j]}): tau is added to motors, and no limit "
@@ -287,9 +285,7 @@ def too_fast(record: Running) -> Iterator[str]:
         if shares[i, k] > worst:
             worst = shares[i, k]
             limit = float(limits[limits > 0.0][k])
-            row = row_of_velocity(mech.packed.system.rows, int(own[k]))
-            slides = mech.packed.system.rows[row, at.KIND] == at.TRANSLATE
-            unit = "m/s" if slides else "rad/s"
+            unit = "m/s" if translations(mech.packed.rows, mech.nv)[own[k]] else "rad/s"
             text = (
                 f"the joint of '{body.name}' reaches {worst * limit:.4g} {unit} at t = "
                 f"{record.steps.times[i]:.6g} s, more than its speed_limit of {limit:.4g} {unit}"
@@ -309,8 +305,7 @@ def creeping(record: Running) -> Iterator[str]:
         mobility = np.array([np.linalg.inv(mech.mass_matrix(x)) for x in q])
         for one in drives.table[drives.table["friction"] > 0.0]:
             own, factors = acting_on(drives, one)
-            row = row_of_velocity(system.rows, int(own[0]))
-            slides = system.rows[row, at.KIND] == at.TRANSLATE
+            slides = translations(system.rows, mech.nv)[own[0]]
             unit, length = ("m", mech.packed.length or 1.0) if slides else ("rad", 1.0)
             braking = one["friction"] * (mobility[:, own][:, :, own] @ factors @ factors)
             speed = v[:, own] @ factors
@@ -322,7 +317,7 @@ def creeping(record: Running) -> Iterator[str]:
                 )
                 way = _way(t, speed, held)
             if way > worst * length:
-                body = mech.topology.names[system.body_of_row[row] - 1]
+                body = mech.packed.body_of(row_of_velocity(system.rows, int(own[0])))
                 worst = way / length
                 text = (
                     f"the joint of '{body}' creeps by {way:.3g} {unit}, although its friction "

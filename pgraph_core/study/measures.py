@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..dynamics.states import angles, bodies_over, turned
-from ..engine import layout as at
+from ..engine.motions import facts
 from ..mechanism import Mechanism
 from ..packing import Array
 
@@ -113,16 +113,16 @@ def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
     found = np.zeros((len(q), len(rows)))
     size = mech.packed.length
     for k, (_, kind, i, _) in enumerate(rows):
-        a, b = q[:, i : i + 7], other[:, i : i + 7]
-        if kind < at.TRANSLATE:
+        own = slice(i, i + int(facts("coordinates")[kind]))
+        a, b = q[:, own], other[:, own]
+        if facts("angle")[kind]:
             found[:, k] = np.abs(a[:, 0] - b[:, 0])
-        elif kind == at.TRANSLATE:
-            found[:, k] = _distances(a[:, :1], b[:, :1], size)
-        elif kind == at.BALL:
-            found[:, k] = angles(a[:, :4], b[:, :4])
-        else:
-            moved, turned_by = _distances(a[:, :3], b[:, :3], size), angles(a[:, 3:], b[:, 3:])
-            found[:, k] = np.maximum(moved, turned_by)
+            continue
+        if facts("attitude")[kind]:
+            found[:, k] = angles(a[:, -4:], b[:, -4:])
+            a, b = a[:, :-4], b[:, :-4]
+        if a.shape[1]:
+            found[:, k] = np.maximum(found[:, k], _distances(a, b, size))
     return np.where(np.isfinite(found), found, np.inf)
 
 

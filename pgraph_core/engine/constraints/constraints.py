@@ -27,8 +27,9 @@ from ..compiler.dual import carries, of_numbers
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
 from ..layout import T_ALIGN
+from ..motions import is_angle, nv_of
 from ..records import FROZEN
-from ..rows import TRANSLATE, axis_of, kind_of, origin_of
+from ..rows import axis_of, kind_of, origin_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance
@@ -302,9 +303,9 @@ def add_wrenches(rows, blocks, work, space, count, out, column):
         a = ends_of(blocks_i, i)[0]
         if along_coordinates(kind):
             x = scale(vectors[LAMBDA, first_of(slots, i)], axis_of(work, a))
-            if kind_of(rows, a) <= TRANSLATE:
+            if nv_of(kind_of(rows, a)) == 1:
                 x = scale(terms_f[terms_of(blocks_i, i)[0]], x)
-                accumulate(out, i, column + (0 if kind_of(rows, a) < TRANSLATE else 3), x)
+                accumulate(out, i, column + (0 if is_angle(kind_of(rows, a)) else 3), x)
             continue
         arm = sub(place_a(place, i), point_a(blocks_f, i, work, a))
         for r in range(size_of(blocks_i, i)):

@@ -12,49 +12,30 @@ The same applies to torques and to unit forces along sliders below 1e-13. Otherw
 in a row of zeros would act as a constraint.
 """
 
-from ...tolerances import ROUNDING
 from .. import layout as at
 from ..compiler.jit import part
-from ..compiler.lane import beyond, numbers, store_triple, triple
+from ..compiler.lane import numbers, triple
 from ..compiler.masks import any_of
 from ..layout import T_ALIGN, T_TURN
-from ..linear import backward3, backward6, forward3, forward_free, pivots6, solve3, transposed6
+from ..motions import column, diagonal, feeling, gather, nv_of, past, respond
+from ..motions.wrenches import no_triples
 from ..rows import (
-    BALL,
-    FREE,
-    SCREW,
-    TRANSLATE,
-    axis_of,
-    ball_of,
-    inertia_of,
-    inverse_pivot_of,
     kind_of,
     link_of,
-    nv_of,
     origin_of,
     parent_of,
-    pitch_of,
-    projected_of,
     set_acceleration,
-    set_solved,
-    solved_of,
     v_of,
 )
-from ..tree.kinematics import along_axis, base_axes, carried, with_own
+from ..tree.kinematics import carried
 from ..vec import (
     accumulate,
     add,
     add_cross,
-    add_scaled,
     cross,
-    dot,
     load,
-    load3,
-    mul,
-    mul_t,
     scale,
     store,
-    store3,
     sub,
 )
 from .blocks import along, ends_of, place_a, place_b, size_of, terms_of, type_of
@@ -64,17 +45,7 @@ from .blocks import along, ends_of, place_a, place_b, size_of, terms_of, type_of
 def pivots(rows, work, dinv):
     """Compute 1/d for every degree of freedom, the diagonal between Y and Yᵀ."""
     for k in range(1, rows.shape[0]):
-        i = v_of(rows, k)
-        kind = kind_of(rows, k)
-        if kind <= TRANSLATE:
-            dinv[i] = inverse_pivot_of(work, k)
-        elif kind == BALL:
-            for n in range(3):
-                dinv[i + n] = ball_of(work, k)[0][n]
-        else:
-            angular, linear = pivots6(work, k)
-            store3(dinv, i, angular)
-            store3(dinv, i + 3, linear)
+        diagonal(rows, work, k, dinv)
 
 
 @part
@@ -102,11 +73,6 @@ def torque_block(blocks_i, i):
 def taxicab(x):
     """Return |x| + |y| + |z|."""
     return abs(x[0]) + abs(x[1]) + abs(x[2])
-
-
-@part
-def no_triples():
-    return (triple(0.0, 0.0, 0.0), triple(0.0, 0.0, 0.0), triple(0.0, 0.0, 0.0))
 
 
 @part
@@ -150,72 +116,22 @@ def carry(rows, blocks_i, i, work, space):
         while k > stop:
             if not turns:
                 reach = max(reach, taxicab(origin_of(work, k)) + taxicab(link_of(work, k)))
-            moment, force, slot = past(rows, work, k, moment, force, reach, y, slots, i, slot)
-            k = 0 if kind_of(rows, k) == FREE else parent_of(rows, k)
+            moment, force, slot = past_joint(rows, work, k, moment, force, reach, y, slots, i, slot)
+            k = feeling(rows, k)
     slots[i, at.SLOTS] = slot
 
 
 @part
-def past(rows, work, k, moment, force, reach, y, slots, i, slot):
+def past_joint(rows, work, k, moment, force, reach, y, slots, i, slot):
     """Propagate three wrenches past joint k and store the joint's share. Returns the next slot too.
 
     `reach` is the scale of coordinates in the moments. A joint without a share takes no slot.
     """
-    kind = kind_of(rows, k)
-    link = link_of(work, k)
-    felt = True
-    if kind <= TRANSLATE:
-        least = ROUNDING * reach
-        if kind == TRANSLATE:
-            least = ROUNDING + 0.0 * reach
-        elif kind == SCREW:
-            least = ROUNDING * (reach + abs(pitch_of(work, k)))
-        share = beyond(along_axis(work, k, kind, moment, force), least)
-        felt = any_number(share)
-        store_triple(y, i, 3 * slot, share)
-        passed = -inverse_pivot_of(work, k) * share
-        u0, u1 = projected_of(work, k)
-        force = add_scaled(force, passed, u1)
-        moment = add_cross(add_scaled(moment, passed, u0), link, force)
-    elif kind == BALL:  # transmits a force, but no moment
-        least = ROUNDING * reach
-        moment = (beyond(moment[0], least), beyond(moment[1], least), beyond(moment[2], least))
-        felt = any_number(moment[0]) or any_number(moment[1]) or any_number(moment[2])
-        force = past_ball(work, k, moment, force, y, i, slot)
-        moment = cross(link, force)
-    else:  # the last joint that feels a wrench
-        into_free(work, k, moment, force, y, i, slot)
-        moment, force = no_triples(), no_triples()
-    width = nv_of(kind) if felt else 0
+    felt, moment, force = past(rows, work, k, moment, force, reach, y, i, slot)
+    width = nv_of(kind_of(rows, k)) if felt else 0
     for n in range(width):
         slots[i, at.SLOT + slot + n] = v_of(rows, k) + n
     return moment, force, slot + width
-
-
-@part
-def any_number(x):
-    """Check whether a number of a triple is nonzero in any lane."""
-    a, b, c = numbers(x)
-    return any_of(a) or any_of(b) or any_of(c)
-
-
-@part
-def past_ball(work, k, moment, force, y, i, slot):
-    """Store the share of a ball joint and return the force behind it."""
-    _, b, _ = inertia_of(work, k)
-    f, _ = ball_of(work, k)
-    share = forward3(f, moment)
-    for n in range(3):
-        store_triple(y, i, 3 * (slot + n), share[n])
-    return sub(force, mul_t(b, solve3(f, moment)))
-
-
-@part
-def into_free(work, k, moment, force, y, i, slot):
-    """Store L⁻¹ applied to wrenches on a free row."""
-    share = forward_free(work, k, moment, force)
-    for n in range(6):
-        store_triple(y, i, 3 * (slot + n), share[n])
 
 
 @part
@@ -236,9 +152,9 @@ def carry_coordinates(rows, const, blocks, i, work, space):
         moment, force = alone(load(whole, k, 0)), alone(load(whole, k, 3))
         store(whole, k, 0, none)
         store(whole, k, 3, none)
-        moment, force, slot = past(rows, work, k, moment, force, 0.0, y, slots, i, slot)
-        p = parent_of(rows, k)
-        if p > 0 and kind_of(rows, k) != FREE:
+        moment, force, slot = past_joint(rows, work, k, moment, force, 0.0, y, slots, i, slot)
+        p = feeling(rows, k)
+        if p > 0:
             accumulate(whole, p, 0, first_of(moment))
             accumulate(whole, p, 3, first_of(force))
     slots[i, at.SLOTS] = slot
@@ -266,27 +182,16 @@ def reaches(whole, k):
 
 
 @part
-def push(rows, const, work, k, column, size, whole):
+def push(rows, const, work, k, c, size, whole):
     """Add the wrench pair for a unit joint force in one coordinate of row k, eq. (23)."""
     p = parent_of(rows, k)
-    kind = kind_of(rows, k)
-    if kind <= TRANSLATE:
-        x = scale(size, axis_of(work, k))
-        turns = kind < TRANSLATE
-    else:
-        axes = base_axes(const, work, p, k)
-        c = column % 3
-        x = scale(size, (axes[c], axes[c + 3], axes[c + 6]))
-        turns = column < 3
-    if turns:
-        accumulate(whole, k, 0, x)
-        if p > 0:
-            accumulate(whole, p, 0, scale(-1.0, x))
-    else:
-        accumulate(whole, k, 3, x)
-        if p > 0:
-            accumulate(whole, p, 0, scale(-1.0, cross(link_of(work, k), x)))
-            accumulate(whole, p, 3, scale(-1.0, x))
+    h0, h1 = column(rows, work, k, const, c)
+    moment, force = scale(size, h0), scale(size, h1)
+    accumulate(whole, k, 0, moment)
+    accumulate(whole, k, 3, force)
+    if p > 0:
+        accumulate(whole, p, 0, scale(-1.0, add_cross(moment, link_of(work, k), force)))
+        accumulate(whole, p, 3, scale(-1.0, force))
 
 
 @part
@@ -294,29 +199,8 @@ def unspread(rows, const, work, speeds):
     """Invert `spread` in place: compute diag(1/d) Yᵀ λ whose response is `speeds`."""
     set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for k in range(1, rows.shape[0]):
-        p = parent_of(rows, k)
-        i = v_of(rows, k)
-        kind = kind_of(rows, k)
-        alpha, linear = carried(work, p, k)
-        if kind <= TRANSLATE:
-            u0, u1 = projected_of(work, k)
-            x = speeds[i]
-            speeds[i] = x + inverse_pivot_of(work, k) * (dot(u0, alpha) + dot(u1, linear))
-            alpha, linear = with_own(work, k, kind, x, alpha, linear)
-        elif kind == BALL:
-            _, b, _ = inertia_of(work, k)
-            f, _ = ball_of(work, k)
-            axes = base_axes(const, work, p, k)
-            alpha = add(mul(axes, load3(speeds, i)), alpha)
-            x = add(alpha, solve3(f, mul(b, linear)))
-            store3(speeds, i, (x[0] + f[3] * x[1] + f[4] * x[2], x[1] + f[5] * x[2], x[2]))
-        else:
-            axes = base_axes(const, work, p, k)
-            alpha = add(mul(axes, load3(speeds, i)), alpha)
-            linear = add(mul(axes, load3(speeds, i + 3)), linear)
-            store3(speeds, i, alpha)
-            store3(speeds, i + 3, linear)
-            transposed6(work, k, speeds, i)
+        alpha, linear = carried(work, parent_of(rows, k), k)
+        alpha, linear = gather(rows, work, k, const, speeds, alpha, linear)
         set_acceleration(work, k, alpha, linear)
 
 
@@ -325,30 +209,6 @@ def spread(rows, const, work, step):
     """Compute M⁻¹ Jᵀ λ, the response of all joints, from diag(1/d) Yᵀ λ in `step`, into V'."""
     set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for k in range(1, rows.shape[0]):
-        p = parent_of(rows, k)
-        i = v_of(rows, k)
-        kind = kind_of(rows, k)
-        alpha, linear = carried(work, p, k)
-        if kind <= TRANSLATE:
-            u0, u1 = projected_of(work, k)
-            u = dot(u0, alpha) + dot(u1, linear)
-            x = step[i] - inverse_pivot_of(work, k) * u
-            step[i] = x
-            alpha, linear = with_own(work, k, kind, x, alpha, linear)
-        elif kind == BALL:
-            _, b, _ = inertia_of(work, k)
-            f, _ = ball_of(work, k)
-            turned = backward3(f, (step[i], step[i + 1], step[i + 2]))
-            turned = sub(turned, solve3(f, mul(b, linear)))
-            axes = base_axes(const, work, p, k)
-            store3(step, i, mul_t(axes, sub(turned, alpha)))
-            alpha = turned
-        else:
-            set_solved(work, k, load3(step, i), load3(step, i + 3))
-            backward6(work, k)
-            axes = base_axes(const, work, p, k)
-            angular, along = solved_of(work, k)
-            store3(step, i, mul_t(axes, sub(angular, alpha)))
-            store3(step, i + 3, mul_t(axes, sub(along, linear)))
-            alpha, linear = angular, along
+        alpha, linear = carried(work, parent_of(rows, k), k)
+        alpha, linear = respond(rows, work, k, const, step, alpha, linear)
         set_acceleration(work, k, alpha, linear)

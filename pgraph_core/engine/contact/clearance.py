@@ -16,8 +16,9 @@ from ..arrays import GUARD, guard_at, opened_run, save_guard_tuple
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F2, I1, i8, plain, read, void
 from ..motion import opened
+from ..motions import column, is_angle, numbers_of, travels
 from ..records import CONTACT_AHEAD, ONCE
-from ..rows import BALL, FREE, SCREW, TRANSLATE, kind_of, origin_of, parent_of, pitch_of, q_of, v_of
+from ..rows import kind_of, origin_of, parent_of, q_of, v_of
 from ..stepping.explicit import dense_output
 from ..stepping.run import LOOK_BACK
 from ..stepping.state import copied, size_of_state
@@ -60,6 +61,14 @@ def path_of(stages, i, j, h):
 
 
 @part
+def per_unit(kind, reach):
+    """Return a bound on the motion of shapes for a unit of a coordinate [m/rad, 1]."""
+    if is_angle(kind):
+        return reach
+    return 1.0 if reach > 0.0 else 0.0
+
+
+@part
 def path_lengths(rows, stages, nq, h, reach):
     """Return bounds on the motion of any shape [m] and any coordinate [rad, m] over the last step.
 
@@ -69,15 +78,14 @@ def path_lengths(rows, stages, nq, h, reach):
     turn = 0.0
     for k in range(1, rows.shape[0]):
         i, j, kind = q_of(rows, k), nq + v_of(rows, k), kind_of(rows, k)
-        if kind <= TRANSLATE:
+        first, count = numbers_of(kind)
+        if first == 0:
             path = path_of(stages, i, j, h)
             turn = max(turn, path)
-            arm = reach[k] if kind != TRANSLATE else 1.0 if reach[k] > 0.0 else 0.0
-            moved += path * arm
-        elif kind >= BALL and reach[k] > 0.0:
-            moved += h * fastest(stages, j, 3) * reach[k]
-            if kind == FREE:
-                moved += h * fastest(stages, j + 3, 3)
+            moved += path * per_unit(kind, reach[k])
+        elif reach[k] > 0.0:
+            moved += h * fastest(stages, j, first) * reach[k]
+            moved += h * fastest(stages, j + first, count)
     return PATH * moved, PATH * turn
 
 
@@ -151,14 +159,14 @@ def find_reach(run, guard, free):
         way = sub(xyz(poses[i].position), origin_of(work, k))
         arm = math.sqrt(dot(way, way)) + shapes[i].reach
         while k > 0:
-            reach[k] = max(reach[k], arm)
             kind = kind_of(rows, k)
-            if kind == SCREW:
-                reach[k] = max(reach[k], arm + abs(pitch_of(work, k)))
+            _, slide = column(rows, work, k, scene.const, 0)
+            ahead = math.sqrt(dot(slide, slide)) if is_angle(kind) else 0.0
+            reach[k] = max(reach[k], arm + ahead)
             p = parent_of(rows, k)
             way = sub(origin_of(work, k), origin_of(work, p))
             arm += math.sqrt(dot(way, way))
-            if kind == SCREW or kind == TRANSLATE or kind == FREE:
+            if travels(kind):
                 arm += free
             k = p
 
@@ -249,8 +257,8 @@ def set_clock(control, state, rows, stages, reach, left):
     for k in range(1, rows.shape[0]):
         kind = kind_of(rows, k)
         if reach[k] > 0.0:
-            rate += 1.0 if kind == TRANSLATE else math.sqrt(3.0) * reach[k]
-            rate += math.sqrt(3.0) if kind == FREE else 0.0
+            first, count = numbers_of(kind)
+            rate += math.sqrt(first) * reach[k] + math.sqrt(count) * per_unit(kind, reach[k])
     way = state.free_turn
     if rate > 0.0:
         way = min(way, state.free / rate)

@@ -16,8 +16,9 @@ from ..arrays import FREE_SPEEDS as NO_IMPULSES
 from ..compiler.jit import part, sweep
 from ..compiler.lane import four, store_four
 from ..constraints.blocks import joint_of, joints_of, size_of
+from ..motions import nv_of, transmits
 from ..records import columns
-from ..rows import FREE, kind_of, nv_of, parent_of, v_of
+from ..rows import kind_of, parent_of, v_of
 from .contacts import contacts_at
 
 NOWHERE = -1
@@ -92,7 +93,7 @@ def plant(rows, islands):
         islands.number[k] = NOWHERE
         islands.edge[k] = NOWHERE
         p = parent_of(rows, k)
-        root[k] = k if p == 0 or kind_of(rows, k) == FREE else root[p]
+        root[k] = k if p == 0 or not transmits(kind_of(rows, k)) else root[p]
         if k > 0:
             below[k] = head[root[k]]
             head[root[k]] = k

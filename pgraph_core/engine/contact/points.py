@@ -34,8 +34,9 @@ from ..constraints.constraints import (
     unit_responses,
 )
 from ..motion import RECORD, call_acceleration, call_record
+from ..motions import travels
 from ..records import STANCE, SWING, columns
-from ..rows import FREE, SCREW, TRANSLATE, axis_of, kind_of, link_of, origin_of, parent_of
+from ..rows import axis_of, kind_of, link_of, origin_of, parent_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
 from ..vec import add_scaled, dot, load, scale, set_xyz, sub, xyz
@@ -130,8 +131,7 @@ def path_length(rows, const, work, k, p, n):
     length = abs(dot(sub(p, origin_of(work, k)), n))
     while k > 0:
         length += abs(dot(link_of(work, k), n))
-        kind = kind_of(rows, k)
-        if kind == SCREW or kind == TRANSLATE or kind == FREE:
+        if travels(kind_of(rows, k)):
             link = load(const, k, at.LINK)  # a displacement may have been subtracted from it
             length += abs(link[0]) + abs(link[1]) + abs(link[2])
         k = parent_of(rows, k)

@@ -14,26 +14,13 @@ import math
 
 from ...tolerances import TINY
 from ..compiler.jit import part, sweep
-from ..linear import backward6, diagonal6, forward6, solve3
+from ..motions import feeling, mobility
 from ..records import SOFT
 from ..rows import (
-    BALL,
-    FREE,
-    TRANSLATE,
-    ball_of,
-    inertia_of,
-    inverse_pivot_of,
-    kind_of,
-    link_of,
     origin_of,
-    parent_of,
-    projected_of,
-    set_solved,
-    solved_of,
 )
 from ..tree.articulated import inboard
-from ..tree.kinematics import along_axis
-from ..vec import add, add_cross, add_scaled, cross, dot, mul_t, scale, sub, xyz
+from ..vec import add, add_cross, scale, sub, xyz
 
 
 @part
@@ -119,9 +106,9 @@ def inverse_mass(rows, factored, a, b, place, moment, force):
         if k == other:
             x, y = add(x, u), add(y, v)
             other = 0
-        taken, x, y = past_joint(rows, factored, k, x, y)
+        taken, x, y = mobility(rows, factored, k, x, y)
         w += taken
-        k = 0 if kind_of(rows, k) == FREE else parent_of(rows, k)
+        k = feeling(rows, k)
     return w
 
 
@@ -129,29 +116,3 @@ def inverse_mass(rows, factored, a, b, place, moment, force):
 def at_origin(factored, k, place, moment, force):
     """Return the moment about row k's origin of a wrench at a given point."""
     return add_cross(moment, sub(place, origin_of(factored, k)), force)
-
-
-@part
-def past_joint(rows, factored, k, moment, force):
-    """Compute (mobility of joint k under a unit wrench [1/kg], transmitted moment and force)."""
-    kind = kind_of(rows, k)
-    if kind <= TRANSLATE:
-        share = along_axis(factored, k, kind, moment, force)
-        passed = inverse_pivot_of(factored, k) * share
-        u0, u1 = projected_of(factored, k)
-        force = add_scaled(force, -passed, u1)
-        moment = add_cross(add_scaled(moment, -passed, u0), link_of(factored, k), force)
-        return passed * share, moment, force
-    if kind == BALL:
-        f, _ = ball_of(factored, k)
-        _, b, _ = inertia_of(factored, k)
-        turn = solve3(f, moment)
-        taken = dot(moment, turn)
-        force = sub(force, mul_t(b, turn))
-        return taken, cross(link_of(factored, k), force), force
-    set_solved(factored, k, moment, force)
-    forward6(factored, k)
-    diagonal6(factored, k)
-    backward6(factored, k)
-    turn, move = solved_of(factored, k)
-    return dot(moment, turn) + dot(force, move), moment, force

@@ -16,11 +16,10 @@ from ..contact.impulse import FEW_SWEEPS, MOVES_TOGETHER, TOLERANCE
 from ..contact.sweeps import FEW_BLOCKS
 from ..contact.touches import NEARBY
 from ..linear import forward_free
+from ..motions import transmits
+from ..motions.single import along, size
 from ..records import POINTS, SPHERE
 from ..rows import (
-    FREE,
-    TRANSLATE,
-    axis_of,
     inverse_pivot_of,
     kind_of,
     link_of,
@@ -228,17 +227,13 @@ def carry(rows, ways, b, n):
         s = 0
         while k > 0:
             reach = larger(reach, taxicab(origin_of(work, k)) + taxicab(link_of(work, k)))
-            kind = kind_of(rows, k)
-            if kind == FREE:
+            if not transmits(kind_of(rows, k)):
                 share = forward_free(work, k, moment, force)
                 for c in range(6):
                     y[3 * (s + c) + r] = share[c]
                 break
-            least = ROUNDING * reach
-            one = dot(axis_of(work, k), moment)
-            if kind == TRANSLATE:
-                least = ROUNDING + 0.0 * reach
-                one = dot(axis_of(work, k), force)
+            least = ROUNDING * size(rows, work, k, reach, 1.0 + 0.0 * reach)
+            one = along(rows, work, k, moment, force)
             one = chosen(most(abs(one), least), 0.0 * one, one)
             y[3 * s + r] = one
             moment, force = past_hinge(work, k, one, moment, force)

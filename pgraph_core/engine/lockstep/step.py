@@ -19,9 +19,9 @@ from ..constraints.paths import pivots, spread, unspread
 from ..contact.contacts import STILL
 from ..contact.coulomb import only
 from ..motion import opened, user_torque
+from ..motions import nv_of
 from ..records import ACCEPTANCE, CREEP, STANCE, SWING
 from ..rows import (
-    TRANSLATE,
     armature_of,
     inverse_pivot_of,
     kind_of,
@@ -35,8 +35,8 @@ from ..stepping.batch import call_advance, call_copy
 from ..stepping.booking import goes_on_sliding
 from ..stepping.moreau import softened, turn_rates
 from ..stepping.state import size_of_state
-from ..tree.articulated import inboard, joint_acceleration
-from ..tree.kinematics import outboard, positions
+from ..tree.articulated import inboard, inboard_again, joint_acceleration
+from ..tree.kinematics import outboard, outboard_again, positions
 from ..tree.moving import advance, normalise_all
 from ..tree.spinning import GYRATES
 from ..vec import accumulate, add_scaled, cross, dot, load, mul, sub
@@ -77,20 +77,26 @@ def begin(rows, drives, b, h):
 
 
 @sweep
-def begin_again(rows, drives, b, h):
-    """Compute velocities and forces at the mean velocity of the first pass."""
+def begin_again(rows, drives, b, h, kept):
+    """Compute velocities and forces at the mean velocity of the first pass.
+
+    If `kept`, the frames and inertias of that pass are used again.
+    """
     x, work = b.vectors, b.work
     q, v, mean = x[of.VECTOR.new_q], x[of.VECTOR.v], x[of.VECTOR.mean]
     for j in range(x.shape[1]):
         mean[j] = v[j] + 0.5 * (h * x[of.VECTOR.vdot, j] + x[of.VECTOR.move, j])
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if nv_of(kind_of(rows, k)) == 1:
             j = v_of(rows, k)
             pivot, extra = inverse_pivot_of(work, k), x[of.VECTOR.damping, j]
             more_ = softened(pivot, extra, x[of.VECTOR.stiffness, j], h, v[j], mean[j])
             x[of.VECTOR.pushed, j] = x[of.VECTOR.given, j] + more_
     act(drives, b, q, mean)
-    outboard(rows, b.const, work, q, mean)
+    if kept:
+        outboard_again(rows, b.const, work, mean)
+    else:
+        outboard(rows, b.const, work, q, mean)
 
 
 @sweep
@@ -114,7 +120,7 @@ def stiffen(rows, drives, b, h, q, v):
         if i >= 0:
             x[of.VECTOR.stiffness, j] += chosen(counts, d[of.DRIVE.stiffness], 0.0)
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if nv_of(kind_of(rows, k)) == 1:
             j = v_of(rows, k)
             x[of.VECTOR.armature, j] = armature_of(const, k)
             x[of.VECTOR.damping, j] = (
@@ -180,14 +186,17 @@ def set_velocities(rows, ways, near, b, h):
 
 
 @sweep
-def solve(rows, ways, near, b, h, again):
+def solve(rows, ways, near, b, h, again, kept):
     """Run a pass of a step, and write v' into VDOT and the effect of impulses into MOVE.
 
     Sets ALONE for lanes that must continue individually. Returns whether points touch in any lane.
     """
     x, lane, work, const, linear = b.vectors, b.lane[0], b.work, b.const, b.linear
     vdot = x[of.VECTOR.vdot]
-    inboard(rows, const, work, x[of.VECTOR.tau])
+    if kept:
+        inboard_again(rows, const, work, x[of.VECTOR.tau])
+    else:
+        inboard(rows, const, work, x[of.VECTOR.tau])
     joint_acceleration(rows, const, work, vdot)
     positions(rows, work)
     for k in range(1, rows.shape[0]):
@@ -232,13 +241,13 @@ def touching(near, b):
 
 
 @sweep
-def finish(rows, ways, near, b, h, passive):
+def finish(rows, ways, near, b, h, passive, kept):
     """Finish a step into NEW_Q and NEW_V by its second pass."""
     x, lane, const = b.vectors, b.lane[0], b.const
     v, vdot, mean_ = x[of.VECTOR.v], x[of.VECTOR.vdot], x[of.VECTOR.mean]
-    some = solve(rows, ways, near, b, h, True)
+    some = solve(rows, ways, near, b, h, True, kept)
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if nv_of(kind_of(rows, k)) == 1:
             const[k, at.ARMATURE] = x[of.VECTOR.armature, v_of(rows, k)]
     x[of.VECTOR.done, 0] = x[of.VECTOR.ledger, 0] + h * lane[of.LANE.put_in]
     x[of.VECTOR.done, 1] = x[of.VECTOR.ledger, 1] + h * lane[of.LANE.lost]
@@ -248,7 +257,7 @@ def finish(rows, ways, near, b, h, passive):
     for j in range(x.shape[1]):
         new[j] = v[j] + (h * vdot[j] + x[of.VECTOR.move, j])
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if nv_of(kind_of(rows, k)) == 1:
             j = v_of(rows, k)
             change = new[j] - v[j]
             mean = 0.5 * (new[j] + v[j])
@@ -479,6 +488,7 @@ def step_block(
     data = opened(this.scene)
     rows, user, work = data.rows, data.user, data.work
     passive = data.drives.table.shape[0] <= data.drives.passive
+    kept = walk == 0 and user.address == 0  # otherwise they may write into the rows
     b, s = in_lanes(block), named_block(block)
     since, ways_on, swept, lane = state[0], state[1], state[2], s.lane[0]
     running, h = 0, this.control[0].error.widest
@@ -511,7 +521,7 @@ def step_block(
             if again == 0:
                 begin(rows, drives, b, h)
             else:
-                begin_again(rows, drives, b, h)
+                begin_again(rows, drives, b, h, kept)
             if walk != 0:
                 call_walk(walk, (place, ALL, h))
             elif user.address != 0:
@@ -529,8 +539,8 @@ def step_block(
                         ask_user(run, s, w, h)
                         exchange(copy, mine, row, True)
             if again == 0:
-                solve(rows, ways, near, b, h, False)
-        finish(rows, ways, near, b, h, passive)
+                solve(rows, ways, near, b, h, False, False)
+        finish(rows, ways, near, b, h, passive, kept)
         for w in range(LANE_WIDTH):
             i = first + w
             if ways_on[w] == IN_LANES and lane[of.LANE.alone, w] == 0.0:

@@ -9,7 +9,8 @@ from ..compiler.kinds import F2, F3, I1, I2, f8, i8, named, plain, void
 from ..compiler.lane import in_lanes_of, lanes
 from ..gait.tables import FOOT, GAIT_SETTINGS, LEG, Walk
 from ..gait.walking import control
-from ..rows import TRANSLATE, armature_of, kind_of, v_of
+from ..motions import nv_of
+from ..rows import armature_of, kind_of, v_of
 from .block import LANE, VECTOR
 
 
@@ -63,7 +64,7 @@ def numbers_into(one, all_, w):
 def exchange_armatures(rows, const, x):
     """Swap the drive inertias with and without stiffness terms: the controller uses none."""
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if nv_of(kind_of(rows, k)) == 1:
             j = v_of(rows, k)
             stiff = armature_of(const, k)
             const[k, at.ARMATURE] = x[VECTOR.armature, j]

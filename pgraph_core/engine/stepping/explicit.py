@@ -14,7 +14,8 @@ from ..constraints.blocks import velocities
 from ..forces import drive
 from ..loads import apply_loads
 from ..motion import opened
-from ..rows import BALL, FREE, kind_of, q_of, v_of
+from ..motions import numbers_of
+from ..rows import kind_of, q_of, v_of
 from ..tree.articulated import articulated, inboard, joint_acceleration
 from ..tree.kinematics import outboard, positions
 from ..tree.moving import advance, normalise_all
@@ -159,9 +160,9 @@ def turn_spins(rows, size, stages, by, row, back):
         return
     sign = 2.0 if back else -2.0
     for k in range(1, rows.shape[0]):
-        kind = kind_of(rows, k)
-        if kind >= BALL:
-            i = q_of(rows, k) + (3 if kind == FREE else 0)
+        first, count = numbers_of(kind_of(rows, k))
+        if first > 0:
+            i = q_of(rows, k) + count
             j = nq + v_of(rows, k)
             w = stages[by, i]
             u = (stages[by, i + 1], stages[by, i + 2], stages[by, i + 3])

@@ -26,20 +26,18 @@ from ..compiler.elementary import power
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
+from ..motions import has_attitude, numbers_of, nv_of, project
 from ..records import columns
 from ..rows import (
-    SCREW,
-    TRANSLATE,
     add_force,
     armature_of,
-    axis_of,
     force_of,
     inertia_of,
     kind_of,
     link_of,
     origin_of,
     parent_of,
-    pitch_of,
+    q_of,
     set_acceleration,
     set_force,
     set_origin,
@@ -47,7 +45,7 @@ from ..rows import (
     v_of,
 )
 from ..tree.dynamics import joint_inertia, newton_euler
-from ..tree.kinematics import joint_force, linear_velocity, outboard
+from ..tree.kinematics import linear_velocity, outboard
 from ..tree.moving import advance, local_rate
 from ..vec import add, add_cross, add_scaled, cross, dot, finite, mul, mul_t, scale, sym_mul
 from . import implicit
@@ -118,25 +116,14 @@ def momenta(rows, const, work, q, v, p, pdot):
         set_force(work, k, moment, add(mul_t(b, spin), scale(m[0], velocity)))
     for k in range(n - 1, 0, -1):
         moment, force = force_of(work, k)
-        joint_force(rows, const, work, k, force, moment, p)
+        project(rows, work, k, const, moment, force, p)
         lost = cross(origin_of(work, k), force)
-        i = v_of(rows, k)
         parent = parent_of(rows, k)
         turning = spin_of(work, parent)
-        if kind_of(rows, k) <= TRANSLATE:
-            along, kind = axis_of(work, k), kind_of(rows, k)
-            swung = cross(turning, along)
-            pdot[i] = 0.0
-            if kind < TRANSLATE:
-                pdot[i] = dot(swung, moment) - dot(along, lost)
-            if kind == SCREW:
-                pdot[i] += pitch_of(work, k) * dot(swung, force)
-            elif kind == TRANSLATE:
-                pdot[i] = dot(swung, force)
+        rate = scale(-1.0, add(lost, cross(turning, moment)))
+        project(rows, work, k, const, rate, cross(force, turning), pdot)
+        for i in range(v_of(rows, k), v_of(rows, k) + nv_of(kind_of(rows, k))):
             p[i] += armature_of(const, k) * v[i]
-        else:
-            rate = scale(-1.0, add(lost, cross(turning, moment)))
-            joint_force(rows, const, work, k, scale(-1.0, cross(turning, force)), rate, pdot)
         add_force(work, parent, add_cross(moment, link_of(work, k), force), force)
     set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -173,7 +160,7 @@ def into_chart(rows, xi, xi_rate, p, pdot):
     dexpᵀ p = p - a ξ × p + b ξ × (ξ × p), a = (1 - cos φ) / φ², b = (φ - sin φ) / φ³, φ = |ξ|.
     """
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if not has_attitude(kind_of(rows, k)):
             continue
         i = v_of(rows, k)
         x = (xi[i], xi[i + 1], xi[i + 2])
@@ -214,15 +201,12 @@ def reach(rows, inertia, q):
     """Return qᵀ M q of the mass matrix, attitudes as 1 rad: the scale of rounding."""
     total = 0.0
     for k in range(1, rows.shape[0]):
-        i = v_of(rows, k)
-        first = rows[k, at.QI]
-        if kind_of(rows, k) <= TRANSLATE:
-            total += inertia[i, i] * q[first] * q[first]
-            continue
-        for n in range(3):
-            total += inertia[i + n, i + n]
-            if kind_of(rows, k) == at.FREE:
-                total += inertia[i + 3 + n, i + 3 + n] * q[first + n] * q[first + n]
+        i, j = q_of(rows, k), v_of(rows, k)
+        first, count = numbers_of(kind_of(rows, k))
+        for n in range(first):
+            total += inertia[j + n, j + n]
+        for n in range(count):
+            total += inertia[j + first + n, j + first + n] * q[i + n] * q[i + n]
     return total
 
 
@@ -481,7 +465,7 @@ def jacobian(run):
             if j < nv:
                 real[2 * nv + i, j] = minus[i]
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) > TRANSLATE:
+        if has_attitude(kind_of(rows, k)):
             add_half_turn(real, nv, v_of(rows, k), speeds)
     for i in range(nv):
         for j in range(nv):

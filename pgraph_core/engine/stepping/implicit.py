@@ -17,8 +17,9 @@ from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
+from ..motions import has_attitude, is_inert, numbers_of
 from ..records import CHOSEN, columns
-from ..rows import BALL, FREE, OWN, kind_of, q_of, v_of
+from ..rows import kind_of, q_of, v_of
 from ..tree.moving import advance, local_rate
 from ..vec import finite
 from .state import STEP, UNSOLVED, copied, size_of_state
@@ -98,15 +99,12 @@ def local_weights(rows, size, stages, weights):
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
         j = v_of(rows, k)
-        kind = kind_of(rows, k)
-        if kind == FREE:
-            for n in range(3):
-                weights[j + 3 + n] = given[i + n]
-            i += 3
-        weights[j] = given[i] if kind != OWN else 0.0  # no integral of a state has a tolerance
-        if kind >= BALL:
-            weights[j + 1] = given[i]
-            weights[j + 2] = given[i]
+        first, count = numbers_of(kind_of(rows, k))
+        inert = is_inert(kind_of(rows, k))  # no integral of a state has a tolerance
+        for n in range(count):
+            weights[j + first + n] = given[i + n] if not inert else 0.0
+        for n in range(first):
+            weights[j + n] = given[i + count]
     for j in range(nv):
         weights[nv + j] = given[nq + j]
 
@@ -115,7 +113,7 @@ def local_weights(rows, size, stages, weights):
 def half_turn(rows, v, sign, x, out):
     """Add sign · W x to `out`, with W = ½ ω× for every ball and free body."""
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) >= BALL:
+        if has_attitude(kind_of(rows, k)):
             j = v_of(rows, k)
             a, b, c = 0.5 * sign * v[j], 0.5 * sign * v[j + 1], 0.5 * sign * v[j + 2]
             out[j] += b * x[j + 2] - c * x[j + 1]
@@ -154,7 +152,7 @@ def jacobian(run):
     for j in range(nv):
         speeds[j] = stages[at.Y, nq + j]
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) >= BALL:
+        if has_attitude(kind_of(rows, k)):
             add_half_turn(real, nv, v_of(rows, k), speeds)
     data.counters[0].jacobians += 1
     control.newton.jacobian_time = clock.time
@@ -233,7 +231,7 @@ def weigh_states(run):
     nq, nv = size_of_state(run)
     given, weights = stages[at.WEIGHT], data.real[3 * nv + RADAU.weights]
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) == OWN:
+        if is_inert(kind_of(rows, k)):
             i, j = q_of(rows, k), v_of(rows, k)
             size = max(given[i], abs(stages[at.CANDIDATE, nq + j]))
             weights[nv + j] = inverse(control.error.rtol * size + control.error.atol)

@@ -75,25 +75,24 @@ from ..contact.meeting import first_meeting, hits_at_once, state_at
 from ..contact.passing import keep_poses, note_passages
 from ..forces import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, energies, follow, opened
+from ..motions import add_motion, nv_of
 from ..rows import (
-    BALL,
-    TRANSLATE,
     armature_of,
-    axis_of,
     inverse_pivot_of,
     kind_of,
     parent_of,
     set_acceleration,
+    set_kept,
     set_spin,
     spin_of,
     v_of,
 )
 from ..signals import put_rates
 from ..tree.kinematics import accelerate as accelerate_rows
-from ..tree.kinematics import base_axes, positions
+from ..tree.kinematics import positions
 from ..tree.moving import advance
 from ..tree.spinning import SPIN, keep_gyrating, keep_spinning
-from ..vec import add, add_scaled, finite, mul, set_xyz, store, xyz
+from ..vec import finite, set_xyz, store, xyz
 from .booking import book, note_chain
 from .state import NOT_MET, copied, size_of_state
 from .state import STEP as STEP_SIGNATURE
@@ -322,7 +321,10 @@ def accelerate_again(run, t, h, w):
     soften(scene, w, v)
     contacts_at(data.links.contacts).tally[0].share = w / h
     active[0] = 0
+    if data.user.address == 0:  # which may write into the rows
+        set_kept(data.work, 0, 1.0)
     call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, mean, tau, vdot, this.flow))
+    set_kept(data.work, 0, 0.0)
     active[0] = count
     this.counters[0].evaluations += 1
     end_acceleration(run, w, w)
@@ -430,7 +432,7 @@ def stiffen(scene, t, h, q, v):
             if table[n].coordinate >= 0:
                 stiffness[j] += table[n].stiffness
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if nv_of(kind_of(rows, k)) == 1:
             j = v_of(rows, k)
             vectors[OWN_ARMATURE, j] = armature_of(const, k)
             vectors[OWN_GIVEN, j] = given[j]
@@ -446,7 +448,7 @@ def soften(scene, h, v):
     rows, vectors, given = data.rows, data.space.vectors, data.given
     mean, damping, stiffness = vectors[MEAN], vectors[DAMPING], vectors[STIFFNESS]
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if nv_of(kind_of(rows, k)) == 1:
             j = v_of(rows, k)
             pivot = inverse_pivot_of(data.work, k)
             more = softened(pivot, damping[j], stiffness[j], h, v[j], mean[j])
@@ -473,7 +475,7 @@ def softened(pivot, extra, stiffness, h, before, mean):
 def relax(rows, const, vectors, given):
     """Undo `stiffen`."""
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if nv_of(kind_of(rows, k)) == 1:
             j = v_of(rows, k)
             const[k, at.ARMATURE] = vectors[OWN_ARMATURE, j]
             given[j] = vectors[OWN_GIVEN, j]
@@ -487,7 +489,7 @@ def book_drives(rows, drives, tau, before, at_, extra, h, v, ledger):
     """
     more = 0.0
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) <= TRANSLATE:
+        if nv_of(kind_of(rows, k)) == 1:
             j = v_of(rows, k)
             change = v[j] - before[j]
             mean = 0.5 * (v[j] + before[j])
@@ -639,13 +641,5 @@ def account(scene, first, t, lasts, ledger):
 def turn_rates(rows, const, work, v):
     """Compute the angular velocities of all rows for other joint velocities, same frames."""
     for k in range(1, rows.shape[0]):
-        p = parent_of(rows, k)
-        j = v_of(rows, k)
-        w = spin_of(work, p)
-        kind = kind_of(rows, k)
-        if kind < TRANSLATE:
-            w = add_scaled(w, v[j], axis_of(work, k))
-        elif kind >= BALL:
-            axes = base_axes(const, work, p, k)
-            w = add(w, mul(axes, (v[j], v[j + 1], v[j + 2])))
-        set_spin(work, k, w)
+        w = spin_of(work, parent_of(rows, k))
+        set_spin(work, k, add_motion(rows, work, k, const, v, w, w)[0])

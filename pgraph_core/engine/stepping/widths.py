@@ -15,8 +15,9 @@ from ..compiler.jit import part, sweep
 from ..edges import next_edge
 from ..forces import lag_width
 from ..motion import opened
+from ..motions import is_angle, is_inert, nq_of, numbers_of
 from ..records import CHOSEN, GIVEN
-from ..rows import BALL, FREE, OWN, TRANSLATE, kind_of, q_of, v_of
+from ..rows import kind_of, q_of, v_of
 from ..signals import next_sample
 from ..vec import finite
 from .state import NOT_MET, UNSOLVED, acceleration_of, copied, rate_of, size_of_state
@@ -33,19 +34,17 @@ def extremes(rows, size, stages, row, spin, speed, length):
         i = q_of(rows, k)
         j = nq + v_of(rows, k)
         kind = kind_of(rows, k)
-        if kind == TRANSLATE:
-            speed = max(speed, abs(state[j]))
-            length = max(length, abs(state[i]))
+        if is_inert(kind):
             continue
-        if kind == OWN:
-            continue
-        spin = max(spin, abs(state[j]))
-        if kind >= BALL:
-            spin = max(spin, abs(state[j + 1]), abs(state[j + 2]))
-        if kind == FREE:
-            for n in range(3):
-                speed = max(speed, abs(state[j + 3 + n]))
-                length = max(length, abs(state[i + n]))
+        first, count = numbers_of(kind)
+        turns = first
+        if is_angle(kind):
+            turns, count = 1, 0
+        for n in range(turns):
+            spin = max(spin, abs(state[j + n]))
+        for n in range(count):
+            speed = max(speed, abs(state[j + first + n]))
+            length = max(length, abs(state[i + n]))
     return spin, speed, length
 
 
@@ -74,26 +73,22 @@ def weigh(rows, size, stages, control):
         i = q_of(rows, k)
         j = nq + v_of(rows, k)
         kind = kind_of(rows, k)
-        if kind == OWN:
+        first, count = numbers_of(kind)
+        if is_inert(kind):
             weights[i] = max(weights[i], abs(stages[at.Y, j]))
             size = max(weights[i], abs(stages[at.CANDIDATE, j]))
             weights[j] = inverse(rtol * size + atol)
-        elif kind < TRANSLATE:
+        elif is_angle(kind):
             rounding = 8.0 * EPS * abs(stages[at.CANDIDATE, i])
             weights[i] = 1.0 / (rtol + atol + rounding)
             weights[j] = 1.0 / (rtol * spin + atol)
-        elif kind == TRANSLATE:
-            weights[i] = inverse(rtol * length + atol)
-            weights[j] = inverse(rtol * speed + atol)
         else:
-            if kind == FREE:
-                for n in range(3):
-                    weights[i + n] = inverse(rtol * length + atol)
-                    weights[j + 3 + n] = inverse(rtol * speed + atol)
-                i += 3
-            for n in range(4):
-                weights[i + n] = 1.0 / (rtol + atol)
-            for n in range(3):
+            for n in range(count):
+                weights[i + n] = inverse(rtol * length + atol)
+                weights[j + first + n] = inverse(rtol * speed + atol)
+            for n in range(i + count, i + nq_of(kind)):
+                weights[n] = 1.0 / (rtol + atol)
+            for n in range(first):
                 weights[j + n] = 1.0 / (rtol * spin + atol)
 
 
@@ -112,13 +107,14 @@ def size_of(rows, size, stages, row):
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
         kind = kind_of(rows, k)
-        if kind <= TRANSLATE:
-            worst = larger(worst, error[i] * weights[i]) if kind != OWN else worst
+        if is_inert(kind):
             continue
-        if kind == FREE:
-            for n in range(3):
-                worst = larger(worst, error[i + n] * weights[i + n])
-            i += 3
+        first, count = numbers_of(kind)
+        for n in range(count):
+            worst = larger(worst, error[i + n] * weights[i + n])
+        if first == 0:
+            continue
+        i += count
         along = 0.0
         whole = 0.0
         length = 0.0

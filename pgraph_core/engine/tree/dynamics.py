@@ -4,28 +4,24 @@ Articulated bodies follow [Featherstone 2008, ch. 7], here in world-aligned axes
 origins, where the paper's φ is a pure shift and a and b are those of eqs. (9) and (12).
 """
 
-from ..compiler.jit import kernel, part, sweep
+from ..compiler.jit import kernel, sweep
 from ..compiler.kinds import F1, F2, I2, i8, void
+from ..motions import column, nv_of, project
+from ..motions.inertia import add_inertia_to
 from ..rows import (
-    ROTATE,
-    SCREW,
-    TRANSLATE,
     acceleration_of,
     add_bias,
     add_force,
     armature_of,
-    axis_of,
     bias_of,
     carrier_of,
     force_of,
     inertia_of,
     kind_of,
     link_of,
-    nv_of,
     offset_of,
     origin_of,
     parent_of,
-    pitch_of,
     rotation_of,
     set_acceleration,
     set_force,
@@ -33,8 +29,8 @@ from ..rows import (
     v_of,
 )
 from ..vec import add, add_cross, cross, dot, finite, load, mul, mul_t, scale, sub, sym_mul
-from .articulated import add_to_parent, articulated, inboard, joint_acceleration, singular_row
-from .kinematics import accelerate, base_axes, joint_force, outboard, positions
+from .articulated import articulated, inboard, joint_acceleration, singular_row
+from .kinematics import accelerate, outboard, positions
 
 
 @sweep
@@ -90,9 +86,9 @@ def newton_euler(rows, const, v, vdot, work, tau):
         set_force(work, k, moment, force)
     for k in range(n - 1, 0, -1):
         moment, force = force_of(work, k)
-        joint_force(rows, const, work, k, force, moment, tau)
-        if kind_of(rows, k) <= TRANSLATE:
-            tau[v_of(rows, k)] += armature_of(const, k) * vdot[v_of(rows, k)]
+        project(rows, work, k, const, moment, force, tau)
+        for j in range(v_of(rows, k), v_of(rows, k) + nv_of(kind_of(rows, k))):
+            tau[j] += armature_of(const, k) * vdot[j]
         p = parent_of(rows, k)
         add_force(work, p, add_cross(moment, link_of(work, k), force), force)
 
@@ -108,34 +104,15 @@ def inverse_dynamics(rows, const, bodies_i, bodies_f, q, v, vdot, external, work
 # -- composite bodies: the mass matrix, O(n depth) [Featherstone 2008, sec. 6.2] ------------------
 
 
-@part
-def motion(rows, const, work, k, column):
-    """Return a column of H_k, eqs. (6), (7), as (angular, linear) in world axes."""
-    zero = (0.0, 0.0, 0.0)
-    kind = kind_of(rows, k)
-    if kind == ROTATE:
-        return axis_of(work, k), zero
-    if kind == SCREW:
-        return axis_of(work, k), scale(pitch_of(work, k), axis_of(work, k))
-    if kind == TRANSLATE:
-        return zero, axis_of(work, k)
-    axes = base_axes(const, work, parent_of(rows, k), k)
-    c = column % 3
-    x = (axes[c], axes[c + 3], axes[c + 6])
-    if column < 3:
-        return x, zero
-    return zero, x
-
-
 @sweep
 def composite_inertia(rows, work):
     """Compute I_c of every row, the sum of its inertia and those of its descendants, shifted by
     φ."""
-    zero = (0.0, 0.0, 0.0)
     for k in range(rows.shape[0] - 1, 0, -1):
         p = parent_of(rows, k)
         if p > 0:
-            add_to_parent(work, p, link_of(work, k), inertia_of(work, k), zero, zero)
+            j, b, m = inertia_of(work, k)
+            add_inertia_to(work, p, link_of(work, k), j, b, m)
 
 
 @sweep
@@ -143,23 +120,22 @@ def joint_inertia(rows, const, work, m):
     """Compute M of eq. (25) after `outboard`, with F = I_c H and F_p = φᵀ F, eq. (12)."""
     composite_inertia(rows, work)
     for k in range(1, rows.shape[0]):
-        for column in range(nv_of(kind_of(rows, k))):
-            h0, h1 = motion(rows, const, work, k, column)
+        for c in range(nv_of(kind_of(rows, k))):
+            h0, h1 = column(rows, work, k, const, c)
             j, b, mass = inertia_of(work, k)
             moment = add(sym_mul(j, h0), mul(b, h1))
             force = add(mul_t(b, h0), sym_mul(mass, h1))
-            i = v_of(rows, k) + column
+            i = v_of(rows, k) + c
             p = k
             while p > 0:
-                for c in range(nv_of(kind_of(rows, p))):
-                    g0, g1 = motion(rows, const, work, p, c)
+                for d in range(nv_of(kind_of(rows, p))):
+                    g0, g1 = column(rows, work, p, const, d)
                     x = dot(g0, moment) + dot(g1, force)
-                    m[i, v_of(rows, p) + c] = x
-                    m[v_of(rows, p) + c, i] = x
+                    m[i, v_of(rows, p) + d] = x
+                    m[v_of(rows, p) + d, i] = x
                 moment = add_cross(moment, link_of(work, p), force)
                 p = parent_of(rows, p)
-            if kind_of(rows, k) <= TRANSLATE:
-                m[i, i] += armature_of(const, k)
+            m[i, i] += armature_of(const, k)
 
 
 @sweep
@@ -197,7 +173,7 @@ def jacobian(rows, const, q, v, k, point, work, jac):
     while k > 0:
         arm = sub(place, origin_of(work, k))
         for c in range(nv_of(kind_of(rows, k))):
-            h0, h1 = motion(rows, const, work, k, c)
+            h0, h1 = column(rows, work, k, const, c)
             linear = add_cross(h1, h0, arm)
             i = v_of(rows, k) + c
             for n in range(3):

@@ -5,8 +5,9 @@ import math
 from ...tolerances import TINY
 from ..compiler.elementary import sine_cosine, tan
 from ..compiler.jit import part, sweep
-from ..rows import BALL, FREE, TRANSLATE, kind_of, q_of, v_of
-from ..vec import add_cross, add_scaled, cross, dot, scale, store3
+from ..motions import numbers_of
+from ..rows import kind_of, q_of, v_of
+from ..vec import add_cross, add_scaled, cross, dot, load3, scale, store3
 
 
 @sweep
@@ -15,16 +16,11 @@ def advance(rows, q, v, h):
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
         j = v_of(rows, k)
-        kind = kind_of(rows, k)
-        if kind <= TRANSLATE:
-            q[i] += h * v[j]
-            continue
-        if kind == FREE:
-            for n in range(3):
-                q[i + n] += h * v[j + 3 + n]
-            i += 3
-        half = scale(0.5 * h, (v[j], v[j + 1], v[j + 2]))
-        turn(q, i, half)
+        first, count = numbers_of(kind_of(rows, k))
+        for n in range(count):
+            q[i + n] += h * v[j + first + n]
+        if first > 0:
+            turn(q, i + count, scale(0.5 * h, load3(v, j)))
 
 
 @part
@@ -56,14 +52,12 @@ def rate(rows, q, v, out):
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
         j = v_of(rows, k)
-        kind = kind_of(rows, k)
-        if kind <= TRANSLATE:
-            out[i] = v[j]
+        first, count = numbers_of(kind_of(rows, k))
+        for n in range(count):
+            out[i + n] = v[j + first + n]
+        if first == 0:
             continue
-        if kind == FREE:
-            for n in range(3):
-                out[i + n] = v[j + 3 + n]
-            i += 3
+        i += count
         x, y, z = 0.5 * v[j], 0.5 * v[j + 1], 0.5 * v[j + 2]
         w, a, b, c = q[i], q[i + 1], q[i + 2], q[i + 3]
         out[i] = -x * a - y * b - z * c
@@ -76,10 +70,9 @@ def rate(rows, q, v, out):
 def normalise_all(rows, q):
     """Normalise every quaternion."""
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) == BALL:
-            normalise(q, q_of(rows, k))
-        elif kind_of(rows, k) == FREE:
-            normalise(q, q_of(rows, k) + 3)
+        first, count = numbers_of(kind_of(rows, k))
+        if first > 0:
+            normalise(q, q_of(rows, k) + count)
 
 
 @sweep
@@ -90,13 +83,11 @@ def local_rate(rows, xi, v, out):
     """
     for k in range(1, rows.shape[0]):
         j = v_of(rows, k)
-        kind = kind_of(rows, k)
-        if kind <= TRANSLATE:
-            out[j] = v[j]
+        first, count = numbers_of(kind_of(rows, k))
+        for n in range(first, first + count):
+            out[j + n] = v[j + n]
+        if first == 0:
             continue
-        if kind == FREE:
-            for n in range(3):
-                out[j + 3 + n] = v[j + 3 + n]
         x = (xi[j], xi[j + 1], xi[j + 2])
         omega = (v[j], v[j + 1], v[j + 2])
         square = dot(x, x)

@@ -15,18 +15,15 @@ from typing import Any, NamedTuple
 from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, I1, I2, i8, named, plain, void
-from ..layout import FREE
-from ..linear import restore6
+from ..motions import column, has_attitude, nv_of, restore
 from ..records import columns
 from ..rows import (
-    TRANSLATE,
     armature_of,
     gravity_of,
     inertia_of,
     kind_of,
     link_of,
     mass_of,
-    nv_of,
     origin_of,
     parent_of,
     rotation_of,
@@ -53,7 +50,7 @@ from ..vec import (
     sym_mul,
 )
 from .articulated import articulated, singular_row
-from .dynamics import motion, outer_freedoms
+from .dynamics import outer_freedoms
 from .kinematics import outboard, positions
 
 # columns of `bodies`: what a row and all that it carries sum up to, and its own motion
@@ -186,7 +183,7 @@ def set_freedoms(rows, const, work, v, vdot, bodies, freedoms):
             velocity = carrier
             acceleration = rate
             for c in range(begin, done):
-                h0, h1 = motion(rows, const, work, k, c)
+                h0, h1 = column(rows, work, k, const, c)
                 s = h0, add(h1, cross(at, h0))
                 swung = moved(carrier, s)
                 velocity = plus(velocity, times(v[first + c], s))
@@ -260,7 +257,7 @@ def set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes):
             turned = plus(felt, pushed(s, carried))
             by_speed = swept(bodies, k, s)
             by_speed = plus(by_speed, inertial(bodies, k, load66(freedoms, j, FREEDOM.both)))
-            slides = kind == FREE and j >= first + 3
+            slides = has_attitude(kind) and j >= first + 3
             for i in range(first, first + nv_of(kind)):
                 own = load66(freedoms, i, FREEDOM.axis)
                 slopes[i, j] = power(own, felt if slides and i < first + 3 else turned)
@@ -303,22 +300,20 @@ def set_factor(rows, const, work, freedoms, m):
     """
     for k in range(1, rows.shape[0]):
         kind, first = kind_of(rows, k), v_of(rows, k)
-        if kind == FREE:
-            restore6(work, k)
+        restore(rows, work, k)
         j, b, mass = inertia_of(work, k)
         for c in range(nv_of(kind)):
-            h = motion(rows, const, work, k, c)
+            h = column(rows, work, k, const, c)
             u = add(sym_mul(j, h[0]), mul(b, h[1])), add(mul_t(b, h[0]), sym_mul(mass, h[1]))
             store66(freedoms, first + c, FREEDOM.axis, u)
         for c in range(nv_of(kind) - 1, -1, -1):
             u = load66(freedoms, first + c, FREEDOM.axis)
-            pivot = power(motion(rows, const, work, k, c), u)
-            if kind <= TRANSLATE:
-                pivot += armature_of(const, k)
+            pivot = power(column(rows, work, k, const, c), u)
+            pivot += armature_of(const, k)
             m[first + c, first + c] = pivot
             u = times(1.0 / pivot, u)
             for d in range(c):  # reduces the inertia of the other freedoms of the row
-                a = power(motion(rows, const, work, k, d), u)
+                a = power(column(rows, work, k, const, d), u)
                 m[first + c, first + d] = a
                 left = plus(load66(freedoms, first + d, FREEDOM.axis), times(-a * pivot, u))
                 store66(freedoms, first + d, FREEDOM.axis, left)
@@ -330,7 +325,7 @@ def set_factor(rows, const, work, freedoms, m):
                 if p == 0:
                     break
                 for d in range(nv_of(kind_of(rows, p))):
-                    h = motion(rows, const, work, p, d)
+                    h = column(rows, work, p, const, d)
                     m[first + c, v_of(rows, p) + d] = power(h, (moment, force))
 
 

@@ -17,15 +17,14 @@ from ...tolerances import EPS, LONGEST_STEP, TINY, VISIBLE
 from ..compiler.elementary import sine_cosine
 from ..compiler.jit import part, sweep
 from ..linear import factor3, solve3
+from ..motions import has_attitude, nv_of, transmits, travels
+from ..motions.attitude import base_axes
 from ..records import columns
 from ..rows import (
-    BALL,
-    FREE,
     acceleration_of,
     gravity_of,
     kind_of,
     mass_of,
-    nv_of,
     origin_of,
     parent_of,
     rotation_of,
@@ -52,7 +51,7 @@ from ..vec import (
     sym_mul,
 )
 from .articulated import articulated
-from .kinematics import accelerate, base_axes, frames, linear_velocity, positions
+from .kinematics import accelerate, frames, linear_velocity, positions
 from .moving import advance
 
 TURN = LONGEST_STEP / 2  # [rad] rotation in a substep that converges for any inertia
@@ -87,14 +86,15 @@ def keep_spinning(rows, const, work, v, mean, kick, h, free, vdot):
             free[v_of(rows, parent_of(rows, k))] = 0.0
     for k in range(1, rows.shape[0]):
         j = v_of(rows, k)
-        if kind_of(rows, k) < BALL or parent_of(rows, k) > 0 or free[j] == 0.0:
+        kind = kind_of(rows, k)
+        if not has_attitude(kind) or parent_of(rows, k) > 0 or free[j] == 0.0:
             continue
-        axes = base_axes(const, work, 0, k)
+        axes = base_axes(rows, work, k, const)
         r = rotation_of(work, k)
         m, com, central = mass_of(const, k)
         c = mul(r, com)
         inertia = rotate_sym(r, central)
-        if kind_of(rows, k) == BALL:
+        if not travels(kind):
             inertia = about_origin(inertia, m, c)
         before, here = mul(axes, load3(v, j)), mul(axes, load3(mean, j))
         pushed = mul(axes, load3(kick, j))
@@ -102,7 +102,7 @@ def keep_spinning(rows, const, work, v, mean, kick, h, free, vdot):
         after = rate_after(inertia, before, here, alpha, h)
         change = sub(sub(after, before), pushed)
         store3(vdot, j, mul_t(axes, scale(1.0 / h, change)))
-        if kind_of(rows, k) == FREE and dot(com, com) > 0.0:  # the centre of mass moves on
+        if travels(kind) and dot(com, com) > 0.0:  # the centre of mass moves on
             linear = mul(axes, load3(vdot, j + 3))
             swing = add_cross(cross(alpha, c), here, cross(here, c))
             orbit = sub(
@@ -257,7 +257,7 @@ def keep_momentum(rows, const, work, q, v, h, scratch, vdot):
     """
     place, middle = scratch[SPIN.shifted], scratch[SPIN.middle]
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) != FREE or parent_of(rows, k) > 0 or not gyrates(rows, scratch, k):
+        if transmits(kind_of(rows, k)) or parent_of(rows, k) > 0 or not gyrates(rows, scratch, k):
             continue
         tree = scratch[SPIN.tree, k - 1]
         for j in range(v.shape[0]):
@@ -309,7 +309,7 @@ def correct_momentum(rows, const, work, q, v, h, scratch, vdot, k, aim):
     turn = scale(size, (dot(torque, yz), dot(torque, cross(z, x)), dot(torque, cross(x, y))))
     arm = sub(sub(origin_of(work, k), fixed), c)
     move = add_cross(scale(1.0 / m, force), turn, arm)
-    axes = base_axes(const, work, 0, k)
+    axes = base_axes(rows, work, k, const)
     j = v_of(rows, k)
     store3(vdot, j, add_scaled(load3(vdot, j), 1.0 / h, mul_t(axes, turn)))
     store3(vdot, j + 3, add_scaled(load3(vdot, j + 3), 1.0 / h, mul_t(axes, move)))
