@@ -23,7 +23,7 @@ PER_POINT = 1 << 51  # features of point k of a list of points start at k times 
 
 THINNED_ABOVE = 48  # points on a heightfield, above which they are thinned on the way
 SAME_NORMAL = 1.0 - COINCIDENT  # cosine
-NEW, DROPPED, KEPT = 0, 1, 2
+NEW, DROPPED, STAYING = 0, 1, 2
 
 
 @part
@@ -155,10 +155,10 @@ def fewer(out, first, n, room):
                 out[c].pair = DROPPED
                 count += 1
         for k in range(thin(room, 0, count, normal)):
-            out[int(room[k].tag)].pair = KEPT
+            out[int(room[k].tag)].pair = STAYING
     end = first
     for c in range(first, n):
-        if out[c].pair == KEPT:
+        if out[c].pair == STAYING:
             if end < c:
                 out[end] = out[c]
             end += 1
