@@ -134,7 +134,7 @@ const pgraphEngine = (() => {
       const code = k.k_constrained_dynamics(scene, accelerate, t, ...args.q, ...args.v, ...args.given, ...args.flow, ...args.vdot, ...args.wrenches);
       if (code > 0n) throw new Problem("A joint has no inertia with these values.");
       if (code < 0n) throw new Problem("The acceleration at the start is not finite with these values.");
-      if (header.bounded) k.k_bound_step(BigInt(header.run));
+      if (header.bounded) k.k_bound_step(BigInt(header.run), BigInt(header.state));
       this.fresh = true;
       this.show();
     }

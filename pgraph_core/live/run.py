@@ -356,6 +356,7 @@ class LiveRun:
             "own_loads": len(self._pull) - 1,
             "project": bool(self.plan.project and len(self.plan.active)),
             "bounded": bool(steps.guard["approach"]),
+            "state": at.Y,
             "fallen": place(user.fallen) if user is not None else 0,
             "logged": _logged(self.image, touching),
         }  # fmt: skip

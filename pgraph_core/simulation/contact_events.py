@@ -349,8 +349,10 @@ class ContactEvents:
         self._accelerations(t)
         rates = np.abs(np.column_stack((f["normal_acceleration"], f["tangential_acceleration"])))
         size = max(float(np.linalg.norm(self.mech.model.gravity)), float(np.max(rates)))
-        for s in np.flatnonzero(resting & (f["normal_acceleration"] < -SOLVED * size)).tolist():
+        falls = np.flatnonzero(resting & (f["normal_acceleration"] < -SOLVED * size)).tolist()
+        for s in falls:
             self._close(s, ACCEPTANCE)
+        if falls:
             return True
         moved = 0.0
         for s in np.flatnonzero(starting).tolist():

@@ -95,13 +95,13 @@ def no_wider(plan: RunPlan, widest: float) -> RunPlan:
 def may_jump(record: Recording, plan: RunPlan) -> bool:
     """Check whether forces may have jumped within steps.
 
-    This is possible for joint friction and torque functions. With time stepping, forces of contacts
-    and limits jump if any of them were active, and its steps do not end where soft and penalty
-    contacts touch.
+    This is possible for joint friction and torque functions, and for soft and penalty contacts where
+    steps do not end at their touches. With time stepping, forces of contacts and limits jump if any
+    of them were active.
     """
     touching = record.scene.touching
     yields = plan.contacts is not None and plan.contacts.compliant
-    if plan.method.name == "moreau_jean" and yields:
+    if yields and not (plan.yields and record.steps.links.cross):
         return True
     pushed = touching is not None and touching.tally["force"] > 0.0
     return pushed or record.user is not None or bool((plan.drives.table["friction"] > 0.0).any())

@@ -484,7 +484,7 @@ class Recording(Running):
         if self.steps.guard["approach"]:
             from ..engine.contact.approach import bound_step
 
-            bound_step(self.steps.address)
+            bound_step(self.steps.address, at.Y)
 
     # -- for a stepper ---------------------------------------------------------------------------
 

@@ -120,6 +120,66 @@ def test_contacts_that_touch_at_the_start_push_at_once(law):
     assert abs(run["b.2"][-1] - fine["b.2"][-1]) < 1e-7
 
 
+def resting(law, gap, speed=0.0, size=1.0, mass=1.0, **given):
+    body = pg.Body(
+        name="b", joint="free", mass=mass, inertia=(mass * size * size / 6,) * 3,
+        q=(0, 0, 0.5 * size + gap, 1, 0, 0, 0), v=(0, 0, 0, 0, 0, speed),
+        shape=pg.Shape(kind="box", size=(size,) * 3),
+    )  # fmt: skip
+    return pg.Model(bodies=(body,), contacts=(pg.Contact(name="f", body="b", law=law, **given),))
+
+
+METHODS = "rk4", "dopri5", "dop853", "semi_implicit_euler", "gauss6", "radau5", "moreau_jean"
+
+
+@pytest.mark.parametrize(
+    ("law", "method", "step", "gap", "speed"),
+    combined(
+        ["penalty", "soft"],
+        METHODS,
+        [0.05, 0.1, 0.02],
+        [0.0, 1e-9, -1e-9, -1e-5, 1e-4],
+        [0.0, 1.0, -1.0],
+    ),
+)
+def test_a_run_that_begins_at_a_touch_takes_no_energy_from_wide_steps(
+    law, method, step, gap, speed
+):
+    """A contact with losses only takes energy. At the start its springs hold what 1e-5 m hold."""
+    model = resting(law, gap, speed)
+    stored = 9.81 * 1e-4 if gap < 0.0 else 0.0  # J: four springs whose rest is at 1e-5 m
+    run = pg.simulate(model, t_end=0.1, method=method, step=step, estimate=False)
+    energy = run.energy - run.energy[0]
+    assert energy.max() < stored + 1e-3 * max(9.81 * 0.5, 0.5 * speed**2)
+
+
+@pytest.mark.parametrize("law", ["penalty", "soft"])
+@pytest.mark.parametrize(("size", "mass"), [(0.05, 1e-3), (1.0, 1.0), (4.0, 1e3)])
+def test_a_box_that_touches_comes_to_rest_at_any_size(law, size, mass):
+    model = resting(law, 0.0, size=size, mass=mass)
+    run = pg.simulate(model, t_end=0.1, method="rk4", step=0.05, estimate=False)
+    assert np.abs(run.q[:, 2] - 0.5 * size).max() < 1e-3 * size
+    assert abs(run.v[-1, 5]) < 1e-2 * np.sqrt(9.81 * size)
+
+
+@pytest.mark.parametrize("law", ["penalty", "soft"])
+def test_a_force_that_begins_on_a_body_at_rest_throws_it_no_more(law):
+    """Without gravity nothing but the torques of a step presses the box into the ground."""
+    model = resting(law, 0.0, stiffness=1e6, damping=10.0, friction=0.0).replace(gravity=(0, 0, 0))
+    stepper = pg.Stepper(model, method="rk4", step=0.05)
+    batch = pg.BatchStepper(model, 2, method="rk4", step=0.05)
+    for push in (0.0, -20.0, -20.0, 0.0):
+        tau = np.array((0, 0, 0, 0, 0, push))
+        stepper.step(tau)
+        batch.step(np.tile(tau, (2, 1)))
+        assert np.array_equal(stepper.q, batch.q[1])
+        assert abs(stepper.q[2] - 0.5) < 1e-2
+    run = pg.simulate(model, t_end=0.05, method="rk4", step=0.05, tau=lambda t, q, v: tau)
+    stepper.reset()
+    stepper.step(tau)
+    assert np.array_equal(run.q[-1], stepper.q)
+
+
 # -- conditions that keep themselves at their threshold -------------------------------------------
 
 

@@ -17,7 +17,7 @@ from ..constraints.blocks import point_velocity, velocities
 from ..motion import opened
 from ..records import CHOSEN, DEEP, PENALTY, POINTS, RIGID, SWING
 from ..rows import spin_of
-from ..stepping.run import LOOK_BACK
+from ..stepping.run import BOUND
 from ..stepping.state import size_of_state
 from ..tree.kinematics import outboard, positions
 from ..vec import dot, sub, xyz
@@ -35,14 +35,15 @@ LEAD = 0.01  # first given step into an impact, relative to its depth
 PRESSED = 10.0  # force of a contact that is not at rest, relative to the weight
 
 
-@kernel(LOOK_BACK, nogil=True, later=True)
-def bound_step(run):
-    """Store the maximum step size from the state in Y in `bound`."""
+@kernel(BOUND, nogil=True, later=True)
+def bound_step(run, row):
+    """Store the maximum step size from the positions in Y, at the velocities in `row`, in
+    `bound`."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     clock, error, guard = control.clock, control.error, control.guard
     nq, nv = size_of_state(run)
-    q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
+    q, v = stages[at.Y, :nq], stages[row, nq : nq + nv]
     scene = opened(data.scene)
     outboard(scene.rows, scene.const, scene.work, q, v)
     positions(scene.rows, scene.work)
@@ -167,6 +168,8 @@ def one_bound(contacts, pair, gap, rates, thin, steps):
     if rate * width > PART * thin:
         bound = (ahead + PART * thin) / rate
     speed = rate if given or gap > 0.0 else closing
+    if given and gap <= 0.0:
+        speed = max(rate, -closing)  # what leaves is as fast as what comes
     if speed > 0.0:
         lead = contacts.tally[0].fine * lead_of(law, speed, rtol)
         if speed * width > lead and (given or gap > -lead):
@@ -190,7 +193,7 @@ def one_bound(contacts, pair, gap, rates, thin, steps):
             loss = law.damping * push
             if law.loss > 0.0:
                 loss = law.loss * math.sqrt(1.25 * law.mass * push / depth)
-        if push > PRESSED * law.mass * contacts.tally[0].pull or rate * width > PART * depth:
+        if push > PRESSED * law.mass * contacts.tally[0].pull or speed * width > PART * depth:
             own = math.sqrt(slope / law.mass) + loss / law.mass
             bound = min(bound, WITHIN * contacts.tally[0].fine / own)
     return bound

@@ -452,15 +452,16 @@ def solve_exact(scene, n, size):
     """Solve the contact laws of island n. Returns (residual over `size`, number of steps).
 
     It starts from λ. If this does not converge, problems with given friction bounds are solved
-    first (`hold`). If no contact state has changed, the impulses of least norm are computed next.
-    If a contact state changes, the impulses are only transient, and the impulses of least norm
-    usually lead to another change.
+    first (`hold`). If no contact state has changed, or in an impact, the impulses of least norm are
+    computed next. If a contact state changes within a step, the impulses are only transient, and
+    the impulses of least norm usually lead to another change.
     """
     left, taken, same = converge(scene, n, size, CAREFUL)
     if left > NOTABLE:
         left, more = hold(scene, n, size, left)
         taken += more
-    settle = same or left > TOLERANCE
+    strikes = contacts_at(opened(scene).links.contacts).tally[0].share == 0.0
+    settle = same or strikes or left > TOLERANCE
     note_settled(scene, n, settle)
     if not settle:
         return left, taken

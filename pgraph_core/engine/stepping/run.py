@@ -6,7 +6,7 @@ projection, frames and events are the same for all methods.
 
 import math
 
-from ...tolerances import EPS
+from ...tolerances import EPS, SOLVED
 from .. import layout as at
 from ..arrays import RUN, opened_run, save_run_tuple
 from ..compiler.address import caller
@@ -37,6 +37,8 @@ from .widths import (
 
 LOOK_BACK = void(i8)
 call_look_back = caller(LOOK_BACK)
+BOUND = void(i8, i8)  # run, row of the velocities with which the next step is bounded
+call_bound = caller(BOUND)
 
 WORTH_FACTORING = 1.2  # a change of width below it is not worth factoring the matrices again
 
@@ -106,6 +108,10 @@ def step_once(run):
     if control.error.widths == CHOSEN and clock.width == 0.0:
         clock.width = first_width(run)
     h, end, corner = next_width(run)
+    if control.error.widths == GIVEN and guard.approach != 0:
+        w = foreseen(run, h)
+        if w < h:
+            h, end, corner = w, clock.time + w, False
     error = call_step(links.step, (run, h))
     good = error >= 0.0 and error < math.inf
     if not good and links.cross != 0:  # a side may have no value beyond its margin
@@ -144,7 +150,7 @@ def step_once(run):
     if control.error.widths == GIVEN:
         step_taken(run)
     if guard.approach != 0 and code == at.DONE:
-        call_look_back(guard.approach, (run,))
+        call_bound(guard.approach, (run, at.Y))
     if code == at.DONE and steps_in_time(data.scene):
         average(data.scene)
     return code
@@ -155,6 +161,30 @@ def steps_in_time(scene):
     """Check whether the last step of a scene was one of time stepping."""
     contacts = opened(scene).links.contacts
     return contacts != 0 and contacts_at(contacts).tally[0].frozen == FROZEN
+
+
+@sweep
+def foreseen(run, h):
+    """Return the width of a given step that contacts permit also at the velocities of its end.
+
+    A body that rests where it begins to touch has no velocity that says how fast it will move. The
+    velocities at the end are those of Euler's rule, which no stage inside a contact changes.
+    """
+    data = opened_run(run)
+    control, stages, slope = data.control[0], data.stages, at.SLOPE
+    guard, bound = control.guard, control.guard.bound
+    if data.method[0].starts == 0:
+        slope = at.ERROR
+        acceleration_of(run, control.clock.time, at.Y, slope)
+    while True:
+        for j in range(control.nq, control.nq + control.nv):
+            stages[at.CANDIDATE, j] = stages[at.Y, j] + h * stages[slope, j]
+        call_bound(guard.approach, (run, at.CANDIDATE))
+        if not guard.bound < h * (1.0 - SOLVED):
+            break
+        h = guard.bound
+    guard.bound = bound
+    return h
 
 
 @sweep
