@@ -8,6 +8,8 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
+from pgraph_core.engine.arrays import LAMBDA
+from pgraph_core.simulation.event_scene import EventScene
 
 from ..worlds import ball, box, heaped, on_ground
 
@@ -256,6 +258,32 @@ def test_an_impact_whose_impulses_are_not_unique_is_named(points, spin):
     run = runs_of(mech, q, v, INSTANT, WAYS["events"])
     told = [x for x in run.notices if "not unique" in x and "'b'" in x]
     assert len(told) == (spin > 0 and points > 3)
+
+
+@pytest.mark.parametrize(
+    ("com", "friction", "spin", "slip", "across"),
+    [(-0.024, 0.234, 1.644, 0.314, 0.201), (-0.129, 0.499, -1.287, -0.362, 1.005)],
+)
+def test_points_that_stop_in_an_impact_share_it_in_equal_parts(
+    monkeypatch, com, friction, spin, slip, across
+):
+    """Friction along the line through two points is not unique: the least norm has equal parts."""
+    shares = []
+
+    def impact(self, *given):
+        found = hits(self, *given)
+        shares.append(self.space.vectors[LAMBDA, :6].reshape(2, 3).copy())
+        return found
+
+    hits = EventScene.impact
+    monkeypatch.setattr(EventScene, "impact", impact)
+    model = plate([(0.5, 0, -0.05), (-0.5, 0, -0.05)], com, friction=friction, restitution=0.6)
+    start = {"q": (0, 0, 0.0501, 1, 0, 0, 0), "v": (0, 0, spin, slip, across, -2.0)}
+    pg.simulate(model, t_end=1e-4, method="dop853", estimate=False, **start)
+    (found,) = shares
+    sticks = np.hypot(found[:, 1], found[:, 2]) < friction * found[:, 0]
+    assert sticks.all()
+    assert abs(found[0, 2] - found[1, 2]) < 1e-4 * found[:, 0].max()  # 2e-5 by compliance
 
 
 def test_a_box_that_lands_on_a_face_does_not_feel_how_the_scene_is_turned():

@@ -64,9 +64,9 @@ def test_steps_that_do_not_resolve_a_contact_are_reported(law):
 
 
 @pytest.mark.parametrize("method", ["gauss6", "rk4", "semi_implicit_euler", "radau5"])
-def test_methods_that_do_not_damp_unresolved_contacts_report_them(method):
-    """A ball of 4 t falls by 3 m. The contact throws it to 34 m by gauss6 and to 197 m by
-    semi_implicit_euler. The ledger of gauss6 closes."""
+def test_steps_far_too_wide_for_a_contact_throw_nothing(method):
+    """A ball of 4 t falls by 3 m. The first step that ends inside the contact threw it to 34 m by
+    gauss6 and to 197 m by semi_implicit_euler."""
     shape = {"kind": "sphere", "radius": 0.5}
     body = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), mass=4e3, q=(3.5,), shape=shape)
     hard = {"stiffness": 9.4e16, "damping": 0.013, "friction": 0.0}
@@ -74,12 +74,8 @@ def test_methods_that_do_not_damp_unresolved_contacts_report_them(method):
     model = pg.Model(bodies=[body], contacts=[contact])
     run = pg.simulate(model, t_end=4.0, method=method, step=0.01, frames=101)
     assert any("rates" in text for text in run.notices) == (method != "radau5")
-    told = any("dissipation" in text or "not known" in text for text in run.notices)
-    assert told == (run.q.max() > 3.5) == (method in ("gauss6", "semi_implicit_euler"))
-    if told:
-        assert run.dissipation.min() < -1e6
-    if method == "gauss6":
-        assert run.energy_drift < 1e-12
+    assert run.q.max() == 3.5
+    assert run.dissipation.min() > -1e-3 * 4e3 * 9.81 * 3.0
 
 
 @pytest.mark.parametrize("law", ["soft", "penalty"])
