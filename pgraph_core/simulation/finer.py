@@ -95,7 +95,7 @@ def no_wider(plan: RunPlan, widest: float) -> RunPlan:
 def may_jump(record: Recording, plan: RunPlan) -> bool:
     """Check whether forces may have jumped within steps.
 
-    This is possible for joint friction and torque functions, and for soft and penalty contacts where
+    This is possible for joint friction and torque functions, and for soft and penalty contacts if
     steps do not end at their touches. With time stepping, forces of contacts and limits jump if any
     of them were active.
     """
