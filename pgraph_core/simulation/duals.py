@@ -22,10 +22,11 @@ from ..engine.arrays import (
 )
 from ..engine.compiler.address import address_of, address_of_array, buffer
 from ..engine.compiler.dual import WIDTH
-from ..engine.records import CHOSEN, CONTACT, COUNTERS, STEP_CONTROL, table
+from ..engine.records import CONTACT, COUNTERS, table
 from ..errors import InputError, Problem
 from ..packing import Array
 from ..tolerances import NOTABLE
+from .loop import evaluate_again
 from .recording import Recording
 from .variables import Slope
 
@@ -74,16 +75,12 @@ class RunOfDuals:
         self._at_scene = _saved(SCENE_OF_DUALS, self._scene)
         nq, nv = len(steps.q), len(steps.v)
         stages = np.zeros((*steps.stages.shape, WIDTH))
-        control = table(STEP_CONTROL, 1)
-        control[:] = steps.control_table
-        control["clock"]["fresh"] = control["clock"]["filled"] = control["guard"]["address"] = 0
-        control["error"]["widths"] = CHOSEN  # not used: steps are given
         project = address_of(duals.projection_of_duals) if constrain else 0
         links = RunLinks(address_of(duals.acceleration_of_duals), project, 0, 0)
         kept = steps.kept
         self._run = kept._replace(
             scene=address_of_array(self._at_scene), links=links, stages=stages,
-            real=np.zeros((*kept.real.shape, WIDTH)), control=control,
+            real=np.zeros((*kept.real.shape, WIDTH)), control=steps.control_of_duals(),
             counters=table(COUNTERS, 1), flow=np.zeros((3, WIDTH)),
         )  # fmt: skip
         self._at_run = _saved(RUN_OF_DUALS, self._run)
@@ -159,7 +156,7 @@ class RunOfDuals:
         """Add to the derivatives of the state."""
         self._run.stages[at.Y, :, 1:] += derivatives
         self._run.stages[at.CANDIDATE] = self._run.stages[at.Y]
-        self._run.control["clock"]["fresh"] = self._run.control["clock"]["filled"] = 0
+        evaluate_again(self._run.control)
 
     def switch(self, t: float, steps: Any, late: Array, before: Any, after: Any) -> None:
         """Project the state onto other constraints at t, whose derivatives are `late`."""
@@ -177,7 +174,7 @@ class RunOfDuals:
         if len(late):
             y[:, 1 : 1 + len(late)] -= np.outer(after, late)
         self._run.stages[at.CANDIDATE] = y
-        self._run.control["clock"]["fresh"] = self._run.control["clock"]["filled"] = 0
+        evaluate_again(self._run.control)
 
 
 def contacts_of_duals(space: Any, acting: Any, slopes: Array) -> Any:

@@ -51,6 +51,11 @@ TAKEN, FRESH, FRAME = (offsets(STEP_CONTROL)[x] // 8 for x in ("taken", "fresh",
 TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
 
 
+def evaluate_again(control: Any) -> None:
+    """Forget v' at the state of a run and the further stages of its last step."""
+    control["clock"]["fresh"] = control["clock"]["filled"] = 0
+
+
 class Steps:
     """The state of a run in progress, which `advance` continues."""
 
@@ -173,6 +178,14 @@ class Steps:
         """Re-evaluate the acceleration after forces have changed."""
         self._words[0][FRESH] = 0
 
+    def control_of_duals(self) -> Any:
+        """Return a copy of the control for derivatives, which repeat steps and look for nothing."""
+        control = self.control_table.copy()
+        evaluate_again(control)
+        control["guard"]["address"] = 0
+        control["error"]["widths"] = CHOSEN  # not used
+        return control
+
     def search_again(self) -> None:
         """Search for the clearance again at the next look."""
         self.guard["next_check"] = -np.inf
@@ -282,13 +295,14 @@ class Steps:
 
     def go_on(self) -> None:
         """Continue from the state after an event, using the last step size before the event."""
-        self.clock["fresh"] = self.clock["filled"] = self.error["rejected"] = 0
+        evaluate_again(self.control)
+        self.error["rejected"] = 0
         self.error["last_error"] = 1e-4
 
     def restart(self) -> None:
         """Continue with a changed state or changed equations, recording the last frame again."""
         self.clock["frame"] -= 1
-        self.clock["fresh"] = self.clock["filled"] = 0
+        evaluate_again(self.control)
         self.factor_again()
 
     def go_another_way(self, plan: RunPlan, frames: Frames) -> None:
