@@ -608,7 +608,7 @@ class OfKinds(Acting):
     NOTHING: ClassVar[Mapping[str, Any]] = {}
     ABOUT: ClassVar[str] = ""  # one line about the kind, for a list to choose from
     SINCE: ClassVar[int] = 1  # first schema version that has the kind
-    NEW: ClassVar[Mapping[str, Any]] = {}  # values of a new part in a form
+    NEW: ClassVar[Mapping[str, Any]] = {}  # fields of a new part that are always the same
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -644,6 +644,11 @@ class OfKinds(Acting):
         kind = data.get("kind") if isinstance(data, Mapping) else None
         first = next(iter(cls.KINDS.values()))
         return cls.KINDS.get(kind, first) if isinstance(kind, str) else first
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        """Return required fields of a new part, chosen so that the motion does not jump."""
+        return dict(cls.NEW)
 
     def __new__(cls, /, *args: Any, **data: Any) -> Any:
         """Return a part of the given kind, or else of the only one that has most of the fields."""
@@ -777,6 +782,10 @@ class OnSum(OfSums):
         "body name -> numbers, one per degree of freedom of its joint",
         converter=by_name, label="Coefficient", dim=NONE, help="one per degree of freedom",
     )  # fmt: skip
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        return {"coefficients": {body: (1.0,) + (0.0,) * (model.body(body).dof - 1)}}
 
     @model_validator(mode="after")
     def _not_all_zero(self) -> Self:

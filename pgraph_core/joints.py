@@ -43,17 +43,21 @@ BALL = Motion("ball", Z)
 
 
 class Kind(NamedTuple):
-    """Properties of a kind of motion: units of coordinates and velocities, and q at home."""
+    """Properties of a kind of motion: units of coordinates and velocities, and q at home.
+
+    New limits allow q up to `reach` to either side.
+    """
 
     q: tuple[str, ...]
     v: tuple[str, ...]  # a second less, as [rad/s]
     home: tuple[float, ...]
+    reach: float | None = None  # None: it takes no limits
 
 
 KINDS: dict[MotionKind, Kind] = {
-    "rotate": Kind(("rad",), ("rad",), (0.0,)),
-    "screw": Kind(("rad",), ("rad",), (0.0,)),
-    "translate": Kind(("m",), ("m",), (0.0,)),
+    "rotate": Kind(("rad",), ("rad",), (0.0,), math.pi),
+    "screw": Kind(("rad",), ("rad",), (0.0,), math.pi),
+    "translate": Kind(("m",), ("m",), (0.0,), 1.0),
     "ball": Kind(("1",) * 4, ("rad",) * 3, (1.0, 0.0, 0.0, 0.0)),
     "free": Kind(
         ("m",) * 3 + ("1",) * 4, ("rad",) * 3 + ("m",) * 3, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)

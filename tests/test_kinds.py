@@ -5,6 +5,7 @@ import inspect
 import json
 import pickle
 import pydoc
+from typing import Any
 
 import numpy as np
 import pytest
@@ -272,3 +273,16 @@ def test_a_spring_is_a_warning_where_it_has_no_torque(point, other):
     mech = pg.Mechanism(model)
     pulls = [mech.forward_dynamics([q], [0.0], [0.0])[0] for q in (0.1, 1.0, 2.5, 4.0)]
     assert bool(model.doubts) == bool(np.abs(pulls).max() < 1e-12)
+
+
+@pytest.mark.parametrize("kind", sorted(pg.Constraint.KINDS.keys() - {"rolling"}))  # to the ground
+def test_a_new_constraint_does_not_move_its_bodies(kind):
+    """The fields that its class gives it hold where the bodies are."""
+    model = pg.Model.serial(3).edit("1", q=0.4).edit("2", q=-0.3).edit("3", q=0.2)
+    cls: Any = pg.Constraint.KINDS[kind]
+    other = {"other": "1"} if "other" in cls.model_fields else {}
+    new = cls(name="new", body="3", **other, **cls.begun(model, "3", "1"))
+    mech = pg.Mechanism(model.add(new))
+    q = mech.home()[0]
+    assembled, *_ = mech.assemble(q)
+    assert np.abs(assembled - q).max() < 1e-12

@@ -16,7 +16,6 @@ from pgraph_core.forces import BetweenPoints
 from pgraph_core.joints import SIZE
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.expressions import Known
-from pgraph_core.model.poses import poses
 from pgraph_core.rotation import matrix
 from pgraph_core.signals import is_expression, parsed, written
 from pgraph_core.signals.meaning import dim_of
@@ -47,6 +46,10 @@ CURVES = ("polynomial", "sine", "table", "expression")
 FRICTIONS = ("friction", "static_friction", "rolling_friction", "spinning_friction")
 KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outputs": "kind",
               "controls": "kind"}  # fmt: skip
+MAKE: dict[str, Any] = {
+    "constraints": pg.Constraint, "contacts": pg.Contact, "forces": pg.Force,
+}  # fmt: skip
+CONTROLS: dict[str, Any] = pg.Control.KINDS
 
 
 def item_of(model: pg.Model, part: Part, name: str) -> Item:
@@ -107,67 +110,17 @@ def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple
     if part == "controls":
         made = pg.Control(name=name, kind=kind, **_reading(model, kind, body))
         return model.add(made), name
-    make = {"constraints": pg.Constraint, "contacts": pg.Contact, "forces": pg.Force}[part]
     data = {"name": name, KIND_FIELD[part]: kind, "body": body}  # type: ignore[index]
     if takes_other(part, kind):
         data["other"] = other
-    item = make(**data, **needed(model, part, kind, body, other))
+    item = MAKE[part](**data, **needed(model, part, kind, body, other))
     return model.add(item), name
 
 
 def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict[str, Any]:
     """Return the required fields for a new part, chosen so that the motion does not jump."""
-    first = model.body(body) if body != EVERY else None
-    if part == "contacts":
-        bare = first is not None and first.shape is None
-        return {"points": (first.tip_point,)} if bare and first is not None else {}
-    assert first is not None
-    start = first.q[0] if first.q else 0.0
-    match part, kind:
-        case "constraints", "revolute" | "cylindrical" | "prismatic":
-            axes = first.axes if first.dof == 1 else ()
-            if not axes and other in model.row and model.body(other).dof == 1:
-                return {"other_axis": model.body(other).axes[0]}
-            return {"axis": axes[0]} if axes else {}
-        case _, "distance":
-            return {"other_point": (0.0, 0.0, 0.0)}
-        case _, "line":
-            return {"other_axis": _towards(model, body, other)}
-        case _, "plane":
-            return {"other_axis": tuple(float(axis == model.up) for axis in "xyz")}
-        case _, "gear":
-            second = model.body(other).q if other != GROUND else ()
-            return {"offset": start - (second[0] if second else 0.0)}
-        case _, "motion":
-            return {"q_of_t": {"kind": "polynomial", "coefficients": (start, 0.0)}}
-        case _, "rolling":
-            round_ = first.shape is not None and first.shape.kind == "sphere"
-            return {} if round_ else {"radius": 0.1}
-        case _, "skate":
-            return {"axis": (0.0, 1.0, 0.0)}
-        case _, "velocity" | "coupling" | "tendon":
-            return {"coefficients": {body: _unit_row(model, body)}}
-        case "forces", "servo":
-            return {**gains(model, body), "target": start}
-        case "forces", _:
-            return dict(pg.Force.KINDS[kind].NEW)
-    return {}
-
-
-def _towards(model: pg.Model, body: str, other: str) -> tuple[float, ...]:
-    """Return the axis of `other` nearest to the way from its origin to the tip of `body`.
-
-    A slider moves along it, as its first arm turns about that origin. The default is upwards.
-    """
-    found = poses(model.bodies)
-    tip, origin = found[body].place(model.body(body).tip_point), found[other]
-    way = np.abs(origin.rotation.T @ (np.asarray(tip) - origin.position))
-    k = int(np.argmax(way)) if way.any() else "xyz".index(model.up)
-    return tuple(float(i == k) for i in range(3))
-
-
-READS = {"state": "rate", "filter": "input", "pid": "signal", "sampled": "update"}
-QUICKLY = {"filter": {"lag": 0.1}, "sampled": {"sample": 0.01}}  # [s] initial times
+    own = MAKE[part].begun if part == "contacts" else MAKE[part].KINDS[kind].begun
+    return {**own(model, body, other), **(gains(model, body) if kind == "servo" else {})}
 
 
 def _reading(model: pg.Model, kind: str, body: str) -> dict[str, Any]:
@@ -179,17 +132,15 @@ def _reading(model: pg.Model, kind: str, body: str) -> dict[str, Any]:
     of = model.body(body) if body in model.row and model.body(body).dof else first
     if of is None:
         raise Refusal("No joint to measure: add a body first.")
-    group = "q" if joints.places(of.sequence)[0] is not None else "v"
-    return {READS[kind]: "=" + written(group, of.name, 0 if of.dof > 1 else None),
-            **QUICKLY.get(kind, {})}  # fmt: skip
+    group, own = "q" if joints.places(of.sequence)[0] is not None else "v", CONTROLS[kind]
+    return {own.READS: "=" + written(group, of.name, 0 if of.dof > 1 else None), **own.NEW}
 
 
 def _wide(body: pg.Body) -> tuple[Any, ...]:
-    """Return limits of half a turn or 1 m to either side of the start. Raises Refusal."""
+    """Return limits of the usual reach to either side of the start. Raises Refusal."""
     bounds, start = [], 0
     for m in body.sequence:
-        reach = {"rotate": math.pi, "screw": math.pi, "translate": 1.0}.get(m.kind)
-        q = body.q[start]
+        reach, q = joints.KINDS[m.kind].reach, body.q[start]
         bounds.append(None if reach is None else (min(-reach, q - reach), max(reach, q + reach)))
         start += SIZE[m.kind][0]
     if not any(bounds):
@@ -526,21 +477,20 @@ def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, An
     if part == "controls":
         cells, names = model.cells(item, part), pg.Control.KINDS[kind].model_fields
         kept = {k: x for k, x in cells.items() if k in names and x is not None}
-        read = {READS[kind]: cells[READS[item.kind]]}
-        return {**QUICKLY.get(kind, {}), **kept, **read, "kind": kind}
+        read = {CONTROLS[kind].READS: cells[item.READS]}
+        return {**CONTROLS[kind].NEW, **kept, **read, "kind": kind}
     other = getattr(item, "other", GROUND)
     fresh = {"name": item.name, KIND_FIELD[part]: kind, "body": item.body}
     if takes_other(part, kind):
         fresh["other"] = other
     old = model.cells(item, part)
-    cls = pg.Contact if part == "contacts" else pg.Constraint if part == "constraints" else pg.Force
-    draft = cls(**fresh, **needed(model, part, kind, item.body, other))
+    own = needed(model, part, kind, item.body, other)
+    draft = MAKE[part](**fresh, **own)
     same = {
         key: old[key]
         for key in own_fields(draft)
         if old.get(key) not in (None, {}) and key not in (*fresh, "rest", "torque", "stiffness")
     }
-    own = needed(model, part, kind, item.body, other)
     if kind in ("line", "plane") and "axis" in same:  # one direction of the two
         (same if "other_axis" in same else own).pop(
             "axis" if "other_axis" in same else "other_axis", None

@@ -137,7 +137,7 @@ def between(item: Any) -> str:
     if coefficients := getattr(item, "coefficients", None):
         return ", ".join(coefficients)
     if isinstance(item, pg.Control):
-        return f"{getattr(item, parts.READS[item.kind])}".removeprefix("=")
+        return f"{getattr(item, item.READS)}".removeprefix("=")
     if isinstance(item, (pg.Site, pg.Output)):
         return item.body if isinstance(item, pg.Site) else item.at
     names = {parts.EVERY: "all bodies"}

@@ -249,6 +249,10 @@ class Servo(OnJoint):
     INPUT: ClassVar[str] = "target"
     VARIES: ClassVar[tuple[str, ...]] = ("torque", INPUT)
 
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        return {"target": next(iter(model.body(body).q), 0.0)}
+
     kind: Literal["servo"] = field(KIND, default="servo")
     kp: Number = field(
         "a number >= 0 [N m/rad, N/m]",

@@ -35,6 +35,7 @@ from ..fields import (
 from ..rotation import normals_of, unit_vector
 from ..tolerances import NOTABLE
 from ..units import NONE, M, Q, S
+from .poses import poses
 
 KIND = (
     "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
@@ -140,7 +141,18 @@ class Weld(AtPoints):
         return [e.pinned(), e.turned_as_at_home()]
 
 
-class Revolute(AlongAxes):
+class AlongOne(AlongAxes):
+    """A constraint of parallel directions, which begins along the axis of a joint."""
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        for axis, name in (("axis", body), ("other_axis", other)):
+            if name != GROUND and model.body(name).dof == 1 and (axes := model.body(name).axes):
+                return {axis: axes[0]}
+        return {}
+
+
+class Revolute(AlongOne):
     """A hinge. The points coincide, and `axis` stays parallel to `other_axis`."""
 
     ROWS: ClassVar[int] = 5
@@ -152,7 +164,7 @@ class Revolute(AlongAxes):
         return [e.pinned(), e.aligned(axis, normals_of(other))]
 
 
-class Prismatic(AlongAxes):
+class Prismatic(AlongOne):
     """A slider. The orientation is fixed, and `point` stays on the line along `other_axis`."""
 
     ROWS: ClassVar[int] = 5
@@ -171,7 +183,7 @@ class Prismatic(AlongAxes):
         return [e.turned_as_at_home(), e.held(normals_of(other))]
 
 
-class Cylindrical(AlongAxes):
+class Cylindrical(AlongOne):
     """A constraint that keeps `axis` parallel to `other_axis` and `point` on that line."""
 
     ROWS: ClassVar[int] = 4
@@ -218,6 +230,7 @@ class Distance(AtPoints):
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a massless rod: two points a length apart: 1 row"
+    NEW: ClassVar[Mapping[str, Any]] = {"other_point": (0.0, 0.0, 0.0)}
     kind: Literal["distance"] = field(KIND, default="distance")
     other_point: Vec3 = field(
         "three finite numbers in the axes of `other` [m]",
@@ -263,6 +276,18 @@ class Line(OneDirection):
     OF: ClassVar[str] = "along the line"
     kind: Literal["line"] = field(KIND, default="line")
 
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        """Return the axis of `other` nearest to the way from its origin to the tip of `body`.
+
+        A slider moves along it, as its first arm turns about that origin. The default is upwards.
+        """
+        found = poses(model.bodies)
+        tip, origin = found[body].place(model.body(body).tip_point), found[other]
+        way = np.abs(origin.rotation.T @ (np.asarray(tip) - origin.position))
+        k = int(np.argmax(way)) if way.any() else "xyz".index(model.up)
+        return {"other_axis": tuple(float(i == k) for i in range(3))}
+
     def _blocks(self, e: Any) -> list[Any]:
         return [e.held(normals_of(e.directions()[1]))]
 
@@ -274,6 +299,10 @@ class Plane(OneDirection):
     ABOUT: ClassVar[str] = "the point stays on a plane: 1 row"
     OF: ClassVar[str] = "normal to the plane"
     kind: Literal["plane"] = field(KIND, default="plane")
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        return {"other_axis": tuple(float(axis == model.up) for axis in "xyz")}
 
     def _blocks(self, e: Any) -> list[Any]:
         return [e.held([e.directions()[1]])]
@@ -298,6 +327,11 @@ class Orientation(ToOther):
 
 class InJoints(Constraint):
     """A constraint on joint coordinates, not on positions between bodies."""
+
+
+def _first_q(model: Any, name: str) -> float:
+    """Return the first initial coordinate of a joint, or 0 if there is none."""
+    return next(iter(model.body(name).q), 0.0) if name != GROUND else 0.0
 
 
 class OfOne(InJoints):
@@ -327,6 +361,11 @@ class Gear(OfOne):
         default=0, ge=0, le=5, label="Other's",
         help="index of the degree of freedom of the second joint",
     )  # fmt: skip
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        first, second = (_first_q(model, name) for name in (body, other))
+        return {"offset": first - second}
 
     @model_validator(mode="after")
     def _two_joints(self) -> Self:
@@ -362,6 +401,11 @@ class Motion(OfOne):
         label="Interpolation", help="interpolation method of a table",
     )  # fmt: skip
 
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        start = _first_q(model, body)
+        return {"q_of_t": {"kind": "polynomial", "coefficients": (start, 0.0)}}
+
     def _blocks(self, e: Any) -> list[Any]:
         own = e.coordinate(self.body, self.coordinate)
         return [e.following(own, self.q_of_t, self.interpolation)]
@@ -381,6 +425,11 @@ class Rolling(AlongAxes):
         default=None, gt=0, dim=M, help="default: radius of the body's shape",
     )  # fmt: skip
 
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        shape = model.body(body).shape
+        return {} if shape is not None and shape.kind == "sphere" else {"radius": 0.1}
+
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
         return {}
 
@@ -397,6 +446,7 @@ class Skate(AtPoint, ToOther):
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "no velocity across a blade (nonholonomic)"
+    NEW: ClassVar[Mapping[str, Any]] = {"axis": (0.0, 1.0, 0.0)}
 
     kind: Literal["skate"] = field(KIND, default="skate")
     axis: Vec3 = field(
@@ -446,6 +496,10 @@ class Coupling(Sum):
         "a finite number [rad, m]",
         default=0.0, dim=Q, help="prescribed value of the sum of coefficients × q",
     )  # fmt: skip
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        return {**super().begun(model, body, other), "value": _first_q(model, body)}
 
     def _blocks(self, e: Any) -> list[Any]:
         return [e.sum_of_q(e.terms(), self.value)]

@@ -138,6 +138,12 @@ class Contact(Acting):
             ground.spinning_friction if spinning is None else spinning,
         )
 
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        """Return required fields of a new contact: a point of a body without a shape."""
+        bare = body != EVERY and model.body(body).shape is None
+        return {"points": (model.body(body).tip_point,)} if bare else {}
+
     def touch_name(self, body: str, other: str) -> str:
         """Return the name used in results for this pair of bodies, or ""."""
         many, most = self.body == EVERY, self.other == EVERY

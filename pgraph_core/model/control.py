@@ -46,6 +46,7 @@ class Control(OfKinds):
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
     WORD: ClassVar[str] = "control"
     SINCE: ClassVar[int] = VERSION
+    READS: ClassVar[str]  # the field that reads a signal
 
     name: Text = field("a non-empty string", label="Name")
     kind: Text = field(KIND, label="Kind")
@@ -87,6 +88,7 @@ class State(Control):
     """A state with a given `rate`, integrated with the motion."""
 
     ABOUT: ClassVar[str] = "a state whose rate you give"
+    READS: ClassVar[str] = "rate"
 
     kind: Literal["state"] = field(KIND, default="state")
     rate: Number | Expression = field(
@@ -104,6 +106,8 @@ class Filter(Control):
     """A first-order filter, lag x' = input - x."""
 
     ABOUT: ClassVar[str] = "a first-order filter (lag) of a signal"
+    READS: ClassVar[str] = "input"
+    NEW: ClassVar[Mapping[str, Any]] = {"lag": 0.1}
 
     kind: Literal["filter"] = field(KIND, default="filter")
     input: Number | Expression = field(
@@ -135,6 +139,7 @@ class PID(Control):
     """
 
     ABOUT: ClassVar[str] = "a PID controller of a signal, with limits and anti-windup"
+    READS: ClassVar[str] = "signal"
 
     kind: Literal["pid"] = field(KIND, default="pid")
     signal: Number | Expression = field(
@@ -281,6 +286,8 @@ class Sampled(Control):
     """
 
     ABOUT: ClassVar[str] = "a value computed at samples and held in between"
+    READS: ClassVar[str] = "update"
+    NEW: ClassVar[Mapping[str, Any]] = {"sample": 0.01}
 
     kind: Literal["sampled"] = field(KIND, default="sampled")
     update: Number | Expression = field(

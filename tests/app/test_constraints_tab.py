@@ -519,7 +519,7 @@ def test_a_control_is_added_edited_changed_and_taken_away_by_clicks(kind, body):
     (control,) = state.model.controls
     name = control.name
     assert state.clients[ME].opened == ("controls", name)
-    read = parts.READS[kind]
+    read = pg.Control.KINDS[kind].READS
     assert getattr(control, read) == ("=q.two[0]" if body else "=q.one")
     shown = constraints(state, state.clients[ME])["lists"][-1]["items"][0]
     names = {f["field"]: f for g in shown["form"] for f in g["fields"]}
@@ -533,7 +533,7 @@ def test_a_control_is_added_edited_changed_and_taken_away_by_clicks(kind, body):
     for other in pg.Control.KINDS:
         state = after(state, edit("kind", other))
         assert reply(state) == ""
-        assert getattr(state.model.controls[0], parts.READS[other]) == "=2*v.one"
+        assert getattr(state.model.controls[0], pg.Control.KINDS[other].READS) == "=2*v.one"
     assert "gone" in reply(after(state, edit("kind", kind), edit(read, "=q.gone")))
     assert after(state, do.DeletePart(ME, "controls", "mine")).model.controls == ()
 
