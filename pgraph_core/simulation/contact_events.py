@@ -32,7 +32,8 @@ from .plan import RunPlan
 
 MOST_TURNS = 100
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE
-ENDLESS = 300  # events at one time, or without consistent phases in a run: they do not end
+ENDLESS = 300  # events at one time: they do not end
+UNSETTLED = 300  # events of a run without consistent phases: its motion means nothing any more
 STEPPING = "try method 'moreau_jean'"  # which has no phases and no events
 
 
@@ -59,6 +60,7 @@ class ContactEvents:
         self.seconds = 0.0  # spent on events
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=ENDLESS)
+        self._fell = set[int]()  # open points that would penetrate, of the event being settled
         self._contradictions = 0  # events after which no phases were consistent
         self._resting = np.zeros(
             len(plan.contact_points), dtype=bool
@@ -294,6 +296,7 @@ class ContactEvents:
         """Change phases until forces push, stay in their cones, and no open point closes."""
         scene, before = self.scene, self.scene.phase.copy()
         self._turns_taken = 0
+        self._fell.clear()
         tried: set[tuple[bytes, bytes, int]] = set()
         for _ in range(MOST_TURNS + 20 + 4 * len(scene.contact_points)):
             scene.arrange()
@@ -315,8 +318,8 @@ class ContactEvents:
             self.ended.notices.append(
                 f"t = {t:.6g} s: no phases satisfy all contact laws; the last ones are used"
             )
-        elif self._contradictions == ENDLESS:
-            text = f"until t = {t:.9g} s: {ENDLESS} times no phases satisfy all contact laws"
+        elif self._contradictions == UNSETTLED:
+            text = f"until t = {t:.9g} s: {UNSETTLED} times no phases satisfy all contact laws"
             self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}; {STEPPING}")
 
     def _change(self, t: float, before: Ints) -> bool:
@@ -332,7 +335,10 @@ class ContactEvents:
         slack = SLACK * float(np.max(np.abs((push, drag)), initial=0.0))
         s = int(np.argmin(np.where(closed, push, np.inf))) if len(f) else 0
         if closed.any() and push[s] < -slack:
-            self._open(s, self._cannot_pull(s))
+            if s in self._fell and scene.phase[s] == STANCE and drag[s] > slack:
+                self._slip(s, SWING)  # open, it falls: what cannot stick may slide
+            else:
+                self._open(s, self._cannot_pull(s))
             return True
         excess = np.where((scene.phase == STANCE) & contact, drag - f["friction"] * push, 0)
         for s in np.flatnonzero(excess > slack).tolist():
@@ -350,6 +356,7 @@ class ContactEvents:
         rates = np.abs(np.column_stack((f["normal_acceleration"], f["tangential_acceleration"])))
         size = max(float(np.linalg.norm(self.mech.model.gravity)), float(np.max(rates)))
         falls = np.flatnonzero(resting & (f["normal_acceleration"] < -SOLVED * size)).tolist()
+        self._fell.update(falls)
         for s in falls:
             self._close(s, ACCEPTANCE)
         if falls:

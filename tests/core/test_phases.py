@@ -344,6 +344,7 @@ def test_feet_that_land_in_pairs_keep_the_symmetry_of_the_trunk():
     done = walk("quadruped", "bound", 1.85, **options)
     assert done.counters["impacts"] > 10
     assert np.abs(done.v[-1, [0, 1, 5]]).max() < 1e-9  # roll, yaw, aside: it was 0.1 rad/s
+    assert not [text for text in done.notices if "no phases satisfy" in text]
 
 
 @pytest.mark.nightly
@@ -354,13 +355,13 @@ def test_thirty_seconds_of_a_walk_close_their_ledger(gait):
 
 @pytest.mark.nightly
 def test_a_run_whose_contacts_contradict_each_other_ends():
-    """At 0.7565 s a limit and two feet have no consistent phases, and it opens and closes at once.
+    """At 0.7565 s a limit and two feet had no consistent phases, and it opened and closed at once.
 
-    Searching for them in a circle took 300 times as long, and steps between were 1e-8 s long.
+    A foot that would fall if it opens, and would be pulled if it sticks, slides.
     """
     done = walk("quadruped_hips", "trot", 1.0, method="rk4", step=0.02)
-    assert done.status.ok or done.status is pg.Status.CHATTER
-    assert sum("no phases satisfy" in text for text in done.notices) <= 1
+    assert done.status.ok
+    assert not [text for text in done.notices if "no phases satisfy" in text]
 
 
 def test_methods_that_locate_events_and_those_that_do_not():
