@@ -10,7 +10,7 @@ import numpy as np
 from ..compiler.jit import part
 from ..rows import kind_of, parent_of
 from .ball import BALL
-from .contract import by_kind, question
+from .contract import count, flag, question
 from .free import FREE
 from .single import MOTIONS_OF_ONE
 
@@ -19,6 +19,10 @@ MOTIONS = tuple(sorted((*MOTIONS_OF_ONE, BALL, FREE), key=lambda one: one.number
 
 def _answers(name):
     return {one.number: getattr(one, name) for one in MOTIONS}
+
+
+def _flag(name):
+    return flag(one.number for one in MOTIONS if getattr(one, name))
 
 
 def _moving(one):
@@ -52,13 +56,13 @@ def facts(name):
 
 # -- facts, of the number of a kind ----------------------------------------------------------------
 
-nq_of = by_kind(_answers("coordinates"))
-nv_of = by_kind(_answers("freedoms"))
-has_attitude = by_kind(_answers("attitude"))
-is_angle = by_kind(_answers("angle"))
-travels = by_kind(_answers("travels"))
-transmits = by_kind(_answers("transmits"))
-is_inert = by_kind(_answers("inert"))
+nq_of = count(_answers("coordinates"))
+nv_of = count(_answers("freedoms"))
+has_attitude = _flag("attitude")
+is_angle = _flag("angle")
+travels = _flag("travels")
+transmits = _flag("transmits")
+is_inert = _flag("inert")
 
 
 @part

@@ -4,7 +4,7 @@ A question is one function for all kinds, made at compile time. It compares the 
 calls that kind's answer, so a sweep contains the code of every kind and no calls by address.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ..compiler.jit import part
@@ -47,8 +47,8 @@ class Motion(NamedTuple):
 class Single(NamedTuple):
     """A kind of motion with one degree of freedom, which `single` completes to a `Motion`.
 
-    H is its only column, in world axes at the origin of row k. The functions after `set_rates` take
-    (work, k, ...).
+    H is its only column, in world axes at the origin of row k. All functions take
+    (rows, work, k, ...).
     """
 
     number: int
@@ -64,10 +64,10 @@ class Single(NamedTuple):
     size: Any  # |angular part of H| · angular + |linear part| · linear, for any two numbers
 
 
-def by_kind(answers: Mapping[int, Any]) -> Any:
-    """Return a function of (kind, *given) that calls the answer with this number.
+def question(answers: Mapping[int, Any]) -> Any:
+    """Return a function of (rows, work, k, *given) that calls the answer of the kind of row k.
 
-    Kinds with the same answer are compared together. Answers that are numbers are returned.
+    Kinds with the same answer are compared together.
     """
     groups: dict[Any, list[int]] = {}
     for number, answer in answers.items():
@@ -76,37 +76,28 @@ def by_kind(answers: Mapping[int, Any]) -> Any:
 
 
 def _chain(groups: list[tuple[Any, list[int]]]) -> Any:
-    """Return a function that compares the kind with the first group, then with the others."""
+    """Return a function that asks the first group if the kind is in it, otherwise the others."""
     (answer, numbers), *others = groups
-    found = part(lambda *given: answer) if isinstance(answer, int) else answer
     if not others:
-        return part(lambda kind, *given: found(*given))
-    among, rest = _among(numbers), _chain(others)
-
-    @part
-    def ask(kind, *given):
-        if among(kind):
-            return found(*given)
-        return rest(kind, *given)
-
-    return ask
-
-
-def _among(numbers: list[int]) -> Any:
-    """Return a function that checks whether a kind has one of the numbers."""
-    first, *others = numbers
-    if not others:
-        return part(lambda kind: kind == first)
-    rest = _among(others)
-    return part(lambda kind: kind == first or rest(kind))
-
-
-def question(answers: Mapping[int, Any]) -> Any:
-    """Return a function of (rows, work, k, *given) that calls the answer of the kind of row k."""
-    chain = by_kind(answers)
+        return answer
+    among, rest = flag(numbers), _chain(others)
 
     @part
     def ask(rows, work, k, *given):
-        return chain(kind_of(rows, k), rows, work, k, *given)
+        if among(kind_of(rows, k)):
+            return answer(rows, work, k, *given)
+        return rest(rows, work, k, *given)
 
     return ask
+
+
+def flag(numbers: Iterable[int]) -> Any:
+    """Return a function that checks whether the number of a kind is among these."""
+    bits = sum(1 << number for number in numbers)
+    return part(lambda kind: (bits >> kind) & 1 == 1)
+
+
+def count(values: Mapping[int, int]) -> Any:
+    """Return a function of the number of a kind. Values are below 8, and stand in one integer."""
+    octal = sum(value << (3 * number) for number, value in values.items())
+    return part(lambda kind: (octal >> (3 * kind)) & 7)

@@ -40,30 +40,30 @@ def set_rates(rows, work, k, const, v):
 
 
 @part
-def column(work, k):
+def column(rows, work, k):
     h = axis_of(work, k)
     return h, scale(0.0, h)
 
 
 @part
-def add_motion(work, k, x, alpha, linear):
+def add_motion(rows, work, k, x, alpha, linear):
     return add_scaled(alpha, x, axis_of(work, k)), linear
 
 
 @part
-def along(work, k, moment, force):
+def along(rows, work, k, moment, force):
     return dot(axis_of(work, k), moment)
 
 
 @part
-def through(work, k, j, b, m):
+def through(rows, work, k, j, b, m):
     h = axis_of(work, k)
     u0, u1 = sym_mul(j, h), mul_t(b, h)
     return u0, u1, dot(h, u0)
 
 
 @part
-def size(work, k, angular, linear):
+def size(rows, work, k, angular, linear):
     return angular
 
 

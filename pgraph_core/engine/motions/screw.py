@@ -54,7 +54,7 @@ def place(rows, work, k, const, q):
 @part
 def set_rates(rows, work, k, const, v):
     w, rate = spin_of(work, parent_of(rows, k)), v[v_of(rows, k)]
-    h, slide = column(work, k)
+    h, slide = column(rows, work, k)
     relative = scale(rate, h)
     set_spin(work, k, add(w, relative))
     around = add_cross(scale(2.0 * rate, slide), w, link_of(work, k))
@@ -62,30 +62,30 @@ def set_rates(rows, work, k, const, v):
 
 
 @part
-def column(work, k):
+def column(rows, work, k):
     return axis_of(work, k), scale(pitch_of(work, k), axis_of(work, k))
 
 
 @part
-def add_motion(work, k, x, alpha, linear):
+def add_motion(rows, work, k, x, alpha, linear):
     more = scale(x, axis_of(work, k))
     return add(alpha, more), add_scaled(linear, pitch_of(work, k), more)
 
 
 @part
-def along(work, k, moment, force):
+def along(rows, work, k, moment, force):
     return dot(axis_of(work, k), add_scaled(moment, pitch_of(work, k), force))
 
 
 @part
-def through(work, k, j, b, m):
-    h, slide = column(work, k)
+def through(rows, work, k, j, b, m):
+    h, slide = column(rows, work, k)
     u0, u1 = add(sym_mul(j, h), mul(b, slide)), add(mul_t(b, h), sym_mul(m, slide))
     return u0, u1, dot(h, u0) + dot(slide, u1)
 
 
 @part
-def size(work, k, angular, linear):
+def size(rows, work, k, angular, linear):
     return angular + abs(pitch_of(work, k)) * linear
 
 

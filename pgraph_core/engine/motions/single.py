@@ -17,7 +17,6 @@ from ..rows import (
     coriolis_of,
     inertia_of,
     inverse_pivot_of,
-    kind_of,
     left_of,
     link_of,
     parent_of,
@@ -29,7 +28,7 @@ from ..rows import (
     v_of,
 )
 from ..vec import add, add_cross, add_outer, add_outer9, add_scaled, dot, mul, mul_t, scale, sym_mul
-from .contract import Motion, by_kind
+from .contract import Motion, question
 from .hinge import HINGE
 from .inertia import add_inertia_to, vanishes
 from .screw import SCREW
@@ -42,13 +41,7 @@ SINGLES = (HINGE, SCREW, SLIDER, STATE)
 
 def _asked(name):
     """Return a function of (rows, work, k, ...) that asks the kind of a row with one freedom."""
-    chain = by_kind({one.number: getattr(one, name) for one in SINGLES})
-
-    @part
-    def ask(rows, work, k, *given):
-        return chain(kind_of(rows, k), work, k, *given)
-
-    return ask
+    return question({one.number: getattr(one, name) for one in SINGLES})
 
 
 _column, along, size, _through = (_asked(x) for x in ("column", "along", "size", "through"))

@@ -40,30 +40,30 @@ def set_rates(rows, work, k, const, v):
 
 
 @part
-def column(work, k):
+def column(rows, work, k):
     h = axis_of(work, k)
     return scale(0.0, h), h
 
 
 @part
-def add_motion(work, k, x, alpha, linear):
+def add_motion(rows, work, k, x, alpha, linear):
     return alpha, add_scaled(linear, x, axis_of(work, k))
 
 
 @part
-def along(work, k, moment, force):
+def along(rows, work, k, moment, force):
     return dot(axis_of(work, k), force)
 
 
 @part
-def through(work, k, j, b, m):
+def through(rows, work, k, j, b, m):
     h = axis_of(work, k)
     u0, u1 = mul(b, h), sym_mul(m, h)
     return u0, u1, dot(h, u1)
 
 
 @part
-def size(work, k, angular, linear):
+def size(rows, work, k, angular, linear):
     return linear
 
 
