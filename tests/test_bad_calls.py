@@ -308,6 +308,7 @@ def study(**given: Any) -> Any:
     return pg.work_precision(PENDULUM, **{"t_end": 1.0, **given})
 
 
+CURVE, MASS = {"t": [0.0, 0.1], "1": [0.0, 0.1]}, {"bodies.1.mass": (1.0, 2.0)}
 LATE = [
     (lambda: switch(0.1, "pn", True), "simulate, switches: ", "'pn'", "choose one of pin"),
     (lambda: switch(0.3, "pin", False), "'pin'", "0.3 s", "0.2 s"),
@@ -328,6 +329,8 @@ LATE = [
     (lambda: study(tolerances=1e-17), "work_precision, tolerances", "8.88178e-16 and 0.1", "1e-17"),
     (lambda: study(tolerances=[10.0**-k for k in range(70)]), "tolerances", "70", "64"),
     (lambda: study(frames=2.5), "work_precision, frames", ">= 3", "2.5"),
+    (lambda: pg.fit(BASE, CURVE, MASS, foo=1), "fit, foo", "sigma", "priors", "rtol"),
+    (lambda: pg.optimise(BASE, "max 1", MASS, foo=1), "optimise, foo", "subject_to", "rtol"),
     (lambda: study(reference=3.0), "Result", "Case", "Reference", "(len(t), 1)", "float"),
 ]
 

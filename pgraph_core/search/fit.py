@@ -18,6 +18,7 @@ from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
 from ..result.columns import columns_of, meant, no_column
+from ..sweeps.sweep import known_options
 from ..tolerances import NOTABLE
 from .curves import slopes_of
 from .found import Ending, Numbered
@@ -219,7 +220,7 @@ def fit(
     """
     base = model_of("fit", model)
     data = data if t is None or not isinstance(data, Mapping) else {**data, "t": t}
-    given = {"t_start": t_start, "scenario": scenario, **options}
+    given = {"t_start": t_start, "scenario": scenario, **known_options(fit, options)}
     given = {name: value for name, value in given.items() if value is not None}
     task = _Task(base, data, free, given, progress)
     sigmas, known = noise_of(task.numbers, task.labels, sigma), priors_of(task.numbers, priors)

@@ -17,6 +17,7 @@ from ..errors import InputError, ModelError, explained, needed, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
+from ..sweeps.sweep import known_options
 from ..tolerances import NEARBY, NOTABLE, VISIBLE
 from .found import Ending, Numbered
 from .free import COST_OF_FAILURE, Case, Numbers, Values, option, starts_of
@@ -162,6 +163,7 @@ def optimise(
     >>> pg.optimise(pg.Model.serial(2), "peak v.1", free, t_end=0.5, method="rk4").converged
     True
     """
+    options = known_options(optimise, options)
     given = options if scenario is None else {"scenario": scenario, **options}
     base = model_of("optimise", model)
     numbers = Numbers("optimise", base, free, [Case("", given)], bounded=False)

@@ -253,7 +253,7 @@ def sweep(
     settings = {"scenario": scenario, **options}
     if "error_estimate" in metrics.values():
         settings.setdefault("estimate", True)
-    counting(paths, base, "sweep", scenario, _known(options))
+    counting(paths, base, "sweep", scenario, known_options(sweep, options))
     _tried(base, paths, points, metrics, settings)
     given = tuple(x if isinstance(x, str) else tuple(x) for x in set)
     task = Task(base, given, metrics, settings, installed())
@@ -285,16 +285,19 @@ def _computed(
     return rows
 
 
-def _known(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options under their Pgraph names. Raises InputError for unknown ones."""
-    own = [*signature(sweep).parameters][:-1]
+def known_options(call: Any, options: dict[str, Any]) -> dict[str, Any]:
+    """Return options that a function passes on to `simulate`, under their Pgraph names.
+
+    Raises InputError for unknown ones, with the arguments of both.
+    """
+    own = [*signature(call).parameters][:-1]
     known = [*own, *(name for name in signature(simulate).parameters if name not in own)]
     known.remove("mechanism")
     options = words.renamed(options, known) or options
     for name in options:
         if name not in known:
-            text = f"is not an option of sweep or simulate; {nearest(name, known)}"
-            raise InputError(Problem("sweep", name, text))
+            text = f"is not an option of {call.__name__} or simulate; {nearest(name, known)}"
+            raise InputError(Problem(call.__name__, name, text))
     return options
 
 
