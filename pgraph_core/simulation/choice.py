@@ -15,11 +15,11 @@ from ..packing.signals import contacts_read
 from .compliance import fastest_contact
 from .options import Options
 from .rates import Rate, resolving_step
+from .run_plan import RunPlan
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
     from .event_scene import ContactPoint
-    from .plan import RunPlan
 
 MANY_RADIANS = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 

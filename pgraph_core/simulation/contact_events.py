@@ -28,7 +28,7 @@ from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
 from ..tolerances import COINCIDENT, SOLVED, VISIBLE
 from .event_scene import INSTEAD, EventScene, Impact
 from .loop import Outcome, Steps
-from .plan import RunPlan
+from .run_plan import RunPlan
 
 MOST_TURNS = 100
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE

@@ -29,7 +29,7 @@ from ..packing.forces import acting_on, drive_forces
 from ..result.records import FREE, NOTHING, PHASES, STOP, ContactRecord, Event
 from ..tolerances import NAMED, NOTABLE, VISIBLE
 from .clearance import gaps_later
-from .plan import Idle, RunPlan
+from .run_plan import Idle, RunPlan
 from .switches import Change
 
 if TYPE_CHECKING:

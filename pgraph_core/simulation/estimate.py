@@ -33,10 +33,10 @@ from .finer import (
     shared,
     undecided,
 )
-from .plan import RunPlan
 from .recorded import Estimate
 from .recording import Recording
 from .remarks import passed_over, unbalanced, unsure_forces
+from .run_plan import RunPlan
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables

@@ -29,8 +29,9 @@ from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 from .failures import readers
 from .options import MOST_CHOSEN, Tolerance
-from .plan import NO_PLAN, RunPlan
+from .plan import NO_PLAN
 from .recording import Recording
+from .run_plan import RunPlan
 
 if TYPE_CHECKING:
     from ..contact.tables import Limit

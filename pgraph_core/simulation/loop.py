@@ -37,7 +37,8 @@ from ..result import Status
 from ..result.records import Event
 from ..tolerances import SOLVED
 from .options import MOST_CHOSEN, RTOL
-from .plan import MANY_STEPS, RunPlan, Way, keep
+from .plan import MANY_STEPS, keep
+from .run_plan import RunPlan, Way
 
 if TYPE_CHECKING:
     from .clearance import Clearance

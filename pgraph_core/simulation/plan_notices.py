@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ..errors import choices
 from ..mechanism import Mechanism
 from .compliance import fastest_contact
 from .rates import Rate, resolving_step
-
-if TYPE_CHECKING:
-    from .plan import RunPlan
+from .run_plan import RunPlan
 
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
 

@@ -31,8 +31,8 @@ from .failures import failure, trouble
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .monitors import room_for
 from .options import STEPS_ALLOWED, Progress
-from .plan import RunPlan
 from .remarks import remarks
+from .run_plan import RunPlan
 from .running import Running
 from .switching import Switching
 

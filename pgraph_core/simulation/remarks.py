@@ -22,8 +22,8 @@ from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..result.records import energy_drift
 from ..tolerances import EPS, NAMED, NOTABLE, SOLVED, VISIBLE
-from .plan import RunPlan
 from .rates import fastest_rate, fastest_swings
+from .run_plan import RunPlan
 from .running import Running
 
 FRAMES_BETWEEN = 64  # frames between two in one round of the search for a hit

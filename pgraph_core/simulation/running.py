@@ -13,7 +13,7 @@ from ..engine.arrays import Frames
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from .loop import Outcome, Steps
-from .plan import RunPlan
+from .run_plan import RunPlan
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents

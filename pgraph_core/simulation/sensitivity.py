@@ -31,9 +31,9 @@ from ..tolerances import EPS, NOTABLE, VISIBLE
 from .corners import Corners
 from .duals import Parts, RunOfDuals
 from .options import Options
-from .plan import RunPlan
 from .recorded import NO_ESTIMATE, result_of
 from .recording import Recording, scene_of
+from .run_plan import RunPlan
 from .touch_times import Touch, Within, begun_at, touch_of
 from .variables import CENTRAL, SHARE, Given, Slope, Slopes, Variable, refuse, variables_of
 

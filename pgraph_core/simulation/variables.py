@@ -27,8 +27,9 @@ from ..packing.signals import unlocated
 from ..tolerances import EPS, NOTABLE, step_of_differences
 from .options import Options
 from .paths import Path, distinct, with_numbers
-from .plan import RunPlan, varied
+from .plan import varied
 from .recording import scene_of
+from .run_plan import RunPlan
 
 # weights of f(x + k h) for h f'(x), k = -3 ... 3, and on one side, k = 0 ... 6
 CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
