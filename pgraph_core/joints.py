@@ -6,10 +6,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from .errors import counted, shown
+from .rotation import Array, matrix, rodrigues
 
 Vector = tuple[float, float, float]
 JointKind = Literal[
@@ -43,24 +46,65 @@ BALL = Motion("ball", Z)
 
 
 class Kind(NamedTuple):
-    """Properties of a kind of motion: units of coordinates and velocities, and q at home.
+    """Properties of a kind of motion: units of coordinates and velocities, q at home, geometry.
 
-    New limits allow q up to `reach` to either side.
+    The functions take the unit axis and the displacement along it per radian, and give vectors in
+    the axes before the motion. New limits allow q up to `reach` to either side.
     """
 
     q: tuple[str, ...]
     v: tuple[str, ...]  # a second less, as [rad/s]
     home: tuple[float, ...]
+    rotation: Callable[[Array, Any], Array]  # of (axis, q): (3, 3)
+    displacement: Callable[[Array, float, Any], Array]  # of (axis, way per radian, q): (3,) [m]
+    columns: Callable[[Array, float], Array]  # of (axis, way per radian): H (6, nv), eqs. (6), (7)
     reach: float | None = None  # None: it takes no limits
 
 
+ONE, NONE = np.eye(3), np.zeros(3)
 KINDS: dict[MotionKind, Kind] = {
-    "rotate": Kind(("rad",), ("rad",), (0.0,), math.pi),
-    "screw": Kind(("rad",), ("rad",), (0.0,), math.pi),
-    "translate": Kind(("m",), ("m",), (0.0,), 1.0),
-    "ball": Kind(("1",) * 4, ("rad",) * 3, (1.0, 0.0, 0.0, 0.0)),
+    "rotate": Kind(
+        ("rad",),
+        ("rad",),
+        (0.0,),
+        rotation=lambda axis, q: rodrigues(axis, q[0]),
+        displacement=lambda axis, way, q: NONE,
+        columns=lambda axis, way: np.concatenate((axis, NONE))[:, None],
+        reach=math.pi,
+    ),
+    "screw": Kind(
+        ("rad",),
+        ("rad",),
+        (0.0,),
+        rotation=lambda axis, q: rodrigues(axis, q[0]),
+        displacement=lambda axis, way, q: axis * way * q[0],
+        columns=lambda axis, way: np.concatenate((axis, way * axis))[:, None],
+        reach=math.pi,
+    ),
+    "translate": Kind(
+        ("m",),
+        ("m",),
+        (0.0,),
+        rotation=lambda axis, q: ONE,
+        displacement=lambda axis, way, q: axis * q[0],
+        columns=lambda axis, way: np.concatenate((NONE, axis))[:, None],
+        reach=1.0,
+    ),
+    "ball": Kind(
+        ("1",) * 4,
+        ("rad",) * 3,
+        (1.0, 0.0, 0.0, 0.0),
+        rotation=lambda axis, q: matrix(list(q)),
+        displacement=lambda axis, way, q: NONE,
+        columns=lambda axis, way: np.vstack((ONE, 0 * ONE)),
+    ),
     "free": Kind(
-        ("m",) * 3 + ("1",) * 4, ("rad",) * 3 + ("m",) * 3, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        ("m",) * 3 + ("1",) * 4,
+        ("rad",) * 3 + ("m",) * 3,
+        (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+        rotation=lambda axis, q: matrix(list(q[3:])),
+        displacement=lambda axis, way, q: np.asarray(q[:3]),
+        columns=lambda axis, way: np.eye(6),
     ),
 }
 SIZE = {kind: (len(k.q), len(k.v)) for kind, k in KINDS.items()}  # (nq, nv) of a motion

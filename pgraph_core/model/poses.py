@@ -10,7 +10,7 @@ import numpy as np
 from .. import joints, words
 from ..fields import GROUND
 from ..joints import Motion
-from ..rotation import Array, matrix, quaternion_of, rodrigues, unit_vector
+from ..rotation import Array, matrix, quaternion_of, unit_vector
 from .body import Body
 
 Numbers: TypeAlias = "Sequence[float] | Array"
@@ -81,21 +81,19 @@ def direction(motion: Motion, home: Array) -> Array:
 
 def turn(motion: Motion, home: Array, q: Numbers) -> Array:
     """Return the rotation matrix (3, 3) of a motion, in the preceding axes."""
-    if motion.kind in ("rotate", "screw"):
-        return rodrigues(direction(motion, home), q[0])
-    return np.eye(3) if motion.kind == "translate" else matrix(list(q[-4:]))
-
-
-def slide(motion: Motion) -> float:
-    """Return the displacement along the axis per unit of q."""
-    return 1.0 if motion.kind == "translate" else motion.pitch / (2 * np.pi)
+    return joints.KINDS[motion.kind].rotation(direction(motion, home), q)
 
 
 def displacement(motion: Motion, turned: Array, home: Array, q: Numbers) -> Array:
     """Return a motion's displacement of the origin (3,) in world axes, after axes `turned`."""
-    if motion.kind in ("translate", "screw"):
-        return turned @ direction(motion, home) * slide(motion) * q[0]
-    return turned @ q[:3] if motion.kind == "free" else np.zeros(3)
+    moved = joints.KINDS[motion.kind].displacement
+    return turned @ moved(direction(motion, home), motion.pitch / (2 * np.pi), q)
+
+
+def columns(motion: Motion, turned: Array, home: Array) -> Array:
+    """Return H (6, dof) of a motion in world axes, after axes `turned`, eqs. (6), (7)."""
+    own = joints.KINDS[motion.kind].columns(direction(motion, home), motion.pitch / (2 * np.pi))
+    return np.vstack((turned @ own[:3], turned @ own[3:]))
 
 
 # -- bodies ----------------------------------------------------------------------------------------
@@ -106,8 +104,7 @@ def carried(parent: Pose, body: Body, q: Numbers) -> Pose:
     turned, home = parent.rotation, matrix(body.rotation)
     at = parent.place(body.link)
     for motion, x in elementary(body, q):
-        if motion.kind != "rotate":
-            at = at + displacement(motion, turned, home, x)
+        at = at + displacement(motion, turned, home, x)
         turned = turned @ turn(motion, home, x)
     return Pose(at, turned @ home)
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from .. import joints
 from ..errors import InputError, Problem, explained, shown
-from ..joints import SIZE, Motion
+from ..joints import SIZE
 from ..model import Body, Model
-from ..model.poses import Pose, carried, direction, displacement, elementary, poses, slide, turn
+from ..model.poses import Pose, carried, columns, displacement, elementary, poses, turn
 from ..rotation import Array, matrix, skew
 from ..topology import Ints, Topology, find
 
@@ -339,17 +339,6 @@ def _arrays(found: Sequence[Pose]) -> tuple[Array, Array]:
     return position, np.array([pose.rotation for pose in found]).reshape(-1, 3, 3)
 
 
-def axes_of_motion(motion: Motion, turned: Array, home: Array) -> Array:
-    """Return H (6, dof) for one motion, from eq. (6) for a rotation and eq. (7) for a slide."""
-    none = np.zeros((3, 3))
-    if motion.kind in joints.AXIAL:
-        h = (turned @ direction(motion, home))[:, None]
-        return np.vstack((0 * h if motion.kind == "translate" else h, slide(motion) * h))
-    if motion.kind == "ball":
-        return np.vstack((turned, none))
-    return np.block([[turned, none], [none, turned]])
-
-
 def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) -> Joint:
     """Return the joint of a body whose parent has this rotation and angular velocity.
 
@@ -362,7 +351,7 @@ def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) 
     start = 0
     for motion, x in elementary(body, q):
         step = displacement(motion, turned, home, x)
-        axes = axes_of_motion(motion, turned, home)
+        axes = columns(motion, turned, home)
         relative = axes @ v[start : start + axes.shape[1]]
         H = np.hstack((phi(step) @ H, axes))
         a = phi(step) @ a + bias(omega, step, relative)

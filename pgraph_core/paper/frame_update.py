@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import counted, explained, refusal, shown
-from ..joints import AXIAL, SIZE, Motion
+from ..joints import AXIAL, KINDS, SIZE, Motion
 from ..model import Body, Model
-from ..model.poses import displacement, elementary, turn
+from ..model.poses import columns, displacement, elementary, turn
 from ..rotation import Array, matrix, multiply, rodrigues, unit
 from ..topology import Ints, Topology
-from . import axes_of_motion, bodies_of, q_slices, v_slices
+from . import bodies_of, q_slices, v_slices
 
 CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # factors that conjugate a quaternion
 
@@ -168,8 +168,8 @@ def _vectors_of(body: Body, turned: Array, q: Array) -> Array:
     rows = [turned @ body.link]
     for motion, x in elementary(body, q):
         rows.append(displacement(motion, turned, home, x))
-        H = axes_of_motion(motion, turned, home)
-        rows.extend(H[3:].T if motion.kind == "translate" else H[:3, :3].T)
+        turns, H = _turns(motion), columns(motion, turned, home)
+        rows.extend(H[:3, :turns].T if turns else H[3:].T)
         turned = turned @ turn(motion, home, x)
     return np.array([*rows, *(turned @ home).T])
 
@@ -182,7 +182,7 @@ def _movements(visit: Visit, bodies: list[Body], rows: tuple[slice, ...]) -> tup
     row, moves = own.start + 1, []
     for motion in bodies[visit.number - 1].sequence:
         turns, slides = _turns_and_slides(motion, v)
-        end = row + 1 + (3 if motion.kind in ("ball", "free") else 1)
+        end = row + 1 + (_turns(motion) or 1)
         carried = np.concatenate((np.arange(end, own.stop), *outer))
         moves.append(Movement(turns, slides, row, slice(row + 1, end), carried))
         row, v = end, v + SIZE[motion.kind][1]
@@ -190,8 +190,13 @@ def _movements(visit: Visit, bodies: list[Body], rows: tuple[slice, ...]) -> tup
 
 
 def _turns_and_slides(motion: Motion, v: int) -> tuple[slice, slice]:
-    turns = {"rotate": 1, "translate": 0}.get(motion.kind, 3)
+    turns = _turns(motion)
     return slice(v, v + turns), slice(v + turns, v + SIZE[motion.kind][1])
+
+
+def _turns(motion: Motion) -> int:
+    """Return the number of rotations of a motion, which precede its translations in v."""
+    return KINDS[motion.kind].v.count("rad")
 
 
 # -- increments ------------------------------------------------------------------------------
