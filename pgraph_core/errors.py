@@ -436,7 +436,11 @@ def _problems_of_call(
             ]
         twice = [f"{shown(x)} is in the place of {name}, which is given by name too"
                  for name, x in zip(parameters, args) if name in named]  # fmt: skip
-        takes = ", ".join(str(p).split(":")[0] for p in parameters.values())
+        words = [str(p).split(":")[0] for p in parameters.values()]
+        by_name = [i for i, p in enumerate(parameters.values()) if p.kind is p.KEYWORD_ONLY]
+        if by_name and by_name[0] > 0 and not words[by_name[0] - 1].startswith("*"):
+            words.insert(by_name[0], "*")
+        takes = ", ".join(words)
         text = f"{[*twice, error][0]}; it takes ({takes}){example_of(function)}"
         return [Problem(where, "", text)]
     return _misfits(where, function, parameters, given)
@@ -458,8 +462,15 @@ def _misfits(
             if not _fits(x, kind):
                 hint = to_read(x) if "Model" in str(wanted) else example_of(function)
                 hint = hint or f"; it takes ({', '.join(parameters)})" * (len(parameters) > 1)
-                found.append(Problem(where, name, f"must be {wanted}, got {shown(x)}{hint}"))
+                said = type_of(function, name) or wanted
+                found.append(Problem(where, name, f"must be {said}, got {shown(x)}{hint}"))
     return found
+
+
+def type_of(function: Any, name: str) -> str:
+    """Return the type of a parameter in words, from its docstring, or ""."""
+    found = re.search(rf"^(?:\w+, )*{name}(?:, \w+)* : (.*)$", inspect.getdoc(function) or "", re.M)
+    return found[1].removesuffix(", optional") if found else ""
 
 
 def meaning_of(function: Any, name: str) -> str:

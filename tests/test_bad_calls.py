@@ -122,6 +122,9 @@ CALLS = [
     (lambda: run(t_start=NAN), "t_start", "nan"),
     (lambda: run(t_start=2.0, t_end=1.0), "t_end", "t_start = 2", "1.0"),
     (lambda: run(t_start=1.0, t_end=2.0, t_eval=[0.5]), "t_eval", "1 to t_end = 2"),
+    (lambda: run(t_eval=[0.0, 0.0]), "t_eval", "ascend", "got [0.0, 0.0]"),
+    (lambda: run(t_eval=3), "t_eval", "list of finite times", "got 3"),
+    (lambda: run(wrt=3), "simulate, wrt", "str or sequence of str", "got 3"),
     (lambda: run(gravity=0), "simulate, gravity"),
     (lambda: run(progress=3), "simulate, progress", "function", "got 3"),
     (lambda: run(progress=lambda: None), "progress", "fraction"),
@@ -139,6 +142,7 @@ CALLS = [
         for names in (("drive",), ("new", "new")) for call in (pg.simulate, pg.Stepper)
     ),
     (lambda: pg.Stepper(MECH, h=1e-3), "Stepper", "h", "did you mean step?"),
+    (lambda: pg.Stepper(MECH, 1e-3), "Stepper", "positional", "(mechanism, *, step,"),
     (lambda: pg.Stepper(MECH).record_over(-1.0), "dt", "> 0", "-1"),
     (lambda: pg.Stepper(HINGES).step(lambda t, q, v: v), "pg.Stepper(..., tau=function)"),
     (lambda: pg.Stepper(HINGES).step({"1": "x"}), "tau", "numbers"),

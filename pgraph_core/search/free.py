@@ -285,7 +285,11 @@ def starts_of(
     first = np.array([earlier.get(name, x) for name, x in zip(numbers.names, numbers.present)])
     if isinstance(starts, int) and starts >= 1:
         if starts > 1 and not np.isfinite(numbers.bounds).all():
-            raise numbers.refused("starts", "several need two finite bounds of each number")
+            unbounded = [
+                x for x, y in zip(numbers.names, numbers.bounds) if not np.isfinite(y).all()
+            ]
+            text = f"several need two finite bounds of each number, got {starts} starts"
+            raise numbers.refused("starts", f"{text}, and {choices(unbounded)} has none")
         rng = np.random.default_rng(seed)
         low, high = numbers.bounds.T
         more = [low + (high - low) * rng.random(len(low)) for _ in range(starts - 1)]
@@ -298,7 +302,8 @@ def starts_of(
         unknown = [name for name in one if name not in numbers.names]
         x = np.array([one.get(name, x) for name, x in zip(numbers.names, first)], float)
         if unknown or not ((x >= numbers.bounds[:, 0]) & (x <= numbers.bounds[:, 1])).all():
-            text = f"each must hold values of free numbers within their bounds, got {shown(one)}"
+            text = f"each must hold values of free numbers ({choices(numbers.names)})"
+            text += f" within their bounds, got {shown(one)}"
             raise numbers.refused("starts", text)
         found.append(x)
     return found

@@ -329,9 +329,10 @@ def _grid(t_eval: Any, t_start: float, t_end: float) -> Array:
     except (TypeError, ValueError):
         times = np.array(np.nan)
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():
-        raise InputError(Problem("simulate", "t_eval", "must be a list of finite times [s]"))
+        text = f"must be a list of finite times [s], got {shown(t_eval)}"
+        raise InputError(Problem("simulate", "t_eval", text))
     if np.any(np.diff(times) <= 0) or times[0] < t_start or times[-1] > t_end + 1e-12 * abs(t_end):
-        text = f"must ascend within {t_start:g} to t_end = {t_end:g} s"
+        text = f"must ascend within {t_start:g} to t_end = {t_end:g} s, got {shown(t_eval)}"
         raise InputError(Problem("simulate", "t_eval", text))
     return times if times[0] == t_start else np.concatenate(([t_start], times))
 

@@ -312,7 +312,8 @@ def _fitting(
             text = f"{name!r} is a column of the table already; give the metric another name"
             raise InputError(Problem("sweep", "metric", text))
     if n is not None and samples == "grid":
-        text = "is for samples of ranges: give samples='latin', 'sobol' or 'random' too"
+        text = "is for samples of ranges: give samples='latin', 'sobol' or 'random' too, "
+        text += f"got n={shown(n)} with samples='grid'"
         raise InputError(Problem("sweep", "n", text))
     if workers is not None and (whole(workers) or 0) < 1:
         text = f"must be the number of processes, >= 1, or None for all cores, got {shown(workers)}"
