@@ -204,9 +204,7 @@ class Instances:
         here = self.workers[0].stepper.recording.steps.guard
         for name in ADDRESSES:
             self.control["guard"][name] = here[name]
-        for i in (
-            np.flatnonzero(self.codes == at.RUNNING).tolist() if here["guard"]["approach"] else ()
-        ):
+        for i in np.flatnonzero(self.codes == at.RUNNING).tolist() if here["approach"] else ():
             record = self.into_worker(i).stepper.recording
             record.bound()
             self.control["guard"]["bound"][i] = record.steps.guard["bound"]

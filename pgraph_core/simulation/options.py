@@ -65,8 +65,13 @@ class Options(Settings):
     @classmethod
     def unchecked(cls, **given: Any) -> Self:
         """Return options that `over` checks, once for all runs with the same plan."""
-        made = cls.__new__(cls)
-        object.__setattr__(made, "__dict__", {**_USUAL, **given})
+        made, put = cls.__new__(cls), object.__setattr__
+        put(made, "__dict__", {**_USUAL, **given})
+        put(
+            made, "__pydantic_fields_set__", {*given}
+        )  # as `model_construct`, in a third of the time
+        put(made, "__pydantic_extra__", None)
+        put(made, "__pydantic_private__", None)
         return made
 
     def changed(self, **changes: Any) -> Self:
