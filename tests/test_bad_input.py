@@ -307,7 +307,9 @@ PROMISES = {  # what a description says, and numbers that it forbids
 
 
 def forbidden(info: Any) -> Iterator[tuple[Any, Any]]:
-    also = (3.0,) if "or one for" in (info.description or "") else ()
+    also: tuple[float, ...] = (3.0,) if "or one for" in (info.description or "") else ()
+    if said := re.search(r"whole number from (\d+) to (\d+)", info.description or ""):
+        also += tuple(x for x in WRONG[int] if type(x) is int and int(said[1]) <= x <= int(said[2]))
     yield from ((value, leaf) for value, leaf in wrong(info.annotation) if value not in also)
     for promise, numbers in PROMISES.items():
         if re.search(promise, (info.description or "").split(";")[0]):
