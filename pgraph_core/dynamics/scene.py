@@ -21,6 +21,7 @@ from ..engine.arrays import (
     Workspace,
 )
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
+from ..engine.motions import facts
 from ..engine.records import (
     BODY_WRENCH,
     CONTACT,
@@ -37,7 +38,6 @@ from ..engine.records import (
 )
 from ..engine.signals import LAW
 from ..engine.stepping.measured import measured
-from ..joints import SIZE
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
@@ -497,7 +497,7 @@ def path_width(rows: Ints, nv: int, blocks: Blocks) -> int:
     if np.any(blocks.blocks_i[:, at.B_TERMS] > 0):
         return nv
     depth = [0] * len(rows)
-    size = [nv for _, nv in SIZE.values()]
+    size = facts("freedoms").tolist()
     for k, (parent, kind, _, _) in enumerate(rows[1:].tolist(), start=1):
         depth[k] = size[kind] + depth[parent]
     return min(nv, 2 * max(depth))
