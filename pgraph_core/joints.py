@@ -55,9 +55,9 @@ class Kind(NamedTuple):
     q: tuple[str, ...]
     v: tuple[str, ...]  # a second less, as [rad/s]
     home: tuple[float, ...]
-    rotation: Callable[[Array, Any], Array]  # of (axis, q): (3, 3)
-    displacement: Callable[[Array, float, Any], Array]  # of (axis, way per radian, q): (3,) [m]
-    columns: Callable[[Array, float], Array]  # of (axis, way per radian): H (6, nv), eqs. (6), (7)
+    rotation: Callable[[Array, Any], Array]  # (axis, q) to a matrix (3, 3)
+    displacement: Callable[[Array, float, Any], Array]  # (axis, way per radian, q) to (3,) [m]
+    columns: Callable[[Array, float], Array]  # (axis, way per radian) to H (6, nv), eqs. (6), (7)
     reach: float | None = None  # None: it takes no limits
 
 

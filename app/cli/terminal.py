@@ -24,7 +24,7 @@ from pgraph_core.portable import jsonable
 from pgraph_core.study import figures
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
-FREE = "none"  # in place of a scenario
+FREE = "none"  # stands for no scenario
 WIDTH = 30  # characters of the bar
 
 SILENCE = 5.0  # [s] between two lines about long work, if output is piped

@@ -38,7 +38,7 @@ DERIVED = ("mass", "com", "inertia", "tip")
 ALL = "all"  # stands for all of these
 SHAPES = tuple(DIMENSIONS)
 OF_FILES = ("mesh", "heightfield")
-MOTIONS = tuple(kind for kind in KINDS if kind != "free")  # of a joint with several
+MOTIONS = tuple(kind for kind in KINDS if kind != "free")  # kinds that may be combined in a joint
 NO_SHAPE = "none"
 SLENDER = 0.1  # radius of a new shape over its length
 LEAST = 0.05  # least length of a new shape [m]

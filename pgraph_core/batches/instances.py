@@ -32,7 +32,7 @@ from ..simulation.stepper import ADDRESSES, Stepper
 
 WORD = 8  # bytes
 IN_LANES = ("rk4", "semi_implicit_euler")
-STEPS_BEFORE_A_LOOK = 1_000_000  # of instances, at whether the user wants to stop
+STEPS_BEFORE_A_LOOK = 1_000_000  # steps of instances before the user can stop
 
 
 def state_arrays(stepper: Stepper) -> list[Any]:

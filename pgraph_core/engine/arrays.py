@@ -69,8 +69,8 @@ TAU = 6  # joint forces
 PLACED, FACTORED = 7, 8  # q of the last factors, and what FACTORS names:
 FACTORS = columns("mu", "nulls", "known")  # their μ, number of null directions, 1 if they are valid
 LEAST = 9  # the smallest inverse pivots so far
-CORRECTION, CORRECTION_SIZES = 10, 11  # of λ in its refinement, sizes of its derivatives
-RESIDUAL, RESIDUAL_RATE = 12, 13  # of observed rows: g, g' or g''; g' beside g
+CORRECTION, CORRECTION_SIZES = 10, 11  # change of λ in its refinement, sizes of its derivatives
+RESIDUAL, RESIDUAL_RATE = 12, 13  # g, g' or g'' of observed rows, and g' beside g
 INTO_CONES = 14  # change of λ towards the cones of stances
 BEFORE = 15  # velocities of rows before an impulse
 FREE_SPEEDS, TARGET = 16, 17  # speeds of an island's joints and rows without impulses
@@ -366,7 +366,7 @@ class RunLinks(NamedTuple):
     look_back: Any = 0  # for events within the last step
     events: Any = 0  # values of a user's events
     watch: Any = 0  # whether something has come near
-    cross: Any = 0  # where comparisons of the motion end the step
+    cross: Any = 0  # the kernel that ends steps at comparisons of the motion
 
 
 class Tableau(NamedTuple):

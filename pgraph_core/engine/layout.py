@@ -42,7 +42,7 @@ IA = 30  # 21, lower triangle of the 6x6 inertia by rows, then its factor for a 
 # motion what its factor is solved for. Where nothing is solved: velocity of the origin, or force
 PROJECTED = FACTOR3 = SOLVED = VELOCITY = FORCE = 51
 D = 57  # inverse of the inertia about the axis
-KEPT = 57  # of row 0: 1 if q and armatures are those of the frames and articulated inertias
+KEPT = 57  # for row 0: 1 if q and armatures are those of the frames and articulated inertias
 LEFT = 58  # 3, remaining joint force u = τ - Hᵀb, for a ball in world axes
 ANGLE = 58  # 2, sine and cosine of a rotation, before that
 ADVANCE = 60  # PITCH of a screw

@@ -114,7 +114,7 @@ METHOD = record(
     most=REAL,
 )
 
-CLOCK_STATE = record(  # where the run is
+CLOCK_STATE = record(  # time and progress of a run
     time=REAL,  # time of the state [s]
     width=REAL,  # the step to try next [s]
     old_time=REAL,  # time of the state before the last step [s]
@@ -131,7 +131,7 @@ CLOCK_STATE = record(  # where the run is
     fastest=INTEGER,  # row that moved fastest there
 )
 
-ERROR_CONTROL = record(  # what steps are wide for
+ERROR_CONTROL = record(  # tolerances and errors that choose the width of steps
     last_error=REAL,  # error of the last accepted step over the tolerance
     rtol=REAL,  # relative to the scales below
     atol=REAL,  # absolute, for every coordinate
@@ -146,7 +146,7 @@ ERROR_CONTROL = record(  # what steps are wide for
     steepest=REAL,  # largest acceleration of a step so far, if corners end steps [rad/s², m/s²]
 )
 
-ENDS_OF_STEPS = record(  # times at which steps end, and what holds until then
+ENDS_OF_STEPS = record(  # times at which steps end, and results held until then
     corner=INTEGER,  # the next corner of a table
     edges=INTEGER,  # comparisons of times in expressions, at whose changes steps end
     edge=REAL,  # time of the last corner or edge at which a step ended [s]
@@ -166,7 +166,7 @@ ENDS_OF_STEPS = record(  # times at which steps end, and what holds until then
     done=REAL,  # finished part of the current given step [s]
 )
 
-GUARD_STATE = record(  # what is looked for in a step
+GUARD_STATE = record(  # events and contacts to find in a step
     fired=INTEGER,  # REACHED or CONTACT_AHEAD: waits to be reported
     turning=REAL,  # time in which friction may turn slow slip around [s]
     bound=REAL,  # the next step may not be wider, or things could pass through each other [s]
@@ -406,7 +406,7 @@ PHASE_CHANGE = record(
 )
 
 FROZEN, ADDING = 1, 2  # states of a tally
-DEEP = NAMED / VISIBLE  # depth that is told of soft and penalty contacts, over that of rigid ones
+DEEP = NAMED / VISIBLE  # depth of soft and penalty contacts with a notice, over that of rigid ones
 
 CONTACT_TALLY = record(
     found=INTEGER,  # contact points
@@ -418,7 +418,7 @@ CONTACT_TALLY = record(
     first_contact=INTEGER,
     first_turn=INTEGER,  # first block of torsional friction, one per contact point, -1 for none
     frozen=INTEGER,  # FROZEN: the forces of the last step act, ADDING: those of parts are summed
-    width=REAL,  # of the last time step [s]
+    width=REAL,  # width of the last time step [s]
     elapsed=REAL,  # time since the last frame, over which forces are averaged [s]
     fallbacks=INTEGER,  # steps whose last impulses were no good start
     calmed=INTEGER,  # steps whose bounce was suppressed

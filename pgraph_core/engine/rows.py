@@ -149,7 +149,7 @@ projected_of, set_projected, _ = pair(at.PROJECTED)  # U = I h of a hinge, with 
 solved_of, set_solved, _ = pair(at.SOLVED)  # the solution from a free motion's factor
 pitch_of, set_pitch = number(at.ADVANCE)  # way along the axis of a screw [m/rad]
 inverse_pivot_of, set_inverse_pivot = number(at.D)  # 1 / (hᵀ U + armature) of a hinge
-kept_of, set_kept = number(at.KEPT)  # of row 0: see `layout`
+kept_of, set_kept = number(at.KEPT)  # for row 0 alone, see `layout`
 left_of, set_left = number(at.LEFT)  # u = τ - hᵀ b of a hinge
 
 

@@ -191,7 +191,7 @@ class Contacts:
         ]  # fmt: skip
         number = {name: k for k, name in enumerate(found.names)}
         solid.sort(key=number.__getitem__)
-        place = np.full(len(number), -1)  # in `law`, after the ground
+        place = np.full(len(number), -1)  # places in `law`, after the ground
         place[[0, *(number[name] for name in solid)]] = range(len(solid) + 1)
         ends = place[found.pairs]
         there = (ends >= 0).all(axis=1)

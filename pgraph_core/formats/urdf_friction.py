@@ -21,7 +21,7 @@ MEANING = {
     "mu2": "across", "kp": "stiffness", "kd": "damping", "stiffness": "stiffness",
     "damping": "damping", "rolling_friction": "rolling", "spinning_friction": "spinning",
 }  # fmt: skip
-ACTING = {"dampingfactor", "springstiffness"}  # in Gazebo
+ACTING = {"dampingfactor", "springstiffness"}  # names that act in Gazebo
 WEIGHTLESS = "turnGravityOff"
 NESTED = {"collision", "surface"}
 GAZEBO, BULLET = "gazebo", "contact"

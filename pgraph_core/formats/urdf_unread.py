@@ -16,7 +16,7 @@ OF_LINK = {"inertial", "visual", "collision", BULLET}
 OF_INERTIAL = {"origin", "mass", "inertia"}
 OF_JOINT = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
 OF_ONE = OF_JOINT | {"inertial", "geometry", "mass", "inertia"}  # an element has one
-ATTRIBUTES = {  # of elements in links, joints and inertias
+ATTRIBUTES = {  # attributes of elements in links, joints and inertias
     "link": {"name"},
     "joint": {"name", "type"},
     "limit": {"lower", "upper", "effort", "velocity"},
@@ -63,7 +63,7 @@ def _elements(report: Report, source: Source, inside: Sequence[tuple[Element, se
     first: dict[str, list[Element]] = {}
     for parent, known in inside:
         for child in parent.children:
-            of_link = child.tag == GAZEBO and child.get("reference")  # in urdf_friction
+            of_link = child.tag == GAZEBO and child.get("reference")  # `urdf_friction` reads these
             if child.tag not in known and not of_link:
                 first.setdefault(child.tag, []).append(child)
     read = sorted(KNOWN | OF_LINK | OF_JOINT | OF_INERTIAL)

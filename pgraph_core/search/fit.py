@@ -387,7 +387,7 @@ class _Task:
             try:
                 if self.runs(begin) is None:
                     continue
-            except InputError:  # of a model without derivatives there
+            except InputError:  # this model has no derivatives there
                 continue
             found = self._search(begin, noise, none if self.given is None else self.priors)
             ends.append((2.0 * found.cost, found.x, bool(found.status > 0)))

@@ -24,7 +24,7 @@ class Ends(NamedTuple):
     """The points of a shape that touch at once."""
 
     one: float  # largest inverse effective mass of a point, in any direction [1/kg]
-    total: float  # that of all of them together [1/kg]
+    total: float  # inverse mass for all of them together [1/kg]
     points: int
 
 

@@ -34,7 +34,7 @@ MOST_TURNS = 100
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE
 ENDLESS = 300  # events at one time: they do not end
 UNSETTLED = 300  # events of a run without consistent phases: its motion means nothing any more
-STEPPING = "try method 'moreau_jean'"  # which has no phases and no events
+STEPPING = "try method 'moreau_jean'"  # this method has no phases and no events
 
 
 class ContactEvents:
@@ -56,7 +56,7 @@ class ContactEvents:
         self._ends: dict[int, float] = {}  # when the bounces of a point that comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
         self._fine = fine
-        self._told = False  # that impulses are not unique
+        self._told = False  # True after the notice of impulses that are not unique
         self.seconds = 0.0  # spent on events
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=ENDLESS)

@@ -435,7 +435,7 @@ def driven_into(
     if alone := holding(mech, active, when, q[i], way):
         return _by(alone, pair.body, f"contact '{pair.name}'")
     began = int(np.flatnonzero(np.append(True, gap[:i, k] > 0.0))[-1])
-    closed = gap[began : i + 1].min(axis=0) <= 0.0  # what is pressed rebounds between frames
+    closed = gap[began : i + 1].min(axis=0) <= 0.0  # pressed points rebound between frames
     others = [p for n, p in enumerate(pairs) if p and n != k and closed[n]]
     rows = [row for other in others for row in _parting(mech, other, q[i])]
     by = holding(mech, active, when, q[i], way, rows) if rows else []

@@ -27,7 +27,7 @@ from .run_plan import RunPlan
 from .running import Running
 
 FRAMES_BETWEEN = 64  # frames between two in one round of the search for a hit
-LOOKS_AGAIN = 3  # of that search, for hits that are 64**3 times shorter than frames are apart
+LOOKS_AGAIN = 3  # rounds of that search, for hits 64**3 times shorter than frames are apart
 COARSE = "frames are too coarse for the contact forces"
 MANY = "give more frames=, or t_eval= with many times around a hit"
 
@@ -95,7 +95,7 @@ def pulses(record: Running) -> Iterator[str]:
     slides = translations(record.mech.packed.system.rows, nv)
     largest = np.abs(vdot).max(axis=0)
     whole = np.where(slides, largest[slides].max(initial=0.0), largest[~slides].max(initial=0.0))
-    arm = np.where(slides, 1.0, record.mech.packed.length)  # [m] of an angular acceleration
+    arm = np.where(slides, 1.0, record.mech.packed.length)  # lever arm [m]
     rounding = EPS * float((largest * arm).max(initial=0.0))
     sized = acts > np.maximum(NAMED * largest, NOTABLE * whole)
     sized &= acts * arm > rounding

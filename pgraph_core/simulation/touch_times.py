@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .loop import Steps
     from .recording import Recording
 
-BACKWARDS = {0: 25 / 12, 1: -4.0, 2: 3.0, 3: -4 / 3, 4: 1 / 4}  # of f(x - k h), for h f'(x)
+BACKWARDS = {0: 25 / 12, 1: -4.0, 2: 3.0, 3: -4 / 3, 4: 1 / 4}  # weights of f(x - k h), for h f'(x)
 
 
 class Touch(NamedTuple):

@@ -153,7 +153,7 @@ class Work:
     longest: float
     rounds: int
     within: float  # [s]
-    began: float  # of the call, as a value of `time.perf_counter`
+    began: float  # start of the call, a value of `time.perf_counter`
     fraction: float = 0.0
     notes: list[str] = field(default_factory=list[str])
     rows: list[Row] = field(default_factory=list[Row])

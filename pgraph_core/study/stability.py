@@ -54,7 +54,7 @@ class Sweep(NamedTuple):
     sorted: bool  # by how often they are right, since nobody named the methods
     freedoms: int
     allowed: int  # evaluations of a run
-    scenario: str | None  # which of the model, whose gait and switches act
+    scenario: str | None  # scenario of the model whose gait and switches act
 
     def task(self, mech: Mechanism, times: Array) -> Task:
         """Return the task of a run of this mechanism from its own state, stabilised."""

@@ -142,7 +142,7 @@ class Archive:
 
 
 def _changed(name: str, digest: str, code: str) -> bool:
-    path = Path(os.path.normpath(ENGINE / name))  # as `sources` compares folders
+    path = Path(os.path.normpath(ENGINE / name))  # `sources` compares folders by these names
     here = sources.digest_of(path)
     return here != digest and (not here or sources.code_hash(path) != code)
 

@@ -54,7 +54,7 @@ from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, stor
 type_of, _ = number(at.B_TYPE)
 size_of, _ = number(at.B_SIZE)  # number of rows, 1 to 3
 value_of, _ = number(at.VALUE)  # length, radius [m], offset [rad, m] or velocity of a block
-place_a, set_place_a = vector(at.PLACE_P)  # where a block acts on A
+place_a, set_place_a = vector(at.PLACE_P)  # the point on A at which a block acts
 place_b, set_place_b = vector(at.PLACE_Q)  # and on B
 first_of, _ = number(at.FIRST)  # first row of an active block among all rows
 joints_of, _ = number(at.SLOTS)  # number of joints on a block's paths

@@ -169,7 +169,7 @@ def one_bound(contacts, pair, gap, rates, thin, steps):
         bound = (ahead + PART * thin) / rate
     speed = rate if given or gap > 0.0 else closing
     if given and gap <= 0.0:
-        speed = max(rate, -closing)  # what leaves is as fast as what comes
+        speed = max(rate, -closing)  # shapes leave as fast as they come
     if speed > 0.0:
         lead = contacts.tally[0].fine * lead_of(law, speed, rtol)
         if speed * width > lead and (given or gap > -lead):

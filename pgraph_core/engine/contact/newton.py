@@ -59,12 +59,12 @@ ROUNDS = 60  # problems with given friction bounds
 # Of 1800 steps with mass ratios up to 1e6, all were solved with (128, 4) and (1024, 4), and all
 # but one or two with (16, 4), (128, 2) and (128, 8).
 FIRM = (128.0, 4.0)
-INNER_STEPS = 30  # of one such problem
-HALVINGS = 20  # of one such step, until the slope along it is a tenth
+INNER_STEPS = 30  # Newton's steps of one such problem
+HALVINGS = 20  # halvings of one such step, until the slope along it is a tenth
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
 # Where the scratch of an island keeps them: columns of a block.
 SCRATCH = columns(slope=9, miss=3, rate=9, move=3, start=3, state=1, rests=1)
-LAWS, BOUNDS, CONES, NORMALS = 0, 1, 2, 3  # what `look` projects onto
+LAWS, BOUNDS, CONES, NORMALS = 0, 1, 2, 3  # sets that `look` projects onto
 
 
 @part

@@ -234,7 +234,7 @@ def undetermined(data, carried, rank, count, m):
     )
     matrix, scale, order = carried.matrix, carried.right, carried.order
     for n in range(rank, count):
-        change = matrix[rank]  # of λ by rows: the elimination needs the lines above only
+        change = matrix[rank]  # change of λ by rows: the elimination needs the lines above only
         for r in range(m):
             change[r] = 0.0
         change[order[n]] = scale[n, 0]

@@ -12,7 +12,7 @@ from ..vec import add, scale, set_xyz, sub, xyz
 FIND = i8(i8, f8, i8)
 _call_find = caller(FIND)
 
-HOLDING = 3  # of a tally: steps end where shapes touch, so that no penalty force begins within one
+HOLDING = 3  # a state of a tally: steps end at touches, so that no penalty force begins within one
 AT_ONCE = ROUNDING  # gap within which shapes touch, relative to the length of the mechanism
 NEARBY = 128  # entries that are looked at for what a contact point kept
 

@@ -19,7 +19,7 @@ class Motion(NamedTuple):
     are those of the questions in `motions`.
     """
 
-    number: int  # in `rows`
+    number: int  # the kind's number in `rows`
     coordinates: int  # entries in q
     freedoms: int  # entries in v, columns of H
     attitude: bool  # a quaternion is among the coordinates
@@ -55,7 +55,7 @@ class Single(NamedTuple):
     angle: bool
     travels: bool
     inert: bool
-    place: Any  # as those of a `Motion`
+    place: Any  # this and `set_rates` are those of a `Motion`
     set_rates: Any
     column: Any  # H as (angular, linear)
     add_motion: Any  # V + H x for a number x, with V = (alpha, linear)

@@ -64,12 +64,12 @@ GAUSS = columns(
     vdot=1,
     wanted=1,
     missed=3,  # momenta and velocities
-    report=1,  # of derivatives
+    report=1,  # report of derivatives
 )
 STAGE_ROUNDS = 60
 NEWTON_ROUNDS = 4  # usual ones of Newton's method, in addition to the cost of the Jacobian
 BY_COST, PATIENT, TO_THE_END = 0.0, 0.5, 1.0  # convergence rates at which M⁻¹ alone is given up
-PASSES = 8  # of the kinematics of turning bodies, which cost less than an evaluation
+PASSES = 8  # rounds for kinematics of turning bodies, which cost less than an evaluation
 SERVES = 1  # largest convergence rate of a Jacobian that is used
 USELESS = 3  # instead of a rate: Newton's method took more evaluations than it saved
 MOTIONLESS = 64  # largest correction of a motionless position in units of rounding
@@ -435,7 +435,7 @@ def jacobian(run):
     rows, first, base = opened(data.scene).rows, own(nv), 3 * nv
     t = min(clock.time, clock.clip)
     z, rate = real[first + GAUSS.z], real[first + GAUSS.rate, nv:]
-    p = real[first + GAUSS.kept, nv if nq > nv else 0 :]  # in the chart
+    p = real[first + GAUSS.kept, nv if nq > nv else 0 :]  # momentum in the chart
     factors, pivots = real[mass(nv) : mass(nv) + nv], real[first + GAUSS.pivots]
     plus, minus = real[base + implicit.RADAU.f], real[base + implicit.RADAU.f + 1]
     speeds, weights = real[base + implicit.RADAU.speeds], real[base + implicit.RADAU.weights]

@@ -28,7 +28,7 @@ from .widths import inverse, larger, weigh
 # rows of the real matrices, from 3 nv on: 2 nv wide
 RADAU = columns(
     pivots=1,
-    pivots_c=1,  # of the complex pair
+    pivots_c=1,  # pivots of the complex pair
     z=3,  # stages
     f=3,  # their slopes
     w=3,  # decoupled stages
@@ -40,10 +40,10 @@ RADAU = columns(
     probe=1,  # a coordinate moved for a difference, and the slopes on both sides
     forward=1,
     backward=1,
-    mean=1,  # of the stages, weighted for the error, the error, and the slope there
+    mean=1,  # mean of the stages weighted for the error, the error, and the slope there
     missed=1,
     slope=1,
-    report=1,  # of derivatives
+    report=1,  # report of derivatives
 )
 # rows of the tableau's `a`: stages from decoupled ones, the reverse, eigenvalues of the inverse
 COUPLING = columns(stages=3, decoupled=3, eigenvalues=1)

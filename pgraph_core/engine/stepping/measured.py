@@ -164,7 +164,7 @@ def gap_ahead(scene, far):
     contacts = contacts_at(links.contacts)
     overflows = contacts.tally[0].overflows
     count = touching(scene, far, 0)
-    contacts.tally[0].overflows = overflows  # what is far needs no room
+    contacts.tally[0].overflows = overflows  # shapes that are far need no room
     return next_touch(contacts, count, far)
 
 

@@ -321,7 +321,7 @@ def accelerate_again(run, t, h, w):
     soften(scene, w, v)
     contacts_at(data.links.contacts).tally[0].share = w / h
     active[0] = 0
-    if data.user.address == 0:  # which may write into the rows
+    if data.user.address == 0:  # a user's function may write into the rows
         set_kept(data.work, 0, 1.0)
     call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, mean, tau, vdot, this.flow))
     set_kept(data.work, 0, 0.0)
@@ -344,7 +344,7 @@ def find_mean(scene, w, v, vdot, count):
         spread(data.rows, data.const, data.work, vectors[KICK])
     for j in range(v.shape[0] - states):
         vectors[MEAN, j] = v[j] + 0.5 * (w * vdot[j] + vectors[KICK, j])
-    for j in range(v.shape[0] - states, v.shape[0]):  # of its middle already
+    for j in range(v.shape[0] - states, v.shape[0]):  # already those of its middle
         vectors[MEAN, j] = v[j]
         vectors[KICK, j] = 0.0
 

@@ -312,7 +312,7 @@ def frame(run, i):
         dense_output(run, (t - clock.old_time) / clock.old_width)
         row = at.TRIAL
         onto_constraints(run, t, row)
-        held = hold_touches(data.scene, 0)  # what touched at the end of the step is another
+        held = hold_touches(data.scene, 0)  # other shapes touched at the end of the step
     else:
         take_sides_here(run)
     q = stages[row, :nq]
