@@ -9,6 +9,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.cli import main
+from pgraph_app.run import Request
 from pgraph_app.run.view import form
 from pgraph_core.fields import about
 from pgraph_core.model.settings import OF, Settings
@@ -157,3 +158,16 @@ def test_settings_are_read_from_text_as_numbers_or_names():
     assert Settings.read("step", "1e-3") == 1e-3
     assert Settings.read("method", "rk4") == "rk4"
     assert_names(str(refusal(lambda: Settings.read("step", "soon"))), "step", "> 0", "'soon'")
+
+
+@pytest.mark.parametrize("name", ["stiff_pendulum", "double_pendulum", "rolling_disc"])
+def test_a_scenario_on_the_page_runs_as_simulate_runs_it(name):
+    """stiff_pendulum took steps of 10 ms on the page, and a tolerance of 1e-8 in `simulate`."""
+    model = pg.load(name)
+    scenario = model.scenarios[0]
+    request = Request.of(scenario)
+    here = pg.simulate(model, t_end=0.05, estimate=False, **request.options(model))
+    there = pg.simulate(model, scenario=scenario.name, t_end=0.05, estimate=False)
+    assert np.array_equal(here.q, there.q)
+    finer = request.unchecked_copy({"step": 7e-4})
+    assert finer.options(model)["step"] == finer.step

@@ -381,10 +381,10 @@ class AskResponse(FromPage):
 
     def applied(self, state: State) -> State:
         client, asked, request = self.client, Response(self.name), state.request
-        how = {**request.options, "t_end": request.t_end}
         state = with_client(state, client, response=asked)
 
         def work(model: pg.Model) -> Found:
+            how = {**request.options(model), "t_end": request.t_end}
             return Found(value=answered(model, self.name, how))
 
         def then(now: State, done: ErrandDone) -> State:

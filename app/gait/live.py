@@ -246,7 +246,7 @@ class Motion:
         if self._stepper is not None and self._stepped == (self._mech, request):
             return self._stepper.record_over(span, frames, tau=tau)
         known = {s.name for s in self._mech.model.scenarios}
-        options = request.options
+        options = request.options(self._mech.model)
         if request.scenario not in known:
             options["scenario"] = None
         if request.step is not None or request.rtol is None:

@@ -185,7 +185,7 @@ HORIZON = 1.0  # [s] limit on the motion of a map, which makes hundreds of runs
 
 def settings(now: Analysis) -> dict[str, Any]:
     """Scenario and duration."""
-    scenario = now.request.options["scenario"]
+    scenario = now.request.options(now.model)["scenario"]
     duration = now.reporting.t_end or now.request.t_end
     return {"scenario": scenario, "t_end": duration, "target": now.reporting.target}
 

@@ -44,11 +44,21 @@ class Request(Settings):
         """Return the request for a scenario with its own settings."""
         return cls(scenario=scenario.name, **settings_of(scenario))
 
-    @property
-    def options(self) -> dict[str, Any]:
-        """The arguments of `simulate`, except for times."""
+    def options(self, model: pg.Model) -> dict[str, Any]:
+        """Return the arguments of `simulate` for a model, except for times.
+
+        Settings equal to those of the scenario are left to it, so that the run is that of
+        `simulate(model, scenario=...)`: a step of a call is the size of every step, whereas that of
+        a scenario leaves the choice to an adaptive method.
+        """
         named = None if self.scenario == FREE_RUN else self.scenario
-        own = {name: x for name, x in settings_of(self).items() if name not in self.TIMES}
+        scenario = next((s for s in model.scenarios if s.name == named), None)
+        held = {} if scenario is None else settings_of(scenario)
+        own = {
+            name: x
+            for name, x in settings_of(self).items()
+            if name not in self.TIMES and (name not in held or x != held[name])
+        }
         return {"scenario": named, **own}
 
     @property
@@ -81,7 +91,7 @@ class Simulation(Job):
             t_end=start + self.request.t_end,
             tau=None if self.gait is None else pg.Controller(mech, self.gait),
             progress=progress,
-            **self.request.options,
+            **self.request.options(self.model),
             **self.request.recorded,
         )
         return run if before is None or len(run.t) == 0 else pg.joined((before, run))

@@ -390,7 +390,7 @@ def fit(now: Search, progress: Progress) -> Found:
     columns, _ = measured({"t": asked.data["t"], **data})
     found = pg.fit(
         now.model, columns, bounds(now), progress=lambda values, run: progress("", run),
-        **now.request.options,
+        **now.request.options(now.model),
     )  # fmt: skip
     rows = [(path, present[path], x, found.errors[path]) for path, x in found.values.items()]
     noise = [f"{name}: residuals of {size:.2g}" for name, size in found.noise.items()]
@@ -407,7 +407,7 @@ def optimise(now: Search, progress: Progress) -> Found:
     found = pg.optimise(
         now.model, goal, free, subject_to=limits,
         progress=lambda trial, run: progress(f"{goal} = {trial.objective:.4g}", run),
-        t_end=now.request.t_end, **now.request.options,
+        t_end=now.request.t_end, **now.request.options(now.model),
     )  # fmt: skip
     rows = [
         (one.path, present[one.path], x, np.nan)
@@ -422,7 +422,9 @@ def matters(now: Search, progress: Progress) -> Found:
     asked, present = now.asked, numbers_of(now.model)
     paths = [full(one.path) for one in asked.free]
     request = now.request
-    run = pg.simulate(now.model, wrt=paths, t_end=request.t_end, estimate=False, **request.options)
+    run = pg.simulate(
+        now.model, wrt=paths, t_end=request.t_end, estimate=False, **request.options(now.model)
+    )
     progress("", run)
     by = run.gradient(lambda run: columns_of(run)[asked.signal].values)
     rows = []
