@@ -143,8 +143,9 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
         return "; values over time are pg.Table(t=[...], value=[...])"
     if isinstance(given, str) and "expression" in (field.description or ""):
         return f"; an expression begins with '=': '={given.strip()}'" * given.isprintable()
-    if isinstance(given, str) and (number := re.match(r"\s*[-+.\deE]*\d[.\deE]*\s+(?=\D)", given)):
-        return f"; write {number[0].strip()}, without a unit"
+    if isinstance(given, str) and re.match(r"\s*[-+.\deE]*\d[.\deE]*\s*(?=[^\d\s])", given):
+        unit = re.search(r"\[[^\]]+\]", field.description or "")
+        return f"; write a number in {unit[0] if unit else 'SI units'}, without a unit"
     return words.synonym(given, re.findall(r"\w+", field.description or ""))
 
 

@@ -44,7 +44,7 @@ def noise_of(numbers: Numbers, labels: Sequence[str], sigma: Any) -> Array | Non
         text = f"needs a number for each column, {choices(known)}, got {shown(sigma)}"
         raise numbers.refused("sigma", text)
     given = [sigma.get(label, sigma.get(name)) for label, name in zip(labels, names)]
-    found = np.array([math.nan if x is None else float(x) for x in given])
+    found = np.array([x if isinstance(x, float | int) else math.nan for x in given], float)
     if not (np.isfinite(found) & (found > 0.0)).all():
         text = f"needs a number > 0 for each column, {choices(known)}, got {shown(sigma)}"
         raise numbers.refused("sigma", text)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..dynamics import model_of
 from ..errors import InputError, ModelError, explained, needed, shown
+from ..fields import whole
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
@@ -167,23 +168,27 @@ def optimise(
     given = options if scenario is None else {"scenario": scenario, **options}
     base = model_of("optimise", model)
     numbers = Numbers("optimise", base, free, [Case("", given)], bounded=False)
-    _check(numbers, solver, differences, tol, most)
+    _check(numbers, solver, differences, tol, most, seed)
     goals = Goals(numbers, objective, subject_to or {})
     search = Search(numbers, goals, differences, progress, history)
     return search.over(starts_of(numbers, starts, seed, search.earlier), solver, tol, most)
 
 
-def _check(numbers: Numbers, solver: Any, differences: Any, tol: float, most: int) -> None:
+def _check(
+    numbers: Numbers, solver: Any, differences: Any, tol: float, most: int, seed: int
+) -> None:
     """Raise InputError for settings of a search out of their range."""
     if solver is not None:
         option("optimise", "solver", solver, SOLVERS)
-    for name, value, good in (
-        ("differences", differences, differences is None or 0.0 < differences < 1.0),
-        ("tol", tol, tol > 0.0),
-        ("most", most, most >= 1),
-    ):
+    for name, value, good, wanted in (
+        ("differences", differences, differences is None or 0.0 < differences < 1.0,
+         "a relative step above 0 and below 1, or None for exact derivatives"),
+        ("tol", tol, 0.0 < tol < math.inf, "a finite number > 0"),
+        ("most", most, (whole(most) or 0) >= 1, "a whole number >= 1"),
+        ("seed", seed, (-1 if (n := whole(seed)) is None else n) >= 0, "a whole number >= 0"),
+    ):  # fmt: skip
         if not good:
-            raise numbers.refused(name, f"is out of its range, got {shown(value)}")
+            raise numbers.refused(name, f"must be {wanted}, got {shown(value)}")
 
 
 class _Stopped(Exception):

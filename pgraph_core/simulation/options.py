@@ -20,7 +20,7 @@ from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
 from ..model.checks import force_problems, late_limits
-from ..model.settings import AUTO, MOST_FRAMES, STEP, Settings
+from ..model.settings import AUTO, LONGEST, MOST_FRAMES, STEP, Settings
 from ..packing import Array, Ints
 from ..portable import array_of
 from ..tolerances import SOLVED
@@ -115,7 +115,11 @@ class Options(Settings):
         if self.t_end is None and self.t_eval is not None and start < last(self.t_eval) < np.inf:
             duration = last(self.t_eval) - start
         if start == 0.0:
-            return start, positive("t_end", duration if self.t_end is None else self.t_end)
+            end = positive("t_end", duration if self.t_end is None else self.t_end)
+            if end > LONGEST:
+                text = f"must be at most {LONGEST:g} s, got {end:g}"
+                raise InputError(Problem("simulate", "t_end", text))
+            return start, end
         end = start + duration if self.t_end is None else _time(self.t_end)
         if not end > start:
             text = f"must be a finite number > t_start = {start:g} [s], got {self.t_end!r}"
