@@ -36,7 +36,7 @@ from ..packing.signals import count_of_edges, count_of_held
 from ..result import Status
 from ..result.records import Event
 from ..tolerances import SOLVED
-from .options import MOST_CHOSEN, RTOL
+from .options import FRAMES, MOST_CHOSEN, RTOL
 from .plan import MANY_STEPS, keep
 from .run_plan import RunPlan, Way
 
@@ -104,6 +104,7 @@ class Steps:
             self.error["widths"], self.clock["most"] = GIVEN, ANY_NUMBER
             assert plan.step is not None, "a run without a tolerance has a step"
             self.guard["turning"] = plan.step / plan.parts
+            self.clock["span"] = FRAMES * plan.step  # a Stepper does not know when it will end
             measured = plan.method.implicit or plan.method.adaptive
             self.error["rtol"] = SOLVED if measured else 0.0
             return
@@ -336,7 +337,8 @@ class Steps:
 
     def fraction(self) -> float:
         """The completed fraction of the run, 0 to 1."""
-        return float(min(1.0, (self.clock["time"] - self.times[0]) / self.clock["span"]))
+        first, last = self.times[0], self.times[-1]
+        return float(min(1.0, (self.clock["time"] - first) / (last - first)))
 
     def crawl(self) -> str:
         """Return a message if the run would need more than MANY_STEPS at its current step sizes.

@@ -60,8 +60,9 @@ ADDRESSES = ("address", "approach")  # fields of a run's guard that belong to th
 class Stepper(Snapshots):
     """A stepper, which advances a mechanism one or more steps at a time.
 
-    The results are identical to `simulate` with the same method and step size, for `radau5` to the
-    tolerance of its equations, but no time is spent on set-up between steps.
+    The results are identical to `simulate` with the same method and step size, but no time is spent
+    on set-up between steps. Steps of `dopri5` and `dop853` that are taken one by one agree to
+    rounding, because forces are evaluated again at the start of each call.
 
     Parameters
     ----------
