@@ -130,7 +130,9 @@ _HOME = {words[3]: words[1][1:] for words in _IMPORTS if words[4:5] == ["as"]}
 _SHOWN = {
     "Model": "model", "Mechanism": "pg.Mechanism(model)", "Result": "run", "Stepper": "stepper",
 }  # fmt: skip
-_TAKERS = ("Body", "Model", "simulate", "Shape", "Contact", "Motor", "Servo", "PID", "Scenario")
+_TAKERS = (
+    "Body", "Model", "simulate", "Shape", "Contact", "Motor", "Servo", "PID", "Scenario", "sweep",
+)  # fmt: skip
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
@@ -240,11 +242,10 @@ def _taken(name: str) -> str:
     """Return the call that accepts the given field or argument, or "" if there is none."""
     from .words import ours
 
-    for taker in _TAKERS:
-        known = inspect.signature(__getattr__(taker)).parameters
-        if (own := name if name in known else ours(name, known)) in known:
-            return f"pg.{taker}(..., {own}=...)"
-    return ""
+    known = {taker: inspect.signature(__getattr__(taker)).parameters for taker in _TAKERS}
+    found = [(taker, name) for taker in known if name in known[taker]]
+    found += [(taker, own) for taker in known if (own := ours(name, known[taker]))]
+    return "pg.{}(..., {}=...)".format(*found[0]) if found else ""
 
 
 def _passed(name: str) -> bool:

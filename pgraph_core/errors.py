@@ -236,6 +236,7 @@ def _lists(value: Any, most: int, left: list[int]) -> Any:
     if hasattr(value, "tolist"):
         if hasattr(value, "ndim") and not isinstance(value, memoryview):
             value = value[(slice(most),) * value.ndim]
+            value = value.astype(str) if value.dtype.kind in "mM" else value
         value = value.tolist()
     if not isinstance(value, (list, tuple)):
         return value
@@ -296,7 +297,7 @@ def _explained(function: Any) -> Any:
         try:
             return function(*args, **named) if named else function(*args)
         except PgraphError as refused:  # `sweep` passes arguments of other calls on
-            if ours := words.renamed(named, _names(function)):
+            if ours := _renamed(function, args, named):
                 return call(*args, **ours)
             if problems := _of_inner_calls(refused, function, args, named):
                 raise type(refused)(problems) from refused.__cause__
@@ -311,7 +312,7 @@ def _explained(function: Any) -> Any:
             text = "has an argument that contains itself or is nested too deeply"
             raise InputError(Problem(_called_as(function, args), "", text)) from None
         except BARE as error:
-            if ours := words.renamed(named, _names(function)):
+            if ours := _renamed(function, args, named):
                 return call(*args, **ours)
             if placed := _in_free_places(function, args, named):
                 return call(**placed)
@@ -371,6 +372,13 @@ def _names(function: Any) -> list[str]:
         for p in inspect.signature(function).parameters.values()
         if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)
     ]
+
+
+def _renamed(function: Any, args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments under Pgraph names, or {} if none is renamed, or one is given by position
+    too."""
+    ours = words.renamed(named, _names(function))
+    return {} if ours.keys() - named.keys() & {*_names(function)[: len(args)]} else ours
 
 
 def _in_free_places(

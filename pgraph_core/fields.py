@@ -11,7 +11,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from numbers import Integral
+from numbers import Integral, Real
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -26,6 +26,7 @@ from typing import (
     overload,
 )
 
+import numpy as np
 import numpy.typing as npt
 from pydantic import (
     AfterValidator,
@@ -154,7 +155,8 @@ def listed(value: Any) -> Any:
     elif hasattr(value, "tolist"):
         if getattr(value, "size", 0) > MOST_NUMBERS:
             raise ValueError(f"a field has at most {MOST_NUMBERS} numbers")
-        value = value.tolist()
+        dated = getattr(getattr(value, "dtype", None), "kind", "") in ("m", "M")
+        value = str(value) if dated else value.tolist()  # a list of them has nanoseconds
     if not isinstance(value, (list, tuple)):
         return value
     return tuple([x if type(x) in PLAIN else listed(x) for x in value])
@@ -794,9 +796,14 @@ class OnSum(OfSums):
         return self
 
 
+def is_number(value: Any, kind: type = Real) -> bool:
+    """Return True if `value` is a number of this kind: no truth value, and no duration of NumPy."""
+    return isinstance(value, kind) and not isinstance(value, (bool, np.timedelta64))
+
+
 def whole(value: Any) -> int | None:
     """Convert a Python or NumPy integer to an int. Return None for anything else, and booleans."""
-    return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None
+    return int(value) if is_number(value, Integral) else None
 
 
 def fields_of(part: Frozen) -> dict[str, Any]:

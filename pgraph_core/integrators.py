@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .engine import stepping
 from .errors import InputError, Problem, choices, no_method
+from .model.settings import ADAPTIVE
 
 Array: TypeAlias = NDArray[np.float64]
 STEPPING = stepping.__name__
@@ -43,7 +44,6 @@ class Method(NamedTuple):
     tableau: Tableau
     use: str  # purpose in a few words
     step: str  # module and name of its kernel, loaded when it is first asked for
-    adaptive: bool = False  # whether it can choose its steps by their error
     # safety, exponents of this error and the last one, least and largest change of the width
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
     limit: float = 0.0  # rate x step of an oscillation up to which steps hold it, 0 for damped ones
@@ -70,6 +70,11 @@ class Method(NamedTuple):
             return import_module(f"{STEPPING}.duals").explicit_of_duals
         where = "moreau_duals" if module == "moreau" else "implicit_duals"
         return getattr(import_module(f"{STEPPING}.{where}"), f"{name}_of_duals")
+
+    @property
+    def adaptive(self) -> bool:
+        """Return True if the method can choose its steps by their error."""
+        return self.name in ADAPTIVE
 
     @property
     def gain(self) -> float:
@@ -251,11 +256,11 @@ METHODS = {
         Method(
             "dopri5", 5, dopri5(),
             "smooth motion to three to six digits, tables with many corners",
-            "explicit.runge_kutta", adaptive=True, controller=_pi(5, 0.04, 10.0), limit=1.0,
+            "explicit.runge_kutta", controller=_pi(5, 0.04, 10.0), limit=1.0,
         ),
         Method(
             "dop853", 8, dop853(), "smooth motion to six digits and more",
-            "explicit.runge_kutta", adaptive=True, controller=_pi(8, 0.04, 6.0), limit=4.5,
+            "explicit.runge_kutta", controller=_pi(8, 0.04, 6.0), limit=4.5,
         ),
         Method(
             "gauss6", 6, gauss6(),
@@ -265,7 +270,7 @@ METHODS = {
         Method(
             "radau5", 5, radau5(),
             "stiff springs, dampers and friction, at steps that do not resolve them",
-            "implicit.radau", adaptive=True, controller=_pi(4, 0.04, 8.0), implicit=True,
+            "implicit.radau", controller=_pi(4, 0.04, 8.0), implicit=True,
             jacobian=True,
         ),
         Method(

@@ -316,4 +316,7 @@ def array_of(given: Any) -> NDArray[Any]:
         inner, depth = inner[0], depth + 1
         if depth > MOST_DIMENSIONS:
             raise ValueError("the lists are nested too deeply")
-    return np.asarray(given)
+    found = np.asarray(given)
+    if found.dtype.kind in "mM":  # NumPy would count days or nanoseconds
+        raise TypeError("dates and durations are not numbers")
+    return found

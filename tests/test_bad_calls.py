@@ -31,6 +31,12 @@ TWO = pg.Model(
     scenarios=(pg.Scenario(name="start", q={"arm": 1.0}, t_end=0.1),),
 )  # fmt: skip
 MECH = pg.Mechanism(BASE)
+BOX = pg.Mechanism(
+    pg.Model(
+        bodies=[pg.Body(name="box", joint="free", shape=BALL)],
+        contacts=[pg.Contact(name="floor", body="box")],
+    )
+)
 HINGES = pg.Mechanism(pg.Model.serial(2))
 TOP = pg.Mechanism(pg.Model(bodies=(pg.Body(name="top", joint="spherical"),)))
 STILL = pg.Body(name="needle", parent="arm", mass=0.0, inertia=np.zeros((3, 3)))
@@ -118,6 +124,15 @@ CALLS = [
     (lambda: run(step=1e-300), "simulate, step", "1e-300"),
     (lambda: run(t_end=-1.0), "simulate, t_end", "> 0", "-1"),
     (lambda: run(tend=1.0), "tend", "did you mean t_end?"),
+    (lambda: run(max_step=0.01), "simulate, max_step", "largest step", "step=0.01, rtol=1e-8"),
+    (lambda: run(method=5), "simulate, method", "5", "dop853", "moreau_jean"),
+    (lambda: run(t_end=np.timedelta64(1, "s")), "simulate, t_end", "> 0", "timedelta64(1"),
+    (lambda: run(t_eval=np.array([0, 1], "timedelta64[ns]")), "t_eval", "times [s]", "nanoseconds"),
+    (lambda: pg.simulate(TWO, scenario=TWO.scenario("start")), "scenario", "name", "'start'"),
+    (lambda: pg.joined(run()), "joined, runs", "pg.joined([first, second])"),
+    (lambda: pg.joined([run(t_start=0.01, t_end=0.02), run()]), "joined, runs", "earlier run"),
+    (lambda: sweep("bodies.arm.mass", estimate="no"), "sweep, estimate", "True, False", "'no'"),
+    (lambda: BOX.equilibrium(), "equilibrium, q", "9.81", "'box'", "Contacts do not act"),
     (lambda: run(method="moreau_jean"), "moreau_jean", "'auto'", "'semi_implicit_euler'"),
     (lambda: run(t_start=NAN), "t_start", "nan"),
     (lambda: run(t_start=2.0, t_end=1.0), "t_end", "t_start = 2", "1.0"),
@@ -317,6 +332,7 @@ def study(**given: Any) -> Any:
     return pg.work_precision(PENDULUM, **{"t_end": 1.0, **given})
 
 
+DURATIONS = np.array([0, 1], dtype="timedelta64[ns]")
 CURVE, MASS = {"t": [0.0, 0.1], "1": [0.0, 0.1]}, {"bodies.1.mass": (1.0, 2.0)}
 LATE = [
     (lambda: switch(0.1, "pn", True), "simulate, switches: ", "'pn'", "choose one of pin"),
@@ -340,6 +356,12 @@ LATE = [
     (lambda: study(frames=2.5), "work_precision, frames", ">= 3", "2.5"),
     (lambda: pg.fit(BASE, CURVE, MASS, foo=1), "fit, foo", "sigma", "priors", "rtol"),
     (lambda: pg.optimise(BASE, "max 1", MASS, foo=1), "optimise, foo", "subject_to", "rtol"),
+    (lambda: pg.optimise(BASE, "max u", MASS, t_end=0.01), "optimise, objective", "'u'", EVERY),
+    (lambda: pg.optimise(BASE, lambda r: "a", MASS, t_end=0.01), "optimise, objective", "'a'"),
+    (lambda: pg.optimise(BASE, "max 1", MASS, history="/no/h"), "history", "/no/h", "folder"),
+    (lambda: pg.fit(BASE, CURVE, ["bodies.1.mass"], bounds=(1, 2)), "fit, free", "(low, high)"),
+    (lambda: pg.fit(BASE, CURVE, MASS, n=3), "fit, n", "pg.sweep(..., n=...)", "starts"),
+    (lambda: pg.fit(BASE, {**CURVE, "t": DURATIONS}, MASS), "data['t']", "numbers", "seconds"),
     (lambda: study(reference=3.0), "Result", "Case", "Reference", "(len(t), 1)", "float"),
 ]
 

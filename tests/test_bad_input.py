@@ -124,6 +124,8 @@ ROWS = [
     body("com", "[[0.25, 0, 0]]", com=[[0.25, 0, 0]]),
     body("mass", "no parameter", "'m'", mass="=m/2"),
     body("damping", "weld", "1.0", joint="weld", damping=1),
+    body("motions", "revolute", "[]", "joint='weld'", motions=[]),
+    body("motions", "compound", "[]", joint="compound", motions=[]),
     *(body("limits", limits=limits) for limits in ([0], 0, False, [5], [1, 0])),
     body("shape", "'plate'", "did you mean box?", "capsule", shape={"kind": "plate"}),
     body("shape", "sphere", "radius", shape={"kind": "sphere"}),

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,8 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.cli import main
-from pgraph_app.run import Request
-from pgraph_app.run.view import form
+from pgraph_app.run import Request, Run
+from pgraph_app.run.view import form, idle_step
 from pgraph_core.fields import about
 from pgraph_core.model.settings import OF, Settings
 from pgraph_core.simulation.options import Options
@@ -171,3 +172,46 @@ def test_a_scenario_on_the_page_runs_as_simulate_runs_it(name):
     assert np.array_equal(here.q, there.q)
     finer = request.unchecked_copy({"step": 7e-4})
     assert finer.options(model)["step"] == finer.step
+
+
+@pytest.mark.parametrize("method", ["rk4", "moreau_jean"])
+def test_a_scenario_with_a_tolerance_that_its_method_does_not_take_is_refused(method):
+    text = str(refusal(lambda: pg.Scenario(name="s", method=method, rtol=1e-6)))
+    assert_names(text, "scenario 's', rtol", method, "dop853")
+    for other in ("auto", "dop853", "radau5"):
+        assert pg.Scenario(name="s", method=other, rtol=1e-6).rtol == 1e-6
+
+
+@pytest.mark.parametrize(
+    ("settings", "acts"),
+    [
+        ({"method": "dop853"}, False),
+        ({"method": "radau5", "rtol": 1e-6}, True),  # the largest one
+        ({"method": "rk4"}, True),
+        ({}, True),
+    ],
+)
+def test_the_cell_of_a_step_that_a_run_does_not_take_says_automatic(settings, acts):
+    state = begun(in_scenario(step=0.004, **settings))
+    cell = step_cell(state)
+    told = cell["value"], cell["placeholder"] == "automatic"
+    assert told == ((0.004, False) if acts else (None, True))
+    assert_names(cell["help"], *[] if acts else ["0.004 s", "chooses its steps"])
+    if "rtol" not in settings:
+        assert headed(state.model)[1] == (0.004 if acts else None)
+
+
+def test_after_a_run_the_cell_of_the_step_follows_the_method_that_was_chosen():
+    state = begun(pg.load("stiff_pendulum"))
+    given = state.request.step
+    assert step_cell(state)["value"] == given is not None
+    result = pg.simulate(state.model, t_end=0.01, **state.request.options(state.model))
+    assert result.header["step"] is None
+    done = replace(state, last_run=Run(state.model, state.request, result))
+    assert (step_cell(done)["value"], step_cell(done)["placeholder"]) == (None, "automatic")
+
+
+def step_cell(state: Any) -> Any:
+    """Return the cell of the step on the page."""
+    cells = form(state.request, idle_step(state))
+    return next(cell for cell in cells if cell["name"] == "step")

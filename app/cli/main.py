@@ -8,7 +8,7 @@ import os
 import signal
 import socket
 import sys
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib.metadata import version
@@ -22,6 +22,7 @@ from .terminal import (
     COMMANDS,
     FILES,
     NAMED,
+    Parser,
     model_path,
     open_model,
     print_answer,
@@ -95,7 +96,7 @@ def _no_command(word: str, rest: Sequence[str]) -> str:
 
 def _command(name: str, words: Sequence[str]) -> int:
     command = COMMANDS[name]
-    parser = ArgumentParser(
+    parser = Parser(
         prog=f"pgraph {name}", description=f"{command.help[0].upper()}{command.help[1:]}."
     )
     for add in command.arguments:
@@ -119,7 +120,7 @@ def _command(name: str, words: Sequence[str]) -> int:
 
 def _start(words: Sequence[str]) -> int:
     listed = "\n".join(f"  pgraph {name:9} {command.help}" for name, command in COMMANDS.items())
-    parser = ArgumentParser(
+    parser = Parser(
         prog="pgraph",
         description="Multibody dynamics from a four-column table. Opens the page in the browser.",
         epilog=f"commands, each with --help and --json:\n{listed}",

@@ -8,13 +8,14 @@ import os
 import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core import words
 from pgraph_core.errors import FileError, InputError, ModelError, Problem, choices, plain
 from pgraph_core.fields import about
 from pgraph_core.markup import content_of, reason_of
@@ -32,6 +33,29 @@ SHORT = 2.0  # [s] after which the time left is worth a word
 
 
 # -- arguments -------------------------------------------------------------------------------------
+
+
+class Parser(ArgumentParser):
+    """A parser that suggests the flag meant by an unknown one, such as --step for --dt."""
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Return the values of the arguments, or end the program with a message."""
+        found, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{self._meant(unknown)}")
+        return found
+
+    def _meant(self, unknown: Sequence[str]) -> str:
+        flags = {
+            flag.lstrip("-").replace("-", "_"): flag
+            for action in self._actions for flag in action.option_strings
+        }  # fmt: skip
+        given = (
+            x.lstrip("-").partition("=")[0].replace("-", "_") for x in unknown if x.startswith("-")
+        )
+        close = (name if name in flags else words.hint(name, flags) for name in given)
+        found = dict.fromkeys(flags[name] for name in close if name)
+        return f"; did you mean {' and '.join(found)}?" if found else ""
 
 
 Takes = Callable[[ArgumentParser], object]  # adds an argument to a parser

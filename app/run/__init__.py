@@ -11,11 +11,10 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import Number, about
-from pgraph_core.model.settings import AUTO, OF, STEP, Settings, settings_of
+from pgraph_core.model.settings import ADAPTIVE, AUTO, OF, STEP, Settings, settings_of
 from pgraph_core.numbering import children_of
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import Look, extent, looks
-from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core import cells, state
 from ..core.cells import Refusal

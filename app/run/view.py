@@ -11,10 +11,9 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.fields import about, fields_of
 from pgraph_core.model.checks import PARTS as MODEL_PARTS
-from pgraph_core.model.settings import AUTO, METHOD_NAMES, OF, Settings
+from pgraph_core.model.settings import ADAPTIVE, AUTO, METHOD_NAMES, OF, Settings, settings_of
 from pgraph_core.model.world import World
 from pgraph_core.show.stage import GRID
-from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core.views import Host, Payload, Place, topic
 from . import FREE_RUN, Request, Run, State
@@ -30,7 +29,7 @@ def run(state: State) -> Payload:
     return {
         "scenarios": [*([s.name, s.name] for s in state.model.scenarios), [FREE_RUN, "free run"]],
         "request": fields_of(request),
-        "form": form(request),
+        "form": form(request, idle_step(state)),
         "keeps": keeps(state),
         "method": METHOD_NAMES[request.method].partition(" (")[0],
         "empty": not state.model.bodies,
@@ -46,17 +45,38 @@ def run(state: State) -> Payload:
     }
 
 
-def form(request: Request) -> list[Payload]:
-    """Return the cells of the settings, those with a list of choices first."""
-    found = []
-    for name, (placeholder, help, acts) in hints(request).items():
+def form(request: Request, idle: str = "") -> list[Payload]:
+    """Return the cells of the settings, those with a list of choices first.
+
+    `idle` is the reason why the step of the scenario does not act, or "".
+    """
+    found, told = [], hints(request)
+    values = settings_of(request)
+    if idle:
+        told["step"], values["step"] = ("automatic", idle, True), None
+    for name, (placeholder, help, acts) in told.items():
         known = about(OF[name], name)
         found.append({
-            "name": name, "label": known.label, "unit": known.unit, "value": getattr(request, name),
+            "name": name, "label": known.label, "unit": known.unit, "value": values[name],
             "options": list(Settings.CHOICES.get(name, {}).items()), "placeholder": placeholder,
             "help": help, "acts": acts,
         })  # fmt: skip
     return sorted(found, key=lambda one: not one["options"])
+
+
+def idle_step(state: State) -> str:
+    """Return the reason why the step of the scenario does not act, as far as it is known, or ""."""
+    request, last = state.request, state.last_run
+    s = next((s for s in state.model.scenarios if s.name == request.scenario), None)
+    if s is None or s.step is None or request.step != s.step:
+        return ""
+    method = request.method
+    if method == AUTO and last is not None and last.request == request:
+        method = last.result.header["method"]
+    if method not in ADAPTIVE or (s.rtol is not None and request.rtol == s.rtol):
+        return ""
+    text = f"{METHOD_NAMES[method]} chooses its steps. The scenario's step, {s.step:g} s, is that "
+    return f"{text}of methods with fixed steps; another number here is the size of every step"
 
 
 def hints(request: Request) -> dict[str, tuple[str, str, bool]]:

@@ -57,6 +57,8 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Config
     joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
     left = f"{np.abs(push).max():.3g} (N m or N) remain, most of it in the joint of '{joint}'"
     text = f"no equilibrium was found near q: {left}; add a spring, or start from another q"
+    if mech.model.contacts:
+        text += ". Contacts do not act here; a state of rest on them is the end of a run, run.q[-1]"
     raise InputError(Problem("equilibrium", "q", text))
 
 

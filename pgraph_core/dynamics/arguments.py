@@ -15,6 +15,7 @@ import numpy as np
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import made_by_numba
 from ..errors import Called, InputError, Problem, choices, nearest_first, shown, to_read
+from ..fields import is_number
 from ..joints import joined_parts
 from ..packing import Array
 from ..packing.packed import Packed
@@ -230,8 +231,7 @@ def _stacked(results: list[Any]) -> Any:
 
 def whole_number(call: str, field: str, value: Any, least: int, most: float = math.inf) -> int:
     """Return an integer within these bounds. Raises InputError, which names the call."""
-    whole = isinstance(value, Integral) and not isinstance(value, bool)
-    if not whole or not least <= int(value) <= most:
+    if not is_number(value, Integral) or not least <= int(value) <= most:
         text = f"must be a whole number >= {least}"
         text += "" if most == math.inf else f" and <= {most}"
         raise InputError(Problem(call, field, f"{text}, got {shown(value)}"))

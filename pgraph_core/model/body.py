@@ -186,7 +186,8 @@ class Body(Described):
         help="speed above which runs issue a notice; it exerts no force",
     )  # fmt: skip
     pitch: PerMotion = field(
-        "numbers [m per turn], not 0 for a screw, by default 0.01, one for all or one per motion",
+        "numbers [m per turn], not 0 for a screw, by default 0.01, one for all screws or one per "
+        "motion",
         converter=per_motion, default=(), dim=M, since=5,
         help="screw pitch; negative for a left-handed thread",
     )  # fmt: skip
@@ -409,6 +410,10 @@ def _pick_joint(data: dict[str, Any], dof: Any) -> None:
 def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
     """Fill in `motions`. `axes` alone are the directions of the motions of this kind."""
     given = listed(data.get("motions"))
+    if given == () and joints.DEFAULT[kind]:
+        text = f"a {kind} joint has motions, got []; omit the field, or give joint='weld'"
+        refuse([("motions", text)])
+        return
     try:
         motions = tuple(_motion(*m) for m in given) if given else joints.DEFAULT[kind]
     except TypeError:
@@ -479,7 +484,9 @@ def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None
         value = listed(data[name]) if name in data else ()
         value = value if isinstance(value, tuple) else (value,)
         if len(value) == 1 and (motions or value == (0,)):
-            value *= len(motions)
+            screws = [m.kind == "screw" for m in motions]
+            all_have = name != "pitch" or not any(screws)
+            value = tuple(value[0] if screw or all_have else 0.0 for screw in screws)
         data[name] = value or (0.0,) * len(motions)
         if name == "pitch" and not value:
             usual = joints.DEFAULT["screw"][0].pitch

@@ -232,6 +232,10 @@ class Description(World):
             If no scenario has this name. The message lists the existing names.
         """
         found = next((s for s in self.scenarios if s.name == name), None)
+        if isinstance(name, Scenario):
+            text = "must be the name of a scenario of the model: model.add(scenario), and then "
+            text += f"scenario={shown(name.name)}"
+            raise ModelError(Problem("scenario", "", text))
         if found is None:
             known = choices(s.name for s in self.scenarios)
             do = f"choose one of {known}" if known else "the model has no scenario"

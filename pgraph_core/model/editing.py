@@ -191,10 +191,8 @@ def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
 
 def _set(body: Body, field: str) -> bool:
     """Check whether a joint's field differs from the default for its kind."""
-    motions = () if field in ("axes", "motions") else body.motions
-    return getattr(body, field) != getattr(
-        Body(name="fresh", joint=body.joint, motions=motions), field
-    )
+    own = {} if field in ("axes", "motions") else {"motions": body.motions}
+    return getattr(body, field) != getattr(Body(name="fresh", joint=body.joint, **own), field)
 
 
 def renamed(part: T, names: Mapping[str, str]) -> T:

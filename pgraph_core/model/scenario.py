@@ -30,9 +30,10 @@ from ..fields import (
 from ..forces import Force
 from ..signals import parsed
 from ..signals.meaning import compares
+from ..units import S
 from .body import Body
 from .constraint import Constraint
-from .settings import AUTO, OF, Settings
+from .settings import ADAPTIVE, AUTO, OF, Settings, no_tolerance
 
 Positive = Annotated[Number, Field(gt=0)]
 AtLeast0 = Annotated[Number, Field(ge=0)]
@@ -293,7 +294,17 @@ class Scenario(Settings, Setup):
     """Named run settings for `simulate(mech, scenario=name)`."""
 
     t_end: Annotated[Number, OF["t_end"]] = 1.0
+    step: Number | None = field(
+        "a finite number > 0 [s]", default=None, gt=0, dim=S,
+        help="size of fixed steps, which adaptive methods ignore; with rtol their largest step",
+    )  # fmt: skip
     method: Annotated[Text, OF["method"]] = AUTO
+
+    @model_validator(mode="after")
+    def _stepped(self) -> Self:
+        if self.rtol is not None and self.method not in (AUTO, *ADAPTIVE):
+            refuse([("rtol", no_tolerance(self.method))])
+        return self
 
 
 # -- conditions ------------------------------------------------------------------------------------

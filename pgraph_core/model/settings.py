@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from pydantic import ValidatorFunctionWrapHandler, field_validator
 
 from .. import words
-from ..errors import ModelError, no_method
+from ..errors import ModelError, choices, no_method
 from ..fields import Frozen, Number, Text, Whole, field, refuse
 from ..tolerances import EPS
 from ..units import S
@@ -29,6 +29,12 @@ METHOD_NAMES = {  # names in calls and files -> labels
     "radau5": "Radau 5 (stiff)",
     "moreau_jean": "Moreau-Jean (impacts)",
 }
+ADAPTIVE = ("dopri5", "dop853", "radau5")  # methods that can choose their steps by their error
+
+
+def no_tolerance(method: str) -> str:
+    """Return the message about a tolerance for a method whose steps are given."""
+    return f"{method} takes a step, not a tolerance; for one choose {choices(ADAPTIVE)}"
 
 
 class Settings(Frozen):
@@ -66,10 +72,10 @@ class Settings(Frozen):
     @field_validator("method", mode="wrap")
     @classmethod
     def _known_method(cls, value: Any, checked: ValidatorFunctionWrapHandler) -> Any:
-        name = checked(words.chosen(value, METHOD_NAMES) or value)
-        if name is not None and name not in METHOD_NAMES:
+        name = words.chosen(value, METHOD_NAMES) or value
+        if name is not None and not (isinstance(name, str) and name in METHOD_NAMES):
             refuse([("method", no_method(name, METHOD_NAMES))])
-        return name
+        return checked(name)
 
     @classmethod
     def read(cls, name: str, text: str) -> Any:

@@ -42,6 +42,10 @@ def joined(runs: Sequence[Result], /) -> Result:
     ------
     InputError
         If `runs` is empty, or if consecutive runs are not contiguous in time or differ in size.
+
+    Examples
+    --------
+        whole = pg.joined([first, second])
     """
     if not len(runs):
         raise InputError(Problem("joined", "runs", "needs at least one run, got none"))
@@ -94,7 +98,9 @@ def _check(before: Result, after: Result) -> None:
         raise InputError(Problem("joined", "runs", f"{text}: only runs of the same joints join"))
     if not len(before.t) or not len(after.t) or not np.isclose(before.t[-1], after.t[0]):
         ends = [f"{t[k]:g}" if len(t) else "no frame" for t, k in ((before.t, -1), (after.t, 0))]
-        text = f"a run from {ends[1]} s after one to {ends[0]} s; give t_start = {ends[0]}"
+        later = len(before.t) and len(after.t) and after.t[-1] <= before.t[0]
+        do = "give the earlier run first" if later else f"give t_start = {ends[0]}"
+        text = f"a run from {ends[1]} s after one to {ends[0]} s; {do}"
         raise InputError(Problem("joined", "runs", text))
 
 

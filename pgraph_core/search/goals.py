@@ -83,16 +83,13 @@ class Goals:
 
     def begin(self, run: Result) -> None:
         """Check the first run, so that invalid goals are rejected."""
-        first = np.asarray(self.objective(run), dtype=object)
-        self.squares, self.count = first.ndim > 0, first.size
         for what, function in (
             ("objective", self.objective),
             *((f"subject_to[{name!r}]", f) for name, f in zip(self.names, self.functions)),
         ):
-            try:
-                found = np.asarray(function(run), float)
-            except (TypeError, ValueError):
-                raise self.numbers.refused(what, "must return numbers") from None
+            found = self._first(what, function, run)
+            if what == "objective":
+                self.squares, self.count = found.ndim > 0, found.size
             if (
                 not found.size
                 or not np.isfinite(found).all()
@@ -100,6 +97,20 @@ class Goals:
             ):
                 text = f"must return a finite number; at the start it is {shown(found.tolist())}"
                 raise self.numbers.refused(what, text)
+
+    def _first(self, what: str, function: Callable[[Result], Any], run: Result) -> Array:
+        """Return the numbers of a goal. Raises InputError for an unknown column and for text."""
+        try:
+            given = function(run)
+        except InputError as error:
+            if not isinstance(function, Metric):
+                raise  # by a function of the user
+            raise self.numbers.refused(what, error.problems[0].text) from None
+        try:
+            return np.asarray(given, float)
+        except (TypeError, ValueError):
+            text = f"must return numbers, got {shown(given)}"
+            raise self.numbers.refused(what, text) from None
 
     def __call__(self, run: Result) -> Array:
         """(count + constraints,) the goals of a run."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import InputError, PgraphError, Problem, choices, shown
 from ..markup import ordinary
+from ..portable import array_of
 from ..result import Result
 from ..result.columns import coordinates
 
@@ -51,9 +52,10 @@ def measured(data: Any) -> tuple[dict[str, Array], dict[str, str]]:
         word, _, unit = str(name).partition(" [")
         units[word] = unit.removesuffix("]")
         try:
-            column = np.array(values, dtype=float)
+            column = np.array(array_of(values), dtype=float)
         except (TypeError, ValueError):
-            raise _refused(f"data['{name}']", "must be numbers") from None
+            do = "; durations are numbers [s] after t / np.timedelta64(1, 's')" * (word in TIMES)
+            raise _refused(f"data['{name}']", f"must be numbers, got {shown(values)}{do}") from None
         if word in TIMES:
             if (factor := factor_of(units.pop(word) or "s", "s")) is None:
                 raise _refused(f"data['{name}']", "is not in a unit of time, such as s or ms")

@@ -15,6 +15,7 @@ import numpy as np
 from ..dynamics import model_of
 from ..errors import InputError, ModelError, explained, needed, shown
 from ..fields import whole
+from ..markup import reason_of
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
@@ -229,7 +230,6 @@ class Search:
 
     def _read(self, history: Any) -> dict[str, float]:
         """The best values of an earlier search, {} if there is none."""
-        trials = []
         if isinstance(history, Optimum):
             return dict(history.values)
         if self.file is None:
@@ -237,12 +237,15 @@ class Search:
                 text = f"must be an Optimum or the name of a file, got {shown(history)}"
                 raise self.numbers.refused("history", text)
             return {}
-        if self.file.exists():
-            try:
-                lines = self.file.read_text("utf-8").splitlines()
-                trials = [Trial(**json.loads(line)) for line in lines]
-            except (OSError, ValueError, TypeError) as error:
-                raise self.numbers.refused("history", f"{self.file}: {error}") from None
+        try:
+            with self.file.open("a+", encoding="utf-8") as file:
+                file.seek(0)
+                trials = [Trial(**json.loads(line)) for line in file.read().splitlines()]
+        except OSError as error:
+            text = f"{self.file} cannot be written: {reason_of(error)}; give a file in a folder "
+            raise self.numbers.refused("history", f"{text}that is there") from None
+        except (ValueError, TypeError) as error:
+            raise self.numbers.refused("history", f"{self.file}: {error}") from None
         trials = [trial for trial in trials if not trial.failed]
         for trial in trials[:1]:
             if [*trial.values] != self.numbers.names:

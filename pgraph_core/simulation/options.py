@@ -7,20 +7,27 @@ import inspect
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from numbers import Real
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
 from ..dynamics.arguments import whole_number
-from ..errors import InputError, ModelError, Problem, choices, needed, one_of, shown
-from ..fields import Flag, Number, Text, Whole, field, listed
+from ..errors import InputError, ModelError, Problem, needed, one_of, shown
+from ..fields import Flag, Number, Text, Whole, field, is_number, listed
 from ..forces import OnJoint
-from ..integrators import METHODS, Method
+from ..integrators import Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
 from ..model.checks import force_problems, late_limits
-from ..model.settings import AUTO, LONGEST, MOST_FRAMES, STEP, Settings
+from ..model.settings import (
+    ADAPTIVE,
+    AUTO,
+    LONGEST,
+    MOST_FRAMES,
+    STEP,
+    Settings,
+    no_tolerance,
+)
 from ..packing import Array, Ints
 from ..portable import array_of
 from ..tolerances import SOLVED
@@ -29,7 +36,6 @@ MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 STEPS_ALLOWED = 1_000_000_000  # a day of computing
 FRAMES = 1000  # recorded by default
 RTOL = 1e-8  # default tolerance of adaptive runs
-ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
 
 
 class Tolerance(NamedTuple):
@@ -134,8 +140,7 @@ class Options(Settings):
         rtol, step, most = self.rtol, self.step, self.max_steps
         if not method.adaptive:
             if given := "rtol" if rtol is not None else "atol" if self.atol else "":
-                text = f"{method.name} takes a step, not a tolerance; for one choose "
-                raise InputError(Problem("simulate", given, text + choices(ADAPTIVE)))
+                raise InputError(Problem("simulate", given, no_tolerance(method.name)))
             return None
         if step is None:
             return Tolerance(rtol or RTOL, self.atol, length, most)
@@ -272,7 +277,7 @@ def _time(value: Any) -> float:
 def _number(value: Any) -> float:
     if type(value) is float:
         return value
-    return float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
+    return float(value) if is_number(value) else np.nan
 
 
 # -- recorded times ------------------------------------------------------------------------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from numbers import Real
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -13,7 +12,7 @@ from pydantic import BaseModel
 from ..curves import Table
 from ..dynamics.arguments import names_in
 from ..errors import InputError, ModelError, Problem, nearest, shown
-from ..fields import about
+from ..fields import about, is_number
 from ..forces import OnJoint
 from ..joints import KINDS as JOINTS
 from ..model import Body, Model
@@ -88,7 +87,7 @@ def edited(model: Model, path: Any, number: tuple[Any, ...], fields: Mapping[str
     distinct(paths, "edit")
     values = list[float]()
     for one, value in zip(paths, given.values(), strict=True):
-        if isinstance(value, bool) or not isinstance(value, Real):
+        if not is_number(value):
             part, field = (one.name, one.inside[0]) if one.group in KINDS else ("NAME", "field")
             text = f"must be a number, got {shown(value)}; other values are given by the name of "
             text += f"their field: edit({part!r}, {field}=...)"

@@ -11,13 +11,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
-from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..dynamics.scene import contact_tables
 from ..errors import choices, no_method, refusal, shown
+from ..fields import is_number
 from ..integrators import METHODS, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Scenario
@@ -124,11 +124,6 @@ def methods_of(call: str, given: Any, *, impulses: bool, suited: bool) -> tuple[
 
 
 # -- checks ----------------------------------------------------------------------------------------
-
-
-def is_number(value: Any) -> bool:
-    """Return True if `value` is a real number other than True or False."""
-    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def time_limit(call: str, within: Any) -> None:

@@ -334,7 +334,7 @@ def _tried(
     else:
         return
     try:
-        run = simulate(model, **{**settings, "estimate": False}, progress=lambda _: False)
+        run = simulate(model, **settings, progress=lambda _: False)
     except InputError as error:
         ours = [problem for problem in error.problems if problem.where == "simulate"]
         if ours:

@@ -139,3 +139,10 @@ def test_a_file_keeps_a_screw_and_other_formats_refuse_it(tmp_path):
     for write, name in ((pg.write_mjcf, "a.xml"), (pg.write_urdf, "a.urdf")):
         with pytest.raises(pg.ModelError, match=r"'nut', joint.*screw"):
             write(model, tmp_path / name)
+
+
+@pytest.mark.parametrize("pitch", [0.1, -0.02, (0.1,)])
+def test_one_pitch_is_that_of_the_screws_of_a_compound(pitch):
+    motions = [("rotate", (1, 0, 0)), ("screw", (0, 0, 1)), ("translate", (1, 0, 0))]
+    body = pg.Body(name="nut", joint="compound", motions=motions, pitch=pitch)
+    assert body.pitch == (0.0, np.ravel(pitch)[0], 0.0)
