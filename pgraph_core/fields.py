@@ -21,6 +21,7 @@ from typing import (
     NamedTuple,
     NoReturn,
     Self,
+    TypeGuard,
     TypeVar,
     dataclass_transform,
     overload,
@@ -796,7 +797,7 @@ class OnSum(OfSums):
         return self
 
 
-def is_number(value: Any, kind: type = Real) -> bool:
+def is_number(value: Any, kind: type = Real) -> TypeGuard[Any]:
     """Return True if `value` is a number of this kind: no truth value, and no duration of NumPy."""
     return isinstance(value, kind) and not isinstance(value, (bool, np.timedelta64))
 

@@ -102,7 +102,7 @@ def _command(name: str, words: Sequence[str]) -> int:
     for add in command.arguments:
         add(parser)
     parser.add_argument("--json", action="store_true", help="print JSON instead of text")
-    args = parser.parse_args(words)
+    args = parser.read(words)
     try:
         answer = command.answer(args)
     except PgraphError as error:
@@ -128,7 +128,7 @@ def _start(words: Sequence[str]) -> int:
     )
     for add in START:
         add(parser)
-    args = parser.parse_args(words)
+    args = parser.read(words)
     try:
         start(args)
     except PgraphError as error:

@@ -38,9 +38,9 @@ SHORT = 2.0  # [s] after which the time left is worth a word
 class Parser(ArgumentParser):
     """A parser that suggests the flag meant by an unknown one, such as --step for --dt."""
 
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def read(self, words: Sequence[str]) -> Namespace:
         """Return the values of the arguments, or end the program with a message."""
-        found, unknown = self.parse_known_args(args, namespace)
+        found, unknown = self.parse_known_args(words)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}{self._meant(unknown)}")
         return found

@@ -191,7 +191,7 @@ def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
 
 def _set(body: Body, field: str) -> bool:
     """Check whether a joint's field differs from the default for its kind."""
-    own = {} if field in ("axes", "motions") else {"motions": body.motions}
+    own: dict[str, Any] = {} if field in ("axes", "motions") else {"motions": body.motions}
     return getattr(body, field) != getattr(Body(name="fresh", joint=body.joint, **own), field)
 
 
