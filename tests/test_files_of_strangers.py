@@ -634,6 +634,50 @@ def test_sensors_of_subtrees_read_as_in_mujoco(tmp_path, body):
         pg.write_mjcf(model, tmp_path / "again.xml")
 
 
+FOOT = """<mujoco><option {}/><worldbody><geom type="plane" size="9 9 1"/>{}
+<body name="b" pos="0 0 .099"><joint type="slide" axis="0 0 1"/><joint type="slide" axis="1 0 0"/>
+<geom type="box" size=".1 .1 .1" mass="2"/><site name="s" type="box" size=".2 .2 .2"/></body>
+</worldbody><sensor><touch name="t" site="s"/><jointpos name="x" joint="j"/></sensor></mujoco>"""
+OTHER = """<body name="o" pos="2 0 .5"><joint name="j" axis="0 1 0"/>
+<geom size=".1" mass="1" contype="0" conaffinity="0"/></body>"""
+
+
+@pytest.mark.parametrize("gravity", [9.81, 1.62])
+@pytest.mark.parametrize("settings", [{"step": 1e-3}, {"rtol": 1e-6}])
+def test_a_touch_sensor_reads_the_force_on_its_body(tmp_path, gravity, settings):
+    mujoco = pytest.importorskip("mujoco")
+    text = FOOT.format(f'gravity="0 0 -{gravity}"', OTHER)
+    model, report = read_model(written(tmp_path, text, "foot.xml"))
+    assert_names(str(report), "friction", "within the site")
+    assert report.loaded
+    run = pg.simulate(model, t_end=0.2, **settings)
+    assert run.outputs["t"][-1] == pytest.approx(2 * gravity, rel=1e-6)
+    np.testing.assert_allclose(run.outputs["x"], run["o"])  # its column is its own
+    stepper = pg.Stepper(model)
+    stepper.step(n=100)
+    assert stepper.outputs["t"] == pytest.approx(2 * gravity, rel=1e-6)
+    batch = pg.BatchStepper(model, 2)
+    batch.step(n=100)
+    np.testing.assert_allclose(batch.outputs["t"], stepper.outputs["t"], rtol=1e-12)
+    pg.write_mjcf(model, tmp_path / "again.xml")
+    for file in ("foot.xml", "again.xml"):
+        m = mujoco.MjModel.from_xml_path(str(tmp_path / file))
+        data = mujoco.MjData(m)
+        for _ in range(1000):
+            mujoco.mj_step(m, data)
+        assert data.sensor("t").data[0] == pytest.approx(2 * gravity, rel=1e-3)
+
+
+def test_a_touch_sensor_without_contacts_reads_zero_and_needs_a_body():
+    ball = pg.Body(name="b", joint="free", shape=pg.Shape("sphere", radius=0.1))
+    model = pg.Model(bodies=[ball], outputs=[pg.Output(name="t", kind="touch", at="b")])
+    assert not pg.simulate(model, t_end=0.1).outputs["t"].any()
+    assert pg.Stepper(model).outputs["t"] == 0.0
+    with pytest.raises(pg.ModelError) as refused:
+        model.add(pg.Output(name="u", kind="touch", at="ground"))
+    assert_names(str(refused.value), "output 'u', at", "ground", "body")
+
+
 def states_of(model, mech, m, data):
     """Return q and v of MuJoCo's state, of which all turns start without rotation."""
     q, v = mech.home()

@@ -282,13 +282,18 @@ class BatchStepper(Snapshots):
         if shared.loads:
             for i in range(self.size) if self._pushed else ():
                 external[i] = many.into_worker(i).stepper._on_bodies()[0]
+        pushes = np.zeros_like(external)
+        if shared.touches and self._pushed:
+            for i in range(self.size):
+                found = many.into_worker(i).stepper.pushes
+                pushes[i] = found[0] if found.size else 0.0
         for kind, (sensors, system) in enumerate(self._sensed):
             which = np.flatnonzero(many.kind == kind)
             q, v, rates = (np.ascontiguousarray(x[which]) for x in (many.q, many.v, vdot))
             motion = no_motion(len(which))
             if shared.moves:
                 motion = bodies_over(system, q, v, rates, external[which])
-            read[which] = sensors.read(q, v, motion)
+            read[which] = sensors.read(q, v, motion, pushes[which])
         return Named(shared.by_name(read), "outputs", "output")
 
     @property

@@ -15,7 +15,7 @@ from ..engine.tree import bodies as kernels
 from ..engine.tree import sensors
 from ..fields import GROUND, fields_of
 from ..model import Body, Model
-from ..model.output import OF_JOINT, OF_LOAD, OF_SUBTREE, READINGS, Output
+from ..model.output import OF_CONTACT, OF_JOINT, OF_LOAD, OF_SUBTREE, READINGS, Output
 from ..packing import Array, Ints, System, numbers, quaternions
 from ..packing.packed import Packed
 from ..paper import bodies_of, q_slices
@@ -176,7 +176,7 @@ def turned(q: Array, x: Array) -> Array:
 
 
 class Sensors:
-    """The outputs of a model as a kernel table."""
+    """The outputs of a model: a kernel table, and those of several bodies and of contacts."""
 
     def __init__(self, packed: Packed, model: Model):
         """Build the table. `loads`: outputs read joint forces. `moves`: they read bodies."""
@@ -184,6 +184,7 @@ class Sensors:
         self.gravity = np.array(model.gravity)
         self.bodies = [model.body(name) for name in packed.topology.names]
         self._subtrees: list[tuple[int, int, Ints]] = []  # column, kind, numbers of bodies
+        self.touches: list[tuple[int, int]] = []  # column, index of a body that contacts push
         self.table, self._spans, self.width = table(sensors.SENSOR, len(wanted)), [], 0
         for o, one in zip(wanted, self.table):
             one["kind"], one["first"] = list(READINGS).index(o.kind), self.width
@@ -199,17 +200,25 @@ class Sensors:
             if o.kind in OF_SUBTREE:
                 carried = _carried_by(packed, int(one["body"]))
                 self._subtrees.append((self.width, OF_SUBTREE.index(o.kind), carried))
+            if o.kind in OF_CONTACT:
+                self.touches.append((self.width, int(one["body"]) - 1))
             self.width += len(o.reading.parts)
-        self.moves = any(o.kind not in OF_JOINT for o in wanted)
+        self.table = self.table[np.array([o.kind not in OF_CONTACT for o in wanted], dtype=bool)]
+        self.moves = any(o.kind not in (*OF_JOINT, *OF_CONTACT) for o in wanted)
         self.loads = any(o.kind in OF_LOAD for o in wanted)
 
-    def read(self, q: Array, v: Array, motion: BodyMotion) -> Array:
-        """Return the readings (n, width) in n states (n, nq), (n, nv)."""
+    def read(self, q: Array, v: Array, motion: BodyMotion, pushes: Array) -> Array:
+        """Return the readings (n, width) in n states (n, nq), (n, nv).
+
+        `pushes` are the wrenches of contacts on bodies (n, nb, 6), or empty without contacts.
+        """
         out = np.empty((len(q), self.width))
         sensors.read_sensors(self.table, self.gravity, q, v, *motion, out)
         points = mass_points(self.bodies, motion) if self._subtrees else None
         for column, kind, own in self._subtrees:
             out[:, column : column + 3] = of_subtree(points, own)[kind]
+        for column, b in self.touches:
+            out[:, column] = np.linalg.norm(pushes[:, b, 3:], axis=1) if pushes.size else 0.0
         return out
 
     def by_name(self, read: Array) -> dict[str, Any]:

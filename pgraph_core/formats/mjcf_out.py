@@ -27,7 +27,8 @@ from ..model import (
     Wrench,
 )
 from ..model.files import gathered, write_atomic
-from ..model.output import OF_JOINT, OF_SUBTREE
+from ..model.output import OF_CONTACT, OF_JOINT, OF_SUBTREE
+from ..model.shape import corners_of
 from ..rotation import frame_of, matrix, multiply, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, unused, why_unphysical
@@ -539,6 +540,12 @@ class _Writer(ContactsOut):
             elif o.kind in OF_SUBTREE:
                 body = next((s.body for s in found if s.name == o.at), o.at)
                 self.of_subtrees.append((tag, body))
+            elif o.kind in OF_CONTACT:
+                body = self.model.body(next((s.body for s in found if s.name == o.at), o.at))
+                name = self._site(body.name, end_name(o.name, 1), (0.0,) * 3)
+                ends = [np.linalg.norm(corners_of(shape), axis=1).max() for shape in body.shapes]
+                self.sites[body.name][-1].set(size=2.0 * max(ends, default=1.0), group="5")
+                tag.set(site=name)
             else:
                 name = o.at if o.at in sites else self._site(o.at, end_name(o.name, 1), (0.0,) * 3)
                 in_world = o.kind in ("position", "rotation", "velocity", "angular_velocity")

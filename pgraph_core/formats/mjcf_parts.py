@@ -17,7 +17,7 @@ from ..model import (
     Scenario,
     Site,
 )
-from ..model.output import OF_SUBTREE, Kind
+from ..model.output import OF_CONTACT, OF_SUBTREE, Kind
 from ..rotation import matrix, multiply, unit
 from ..tolerances import SOLVED
 from .conversion import suspect_rings, unused
@@ -32,6 +32,7 @@ SENSORS: dict[str, Kind] = {  # kind of output for each sensor of MuJoCo
     "velocimeter": "velocimeter", "gyro": "gyro", "accelerometer": "accelerometer",
     "force": "force", "torque": "torque", "subtreecom": "subtree_position",
     "subtreelinvel": "subtree_velocity", "subtreeangmom": "subtree_momentum",
+    "touch": "touch",
 }  # fmt: skip
 
 
@@ -177,6 +178,10 @@ class Parts(Forces):
                 continue
             fields = self._sensed(k, word, name, sites)
             found[name] = Output(name=name, kind=SENSORS[word], **fields)
+            if SENSORS[word] in OF_CONTACT:
+                text = "it reads the size of the sum of all contact forces on its body, with "
+                text += "friction, whereas MuJoCo adds the normal forces within the site"
+                self.report.add("converted", self.reader.where("sensor", name), text)
             if m.sensor_cutoff[k] > 0:
                 text = "its cutoff: it reads all values"
                 self.reader.left_out("sensor", name, text, acts=False)

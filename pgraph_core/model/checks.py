@@ -19,7 +19,7 @@ from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
 from .control import Control
 from .expressions import Known, drives_read, expression_problems, loop_problems
-from .output import OF_JOINT, OF_LOAD, Output, Site
+from .output import OF_CONTACT, OF_JOINT, OF_LOAD, Output, Site
 from .poses import Pose, carried
 from .scenario import Scenario, Switch, condition_problems, known_names
 from .world import Ground, World, below_kinetic
@@ -430,8 +430,10 @@ def output_problems(
         elif o.at not in sites and (text := unknown(o.at, bodies, GROUND)):
             more = f"; or of the sites {choices(sites)}" if sites else ""
             found.append(Problem(where, "at", text + more))
-        elif o.kind in OF_LOAD and o.at == GROUND:
-            found.append(Problem(where, "at", "no joint transmits a force to the ground"))
+        elif o.at == GROUND and o.kind in (*OF_LOAD, *OF_CONTACT):
+            what = "joint transmits" if o.kind in OF_LOAD else "output reads"
+            text = f"no {what} a force on the ground; name a body"
+            found.append(Problem(where, "at", text))
     return found
 
 

@@ -27,7 +27,7 @@ from .body import Body
 from .constraint import Constraint
 from .contact import Contact
 from .control import Control
-from .output import OF_SUBTREE
+from .output import OF_CONTACT, OF_SUBTREE
 from .parameters import CURVE, Formula, holds_formula, inlined, texts_in
 from .scenario import Scenario
 from .settings import STEP
@@ -112,7 +112,7 @@ def _without_new(kind: type[Frozen], data: dict[str, Any]) -> dict[str, Any]:
 
 def _versions(data: dict[str, Any]) -> Iterator[int]:
     """Yield the oldest schema version that supports each part."""
-    yield 9 if any(x["kind"] in OF_SUBTREE for x in data["outputs"]) else 1
+    yield 9 if any(x["kind"] in (*OF_SUBTREE, *OF_CONTACT) for x in data["outputs"]) else 1
     yield 3 if data["sites"] or data["outputs"] else 2 if data["parameters"] else 1
     yield 4 if any("step" not in scenario for scenario in data["scenarios"]) else 1
     parts = [(Ground, data["ground"]), *((Scenario, x) for x in data["scenarios"])]

@@ -43,11 +43,12 @@ class Site(Described):
 Kind = Literal[
     "joint_position", "joint_velocity", "position", "rotation", "velocity", "angular_velocity",
     "velocimeter", "gyro", "accelerometer", "force", "torque",
-    "subtree_position", "subtree_velocity", "subtree_momentum",
+    "subtree_position", "subtree_velocity", "subtree_momentum", "touch",
 ]  # fmt: skip
 OF_JOINT = ("joint_position", "joint_velocity")
 OF_LOAD = ("force", "torque")
 OF_SUBTREE = ("subtree_position", "subtree_velocity", "subtree_momentum")
+OF_CONTACT = ("touch",)
 
 
 class Reading(NamedTuple):
@@ -74,6 +75,7 @@ READINGS: dict[str, Reading] = {
     "subtree_position": Reading(AXES, "m", "centre of mass of a body and all that it carries"),
     "subtree_velocity": Reading(AXES, "m/s", "velocity of this centre of mass"),
     "subtree_momentum": Reading(AXES, "kg m^2/s", "angular momentum about this centre of mass"),
+    "touch": Reading(("",), "N", "size of the sum of the contact forces on a body"),
 }
 
 
@@ -88,7 +90,8 @@ class Output(Described):
     and `torque`, which are exerted by the joint on the body, about the origin of the frame. The
     kinds `subtree_position`, `subtree_velocity` and `subtree_momentum` are the centre of mass of
     the body and of all bodies that it carries, its velocity, and their angular momentum about it,
-    in world axes. With `at="ground"`, they are those of the whole model.
+    in world axes. With `at="ground"`, they are those of the whole model. The kind `touch` is the
+    size of the sum of the forces of all contacts on the body, with their friction.
     """
 
     name: Text = field("a non-empty string", label="Name")

@@ -399,7 +399,7 @@ def mass_properties_of(shapes: Sequence[Shape], density: float) -> MassPropertie
 
 def tip_of(shapes: Sequence[Shape]) -> Vec3:
     """Return the far end of the shapes' bounding box along its longest edge [m]."""
-    corners = np.concatenate([_corners(shape) for shape in solids_of(shapes)])
+    corners = np.concatenate([corners_of(shape) for shape in solids_of(shapes)])
     low, high = corners.min(axis=0), corners.max(axis=0)
     k = int(np.argmax(high - low))
     tip = (low + high) / 2
@@ -408,7 +408,7 @@ def tip_of(shapes: Sequence[Shape]) -> Vec3:
     return (x, y, z)
 
 
-def _corners(shape: Shape) -> Array:
+def corners_of(shape: Shape) -> Array:
     """Return (n, 3) points in body axes whose bounding box tightly encloses the shape."""
     if shape.kind == "mesh":
         points = np.asarray(load_mesh(shape.file or "", shape.scale).vertices)

@@ -594,7 +594,7 @@ class Result(Exports, EqualByFields, Portable):
         """Readings of the model's outputs, {name: (n,), (n, 3) or (n, 4)}. See `Output`."""
         sensors = Sensors(self.mechanism.packed, self.mechanism.model)
         motion = self.body_motion if sensors.moves else no_motion(len(self.t))
-        read = sensors.read(self.q.copy(), self.v.copy(), motion)
+        read = sensors.read(self.q.copy(), self.v.copy(), motion, self.contacts.wrench)
         return Named(sensors.by_name(read), "outputs", "output")
 
     @cached_property

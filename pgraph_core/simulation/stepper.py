@@ -267,8 +267,13 @@ class Stepper(Snapshots):
         if sensors.moves:
             external = self._on_bodies() if sensors.loads else self._no_loads
             motion = bodies_over(self.mech.packed.system, *states, external)
-        read = sensors.read(*states[:2], motion)[0]
+        read = sensors.read(*states[:2], motion, self.pushes)[0]
         return Named(sensors.by_name(read), "outputs", "output")
+
+    @property
+    def pushes(self) -> Array:
+        """Wrenches of contacts on bodies (1, nb, 6) at the state, or empty without contacts."""
+        return self._seen().out.pushes[:1]
 
     @cached_property
     def _sensors(self) -> Sensors:
