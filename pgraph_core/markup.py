@@ -174,12 +174,35 @@ def reason_of(error: Exception) -> str:
 
 
 def parse_markup(content: bytes, name: str) -> Element:
-    """Return the root element of XML text. Raises FileError."""
-    source, open_elements, roots = Source(name), list[Element](), list[Element]()
+    """Return the root element of XML text. Raises FileError.
+
+    As by the readers of MuJoCo and of URDF, blanks may be missing between attributes, and elements
+    may be closed once more after the root.
+    """
+    source = Source(name)
     content, encoding = _in_utf8(content, source)
     if stands_for := stand_in(content):
         raise FileError(Problem(name, "", stands_for))
     content = SKIPPED.sub(_without_comment, content)
+    begun = content.lstrip()
+    if begun.startswith(b"<?xml"):  # blank lines before it are common, and expat refuses them
+        first, mark, rest = begun.partition(b"?>")
+        content = first + mark + content[: len(content) - len(begun)] + rest
+    try:
+        root = _tree(content, encoding, source)
+    except expat.ExpatError:
+        try:
+            root = _tree(TAG.sub(_apart, content), encoding, source)
+        except expat.ExpatError as error:
+            reason = expat.ErrorString(error.code)
+            raise source.wrong(error.lineno, "", f"not XML: {reason}") from None
+    root.encoding = encoding or "utf-8"
+    return root
+
+
+def _tree(content: bytes, encoding: str, source: Source) -> Element:
+    """Return the root element. Raises ExpatError if it is not XML, and FileError beyond limits."""
+    open_elements, roots = list[Element](), list[Element]()
     parser = expat.ParserCreate("utf-8" if encoding else None)
     count, long = 0, len(content) > LONGEST_ATTRIBUTE
 
@@ -209,10 +232,6 @@ def parse_markup(content: bytes, name: str) -> Element:
     def doctype(*_: object) -> None:
         raise refuse("has a document type (<!DOCTYPE>), which is not allowed; remove it")
 
-    begun = content.lstrip()
-    if begun.startswith(b"<?xml"):  # blank lines before it are common, and expat refuses them
-        first, mark, rest = begun.partition(b"?>")
-        content = first + mark + content[: len(content) - len(begun)] + rest
     parser.buffer_text = True
     parser.StartElementHandler = start
     parser.EndElementHandler = end
@@ -220,14 +239,23 @@ def parse_markup(content: bytes, name: str) -> Element:
     parser.StartDoctypeDeclHandler = doctype
     try:
         parser.Parse(content, True)
-    except expat.ExpatError as error:
-        reason = expat.ErrorString(error.code)
-        raise source.wrong(error.lineno, "", f"not XML: {reason}") from None
+    except expat.ExpatError:
+        if not roots or open_elements or not CLOSED.fullmatch(content, parser.ErrorByteIndex - 1):
+            raise
     except (ValueError, LookupError):  # raised by the codec that the file names
         told = "not XML: its encoding is unknown; save it in UTF-8"
         raise source.wrong(1, "", told) from None
-    roots[0].encoding = encoding or "utf-8"
     return roots[0]
+
+
+TAG = re.compile(rb"<[A-Za-z_][^<>]*>")
+TOUCHING = re.compile(rb"""(=\s*(?:"[^"]*"|'[^']*'))(?=[A-Za-z_:])""")  # value, name of the next
+CLOSED = re.compile(rb"\s*<?(?:/[\w:.-]+\s*>\s*<?)+")  # closing tags alone
+
+
+def _apart(found: re.Match[bytes]) -> bytes:
+    """Return a tag with blanks between its attributes."""
+    return TOUCHING.sub(rb"\1 ", found[0])
 
 
 SKIPPED = re.compile(rb"<!\[CDATA\[.*?\]\]>|<\?.*?\?>|<!--.*?-->", re.DOTALL)  # no markup inside

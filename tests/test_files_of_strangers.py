@@ -173,6 +173,26 @@ def test_a_comment_in_characters_is_text(tmp_path):
         pg.load(written(tmp_path, '<robot name="r"><!-- a -- b <link name="b"/></robot>'))
 
 
+@pytest.mark.parametrize("end", ["", "</robot>", "\n</robot>\n </mujoco>\n"])
+@pytest.mark.parametrize("between", [" ", ""])
+def test_touching_attributes_and_closed_roots_are_read_as_by_mujoco(tmp_path, end, between):
+    solid = '<box size=".1 .2 .3"/>'
+    shape = f"<collision name='a'{between}group=\"b\"><geometry>{solid}</geometry></collision>"
+    text = f'<robot name="r"><link name="b">{shape}</link></robot>{end}'
+    (body,) = pg.load(written(tmp_path, text)).bodies
+    assert body.shape.size == (0.1, 0.2, 0.3)
+    mjcf = f'<mujoco><worldbody><body><geom type="box"{between}size=".1 .2 .3"/></body></worldbody>'
+    mujoco = pytest.importorskip("mujoco")
+    path = written(tmp_path, f"{mjcf}</mujoco>{end}", "m.xml")
+    assert mujoco.MjModel.from_xml_path(str(path)).nbody == len(pg.load(path).bodies) + 1
+
+
+@pytest.mark.parametrize("end", ["<robot/>", "text", "</robot", "</robot>x", "<"])
+def test_what_follows_the_root_is_not_lost(tmp_path, end):
+    with pytest.raises(pg.FileError, match="line 1: not XML"):
+        pg.load(written(tmp_path, f'<robot name="r"><link name="b"/></robot>{end}'))
+
+
 # -- files that a model names ----------------------------------------------------------------------
 
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"

@@ -90,15 +90,22 @@ class Compiled:
             able[geoms[self.pair_dim > 0]] = True
         return able.tolist()
 
-    @cached_property
+    @property
     def belts(self) -> set[int]:
         """The geoms whose surface moves."""
-        return set(self.set_in("geom_surfacevel").tolist())
+        return self.set_in("geom_surfacevel")
 
-    def set_in(self, table: str) -> Array:
+    @cached_property
+    def _set(self) -> dict[str, set[int]]:
+        return {}
+
+    def set_in(self, table: str) -> set[int]:
         """Return the indices of nonzero entries in a table that some MuJoCo versions lack."""
-        rows = getattr(self, table, np.zeros(0))
-        return np.flatnonzero(rows.any(axis=tuple(range(1, rows.ndim))))
+        if table not in self._set:
+            rows = getattr(self, table, np.zeros(0))
+            found = np.flatnonzero(rows.any(axis=tuple(range(1, rows.ndim))))
+            self._set[table] = set(found.tolist())
+        return self._set[table]
 
 
 class Group(NamedTuple):

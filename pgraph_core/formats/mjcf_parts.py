@@ -279,13 +279,13 @@ class Parts(Forces):
     def rest(self) -> None:
         """Report element types that are skipped entirely."""
         m, reader = self.m, self.reader
-        for g in map(int, m.set_in("geom_adhesion")):
+        for g in sorted(m.set_in("geom_adhesion")):
             if m.touching[g]:
                 text = "adhesion, which is not supported"
                 reader.left_out("geom", m.geom(g).name, text)
-        for g in sorted(reader.planes.intersection(m.set_in("geom_surfacevel").tolist())):
+        for g in sorted(reader.planes & m.belts):
             reader.left_out("geom", m.geom(g).name, "surfacevel: the ground does not move")
-        for p in map(int, m.set_in("pair_adhesion")):
+        for p in sorted(m.set_in("pair_adhesion")):
             if m.pair_dim[p]:
                 reader.left_out("pair", m.pair(p).name, "adhesion of a pair")
         drawn = {int(t) for k in m.textured for t in m.mat_texid[k] if t >= 0}

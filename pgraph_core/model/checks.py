@@ -383,7 +383,8 @@ def varying_problems(
     for s in scenarios:
         known = own.beside(s.forces)
         twice = own.drives.keys() & {f.name for f in s.forces}
-        if read := twice & set[str]().union(*(drives_read(p) for some in parts for p in some)):
+        all_read = (drives_read(p) for some in parts for p in some) if twice else ()
+        if read := twice & set[str]().union(*all_read):
             text = f"a force of the model is named '{min(read)}' too, and expressions read it; "
             found.append(Problem(f"scenario '{s.name}'", "forces", f"{text}rename one"))
         found += expression_problems(s.forces, known, f"scenario '{s.name}', ")
