@@ -18,7 +18,7 @@ Required fields must be given; optional fields can be omitted. Units are in brac
 BASES = {"Constraints": pg.Constraint, "Forces": pg.Force, "Controls": pg.Control}
 PARTS = {
     "Model": (pg.Model, pg.Ground, pg.Step),
-    "Bodies": (pg.Body, pg.Shape),
+    "Bodies": (pg.Body, pg.Shape, pg.Track),
     "Contacts": (pg.Contact,),
     "Sites and outputs": (pg.Site, pg.Output),
     "Functions of time and of state": (

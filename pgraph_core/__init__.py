@@ -117,6 +117,7 @@ if TYPE_CHECKING:
     from .topology import jdof_of as jdof_of
     from .topology import parent_of as parent_of
     from .topology import pgraph_of as pgraph_of
+    from .tracks import Track as Track
     from .verification import Case as Case
     from .verification import Verdict as Verdict
     from .verification import load_cases as load_cases

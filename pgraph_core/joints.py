@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from .errors import counted, shown
-from .rotation import Array, matrix, rodrigues
+from .rotation import Array, matrix, rodrigues, unit_vector
 
 Vector = tuple[float, float, float]
 JointKind = Literal[
@@ -25,11 +25,10 @@ JointKind = Literal[
     "spherical",
     "planar",
     "free",
+    "curve",
     "compound",
 ]
-MotionKind = Literal[
-    "rotate", "screw", "translate", "ball", "free"
-]  # the order in which kernels number them
+MotionKind = Literal["rotate", "screw", "translate", "ball", "free", "curve"]
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -38,8 +37,18 @@ class Motion(NamedTuple):
     """One elementary motion. A joint is a sequence of motions from parent to body."""
 
     kind: MotionKind
-    axis: Vector  # axis in the body's axes at q = 0, unused for ball and free
+    axis: Vector  # axis in the body's axes at q = 0, unused for ball, free and curve
     pitch: float = 0.0  # way along the axis of a screw [m a turn]
+    track: Any = None  # `tracks.Track` of a curve
+
+    def along(self, home: Array) -> Array:
+        """Return the unit axis in the axes before the motion, for a body of orientation `home`."""
+        return unit_vector(home @ self.axis)
+
+    @property
+    def way(self) -> float:
+        """The way along the axis of a screw [m/rad]."""
+        return self.pitch / math.tau
 
 
 BALL = Motion("ball", Z)
@@ -48,17 +57,35 @@ BALL = Motion("ball", Z)
 class Kind(NamedTuple):
     """Properties of a kind of motion: units of coordinates and velocities, q at home, geometry.
 
-    The functions take the unit axis and the displacement along it per radian, and give vectors in
+    The functions take a motion and the orientation (3, 3) of its body at q = 0, and give vectors in
     the axes before the motion. New limits allow q up to `reach` to either side.
     """
 
     q: tuple[str, ...]
     v: tuple[str, ...]  # a second less, as [rad/s]
     home: tuple[float, ...]
-    rotation: Callable[[Array, Any], Array]  # (axis, q) to a matrix (3, 3)
-    displacement: Callable[[Array, float, Any], Array]  # (axis, way per radian, q) to (3,) [m]
-    columns: Callable[[Array, float], Array]  # (axis, way per radian) to H (6, nv), eqs. (6), (7)
+    rotation: Callable[[Motion, Array, Any], Array]  # (motion, home, q) to a matrix (3, 3)
+    displacement: Callable[[Motion, Array, Any], Array]  # the same to (3,) [m]
+    columns: Callable[[Motion, Array, Any], Array]  # the same to H (6, nv), eqs. (6), (7)
+    directed: bool = False  # about or along an axis
     reach: float | None = None  # None: it takes no limits
+
+
+def _column(angular: Array, linear: Array) -> Array:
+    return np.concatenate((angular, linear))[:, None]
+
+
+def units_of(motion: Motion) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the units of the coordinates of a motion, and of its velocities without a second."""
+    if motion.track is not None:
+        return (motion.track.unit,), (motion.track.unit,)
+    kind = KINDS[motion.kind]
+    return kind.q, kind.v
+
+
+def slides(motion: Motion) -> bool:
+    """Return True if the only coordinate of a motion is a length."""
+    return units_of(motion)[0] == ("m",)
 
 
 ONE, NONE = np.eye(3), np.zeros(3)
@@ -67,49 +94,72 @@ KINDS: dict[MotionKind, Kind] = {
         ("rad",),
         ("rad",),
         (0.0,),
-        rotation=lambda axis, q: rodrigues(axis, q[0]),
-        displacement=lambda axis, way, q: NONE,
-        columns=lambda axis, way: np.concatenate((axis, NONE))[:, None],
+        rotation=lambda motion, home, q: rodrigues(motion.along(home), q[0]),
+        displacement=lambda motion, home, q: NONE,
+        columns=lambda motion, home, q: _column(motion.along(home), NONE),
+        directed=True,
         reach=math.pi,
     ),
     "screw": Kind(
         ("rad",),
         ("rad",),
         (0.0,),
-        rotation=lambda axis, q: rodrigues(axis, q[0]),
-        displacement=lambda axis, way, q: axis * way * q[0],
-        columns=lambda axis, way: np.concatenate((axis, way * axis))[:, None],
+        rotation=lambda motion, home, q: rodrigues(motion.along(home), q[0]),
+        displacement=lambda motion, home, q: motion.along(home) * motion.way * q[0],
+        columns=lambda motion, home, q: _column(
+            motion.along(home), motion.way * motion.along(home)
+        ),
+        directed=True,
         reach=math.pi,
     ),
     "translate": Kind(
         ("m",),
         ("m",),
         (0.0,),
-        rotation=lambda axis, q: ONE,
-        displacement=lambda axis, way, q: axis * q[0],
-        columns=lambda axis, way: np.concatenate((NONE, axis))[:, None],
+        rotation=lambda motion, home, q: ONE,
+        displacement=lambda motion, home, q: motion.along(home) * q[0],
+        columns=lambda motion, home, q: _column(NONE, motion.along(home)),
+        directed=True,
         reach=1.0,
     ),
     "ball": Kind(
         ("1",) * 4,
         ("rad",) * 3,
         (1.0, 0.0, 0.0, 0.0),
-        rotation=lambda axis, q: matrix(list(q)),
-        displacement=lambda axis, way, q: NONE,
-        columns=lambda axis, way: np.vstack((ONE, 0 * ONE)),
+        rotation=lambda motion, home, q: matrix(list(q)),
+        displacement=lambda motion, home, q: NONE,
+        columns=lambda motion, home, q: np.vstack((ONE, 0 * ONE)),
     ),
     "free": Kind(
         ("m",) * 3 + ("1",) * 4,
         ("rad",) * 3 + ("m",) * 3,
         (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
-        rotation=lambda axis, q: matrix(list(q[3:])),
-        displacement=lambda axis, way, q: np.asarray(q[:3]),
-        columns=lambda axis, way: np.eye(6),
+        rotation=lambda motion, home, q: matrix(list(q[3:])),
+        displacement=lambda motion, home, q: np.asarray(q[:3]),
+        columns=lambda motion, home, q: np.eye(6),
+    ),
+    "curve": Kind(
+        ("rad",),  # or a length, as its track says: see `units_of`
+        ("rad",),
+        (0.0,),
+        rotation=lambda motion, home, q: home @ motion.track.at(q[0])[1] @ home.T,
+        displacement=lambda motion, home, q: home @ motion.track.at(q[0])[0],
+        columns=lambda motion, home, q: (motion.track.slope(q[0]).reshape(2, 3) @ home.T).reshape(
+            6, 1
+        ),
+        reach=1.0,
     ),
 }
 SIZE = {kind: (len(k.q), len(k.v)) for kind, k in KINDS.items()}  # (nq, nv) of a motion
-AXIAL = tuple(kind for kind, k in KINDS.items() if len(k.q) == 1)  # about or along an axis
-CODES = {kind: float(i) for i, kind in enumerate(KINDS)}
+AXIAL = tuple(kind for kind, k in KINDS.items() if len(k.q) == 1)  # of one coordinate
+DIRECTED = tuple(kind for kind, k in KINDS.items() if k.directed)  # about or along an axis
+CODES = {kind: i for i, kind in enumerate(KINDS)}
+
+
+def code_of(kind: MotionKind, track: Any) -> float:
+    """Return the number of a kind in `engine.layout`, where a curve in metres has the next one."""
+    return float(CODES[kind] + (track is not None and track.unit == "m"))
+
 
 DEFAULT: dict[JointKind, tuple[Motion, ...]] = {
     "weld": (),
@@ -121,6 +171,7 @@ DEFAULT: dict[JointKind, tuple[Motion, ...]] = {
     "spherical": (BALL,),
     "planar": (Motion("translate", X), Motion("translate", Y), Motion("rotate", Z)),
     "free": (Motion("free", Z),),
+    "curve": (Motion("curve", Z),),
     "compound": (BALL, Motion("translate", Z)),
 }
 
@@ -222,7 +273,7 @@ def joint_problems(
     if nv(motions) > 6:
         found.append(("motions", f"give {nv(motions)} degrees of freedom; at most 6"))
     for m in motions:
-        if m.kind in AXIAL and not 1e-9 < math.hypot(*m.axis) < 1e9:
+        if m.kind in DIRECTED and not 1e-9 < math.hypot(*m.axis) < 1e9:
             found.append(("axes", f"a direction must not be zero, got {list(m.axis)}"))
     found += _parallel_problems(motions)
     for name, value, length in (("q", q, nq(motions)), ("v", v, nv(motions))):
@@ -233,6 +284,19 @@ def joint_problems(
         elif name == "q":
             found += quaternion_problems(value, motions)
     return found + _limit_problems(limits, motions)
+
+
+def track_problems(track: Any, motions: Motions) -> list[Finding]:
+    """Return a problem if a joint lacks the track of its curve, or has one without a curve."""
+    count = sum(m.kind == "curve" for m in motions)
+    if count > 1:
+        return [("motions", f"a joint follows one curve, got {count}; put a body between them")]
+    if count and track is None:
+        text = "a curve needs a track, such as pg.Track(points=[(0, 0, 0), (1, 0, 0.5)])"
+        return [("track", text)]
+    if track is not None and not count:
+        return [("track", "belongs to a curve; give joint='curve', or leave the track out")]
+    return []
 
 
 def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> list[Finding]:
@@ -246,7 +310,7 @@ def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> lis
         return [("limits", f"{text}, got {shown(limits)}")]
     bounded = [(pair, m) for pair, m in zip(limits, motions) if pair is not None]
     if any(m.kind not in AXIAL for _, m in bounded):
-        text = "bound a rotate or translate motion, not a ball or free one"
+        text = "bound a motion of one coordinate, not a ball or free one"
         return [("limits", f"{text}, got {shown(limits)}")]
     return [
         ("limits", f"the lower limit must be less than the upper one, got {shown(pair)}")
@@ -277,7 +341,7 @@ def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
             "turn one of them",
         )
         for a, b in itertools.pairwise(motions)
-        if a.kind == b.kind and a.kind in AXIAL and parallel(a.axis, b.axis)
+        if a.kind == b.kind and a.kind in DIRECTED and parallel(a.axis, b.axis)
     ]
 
 

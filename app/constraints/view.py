@@ -9,6 +9,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.forces import OnJoint
+from pgraph_core.joints import slides
 
 from ..core.cells import (
     Display,
@@ -153,7 +154,7 @@ def _limits(state: State, page: Client) -> list[Payload]:
         if not any(body.limits) or page.listed not in (None, body.name):
             continue
         texts = [
-            _bounds(pair, "length" if m.kind == "translate" else "angle", page.display)
+            _bounds(pair, "length" if slides(m) else "angle", page.display)
             for pair, m in zip(body.limits, body.sequence) if pair is not None
         ]  # fmt: skip
         found.append({"body": body.name, "text": "; ".join(texts)})

@@ -266,15 +266,15 @@ def units(model: pg.Model, signal: Signal, name: str) -> list[str]:
         if output.kind not in OF_JOINT:
             return [output.reading.unit]
         motions = model.body(output.at).sequence
-        found = [unit for motion in motions for unit in joints.KINDS[motion.kind].v]
+        found = [unit for motion in motions for unit in joints.units_of(motion)[1]]
         return [found[output.coordinate] + "/s" * (output.kind == "joint_velocity")]
     if what == "drive_force":
         known = units_of_drives(model, known_forces(model))
         return known.get(name, KINDS[what].unit).split(", ")
     if what not in OF_JOINTS:
         return KINDS[what].unit.split(", ")
-    kinds = [joints.KINDS[motion.kind] for motion in model.body(name).sequence]
-    return [unit + PER[what] for kind in kinds for unit in (kind.q if what == "q" else kind.v)]
+    own = [joints.units_of(motion)[what != "q"] for motion in model.body(name).sequence]
+    return [unit + PER[what] for units in own for unit in units]
 
 
 def unit(model: pg.Model, signal: Signal, display: Display = SI) -> str:

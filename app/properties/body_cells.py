@@ -15,7 +15,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import About, about
-from pgraph_core.joints import KINDS, PER_MOTION
+from pgraph_core.joints import KINDS, PER_MOTION, units_of
 from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
 from pgraph_core.rotation import matrix, multiply, unit
 
@@ -29,6 +29,7 @@ from ..core.cells import (
     valid_name,
     whole,
 )
+from . import track_cells
 from .length import end_of
 
 Entry = tuple[tuple[int, ...], str]  # index of a cell in its field, and what was typed
@@ -79,14 +80,16 @@ def shows(field: str) -> About:
 
 def _of_coordinates(body: pg.Body, field: str) -> list[Quantity]:
     shown: dict[str, Quantity] = {"rad": "angle", "m": "length", "1": "number"}
-    kinds = [KINDS[m.kind] for m in body.sequence]
+    units = [units_of(m) for m in body.sequence]
     if field in ("q", "v"):
-        return [shown[unit] for kind in kinds for unit in (kind.q if field == "q" else kind.v)]
-    return [shown[kind.q[0]] if len(kind.q) == 1 else "number" for kind in kinds]
+        return [shown[unit] for pair in units for unit in pair[field == "v"]]
+    return [shown[q[0]] if len(q) == 1 else "number" for q, _ in units]
 
 
 def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Content:
     """Return the content of the cells of a field."""
+    if field.startswith("track_"):
+        return {f: text for f, _, text in track_cells.rows(body.track, display)}[field]
     of_a_shape = field.startswith("shape_")
     at, name = of_shape(field) if of_a_shape else (0, field)
     if of_a_shape and at >= len(body.shapes):
@@ -135,10 +138,13 @@ def edit_of(
         if at >= len(body.axes):
             raise Refusal("no longer has this axis")
         return {"axes": (*body.axes[:at], direction(text, display), *body.axes[at + 1 :])}
+    if field.startswith("track_"):
+        return track_cells.edit_of(body, field, entries[0][1], display)
     if field == "motions":
-        return {"motions": _motions(body, entries)}
+        motions = _motions(body, entries)
+        return {"motions": motions} | _track_for(body, [kind for kind, _ in motions])
     if field in ("parent", "joint"):
-        return {field: entries[0][1]}
+        return {field: entries[0][1]} | _track_for(body, [entries[0][1]])
     if field in ("name", "dof"):
         text = entries[0][1]
         return {field: valid_name(text) if field == "name" else whole(text, 0, 6)}
@@ -154,6 +160,13 @@ def edit_of(
         if field == "inertia" and len(index) == 2:
             value = replaced(value, (index[1], index[0]), new)
     return kept(model, body, field, value, display)
+
+
+def _track_for(body: pg.Body, kinds: Sequence[str]) -> dict[str, Any]:
+    """Return a first track for a new curve, or none for a joint that is no longer one."""
+    if "curve" in kinds:
+        return {} if body.track else track_cells.begun(body)
+    return {"track": None} if body.track else {}
 
 
 def letter_of(axis: Sequence[Any]) -> str:

@@ -38,6 +38,7 @@ BodyField = Literal[
     "motions", "axes", "link", "rotation", "rotation_euler", "rotation_axis",
     "mass", "com", "inertia", "tip", "q", "v", "stiffness", "damping", "rest", "friction",
     "armature", "limits", "limit_restitution", "speed_limit", "pitch",
+    "track_points", "track_up", "track_x", "track_y", "track_z", "track_angles",
     "shape_kind", "shape_size", "shape_radius",
     "shape_radii", "shape_length", "shape_end_radius", "shape_scale", "shape_position",
     "shape_rotation",

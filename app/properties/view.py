@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.joints import AXIAL
+from pgraph_core.joints import AXIAL, slides
 
 from ..core.cells import (
     WXYZ,
@@ -25,7 +25,7 @@ from ..core.cells import (
     shown,
 )
 from ..core.views import Host, Payload, Place, hue, topic
-from . import Client, State
+from . import Client, State, track_cells
 from .body_cells import (
     ALL,
     DERIVED,
@@ -100,7 +100,8 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     joint = [
         choice("joint", "Type", body.joint, [(j, j.capitalize()) for j in JOINTS],
                help=shows("joint").help, heads=True),
-        *form.motions(), *([form.vector("pitch")] if any(body.pitch) else []), form.vector("link"),
+        *form.motions(), *form.track(), *([form.vector("pitch")] if any(body.pitch) else []),
+        form.vector("link"),
     ]  # fmt: skip
     frame = [form.text("name"), form.vector(turn, names), form.follows(form.tip())]
     mass = [form.follows(form.vector("mass")) | {"heads": True}, form.follows(form.vector("com"))]
@@ -174,7 +175,7 @@ class _Form:
         given = shows(name).unit
         turning, _, sliding = given.partition(", ")
         if sliding:
-            of_motions = [sliding if m.kind == "translate" else turning for m in self.body.sequence]
+            of_motions = [sliding if slides(m) else turning for m in self.body.sequence]
             found = [self.display.of_unit(unit)[0] for unit in of_motions]
         elif given and quantity_in(given) == "number":
             return given
@@ -220,6 +221,16 @@ class _Form:
                       index=[], text="rotate")  # fmt: skip
         found[-1] = {**found[-1], "buttons": [*found[-1]["buttons"], more]}
         return found
+
+    def track(self) -> list[Payload]:
+        """Return the rows of a curve's track."""
+        if self.body.track is None:
+            return []
+        found = track_cells.rows(self.body.track, self.display)
+        return [
+            field(name, label, [cell((), text)], kind="text", help=track_cells.HELP[name])
+            for name, label, text in found
+        ]
 
     def _axis(self, i: int, at: int, label: str) -> Payload:
         letter = letter_of(self.body.axes[at]) if self.body.joint != "compound" else ""

@@ -10,6 +10,7 @@ import numpy as np
 
 from pgraph_core.analysis.singular import TOO_LOW
 from pgraph_core.integrators import METHODS
+from pgraph_core.joints import units_of
 from pgraph_core.model.settings import METHOD_NAMES
 from pgraph_core.result.records import Status
 
@@ -131,11 +132,11 @@ def drift(result: Any) -> str:
 
 def felt(run: Run) -> str:
     """Return the error estimate as lengths and angles, such as "about 3 mm, 0.2°"."""
-    kinds = {motion.kind for body in run.model.bodies for motion in body.sequence}
-    error = float(run.result.error_estimate)
-    turns, slides = kinds - {"translate"}, kinds & {"translate", "free"}
+    motions = [motion for body in run.model.bodies for motion in body.sequence]
+    units = {unit for motion in motions for unit in units_of(motion)[1]}
+    error, turns = float(run.result.error_estimate), "rad" in units
     small, parts = True, list[str]()
-    if slides or not turns:
+    if "m" in units or not turns:
         small &= error < FEWEST_METRES
         parts.append(length(max(error, FEWEST_METRES)))
     if turns:

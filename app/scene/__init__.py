@@ -31,8 +31,8 @@ class State(pose.State):
 
 
 Showable = Literal[
-    "shapes", "axes", "links", "coms", "inertias", "frames", "names", "sites", "points", "forces",
-    "joining", "branches", "cones", "footprints", "follow",
+    "shapes", "axes", "tracks", "links", "coms", "inertias", "frames", "names", "sites", "points",
+    "forces", "joining", "branches", "cones", "footprints", "follow",
 ]  # fmt: skip
 
 

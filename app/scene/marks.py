@@ -61,6 +61,7 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
             any(s.colour for b in model.bodies for s in b.drawn),
         ),
         ("axes", "joint axes", state.derived.dof > 0),
+        ("tracks", "tracks of curves", any(b.track for b in model.bodies)),
         ("links", "link vectors", True),
         ("coms", "centres of mass", True),
         ("inertias", "inertia ellipsoids", any(np.any(b.inertia) for b in model.bodies)),
@@ -113,6 +114,19 @@ def axes(state: State) -> Local:
                 at, a = np.asarray(body.link), turned @ a
                 found[d.parent[k - 1]].append((at - a, at + a))
     return {k: np.array(lines) for k, lines in found.items()}
+
+
+def tracks(state: State) -> Local:
+    """Return lines along the tracks of curves, in the frames of the parents."""
+    d = state.derived
+    found: dict[int, list[np.ndarray]] = defaultdict(list)
+    for k, name in enumerate(d.names, 1):
+        body = state.model.body(name)
+        if body.track and body.motions[0][0] == "curve":
+            turned = shapes.to_matrix(np.asarray(body.rotation))
+            points = np.asarray(body.link) + body.track.line() @ turned.T
+            found[d.parent[k - 1]].append(np.stack((points[:-1], points[1:]), axis=1))
+    return {k: np.concatenate(lines) for k, lines in found.items()}
 
 
 def links(state: State) -> Local:

@@ -16,6 +16,7 @@ from . import State, marks
 STAY = {"axes", "links"}  # lines of one look, whatever the model
 AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)
 INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230, 90, 20)
+TRACK = (92, 100, 110)
 METAL, LOAD, STEEL = (150, 158, 168), (214, 92, 40), (92, 100, 110)
 NOWHERE = np.zeros(3)
 NOTHING = (
@@ -236,10 +237,12 @@ def _arrows(
 
 
 LOCAL = {
-    "axes": marks.axes, "links": marks.links, "coms": marks.coms, "names": marks.coms,
-    "frames": marks.frames, "sites": marks.sites, "points": marks.points, "spine": marks.spine,
+    "axes": marks.axes, "tracks": marks.tracks, "links": marks.links, "coms": marks.coms,
+    "names": marks.coms, "frames": marks.frames,
+    "sites": marks.sites, "points": marks.points, "spine": marks.spine,
 }  # fmt: skip
 ADD = {
-    "axes": _lines(AXIS, 4.0), "links": _lines(LINK, 2.5), "coms": _points(COM), "names": _name,
-    "frames": _triads, "sites": _triads, "points": _points(POINT), "spine": _spine,
+    "axes": _lines(AXIS, 4.0), "tracks": _lines(TRACK, 3.0), "links": _lines(LINK, 2.5),
+    "coms": _points(COM), "names": _name, "frames": _triads,
+    "sites": _triads, "points": _points(POINT), "spine": _spine,
 }  # fmt: skip

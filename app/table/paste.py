@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 import pgraph_core as pg
 from pgraph_core.errors import choices, nearest
-from pgraph_core.joints import KINDS, PER_MOTION
+from pgraph_core.joints import PER_MOTION, units_of
 from pgraph_core.model.body import following
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.shape import mass_properties_of
@@ -358,7 +358,7 @@ def _units(body: pg.Body, field: str, at: int) -> dict[str, str]:
     names = shows(field).unit.split(", ")
     if len(names) > 1:  # separate units for rotation and translation
         motion = body.sequence[at : at + 1]
-        names = list({names[x != "rad"] for m in motion for x in KINDS[m.kind].v})
+        names = list({names[x != "rad"] for m in motion for x in units_of(m)[1]})
     return {name: "" for name in names if name and len(names) == 1}
 
 

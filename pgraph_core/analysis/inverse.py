@@ -387,7 +387,7 @@ def single(rows: Rows) -> Array:
     """Return the rotation and translation coordinates (nv,), with 0 for balls."""
     here = np.zeros(rows.nv)
     single = facts("freedoms")[rows.mech.packed.rows[1:, at.KIND]] == 1
-    of_q, of_v = rows.mech.packed.rows[1:][single, at.QI :].T
+    of_q, of_v = rows.mech.packed.rows[1:][single, at.QI : at.VI + 1].T
     here[of_v] = rows.q[of_q]
     return here
 

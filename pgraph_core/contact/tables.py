@@ -490,7 +490,7 @@ def _limits(mech: Packed) -> Iterator[tuple[str, Block]]:
             if pair is None:
                 continue
             for sign, bound, side in _sides(*pair):
-                _, _, qi, vi = mech.system.rows[k].tolist()
+                _, _, qi, vi, *_ = mech.system.rows[k].tolist()
                 size = _size(mech, k, pair)
                 values = {at.VALUE: sign * bound, at.REBOUND: bounce, at.SIZE: size}
                 name = f"{body.name} {side} limit" + (f" {m}" if many else "")

@@ -498,6 +498,6 @@ def path_width(rows: Ints, nv: int, blocks: Blocks) -> int:
         return nv
     depth = [0] * len(rows)
     size = facts("freedoms").tolist()
-    for k, (parent, kind, _, _) in enumerate(rows[1:].tolist(), start=1):
+    for k, (parent, kind, *_) in enumerate(rows[1:].tolist(), start=1):
         depth[k] = size[kind] + depth[parent]
     return min(nv, 2 * max(depth))

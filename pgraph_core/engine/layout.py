@@ -9,16 +9,19 @@ and all constants of a row are in world axes at q = 0 ("home axes"). The kernels
 need the constant rotation of a body frame. R_body = R_row · (its home orientation).
 """
 
-# rows: int64 (n + 1, 4)
+# rows: int64 (n + 1, 6)
 PARENT = 0  # row of the parent
 KIND = 1  # one of the kinds below
 QI = 2  # first index into q
 VI = 3  # first index into v
+TRACK = 4  # row of `const` where the track of a curve begins
+TRACK_ROWS = 5  # number of its rows
+ROWS = 6
 
 # kinds of motion, in `motions`; the last one, a state of a control, has the last rows
-ROTATE, SCREW, TRANSLATE, BALL, FREE, STATE = 0, 1, 2, 3, 4, 5
+ROTATE, SCREW, TRANSLATE, BALL, FREE, CURVE, WIRE, STATE = 0, 1, 2, 3, 4, 5, 6, 7
 
-# const: float64 (n + 1, 28), home axes
+# const: float64 (n + 1 + nt, 32), home axes; behind the motions stand the tracks of curves
 AXIS = 0  # 3, unit axis of a motion of one coordinate
 LINK = 3  # 3, from the parent row's origin to this row's [m]
 MASS = 6  # [kg]
@@ -27,10 +30,17 @@ INERTIA = 10  # 6, about the centre of mass: xx, yy, zz, xy, xz, yz [kg m^2]
 BASE = 16  # 9, home orientation of the parent body: the axes of a ball's or free motion's q, v
 ARMATURE = 25  # added inertia about the axis [kg m^2, kg]
 PITCH = 26  # way along the axis of a screw [m/rad]
-CONST = 28
+CONST = 32
+# The track of a curve has two rows for each piece, and an end. The first row has the coordinate
+# where the piece begins [rad, m] and the displacement, the other one a quaternion of any length.
+# Both are polynomials of degree 7 in the way from there, the coefficients of each power together.
+TRACK_AT = 0
+TRACK_PLACE = 1  # 24, eight vectors
+TRACK_RATE = 25  # of the first row: 1 / period of a closed curve, or 0 [1/rad, 1/m]
+TRACK_TURN = 0  # 32 in the other row, eight quaternions
 GRAVITY = 0  # 3, of row 0: gravity in world axes [m/s^2]
 
-# work: float64 (n + 1, 64), world axes, at the row's origin; 8 cache lines a row
+# work: float64 (n + 1, 73), world axes, at the row's origin
 R = 0  # 9, rotation of the row, row-major
 H = 9  # 3, motion axis
 L = 12  # 3, link vector from the parent row's origin, displacement included [m]
@@ -45,11 +55,12 @@ D = 57  # inverse of the inertia about the axis
 KEPT = 57  # for row 0: 1 if q and armatures are those of the frames and articulated inertias
 LEFT = 58  # 3, remaining joint force u = τ - Hᵀb, for a ball in world axes
 ANGLE = 58  # 2, sine and cosine of a rotation, before that
-ADVANCE = 60  # PITCH of a screw
 X = 61  # 3, position of the origin [m] (only where something needs it)
-WORK = 64
+SLIDE = 64  # 3, linear part of the motion axis of a screw or curve [m/rad, 1]
+AXIS_SLOPE = 67  # 6, slope of the motion axis of a curve, angular and linear
+WORK = 73
 
-# bodies_i: int64 (nb + 1, 11); by number, 0 is the ground; a table's rows count from 1
+# bodies_i: int64 (nb + 1, 12); by number, 0 is the ground; a table's rows count from 1
 ROW = 0  # the row that carries the body
 BODY_PARENT = 1  # number of the parent body
 TABLE = 2  # the table's row of the body
@@ -58,8 +69,9 @@ OWN_ROWS = 4  # number of rows of its joint, one for the ground
 # and by the table's row
 BODY_NUMBER = 5  # number of the body
 CHILD, NEXT = 6, 7  # rows of the first child and of the next sibling, 0 = none
-FIRST_MOTION, FIRST_Q, FIRST_V = 8, 9, 10  # first entries of the joint in the table's order
-BODIES_I = 11
+# first entries of the joint in the table's order
+FIRST_MOTION, FIRST_Q, FIRST_V, FIRST_TRACK = 8, 9, 10, 11
+BODIES_I = 12
 
 # bodies_f: float64 (nb + 1, 22), home axes
 OFFSET = 0  # 3, from the row's origin to the body's [m]

@@ -28,6 +28,7 @@ from .vec import (
     quaternion_matrix,
     rotate_sym,
     scale,
+    store,
     sub,
     transpose,
 )
@@ -38,7 +39,7 @@ TABLE_GRAVITY = 0
 TABLE_BODY = columns(link=3, rotation=4, mass=1, com=3, inertia=6, motions=1)
 # the table's motions, float64 (nm, 10), in its order
 TABLE_MOTION = columns(
-    kind=1, axis=3, armature=1, stiffness=1, damping=1, rest=1, friction=1, pitch=1
+    kind=1, axis=3, armature=1, stiffness=1, damping=1, rest=1, friction=1, pitch=1, track=1
 )
 
 
@@ -83,12 +84,13 @@ def canonical(parent, bodies_i):
 # -- the packed arrays ----------------------------------------------------------------------------
 
 
-@kernel(i8(I1, F2, F2, F1, I2, F2, I2, F2, F1))
-def pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home):
+@kernel(i8(I1, F2, F2, F1, F2, I2, F2, I2, F2, F1))
+def pack(parent, body, motion, start, tracks, rows, const, bodies_i, bodies_f, home):
     """Number a valid table and fill the System.
 
     `parent` (nb,) holds rows of the table from 1, 0 = ground; `start` is q, then v in its order,
-    `home` by number. Returns how many motions have a spring, a damper or friction.
+    and `tracks` (nt, 32) the rows of its tracks; `home` is by number. Returns how many motions have
+    a spring, a damper or friction.
     """
     clear(const)
     clear(bodies_i)
@@ -106,6 +108,7 @@ def pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home):
     )
     freedoms, own_rows = bodies_i[:, at.DOF], bodies_i[:, at.OWN_ROWS]
     first_motion, first_q, first_v = places(bodies_i)
+    track = motion.shape[0] + 1
     for b in range(1, bodies_i.shape[0]):
         i = table[b]
         p = parents[b]
@@ -120,7 +123,10 @@ def pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home):
         for m in range(first, first + motions):
             k += 1
             kind = int(motion[m, TABLE_MOTION.kind])
-            set_row(rows, k, row, kind, q_end, v_end)
+            count = int(motion[m, TABLE_MOTION.track])
+            set_row(rows, k, row, kind, q_end, v_end, track, count)
+            copy_track(tracks, bodies_i[i, at.FIRST_TRACK], count, turned, const, track)
+            track += count
             q_end += nq_of(kind)
             v_end += nv_of(kind)
             axis = mul(turned, load(motion, m, TABLE_MOTION.axis))
@@ -196,16 +202,34 @@ def _places(body, motion, bodies_i):
     m = 0
     qi = 0
     vi = 0
+    track = 0
     for i in range(1, bodies_i.shape[0]):
         first_motion[i] = m
         first_q[i] = qi
         first_v[i] = vi
+        bodies_i[i, at.FIRST_TRACK] = track
         for _ in range(int(body[i, TABLE_BODY.motions])):
             kind = int(motion[m, TABLE_MOTION.kind])
             qi += nq_of(kind)
             vi += nv_of(kind)
+            track += int(motion[m, TABLE_MOTION.track])
             m += 1
     return qi
+
+
+@part
+def copy_track(tracks, first, count, turned, const, track):
+    """Copy the track of a joint from the axes of its body into home axes."""
+    for n in range(0, count, 2):
+        const[track + n, at.TRACK_AT] = tracks[first + n, at.TRACK_AT]
+        const[track + n, at.TRACK_RATE] = tracks[first + n, at.TRACK_RATE]
+    for n in range(0, count - 1, 2):
+        i, j = first + n, track + n
+        for power in range(8):
+            c, d = at.TRACK_PLACE + 3 * power, at.TRACK_TURN + 4 * power
+            store(const, j, c, mul(turned, load(tracks, i, c)))
+            const[j + 1, d] = tracks[i + 1, d]
+            store(const, j + 1, d + 1, mul(turned, load(tracks, i + 1, d + 1)))
 
 
 @part

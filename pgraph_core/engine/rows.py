@@ -80,14 +80,18 @@ parent_of, set_parent = number(at.PARENT)
 kind_of, set_kind = number(at.KIND)
 q_of, set_q = number(at.QI)  # first index into q
 v_of, set_v = number(at.VI)  # first index into v
+track_of, set_track = number(at.TRACK)  # of a curve: the first row of its track in the constants
+track_rows_of, set_track_rows = number(at.TRACK_ROWS)
 
 
 @part
-def set_row(rows, k, parent, kind, q, v):
+def set_row(rows, k, parent, kind, q, v, track, track_rows):
     set_parent(rows, k, parent)
     set_kind(rows, k, kind)
     set_q(rows, k, q)
     set_v(rows, k, v)
+    set_track(rows, k, track)
+    set_track_rows(rows, k, track_rows)
 
 
 # -- constants, home axes -------------------------------------------------------------------------
@@ -147,7 +151,8 @@ acceleration_of, set_acceleration, _ = pair(at.ACCELERATION)
 force_of, set_force, add_force = pair(at.FORCE)  # F of eq. (12), transmitted by the joint
 projected_of, set_projected, _ = pair(at.PROJECTED)  # U = I h of a hinge, with articulated I
 solved_of, set_solved, _ = pair(at.SOLVED)  # the solution from a free motion's factor
-pitch_of, set_pitch = number(at.ADVANCE)  # way along the axis of a screw [m/rad]
+slide_of, set_slide = vector(at.SLIDE)  # linear part of the motion axis of a screw or curve
+bend_of, set_bend, _ = pair(at.AXIS_SLOPE)  # slope of a curve's motion axis
 inverse_pivot_of, set_inverse_pivot = number(at.D)  # 1 / (hᵀ U + armature) of a hinge
 kept_of, set_kept = number(at.KEPT)  # for row 0 alone, see `layout`
 left_of, set_left = number(at.LEFT)  # u = τ - hᵀ b of a hinge

@@ -39,6 +39,7 @@ from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
+INSTEAD = {"screw": "; use a cylindrical joint and a pg.Coupling"}
 NOTHING = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -78,9 +79,13 @@ def write_mjcf(model: Model | Dynamics, path: str | Path) -> Report:
     if inside:
         text = "is free below another body; MJCF has free joints at the ground only"
         raise ModelError([Problem(f"body '{b.name}'", "joint", text) for b in inside])
-    if screws := [b for b in model.bodies if any(m.kind == "screw" for m in b.sequence)]:
-        text = "is a screw, which MJCF does not have; use a cylindrical joint and a pg.Coupling"
-        raise ModelError([Problem(f"body '{b.name}'", "joint", text) for b in screws])
+    if unknown := [(b, m.kind) for b in model.bodies for m in b.sequence if m.kind not in KINDS]:
+        texts = [
+            f"is a {kind}, which MJCF does not have{INSTEAD.get(kind, '')}" for _, kind in unknown
+        ]
+        raise ModelError(
+            [Problem(f"body '{b.name}'", "joint", x) for (b, _), x in zip(unknown, texts)]
+        )
     writer = _Writer(model, path)
     bodies = gathered(model.bodies, path.parent)
     write_atomic(path, writer.text(bodies))

@@ -60,7 +60,7 @@ def write_urdf(model: Model | Dynamics, path: str | Path) -> Report:
     found = [
         Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not support")
         for b in writer.model.bodies
-        for kind in sorted({kind for kind, _ in b.motions} & {"ball", "screw"})
+        for kind in sorted({kind for kind, _ in b.motions} - {*TYPES, "free"})
     ]
     if found:
         raise ModelError(found)

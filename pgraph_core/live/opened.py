@@ -236,7 +236,7 @@ def _differs(
         names = ("parent", "body", "motion", "start", *PACKED)
         pack(*(view(name) for name in names))
         for place in run.lengths():
-            put(place, length_in(view("const"), view("home")[: view("q").size]))
+            put(place, length_in(len(view("rows")), view("const"), view("home")[: view("q").size]))
         for begin, to, size in run.header()["copies"]:
             memory[to - BASE : to - BASE + size] = memory[begin - BASE : begin - BASE + size]
     wrong = np.flatnonzero(np.frombuffer(memory, np.int64) != np.frombuffer(want, np.int64))

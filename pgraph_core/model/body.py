@@ -41,7 +41,7 @@ from ..fields import (
     whole,
 )
 from ..joints import (
-    AXIAL,
+    DIRECTED,
     PER_MOTION,
     Finding,
     JointKind,
@@ -50,8 +50,10 @@ from ..joints import (
     Numbers,
     joint_problems,
     physics_problems,
+    track_problems,
 )
 from ..tolerances import NOTABLE, SOLVED
+from ..tracks import Track
 from ..units import KG, NONE, J, M, Q, S
 from .shape import Shape as Shape
 from .shape import mass_properties_of, tip_of
@@ -102,7 +104,8 @@ class Body(Described):
         help="direction in the body's axes at q = 0; any length",
     )  # fmt: skip
     motions: tuple[tuple[MotionKind, Vec3], ...] = field(
-        "('rotate' | 'screw' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint",
+        "('rotate' | 'screw' | 'translate' | 'ball' | 'curve', [x, y, z]) pairs of a compound "
+        "joint",
         converter=_motions_in, default=(), role="joint",
     )  # fmt: skip
     link: Vec3 = field(
@@ -191,6 +194,11 @@ class Body(Described):
         converter=per_motion, default=(), dim=M, since=5,
         help="screw pitch; negative for a left-handed thread",
     )  # fmt: skip
+    track: Annotated[Track, Once] | None = field(
+        "a track such as {'points': [[0, 0, 0], [1, 0, 0.5]]}, for a curve",
+        converter=maybe_part_of(Track), default=None, since=9,
+        help="curve that the body follows",
+    )  # fmt: skip
     shape: OneShape | None = field(
         "a shape such as {'kind': 'sphere', ...}",
         converter=maybe_part_of(Shape),
@@ -264,6 +272,7 @@ class Body(Described):
         vars(self)["shape"] = self.shapes[0] if self.shapes else None
         found += self._derive()
         found += joint_problems(self.joint, self.sequence, self.q, self.v, self.limits)
+        found += track_problems(self.track, self.sequence)
         if not 0.5 < math.hypot(*self.rotation) < 2:
             text = f"must be a unit quaternion [w, x, y, z], got {shown(self.rotation)}"
             found.append(("rotation", text))
@@ -325,7 +334,10 @@ class Body(Described):
     @cached_property
     def sequence(self) -> tuple[Motion, ...]:
         pairs = zip(self.motions, self.pitch)
-        return tuple(Motion(kind, axis, pitch) for (kind, axis), pitch in pairs)
+        return tuple(
+            Motion(kind, axis, pitch, self.track if kind == "curve" else None)
+            for (kind, axis), pitch in pairs
+        )
 
     @cached_property
     def tip_point(self) -> tuple[float, float, float]:
@@ -352,7 +364,7 @@ class Body(Described):
         elif "axes" in update or "joint" in update:
             gone.add("motions")
         if update.get("joint", self.joint) != self.joint:
-            gone.update(JOINT_FIELDS)
+            gone.update((*JOINT_FIELDS, "track"))
         return {name: value for name, value in kept.items() if name not in gone}
 
     def gained(self, update: Mapping[str, Any]) -> tuple[Derived, ...]:
@@ -419,7 +431,7 @@ def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
     except TypeError:
         return  # ill-formed motions are refused by their own field
     axes = _directions(data.get("axes"))
-    moving = [m for m in motions if m.kind in AXIAL]
+    moving = [m for m in motions if m.kind in DIRECTED]
     if axes != () and kind != "weld":
         if axes is None or len(axes) != len(moving):
             given = shown(data["axes"])
@@ -427,9 +439,9 @@ def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
             refuse([("axes", text)])
             return
         left = iter(axes)
-        motions = tuple(Motion(m.kind, next(left)) if m.kind in AXIAL else m for m in motions)
+        motions = tuple(Motion(m.kind, next(left)) if m.kind in DIRECTED else m for m in motions)
     data["motions"] = tuple(m[:2] for m in motions)
-    data["axes"] = tuple(m.axis for m in motions if m.kind in AXIAL)
+    data["axes"] = tuple(m.axis for m in motions if m.kind in DIRECTED)
     try:
         _fill_coordinates(data, motions)
     except (KeyError, TypeError):

@@ -9,7 +9,7 @@ from typing import Any
 from ..curves import VectorTable
 from ..fields import GROUND, AtPoint, Frozen, OfSums, Quat, Vec3, facts
 from ..forces import Between, Force, Wrench
-from ..joints import AXIAL, SIZE, Motion
+from ..joints import DIRECTED, SIZE, Motion
 from .body import Body, Shape
 from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
@@ -332,13 +332,14 @@ class Mirror:
         """Return the reflected row with its original parent and name."""
         motions = tuple(
             (m.kind, self.point(m.axis) if m.kind == "translate" else self.axial(m.axis))
-            if m.kind in AXIAL else (m.kind, m.axis)
+            if m.kind in DIRECTED else (m.kind, m.axis)
             for m in body.sequence
         )  # fmt: skip
         return body.unchecked_copy({
             **self.fields(body),
             "motions": motions,
-            "axes": tuple(axis for kind, axis in motions if kind in AXIAL),
+            "axes": tuple(axis for kind, axis in motions if kind in DIRECTED),
+            "track": body.track and body.track.mirrored(self.sign),
             "pitch": tuple(-x + 0.0 for x in body.pitch),  # a thread has a hand
             "q": self.coordinates("q", body.q, body.sequence),
             "v": self.coordinates("v", body.v, body.sequence),

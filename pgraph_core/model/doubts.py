@@ -12,7 +12,7 @@ from typing import Any
 from ..errors import shown
 from ..fields import EVERY, GROUND, Vec3
 from ..forces import OnJoint, Servo, Spring, Torsion
-from ..joints import AXIAL, beyond
+from ..joints import DIRECTED, beyond
 from ..signals.grammar import names_in
 from ..tolerances import SOLVED
 from .body import Body, inertia_problems
@@ -76,7 +76,7 @@ def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Ite
         body = by_name.get(c.body)
         if not isinstance(c, AlongAxes) or body is None or c.axis or c.other_axis:
             continue
-        own = {m.axis for m in body.sequence if m.kind in AXIAL}
+        own = {m.axis for m in body.sequence if m.kind in DIRECTED}
         if c.kind != "universal" and len(own) == 1 and not {Z, (0.0, 0.0, -1.0)} & own:
             along = shown(next(iter(own)))
             yield (

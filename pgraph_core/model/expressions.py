@@ -221,7 +221,7 @@ class Known:
 def kinds_of(body: Body) -> list[Dim]:
     """Return the dimension of each degree of freedom in a joint."""
     of = {"rad": RAD, "m": M}
-    return [of[unit] for m in body.sequence for unit in joints.KINDS[m.kind].v]
+    return [of[unit] for m in body.sequence for unit in joints.units_of(m)[1]]
 
 
 def expression_problems(parts: Iterable[Described], known: Known, of: str = "") -> list[Problem]:

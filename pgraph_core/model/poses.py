@@ -10,7 +10,7 @@ import numpy as np
 from .. import joints, words
 from ..fields import GROUND
 from ..joints import Motion
-from ..rotation import Array, matrix, quaternion_of, unit_vector
+from ..rotation import Array, matrix, quaternion_of
 from .body import Body
 
 Numbers: TypeAlias = "Sequence[float] | Array"
@@ -74,25 +74,19 @@ def elementary(body: Body, q: Numbers) -> Iterator[tuple[Motion, Numbers]]:
         start = end
 
 
-def direction(motion: Motion, home: Array) -> Array:
-    """Return the unit axis in the parent's axes at q = 0."""
-    return unit_vector(home @ motion.axis)
-
-
 def turn(motion: Motion, home: Array, q: Numbers) -> Array:
     """Return the rotation matrix (3, 3) of a motion, in the preceding axes."""
-    return joints.KINDS[motion.kind].rotation(direction(motion, home), q)
+    return joints.KINDS[motion.kind].rotation(motion, home, q)
 
 
 def displacement(motion: Motion, turned: Array, home: Array, q: Numbers) -> Array:
     """Return a motion's displacement of the origin (3,) in world axes, after axes `turned`."""
-    moved = joints.KINDS[motion.kind].displacement
-    return turned @ moved(direction(motion, home), motion.pitch / (2 * np.pi), q)
+    return turned @ joints.KINDS[motion.kind].displacement(motion, home, q)
 
 
-def columns(motion: Motion, turned: Array, home: Array) -> Array:
+def columns(motion: Motion, turned: Array, home: Array, q: Numbers) -> Array:
     """Return H (6, dof) of a motion in world axes, after axes `turned`, eqs. (6), (7)."""
-    own = joints.KINDS[motion.kind].columns(direction(motion, home), motion.pitch / (2 * np.pi))
+    own = joints.KINDS[motion.kind].columns(motion, home, q)
     return np.vstack((turned @ own[:3], turned @ own[3:]))
 
 

@@ -19,9 +19,9 @@ Ints: TypeAlias = NDArray[np.int64]
 class System(NamedTuple):
     """The constants of a mechanism, with the columns defined in `engine/layout.py`."""
 
-    rows: Ints  # (n + 1, 4)
-    const: Array  # (n + 1, 28)
-    bodies_i: Ints  # (nb + 1, 11)
+    rows: Ints  # (n + 1, 6)
+    const: Array  # (n + 1 + nt, 32)
+    bodies_i: Ints  # (nb + 1, 12)
     bodies_f: Array  # (nb + 1, 22)
     q: Array  # (nq,) the model's initial state
     v: Array  # (nv,)
@@ -43,13 +43,13 @@ def system(arrays: Arrays, nq: int) -> System:
     return System(rows, const, bodies_i, bodies_f, home[:nq], home[nq:], body_of_row)
 
 
-def length_in(const: Array, home: Array) -> float:
+def length_in(count: int, const: Array, home: Array) -> float:
     """Find the largest characteristic length of a mechanism [m], from the constants in its rows.
 
     The length is the largest of all links, centres of mass and radii of gyration. Points that slide
     have none. If all of these are zero, the largest initial position in `home` is used, or 1 m.
     """
-    const = const[1:]
+    const = const[1:count]
     mass = np.where(const[:, at.MASS] > 0, const[:, at.MASS], np.inf)
     gyration = const[:, at.INERTIA : at.INERTIA + 3].sum(axis=1) / mass
     found = [np.sqrt(gyration.max(initial=0.0))]
@@ -62,7 +62,7 @@ def quaternions(rows: Ints) -> list[tuple[int, int, int]]:
     """Return (row, first index into q, first index into v) for each quaternion."""
     found: list[tuple[int, int, int]] = []
     for k in (1 + np.flatnonzero(facts("attitude")[rows[1:, at.KIND]])).tolist():
-        _, kind, i, j = rows[k].tolist()
+        _, kind, i, j, *_ = rows[k].tolist()
         found.append((k, i + int(facts("coordinates")[kind]) - 4, j))
     return found
 
@@ -105,7 +105,7 @@ def joint_coordinates(packed: System, number: int) -> list[tuple[int, int]]:
     """Return (index into v, index into q or -1) for each degree of freedom of a body's joint."""
     found: list[tuple[int, int]] = []
     for k in range(*np.searchsorted(packed.body_of_row, (number, number + 1))):
-        _, kind, qi, vi = packed.rows[k].tolist()
+        _, kind, qi, vi, *_ = packed.rows[k].tolist()
         known = not facts("attitude")[kind]
         found += [(vi + n, qi + n if known else -1) for n in range(int(facts("freedoms")[kind]))]
     return found

@@ -17,7 +17,7 @@ from ..engine.signals import first_values
 from ..engine.tree import bodies
 from ..errors import Problem, shown
 from ..fields import GROUND
-from ..joints import AXIAL, CODES
+from ..joints import DIRECTED, code_of, slides
 from ..model import Body, Force, Model
 from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, quaternions, system
@@ -84,6 +84,8 @@ class Packed:
         if not count:
             return self
         rows, const, bodies_i, bodies_f, home = self._arrays
+        n, rows = len(rows), rows.copy()
+        rows[:, at.TRACK] += count  # tracks stand behind all motions
         new, k = np.zeros((count, rows.shape[1]), INT), np.arange(count)
         new[:, at.KIND], new[:, at.QI], new[:, at.VI] = at.STATE, self.nq + k, self.nv + k
         own = np.zeros((count, const.shape[1]))
@@ -93,7 +95,7 @@ class Packed:
         made.model, made.numbers = self.model, self.numbers
         made.nb, made.springs = self.nb, self.springs
         made.nq, made.nv = self.nq + count, self.nv + count
-        made.rows, made.const = np.vstack((rows, new)), np.vstack((const, own))
+        made.rows, made.const = np.vstack((rows, new)), np.vstack((const[:n], own, const[n:]))
         home = np.concatenate((home[: self.nq], none, home[self.nq :], none))
         made._arrays = made.rows, made.const, bodies_i, bodies_f, home
         return made
@@ -118,12 +120,12 @@ class Packed:
     @cached_property
     def length(self) -> float:
         """The largest length among links, centres of mass and radii of gyration [m]."""
-        return length_in(self.const, self._arrays[4][: self.nq])
+        return length_in(len(self.rows), self.const, self._arrays[4][: self.nq])
 
     @cached_property
     def joints(self) -> Mapping[str, Joint]:
         """The movable joints, by body name."""
-        _, kinds, at_q, at_v = self.rows[1:].T.tolist()
+        _, kinds, at_q, at_v, *_ = self.rows[1:].T.tolist()
         at_q.append(self.nq)
         at_v.append(self.nv)
         found: dict[str, Joint] = {}
@@ -161,10 +163,11 @@ class Packed:
         motion = body.sequence[row - int(np.argmax(number == number[row]))]
         kind, axis = motion.kind, shown(motion.axis)
         where, text = f"body '{body.name}'", "so that the mass matrix is singular; give"
-        if kind == "translate":
-            return Problem(where, "mass", f"no mass moves along its axis {axis}, {text} mass")
+        if slides(motion):
+            along = f"axis {axis}" if kind in DIRECTED else "track"
+            return Problem(where, "mass", f"no mass moves along its {along}, {text} mass")
         about, remedy = f"its axis {axis}", ", armature or a com that is not on the axis"
-        if kind not in AXIAL:
+        if kind not in DIRECTED:
             about, remedy = f"some axis of its {body.joint} joint", " or another joint"
         shape, point = "a shape", ""
         if not any(map(any, body.inertia)):
@@ -261,9 +264,10 @@ def passive(f: Force) -> bool:
 
 def packed(numbers: Numbers) -> tuple[Arrays, int]:
     """Return the arrays for a table, and the number of its motions with a spring."""
-    _, body, motion, start = numbers
+    _, body, motion, start, tracks = numbers
     nb, n = len(body), len(motion) + 1
-    rows, const, home = EMPTY((n, 4), INT), EMPTY((n, at.CONST)), EMPTY(len(start))
+    rows, const = EMPTY((n, at.ROWS), INT), EMPTY((n + len(tracks), at.CONST))
+    home = EMPTY(len(start))
     bodies_i, bodies_f = EMPTY((nb, at.BODIES_I), INT), EMPTY((nb, at.BODY))
     springs = pack(*numbers, rows, const, bodies_i, bodies_f, home)
     return (rows, const, bodies_i, bodies_f, home), springs
@@ -272,12 +276,14 @@ def packed(numbers: Numbers) -> tuple[Arrays, int]:
 # -- the table of bodies ---------------------------------------------------------------------------
 
 
-# parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18) and motion (nm, 10); q and v (nq + nv,)
-Numbers: TypeAlias = tuple[Ints, Array, Array, Array]
+# parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18), motion (nm, 11); q and v (nq + nv,);
+# tracks (nt, 32)
+Numbers: TypeAlias = tuple[Ints, Array, Array, Array, Array]
 BODY, MOTION = (
     struct.Struct(f"{n}d").pack for n in (packing.TABLE_BODY.total, packing.TABLE_MOTION.total)
 )
-Record: TypeAlias = tuple[bytes, bytes, bytes, bytes]  # bytes of the body, its motions, q and v
+# bytes of the body, its motions, q and v, and its track
+Record: TypeAlias = tuple[bytes, bytes, bytes, bytes, bytes]
 
 
 def numbers_of(model: Model) -> Numbers:
@@ -285,12 +291,13 @@ def numbers_of(model: Model) -> Numbers:
     rows = model.row
     parent = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in model.bodies]
     ground = struct.pack("18d", *model.gravity, *(0.0,) * (packing.TABLE_BODY.total - 3))
-    body, motion, q, v = zip(*map(record_of, model.bodies)) if rows else ((),) * 4
+    body, motion, q, v, tracks = zip(*map(record_of, model.bodies)) if rows else ((),) * 5
     return (
         np.array(parent, np.int64),
         _floats([ground, *body]).reshape(-1, packing.TABLE_BODY.total),
         _floats(motion).reshape(-1, packing.TABLE_MOTION.total),
         _floats([*q, *v]),
+        _floats(tracks).reshape(-1, at.CONST),
     )
 
 
@@ -327,11 +334,14 @@ def _record(b: Mapping[str, Any]) -> Record:
         len(motions),
     )
     physics = zip(b["armature"], b["stiffness"], b["damping"], b["rest"], b["friction"], b["pitch"])
-    moved = b""
+    moved, curve = b"", b""
     for (kind, axis), (*numbers, pitch) in zip(motions, physics):
-        direction = _unit(axis) if kind in AXIAL else axis
-        moved += MOTION(CODES[kind], *direction, *numbers, pitch / math.tau)
-    return row, moved, struct.pack(f"{len(q)}d", *q), struct.pack(f"{len(v)}d", *v)
+        direction = _unit(axis) if kind in DIRECTED else axis
+        track = b["track"] if kind == "curve" else None
+        curve = track.rows.tobytes() if track else b""
+        count = len(track.rows) if track else 0
+        moved += MOTION(code_of(kind, track), *direction, *numbers, pitch / math.tau, count)
+    return row, moved, struct.pack(f"{len(q)}d", *q), struct.pack(f"{len(v)}d", *v), curve
 
 
 def _unit(x: tuple[float, ...]) -> tuple[float, ...]:

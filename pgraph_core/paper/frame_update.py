@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import counted, explained, refusal, shown
-from ..joints import AXIAL, KINDS, SIZE, Motion
+from ..joints import AXIAL, SIZE, Motion, units_of
 from ..model import Body, Model
 from ..model.poses import columns, displacement, elementary, turn
 from ..rotation import Array, matrix, multiply, rodrigues, unit
@@ -168,7 +168,7 @@ def _vectors_of(body: Body, turned: Array, q: Array) -> Array:
     rows = [turned @ body.link]
     for motion, x in elementary(body, q):
         rows.append(displacement(motion, turned, home, x))
-        turns, H = _turns(motion), columns(motion, turned, home)
+        turns, H = _turns(motion), columns(motion, turned, home, x)
         rows.extend(H[:3, :turns].T if turns else H[3:].T)
         turned = turned @ turn(motion, home, x)
     return np.array([*rows, *(turned @ home).T])
@@ -196,7 +196,7 @@ def _turns_and_slides(motion: Motion, v: int) -> tuple[slice, slice]:
 
 def _turns(motion: Motion) -> int:
     """Return the number of rotations of a motion, which precede its translations in v."""
-    return KINDS[motion.kind].v.count("rad")
+    return units_of(motion)[1].count("rad")
 
 
 # -- increments ------------------------------------------------------------------------------
@@ -255,9 +255,10 @@ def frame_update_trace(
     """Update all frames from q to q_next by exact increments, recording steps, as in Fig. 8."""
     q, q_next = _position(model, "q", q), _position(model, "q_next", q_next)
     for body in model.bodies:
-        if any(m.kind == "screw" for m in body.sequence):
-            text = f"body '{body.name}' has a screw, which the update of the paper does not cover"
-            raise refusal("frame_update_trace", "model", text)
+        for m in body.sequence:
+            if m.kind in ("screw", "curve"):
+                text = f"has a {m.kind}, which the update of the paper does not cover"
+                raise refusal("frame_update_trace", "model", f"body '{body.name}' {text}")
     start, step = frame_vectors(model, q), increments(model, q, q_next)
     bodies = bodies_of(model, start.topology)
     steps = []

@@ -17,7 +17,7 @@ import numpy as np
 from .. import words
 from ..dynamics.arguments import finite
 from ..errors import InputError, NameLookupError, Problem, choices, needed, shown
-from ..joints import KINDS
+from ..joints import units_of
 from ..packing import Array
 from ..packing.signals import states_of
 from .bodies import all_forces, units_of_drives
@@ -124,9 +124,9 @@ def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str,
     """Return (name, unit) of every entry of q and of v: ("knee", "rad"), ("trunk.0", "m")."""
     found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = ([], [])
     for name in mech.names:
-        kinds = [KINDS[m.kind] for m in mech.model.body(name).sequence]
-        of_q = [unit for kind in kinds for unit in kind.q]
-        for entries, each in zip(found, (of_q, [unit for kind in kinds for unit in kind.v])):
+        units = [units_of(m) for m in mech.model.body(name).sequence]
+        of_q, of_v = ([unit for pair in units for unit in pair[k]] for k in (0, 1))
+        for entries, each in zip(found, (of_q, of_v)):
             places = [name] if len(each) == 1 else [f"{name}.{n}" for n in range(len(each))]
             if len(each) > 1 and set(places) & set(mech.names):
                 places = [f"{name}[{n}]" for n in range(len(each))]

@@ -86,7 +86,7 @@ def unseen(rows: Ints, frames: tuple[Array, Array, Array, Array], length: float)
 def _spans(rows: Ints) -> list[tuple[int, slice, slice]]:
     """Return (kind, slice in q, slice in v) for each row."""
     sizes, found = np.stack((facts("coordinates"), facts("freedoms")), axis=1).tolist(), []
-    for _, kind, i, j in rows[1:].tolist():
+    for _, kind, i, j, *_ in rows[1:].tolist():
         n, m = sizes[kind]
         found.append((kind, slice(i, i + n), slice(j, j + m)))
     return found

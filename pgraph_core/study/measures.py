@@ -112,7 +112,7 @@ def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
     rows = mech.packed.system.rows[1:].tolist()
     found = np.zeros((len(q), len(rows)))
     size = mech.packed.length
-    for k, (_, kind, i, _) in enumerate(rows):
+    for k, (_, kind, i, *_) in enumerate(rows):
         own = slice(i, i + int(facts("coordinates")[kind]))
         a, b = q[:, own], other[:, own]
         if facts("angle")[kind]:

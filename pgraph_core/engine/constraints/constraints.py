@@ -27,13 +27,13 @@ from ..compiler.dual import carries, of_numbers
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
 from ..layout import T_ALIGN
-from ..motions import is_angle, nv_of
+from ..motions import bends, is_angle, nv_of
 from ..records import FROZEN
-from ..rows import axis_of, kind_of, origin_of
+from ..rows import axis_of, kind_of, origin_of, slide_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance
-from ..vec import accumulate, cross, largest, scale, store, sub
+from ..vec import accumulate, cross, dot, largest, scale, store, sub
 from .blocks import (
     along,
     along_coordinates,
@@ -292,6 +292,23 @@ def wrenches(rows, blocks, work, space, out):
 
 
 @part
+def along_joint(rows, work, k):
+    """Return (moment, force) that act on row k as a unit along its coordinate.
+
+    About the axis for an angle, and otherwise along it. The axis of a curve has any length.
+    """
+    h = axis_of(work, k)
+    none = scale(0.0, h)
+    if not bends(kind_of(rows, k)):
+        return (h, none) if is_angle(kind_of(rows, k)) else (none, h)
+    slide = slide_of(work, k)
+    turn, way = dot(h, h), dot(slide, slide)
+    if turn > 0.0 and (is_angle(kind_of(rows, k)) or way == 0.0):
+        return scale(1.0 / turn, h), none
+    return none, scale(1.0 / way if way > 0.0 else 0.0, slide)
+
+
+@part
 def add_wrenches(rows, blocks, work, space, count, out, column):
     """Add the wrenches of the first `count` active blocks to `out`, from `column` on."""
     blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
@@ -302,10 +319,11 @@ def add_wrenches(rows, blocks, work, space, count, out, column):
         kind = type_of(blocks_i, i)
         a = ends_of(blocks_i, i)[0]
         if along_coordinates(kind):
-            x = scale(vectors[LAMBDA, first_of(slots, i)], axis_of(work, a))
             if nv_of(kind_of(rows, a)) == 1:
-                x = scale(terms_f[terms_of(blocks_i, i)[0]], x)
-                accumulate(out, i, column + (0 if is_angle(kind_of(rows, a)) else 3), x)
+                moment, force = along_joint(rows, work, a)
+                x, share = vectors[LAMBDA, first_of(slots, i)], terms_f[terms_of(blocks_i, i)[0]]
+                accumulate(out, i, column, scale(share, scale(x, moment)))
+                accumulate(out, i, column + 3, scale(share, scale(x, force)))
             continue
         arm = sub(place_a(place, i), point_a(blocks_f, i, work, a))
         for r in range(size_of(blocks_i, i)):

@@ -16,7 +16,7 @@ from ..arrays import GUARD, guard_at, opened_run, save_guard_tuple
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F2, I1, i8, plain, read, void
 from ..motion import opened
-from ..motions import column, is_angle, numbers_of, travels
+from ..motions import bends, column, is_angle, numbers_of, travels
 from ..records import CONTACT_AHEAD, ONCE
 from ..rows import kind_of, origin_of, parent_of, q_of, v_of
 from ..stepping.explicit import dense_output
@@ -63,7 +63,7 @@ def path_of(stages, i, j, h):
 @part
 def per_unit(kind, reach):
     """Return a bound on the motion of shapes for a unit of a coordinate [m/rad, 1]."""
-    if is_angle(kind):
+    if is_angle(kind) or bends(kind):
         return reach
     return 1.0 if reach > 0.0 else 0.0
 
@@ -160,9 +160,11 @@ def find_reach(run, guard, free):
         arm = math.sqrt(dot(way, way)) + shapes[i].reach
         while k > 0:
             kind = kind_of(rows, k)
-            _, slide = column(rows, work, k, scene.const, 0)
-            ahead = math.sqrt(dot(slide, slide)) if is_angle(kind) else 0.0
-            reach[k] = max(reach[k], arm + ahead)
+            turn, slide = column(rows, work, k, scene.const, 0)
+            here = arm * math.sqrt(dot(turn, turn)) if bends(kind) else arm
+            if is_angle(kind) or bends(kind):
+                here += math.sqrt(dot(slide, slide))
+            reach[k] = max(reach[k], here)
             p = parent_of(rows, k)
             way = sub(origin_of(work, k), origin_of(work, p))
             arm += math.sqrt(dot(way, way))

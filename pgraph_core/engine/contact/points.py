@@ -26,6 +26,7 @@ from ..constraints.blocks import (
     velocities,
 )
 from ..constraints.constraints import (
+    along_joint,
     couplings,
     drift,
     driven_power,
@@ -36,10 +37,10 @@ from ..constraints.constraints import (
 from ..motion import RECORD, call_acceleration, call_record
 from ..motions import travels
 from ..records import STANCE, SWING, columns
-from ..rows import axis_of, kind_of, link_of, origin_of, parent_of
+from ..rows import kind_of, link_of, origin_of, parent_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
-from ..vec import add_scaled, dot, load, scale, set_xyz, sub, xyz
+from ..vec import add, add_scaled, dot, load, scale, set_xyz, sub, xyz
 from .phases import RANK, opened_events, slides, slip_direction, tangential
 
 # scene, t, q, v, v', flow
@@ -76,7 +77,7 @@ def observe(scene, t, q, v, vdot, flow):
         call_acceleration(links.acceleration, (scene, t, q, v, tau, vdot, flow))
         for s in range(points.shape[0]):
             if points[s].phase != SWING:
-                point_force(blocks, work, space, contact, s)
+                point_force(rows, blocks, work, space, contact, s)
     else:
         outboard(rows, const, work, q, v)
         positions(rows, work)
@@ -139,7 +140,7 @@ def path_length(rows, const, work, k, p, n):
 
 
 @sweep
-def point_force(blocks, work, space, contact, s):
+def point_force(rows, blocks, work, space, contact, s):
     """Compute the force at a closed point from λ and its components, about the axis for a limit."""
     points = contact.points
     blocks_i, terms_f = blocks.blocks_i, blocks.terms_f
@@ -149,8 +150,9 @@ def point_force(blocks, work, space, contact, s):
     r = first_of(slots, i)
     if points[s].limit == 1:
         points[s].normal_force = lam[r]
-        axis = axis_of(work, blocks_i[i, at.B_A])
-        set_xyz(points[s].force, scale(terms_f[blocks_i[i, at.B_TERM]] * lam[r], axis))
+        moment, force = along_joint(rows, work, blocks_i[i, at.B_A])
+        size = terms_f[blocks_i[i, at.B_TERM]] * lam[r]
+        set_xyz(points[s].force, scale(size, add(moment, force)))
         return
     force = (0.0, 0.0, 0.0)
     for c in range(3):

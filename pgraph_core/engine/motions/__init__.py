@@ -60,7 +60,9 @@ nq_of = count(_answers("coordinates"))
 nv_of = count(_answers("freedoms"))
 has_attitude = _flag("attitude")
 is_angle = _flag("angle")
+turns = _flag("turns")
 travels = _flag("travels")
+bends = _flag("bends")
 transmits = _flag("transmits")
 is_inert = _flag("inert")
 
@@ -89,6 +91,8 @@ move = question({one.number: _moving(one) for one in MOTIONS})
 set_rates = question(_answers("set_rates"))
 # const, c: return column c of H_k, eqs. (6), (7), as (angular, linear) in world axes
 column = question(_answers("column"))
+# const, q: return (angular, linear) of dH/dq in world axes, and of d²H/dq², where H depends on q
+slopes = question(_answers("slopes"))
 # const, x, alpha, linear: return V + H x, with V = (alpha, linear) and x of the length of v
 add_motion = question(_answers("add_motion"))
 # const, moment, force, out: write Hᵀ F, eq. (23), into `out` at the row's index in v

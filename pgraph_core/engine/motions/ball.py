@@ -45,7 +45,7 @@ from ..vec import (
     sym_mul,
 )
 from .attitude import axis_from, base_axes, turned
-from .contract import Motion
+from .contract import Motion, straight
 from .inertia import add_inertia_to, vanishes
 from .wrenches import any_number
 
@@ -205,12 +205,15 @@ BALL = Motion(
     freedoms=3,
     attitude=True,
     angle=False,
+    turns=False,
     travels=False,
+    bends=False,
     transmits=True,
     inert=False,
     place=place,
     set_rates=set_rates,
     column=column,
+    slopes=straight,
     add_motion=add_motion,
     project=project,
     condense=condense,

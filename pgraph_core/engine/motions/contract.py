@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ..compiler.jit import part
-from ..rows import kind_of
+from ..rows import kind_of, rotation_of
 
 
 class Motion(NamedTuple):
@@ -23,13 +23,16 @@ class Motion(NamedTuple):
     coordinates: int  # entries in q
     freedoms: int  # entries in v, columns of H
     attitude: bool  # a quaternion is among the coordinates
-    angle: bool  # the only coordinate is an angle about an axis [rad]
+    angle: bool  # the only coordinate is an angle [rad]
+    turns: bool  # about an axis fixed in the parent row, so its sine and cosine are taken first
     travels: bool  # the origin moves relative to the parent row
+    bends: bool  # H depends on the coordinate, which is the only one
     transmits: bool  # the parent feels loads on the row: false if H spans all velocities
     inert: bool  # a state of a control, which has no frame, energy or scale in common with others
     place: Any  # frame of the row
     set_rates: Any  # velocity and a of the row
     column: Any  # a column of H
+    slopes: Any  # first and second derivative of H in the coordinate, in the parent's axes
     add_motion: Any  # V + H x
     project: Any  # Hᵀ F
     condense: Any  # the articulated inertia felt by the parent
@@ -53,15 +56,26 @@ class Single(NamedTuple):
 
     number: int
     angle: bool
+    turns: bool
     travels: bool
+    bends: bool
     inert: bool
     place: Any  # this and `set_rates` are those of a `Motion`
     set_rates: Any
     column: Any  # H as (angular, linear)
+    slopes: Any  # that of a `Motion`
     add_motion: Any  # V + H x for a number x, with V = (alpha, linear)
     along: Any  # Hᵀ F of a wrench (moment, force)
     through: Any  # U = I H as (angular, linear), then Hᵀ U, for I = [j b, bᵀ m]
     size: Any  # |angular part of H| · angular + |linear part| · linear, for any two numbers
+
+
+@part
+def straight(rows, work, k, const, q):
+    """Return no slopes of H, which does not depend on the coordinates."""
+    zero = 0.0 * rotation_of(work, k)[0]  # a number of the kind in `work`
+    none = (zero, zero, zero)
+    return (none, none), (none, none)
 
 
 def question(answers: Mapping[int, Any]) -> Any:

@@ -36,7 +36,7 @@ from ..rows import (
 )
 from ..vec import add, add_cross, cross, dot, load3, mul, mul_t, scale, store3, sub
 from .attitude import axis_from, base_axes, turned
-from .contract import Motion
+from .contract import Motion, straight
 from .inertia import vanishes
 from .wrenches import no_triples
 
@@ -187,12 +187,15 @@ FREE = Motion(
     freedoms=6,
     attitude=True,
     angle=False,
+    turns=False,
     travels=True,
+    bends=False,
     transmits=False,
     inert=False,
     place=place,
     set_rates=set_rates,
     column=column,
+    slopes=straight,
     add_motion=add_motion,
     project=project,
     condense=condense,

@@ -19,7 +19,7 @@ from ..rows import (
     v_of,
 )
 from ..vec import add, add_scaled, cross, dot, mat_mul, mul, mul_t, rodrigues, scale, sym_mul
-from .contract import Single
+from .contract import Single, straight
 
 
 @part
@@ -70,11 +70,14 @@ def size(rows, work, k, angular, linear):
 HINGE = Single(
     number=at.ROTATE,
     angle=True,
+    turns=True,
     travels=False,
+    bends=False,
     inert=False,
     place=place,
     set_rates=set_rates,
     column=column,
+    slopes=straight,
     add_motion=add_motion,
     along=along,
     through=through,

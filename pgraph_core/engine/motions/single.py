@@ -29,6 +29,7 @@ from ..rows import (
 )
 from ..vec import add, add_cross, add_outer, add_outer9, add_scaled, dot, mul, mul_t, scale, sym_mul
 from .contract import Motion, question
+from .curve import CURVE, WIRE
 from .hinge import HINGE
 from .inertia import add_inertia_to, vanishes
 from .screw import SCREW
@@ -36,7 +37,7 @@ from .slider import SLIDER
 from .state import STATE
 from .wrenches import any_number
 
-SINGLES = (HINGE, SCREW, SLIDER, STATE)
+SINGLES = (HINGE, SCREW, SLIDER, CURVE, WIRE, STATE)
 
 
 def _asked(name):
@@ -175,12 +176,15 @@ MOTIONS_OF_ONE = tuple(
         freedoms=1,
         attitude=False,
         angle=one.angle,
+        turns=one.turns,
         travels=one.travels,
+        bends=one.bends,
         transmits=True,
         inert=one.inert,
         place=one.place,
         set_rates=one.set_rates,
         column=column,
+        slopes=one.slopes,
         add_motion=add_motion,
         project=project,
         condense=condense,

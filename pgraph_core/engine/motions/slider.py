@@ -19,7 +19,7 @@ from ..rows import (
     v_of,
 )
 from ..vec import add_cross, add_scaled, cross, dot, mul, scale, sym_mul
-from .contract import Single
+from .contract import Single, straight
 
 
 @part
@@ -70,11 +70,14 @@ def size(rows, work, k, angular, linear):
 SLIDER = Single(
     number=at.TRANSLATE,
     angle=False,
+    turns=False,
     travels=True,
+    bends=False,
     inert=False,
     place=place,
     set_rates=set_rates,
     column=column,
+    slopes=straight,
     add_motion=add_motion,
     along=along,
     through=through,

@@ -26,11 +26,12 @@ from ..compiler.elementary import power
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
-from ..motions import has_attitude, numbers_of, nv_of, project
+from ..motions import bends, has_attitude, numbers_of, nv_of, project
 from ..records import columns
 from ..rows import (
     add_force,
     armature_of,
+    bend_of,
     force_of,
     inertia_of,
     kind_of,
@@ -102,7 +103,8 @@ def momenta(rows, const, work, q, v, p, pdot):
 
     P of a row is the momentum of what it carries, [about its origin; linear]: p = Hᵀ P, and
     p' = H'ᵀ P + Hᵀ P', where P' is what Newton and Euler's sweeps add up (`momentum_rates`), less
-    V × P of an origin that moves.
+    V × P of an origin that moves. H' is that of an axis fixed in the parent and, for a curve, the
+    slope of the axis times the speed.
     """
     outboard(rows, const, work, q, v)
     n = rows.shape[0]
@@ -122,6 +124,9 @@ def momenta(rows, const, work, q, v, p, pdot):
         turning = spin_of(work, parent)
         rate = scale(-1.0, add(lost, cross(turning, moment)))
         project(rows, work, k, const, rate, cross(force, turning), pdot)
+        if bends(kind_of(rows, k)):
+            turn, bend = bend_of(work, k)
+            pdot[v_of(rows, k)] += v[v_of(rows, k)] * (dot(turn, moment) + dot(bend, force))
         for i in range(v_of(rows, k), v_of(rows, k) + nv_of(kind_of(rows, k))):
             p[i] += armature_of(const, k) * v[i]
         add_force(work, parent, add_cross(moment, link_of(work, k), force), force)

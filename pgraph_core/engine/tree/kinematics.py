@@ -3,7 +3,7 @@
 from ..compiler.elementary import FAR, sine_cosine
 from ..compiler.jit import part, sweep
 from ..compiler.lane import by_lanes, four, numbers_of_four
-from ..motions import add_motion, is_angle, is_inert, move, nv_of, set_rates
+from ..motions import add_motion, is_inert, move, nv_of, set_rates, turns
 from ..rows import (
     acceleration_of,
     armature_of,
@@ -74,7 +74,7 @@ def set_gyration(const, work, k):
 @part
 def turn(rows, work, q, k):
     """Sine and cosine of row k, if it turns about an axis."""
-    if is_angle(kind_of(rows, k)):
+    if turns(kind_of(rows, k)):
         sine, cosine = sine_cosine(q[q_of(rows, k)])
         set_sine_cosine(work, k, sine, cosine)
 
@@ -88,7 +88,7 @@ def turn_all(rows, work, q):
 @part
 def near(rows, q, k):
     """True if row k turns about an axis, by an angle that a lane accepts."""
-    return is_angle(kind_of(rows, k)) and abs(q[q_of(rows, k)]) < FAR
+    return turns(kind_of(rows, k)) and abs(q[q_of(rows, k)]) < FAR
 
 
 @part

@@ -6,8 +6,11 @@ gains the velocity ψ = v_j × S and the acceleration s - v_k × ψ with s = v'_
 force changes by I_k s + B_k ψ with B_k = v_k ×* I_k - I_k v_k × + (I_k v_k) ×̄*. These add up along
 the tree like forces, and τ_i = S_i · Σ f ([Carpentier & Mansard 2018], with sums over carried rows
 as in [Singh, Russell & Wensing 2022]). Vectors are [angular, linear] in world axes at the first
-row's origin. Gravity is modelled as an acceleration of the ground by -g. The axis S is fixed in the
-parent, so S' = v_λ × S. In a free motion, the translation precedes the rotation.
+row's origin. Gravity is modelled as an acceleration of the ground by -g. Most axes S are fixed in
+the parent, so S' = v_λ × S. In a free motion, the translation precedes the rotation.
+
+The axis of a curve has slopes D = dS/dq and E = dD/dq in the parent's axes. Its velocity q' adds
+D q' to S' and ψ, D q'' + (v_λ × D + E q') q' to s, and the change of S itself D · Σ f to τ.
 """
 
 from typing import Any, NamedTuple
@@ -15,7 +18,8 @@ from typing import Any, NamedTuple
 from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, I1, I2, i8, named, plain, void
-from ..motions import column, has_attitude, nv_of, restore
+from ..motions import bends, column, has_attitude, nv_of, restore
+from ..motions import slopes as slopes_of
 from ..records import columns
 from ..rows import (
     armature_of,
@@ -31,6 +35,7 @@ from ..rows import (
 )
 from ..vec import (
     about_origin,
+    accumulate,
     add,
     add_cross,
     add_scaled,
@@ -57,8 +62,8 @@ from .kinematics import outboard, positions
 MOTION_SUM = columns(
     mass=1, centre=3, inertia=6, momentum=3, spinning=9, force=6, velocity=6, acceleration=6
 )
-# columns of `freedoms`: S, ψ, S″, and ψ + S′, which speeds carry
-FREEDOM = columns(axis=6, psi=6, second=6, both=6)
+# columns of `freedoms`: S, ψ, S″, ψ + S′, which speeds carry, and D of a curve
+FREEDOM = columns(axis=6, psi=6, second=6, both=6, slope=6)
 
 
 class Slopes(NamedTuple):
@@ -165,8 +170,26 @@ def spinning(w, u, j, c):
     )  # fmt: skip
 
 
+@part
+def bent(rows, const, work, q, k, at):
+    """Return D and E of a curve for its origin at `at`, where S = [a, x' + at × a] and at' = x'."""
+    (turn, bend), (turn_slope, bend_slope) = slopes_of(rows, work, k, const, q)
+    a, x = column(rows, work, k, const, 0)
+    first = add(add(bend, cross(x, a)), cross(at, turn))
+    second = add(
+        add(bend_slope, cross(bend, a)), add(scale(2.0, cross(x, turn)), cross(at, turn_slope))
+    )
+    return (turn, first), (turn_slope, second)
+
+
+@part
+def add_pair(table, i, column, x):
+    accumulate(table, i, column, x[0])
+    accumulate(table, i, column + 3, x[1])
+
+
 @sweep
-def set_freedoms(rows, const, work, v, vdot, bodies, freedoms):
+def set_freedoms(rows, const, work, q, v, vdot, bodies, freedoms):
     """Compute the motion vectors of all rows and degrees of freedom, after `positions`."""
     none = (0.0, 0.0, 0.0)
     store66(bodies, 0, MOTION_SUM.velocity, (none, none))
@@ -191,10 +214,21 @@ def set_freedoms(rows, const, work, v, vdot, bodies, freedoms):
                 acceleration = plus(acceleration, times(v[first + c], swung))
                 store66(freedoms, first + c, FREEDOM.axis, s)
                 store66(freedoms, first + c, FREEDOM.both, swung)
+            own = (none, none)
+            change = (none, none)
+            if bends(kind_of(rows, k)):
+                slope, slope_change = bent(rows, const, work, q, k, at)
+                rate_here, faster = v[first], vdot[first]
+                own = times(rate_here, slope)
+                change = plus(moved(carrier, slope), times(rate_here, slope_change))
+                change = plus(times(faster, slope), times(rate_here, change))
+                acceleration = plus(acceleration, times(rate_here, own))
+                add_pair(freedoms, first, FREEDOM.both, own)
+                store66(freedoms, first, FREEDOM.slope, slope)
             for c in range(begin, done):
                 s = load66(freedoms, first + c, FREEDOM.axis)
-                psi = moved(velocity, s)
-                second = plus(moved(acceleration, s), moved(velocity, psi))
+                psi = plus(moved(velocity, s), own)
+                second = plus(plus(moved(acceleration, s), moved(velocity, psi)), change)
                 store66(freedoms, first + c, FREEDOM.psi, psi)
                 store66(freedoms, first + c, FREEDOM.second, second)
                 store66(
@@ -238,14 +272,14 @@ def set_sums(rows, const, work, bodies):
 
 
 @sweep
-def set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes):
+def set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, outer, slopes):
     """Write ∂τ/∂q and ∂τ/∂v into columns 0 to 2 nv - 1 of `slopes`, after `outboard`."""
     n = v.shape[0]
     for i in range(n):
         for c in range(2 * n):
             slopes[i, c] = 0.0
     positions(rows, work)
-    set_freedoms(rows, const, work, v, vdot, bodies, freedoms)
+    set_freedoms(rows, const, work, q, v, vdot, bodies, freedoms)
     set_sums(rows, const, work, bodies)
     for k in range(1, rows.shape[0]):
         kind, first = kind_of(rows, k), v_of(rows, k)
@@ -262,6 +296,8 @@ def set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes):
                 own = load66(freedoms, i, FREEDOM.axis)
                 slopes[i, j] = power(own, felt if slides and i < first + 3 else turned)
                 slopes[i, n + j] = power(own, by_speed)
+            if bends(kind):
+                slopes[j, j] += power(load66(freedoms, j, FREEDOM.slope), carried)
             mine = inertial(bodies, k, s)
             back = swept_back(bodies, k, s)
             i = outer[first]
@@ -282,7 +318,7 @@ def torque_slopes(space, q, v, vdot, slopes):
     rows, const, work, _, bodies, freedoms, outer, _ = opened_slopes(space)
     outer_freedoms(rows, outer[0])
     outboard(rows, const, work, q, v)
-    set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer[0], slopes)
+    set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, outer[0], slopes)
 
 
 # -- M⁻¹ by the factor of M ------------------------------------------------------------------------
@@ -436,7 +472,7 @@ def forward_derivatives(space, q, v, tau, slopes):
     outer_freedoms(rows, outer)
     last_freedoms(outer, last)
     set_factor(rows, const, work, freedoms, m)
-    set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes)
+    set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, outer, slopes)
     sprung = passive.shape[0] > 0  # springs join any two branches
     for i in range(passive.shape[0]):
         for c in range(2 * n):

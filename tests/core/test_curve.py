@@ -1,0 +1,276 @@
+"""A curve joint beside closed forms, a hinge, quadrature and differences."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import pgraph_core as pg
+
+G = 9.81
+FINE = {"method": "dop853", "rtol": 1e-13, "estimate": False}
+INERTIA = ((0.02, 0.001, 0.002), (0.001, 0.03, 0.003), (0.002, 0.003, 0.04))
+
+
+def alone(track: pg.Track, **fields) -> pg.Model:
+    return pg.Model(bodies=[pg.Body(name="bead", joint="curve", track=track, **fields)])
+
+
+def chain() -> pg.Model:
+    """Return curves that turn, below a free body, below each other, and in a compound joint."""
+    knee = pg.Track(
+        x="0.3*sin(q)",
+        y=[(-2, 0), (0, 0.1), (1, 0.4), (2, 0.2)],
+        z="0.2*q^2",
+        angles=["0.5*q^2+q", "0.3*sin(2*q)", 0.2],
+        axes=[(1, 0.2, 0), (0, 1, 0), (0, 0.3, 1)],
+        range=(-2, 2),
+    )
+    wire = pg.Track(
+        points=[(0, 0, 0), (0.3, 0.1, 0.1), (0.6, 0, 0.3), (0.8, 0.2, 0.2)], up=(0, 0, 1)
+    )
+    more = {"inertia": INERTIA, "com": (0.05, 0.1, 0.02)}
+    both = (("rotate", (0, 1, 1)), ("curve", (0, 0, 1)))
+    return pg.Model(
+        bodies=[
+            pg.Body(name="a", joint="free", mass=1, **more),
+            pg.Body(name="b", parent="a", link=(0.3, 0.1, 0), rotation=(0.8, 0, 0.6, 0),
+                    joint="curve", track=knee, mass=1.3, q=0.4, **more),
+            pg.Body(name="c", parent="b", joint="compound", motions=both, track=wire,
+                    link=(0, 0.2, 0.1), mass=0.7, q=(0.3, 0.35), **more),
+            pg.Body(name="d", parent="c", joint="spherical", link=(0, 0.2, 0.1), mass=0.4, **more),
+        ]
+    )  # fmt: skip
+
+
+def test_a_bead_on_a_circle_moves_like_a_pendulum():
+    circle = pg.Track(x="0.7*sin(q)", z="-0.7*cos(q)", range=(-math.pi, math.pi), closed=True)
+    bead = pg.simulate(alone(circle, q=2.5, v=1.0, mass=1.3), t_end=20, **FINE)
+    body = pg.Body(name="bead", axes=(0, -1, 0), com=(0, 0, -0.7), q=2.5, v=1.0, mass=1.3)
+    hinge = pg.simulate(pg.Model(bodies=[body]), t_end=20, **FINE)
+    assert np.abs(bead.q - hinge.q).max() < 1e-9
+    assert bead.energy_drift < 1e-11
+
+
+def test_a_bead_slides_down_a_helix_as_down_a_slope():
+    helix = pg.Track(x="0.5*cos(q)", y="0.5*sin(q)", z="-0.1*q", range=(0, 60))
+    run = pg.simulate(alone(helix, mass=2), t_end=3, **FINE)
+    slope = G * 0.1 / (0.5**2 + 0.1**2)
+    assert np.abs(run.q[:, 0] - 0.5 * slope * run.t**2).max() < 1e-10
+
+
+def test_a_bead_on_a_parabola_follows_the_equation_of_motion():
+    parabola = pg.Track(x="q", z="q^2", range=(-3, 3), unit="m")
+    run = pg.simulate(alone(parabola, q=1), t_end=4, **FINE)
+
+    def rates(t, y):
+        x, v = y
+        return v, -(2 * G * x + 4 * x * v * v) / (1 + 4 * x * x)
+
+    exact = solve_ivp(rates, (0, 4), (1, 0), method="DOP853", rtol=1e-13, atol=1e-14, t_eval=run.t)
+    assert np.abs(run.q[:, 0] - exact.y[0]).max() < 1e-10
+
+
+@pytest.mark.parametrize("start", [0.5, 1.5, 2.8])
+def test_a_cycloid_takes_equal_time_from_any_height(start):
+    cycloid = pg.Track(x="q-sin(q)", z="cos(q)", range=(0.2, 6.0))
+    run = pg.simulate(alone(cycloid, q=start), t_end=math.pi / math.sqrt(G), **FINE)
+    assert abs(run.q[-1, 0] - math.pi) < 1e-9 * abs(run.v[-1, 0])
+
+
+def test_a_knee_of_six_splines_has_the_accelerations_of_its_lagrangian():
+    """The equation of one coordinate, m(q) q'' + m'(q) q'²/2 = -V'(q), with m and V of SciPy's
+    splines."""
+    q = np.linspace(0.0, 2.0, 7)
+    table = {
+        "x": 0.01 * np.sin(q), "y": -0.02 * q**2, "z": 0.01 * np.cos(2 * q),
+    }  # fmt: skip
+    turns = [1.0 * q, 0.05 * np.sin(q), 0.1 * q**2]
+    track = pg.Track(
+        **{name: list(zip(q.tolist(), y.tolist())) for name, y in table.items()},
+        angles=[list(zip(q.tolist(), y.tolist())) for y in turns],
+        axes=[(0, 0, 1), (1, 0, 0), (0, 1, 0)],
+    )
+    com, mass = np.array((0.02, -0.2, 0.01)), 3.2
+    model = alone(track, mass=mass, com=com, inertia=INERTIA, q=0.7, v=1.1)
+    mech = pg.Mechanism(model)
+    place = [CubicSpline(q, y, bc_type="natural") for y in (*table.values(), *turns)]
+
+    def motion(at: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the derivatives of the centre of mass, the body's spin, and the height."""
+        x, slope = [f(at) for f in place], [f(at, 1) for f in place]
+        cz, sz, cx, sx, cy, sy = (f(a) for a in x[3:] for f in (np.cos, np.sin))
+        rz = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+        rx = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+        ry = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+        turn = rz @ rx @ ry
+        spin = slope[3] * np.array((0, 0, 1)) + slope[4] * rz[:, 0] + slope[5] * (rz @ rx)[:, 1]
+        reach = turn @ com
+        return np.array(slope[:3]) + np.cross(spin, reach), turn.T @ spin, x[2] + reach[2]
+
+    def inertia(at: float) -> float:
+        v, spin, _ = motion(at)
+        return mass * v @ v + spin @ np.array(INERTIA) @ spin
+
+    def slope_of(f, at: float) -> float:
+        h = 1e-4
+        return (8 * (f(at + h) - f(at - h)) - (f(at + 2 * h) - f(at - 2 * h))) / (12 * h)
+
+    for at, v in ((0.7, 1.1), (1.234, -2.0), (0.1, 3.0)):
+        m = inertia(at)
+        assert abs(mech.mass_matrix([at])[0, 0] - m) < 1e-11 * m
+        weight = slope_of(lambda x: mass * G * motion(x)[2], at)
+        exact = -(0.5 * slope_of(inertia, at) * v * v + weight) / m
+        assert abs(mech.forward_dynamics([at], [v])[0] - exact) < 1e-8 * abs(exact)
+
+
+def test_points_give_a_coordinate_that_is_the_way_along_them():
+    corners = [(math.cos(a), math.sin(a), 0.3) for a in np.arange(24) * math.pi / 12]
+    ring = pg.Track(points=corners, closed=True, up=(0, 0, 1))
+    run = pg.simulate(alone(ring, v=2.0, mass=3), t_end=5, **FINE)
+    assert np.abs(run.v - 2.0).max() < 1e-9  # without a slope, the speed stays
+    x, turn = ring.at(1.234)
+    assert abs(np.linalg.norm(x[:2]) - 1.0) < 1e-6
+    np.testing.assert_allclose(turn[:, 2], (0, 0, 1), atol=1e-12)
+    np.testing.assert_allclose(turn[:, 0], ring.slope(1.234)[3:], atol=1e-10)
+
+
+def test_the_derivatives_of_v_equal_differences():
+    mech = pg.Mechanism(chain())
+    rng = np.random.default_rng(1)
+    q, v, tau = mech.packed.system.q.copy(), rng.normal(size=mech.nv), rng.normal(size=mech.nv)
+    by_q, by_v, _ = mech.forward_derivatives(q, v, tau)
+    h = 1e-6
+    for i in (7, 8, 9):  # of the curves and the rotation between them
+        step = h * np.eye(len(q))[i]
+        change = mech.forward_dynamics(q + step, v, tau) - mech.forward_dynamics(q - step, v, tau)
+        np.testing.assert_allclose(by_q[:, i - 1], change / (2 * h), rtol=1e-7, atol=1e-6)
+    for i in range(mech.nv):
+        step = h * np.eye(mech.nv)[i]
+        change = mech.forward_dynamics(q, v + step, tau) - mech.forward_dynamics(q, v - step, tau)
+        np.testing.assert_allclose(by_v[:, i], change / (2 * h), rtol=1e-7, atol=1e-6)
+    vdot = rng.normal(size=mech.nv)
+    back = mech.forward_dynamics(q, v, mech.inverse_dynamics(q, v, vdot))
+    np.testing.assert_allclose(back, vdot, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("method", ["rk4", "gauss6", "radau5"])
+def test_methods_agree_and_keep_the_energy(method):
+    given = {"rtol": 1e-11} if method == "radau5" else {"step": 5e-4}
+    exact = pg.simulate(chain(), t_end=0.2, **FINE)
+    run = pg.simulate(chain(), t_end=0.2, method=method, estimate=False, **given)
+    assert np.abs(run.q[-1] - exact.q[-1]).max() < 1e-8
+    assert run.energy_drift < 1e-8
+
+
+def test_a_stepper_a_batch_and_a_run_have_the_same_bits():
+    model = chain()
+    given = {"method": "rk4", "step": 1e-3}
+    run = pg.simulate(model, t_end=0.02, frames=20, estimate=False, **given)
+    stepper = pg.Stepper(model, **given)
+    batch = pg.BatchStepper(model, 5, **given)
+    for _ in range(20):
+        stepper.step()
+        batch.step()
+    np.testing.assert_array_equal(stepper.q, run.q[-1])
+    for q in batch.q:
+        np.testing.assert_array_equal(q, run.q[-1])
+
+
+def test_derivatives_by_parameters_equal_differences():
+    track = pg.Track(x="0.5*sin(q)", z="0.2*cos(2*q)", angles=["q^2"], range=(-2, 2))
+    model = alone(track, mass=1.2, com=(0.1, 0, 0.05), inertia=INERTIA, q=0.4, v=0.3)
+    names = ["bodies.bead.mass", "bodies.bead.damping", "q.bead", "v.bead"]
+    model = model.edit("bead", damping=0.1)
+    run = pg.simulate(model, t_end=0.5, wrt=names, **FINE)
+
+    def end(**changed) -> np.ndarray:
+        return pg.simulate(model.edit("bead", **changed), t_end=0.5, **FINE).q[-1]
+
+    h = 1e-5
+    for k, (name, x) in enumerate((("mass", 1.2), ("damping", 0.1), ("q", 0.4), ("v", 0.3))):
+        change = (end(**{name: x + h}) - end(**{name: x - h})) / (2 * h)
+        found = run.sensitivity(names[k])[-1, :1]
+        np.testing.assert_allclose(found, change, rtol=1e-7, atol=1e-8)
+
+
+def test_a_curve_takes_limits_springs_friction_and_motors():
+    wire = pg.Track(points=[(0, 0, 0), (1, 0, -0.4), (2, 0, 0)])
+    model = alone(wire, q=0.1, friction=1.5, limits=(0.0, 1.8), stiffness=2.0, rest=0.5)
+    run = pg.simulate(model, t_end=6, estimate=False)
+    assert run.status == pg.Status.DONE
+    assert run.q.min() > -1e-6
+    assert run.q.max() < 1.8 + 1e-6
+    assert abs(run.energy_drift) < 0.02
+    assert abs(run.v[-1, 0]) < 0.2  # friction brings it to rest
+
+
+def test_a_mirrored_curve_moves_as_its_mirror_image():
+    model = chain().edit("b", name="left")
+    image = model.mirror("left", "y")
+    mech = pg.Mechanism(image)
+    rng = np.random.default_rng(3)
+    q, slices = mech.packed.system.q.copy(), {n: j.q for n, j in mech.packed.joints.items()}
+    left, right = image.body("left"), image.body("right")
+    for at in rng.uniform(-1.5, 1.5, 5):
+        q[slices["left"]] = q[slices["right"]] = at
+        place, turn = mech.poses(q)
+        a, b = (mech.names.index(x.name) for x in (left, right))
+        np.testing.assert_allclose(place[b], place[a] * (1, -1, 1), atol=1e-12)
+
+
+def test_a_model_with_curves_is_saved_and_loaded():
+    model = chain()
+    again = pg.Model.from_json(model.to_json())
+    assert again == model
+    np.testing.assert_array_equal(again.bodies[1].track.rows, model.bodies[1].track.rows)
+
+
+BAD = [
+    ({"points": [(0, 0, 0)]}, "points"),
+    ({"points": [(0, 0, 0), (0, 0, 0), (1, 0, 0)]}, "points"),
+    ({"points": [(0, 0, 0), (1, 0, 0), (0, 0, 0)]}, "points"),
+    ({"points": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0)], "closed": True}, "points"),
+    ({"points": [(0, 0, 0), (1, 0, 0)], "closed": True}, "points"),
+    ({"points": [(0, 0, 0), (0, 0, 1)], "up": (0, 0, 1)}, "up"),
+    ({"points": [(0, 0, 0), (0, 0, 1)], "x": "q"}, "points"),
+    ({"points": [(0, 0, 0), (0, 0, 1)], "unit": "rad"}, "unit"),
+    ({"x": "q^2", "range": (-1, 1)}, "x"),
+    ({"x": "q^3", "y": "q^2", "range": (-1, 1.3)}, "x"),
+    ({"x": "q", "range": (0, 1), "closed": True}, "closed"),
+    ({"x": "abs(q)", "range": (-1, 1)}, "x"),
+    ({"x": "1/q", "range": (-1, 1)}, "x"),
+    ({"x": "cos(w)", "range": (0, 1)}, "x"),
+    ({"x": "q"}, "range"),
+    ({"x": "q", "range": (1, 0)}, "range"),
+    ({"x": [(0, 1), (0, 2)]}, "x"),
+    ({"x": [(0, 1), (1, 2)], "range": (0, 2)}, "x"),
+    ({"angles": ["q", "q"], "axes": [(1, 0, 0), (2, 0, 0)], "range": (0, 1)}, "axes"),
+    ({"angles": ["q"], "axes": [(0, 0, 0)], "range": (0, 1)}, "axes"),
+    ({"angles": ["q"], "axes": [(1, 0, 0), (0, 1, 0)], "range": (0, 1)}, "axes"),
+    ({}, "x"),
+]
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(("fields", "field"), BAD)
+def test_a_bad_track_is_refused_by_its_field(fields, field):
+    with pytest.raises(pg.ModelError) as caught:
+        pg.Track(**fields)
+    assert [problem.field for problem in caught.value.problems] == [field]
+
+
+@pytest.mark.quick
+def test_a_curve_needs_one_track_and_other_joints_none():
+    track = pg.Track(points=[(0, 0, 0), (1, 0, 0)])
+    two = (("curve", (0, 0, 1)), ("curve", (0, 0, 1)))
+    for fields, field in (
+        ({"joint": "curve"}, "track"),
+        ({"joint": "revolute", "track": track}, "track"),
+        ({"joint": "compound", "motions": two, "track": track}, "motions"),
+    ):
+        with pytest.raises(pg.ModelError) as caught:
+            pg.Body(name="a", **fields)
+        assert field in [problem.field for problem in caught.value.problems]
