@@ -13,7 +13,7 @@ from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, I1, I2, array_of, f8, group, i8, plain, u8, void
 from .constraints.blocks import residual, residual_velocity, velocities
 from .constraints.constraints import drift, driven_power, impose, located, project, wrenches
-from .forces import drive, elastic
+from .drives import drive, elastic
 from .loads import apply_loads, collect_loads, count_of_loads, elastic_loads, torque_of_loads
 from .records import PAIR
 from .rows import kept_of

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..curves import VectorTable
 from ..engine.compiler.jit import part
-from ..engine.forces import knot_after
+from ..engine.drives import knot_after
 from ..engine.records import INTEGER, REAL
 from ..engine.rows import point_of, point_velocity, rotation_of, spin_of
 from ..engine.vec import add_scaled, dot, load, mul, sub, xyz

@@ -176,7 +176,7 @@ def acting_on(drives: Drives, row: Any) -> tuple[Ints, Array]:
 def drive_forces(drives: Drives, signals: Any, t: Array, q: Array, v: Array) -> Array:
     """Return the torque or force of each motor, servo and actuator at n states, (n, drives).
 
-    It is that of `engine.forces.drive`: within its limits, and before the gear.
+    It is that of `engine.drives.drive`: within its limits, and before the gear.
     """
     varying = values_of_targets(signals, DRIVE, t, q, v)
     found = np.empty((len(t), len(drives.table) - drives.passive))
@@ -201,7 +201,7 @@ def drive_forces(drives: Drives, signals: Any, t: Array, q: Array, v: Array) -> 
 
 
 def acting(knots: Array, first: int, count: int, follows: Follows, t: Array) -> Array:
-    """Return the effective value of an input at times t (n,), as `engine.forces.acting` does."""
+    """Return the effective value of an input at times t (n,), as `engine.drives.acting` does."""
     own = knots[first : first + count]
     k = np.maximum(np.searchsorted(own[:, 0], t, side="right") - 1, 0)
     ahead, slope = np.maximum(t - own[k, 0], 0.0), np.where(k + 1 < count, own[k, 2], 0.0)
@@ -394,7 +394,7 @@ def followed(follows: Follows, u: float, slope: float, y: float, ahead: float) -
     lag, integrates, least, most = follows
     if integrates:
         return min(max(y + (u + 0.5 * slope * ahead) * ahead, least), most)
-    from ..engine.forces import followed as of_lag
+    from ..engine.drives import followed as of_lag
 
     return float(of_lag(y, u, slope * ahead, ahead / lag))
 

@@ -249,7 +249,7 @@ def test_a_lag_after_a_jump_of_its_table(options, width):
 
 def test_the_closed_form_of_a_lag_cancels_nowhere():
     """y of y' = (u + slope s - y) / lag over twelve decades of lag, slope and time."""
-    from pgraph_core.engine.forces import followed
+    from pgraph_core.engine.drives import followed
 
     rng = np.random.default_rng(3)
     with mpmath.workdps(60):

@@ -12,7 +12,7 @@ from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, F3, I1, I2, f8, group, i8, none, plain, void
 from ..compiler.lane import constants, lanes
-from ..forces import drive
+from ..drives import drive
 from ..loads import torque_of_loads
 from ..tree.dynamics import newton_euler
 from ..tree.kinematics import outboard

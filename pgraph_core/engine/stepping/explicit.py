@@ -11,7 +11,7 @@ from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import kernel, sweep
 from ..constraints.blocks import velocities
-from ..forces import drive
+from ..drives import drive
 from ..loads import apply_loads
 from ..motion import opened
 from ..motions import numbers_of

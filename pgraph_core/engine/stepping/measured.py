@@ -19,7 +19,7 @@ from ..compiler.kinds import F1, F2, f8, i8, void
 from ..constraints.blocks import velocities
 from ..constraints.constraints import wrenches
 from ..contact.touches import HOLDING, next_touch, relative_velocity, touching
-from ..forces import acting, own_torque
+from ..drives import acting, own_torque
 from ..motion import call_acceleration, opened
 from ..records import columns
 from ..signals import ABS, HELD_FROM, NUMBER, SAMPLE, SIDE, sample_time

@@ -73,7 +73,7 @@ from ..contact.contacts import ADDING, FROZEN, clear, contacts_at, kept_place
 from ..contact.impulse import solve_impulses
 from ..contact.meeting import first_meeting, hits_at_once, state_at
 from ..contact.passing import keep_poses, note_passages
-from ..forces import at_its_limit
+from ..drives import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, energies, follow, opened
 from ..motions import add_motion, nv_of
 from ..rows import (

@@ -12,8 +12,8 @@ from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.elementary import power
 from ..compiler.jit import part, sweep
+from ..drives import lag_width
 from ..edges import next_edge
-from ..forces import lag_width
 from ..motion import opened
 from ..motions import is_angle, is_inert, nq_of, numbers_of
 from ..records import CHOSEN, GIVEN
