@@ -45,6 +45,8 @@ NONE = "none"
 COPIED = 1000  # rows at most with all that they carry
 DOF = re.compile(r"([0-6])?\s*([a-z]+(?: \+ [a-z]+)*)?")
 ALREADY = ("ball + z", "ball + x + y")  # texts of the DoF column for 4 and 5
+MOST_LINES = 10 * MOST_BODIES  # lines that are read, empty ones and those of long cells included
+MOST_CELLS = 10 * MOST_LINES
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
 Rod = Callable[[pg.Model, str, str], pg.Body]
 
@@ -138,9 +140,14 @@ def _written(value: Any) -> str:
 
 def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], list[list[str]]]:
     """Return fields and units by column, from headings if there are any, and lines of cells."""
+    text = text.strip("\r\n")
+    mark = _separator(text)
+    length, count = text.count("\n") + 1, text.count(mark) + 1
+    if length > MOST_LINES or count > MOST_CELLS:
+        most = f"{MOST_LINES} lines and {MOST_CELLS} cells at most"
+        raise Refusal(f"it has {length} lines and {count} cells; {most}, for {MOST_BODIES} bodies")
     try:
-        mark = _separator(text.strip("\r\n"))
-        found = list(csv.reader(io.StringIO(text.strip("\r\n")), delimiter=mark, strict=False))
+        found = list(csv.reader(io.StringIO(text), delimiter=mark, strict=False))
     except csv.Error as error:
         raise Refusal(f"it is not a valid table: {error}") from None
     lines = [[cell.strip() for cell in line] for line in found]

@@ -412,3 +412,19 @@ def test_suggestions_are_given_for_the_problems_that_are_shown_alone():
     problems = refused.value.problems
     assert len(problems) == 200
     assert ["choose one of" in problem.text for problem in problems] == [k < 50 for k in range(200)]
+
+
+@pytest.mark.parametrize(
+    ("text", "facts"),
+    [
+        ("\n".join(["1"] * 80_000), ["80000 lines", "10000 lines"]),
+        ("1" + "\t" * 1_000_000, ["1000001 cells", "100000 cells"]),
+        ("\n".join(["a"] * 5_000), ["5003 bodies", "1000"]),
+    ],
+)
+def test_a_paste_of_too_many_lines_is_refused_before_it_is_read(text, facts):
+    """Reading it would hold up the edits of other pages."""
+    state = begun(pg.Model.serial(3))
+    new = after(state, do.Paste(ME, 1, text))
+    assert new.model is state.model
+    assert_names(reply(new), "Nothing was pasted", *facts)
