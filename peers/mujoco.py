@@ -103,7 +103,7 @@ def _joints(row: Row) -> list[dict[str, Any]]:
     if row.kind == PLACEHOLDER:
         return []
     if row.kind == "free" and row.parent < 0:
-        return [{"name": row.name, "type": kinds.mjJNT_FREE}]
+        return [{"name": row.name, "type": kinds.mjJNT_FREE, "armature": row.armature}]
     if row.kind == "free":
         slides = [{"type": kinds.mjJNT_SLIDE, "axis": axis} for axis in np.eye(3)]
         return [*slides, {"name": row.name, "type": kinds.mjJNT_BALL}]

@@ -75,9 +75,8 @@ def rows_of(model: Model, topology: Topology | None = None) -> list[Row]:
         for i, ((kind, axis), armature) in enumerate(zip(motions, armatures)):
             final = i == len(motions) - 1
             unit = home @ axis / np.linalg.norm(axis)
-            added = armature if kind in PLAIN else 0.0
             label = name if final else f"{name}.{i}"
-            rows.append(Row(label, at, turn, shift, kind, unit, added, body if final else None))
+            rows.append(Row(label, at, turn, shift, kind, unit, armature, body if final else None))
             at, turn, shift = len(rows) - 1, np.eye(3), np.zeros(3)
         last[name] = (at, home)
     return rows

@@ -396,8 +396,8 @@ def physics_problems(
         return [(name, f"must be >= 0, got {list(values)}")]
     if name == "limit_restitution" and any(x > 1 for x in values):
         return [(name, f"must be from 0 to 1, got {list(values)}")]
-    scalar = name != "damping"
-    if scalar and any(x and m.kind not in AXIAL for x, m in zip(values, motions)):
+    of_all = name in ("damping", "friction", "armature")  # the same for each speed of a motion
+    if not of_all and any(x and m.kind not in AXIAL for x, m in zip(values, motions)):
         text = "acts on a rotate or translate motion, not on a ball or free one"
         return [(name, f"{text}, got {list(values)}")]
     return []

@@ -84,10 +84,10 @@ def rows_of(model, q, v):
             h = h / mp.sqrt(sum(h * h))
             if motion.kind == "free":  # three slides, then a ball
                 p = p + R @ x[:3]
-                rows.append(_row(rows, at, _slides(R), index[3:], 0.0, v))
+                rows.append(_row(rows, at, _slides(R), index[3:], armature, v))
                 at = len(rows) - 1
             if motion.kind in ("ball", "free"):
-                rows.append(_row(rows, at, _turns(R, p), index[:3], 0.0, v))
+                rows.append(_row(rows, at, _turns(R, p), index[:3], armature, v))
                 R = R @ matrix(x[-4:])
             elif motion.kind == "rotate":
                 rows.append(_row(rows, at, _turns((R @ h)[:, None], p), index, armature, v))

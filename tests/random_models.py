@@ -62,7 +62,12 @@ def random_body(rng, name, parent, kind, armature=True):
     if kind == "compound":
         motions = COMPOUNDS[rng.integers(len(COMPOUNDS))]
     pairs = tuple((m, tuple(rng.normal(size=3))) for m in motions)
-    added = [rng.uniform(0, 0.2) if m in ("rotate", "translate") else 0.0 for m in motions]
+    added = [
+        rng.uniform(0, 0.2) if m in ("rotate", "translate") else 0.1 * abs(axis[0])
+        for m, axis in pairs
+    ]
+    if kind == "free" and parent != "ground":
+        added = [0.0]
     points = rng.normal(size=(6, 3)) * rng.uniform(0.1, 0.5, 3)
     points -= points.mean(axis=0)
     mass = float(rng.uniform(0.5, 3))

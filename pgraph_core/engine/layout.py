@@ -28,7 +28,7 @@ MASS = 6  # [kg]
 COM = 7  # 3, from the row's origin [m]
 INERTIA = 10  # 6, about the centre of mass: xx, yy, zz, xy, xz, yz [kg m^2]
 BASE = 16  # 9, home orientation of the parent body: the axes of a ball's or free motion's q, v
-ARMATURE = 25  # added inertia about the axis [kg m^2, kg]
+ARMATURE = 25  # inertia added to each speed of the motion [kg m^2, kg]
 PITCH = 26  # way along the axis of a screw [m/rad]
 CONST = 32
 # The track of a curve has two rows for each piece, and an end. The first row has the coordinate
@@ -52,6 +52,7 @@ IA = 30  # 21, lower triangle of the 6x6 inertia by rows, then its factor for a 
 # motion what its factor is solved for. Where nothing is solved: velocity of the origin, or force
 PROJECTED = FACTOR3 = SOLVED = VELOCITY = FORCE = 51
 D = 57  # inverse of the inertia about the axis
+ADDED = 57  # armature of a ball or a free motion
 KEPT = 57  # for row 0: 1 if q and armatures are those of the frames and articulated inertias
 LEFT = 58  # 3, remaining joint force u = τ - Hᵀb, for a ball in world axes
 ANGLE = 58  # 2, sine and cosine of a rotation, before that

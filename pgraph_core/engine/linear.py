@@ -59,6 +59,13 @@ def factor6(work, k):
         work[k, ir + r] = 1.0 / diagonal
 
 
+@part
+def add_diagonal6(work, k, a):
+    """Add a number to the diagonal of the 6x6 inertia."""
+    for r in range(6):
+        work[k, IA + r * (r + 1) // 2 + r] += a
+
+
 @sweep
 def restore6(work, k):
     """Restore the 6x6 inertia from its factor, in place."""

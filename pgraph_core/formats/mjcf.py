@@ -283,7 +283,10 @@ class _Reader:
             j = group.joints[0]
             at, dof = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
             fields: dict[str, Any] = {"joint": "free", "q": tuple(m.qpos0[at : at + 7].tolist())}
-            return fields | {"damping": (float(m.dof_damping[dof]),)} | self._odd(j, dof)
+            values = m.dof_damping, m.dof_frictionloss, m.dof_armature
+            own = {x: (float(y[dof]),) for x, y in zip(("damping", "friction", "armature"), values)}
+            self._box(j, dof)
+            return fields | own
         kinds = {BALL: "ball", SLIDE: "translate", HINGE: "rotate"}
         motions = [(kinds[int(m.jnt_type[j])], tuple(m.jnt_axis[j].tolist())) for j in group.joints]
         numbers: dict[str, list[float]] = {
@@ -302,10 +305,10 @@ class _Reader:
             numbers["stiffness"].append(float(m.jnt_stiffness[j]) if single else 0.0)
             rest = float(m.qpos_spring[at]) - start if single and m.jnt_stiffness[j] else 0.0
             numbers["rest"].append(rest)
-            numbers["friction"].append(float(m.dof_frictionloss[dof]) if single else 0.0)
-            numbers["armature"].append(float(m.dof_armature[dof]) if single else 0.0)
+            numbers["friction"].append(float(m.dof_frictionloss[dof]))
+            numbers["armature"].append(float(m.dof_armature[dof]))
             if not single:
-                self._odd(j, dof)
+                self._box(j, dof)
                 if m.jnt_limited[j]:
                     self.left_out("joint", m.joint(j).name, "the limit of a ball joint")
             limits.append(self._limit(j, start) if single else None)
@@ -331,16 +334,13 @@ class _Reader:
         low, high = within_margin(self, "joint", m.joint(j).name, low, high, float(m.jnt_margin[j]))
         return (low, high) if low < high else None
 
-    def _odd(self, j: int, dof: int) -> dict[str, Any]:
-        """Report properties that are not supported for ball and free joints."""
-        m = self.m
-        for values, what in (
-            (m.dof_armature[dof], "armature"),
-            (m.dof_frictionloss[dof], "friction"),
-        ):
-            if values:
-                self.left_out("joint", m.joint(j).name, f"{what} of a ball or free joint")
-        return {}
+    def _box(self, j: int, dof: int) -> None:
+        """Report the axes along which friction of a ball or free joint acts."""
+        if self.m.dof_frictionloss[dof]:
+            text = (
+                "its friction acts about the axes of the parent, in MuJoCo about those of the body"
+            )
+            self.report.add("converted", self.where("joint", self.m.joint(j).name), text)
 
     def _polynomials(self, j: int, dof: int) -> None:
         m = self.m

@@ -252,6 +252,9 @@ class _Writer(ContactsOut):
             ):  # fmt: skip
                 if value:
                     joint.set(**{name: value})
+            if body.friction[k] and kind in ("ball", "free"):
+                text = "its friction is about the axes of the body in MuJoCo, not of the parent"
+                self.report.add("converted", f"body '{body.name}'", text, part=body.name)
             if body.stiffness[k] and body.rest[k]:
                 joint.set(springref=body.rest[k])
             pair = body.limits[k] if body.limits else None

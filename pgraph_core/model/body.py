@@ -166,12 +166,12 @@ class Body(Described):
     friction: PerMotion = field(
         "numbers >= 0 [N m, N], one for all or one per motion",
         converter=per_motion, default=(), dim=J / Q,
-        help="Coulomb friction of each rotation or translation",
+        help="Coulomb friction of each joint motion; of a ball or free one, of each of its speeds",
     )  # fmt: skip
     armature: PerMotion = field(
         "numbers >= 0, one for all or one per motion",
         converter=per_motion, default=(), dim=J * S**2 / Q**2,
-        help="drive inertia, which only acts on this joint",
+        help="drive inertia of each joint motion, which only acts on this joint",
     )  # fmt: skip
     limits: tuple[tuple[Number | None, Number | None] | None, ...] = field(
         "[lower, upper] position [rad, m], null for an open end, one pair "
@@ -278,6 +278,10 @@ class Body(Described):
             found.append(("rotation", text))
         for name in PER_MOTION:
             found += physics_problems(name, getattr(self, name), self.sequence)
+        if self.joint == "free" and any(self.armature) and self.parent != GROUND:
+            text = f"of a free joint needs the parent 'ground', got {shown(self.armature)} on "
+            text += f"'{self.parent}'; use joint='compound' with three 'translate' motions and a "
+            found.append(("armature", text + "'ball', one armature each"))
         refuse([*found, *([] if self.any_inertia else inertia_problems(self.inertia))])
         vars(self)["checked"] = True  # not a field: a copy is checked again
         return self

@@ -159,13 +159,13 @@ class Operators:
 
     @cached_property
     def armature(self) -> Array:
-        """The inertia (nv,) added to the degrees of freedom of rotate and translate motions."""
+        """The armature (nv,) of the degrees of freedom, one number for all of a motion."""
         added = np.zeros(self.nv)
         for body, place in zip(self.bodies, v_slices(self.bodies)):
             i = place.start
             for motion, value in zip(body.sequence, body.armature):
                 size = SIZE[motion.kind][1]
-                added[i : i + size] = value if size == 1 else 0.0
+                added[i : i + size] = value
                 i += size
         return added
 

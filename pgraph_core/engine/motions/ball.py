@@ -1,6 +1,7 @@
 """Ball: a rotation about a point fixed in the parent row, H = (1, 0).
 
-The joint transmits its own torque and a force, so the parent feels the inertia m - bᵀ j⁻¹ b alone.
+The inertia against the motion is D = j + a with the armature a. Without armature, the joint
+transmits its own torque and a force alone, so the parent feels the inertia m - bᵀ j⁻¹ b.
 """
 
 from ...tolerances import ROUNDING
@@ -10,6 +11,8 @@ from ..compiler.lane import beyond, store_triple
 from ..linear import backward3, factor3, forward3, solve3
 from ..rows import (
     add_bias,
+    added_of,
+    armature_of,
     ball_of,
     bias_of,
     coriolis_of,
@@ -20,6 +23,7 @@ from ..rows import (
     parent_of,
     q_of,
     rotation_of,
+    set_added,
     set_ball_left,
     set_coriolis,
     set_factor,
@@ -33,6 +37,7 @@ from ..rows import (
 from ..vec import (
     add,
     add_cross,
+    add_scaled,
     columns_of,
     cross,
     dot,
@@ -43,6 +48,7 @@ from ..vec import (
     store3,
     sub,
     sym_mul,
+    transpose,
 )
 from .attitude import axis_from, base_axes, turned
 from .contract import Motion, straight
@@ -84,10 +90,13 @@ def project(rows, work, k, const, moment, force, out):
 
 @part
 def condense(rows, work, k, const):
-    """Add the inertia m - bᵀ j⁻¹ b to the parent. Kept: the factor of j."""
+    """Add the inertia I - U D⁻¹ Uᵀ = [a D⁻¹ j, a D⁻¹ b; ., m - bᵀ D⁻¹ b] with U = (j, bᵀ) to the
+    parent [Featherstone 2008, eq. (7.23)]. Kept: the factor of D, and a."""
     j, b, m = inertia_of(work, k)
-    f = factor3(j)
+    a = armature_of(const, k)
+    f = factor3((j[0] + a, j[1] + a, j[2] + a, j[3], j[4], j[5]))
     set_factor(work, k, f)
+    set_added(work, k, a)
     p = parent_of(rows, k)
     if p == 0:
         return
@@ -101,15 +110,20 @@ def condense(rows, work, k, const):
         m[4] - dot(c0, x2),
         m[5] - dot(c1, x2),
     )
-    zero = 0.0 * m[0]
-    none = (zero, zero, zero, zero, zero, zero)
-    coupling = (zero, zero, zero, zero, zero, zero, zero, zero, zero)
-    add_inertia_to(work, p, link_of(work, k), none, coupling, m)
+    y0, y1, y2 = (
+        solve3(f, (j[0], j[3], j[4])),
+        solve3(f, (j[3], j[1], j[5])),
+        solve3(f, (j[4], j[5], j[2])),
+    )
+    j = (a * y0[0], a * y1[1], a * y2[2], a * y1[0], a * y2[0], a * y2[1])
+    b = transpose(scale(a, x0) + scale(a, x1) + scale(a, x2))
+    add_inertia_to(work, p, link_of(work, k), j, b, m)
 
 
 @part
 def relay(rows, work, k, const, tau):
-    """Add the joint torque, and the force of the rest, to the parent. Kept: τ - p."""
+    """Add the joint torque less what turns the armature, and the force of the rest, to the parent.
+    Kept: τ - p."""
     _, b, m = inertia_of(work, k)
     moment, force = bias_of(work, k)
     torque = mul(base_axes(rows, work, k, const), load3(tau, v_of(rows, k)))
@@ -120,18 +134,25 @@ def relay(rows, work, k, const, tau):
         return
     # the joint's angular acceleration takes up what its torque does not
     f, _ = ball_of(work, k)
-    a = coriolis_of(work, k)[1]
-    turn = solve3(f, sub(left, mul(b, a)))
-    force = add(force, add(sym_mul(m, a), mul_t(b, turn)))
+    a0, a1 = coriolis_of(work, k)
+    turn = turned_by(work, k, left, a0, a1)
+    torque = add_scaled(torque, -added_of(work, k), sub(turn, a0))
+    force = add(force, add(sym_mul(m, a1), mul_t(b, turn)))
     add_bias(work, p, add_cross(torque, link_of(work, k), force), force)
 
 
 @part
-def solve(rows, work, k, const, alpha, linear, vdot):
-    """Compute v' = j⁻¹ (u - b V'_linear) less the parent's angular acceleration."""
+def turned_by(work, k, left, alpha, linear):
+    """Return the angular acceleration D⁻¹ (u + a α - b V'_linear) for that of the parent, α."""
     _, b, _ = inertia_of(work, k)
-    f, left = ball_of(work, k)
-    total = solve3(f, sub(left, mul(b, linear)))
+    f, _ = ball_of(work, k)
+    return solve3(f, sub(add_scaled(left, added_of(work, k), alpha), mul(b, linear)))
+
+
+@part
+def solve(rows, work, k, const, alpha, linear, vdot):
+    """Compute v', the angular acceleration less that of the parent."""
+    total = turned_by(work, k, ball_of(work, k)[1], alpha, linear)
     store3(vdot, v_of(rows, k), mul_t(base_axes(rows, work, k, const), sub(total, alpha)))
     return total, linear
 
@@ -164,8 +185,10 @@ def past(rows, work, k, moment, force, reach, y, i, slot):
     share = forward3(f, moment)
     for n in range(3):
         store_triple(y, i, 3 * (slot + n), share[n])
-    force = sub(force, mul_t(b, solve3(f, moment)))
-    return felt, cross(link_of(work, k), force), force
+    turn = solve3(f, moment)
+    force = sub(force, mul_t(b, turn))
+    moment = add_cross(scale(added_of(work, k), turn), link_of(work, k), force)
+    return felt, moment, force
 
 
 @part
@@ -175,7 +198,8 @@ def mobility(rows, work, k, moment, force):
     turn = solve3(f, moment)
     taken = dot(moment, turn)
     force = sub(force, mul_t(b, turn))
-    return taken, cross(link_of(work, k), force), force
+    moment = add_cross(scale(added_of(work, k), turn), link_of(work, k), force)
+    return taken, moment, force
 
 
 @part
@@ -183,9 +207,10 @@ def respond(rows, work, k, const, step, alpha, linear):
     i = v_of(rows, k)
     _, b, _ = inertia_of(work, k)
     f, _ = ball_of(work, k)
-    turned_by = sub(backward3(f, load3(step, i)), solve3(f, mul(b, linear)))
-    store3(step, i, mul_t(base_axes(rows, work, k, const), sub(turned_by, alpha)))
-    return turned_by, linear
+    carried = add_scaled(mul(b, linear), -added_of(work, k), alpha)
+    total = sub(backward3(f, load3(step, i)), solve3(f, carried))
+    store3(step, i, mul_t(base_axes(rows, work, k, const), sub(total, alpha)))
+    return total, linear
 
 
 @part
@@ -193,8 +218,9 @@ def gather(rows, work, k, const, speeds, alpha, linear):
     i = v_of(rows, k)
     _, b, _ = inertia_of(work, k)
     f, _ = ball_of(work, k)
+    carried = add_scaled(mul(b, linear), -added_of(work, k), alpha)
     alpha = add(mul(base_axes(rows, work, k, const), load3(speeds, i)), alpha)
-    x = add(alpha, solve3(f, mul(b, linear)))
+    x = add(alpha, solve3(f, carried))
     store3(speeds, i, (x[0] + f[3] * x[1] + f[4] * x[2], x[1] + f[5] * x[2], x[2]))
     return alpha, linear
 

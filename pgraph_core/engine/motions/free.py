@@ -1,12 +1,15 @@
 """Free: every velocity relative to the parent row, H = 1.
 
-The joint transmits only its own force, so nothing of the row's inertia is felt by the parent.
+The inertia against the motion is D = I + a with the armature a, which the model has only if the
+parent is at rest. Otherwise the joint transmits only its own force, so the parent feels nothing of
+the row's inertia.
 """
 
 from .. import layout as at
 from ..compiler.jit import part
 from ..compiler.lane import store_triple
 from ..linear import (
+    add_diagonal6,
     backward6,
     diagonal6,
     factor6,
@@ -18,6 +21,8 @@ from ..linear import (
 )
 from ..rows import (
     add_bias,
+    added_of,
+    armature_of,
     bias_of,
     home_base,
     home_link,
@@ -25,6 +30,7 @@ from ..rows import (
     parent_of,
     q_of,
     rotation_of,
+    set_added,
     set_coriolis,
     set_link,
     set_rotation,
@@ -34,7 +40,7 @@ from ..rows import (
     spin_of,
     v_of,
 )
-from ..vec import add, add_cross, cross, dot, load3, mul, mul_t, scale, store3, sub
+from ..vec import add, add_cross, add_scaled, cross, dot, load3, mul, mul_t, scale, store3, sub
 from .attitude import axis_from, base_axes, turned
 from .contract import Motion, straight
 from .inertia import vanishes
@@ -86,7 +92,9 @@ def project(rows, work, k, const, moment, force, out):
 
 @part
 def condense(rows, work, k, const):
-    """Factor the 6x6 inertia in place. The parent feels nothing of it."""
+    """Factor the 6x6 inertia D in place. The parent feels nothing of it. Kept: a."""
+    set_added(work, k, armature_of(const, k))
+    add_diagonal6(work, k, added_of(work, k))
     factor6(work, k)
 
 
@@ -104,7 +112,10 @@ def relay(rows, work, k, const, tau):
 
 @part
 def solve(rows, work, k, const, alpha, linear, vdot):
-    """Compute v', and overwrite the solution with V'."""
+    """Compute v' = D⁻¹ (u + a V'_parent) - V'_parent, and overwrite the solution with V'."""
+    angular, along = solved_of(work, k)
+    a = added_of(work, k)
+    set_solved(work, k, add_scaled(angular, a, alpha), add_scaled(along, a, linear))
     forward6(work, k)
     diagonal6(work, k)
     backward6(work, k)
@@ -142,6 +153,7 @@ def diagonal(rows, work, k, dinv):
 @part
 def restore(rows, work, k):
     restore6(work, k)
+    add_diagonal6(work, k, -added_of(work, k))
 
 
 @part

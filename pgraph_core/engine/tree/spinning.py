@@ -22,6 +22,7 @@ from ..motions.attitude import base_axes
 from ..records import columns
 from ..rows import (
     acceleration_of,
+    armature_of,
     gravity_of,
     kind_of,
     mass_of,
@@ -91,7 +92,7 @@ def keep_spinning(rows, const, work, v, mean, kick, h, free, vdot):
             continue
         axes = base_axes(rows, work, k, const)
         r = rotation_of(work, k)
-        m, com, central = mass_of(const, k)
+        m, com, central = moved_mass(rows, const, k)
         c = mul(r, com)
         inertia = rotate_sym(r, central)
         if not travels(kind):
@@ -110,6 +111,21 @@ def keep_spinning(rows, const, work, v, mean, kick, h, free, vdot):
             )
             linear = add_scaled(add(linear, swing), 1.0 / h, orbit)
             store3(vdot, j + 3, mul_t(axes, linear))
+
+
+@part
+def moved_mass(rows, const, k):
+    """Return `mass_of`, with the armature of a ball or free motion on the ground.
+
+    The armature a acts as a body without weight at the origin, of mass a and moments a.
+    """
+    m, com, central = mass_of(const, k)
+    a = armature_of(const, k)
+    if parent_of(rows, k) > 0 or not has_attitude(kind_of(rows, k)) or not a > 0.0:
+        return m, com, central
+    whole = about_origin(central, m * a / (m + a), com)
+    whole = (whole[0] + a, whole[1] + a, whole[2] + a, whole[3], whole[4], whole[5])
+    return m + a, scale(m / (m + a), com), whole
 
 
 @sweep
@@ -335,7 +351,7 @@ def momentum_of(rows, const, work, q, v, trees, tree, fixed):
         speed = linear_velocity(rows, const, work, v, k, velocity_of(work, parent_of(rows, k)))
         set_velocity(work, k, speed)
         r, w = rotation_of(work, k), spin_of(work, k)
-        m, com, central = mass_of(const, k)
+        m, com, central = moved_mass(rows, const, k)
         c = mul(r, com)
         p = scale(m, add_cross(speed, w, c))
         own = rotate_sym(r, central)
@@ -360,7 +376,7 @@ def forces_of(rows, const, work, trees, tree, fixed):
         if trees[k - 1] != tree:
             continue
         r, w = rotation_of(work, k), spin_of(work, k)
-        m, com, central = mass_of(const, k)
+        m, com, central = moved_mass(rows, const, k)
         c = mul(r, com)
         alpha, linear = acceleration_of(work, k)
         linear = add(linear, gravity_of(const))
