@@ -9,10 +9,10 @@ import numpy as np
 from ..engine import arrays, motion
 from ..engine import layout as at
 from ..engine.arrays import (
-    CALMED,
     FACTORED,
     FACTORS,
     LEAST,
+    LOOSE,
     VECTORS,
     Contacts,
     Islands,
@@ -349,7 +349,7 @@ class ContactSpace(Unportable):
     def begin_log(self, t: float) -> Any:
         """Start counting and logging, and return the current phases as changes at t."""
         names = "fallbacks", "calmed", "overflows", "logged", "cuts", "crowded", "residual", "depth"
-        for name in (*names, "strayed", "chains"):
+        for name in (*names, "strayed", "chains", "loose"):
             self.tally[name] = 0
         phases = self._kept.pairs["phase"]
         now = table(PHASE_CHANGE, len(phases))
@@ -480,7 +480,7 @@ def workspace(
         omega=np.zeros((m, m)),
         factor=np.zeros((m, m)),
         place=np.zeros((count, at.PLACE)),
-        vectors=np.zeros((VECTORS, max(most + 2, nq, nv, CALMED + 1))),
+        vectors=np.zeros((VECTORS, max(most + 2, nq, nv, LOOSE + 1))),
         linear=np.zeros((n, 3)),
         carried=np.zeros((n, 6)),
         watch=table(WATCH, 1),

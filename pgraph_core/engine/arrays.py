@@ -81,8 +81,8 @@ IMPULSES_BEFORE, BEST_IMPULSES = 21, 22  # λ to return to, and the best so far,
 HELD_IMPULSES = 23  # λ with given friction bounds
 REPORT = 24  # report on the impulse solver, by these:
 # sweeps, Newton's steps, largest miss of a law, energy gained [J], hard islands, islands that no
-# velocities satisfy, bounces left out
-SWEEPS_DONE, STEPS_DONE, MISSED, STRAYS, GAINED, HARD, BARRED, CALMED = range(8)
+# velocities satisfy, bounces left out, 1 + a block of impulses that are not unique
+SWEEPS_DONE, STEPS_DONE, MISSED, STRAYS, GAINED, HARD, BARRED, CALMED, LOOSE = range(9)
 DAMPING, STIFFNESS = 25, 26  # drives in a step as inertia, as torque
 OWN_ARMATURE, OWN_GIVEN = 27, 28  # the same without drives
 # mean velocity of a part of a step, change of v by its impulses, half of J' v times its width
@@ -147,7 +147,7 @@ class Workspace(NamedTuple):
     omega: Any  # (m, m) Delassus matrix
     factor: Any  # (m, m) of omega
     place: Any  # (nb, 15) where and along what a block acts
-    vectors: Any  # (VECTORS, at least m, nq, CALMED + 1) rows are named above
+    vectors: Any  # (VECTORS, at least m, nq, LOOSE + 1) rows are named above
     linear: Any  # (n + 1, 3) velocities of origins [m/s]
     carried: Any  # (n + 1, 6) wrenches on their way to the ground
     watch: Any  # (1,) where the pivots of omega dip in a run

@@ -21,11 +21,13 @@ from ..engine.arrays import FACTORED, FACTORS
 from ..engine.contact import points as point_kernels
 from ..engine.motions import facts
 from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
+from ..fields import GROUND
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
 from ..tolerances import COINCIDENT, SOLVED, VISIBLE
+from .contact_log import COUNTED, named
 from .event_scene import INSTEAD, EventScene, Impact
 from .loop import Outcome, Steps
 from .run_plan import RunPlan
@@ -56,7 +58,6 @@ class ContactEvents:
         self._ends: dict[int, float] = {}  # when the bounces of a point that comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
         self._fine = fine
-        self._told = False  # True after the notice of impulses that are not unique
         self.seconds = 0.0  # spent on events
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=ENDLESS)
@@ -408,7 +409,7 @@ class ContactEvents:
         self._accelerations(t)
         before = scene.phase.copy()
         restitution, rest = self._bounces(t, touching)
-        found = scene.impact(t, self.q, self.v, touching, restitution, jammed, self._told)
+        found = scene.impact(t, self.q, self.v, touching, restitution, jammed)
         if found is None:
             self.ended.stop(
                 Status.NOT_FINITE, f"{Status.NOT_FINITE.value} in the impact at t = {t:g} s"
@@ -424,14 +425,10 @@ class ContactEvents:
             self.ended.notices.append(
                 f"t = {t:.6g} s: impulses of an impact are accurate to {found.missed:.3g} only"
             )
-        if found.shared:
-            self._told = True
-            bodies = ", ".join(f"'{name}'" for name in found.shared)
-            self.ended.notices.append(
-                f"t = {t:.6g} s: the contact impulses on {bodies} in this impact are not unique: "
-                "others that satisfy the contact laws lead to another load or motion; all methods "
-                "take the same ones"
-            )
+        if found.loose is not None:
+            point = scene.contact_points[found.loose]
+            name = named(point.pair, (point.body, GROUND))
+            self.ended.notices.append(COUNTED["loose"].format(loose_time=t, loose_name=name))
         scene.strike(self.v, self.steps.ledger)
         self.tally["impacts"] += 1
         self._after_impact(t, touching.tolist(), found, before, rest)

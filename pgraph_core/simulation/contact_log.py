@@ -70,6 +70,9 @@ COUNTED = {  # field of the tally -> notice if it is not 0
     "smaller step",
     "passed": "at t = {passed_time:.6g} s {passed_name} failed: one shape passed through the "
     "other within a step; use a smaller step",
+    "loose": "at t = {loose_time:.6g} s the impulses of {loose_name} in an impact are not unique: "
+    "others that satisfy the contact laws lead to another load or motion; all methods take the "
+    "same ones",
     "unlogged": "{unlogged} changes of contacts' phases were not logged",
     "overflows": "in {overflows} steps there were too many contact points",
 }
@@ -171,6 +174,9 @@ def contact_notices(
     counts = dict(zip(tally.dtype.names, tally.item()))
     counts |= {"unlogged": unlogged, "missed": counts["worst"] > NOTABLE * counts["force"]}
     of_pair = {f"{x}_name": "".join(names[counts[f"{x}_pair"] :][:1]) for x in ("worst", "passed")}
+    of_pair["loose_name"] = "".join(
+        named(pair.name, pair[1:3]) for pair in tables.touches[counts["loose_pair"] :][:1]
+    )
     found = [text.format(**counts, **of_pair) for name, text in COUNTED.items() if counts[name]]
     found += too_deep(mech, tables, active, tally, frames, strong)
     if strong and not (found and found[-1].endswith(strong)):
@@ -197,18 +203,24 @@ def too_deep(
     if not share > VISIBLE:
         return []
     k, when, depth = (tally[f"deepest_{x}"].item() for x in ("pair", "time", "depth"))
-    pair, bodies, remedy = tables.touches[k], "", "use a smaller step, or start without overlap"
+    pair, remedy = tables.touches[k], "use a smaller step, or start without overlap"
     if pair.contact.law != "complementarity":
         share, strong = share * DEEP, ""
         remedy = stiffer(tables.laws[k], share)
-    if EVERY not in pair[1:3]:
-        bodies = " of " + " and ".join(x if x == GROUND else f"'{x}'" for x in pair[1:3])
     of += f" ({depth / share:.3g} m)" if size else ""
     why = driven_into(mech, tables, active, k, frames, when)
     return [
-        f"at t = {when:.6g} s contact '{pair.name}'{bodies} penetrated by {depth:.3g} m, "
+        f"at t = {when:.6g} s {named(pair.name, pair[1:3])} penetrated by {depth:.3g} m, "
         f"{share:.2g} of {of}; {why or strong or remedy}"
     ]
+
+
+def named(contact: str, bodies: Sequence[str]) -> str:
+    """Return the name of a contact with those of its two bodies."""
+    if EVERY in bodies:
+        return f"contact '{contact}'"
+    both = " and ".join("the ground" if x == GROUND else f"'{x}'" for x in bodies)
+    return f"contact '{contact}' of {both}"
 
 
 def limited_bodies(mech: Mechanism, tables: Tables) -> list[str]:

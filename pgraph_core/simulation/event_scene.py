@@ -21,6 +21,7 @@ from ..engine.arrays import (
     BARRED,
     CALMED,
     LAMBDA,
+    LOOSE,
     MISSED,
     REPORT,
     RHS,
@@ -39,11 +40,9 @@ from ..model import Body, Contact, Model
 from ..packing import Array, Drives, Ints, Loads, System, home_of, point_in_row
 from ..packing.constraints import Block, Blocks, block_arrays, block_values, with_blocks
 from ..rotation import matrix, normals_of
-from ..tolerances import NOTABLE, TINY
 from ..topology import Topology
 from .monitors import room_for
 
-AXES = slice(at.DIR, at.DIR + 9)
 INSTEAD = "use method 'moreau_jean'"
 
 
@@ -68,7 +67,7 @@ class Impact(NamedTuple):
     before: Array
     after: Array
     impulse: Array
-    shared: tuple[str, ...]  # bodies with a total contact impulse that is not unique
+    loose: int | None  # a point of the first impact whose impulses are not unique
     fastest: float  # largest velocity of a row before
     missed: float  # residual of the laws relative to the largest velocity
     calmed: bool  # restitution would have increased the energy
@@ -325,12 +324,10 @@ class EventScene(Scene):
         chosen: Ints,
         restitution: Array,
         jammed: int,
-        told: bool,
     ) -> Impact | None:
         """Compute the impulses at the `chosen` points and in the constraints.
 
-        The `jammed` point stops, whatever its friction. `shared` is only sought if not `told`.
-        Returns None if a velocity is not finite.
+        The `jammed` point stops, whatever its friction. Returns None if a velocity is not finite.
         """
         points, floats, vectors = self.points[chosen], self.blocks.blocks_f, self.space.vectors
         blocks = self._laws[chosen]
@@ -344,59 +341,22 @@ class EventScene(Scene):
         u, omega = vectors[RHS, :m].copy(), self.space.omega[:m, :m]
         if not (np.isfinite(omega).all() and np.isfinite(u).all()):
             return None
-        striking.strike(self._striking[0], v)
+        address, (*_, space) = self._striking
+        striking.strike(address, v)
         report, impulse = vectors[REPORT], vectors[LAMBDA, :m].copy()
         normal, after = self.space.slots[blocks, at.FIRST], u + omega @ impulse
+        loose = None
+        if report[LOOSE] > 0.0:
+            space.tally["loose"] += 1
+            loose = int(chosen[np.flatnonzero(blocks == int(report[LOOSE]) - 1)[0]])
         return Impact(
             before=u[normal],
             after=after[normal],
             impulse=impulse[normal],
-            shared=() if told else self._shared(omega, after, impulse, chosen, normal),
+            loose=loose,
             fastest=float(np.max(np.abs(u), initial=0.0)),
             missed=1.0 if report[BARRED] else float(report[MISSED]),
             calmed=bool(report[CALMED]),
-        )
-
-    def _shared(
-        self, omega: Array, after: Array, impulse: Array, chosen: Ints, first: Ints
-    ) -> tuple[str, ...]:
-        """Return the bodies whose total contact impulse in an impact is not unique.
-
-        The laws at the rows that stop are linear in their impulses, with friction of sliding points
-        proportional to the normal impulse. A change of impulses that these laws do not determine is
-        reported if it changes the sum over the points of a body.
-        """
-        acts = impulse[first] > 0.0
-        if np.count_nonzero(acts) < 2:
-            return ()
-        unit, size = np.eye(len(omega)), NOTABLE * float(np.max(np.abs(after - omega @ impulse)))
-        rows = list(range(int(first.min())))
-        columns = [unit[r] for r in rows]
-        for s, n in zip(chosen[acts].tolist(), first[acts].tolist()):
-            rows.append(n)
-            mu, slip = self.contact_points[s].friction, after[n + 1 : n + 3]
-            if self.points["limit"][s] or mu == 0.0:
-                columns.append(unit[n])
-            elif (speed := float(np.linalg.norm(slip))) > size:
-                columns.append(unit[n] - mu / speed * (slip @ unit[n + 1 : n + 3]))
-            else:
-                columns += [*unit[n : n + 3]]
-                rows += [n + 1, n + 2]
-        scale = 1.0 / np.sqrt(np.maximum(omega.diagonal(), TINY))[rows]
-        changes: Array = np.array(columns) * scale[:, None]
-        laws: Array = scale[:, None] * (omega @ changes.T)[rows]
-        _, values, null = np.linalg.svd(laws)
-        free = null[values <= NOTABLE * values.max(initial=0.0)] @ changes
-        sums: dict[str, Any] = {}
-        places = self.points["position"]
-        for s, n in zip(chosen[acts].tolist(), first[acts].tolist()):
-            if not self.points["limit"][s]:
-                force = free[:, n : n + 3] @ self.blocks.blocks_f[self._laws[s], AXES].reshape(3, 3)
-                wrench = np.hstack((force, np.cross(places[s] - places[chosen[0]], force)))
-                body = self.contact_points[s].body
-                sums[body] = sums.get(body, 0.0) + np.stack((wrench, np.abs(wrench)))
-        return tuple(
-            b for b, (x, most) in sums.items() if (abs(x) > NOTABLE * most.max(initial=0.0)).any()
         )
 
     def strike(self, v: Array, ledger: Array) -> None:

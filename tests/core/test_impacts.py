@@ -1,6 +1,7 @@
 """Impacts: the laws of Signorini, Newton and Coulomb, and no shape that passes another."""
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -249,15 +250,34 @@ def test_an_impact_of_a_face_has_one_answer_for_both_methods_and_all_orders(poin
             assert run.kinetic_energy[-1] <= run.kinetic_energy[0] * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("way", LOCATED)
 @pytest.mark.parametrize("points", FACES)
 @pytest.mark.parametrize("spin", [0.0, 2.0])
-def test_an_impact_whose_impulses_are_not_unique_is_named(points, spin):
+def test_an_impact_whose_impulses_are_not_unique_is_named(points, spin, way):
     """Points of a face that spins slide in different ways, so that their shares matter."""
     mech = plate(FACES[points], 0.1, friction=0.2, restitution=0.5)
     q, v = np.array([0, 0, 0.05, 1, 0, 0, 0.0]), np.array([0, 0, spin, 0.7, -0.4, -2.0])
-    run = runs_of(mech, q, v, INSTANT, WAYS["events"])
-    told = [x for x in run.notices if "not unique" in x and "'b'" in x]
+    run = runs_of(mech, q, v, 1e-5, way)
+    told = [x for x in run.notices if "not unique" in x and "'b'" in x and "contact 'c'" in x]
     assert len(told) == (spin > 0 and points > 3)
+
+
+@pytest.mark.parametrize("height", [0.0, 3e-5, 2e-3])
+@pytest.mark.parametrize("spin", [0.0, 2.0])
+def test_impacts_within_a_step_name_impulses_that_are_not_unique(height, spin):
+    """Of one box on another, whose faces have shapes: the upper one spins as it lands."""
+    box: dict[str, Any] = {"joint": "free", "shape": {"kind": "box", "size": (0.2, 0.3, 0.1)}}
+    box |= {"derived": ("inertia",), "mass": 2.0}
+    low = pg.Body(name="low", q=(0, 0, 0.05, 1, 0, 0, 0), **box)
+    high = pg.Body(name="high", q=(0, 0, 0.15 + height, 1, 0, 0, 0), **box)
+    pair = pg.Contact(name="c", body="high", other="low", friction=0.2)
+    floor = pg.Contact(name="floor", body="low", friction=0.2)
+    model = pg.Model(bodies=[low, high], contacts=[floor, pair])
+    v = np.array([0.0] * 6 + [0, 0, spin, 1.5, 0.0, -2.0])
+    run = pg.simulate(model, v=v, t_end=2e-3, step=1e-3, method="moreau_jean", **QUIET)
+    told = [x for x in run.notices if "in an impact" in x]
+    assert len(told) == (spin > 0)
+    assert all("'high' and 'low'" in x or "'low' and the ground" in x for x in told)
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from ..arrays import (
     JOINT_SPEEDS,
     LAMBDA,
     LAST_RHS,
+    LOOSE,
     MISSED,
     REPORT,
     RHS,
@@ -49,6 +50,7 @@ from ..vec import dot, load
 from .conflicts import barred, ease, strain
 from .contacts import contacts_at
 from .islands import find_islands, forget_order, order_island, unique
+from .loose import note_loose
 from .newton import (
     TOLERANCE,
     drop_impulses,
@@ -78,8 +80,9 @@ def solve_impulses(scene, h, again):
 
     Their effect on the joints is written to EFFECT. REPORT receives the numbers of sweeps and of
     Newton steps, the largest velocity residual of a law, relative to its island and in m/s, the
-    kinetic energy added by unilateral impulses [J], and the number of islands that were hard, that
-    no velocities satisfy, and that did not bounce because they would have gained energy.
+    kinetic energy added by unilateral impulses [J], the number of islands that were hard, that no
+    velocities satisfy, and that did not bounce because they would have gained energy, and a block
+    of an impact whose impulses are not unique (`loose`).
 
     If no velocities satisfy an island, its gaps may close by their tolerated depth in this step.
     """
@@ -87,7 +90,7 @@ def solve_impulses(scene, h, again):
     blocks, space = data.blocks, data.space
     islands = contacts_at(data.links.contacts).islands
     active, vectors, report = blocks.active, space.vectors, space.vectors[REPORT]
-    for c in range(CALMED + 1):
+    for c in range(LOOSE + 1):
         report[c] = report[c] if again and (c == MISSED or (c >= STRAYS and c != GAINED)) else 0.0
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -254,7 +257,7 @@ def solve_island(scene, n, still):
         drop(scene, n)
         return 0.0, size
     contacts = contacts_at(opened(scene).links.contacts)
-    islands, fine = contacts.islands, contacts.tally[0].fine
+    islands, fine, tally = contacts.islands, contacts.tally[0].fine, contacts.tally[0]
     count = islands.first[n + 1] - islands.first[n]
     weigh(scene, n)
     work, room = order_island(scene, n)
@@ -273,6 +276,8 @@ def solve_island(scene, n, still):
     doubted = room and (left > NOTABLE or strain(scene, n) > NOTABLE * size)
     if doubted and barred(scene, n, size):
         left = math.inf
+    if small and not alone and left <= NOTABLE and tally.share == 0.0 and tally.loose == 0:
+        note_loose(scene, n, size)
     forget_order(islands)
     return left, size
 

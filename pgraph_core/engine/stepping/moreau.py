@@ -36,6 +36,7 @@ from ..arrays import (
     HARD,
     KICK,
     LAMBDA,
+    LOOSE,
     MEAN,
     MISSED,
     OWN_ARMATURE,
@@ -617,8 +618,8 @@ def account(scene, first, t, lasts, ledger):
     A velocity that misses a law lasts until the next solve, for the time `lasts`.
     """
     data = opened(scene)
-    tally = contacts_at(data.links.contacts).tally[0]
-    report = data.space.vectors[REPORT]
+    contacts = contacts_at(data.links.contacts)
+    tally, report = contacts.tally[0], data.space.vectors[REPORT]
     ledger[at.DISSIPATED] -= report[GAINED]
     blocks, lam = data.blocks, data.space.vectors[LAMBDA]
     for j in range(first, blocks.active[0] + 1):
@@ -635,6 +636,10 @@ def account(scene, first, t, lasts, ledger):
         tally.barred_time = t
     if report[CALMED] > 0.0:
         tally.calmed += 1
+    if report[LOOSE] > 0.0:
+        tally.loose += 1
+        tally.loose_pair = contacts.found[int(report[LOOSE]) - 1 - tally.first_contact].pair
+        tally.loose_time = t
 
 
 @sweep

@@ -83,7 +83,7 @@ BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
 # and what was left of the step when the path to an impact was looked for
 TIMES = columns("begun", "taken", "left", "kept")
 SHIFT = step_of_differences(2)  # part of a step over which forces are differenced in time
-NO_SLOPE, TOGETHER, HIT_TWICE, ASIDE, LOOSE, PARTED = (
+NO_SLOPE, TOGETHER, HIT_TWICE, ASIDE, SEVERAL, PARTED = (
     1.0,
     2.0,
     3.0,
@@ -173,7 +173,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
         if unclear:
             end_derivatives(carried, t, NO_SLOPE)
         if loose:
-            end_derivatives(carried, t, LOOSE)
+            end_derivatives(carried, t, SEVERAL)
     if which == EXPLICIT:
         find_mean(scene, width, v, vdot, own.blocks.active[0])
         return
