@@ -21,8 +21,8 @@ from .fields import (
     Vec3s,
     field,
     listed,
+    maybe_vector,
     refuse,
-    vector,
     vectors,
 )
 from .rotation import Array, quaternion_of, unit_vector
@@ -68,7 +68,7 @@ class Track(Frozen):
     up: Vec3 | None = field(
         "a direction [x, y, z], or None: the x axis of the body points along the curve, and its z "
         "axis as close to this direction as that allows; without it the body does not turn",
-        converter=lambda x: x if x is None else vector(x), default=None, role="direction",
+        converter=maybe_vector, default=None, role="direction",
     )  # fmt: skip
     x: Function = field(FUNCTION + " [m]", converter=_function, default=0.0)
     y: Function = field(FUNCTION + " [m]", converter=_function, default=0.0)
@@ -166,7 +166,8 @@ class Track(Frozen):
 
     def line(self, count: int = 100) -> Array:
         """Return points (count + 1, 3) of the track from its beginning to its end [m]."""
-        return self.pieces(np.linspace(*self.pieces.x[[0, -1]], count + 1))[:, :3]
+        first, last = self.pieces.x[[0, -1]].tolist()
+        return self.pieces(np.linspace(first, last, count + 1))[:, :3]
 
     def mirrored(self, sign: Sequence[float]) -> Track:
         """Return the mirror image that multiplies the components of vectors by `sign`."""
@@ -469,7 +470,7 @@ def _fitted(piece: _Piece) -> Any:
     """Return the polynomials of a piece, as many as its values need."""
     from scipy.interpolate import PPoly, make_interp_spline
 
-    count = START
+    count, q = START, np.zeros(1)
     while count <= MOST_PIECES:
         q, y = piece.pose(np.linspace(piece.begin, piece.end, 2 * count + 1))
         if not np.isfinite(y).all():

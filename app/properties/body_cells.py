@@ -88,7 +88,7 @@ def _of_coordinates(body: pg.Body, field: str) -> list[Quantity]:
 
 def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Content:
     """Return the content of the cells of a field."""
-    if field.startswith("track_"):
+    if field.startswith("track_") and body.track:
         return {f: text for f, _, text in track_cells.rows(body.track, display)}[field]
     of_a_shape = field.startswith("shape_")
     at, name = of_shape(field) if of_a_shape else (0, field)

@@ -42,7 +42,7 @@ def rows(track: pg.Track, display: Display) -> list[tuple[str, str, str]]:
 
 
 def _length(x: float, display: Display) -> str:
-    return str(shown(x, "length", display))
+    return f"{shown(x, 'length', display):.10g}"
 
 
 def _text(function: Any) -> str:

@@ -22,6 +22,7 @@ from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
 
 NAMING = ("parent", "body", "other", "at")  # fields that name bodies
+FOLLOWING = ("curve", "compound")  # joints that may follow a track
 T = TypeVar("T", bound=Described)
 
 
@@ -53,6 +54,8 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     new_joint = kind != old.joint or dof != old.dof or _moves_otherwise(old, changes)
     if new_joint:
         kept = {"joint"} if kind == old.joint == "compound" and "motions" in changes else set()
+        if not {"joint", "motions"} & changes.keys() or kind not in FOLLOWING:
+            data.pop("track")
         data = {k: x for k, x in data.items() if k in kept or k not in (*JOINT_FIELDS, "joint")}
     elif "dof" in changes:
         changes = {key: value for key, value in changes.items() if key != "dof"}
@@ -65,6 +68,7 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     new = _refused_as(Body, where, {**data, **kept, **changes})
     given = {*changes, "axes"} if "motions" in changes else changes
     lost = [key for key in JOINT_FIELDS if key not in given and _set(old, key)]
+    lost += ["track"] if old.track and not new.track else []
     lost = [key for key in lost if not kept or key not in ("axes", "motions")]
     text = f"body '{new.name}': the joint is now {new.joint} ({new.dof} DoF)"
     return new, [text + (f"; reset: {', '.join(lost)}" if lost else "")]
@@ -192,7 +196,8 @@ def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
 def _set(body: Body, field: str) -> bool:
     """Check whether a joint's field differs from the default for its kind."""
     own: dict[str, Any] = {} if field in ("axes", "motions") else {"motions": body.motions}
-    return getattr(body, field) != getattr(Body(name="fresh", joint=body.joint, **own), field)
+    fresh = Body(name="fresh", joint=body.joint, track=body.track, **own)
+    return getattr(body, field) != getattr(fresh, field)
 
 
 def renamed(part: T, names: Mapping[str, str]) -> T:

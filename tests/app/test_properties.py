@@ -436,3 +436,30 @@ def test_a_half_typed_inertia_is_checked_and_a_repair_offered(state):
     assert refused.clients[ME].reply.offer
     mended = edit(refused, "q", ((0,), "1"), ((1,), "1"), kind=do.Mend)
     assert math.hypot(*mended.model.body("2").q) == pytest.approx(1.0)
+
+
+def test_a_curve_begins_with_a_track_whose_points_are_typed(state):
+    curved = edit(state, "joint", ((), "curve"))
+    assert curved.model.body("2").track.points
+    typed = edit(curved, "track_points", ((), "0 0 0; 500mm 0 0.1; 1 0 0"))
+    assert typed.model.body("2").track.points == ((0, 0, 0), (0.5, 0, 0.1), (1, 0, 0))
+    rows = fields_of(typed, "2")
+    assert rows["track_points"]["cells"][0]["value"] == "0 0 0; 0.5 0 0.1; 1 0 0"
+    turning = edit(typed, "track_up", ((), "0 0 1"))
+    assert turning.model.body("2").track.up == (0, 0, 1)
+    assert "3 numbers" in reply(edit(typed, "track_points", ((), "0 0; 1 1")))
+    assert "cusp" in reply(edit(typed, "track_points", ((), "0 0 0; 1 0 0; 0 0 0")))
+    straight = edit(turning, "joint", ((), "revolute"))
+    assert straight.model.body("2").track is None
+
+
+def test_the_functions_of_a_track_are_typed(state):
+    knee = pg.Track(angles=["q"], axes=[(0, 1, 0)], x=[(0, 0), (1, 0.1), (2, 0)])
+    two = state.model.edit("2", joint="curve", track=knee)
+    state = begun(two)
+    rows = fields_of(state, "2")
+    assert rows["track_x"]["cells"][0]["value"] == "0 0; 1 0.1; 2 0"
+    assert rows["track_angles"]["cells"][0]["value"] == "q"
+    changed = edit(state, "track_z", ((), "0.1*sin(q)"))
+    assert changed.model.body("2").track.z == "0.1*sin(q)"
+    assert "column" in reply(edit(state, "track_z", ((), "sin(w)")))
