@@ -158,8 +158,12 @@ def test_a_start_deeper_than_the_weight_presses_is_reported(law, depth, said):
     assert any("'floor'" in notice for notice in run.notices) == said
 
 
-def bounce(e, speed, *, size=0.1, mass=1.0, hit="face", tree: Any = "free", law: Any = "soft"):
-    """Restitution of a cube without gravity that goes in by about 1e-4 of its size."""
+def bounce(
+    e, speed, *, size=0.1, mass=1.0, hit="face", tree: Any = "free", law: Any = "soft", steps=None
+):
+    """Restitution of a cube without gravity that goes in by about 1e-4 of its size, with this
+    number of time steps or without time stepping.
+    """
     deep = 1e-4 * size
     stiffness = mass * speed**2 * (1.25 / deep**2.5 if law == "soft" else 1.0 / deep**2)
     corners = 0.5 * size * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -174,7 +178,9 @@ def bounce(e, speed, *, size=0.1, mass=1.0, hit="face", tree: Any = "free", law:
     )  # fmt: skip
     fields = {"law": law, "restitution": e, "friction": 0.0, "stiffness": stiffness}
     model = on_ground(cube, model={"gravity": (0, 0, 0)}, **fields)
-    run = pg.simulate(model, t_end=0.01 * size / speed, frames=2, estimate=False)
+    t_end = 0.01 * size / speed
+    method = {"method": "moreau_jean", "step": t_end / steps} if steps else {}
+    run = pg.simulate(model, t_end=t_end, frames=2, estimate=False, **method)
     assert run.status.ok
     arm = corners[corners[:, 2] < low + 1e-9 * size].mean(axis=0)
     turned = np.cross(run.v[-1, :3], arm)[2] if tree == "free" else 0.0
@@ -196,6 +202,16 @@ def test_a_cube_bounces_with_its_restitution_however_it_hits(law, e, speed):
             assert bounce(e, speed, hit=hit, **given) == pytest.approx(e, abs=close)
         if law == "soft":
             assert bounce(e, speed, tree="prismatic", **given) == pytest.approx(e, abs=close)
+
+
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+@pytest.mark.parametrize("mass", [1e-3, 1.0, 1e3])
+def test_time_stepping_keeps_the_restitution_at_any_mass(law, mass):
+    """60 steps touch the ground. Their second pass takes the inertias of the first."""
+    for tree in ("free", "prismatic"):
+        assert bounce(0.3, 1.0, mass=mass, law=law, tree=tree, steps=2000) == pytest.approx(
+            0.3, abs=5e-3
+        )
 
 
 def fingers():

@@ -22,7 +22,7 @@ from ..records import (
     STANCE,
     SWING,
 )
-from ..rows import offset_of, origin_of, rotation_of
+from ..rows import kept_of, offset_of, origin_of, rotation_of
 from ..signals import follow_frictions
 from ..tree.kinematics import outboard, positions
 from ..vec import (
@@ -288,7 +288,8 @@ def push_contacts(scene, v, tau, flow):
         clear(opened(scene).links.contacts)
         share = 1.0
     count = touching(scene, nearness(contacts), 0)
-    end, loss, factored = 0, 0.0, share < 0.0  # forces that are taken back have had their factors
+    end, loss = 0, 0.0
+    factored = share < 0.0 or kept_of(work, 0) == 1.0  # the same frames have had their factors
     for n in range(count):
         a, b, _, _, pair = endpoints(contacts, n)
         if laws[pair].law != RIGID:
