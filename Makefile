@@ -37,6 +37,7 @@ check: $(VENV)/installed-for-tests ## format, lint, types and the direction of i
 	@echo "Checking format, types and imports, usually in 40 s ..."
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
+	@$(BIN)/oxfmt --check '**/*.js' '**/*.css'
 	@mkdir -p build && sed -n '/^```python/,/^```/{/^```/!p;}' README.md > build/readme.py
 	@$(BIN)/pyright --pythonpath $(BIN)/python
 	@$(BIN)/lint-imports
@@ -60,6 +61,7 @@ wheel: $(VENV)/installed ## a wheel with machine code for the usual processors, 
 
 format: $(VENV)/installed-for-tests ## put the source into the project's form
 	@$(BIN)/ruff format .
+	@$(BIN)/oxfmt '**/*.js' '**/*.css'
 	@$(BIN)/ruff check --fix .
 
 clean: ## remove the virtual environment and all caches

@@ -1,7 +1,11 @@
 // Buttons, and keyed lists: what every view is built from.
 
 // A button with a word on it, and one with a picture and an accessible name.
-pgraph.button = (className, textContent, title, onclick) => pgraph.worded(pgraph.make("button", { className: `action ${className}`, title, onclick }), textContent);
+pgraph.button = (className, textContent, title, onclick) =>
+  pgraph.worded(
+    pgraph.make("button", { className: `action ${className}`, title, onclick }),
+    textContent,
+  );
 // The word on a button; a cross is drawn, and its title names it.
 pgraph.worded = (made, word) => {
   if (word === "×") {
@@ -13,8 +17,12 @@ pgraph.worded = (made, word) => {
 };
 // A button that acts when it is pressed, not when it is let go: for what cannot wait.
 pgraph.pressButton = (className, textContent, title, act) => {
-  const made = pgraph.button(className, textContent, title, (event) => { if (event.detail === 0) act(); }); // by a key
-  made.addEventListener("pointerdown", (event) => { if (event.button === 0 && !made.disabled) act(); });
+  const made = pgraph.button(className, textContent, title, (event) => {
+    if (event.detail === 0) act();
+  }); // by a key
+  made.addEventListener("pointerdown", (event) => {
+    if (event.button === 0 && !made.disabled) act();
+  });
   return made;
 };
 pgraph.pictureButton = (className, icon, label, title, onclick) => {
@@ -26,7 +34,8 @@ pgraph.pictureButton = (className, icon, label, title, onclick) => {
 pgraph.text = (tag, className, textContent = "") => pgraph.make(tag, { className, textContent });
 
 // The sentence below a row or cell, as cells.js puts it there.
-pgraph.sentenceOf = (el) => (el?.nextElementSibling?.classList.contains("sentence") ? el.nextElementSibling : null);
+pgraph.sentenceOf = (el) =>
+  el?.nextElementSibling?.classList.contains("sentence") ? el.nextElementSibling : null;
 
 // Makes the children of `box` follow `items`, which have names, and an `id` where their names may
 // change. An item keeps its element, and with it focus and half-typed text, as long as it has its id.
@@ -35,10 +44,12 @@ pgraph.sentenceOf = (el) => (el?.nextElementSibling?.classList.contains("sentenc
 // sentences below elements, stay. Returns the elements by name.
 pgraph.keyed = (box, items, create, fill, gone = () => {}) => {
   const ours = (el) => el.pgraphKey !== undefined;
-  const left = new Map([...box.children].filter(ours).map((el) => [el.pgraphKey, el])), now = new Map();
+  const left = new Map([...box.children].filter(ours).map((el) => [el.pgraphKey, el])),
+    now = new Map();
   pgraph.cells.keepingFocus(() => {
     for (const item of items) {
-      const key = String(item.id ?? item.name), el = left.get(key) ?? create(item);
+      const key = String(item.id ?? item.name),
+        el = left.get(key) ?? create(item);
       left.delete(key);
       el.pgraphKey = key;
       if (el.dataset.name !== item.name) el.dataset.name = item.name;
@@ -52,9 +63,13 @@ pgraph.keyed = (box, items, create, fill, gone = () => {}) => {
       el.remove();
     }
     let at = [...box.children].find(ours) ?? null;
-    for (const el of now.values()) { // all in place, the common case, costs no move
+    for (const el of now.values()) {
+      // all in place, the common case, costs no move
       const sentence = pgraph.sentenceOf(el);
-      if (at === el) { at = (sentence ?? el).nextElementSibling; continue; }
+      if (at === el) {
+        at = (sentence ?? el).nextElementSibling;
+        continue;
+      }
       box.insertBefore(el, at);
       if (sentence) el.after(sentence);
     }

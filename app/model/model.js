@@ -3,27 +3,76 @@
   const { make, button, text, cells, send } = pgraph;
 
   function build(host) {
-    const name = make("button", { className: "bare model-menu", "aria-label": "model" }, text("span", "name"), pgraph.icon("down", 12));
+    const name = make(
+      "button",
+      { className: "bare model-menu", "aria-label": "model" },
+      text("span", "name"),
+      pgraph.icon("down", 12),
+    );
     pgraph.menuButton(name, "model", () => [
-      ["New …", "", () => ask(newQuestion), { className: "new", about: "A new model: how many bodies, or from an example" }],
-      ["Open …", "Ctrl O", () => ask(openQuestion), { className: "open", about: "An example or a file" }],
-      ["Save …", "Ctrl S", () => ask(saveQuestion), { className: "save", about: "Download, or write to a file" }], null,
-      ["Download", "", () => send("Download"), { about: "JSON; with mesh files a zip of that and them" }],
+      [
+        "New …",
+        "",
+        () => ask(newQuestion),
+        { className: "new", about: "A new model: how many bodies, or from an example" },
+      ],
+      [
+        "Open …",
+        "Ctrl O",
+        () => ask(openQuestion),
+        { className: "open", about: "An example or a file" },
+      ],
+      [
+        "Save …",
+        "Ctrl S",
+        () => ask(saveQuestion),
+        { className: "save", about: "Download, or write to a file" },
+      ],
+      null,
+      [
+        "Download",
+        "",
+        () => send("Download"),
+        { about: "JSON; with mesh files a zip of that and them" },
+      ],
     ]);
-    const search = make("button", { className: "search-all", title: "Search bodies and commands (Ctrl K)", onclick: () => pgraph.palette.open() },
-      pgraph.icon("search"), text("span", "", "Search"), text("kbd", "", "Ctrl K"));
+    const search = make(
+      "button",
+      {
+        className: "search-all",
+        title: "Search bodies and commands (Ctrl K)",
+        onclick: () => pgraph.palette.open(),
+      },
+      pgraph.icon("search"),
+      text("span", "", "Search"),
+      text("kbd", "", "Ctrl K"),
+    );
     host.replaceChildren(
-      pgraph.pictureButton("bare sheet-toggle", "left", "model panel", "Model (Ctrl B)", () => pgraph.frame.toggle("left")),
-      make("span", { className: "brand" }, mark(), "Pgraph"), text("span", "rule"), name, text("span", "muted count"), text("span", "rule"),
+      pgraph.pictureButton("bare sheet-toggle", "left", "model panel", "Model (Ctrl B)", () =>
+        pgraph.frame.toggle("left"),
+      ),
+      make("span", { className: "brand" }, mark(), "Pgraph"),
+      text("span", "rule"),
+      name,
+      text("span", "muted count"),
+      text("span", "rule"),
       pgraph.pictureButton("bare undo", "undo", "Undo", "Undo", () => send("Undo")),
       pgraph.pictureButton("bare redo", "redo", "Redo", "Redo", () => send("Redo")),
-      make("span", { className: "reading", hidden: true }, text("span", "what"), button("cancel", "Cancel", "Stop reading this file", () => send("CancelReading"))),
-      text("span", "spring"), search);
+      make(
+        "span",
+        { className: "reading", hidden: true },
+        text("span", "what"),
+        button("cancel", "Cancel", "Stop reading this file", () => send("CancelReading")),
+      ),
+      text("span", "spring"),
+      search,
+    );
   }
   // A tree of three nodes: the sign of the program.
   function mark() {
     const box = make("span", { className: "mark" });
-    box.innerHTML = '<svg width="20" height="20" viewBox="0 0 20 20" fill="none" stroke="currentColor" stroke-width="1.6" stroke-linecap="round"><path d="M10 7.7c0 3-5 2-5 5.3M10 7.7c0 3 5 2 5 5.3M10 6v1.7"/><circle cx="10" cy="4" r="2.4" fill="currentColor"/><circle cx="5" cy="15" r="2.4"/><circle cx="15" cy="15" r="2.4"/></svg>';
+    box.innerHTML =
+      '<svg width="20" height="20" viewBox="0 0 20 20" fill="none" stroke="currentColor" stroke-width="1.6" stroke-linecap="round"><path d="M10 7.7c0 3-5 2-5 5.3M10 7.7c0 3 5 2 5 5.3M10 6v1.7"/><circle cx="10" cy="4" r="2.4" fill="currentColor"/><circle cx="5" cy="15" r="2.4"/><circle cx="15" cy="15" r="2.4"/></svg>';
     return box;
   }
 
@@ -34,26 +83,49 @@
     for (const [tab, n] of Object.entries(data.counts)) pgraph.frame.count(tab, n);
     $(".reading").hidden = data.reading === null;
     $(".reading .what").textContent = `Reading ${data.reading ?? ""} …`;
-    for (const [which, word, key] of [["undo", "Undo", "Ctrl+Z"], ["redo", "Redo", "Ctrl+Shift+Z"]]) {
+    for (const [which, word, key] of [
+      ["undo", "Undo", "Ctrl+Z"],
+      ["redo", "Redo", "Ctrl+Shift+Z"],
+    ]) {
       $(`.${which}`).disabled = data[which] === null;
-      $(`.${which}`).title = data[which] === null ? `Nothing to ${which}` : `${word}: ${data[which]} (${key})`;
+      $(`.${which}`).title =
+        data[which] === null ? `Nothing to ${which}` : `${word}: ${data[which]} (${key})`;
     }
   }
 
   pgraph.commands("Model", () => [
-    ["New model", "", () => ask(newQuestion), "how many bodies, or from an example"], ["Open a model", "Ctrl O", () => ask(openQuestion)], ["Save the model", "Ctrl S", () => ask(saveQuestion)],
-    ["Download the model", "", () => send("Download"), "as one file"], ["Undo", "Ctrl Z", () => send("Undo")], ["Redo", "Ctrl Shift Z", () => send("Redo")],
+    ["New model", "", () => ask(newQuestion), "how many bodies, or from an example"],
+    ["Open a model", "Ctrl O", () => ask(openQuestion)],
+    ["Save the model", "Ctrl S", () => ask(saveQuestion)],
+    ["Download the model", "", () => send("Download"), "as one file"],
+    ["Undo", "Ctrl Z", () => send("Undo")],
+    ["Redo", "Ctrl Shift Z", () => send("Redo")],
   ]);
-  pgraph.commands("Examples", () => (pgraph.latest.toolbar?.gallery ?? []).map(([name, what]) => [`Open ${name}`, "", () => send("OpenBuiltIn", { name }), what]));
-  window.addEventListener("keydown", (event) => {
-    const asked = { s: saveQuestion, o: openQuestion }[event.key.toLowerCase()];
-    if (!asked || !(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey) return;
-    event.preventDefault(); // the browser's own save and open
-    ask(asked);
-  }, true);
+  pgraph.commands("Examples", () =>
+    (pgraph.latest.toolbar?.gallery ?? []).map(([name, what]) => [
+      `Open ${name}`,
+      "",
+      () => send("OpenBuiltIn", { name }),
+      what,
+    ]),
+  );
+  window.addEventListener(
+    "keydown",
+    (event) => {
+      const asked = { s: saveQuestion, o: openQuestion }[event.key.toLowerCase()];
+      if (!asked || !(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey) return;
+      event.preventDefault(); // the browser's own save and open
+      ask(asked);
+    },
+    true,
+  );
 
   // -- one question at a time ------------------------------------------------------------------------
-  const TITLES = { newQuestion: "New model", openQuestion: "Open a model", saveQuestion: "Save the model" };
+  const TITLES = {
+    newQuestion: "New model",
+    openQuestion: "Open a model",
+    saveQuestion: "Save the model",
+  };
   function ask(question) {
     if (document.querySelector("dialog:modal")) return;
     const box = pgraph.dialog(TITLES[question.name], "asked");
@@ -63,31 +135,83 @@
   }
 
   function newQuestion(close) {
-    const asked = typed("How many bodies?", "4", "Create", close, (serial, bodies) => send("NewModel", { serial, bodies })), cell = asked[0].querySelector("input");
+    const asked = typed("How many bodies?", "4", "Create", close, (serial, bodies) =>
+        send("NewModel", { serial, bodies }),
+      ),
+      cell = asked[0].querySelector("input");
     cell.addEventListener("paste", (event) => {
       const text = event.clipboardData.getData("text/plain").trimEnd();
       if (!/[\t\n\r]/.test(text)) return;
       event.preventDefault();
       cells.await(cell, (serial) => send("Paste", { serial, text, afresh: true }));
     });
-    return [...asked, make("div", { className: "muted", textContent: "or paste rows of a spreadsheet here (Ctrl+V), or start from one of these" }), gallery(close, [])];
+    return [
+      ...asked,
+      make("div", {
+        className: "muted",
+        textContent: "or paste rows of a spreadsheet here (Ctrl+V), or start from one of these",
+      }),
+      gallery(close, []),
+    ];
   }
 
   function saveQuestion(close) {
-    const download = button("primary download", "Download as a file", "JSON; with mesh files a zip of that and them", () => { send("Download"); close(); });
-    const file = (name) => `${name.replace(/[^\w-]+/g, "_")}.json`, { name, unnamed } = pgraph.latest.toolbar, path = file(name);
-    const save = (serial, typedPath, replace = false) => send("Save", { serial, path: typedPath, replace });
+    const download = button(
+      "primary download",
+      "Download as a file",
+      "JSON; with mesh files a zip of that and them",
+      () => {
+        send("Download");
+        close();
+      },
+    );
+    const file = (name) => `${name.replace(/[^\w-]+/g, "_")}.json`,
+      { name, unnamed } = pgraph.latest.toolbar,
+      path = file(name);
+    const save = (serial, typedPath, replace = false) =>
+      send("Save", { serial, path: typedPath, replace });
     const anyway = (typedPath) => (serial) => save(serial, typedPath, true);
-    const others = [[".urdf", "URDF"], [".xml", "MJCF"]].map(([suffix, name]) =>
-      button(`download${suffix.replace(".", "-")}`, name, `Download as ${name}; with mesh files a zip of that and them`, () => { send("Download", { suffix }); close(); }));
-    const where = typed("or in the folder in which Pgraph was started, as", path, "Save", close, save, anyway);
-    return [...unnamed ? [naming(name, (given) => { where[0].querySelector("input").value = file(given); })] : [],
-      make("div", { className: "ask" }, download, ...others), ...where];
+    const others = [
+      [".urdf", "URDF"],
+      [".xml", "MJCF"],
+    ].map(([suffix, name]) =>
+      button(
+        `download${suffix.replace(".", "-")}`,
+        name,
+        `Download as ${name}; with mesh files a zip of that and them`,
+        () => {
+          send("Download", { suffix });
+          close();
+        },
+      ),
+    );
+    const where = typed(
+      "or in the folder in which Pgraph was started, as",
+      path,
+      "Save",
+      close,
+      save,
+      anyway,
+    );
+    return [
+      ...(unnamed
+        ? [
+            naming(name, (given) => {
+              where[0].querySelector("input").value = file(given);
+            }),
+          ]
+        : []),
+      make("div", { className: "ask" }, download, ...others),
+      ...where,
+    ];
   }
 
   // A model that nobody has named yet is given a name when it is saved, which its files then have.
   function naming(name, taken) {
-    const cell = cells.input((serial, text) => send("EditWorld", { serial, field: "name", entries: [[[], text]] }), { label: "name of the model" });
+    const cell = cells.input(
+      (serial, text) => send("EditWorld", { serial, field: "name", entries: [[[], text]] }),
+      { label: "name of the model" },
+    );
     cells.set(cell, name);
     cell.onaccept = () => taken(cell.dataset.sent);
     return make("div", { className: "ask" }, make("span", { textContent: "Name" }), cell);
@@ -102,49 +226,122 @@
     cell.style.minWidth = `${Math.min(suggestion.length, 26) + 2}ch`;
     cell.onaccept = close;
     cell.onrefuse = (offer, note) => {
-      if (offer && note) note.append(" ", button("offer", offer, "", () => cells.await(cell, offered(cell.value))));
+      if (offer && note)
+        note.append(
+          " ",
+          button("offer", offer, "", () => cells.await(cell, offered(cell.value))),
+        );
     };
-    const go = button(verb === "Save" ? "go" : "primary go", verb, "", () => cells.commit(cell, act));
+    const go = button(verb === "Save" ? "go" : "primary go", verb, "", () =>
+      cells.commit(cell, act),
+    );
     return [make("div", { className: "ask" }, make("span", { textContent: question }), cell, go)];
   }
 
   function openQuestion(close) {
-    const file = make("input", { type: "file", accept: ".json,.zip,.urdf,.xml,.mjcf,application/json,application/zip", hidden: true });
-    file.onchange = () => { pgraph.files.read(file.files[0]); close(); };
-    return [make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON, a URDF or MJCF file, or a zip of one with its meshes; it can also be dropped on the page", () => file.click()), file),
-      gallery(close, pgraph.latest.toolbar.kept)];
+    const file = make("input", {
+      type: "file",
+      accept: ".json,.zip,.urdf,.xml,.mjcf,application/json,application/zip",
+      hidden: true,
+    });
+    file.onchange = () => {
+      pgraph.files.read(file.files[0]);
+      close();
+    };
+    return [
+      make(
+        "div",
+        { className: "ask" },
+        button(
+          "file",
+          "Open a file …",
+          "A model saved as JSON, a URDF or MJCF file, or a zip of one with its meshes; it can also be dropped on the page",
+          () => file.click(),
+        ),
+        file,
+      ),
+      gallery(close, pgraph.latest.toolbar.kept),
+    ];
   }
 
   // Cards with a picture and a sentence each; the pictures come a moment later.
   function gallery(close, kept) {
-    const card = (event) => ([name, what]) => make("button", {
-      className: "item", "data-model": name, title: what, onclick: () => { send(event, { name }); close(); },
-    }, make("span", { className: "picture" }), make("strong", { textContent: name.replaceAll("_", " ") }), make("span", { className: "muted", textContent: what }));
+    const card =
+      (event) =>
+      ([name, what]) =>
+        make(
+          "button",
+          {
+            className: "item",
+            "data-model": name,
+            title: what,
+            onclick: () => {
+              send(event, { name });
+              close();
+            },
+          },
+          make("span", { className: "picture" }),
+          make("strong", { textContent: name.replaceAll("_", " ") }),
+          make("span", { className: "muted", textContent: what }),
+        );
     const left = (one) => {
-      const discard = button("", "Discard", `Delete ${one[0]}`, () => { send("DiscardKept", { name: one[0] }); both.remove(); });
+      const discard = button("", "Discard", `Delete ${one[0]}`, () => {
+        send("DiscardKept", { name: one[0] });
+        both.remove();
+      });
       const both = make("div", { className: "left" }, card("OpenKept")(one), discard);
       return both;
     };
     send("ShowGallery");
-    const box = make("div", { className: "gallery" }, ...kept.map(left), ...pgraph.latest.toolbar.gallery.map(card("OpenBuiltIn")));
+    const box = make(
+      "div",
+      { className: "gallery" },
+      ...kept.map(left),
+      ...pgraph.latest.toolbar.gallery.map(card("OpenBuiltIn")),
+    );
     if (pgraph.latest.pictures) pictures(box, pgraph.latest.pictures);
     return box;
   }
   function pictures(box, drawn) {
-    for (const item of box.querySelectorAll(".item")) item.querySelector(".picture").innerHTML = drawn[item.dataset.model] ?? "";
+    for (const item of box.querySelectorAll(".item"))
+      item.querySelector(".picture").innerHTML = drawn[item.dataset.model] ?? "";
   }
-  pgraph.on("pictures", (drawn) => document.querySelectorAll(".pgraph .gallery").forEach((box) => pictures(box, drawn)));
+  pgraph.on("pictures", (drawn) =>
+    document.querySelectorAll(".pgraph .gallery").forEach((box) => pictures(box, drawn)),
+  );
 
   // -- an empty model: three ways to begin, in the middle of the view --------------------------------
   function ways(host) {
-    const way = (name, about, icon, act) => make("button", { className: "item", onclick: act }, pgraph.icon(icon), make("strong", { textContent: name }), text("span", "muted", about));
+    const way = (name, about, icon, act) =>
+      make(
+        "button",
+        { className: "item", onclick: act },
+        pgraph.icon(icon),
+        make("strong", { textContent: name }),
+        text("span", "muted", about),
+      );
     host.hidden = true;
-    host.append(make("h2", { textContent: "Start a model" }), make("div", { className: "ways" },
-      way("Add a body", "Then its joint, mass and shape at the right", "add", () => send("AddBody", { parent: null })),
-      way("Paste a table", "Rows of a spreadsheet, or a number of bodies", "duplicate", () => ask(newQuestion)),
-      way("Open", "An example, or a JSON, URDF or MJCF file", "folder", () => ask(openQuestion))));
+    host.append(
+      make("h2", { textContent: "Start a model" }),
+      make(
+        "div",
+        { className: "ways" },
+        way("Add a body", "Then its joint, mass and shape at the right", "add", () =>
+          send("AddBody", { parent: null }),
+        ),
+        way("Paste a table", "Rows of a spreadsheet, or a number of bodies", "duplicate", () =>
+          ask(newQuestion),
+        ),
+        way("Open", "An example, or a JSON, URDF or MJCF file", "folder", () => ask(openQuestion)),
+      ),
+    );
   }
 
-  pgraph.view("start", { build: ways, toolbar: (host, data) => { host.hidden = data.counts.Bodies > 0; } });
+  pgraph.view("start", {
+    build: ways,
+    toolbar: (host, data) => {
+      host.hidden = data.counts.Bodies > 0;
+    },
+  });
   pgraph.view("toolbar", { build, toolbar: draw });
 })();

@@ -3,13 +3,29 @@
   const { make, cells, send } = pgraph;
   const LATE = 400; // [ms] after which a slider sends again, answered or not
   const ROUNDING = 1e-9; // what a closed loop leaves of a zero
-  let waiting = null, next = null; // one event under way; the last value wins
+  let waiting = null,
+    next = null; // one event under way; the last value wins
 
   function build(host) {
     const { button } = pgraph;
-    host.replaceChildren(make("div", { className: "head" }, make("h3", { textContent: "Pose" }), make("span", { className: "muted at" }), make("span", { className: "spring" }),
-      button("home", "Reset", "Show the initial state, or the run, again", () => send("HomePose")), button("use", "Start here", "What is shown becomes the initial state of the model", () => send("UsePose"))),
-    make("div", { className: "sentence problem", role: "alert", hidden: true }), make("p", { className: "muted hint" }), make("div", { className: "joints" }));
+    host.replaceChildren(
+      make(
+        "div",
+        { className: "head" },
+        make("h3", { textContent: "Pose" }),
+        make("span", { className: "muted at" }),
+        make("span", { className: "spring" }),
+        button("home", "Reset", "Show the initial state, or the run, again", () =>
+          send("HomePose"),
+        ),
+        button("use", "Start here", "What is shown becomes the initial state of the model", () =>
+          send("UsePose"),
+        ),
+      ),
+      make("div", { className: "sentence problem", role: "alert", hidden: true }),
+      make("p", { className: "muted hint" }),
+      make("div", { className: "joints" }),
+    );
     pgraph.inSight(host, "joints", (on) => {
       if (!on) clear(host.querySelector(".joints")); // unseen it is told nothing: soon of another model
     });
@@ -30,36 +46,77 @@
     $(".problem").textContent = data.problem;
     $(".hint").hidden = !data.hint;
     $(".hint").textContent = data.hint;
-    const chosen = new Set(pgraph.latest.selected ?? []), rows = chosen.size ? data.rows.filter((row) => chosen.has(row.body)) : data.rows;
-    const one = chosen.size === 1, items = rows.map((row, i) => ({ id: row.id, name: row.body, row, again: one || rows[i - 1]?.body === row.body }));
+    const chosen = new Set(pgraph.latest.selected ?? []),
+      rows = chosen.size ? data.rows.filter((row) => chosen.has(row.body)) : data.rows;
+    const one = chosen.size === 1,
+      items = rows.map((row, i) => ({
+        id: row.id,
+        name: row.body,
+        row,
+        again: one || rows[i - 1]?.body === row.body,
+      }));
     host.firstChild.hidden = $(".joints").hidden = !rows.length;
     pgraph.keyed($(".joints"), items, joint, (line, item) => fill(line, item, data.selected));
   }
 
   function joint() {
-    const line = make("div"), of = () => line.pgraphRow;
-    const pose = (serial, text) => send("MoveJoint", { serial, body: of().body, index: of().index, text });
+    const line = make("div"),
+      of = () => line.pgraphRow;
+    const pose = (serial, text) =>
+      send("MoveJoint", { serial, body: of().body, index: of().index, text });
     const slider = make("input", { type: "range", step: "any" });
     const cell = cells.input(pose, { label: "", numeric: true });
     cell.addEventListener("keydown", (event) => {
       const by = { Tab: event.shiftKey ? -1 : 1, Enter: 1, ArrowDown: 1, ArrowUp: -1 }[event.key];
-      const all = [...document.querySelectorAll(".pgraph .joint .cell")], next = all[all.indexOf(cell) + by];
+      const all = [...document.querySelectorAll(".pgraph .joint .cell")],
+        next = all[all.indexOf(cell) + by];
       if (!next) return; // from the last one Tab leaves
       event.preventDefault();
       next.focus(); // which takes what is typed
     });
     slider.addEventListener("input", () => later(() => pose(0, slider.value)));
-    slider.addEventListener("change", () => pose(pgraph.nextSerial(), `${slider.value} ${of().si}`)); // let go: the camera may move now
-    slider.addEventListener("pointerdown", () => { slider.dataset.held = "1"; });
-    slider.addEventListener("pointerup", () => { delete slider.dataset.held; });
-    const name = make("button", { className: "of", onclick: () => send("Select", { body: of().body }) }, make("span", { className: "chip" }), make("span"));
-    const plot = make("button", { className: "bare plot", title: "Plot it over time", "aria-label": "plot", onclick: () => { send("Plot", { kind: "q", of: of().body, on: true }); pgraph.front("Plots"); } }, pgraph.icon("plots", 14));
-    line.append(name, make("span", { className: "muted" }, make("span"), make("span", { className: "unit" })), slider, cell, plot);
+    slider.addEventListener("change", () =>
+      pose(pgraph.nextSerial(), `${slider.value} ${of().si}`),
+    ); // let go: the camera may move now
+    slider.addEventListener("pointerdown", () => {
+      slider.dataset.held = "1";
+    });
+    slider.addEventListener("pointerup", () => {
+      delete slider.dataset.held;
+    });
+    const name = make(
+      "button",
+      { className: "of", onclick: () => send("Select", { body: of().body }) },
+      make("span", { className: "chip" }),
+      make("span"),
+    );
+    const plot = make(
+      "button",
+      {
+        className: "bare plot",
+        title: "Plot it over time",
+        "aria-label": "plot",
+        onclick: () => {
+          send("Plot", { kind: "q", of: of().body, on: true });
+          pgraph.front("Plots");
+        },
+      },
+      pgraph.icon("plots", 14),
+    );
+    line.append(
+      name,
+      make("span", { className: "muted" }, make("span"), make("span", { className: "unit" })),
+      slider,
+      cell,
+      plot,
+    );
     return line;
   }
 
   function fill(line, { row, again }, selected) {
-    const slider = line.querySelector("[type=range]"), name = line.firstChild, label = `${row.body} ${row.label}`;
+    const slider = line.querySelector("[type=range]"),
+      name = line.firstChild,
+      label = `${row.body} ${row.label}`;
     line.pgraphRow = row;
     line.className = `joint${again ? " again" : ""}${row.body === selected ? " selected" : ""}${row.more ? " turned" : ""}`;
     name.title = name.lastChild.textContent = row.body;
@@ -76,7 +133,10 @@
   }
 
   function later(act) {
-    if (waiting) { next = act; return; }
+    if (waiting) {
+      next = act;
+      return;
+    }
     waiting = setTimeout(answered, LATE);
     act();
   }
@@ -88,5 +148,9 @@
     if (act) later(act);
   }
 
-  pgraph.view("joints", { build, joints: draw, selected: (host) => draw(host, pgraph.latest.joints ?? { rows: [] }) });
+  pgraph.view("joints", {
+    build,
+    joints: draw,
+    selected: (host) => draw(host, pgraph.latest.joints ?? { rows: [] }),
+  });
 })();

@@ -8,7 +8,16 @@
       const { right, bottom } = more.getBoundingClientRect();
       pgraph.bodyMenu(pgraph.latest.properties.bodies[0], right - 210, bottom + 4);
     });
-    host.replaceChildren(make("div", { className: "heading" }, make("span", { className: "number" }), make("strong"), more), make("div", { className: "muted about" }));
+    host.replaceChildren(
+      make(
+        "div",
+        { className: "heading" },
+        make("span", { className: "number" }),
+        make("strong"),
+        more,
+      ),
+      make("div", { className: "muted about" }),
+    );
   }
   function named(host, data) {
     const [number, name, more] = host.firstChild.children;
@@ -17,12 +26,31 @@
     number.hidden = !data.color;
     name.textContent = name.title = data.title;
     more.hidden = !data.bodies.length;
-    const parent = data.parent && data.parent !== "ground" ? make("button", { className: "link", textContent: data.parent, onclick: () => send("Select", { body: data.parent }) }) : data.parent;
+    const parent =
+      data.parent && data.parent !== "ground"
+        ? make("button", {
+            className: "link",
+            textContent: data.parent,
+            onclick: () => send("Select", { body: data.parent }),
+          })
+        : data.parent;
     host.lastChild.replaceChildren(...(parent ? [`${data.subtitle} `, parent] : [data.subtitle]));
   }
 
   function build(host) {
-    host.replaceChildren(make("div", { className: "properties" }, make("div"), make("details", { className: "display" }, make("summary", {}, "Units", make("span", { className: "state" })), forms.units())));
+    host.replaceChildren(
+      make(
+        "div",
+        { className: "properties" },
+        make("div"),
+        make(
+          "details",
+          { className: "display" },
+          make("summary", {}, "Units", make("span", { className: "state" })),
+          forms.units(),
+        ),
+      ),
+    );
   }
 
   function draw(host, data) {
@@ -30,7 +58,9 @@
     const some = data.bodies.length > 0;
     forms.showUnits(units, data.display);
     units.hidden = some; // they are those of the whole page
-    units.querySelector(".state").textContent = [data.display.angle, data.display.length].join(", ");
+    units.querySelector(".state").textContent = [data.display.angle, data.display.length].join(
+      ", ",
+    );
     const key = data.ids.join(); // a renamed body keeps its cells and their focus
     const another = box.dataset.key !== undefined && box.dataset.key !== key;
     if (another && !box.contains(document.activeElement)) atItsHead(host);
@@ -38,7 +68,13 @@
     pgraph.selecting = false;
   }
   // A click in the 3D view may select, too.
-  document.addEventListener("click", ({ target }) => { if (target.matches?.("canvas:not(.pgraph *)")) pgraph.selecting = true; }, true);
+  document.addEventListener(
+    "click",
+    ({ target }) => {
+      if (target.matches?.("canvas:not(.pgraph *)")) pgraph.selecting = true;
+    },
+    true,
+  );
 
   // Another body is read from its name on; in a sheet that holds other views too, nothing moves.
   function atItsHead(host) {
@@ -47,7 +83,8 @@
 
   // What is typed after a click, before the form of what was clicked is here, is for that: Python knows which it is.
   const ofBodies = (shown) => {
-    const about = (event, fields) => send(event, { bodies: pgraph.selecting ? [] : shown, ...fields });
+    const about = (event, fields) =>
+      send(event, { bodies: pgraph.selecting ? [] : shown, ...fields });
     return {
       owner: { bodies: shown },
       edit: (field, entries, serial) => about("EditBodies", { serial, field, entries }),

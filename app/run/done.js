@@ -1,8 +1,15 @@
 // The title of the page: the model's name; before it what has ended while the page was in the back.
 (() => {
   let told = "";
-  const title = () => { document.title = told + [pgraph.latest.toolbar?.name, "Pgraph"].filter(Boolean).join(" – "); };
-  const seen = () => { if (!document.hidden) { told = ""; title(); } };
+  const title = () => {
+    document.title = told + [pgraph.latest.toolbar?.name, "Pgraph"].filter(Boolean).join(" – ");
+  };
+  const seen = () => {
+    if (!document.hidden) {
+      told = "";
+      title();
+    }
+  };
 
   function watch(topic, said) {
     let busy = false;

@@ -2,41 +2,115 @@
 // switch each.
 (() => {
   const { make, send, icon } = pgraph;
-  const GIZMOS = [["", "nothing"], ["link", "joint"], ["com", "centre of mass"], ["rotation", "orientation"]];
+  const GIZMOS = [
+    ["", "nothing"],
+    ["link", "joint"],
+    ["com", "centre of mass"],
+    ["rotation", "orientation"],
+  ];
 
   function build(host) {
-    const gizmo = make("select", { className: "cell gizmo", "aria-label": "move in 3D", onchange: () => send("SetGizmo", { what: gizmo.value }) },
-      ...GIZMOS.map(([value, textContent]) => make("option", { value, textContent })));
-    host.replaceChildren(make("div", { className: "show" }, make("div", { className: "switches" }),
-      make("div", { className: "field" }, make("div", { className: "what", textContent: "Move in 3D" }), gizmo), make("div", { className: "muted why" })));
-    const tool = (name, label, onclick) => make("button", { className: `bare tool-${name}`, title: label, "aria-label": label.split(":")[0], "aria-pressed": "false", onclick }, icon(name));
+    const gizmo = make(
+      "select",
+      {
+        className: "cell gizmo",
+        "aria-label": "move in 3D",
+        onchange: () => send("SetGizmo", { what: gizmo.value }),
+      },
+      ...GIZMOS.map(([value, textContent]) => make("option", { value, textContent })),
+    );
+    host.replaceChildren(
+      make(
+        "div",
+        { className: "show" },
+        make("div", { className: "switches" }),
+        make(
+          "div",
+          { className: "field" },
+          make("div", { className: "what", textContent: "Move in 3D" }),
+          gizmo,
+        ),
+        make("div", { className: "muted why" }),
+      ),
+    );
+    const tool = (name, label, onclick) =>
+      make(
+        "button",
+        {
+          className: `bare tool-${name}`,
+          title: label,
+          "aria-label": label.split(":")[0],
+          "aria-pressed": "false",
+          onclick,
+        },
+        icon(name),
+      );
     document.querySelector(".pgraph-tools").prepend(
       tool("cursor", "Select and pose: drag a body", () => send("SetGizmo", { what: "" })),
-      tool("move", "Move the joint of the selected body", () => send("SetGizmo", { what: pgraph.latest.show.gizmo === "link" ? "" : "link" })),
-      tool("ruler", "Measure: distance and angle between two points (M)", () => pgraph.camera.measure()), make("span", { className: "rule" }));
+      tool("move", "Move the joint of the selected body", () =>
+        send("SetGizmo", { what: pgraph.latest.show.gizmo === "link" ? "" : "link" }),
+      ),
+      tool("ruler", "Measure: distance and angle between two points (M)", () =>
+        pgraph.camera.measure(),
+      ),
+      make("span", { className: "rule" }),
+    );
     if (pgraph.choices.get().dragged) return;
-    const hint = make("div", { className: "pgraph pgraph-hint" }, make("b", { textContent: "Drag" }), " to pose", make("b", { textContent: "Ctrl drag" }), " to push");
+    const hint = make(
+      "div",
+      { className: "pgraph pgraph-hint" },
+      make("b", { textContent: "Drag" }),
+      " to pose",
+      make("b", { textContent: "Ctrl drag" }),
+      " to push",
+    );
     pgraph.frame.slot("view").append(hint);
-    pgraph.on("joints", ({ posed }) => { if (posed) { hint.remove(); pgraph.choices.set({ dragged: true }); } }); // known from now on
+    pgraph.on("joints", ({ posed }) => {
+      if (posed) {
+        hint.remove();
+        pgraph.choices.set({ dragged: true });
+      }
+    }); // known from now on
   }
   function pressed() {
-    const gizmo = pgraph.latest.show?.gizmo, measures = pgraph.latest.aim?.wants === "measure";
-    for (const [name, on] of [["cursor", !gizmo && !measures], ["move", Boolean(gizmo)], ["ruler", measures]]) document.querySelector(`.tool-${name}`)?.setAttribute("aria-pressed", on);
+    const gizmo = pgraph.latest.show?.gizmo,
+      measures = pgraph.latest.aim?.wants === "measure";
+    for (const [name, on] of [
+      ["cursor", !gizmo && !measures],
+      ["move", Boolean(gizmo)],
+      ["ruler", measures],
+    ])
+      document.querySelector(`.tool-${name}`)?.setAttribute("aria-pressed", on);
   }
 
   function draw(host, data) {
     const box = host.querySelector(".switches");
     const known = [...box.querySelectorAll("input")].map((input) => input.dataset.what).join();
     if (known !== data.switches.map(({ what }) => what).join()) {
-      box.replaceChildren(...data.switches.map(({ what, label }) => make("label", {}, make("input", {
-        type: "checkbox", "data-what": what, onchange: (event) => send("Show", { what, on: event.target.checked }),
-      }), label)));
+      box.replaceChildren(
+        ...data.switches.map(({ what, label }) =>
+          make(
+            "label",
+            {},
+            make("input", {
+              type: "checkbox",
+              "data-what": what,
+              onchange: (event) => send("Show", { what, on: event.target.checked }),
+            }),
+            label,
+          ),
+        ),
+      );
     }
-    data.switches.forEach(({ what, on }) => { box.querySelector(`[data-what="${what}"]`).checked = on; });
+    data.switches.forEach(({ what, on }) => {
+      box.querySelector(`[data-what="${what}"]`).checked = on;
+    });
     host.querySelector(".gizmo").value = data.gizmo;
     const why = host.querySelector(".why");
     why.hidden = !data.gizmo;
-    why.textContent = data.selected ? `Drag the arrows at ${data.selected}: one undo step.` : "Select a body first.";
+    why.textContent = data.selected
+      ? `Drag the arrows at ${data.selected}: one undo step.`
+      : "Select a body first.";
     pressed();
   }
 

@@ -26,16 +26,18 @@ pgraph.stage = (() => {
       gl_FragColor = vec4(colour / alpha, alpha);
       #include <colorspace_fragment>
     }`;
-  const BACK = 1, GREATER = 6; // of three.js
+  const BACK = 1,
+    GREATER = 6; // of three.js
   const node = (name) => window.__viserMutable?.nodeRefFromName[name];
 
   // The middle of what is seen, and how much of it [m].
   function seen() {
     const controls = viser.controls();
     if (!controls) return null;
-    const { camera } = controls, middle = controls.getTarget(camera.position.clone(), false);
+    const { camera } = controls,
+      middle = controls.getTarget(camera.position.clone(), false);
     camera.updateMatrixWorld();
-    const half = Math.tan(camera.fov * Math.PI / 360) * camera.position.distanceTo(middle);
+    const half = Math.tan((camera.fov * Math.PI) / 360) * camera.position.distanceTo(middle);
     return { middle, radius: 1.15 * half * Math.max(1, camera.aspect) };
   }
 
@@ -45,15 +47,23 @@ pgraph.stage = (() => {
     const group = node(`/light/${name}`);
     const light = group?.children.find(({ isDirectionalLight }) => isDirectionalLight);
     if (!light) return;
-    const { shadow } = light, { camera } = shadow;
+    const { shadow } = light,
+      { camera } = shadow;
     if (!light.castShadow) {
       light.castShadow = true;
       shadow.mapSize.set(pixels, pixels);
       Object.assign(shadow, { radius, intensity });
     }
-    Object.assign(shadow, { bias: -4e-4, normalBias: 3 * reach / pixels });
+    Object.assign(shadow, { bias: -4e-4, normalBias: (3 * reach) / pixels });
     if (camera.right !== reach) {
-      Object.assign(camera, { left: -reach, right: reach, bottom: -reach, top: reach, near: 0.01 * reach, far: 12 * reach });
+      Object.assign(camera, {
+        left: -reach,
+        right: reach,
+        bottom: -reach,
+        top: reach,
+        near: 0.01 * reach,
+        far: 12 * reach,
+      });
       camera.updateProjectionMatrix();
     }
     const way = group.getWorldPosition(middle.clone()).normalize();
@@ -65,8 +75,11 @@ pgraph.stage = (() => {
     const { material } = mesh;
     if (!material) return;
     // its triangles are turned, so that its back is above; from below it is not drawn. viser sets the side again by itself
-    if (material.fragmentShader !== FRAGMENT || material.side !== BACK) Object.assign(material, { fragmentShader: FRAGMENT, side: BACK, needsUpdate: true });
-    (material.uniforms.centre ??= { value: middle.clone() }).value.copy(mesh.worldToLocal(middle.clone()));
+    if (material.fragmentShader !== FRAGMENT || material.side !== BACK)
+      Object.assign(material, { fragmentShader: FRAGMENT, side: BACK, needsUpdate: true });
+    (material.uniforms.centre ??= { value: middle.clone() }).value.copy(
+      mesh.worldToLocal(middle.clone()),
+    );
   }
   viser.frame(() => {
     const at = seen();
@@ -83,20 +96,34 @@ pgraph.stage = (() => {
 
   // A colour of the style, of the theme that the page has now.
   let tones = {};
-  const tone = (name) => (tones[name] ??= getComputedStyle(document.querySelector(".pgraph")).getPropertyValue(name).trim());
-  pgraph.on("theme", () => { tones = {}; });
+  const tone = (name) =>
+    (tones[name] ??= getComputedStyle(document.querySelector(".pgraph"))
+      .getPropertyValue(name)
+      .trim());
+  pgraph.on("theme", () => {
+    tones = {};
+  });
 
   // Bodies are matte porcelain; what is selected is seen through others.
-  for (const name of ["/bodies", "/selected"]) viser.materials(name, (material) => { if (material.roughness === 1) material.roughness = 0.5; });
+  for (const name of ["/bodies", "/selected"])
+    viser.materials(name, (material) => {
+      if (material.roughness === 1) material.roughness = 0.5;
+    });
   // In its own colour, lighter, with a faint accent where something else is before it, and over all of it its mass centre.
-  const ORDER = { behind: 1, fill: 2, centre: 3 }, LIGHTER = 0.25; // arrows come after them
+  const ORDER = { behind: 1, fill: 2, centre: 3 },
+    LIGHTER = 0.25; // arrows come after them
   viser.frame(() => {
-    for (let k = 0; node(`/selected/${k}`); k++) for (const part of ["outline", "behind", "fill", "centre"]) node(`/selected/${k}/${part}`)?.traverse((mesh) => paint(part, mesh));
+    for (let k = 0; node(`/selected/${k}`); k++)
+      for (const part of ["outline", "behind", "fill", "centre"])
+        node(`/selected/${k}/${part}`)?.traverse((mesh) => paint(part, mesh));
   });
   function paint(part, mesh) {
     const { material } = mesh;
     if (!material?.color) return;
-    if (part === "outline") { outline(material); return; }
+    if (part === "outline") {
+      outline(material);
+      return;
+    }
     mesh.renderOrder = ORDER[part];
     const { userData } = material; // viser takes the material of one selection for the next one, in another colour
     if (!userData.painted?.equals(material.color)) userData.own = material.color.clone();
@@ -104,14 +131,15 @@ pgraph.stage = (() => {
     if (part === "fill") material.color.lerp(userData.own, 1 - LIGHTER);
     userData.painted = material.color.clone();
     if (part === "behind") Object.assign(material, { depthFunc: GREATER, depthWrite: false });
-    else if (!material.transparent) Object.assign(material, { transparent: true, depthTest: part === "fill", needsUpdate: true });
+    else if (!material.transparent)
+      Object.assign(material, { transparent: true, depthTest: part === "fill", needsUpdate: true });
   }
   // The back of a body, as many pixels larger on all sides.
   const WIDTH = 2; // [px]
   const canvas = { value: [1, 1] };
   function outline(material) {
     const { clientWidth, clientHeight } = document.querySelector("canvas:not(.pgraph *)");
-    canvas.value = [2 * WIDTH / clientWidth, 2 * WIDTH / clientHeight];
+    canvas.value = [(2 * WIDTH) / clientWidth, (2 * WIDTH) / clientHeight];
     material.color.setScalar(0);
     material.emissive.set(tone("--accent"));
     if (material.userData.outline) return;
@@ -119,16 +147,33 @@ pgraph.stage = (() => {
     Object.assign(material, { toneMapped: false, needsUpdate: true });
     material.onBeforeCompile = (shader) => {
       shader.uniforms.pixels = canvas;
-      shader.vertexShader = `uniform vec2 pixels;\n${shader.vertexShader.replace("#include <project_vertex>", `#include <project_vertex>
+      shader.vertexShader = `uniform vec2 pixels;\n${shader.vertexShader.replace(
+        "#include <project_vertex>",
+        `#include <project_vertex>
         vec2 way = (normalMatrix * objectNormal).xy;
-        gl_Position.xy += pixels * gl_Position.w * way / max(length(way), 1e-6);`)}`;
+        gl_Position.xy += pixels * gl_Position.w * way / max(length(way), 1e-6);`,
+      )}`;
     };
   }
   // An arrow has a colour without light. It acts inside of bodies, so nothing hides it.
-  for (const [arrows, colour] of [["/forces", "--force"], ["/loads", "--s1"], ["/pull", "--accent"]]) {
-    viser.frame(() => node(arrows)?.traverse((mesh) => { mesh.renderOrder = 4; }));
+  for (const [arrows, colour] of [
+    ["/forces", "--force"],
+    ["/loads", "--s1"],
+    ["/pull", "--accent"],
+  ]) {
+    viser.frame(() =>
+      node(arrows)?.traverse((mesh) => {
+        mesh.renderOrder = 4;
+      }),
+    );
     viser.materials(arrows, (material) => {
-      if (!material.transparent) Object.assign(material, { transparent: true, toneMapped: false, depthTest: false, needsUpdate: true });
+      if (!material.transparent)
+        Object.assign(material, {
+          transparent: true,
+          toneMapped: false,
+          depthTest: false,
+          needsUpdate: true,
+        });
       material.color.setScalar(0);
       material.emissive.set(tone(colour));
     });
@@ -137,12 +182,17 @@ pgraph.stage = (() => {
   // -- one hover: the body is lit in 3D, its row and node are marked, its name is at the pointer ----
   const HOVERED = 0.3; // of the accent's light
   const label = make("div", { className: "pgraph pgraph-pill hover", hidden: true });
-  let hovered = null, inView = false, pointer = [0, 0], overView = false; // viser may be late to say that the pointer has left
+  let hovered = null,
+    inView = false,
+    pointer = [0, 0],
+    overView = false; // viser may be late to say that the pointer has left
   const names = () => pgraph.latest.digraph?.names ?? [];
   function hover(name, ofView = false) {
     if (name !== hovered) {
       for (const el of document.querySelectorAll(".hovered")) el.classList.remove("hovered");
-      if (name) for (const el of document.querySelectorAll(`[data-name="${CSS.escape(name)}"]`)) el.classList.add("hovered");
+      if (name)
+        for (const el of document.querySelectorAll(`[data-name="${CSS.escape(name)}"]`))
+          el.classList.add("hovered");
       hovered = name;
       label.textContent = name;
       window.__viserMutable?.requestRender();
@@ -151,28 +201,37 @@ pgraph.stage = (() => {
     label.hidden = !inView;
     [label.style.left, label.style.top] = [`${pointer[0] + 14}px`, `${pointer[1] + 16}px`];
   }
-  window.addEventListener("pointermove", ({ clientX, clientY, target }) => {
-    pointer = [clientX, clientY];
-    overView = target.tagName === "CANVAS" && !target.closest(".pgraph");
-    const named = target.closest?.("tr[data-name], g.node[data-name], .entry[data-name]");
-    if (named || !inView) hover(named?.dataset.name || null);
-    else hover(hovered, true);
-  }, { passive: true });
+  window.addEventListener(
+    "pointermove",
+    ({ clientX, clientY, target }) => {
+      pointer = [clientX, clientY];
+      overView = target.tagName === "CANVAS" && !target.closest(".pgraph");
+      const named = target.closest?.("tr[data-name], g.node[data-name], .entry[data-name]");
+      if (named || !inView) hover(named?.dataset.name || null);
+      else hover(hovered, true);
+    },
+    { passive: true },
+  );
   viser.frame(() => {
     const lit = names().indexOf(hovered) + 1;
     let under = 0;
     for (let k = 1, body; (body = node(`/bodies/${k}`)); k++) {
       body.traverse(({ material, parent }) => {
-        if (material?.uniforms?.thickness) { // viser's own outline says what is under the pointer, and is not drawn
+        if (material?.uniforms?.thickness) {
+          // viser's own outline says what is under the pointer, and is not drawn
           material.visible = false;
           if (parent.visible) under = k;
-        } else if (material?.emissive) Object.assign(material, { emissiveIntensity: HOVERED }).emissive.set(k === lit ? tone("--accent") : 0);
+        } else if (material?.emissive)
+          Object.assign(material, { emissiveIntensity: HOVERED }).emissive.set(
+            k === lit ? tone("--accent") : 0,
+          );
       });
     }
     if (under && overView) hover(names()[under - 1] ?? null, true);
     else if (inView) hover(null);
   });
-  viser.materials("/bodies", ({ uniforms }) => { // of a batch the outline of the instance is drawn
+  viser.materials("/bodies", ({ uniforms }) => {
+    // of a batch the outline of the instance is drawn
     if (!uniforms?.thickness) return;
     uniforms.thickness.value = 3;
     uniforms.color.value.set(tone("--accent"));
@@ -182,14 +241,27 @@ pgraph.stage = (() => {
   const APART = [52, 20]; // [px]
   const pills = make("div", { className: "pgraph pgraph-pills" });
   pgraph.on("forces", (values) => {
-    pills.replaceChildren(...values.map(([, , , text, part, name]) => make("button", { className: "pgraph-pill", textContent: text, title: `${name}: open it`, onclick: () => pgraph.send("OpenPart", { part, name }) })));
+    pills.replaceChildren(
+      ...values.map(([, , , text, part, name]) =>
+        make("button", {
+          className: "pgraph-pill",
+          textContent: text,
+          title: `${name}: open it`,
+          onclick: () => pgraph.send("OpenPart", { part, name }),
+        }),
+      ),
+    );
     put();
   });
   function put() {
-    const there = [], box = pills.getBoundingClientRect();
+    const there = [],
+      box = pills.getBoundingClientRect();
     (pgraph.latest.forces ?? []).forEach((value, i) => {
-      const place = pgraph.picking.projected(value.slice(0, 3)), pill = pills.children[i];
-      const free = place && there.every((other) => APART.some((least, k) => Math.abs(other[k] - place[k]) > least));
+      const place = pgraph.picking.projected(value.slice(0, 3)),
+        pill = pills.children[i];
+      const free =
+        place &&
+        there.every((other) => APART.some((least, k) => Math.abs(other[k] - place[k]) > least));
       pill.hidden = !free;
       if (!free) return;
       there.push(place);

@@ -1,10 +1,24 @@
 // The digraph as the gutter of the table: of each row its node and the lines that pass it, in a lane for
 // each open branch. Loops are dashed arcs at its right.
 pgraph.gutter = (() => {
-  const ROW = 29, FIRST = 19, PITCH = 16, LOOP = 9, RADIUS = 7.7, BEND = 7; // [px]
+  const ROW = 29,
+    FIRST = 19,
+    PITCH = 16,
+    LOOP = 9,
+    RADIUS = 7.7,
+    BEND = 7; // [px]
   const WIDEST = 160; // [px] of the gutter: more lanes are moved along in it
-  let last = 0, width = 0, full = 0, shift = 0, hues = new Map(), names = [], rows = [], shown = new Set();
-  const lane = (k) => FIRST + PITCH * k, beside = (k) => last + RADIUS + 6 + LOOP * k, middle = ROW / 2;
+  let last = 0,
+    width = 0,
+    full = 0,
+    shift = 0,
+    hues = new Map(),
+    names = [],
+    rows = [],
+    shown = new Set();
+  const lane = (k) => FIRST + PITCH * k,
+    beside = (k) => last + RADIUS + 6 + LOOP * k,
+    middle = ROW / 2;
 
   function set(data) {
     rows = data.rows;
@@ -33,18 +47,28 @@ pgraph.gutter = (() => {
     return `M${x} ${middle}H${to - near}Q${to} ${middle} ${to} ${middle + way * BEND}V${way > 0 ? ROW : 0}`;
   };
   const SHAPES = {
-    "|": (a) => `M${lane(a)} 0V${ROW}`, v: (a) => `M${lane(a)} ${middle}V${ROW}`, "^": (a) => `M${lane(a)} 0V${middle}`,
-    d: (a, b) => across(lane(a), lane(b), 1), u: (a, b) => across(lane(a), lane(b), -1),
-    I: (a) => `M${beside(a)} 0V${ROW}`, D: (a, b) => across(lane(a) + RADIUS, beside(b), 1), U: (a, b) => across(lane(a) + RADIUS, beside(b), -1),
+    "|": (a) => `M${lane(a)} 0V${ROW}`,
+    v: (a) => `M${lane(a)} ${middle}V${ROW}`,
+    "^": (a) => `M${lane(a)} 0V${middle}`,
+    d: (a, b) => across(lane(a), lane(b), 1),
+    u: (a, b) => across(lane(a), lane(b), -1),
+    I: (a) => `M${beside(a)} 0V${ROW}`,
+    D: (a, b) => across(lane(a) + RADIUS, beside(b), 1),
+    U: (a, b) => across(lane(a) + RADIUS, beside(b), -1),
   };
   // Numbers and our own shapes only: no text of a person is in it.
   function draw(box, { number, kind, lane: own, marks, color }) {
-    const x = lane(own), edges = marks.filter(([shape]) => !"IDU".includes(shape)), loops = marks.filter(([shape]) => "IDU".includes(shape));
-    const line = ([shape, a, b, of], name) => `<path class="${name}" data-of="${of}" ${name === "edge" ? `style="--body:${hues.get(of)}"` : ""} d="${SHAPES[shape](a, b)}"/>`;
-    box.innerHTML = `<svg class="gutter" width="${full}" height="${ROW}" aria-hidden="true">${edges.map((mark) => line(mark, "edge")).join("")}${loops.map((mark) => line(mark, "loop")).join("")}`
-      + `<g class="node ${kind}" style="--body:${color}">${kind === "separation" ? `<circle class="outer" cx="${x}" cy="${middle}" r="${RADIUS + 2.3}"/>` : ""}<circle cx="${x}" cy="${middle}" r="${RADIUS}"/>`
-      + `<text x="${x}" y="${middle + 3}">${number}</text></g></svg>`;
-    for (const path of box.querySelectorAll(".loop")) path.append(pgraph.svg("title", {}, names[path.dataset.of]));
+    const x = lane(own),
+      edges = marks.filter(([shape]) => !"IDU".includes(shape)),
+      loops = marks.filter(([shape]) => "IDU".includes(shape));
+    const line = ([shape, a, b, of], name) =>
+      `<path class="${name}" data-of="${of}" ${name === "edge" ? `style="--body:${hues.get(of)}"` : ""} d="${SHAPES[shape](a, b)}"/>`;
+    box.innerHTML =
+      `<svg class="gutter" width="${full}" height="${ROW}" aria-hidden="true">${edges.map((mark) => line(mark, "edge")).join("")}${loops.map((mark) => line(mark, "loop")).join("")}` +
+      `<g class="node ${kind}" style="--body:${color}">${kind === "separation" ? `<circle class="outer" cx="${x}" cy="${middle}" r="${RADIUS + 2.3}"/>` : ""}<circle cx="${x}" cy="${middle}" r="${RADIUS}"/>` +
+      `<text x="${x}" y="${middle + 3}">${number}</text></g></svg>`;
+    for (const path of box.querySelectorAll(".loop"))
+      path.append(pgraph.svg("title", {}, names[path.dataset.of]));
     light(box);
   }
 
@@ -54,15 +78,39 @@ pgraph.gutter = (() => {
     for (const box of host.querySelectorAll(".lanes")) light(box);
   }
   function light(box) {
-    for (const edge of box.querySelectorAll(".edge")) edge.classList.toggle("path", shown.has(Number(edge.dataset.of)));
-    const node = box.querySelector(".node"), row = box.closest("tr");
+    for (const edge of box.querySelectorAll(".edge"))
+      edge.classList.toggle("path", shown.has(Number(edge.dataset.of)));
+    const node = box.querySelector(".node"),
+      row = box.closest("tr");
     node?.classList.toggle("path", shown.has(pgraph.table.row(row.dataset.name)?.number));
   }
 
   // The node of a body by number, as far as its row is drawn.
-  function node(k) { const row = rows.find(({ number }) => number === k); return row && pgraph.table.tr(row.name)?.querySelector(".node"); }
+  function node(k) {
+    const row = rows.find(({ number }) => number === k);
+    return row && pgraph.table.tr(row.name)?.querySelector(".node");
+  }
 
-  const JOINTS = { revolute: "revolute", universal: "universal", weld: "weld", prismatic: "prismatic", free: "free", spherical: "spherical", cylindrical: "prismatic" };
+  const JOINTS = {
+    revolute: "revolute",
+    universal: "universal",
+    weld: "weld",
+    prismatic: "prismatic",
+    free: "free",
+    spherical: "spherical",
+    cylindrical: "prismatic",
+  };
   const joint = (kind) => pgraph.icon(JOINTS[kind] ?? "compound", 14);
-  return { set, draw, path, node, joint, move, reveal, get width() { return width; } };
+  return {
+    set,
+    draw,
+    path,
+    node,
+    joint,
+    move,
+    reveal,
+    get width() {
+      return width;
+    },
+  };
 })();

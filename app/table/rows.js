@@ -6,41 +6,92 @@ pgraph.rows = (() => {
 
   // Commands of the tab: the drawn graph, and a new body.
   function build() {
-    const graph = make("button", { className: "bare graph", title: "Drawn graph", "aria-label": "Drawn graph", onclick: () => pgraph.digraph.toggle() }, pgraph.icon("graph"));
-    const more = make("button", { className: "bare add", title: "A new body on the selected one (Ctrl+Enter)", "aria-label": "Add a body", onclick: add }, pgraph.icon("add"));
+    const graph = make(
+      "button",
+      {
+        className: "bare graph",
+        title: "Drawn graph",
+        "aria-label": "Drawn graph",
+        onclick: () => pgraph.digraph.toggle(),
+      },
+      pgraph.icon("graph"),
+    );
+    const more = make(
+      "button",
+      {
+        className: "bare add",
+        title: "A new body on the selected one (Ctrl+Enter)",
+        "aria-label": "Add a body",
+        onclick: add,
+      },
+      pgraph.icon("add"),
+    );
     pgraph.frame.actions("Bodies", graph, more);
   }
 
   // -- one question at a time, above the rows -------------------------------------------------
   function ask(host, question, ...answers) {
     close(host);
-    host.prepend(make("div", { className: "ask", onkeydown: (event) => { if (event.key === "Escape") close(host); } },
-      make("span", { textContent: question }), ...answers, button("keep", "Cancel", "", () => close(host))));
+    host.prepend(
+      make(
+        "div",
+        {
+          className: "ask",
+          onkeydown: (event) => {
+            if (event.key === "Escape") close(host);
+          },
+        },
+        make("span", { textContent: question }),
+        ...answers,
+        button("keep", "Cancel", "", () => close(host)),
+      ),
+    );
     host.querySelector(".ask button").focus();
   }
   const close = (host) => host.querySelector(".ask")?.remove();
   const answer = (host, text, event, fields, className = "") =>
-    button(className, text, "", () => { close(host); send(event, fields); });
-  const children = (names) => table().rows().filter((row) => names.includes(row.parent) && !names.includes(row.name));
+    button(className, text, "", () => {
+      close(host);
+      send(event, fields);
+    });
+  const children = (names) =>
+    table()
+      .rows()
+      .filter((row) => names.includes(row.parent) && !names.includes(row.name));
 
-  function add() { send("AddBody", { parent: pgraph.latest.selection ?? null }); }
+  function add() {
+    send("AddBody", { parent: pgraph.latest.selection ?? null });
+  }
 
   function duplicate(host) {
     const bodies = table().selected();
     if (!bodies.length) return;
-    if (!children(bodies).length) { send("Duplicate", { bodies, subtree: true }); return; }
-    ask(host, `Duplicate ${some(bodies)}:`,
+    if (!children(bodies).length) {
+      send("Duplicate", { bodies, subtree: true });
+      return;
+    }
+    ask(
+      host,
+      `Duplicate ${some(bodies)}:`,
       answer(host, "with all it carries", "Duplicate", { bodies, subtree: true }, "primary"),
-      answer(host, bodies.length === 1 ? "the body alone" : "these bodies alone", "Duplicate", { bodies, subtree: false }));
+      answer(host, bodies.length === 1 ? "the body alone" : "these bodies alone", "Duplicate", {
+        bodies,
+        subtree: false,
+      }),
+    );
   }
 
   function mirror(host) {
-    const body = pgraph.latest.selection, row = table().row(body);
+    const body = pgraph.latest.selection,
+      row = table().row(body);
     if (!row) return;
     const bodies = pgraph.latest.selected?.length ? [...pgraph.latest.selected] : [body];
     const of = row.parent === "ground" ? "the world" : row.parent;
-    const planes = ["x", "y", "z"].map((plane) => answer(host, plane, "MirrorBranch", { body, plane, bodies }, `plane-${plane}`));
-    for (const made of planes) made.title = `The plane through the origin of ${of}, normal to its ${made.textContent} axis`;
+    const planes = ["x", "y", "z"].map((plane) =>
+      answer(host, plane, "MirrorBranch", { body, plane, bodies }, `plane-${plane}`),
+    );
+    for (const made of planes)
+      made.title = `The plane through the origin of ${of}, normal to its ${made.textContent} axis`;
     ask(host, `Mirror ${some(bodies)} along`, ...planes);
   }
 
@@ -49,16 +100,36 @@ pgraph.rows = (() => {
     const bodies = table().selected();
     if (!bodies.length) return;
     const left = children(bodies);
-    if (!left.length) { close(host); send("DeleteBodies", { bodies, children: "attach" }); return; }
-    const what = left.length === 1 ? "its child" : bodies.length === 1 ? `its ${left.length} children` : `${left.length} children`;
+    if (!left.length) {
+      close(host);
+      send("DeleteBodies", { bodies, children: "attach" });
+      return;
+    }
+    const what =
+      left.length === 1
+        ? "its child"
+        : bodies.length === 1
+          ? `its ${left.length} children`
+          : `${left.length} children`;
     const to = bodies.length === 1 ? table().row(bodies[0]).parent : "the remaining bodies";
-    ask(host, `Delete ${some(bodies)}:`,
+    ask(
+      host,
+      `Delete ${some(bodies)}:`,
       answer(host, `attach ${what} to ${to}`, "DeleteBodies", { bodies, children: "attach" }),
-      answer(host, bodies.length === 1 ? "delete its whole branch" : "delete their whole branches", "DeleteBodies", { bodies, children: "delete" }));
+      answer(
+        host,
+        bodies.length === 1 ? "delete its whole branch" : "delete their whole branches",
+        "DeleteBodies",
+        { bodies, children: "delete" },
+      ),
+    );
   }
 
   function howMany() {
-    const host = pgraph.host("table"), count = cells.input((serial, text) => send("CountBodies", { serial, text }), { label: "number of bodies" });
+    const host = pgraph.host("table"),
+      count = cells.input((serial, text) => send("CountBodies", { serial, text }), {
+        label: "number of bodies",
+      });
     pgraph.front("Bodies");
     cells.set(count, String(table().rows().length));
     ask(host, "Number of bodies, added or removed at the end:", count);

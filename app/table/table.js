@@ -4,42 +4,75 @@ pgraph.table = (() => {
   const { make, cells } = pgraph;
   const DOF = ["weld", "revolute", "universal", "spherical", "ball + z", "ball + x + y", "free"];
   const HEAD = [
-    ["Graph", "numbers of the Pgraph, a lane for each branch; drag a number to move its row, onto another row to attach it there, with Shift to close a loop with it"],
+    [
+      "Graph",
+      "numbers of the Pgraph, a lane for each branch; drag a number to move its row, onto another row to attach it there, with Shift to close a loop with it",
+    ],
     ["Body", "its name"],
     ["Parent", "the body it is attached to, or ground"],
     ["DoF", "degrees of freedom of its joint, beside the kind of the joint"],
-    ["Constraint", "kinds of what constrains it: holonomic is its joint alone, others are in the list of connections"],
+    [
+      "Constraint",
+      "kinds of what constrains it: holonomic is its joint alone, others are in the list of connections",
+    ],
   ];
   const LAZY = 60; // rows from which cells are made when they come near the view
-  let rows = [], byName = new Map(), trs = new Map(), anchor = null, near = null;
+  let rows = [],
+    byName = new Map(),
+    trs = new Map(),
+    anchor = null,
+    near = null;
 
   const selected = () => pgraph.latest.selected ?? [];
   const shown = () => rows.map((row) => row.name);
 
   function build(host) {
-    const head = make("tr", {}, ...HEAD.map(([text, title]) => make("th", { textContent: text, title })));
+    const head = make(
+      "tr",
+      {},
+      ...HEAD.map(([text, title]) => make("th", { textContent: text, title })),
+    );
     const body = make("tbody");
     body.addEventListener("mousedown", pressed);
-    body.addEventListener("click", (event) => { // on a number of several selected rows, and no drag
+    body.addEventListener("click", (event) => {
+      // on a number of several selected rows, and no drag
       const plain = !event.shiftKey && !event.ctrlKey && !event.metaKey;
       if (plain && event.target.closest(".number")) pick(nameOf(event.target));
     });
-    for (const type of ["focusin", "input"]) body.addEventListener(type, (event) => focused(event.target));
+    for (const type of ["focusin", "input"])
+      body.addEventListener(type, (event) => focused(event.target));
     const rowOf = (event) => event.target.closest?.("tr[data-name]");
-    for (const type of ["pointerover", "focusin"]) body.addEventListener(type, (event) => { const tr = rowOf(event); if (tr) arm(tr); });
-    for (const type of ["pointerout", "focusout"]) body.addEventListener(type, (event) => { const tr = rowOf(event); if (tr) setTimeout(rest, 0, tr); });
+    for (const type of ["pointerover", "focusin"])
+      body.addEventListener(type, (event) => {
+        const tr = rowOf(event);
+        if (tr) arm(tr);
+      });
+    for (const type of ["pointerout", "focusout"])
+      body.addEventListener(type, (event) => {
+        const tr = rowOf(event);
+        if (tr) setTimeout(rest, 0, tr);
+      });
     host.replaceChildren(
       make("table", { className: "bodies" }, make("thead", {}, head), body),
       make("p", { className: "muted empty", hidden: true }),
     );
-    body.addEventListener("wheel", (event) => { // sideways, or with Shift
-      const by = event.deltaX || (event.shiftKey ? event.deltaY : 0);
-      if (by && event.target.closest(".number") && pgraph.gutter.move(host, by)) event.preventDefault();
-    }, { passive: false });
+    body.addEventListener(
+      "wheel",
+      (event) => {
+        // sideways, or with Shift
+        const by = event.deltaX || (event.shiftKey ? event.deltaY : 0);
+        if (by && event.target.closest(".number") && pgraph.gutter.move(host, by))
+          event.preventDefault();
+      },
+      { passive: false },
+    );
     near?.disconnect();
-    near = new IntersectionObserver((seen) => {
-      for (const { target, isIntersecting } of seen) if (isIntersecting) furnish(target);
-    }, { rootMargin: "600px" });
+    near = new IntersectionObserver(
+      (seen) => {
+        for (const { target, isIntersecting } of seen) if (isIntersecting) furnish(target);
+      },
+      { rootMargin: "600px" },
+    );
     pgraph.keys.listen(host);
     pgraph.drag.listen(body);
     pgraph.rows.build();
@@ -64,7 +97,13 @@ pgraph.table = (() => {
   }
   function focused(target) {
     const name = nameOf(target);
-    if (name !== undefined && cells.resting() && target.matches(".cell, button.tied") && !selected().includes(name)) pick(name);
+    if (
+      name !== undefined &&
+      cells.resting() &&
+      target.matches(".cell, button.tied") &&
+      !selected().includes(name)
+    )
+      pick(name);
   }
   function pick(name) {
     anchor = name;
@@ -81,8 +120,13 @@ pgraph.table = (() => {
     pgraph.send("ToggleBody", { body: name });
   }
   function extend(to) {
-    const names = shown(), from = names.indexOf(anchor ?? pgraph.latest.selection), at = names.indexOf(to);
-    if (from < 0 || at < 0) { pick(to); return; }
+    const names = shown(),
+      from = names.indexOf(anchor ?? pgraph.latest.selection),
+      at = names.indexOf(to);
+    if (from < 0 || at < 0) {
+      pick(to);
+      return;
+    }
     choose(names.slice(Math.min(from, at), Math.max(from, at) + 1), to);
   }
   function choose(bodies, body) {
@@ -108,21 +152,34 @@ pgraph.table = (() => {
   function newRow() {
     const tr = make("tr", { tabIndex: -1 });
     tr.append(
-      make("td", { className: "number", draggable: true }, make("span", { className: "lanes" }), make("span", { className: "others" })),
-      make("td"), make("td"), make("td", { className: "freedoms" }), make("td", { className: "constraint" }));
+      make(
+        "td",
+        { className: "number", draggable: true },
+        make("span", { className: "lanes" }),
+        make("span", { className: "others" }),
+      ),
+      make("td"),
+      make("td"),
+      make("td", { className: "freedoms" }),
+      make("td", { className: "constraint" }),
+    );
     if (rows.length > LAZY) near.observe(tr);
     else furnish(tr);
     return tr;
   }
 
-  const edit = (tr, field) => (serial, text) => pgraph.send("EditBodies", { serial, bodies: [tr.dataset.name], field, entries: [[[], text]] });
+  const edit = (tr, field) => (serial, text) =>
+    pgraph.send("EditBodies", { serial, bodies: [tr.dataset.name], field, entries: [[[], text]] });
 
   // The digraph and the joint's picture; until then the row shows text.
   function furnish(tr) {
     near.unobserve(tr);
     if (tr.dataset.furnished) return;
     tr.dataset.furnished = "1";
-    tr.children[3].replaceChildren(make("span", { className: "kind" }), make("span", { className: "dof" }));
+    tr.children[3].replaceChildren(
+      make("span", { className: "kind" }),
+      make("span", { className: "dof" }),
+    );
     const row = byName.get(tr.dataset.name);
     tr.dataset.drawn = "";
     if (row) fill(tr, row);
@@ -132,14 +189,33 @@ pgraph.table = (() => {
     furnish(tr);
     if (tr.dataset.armed) return;
     tr.dataset.armed = "1";
-    tr.children[1].replaceChildren(cells.input(edit(tr, "name"), { label: "name", className: "name" }));
-    tr.children[2].replaceChildren(cells.choice(() => parents(tr.dataset.name), edit(tr, "parent"), { label: "parent" }));
-    tr.children[3].append(cells.choice(() => dofs(tr.dataset.name), edit(tr, "dof"), { label: "DoF" }));
-    tr.children[4].replaceChildren(make("button", { className: "tied", onclick: () => pgraph.show("Connections", tr.dataset.name) }));
+    tr.children[1].replaceChildren(
+      cells.input(edit(tr, "name"), { label: "name", className: "name" }),
+    );
+    tr.children[2].replaceChildren(
+      cells.choice(() => parents(tr.dataset.name), edit(tr, "parent"), { label: "parent" }),
+    );
+    tr.children[3].append(
+      cells.choice(() => dofs(tr.dataset.name), edit(tr, "dof"), { label: "DoF" }),
+    );
+    tr.children[4].replaceChildren(
+      make("button", {
+        className: "tied",
+        onclick: () => pgraph.show("Connections", tr.dataset.name),
+      }),
+    );
     refill(tr);
   }
   function rest(tr) {
-    if (!tr.dataset.armed || tr.matches(".selected, :hover") || tr.contains(document.activeElement) || [...tr.querySelectorAll(".cell")].some((cell) => cell.value !== cell.dataset.shown || cell.matches(".refused, .waiting"))) return;
+    if (
+      !tr.dataset.armed ||
+      tr.matches(".selected, :hover") ||
+      tr.contains(document.activeElement) ||
+      [...tr.querySelectorAll(".cell")].some(
+        (cell) => cell.value !== cell.dataset.shown || cell.matches(".refused, .waiting"),
+      )
+    )
+      return;
     delete tr.dataset.armed;
     tr.querySelector(".freedoms .cell").remove();
     tr.children[4].textContent = "";
@@ -154,26 +230,41 @@ pgraph.table = (() => {
     const text = JSON.stringify(row) + pgraph.gutter.width;
     if (tr.dataset.drawn === text) return;
     tr.dataset.drawn = text;
-    [row.name, row.parent].forEach((value, i) => { tr.children[i + 1].title = value; });
+    [row.name, row.parent].forEach((value, i) => {
+      tr.children[i + 1].title = value;
+    });
     if (!tr.dataset.furnished) {
-      [row.name, row.parent, row.dof, brief(row)].forEach((value, i) => { tr.children[i + 1].textContent = value; });
+      [row.name, row.parent, row.dof, brief(row)].forEach((value, i) => {
+        tr.children[i + 1].textContent = value;
+      });
       return;
     }
     pgraph.gutter.draw(tr.querySelector(".lanes"), row);
     fillCells(tr, row);
   }
-  const brief = ({ constraint }) => { const [first, ...others] = constraint.split(", "); return others.length ? `${first} +${others.length}` : first; };
+  const brief = ({ constraint }) => {
+    const [first, ...others] = constraint.split(", ");
+    return others.length ? `${first} +${others.length}` : first;
+  };
   function fillCells(tr, row) {
-    const [name, parent, dof] = tr.querySelectorAll(".cell"), tied = tr.children[4];
+    const [name, parent, dof] = tr.querySelectorAll(".cell"),
+      tied = tr.children[4];
     tr.children[3].title = `${row.joint}, ${row.dof} DoF`;
     tr.querySelector(".kind").replaceChildren(pgraph.gutter.joint(row.joint));
     tr.querySelector(".dof").textContent = row.dof;
-    tied.title = row.constraints.length ? `${row.constraint}: ${row.constraints.join(", ")}; click to see them` : `its ${row.joint} joint alone; click to add a constraint`;
+    tied.title = row.constraints.length
+      ? `${row.constraint}: ${row.constraints.join(", ")}; click to see them`
+      : `its ${row.joint} joint alone; click to add a constraint`;
     tied.classList.toggle("on", row.tied);
     const button = tied.querySelector("button");
     (button ?? tied).textContent = brief(row);
     button?.setAttribute("aria-label", row.constraint);
-    if (!tr.dataset.armed) { [row.name, row.parent].forEach((value, i) => { tr.children[i + 1].textContent = value; }); return; }
+    if (!tr.dataset.armed) {
+      [row.name, row.parent].forEach((value, i) => {
+        tr.children[i + 1].textContent = value;
+      });
+      return;
+    }
     cells.set(name, row.name);
     cells.choose(parent, row.parent);
     cells.choose(dof, String(row.dof));
@@ -183,10 +274,11 @@ pgraph.table = (() => {
 
   // Whether a typed name can only be refused: it is empty, or another row's.
   function taken(tr, text) {
-    const typed = text.trim(), called = (row) => {
-      const cell = trs.get(row.name)?.querySelector("input.name.waiting");
-      return (cell?.dataset.sent ?? row.name).trim();
-    };
+    const typed = text.trim(),
+      called = (row) => {
+        const cell = trs.get(row.name)?.querySelector("input.name.waiting");
+        return (cell?.dataset.sent ?? row.name).trim();
+      };
     return !typed || rows.some((row) => row.name !== tr.dataset.name && called(row) === typed);
   }
 
@@ -205,16 +297,23 @@ pgraph.table = (() => {
   }
 
   function mark(host) {
-    const last = pgraph.latest.selection ?? null, all = new Set(selected());
+    const last = pgraph.latest.selection ?? null,
+      all = new Set(selected());
     for (const tr of host.querySelectorAll("tr.selected")) {
       tr.classList.remove("selected", "last");
       if (!all.has(tr.dataset.name)) rest(tr);
     }
     for (const name of all) trs.get(name)?.classList.add("selected");
-    if (trs.has(last)) { arm(trs.get(last)); pgraph.gutter.reveal(host, byName.get(last)); }
+    if (trs.has(last)) {
+      arm(trs.get(last));
+      pgraph.gutter.reveal(host, byName.get(last));
+    }
     const tr = last === null ? null : trs.get(last);
     tr?.classList.add("selected", "last");
-    pgraph.beforePicture("table", () => { if (tr?.isConnected && !tr.contains(document.activeElement)) tr.scrollIntoView({ block: "nearest" }); });
+    pgraph.beforePicture("table", () => {
+      if (tr?.isConnected && !tr.contains(document.activeElement))
+        tr.scrollIntoView({ block: "nearest" });
+    });
     pgraph.gutter.path(host, last === null ? [] : way(last));
   }
 
@@ -230,14 +329,26 @@ pgraph.table = (() => {
     for (const dots of host.querySelectorAll(".others:not(:empty)")) dots.replaceChildren();
     for (const [name, colors] of Object.entries(data ?? {})) {
       const dots = trs.get(name)?.querySelector(".others");
-      dots?.replaceChildren(...colors.map((color) => {
-        const dot = make("i", { title: "selected on another page" });
-        dot.style.background = color;
-        return dot;
-      }));
+      dots?.replaceChildren(
+        ...colors.map((color) => {
+          const dot = make("i", { title: "selected on another page" });
+          dot.style.background = color;
+          return dot;
+        }),
+      );
     }
   }
 
   pgraph.view("table", { build, table: draw, selection: mark, selected: mark, others });
-  return { selected, shown, extend, pick, taken, arm, row: (name) => byName.get(name), tr: (name) => trs.get(name), rows: () => rows };
+  return {
+    selected,
+    shown,
+    extend,
+    pick,
+    taken,
+    arm,
+    row: (name) => byName.get(name),
+    tr: (name) => trs.get(name),
+    rows: () => rows,
+  };
 })();

@@ -2,11 +2,15 @@
 const pagesOf = Search.performTermsSearch;
 
 Search.performTermsSearch = (terms, excluded) => {
-  const index = Search._index, found = [], stemmer = new Stemmer(), stems = new Map();
+  const index = Search._index,
+    found = [],
+    stemmer = new Stemmer(),
+    stems = new Map();
   const stem = (word) => stems.get(word) ?? stems.set(word, stemmer.stemWord(word)).get(word);
   const count = (words, term) => words.filter((word) => stem(word).startsWith(term)).length;
   for (const [page, name, anchor, title, text] of terms.size ? SECTIONS : []) {
-    const heading = title.toLowerCase().split(/\W+/), words = text.split(" ");
+    const heading = title.toLowerCase().split(/\W+/),
+      words = text.split(" ");
     const counts = [...terms].map((term) => count(words, term));
     if (counts.includes(0) || [...excluded].some((term) => count(words, term))) continue;
     const share = [...terms].filter((term) => count(heading, term)).length / terms.size;

@@ -15,11 +15,14 @@
     const { Engine, unpacked, Problem } = pgraphEngine;
     const frames = await recorded(given, unpacked);
     const dark = matchMedia("(prefers-color-scheme: dark)");
-    const theme = () => dark.matches
-      ? { ground: [0.2, 0.22, 0.26], line: [0.33, 0.36, 0.42] }
-      : { ground: [0.91, 0.92, 0.94], line: [0.78, 0.8, 0.84] };
+    const theme = () =>
+      dark.matches
+        ? { ground: [0.2, 0.22, 0.26], line: [0.33, 0.36, 0.42] }
+        : { ground: [0.91, 0.92, 0.94], line: [0.78, 0.8, 0.84] };
 
-    let view = null, engine = null, world = null;
+    let view = null,
+      engine = null,
+      world = null;
     try {
       view = new pgraphView.View(find("canvas"), given.scene, theme);
     } catch {
@@ -32,23 +35,51 @@
       engine = await Engine.made(given.engine);
       world = await engine.world();
     } catch (error) {
-      broken = computes ? (error instanceof Problem ? error.message : "The browser refused the kernels.") : given.engine.refused;
+      broken = computes
+        ? error instanceof Problem
+          ? error.message
+          : "The browser refused the kernels."
+        : given.engine.refused;
       broken = `${broken} The recorded run is shown; it cannot be changed.`.trim();
       engine = null;
     }
     window.pgraph_live = {
-      simulate: (options) => engine ? engine.simulate(options) : Promise.reject(new Error(broken)),
-      at: (clientX, clientY) => view?.hit(view.pieces, view.ray({ clientX, clientY }))?.piece.body ?? null,
-      open: given.engine.open.map(({ path, value, low, high, values, unit }) => ({ path, value, low, high, values, unit })),
+      simulate: (options) =>
+        engine ? engine.simulate(options) : Promise.reject(new Error(broken)),
+      at: (clientX, clientY) =>
+        view?.hit(view.pieces, view.ray({ clientX, clientY }))?.piece.body ?? null,
+      open: given.engine.open.map(({ path, value, low, high, values, unit }) => ({
+        path,
+        value,
+        low,
+        high,
+        values,
+        unit,
+      })),
     };
 
     // -- what is shown: recorded or computed pictures, at a time ----------------------------------
 
-    const first = given.engine.t_start, last = given.engine.t_end, slider = find("#time");
+    const first = given.engine.t_start,
+      last = given.engine.t_end,
+      slider = find("#time");
     const usual = given.engine.runs[given.engine.methods[0]]?.usual; // steps
-    let shown = frames, at = 0, playing = false, live = false, speed = 1, clock = 0, head = 0, grip = null, owed = 0;
+    let shown = frames,
+      at = 0,
+      playing = false,
+      live = false,
+      speed = 1,
+      clock = 0,
+      head = 0,
+      grip = null,
+      owed = 0;
     const values = Object.fromEntries(given.engine.open.map((one) => [one.path, one.value]));
-    const changed = () => Object.fromEntries(Object.entries(values).filter(([path, x]) => x !== given.engine.open.find((one) => one.path === path).value));
+    const changed = () =>
+      Object.fromEntries(
+        Object.entries(values).filter(
+          ([path, x]) => x !== given.engine.open.find((one) => one.path === path).value,
+        ),
+      );
 
     function draw() {
       const frame = shown[at];
@@ -64,8 +95,11 @@
     }
 
     // One number over time: the recorded run, and what was computed since.
-    const picked = find("#plotted"), { columns } = given.scene;
-    columns.forEach(({ name, unit }, i) => picked.append(new Option(unit ? `${name} [${unit}]` : name, i)));
+    const picked = find("#plotted"),
+      { columns } = given.scene;
+    columns.forEach(({ name, unit }, i) =>
+      picked.append(new Option(unit ? `${name} [${unit}]` : name, i)),
+    );
     picked.addEventListener("change", () => draw());
     find("#plot").hidden = columns.length === 0;
 
@@ -74,12 +108,23 @@
       const { of, index, unit } = columns[picked.value];
       const points = (list) => {
         const every = Math.ceil(list.length / 800);
-        return list.filter((_, i) => i % every === 0 || i === list.length - 1).map(({ t, [of]: x }) => [t, x[index]]);
+        return list
+          .filter((_, i) => i % every === 0 || i === list.length - 1)
+          .map(({ t, [of]: x }) => [t, x[index]]);
       };
-      const before = points(frames), since = live ? points(shown) : [], all = [...before, ...since].map(([, x]) => x);
-      const low = Math.min(...all), high = Math.max(...all), span = high - low || 1;
-      const x = (t) => (600 * (t - first) / (slider.max - first || 1)).toFixed(1);
-      const path = (list) => list.map(([t, y], i) => `${i ? "L" : "M"}${x(t)} ${(95 - 90 * (y - low) / span).toFixed(2)}`).join("");
+      const before = points(frames),
+        since = live ? points(shown) : [],
+        all = [...before, ...since].map(([, x]) => x);
+      const low = Math.min(...all),
+        high = Math.max(...all),
+        span = high - low || 1;
+      const x = (t) => ((600 * (t - first)) / (slider.max - first || 1)).toFixed(1);
+      const path = (list) =>
+        list
+          .map(
+            ([t, y], i) => `${i ? "L" : "M"}${x(t)} ${(95 - (90 * (y - low)) / span).toFixed(2)}`,
+          )
+          .join("");
       find("#recorded").setAttribute("d", path(before));
       find("#computed").setAttribute("d", path(since));
       find("#plot p span").hidden = !live;
@@ -91,7 +136,8 @@
     }
 
     function picture() {
-      const [places, turns] = world.poses(), { t, q, v } = world.shown;
+      const [places, turns] = world.poses(),
+        { t, q, v } = world.shown;
       return { t, q: q.slice(), v: v.slice(), places: places.slice(), turns: turns.slice() };
     }
 
@@ -120,7 +166,7 @@
       owed = Math.min(owed + seconds, MOST_BEHIND);
       if (!grip) owed = Math.min(owed, last - world.shown.t + 1e-9);
       world.pull(grip && grip.spring);
-      for (let before = NaN; world.shown.t !== before && owed > 0; ) {
+      for (let before = NaN; world.shown.t !== before && owed > 0;) {
         before = world.shown.t;
         const part = Math.min(owed, Math.max(APART, usual.step || 0));
         owed -= part - world.go(part, usual, last - first, !!grip);
@@ -175,10 +221,19 @@
 
     const { open } = given.engine;
     for (const one of open) {
-      const label = document.createElement("label"), range = document.createElement("input"), number = document.createElement("output");
+      const label = document.createElement("label"),
+        range = document.createElement("input"),
+        number = document.createElement("output");
       label.className = "open";
       label.append(one.label, number, range);
-      Object.assign(range, { type: "range", min: one.low, max: one.high, step: "any", value: one.value, disabled: !engine });
+      Object.assign(range, {
+        type: "range",
+        min: one.low,
+        max: one.high,
+        step: "any",
+        value: one.value,
+        disabled: !engine,
+      });
       range.setAttribute("aria-label", one.unit ? `${one.label} [${one.unit}]` : one.label);
       const show = () => {
         number.textContent = `${Number(values[one.path].toPrecision(4))} ${one.unit}`;
@@ -188,7 +243,10 @@
       one.show = show;
       range.addEventListener("input", () => {
         const wanted = Math.min(one.high, Math.max(one.low, Number(range.value)));
-        values[one.path] = one.values.reduce((near, x) => (Math.abs(x - wanted) < Math.abs(near - wanted) ? x : near), one.values[0] ?? wanted);
+        values[one.path] = one.values.reduce(
+          (near, x) => (Math.abs(x - wanted) < Math.abs(near - wanted) ? x : near),
+          one.values[0] ?? wanted,
+        );
         show();
         guarded(() => {
           if (!goLive(true)) return;
@@ -218,18 +276,22 @@
       });
     });
     find("#play").addEventListener("click", () => play(!playing));
-    find("#speed").addEventListener("change", (event) => { speed = Number(event.target.value); });
+    find("#speed").addEventListener("change", (event) => {
+      speed = Number(event.target.value);
+    });
     slider.min = first;
     slider.max = last;
     slider.addEventListener("input", () => {
       play(false);
       const t = Number(slider.value);
-      if (live) guarded(() => { // what lies ahead is computed
-        for (let before = NaN; world.shown.t !== before && world.shown.t < t && !ended(); ) {
-          before = world.shown.t;
-          advance(MOST_BEHIND);
-        }
-      });
+      if (live)
+        guarded(() => {
+          // what lies ahead is computed
+          for (let before = NaN; world.shown.t !== before && world.shown.t < t && !ended();) {
+            before = world.shown.t;
+            advance(MOST_BEHIND);
+          }
+        });
       at = shown.findLastIndex((frame) => frame.t <= t + 1e-9);
       at = Math.max(at, 0);
       draw();
@@ -238,8 +300,15 @@
     // -- the mouse pulls ---------------------------------------------------------------------------
 
     function pointOf({ piece, local }, frame) {
-      const b = 3 * piece.body, r = frame.turns.subarray(3 * b, 3 * b + 9);
-      return [0, 1, 2].map((i) => frame.places[b + i] + r[3 * i] * local[0] + r[3 * i + 1] * local[1] + r[3 * i + 2] * local[2]);
+      const b = 3 * piece.body,
+        r = frame.turns.subarray(3 * b, 3 * b + 9);
+      return [0, 1, 2].map(
+        (i) =>
+          frame.places[b + i] +
+          r[3 * i] * local[0] +
+          r[3 * i + 1] * local[1] +
+          r[3 * i + 2] * local[2],
+      );
     }
 
     if (view) {
@@ -249,11 +318,22 @@
         if (!hit) return false;
         guarded(() => {
           if (!live || at < shown.length - 1 || world.t !== world.shown.t) goLive(false);
-          const frame = shown[at], b = 3 * hit.piece.body, r = frame.turns.subarray(3 * b, 3 * b + 9);
+          const frame = shown[at],
+            b = 3 * hit.piece.body,
+            r = frame.turns.subarray(3 * b, 3 * b + 9);
           const away = [0, 1, 2].map((i) => hit.point[i] - frame.places[b + i]);
-          const local = [0, 1, 2].map((j) => r[j] * away[0] + r[3 + j] * away[1] + r[6 + j] * away[2]);
-          const { row, offset, home } = given.scene.bodies[hit.piece.body], { mass } = given.scene;
-          const point = [0, 1, 2].map((i) => offset[i] + home[3 * i] * local[0] + home[3 * i + 1] * local[1] + home[3 * i + 2] * local[2]);
+          const local = [0, 1, 2].map(
+            (j) => r[j] * away[0] + r[3 + j] * away[1] + r[6 + j] * away[2],
+          );
+          const { row, offset, home } = given.scene.bodies[hit.piece.body],
+            { mass } = given.scene;
+          const point = [0, 1, 2].map(
+            (i) =>
+              offset[i] +
+              home[3 * i] * local[0] +
+              home[3 * i + 1] * local[1] +
+              home[3 * i + 2] * local[2],
+          );
           const spring = { row, point, target: hit.point, stiffness: 60 * mass, damping: 6 * mass };
           grip = { piece: hit.piece, local, from: hit.point, target: hit.point, spring };
           say(`Pulling on ${given.scene.bodies[hit.piece.body].name}.`);
@@ -275,7 +355,10 @@
       new ResizeObserver(again).observe(find("canvas"));
       dark.addEventListener("change", again);
       window.addEventListener("beforeprint", again);
-      for (const name of ["pointermove", "wheel", "pointerup"]) find("canvas").addEventListener(name, () => { if (!playing) draw(); });
+      for (const name of ["pointermove", "wheel", "pointerup"])
+        find("canvas").addEventListener(name, () => {
+          if (!playing) draw();
+        });
     }
 
     // -- keys --------------------------------------------------------------------------------------
@@ -283,15 +366,28 @@
     document.addEventListener("keydown", (event) => {
       const keys = {
         " ": () => play(!playing),
-        Home: () => { at = 0; },
-        End: () => { at = shown.length - 1; },
-        ArrowLeft: () => { at = Math.max(at - 1, 0); },
-        ArrowRight: () => { at = Math.min(at + 1, shown.length - 1); },
+        Home: () => {
+          at = 0;
+        },
+        End: () => {
+          at = shown.length - 1;
+        },
+        ArrowLeft: () => {
+          at = Math.max(at - 1, 0);
+        },
+        ArrowRight: () => {
+          at = Math.min(at + 1, shown.length - 1);
+        },
         f: () => view?.fit(),
         "+": () => view?.zoom(0.85),
         "-": () => view?.zoom(1.18),
       };
-      const own = { SELECT: Object.keys(keys), INPUT: ["Home", "End", "ArrowLeft", "ArrowRight"], BUTTON: [" "], SUMMARY: [" "] };
+      const own = {
+        SELECT: Object.keys(keys),
+        INPUT: ["Home", "End", "ArrowLeft", "ArrowRight"],
+        BUTTON: [" "],
+        SUMMARY: [" "],
+      };
       const taken = own[event.target.tagName]?.includes(event.key);
       if (taken || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
       event.preventDefault();
@@ -306,8 +402,12 @@
       draw();
     });
     draw();
-    const hint = engine && view ? "Drag a body to pull on it, the background to turn the view." : "";
-    say(broken || (open.length ? `Move a slider to change the mechanism. ${hint}` : hint), !!broken && computes);
+    const hint =
+      engine && view ? "Drag a body to pull on it, the background to turn the view." : "";
+    say(
+      broken || (open.length ? `Move a slider to change the mechanism. ${hint}` : hint),
+      !!broken && computes,
+    );
     document.body.dataset.ready = engine ? "live" : "recorded";
   }
 
@@ -321,8 +421,11 @@
       from += n * kind.BYTES_PER_ELEMENT;
       return found;
     };
-    const t = take(count, Float64Array), q = take(count * nq, Float64Array), v = take(count * nv, Float64Array);
-    const places = take(count * bodies * 3, Float32Array), turns = take(count * bodies * 9, Float32Array);
+    const t = take(count, Float64Array),
+      q = take(count * nq, Float64Array),
+      v = take(count * nv, Float64Array);
+    const places = take(count * bodies * 3, Float32Array),
+      turns = take(count * bodies * 9, Float32Array);
     return Array.from({ length: count }, (_, i) => ({
       t: t[i],
       q: q.subarray(i * nq, (i + 1) * nq),
@@ -338,13 +441,20 @@
     for (const [path, base, slope] of piece.follows || []) {
       const by = values[path] - base;
       const moved = (list, rates) => list.map((x, i) => x + by * rates[i]);
-      found = { ...found, size: moved(found.size, slope.size).map((x) => Math.max(x, 1e-6)), position: moved(found.position, slope.position) };
+      found = {
+        ...found,
+        size: moved(found.size, slope.size).map((x) => Math.max(x, 1e-6)),
+        position: moved(found.position, slope.position),
+      };
     }
     return found;
   }
 
   main().catch((error) => {
     window.pgraph_live = { simulate: () => Promise.reject(error), open: [] };
-    say(`The figure cannot be shown: ${error.message}. The file may be damaged or cut short.`, true);
+    say(
+      `The figure cannot be shown: ${error.message}. The file may be damaged or cut short.`,
+      true,
+    );
   });
 })();
