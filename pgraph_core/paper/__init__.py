@@ -351,7 +351,7 @@ def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) 
     start = 0
     for motion, x in elementary(body, q):
         step = displacement(motion, turned, home, x)
-        axes = columns(motion, turned, home)
+        axes = columns(motion, turned, home, x)
         relative = axes @ v[start : start + axes.shape[1]]
         H = np.hstack((phi(step) @ H, axes))
         a = phi(step) @ a + bias(omega, step, relative)
