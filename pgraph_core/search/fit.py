@@ -556,8 +556,11 @@ class _Task:
         notices = notices + not_noise(residuals, dict(zip(self.labels, floor.tolist())))
         if self.given is not None:
             notices += beyond_noise(residuals, spread)
-        notes = [text or "converged", *numbers.at_bounds(x)]
-        if numbers.failed:
+        bounds = numbers.at_bounds(x)
+        if numbers.failed and not (text or bounds or self._small(linear, noise, left)):
+            text = f"not converged: limited by a run that fails {numbers.failed}"
+        notes = [text or "converged", *bounds]
+        if numbers.failed and numbers.failed not in text:
             notes.append(f"a run of the search failed: {numbers.failed}")
         shown = fine.runs if fine is not None and corrected else runs
         return Fit(

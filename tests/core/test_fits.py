@@ -1,5 +1,6 @@
 """Fits to measured data: values, errors, directions without data, outliers, several cases."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -241,6 +242,30 @@ def test_a_fit_passes_by_invalid_models():
     found = pg.fit(model, {"t": TIMES, "rod": run["rod"]}, free, **FIT)
     assert "at its bound" in found.message
     assert found.model.body("rod").inertia[1][1] == pytest.approx(0.0599, rel=1e-3)
+
+
+def test_a_fit_that_ends_beside_runs_that_fail_has_not_converged():
+    """Some runs of a ball that nearly comes to rest have no derivatives. The optimum is beyond."""
+    ball = pg.Body(
+        name="ball", joint="prismatic", axes=(0, 0, 1), mass=1.0,
+        shape=pg.Shape(kind="sphere", radius=0.05),
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="ball", restitution=0.495)
+    height, e, gravity = 0.6, 0.45, 9.81
+    t = np.linspace(0.0, 1.4, 120)
+    z = height - gravity / 2 * t**2
+    begin, speed = math.sqrt(2 * height / gravity), e * math.sqrt(2 * height * gravity)
+    for _ in range(30):
+        since = t[t >= begin] - begin
+        z[t >= begin] = np.maximum(speed * since - gravity / 2 * since**2, 0.0)
+        begin, speed = begin + 2 * speed / gravity, e * speed
+    z += 0.05 + 1.8e-4 * np.random.default_rng(1).standard_normal(len(t))
+    free = {"contacts.floor.restitution": (0.05, 0.99)}
+    start = {"q": {"ball": height + 0.05}, "v": {"ball": 0.0}}
+    model = pg.Model(bodies=[ball], contacts=[floor])
+    found = pg.fit(model, {"t": t, "ball": z}, free, t_start=0.0, **start)
+    (value,), (error,) = found.values.values(), found.errors.values()
+    assert not found.converged or abs(value - e) < 3 * error
 
 
 @pytest.mark.nightly
