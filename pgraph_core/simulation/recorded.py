@@ -26,7 +26,7 @@ from ..result.records import (
 )
 from .advice import too_wide
 from .continuing import left_by
-from .remarks import beyond_limits, creeping, too_fast, touching, turns_unseen
+from .remarks import beyond_limits, creeping, off_track, too_fast, touching, turns_unseen
 
 if TYPE_CHECKING:
     from .recording import Recording
@@ -183,6 +183,7 @@ def notices(record: Recording) -> tuple[str, ...]:
     if record.plan.driving and (record.user or np.count_nonzero(record.scene.given)):
         found += beyond_limits(record)
     found += too_fast(record)
+    found += off_track(record)
     if record.user is not None:
         found += record.user.notices()
     if record.carried is not None:

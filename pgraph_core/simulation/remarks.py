@@ -296,6 +296,29 @@ def too_fast(record: Running) -> Iterator[str]:
         yield text
 
 
+def off_track(record: Running) -> Iterator[str]:
+    """Yield a notice about the first body that goes past an end of its track, in the frames."""
+    mech, n, first = record.mech, record.done, None
+    for body in mech.model.bodies if n else ():
+        if body.track is None or body.track.closed:
+            continue
+        place = [m.kind for m in body.sequence].index("curve")
+        at = mech.joints[body.name].q.start + sum(SIZE[m.kind][0] for m in body.sequence[:place])
+        low, high = body.track.pieces.x[[0, -1]].tolist()
+        slack = NOTABLE * (high - low)
+        beyond = (record.out.q[:n, at] < low - slack) | (record.out.q[:n, at] > high + slack)
+        i = int(np.argmax(beyond)) if beyond.any() else n
+        if i < (n if first is None else first[0]):
+            first = i, body, low, high
+    if first is not None:
+        i, body, low, high = first
+        yield (
+            f"'{body.name}' is past the end of its track at t = {record.steps.times[i]:.6g} s: the "
+            f"track goes from {low:.6g} to {high:.6g} {body.track.unit}, and is continued with "
+            "constant curvature; make it longer, or give the joint limits"
+        )
+
+
 def creeping(record: Running) -> Iterator[str]:
     """Yield a notice about the joint that moves farthest while its friction should hold it."""
     mech, n, t = record.mech, record.done, record.steps.times[: record.done]

@@ -274,3 +274,11 @@ def test_a_curve_needs_one_track_and_other_joints_none():
         with pytest.raises(pg.ModelError) as caught:
             pg.Body(name="a", **fields)
         assert field in [problem.field for problem in caught.value.problems]
+
+
+def test_a_run_names_a_body_past_the_end_of_its_track():
+    track = pg.Track(points=[(0, 0, 0), (1, 0, -0.5)])
+    run = pg.simulate(alone(track), t_end=1.0, estimate=False)
+    assert any("past the end of its track at t = " in text for text in run.notices)
+    short = pg.simulate(alone(track), t_end=0.2, estimate=False)
+    assert not any("track" in text for text in short.notices)
