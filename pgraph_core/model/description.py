@@ -98,6 +98,12 @@ class Description(World):
         return {body.name: i for i, body in enumerate(self.bodies)}
 
     @cached_property
+    def _named(self) -> dict[str, dict[str, Part]]:
+        """The parts of each kind by name."""
+        parts = {word: getattr(self, key) for word, key in PARTS_OF.items()}
+        return {word: {part.name: part for part in some} for word, some in parts.items()}
+
+    @cached_property
     def limited(self) -> bool:
         """Return True if a joint, tendon or spring has limits."""
         return any(any(body.limits) for body in self.bodies) or any(
@@ -199,11 +205,8 @@ class Description(World):
         if kind is not None and kind not in PARTS_OF:
             text = f"must be one of {', '.join(PARTS_OF)}, got {shown(kind)}"
             raise ModelError(Problem(f"part {shown(name)}", "kind", text))
-        found: dict[str, Part] = {}
-        for word in PARTS_OF if kind is None else (kind,):
-            for part in getattr(self, PARTS_OF[word]):
-                if part.name == name:
-                    found[word] = part
+        words = PARTS_OF if kind is None else (kind,)
+        found = {word: self._named[word][name] for word in words if name in self._named[word]}
         if "body" in found:
             return found["body"]
         if len(found) == 1:
