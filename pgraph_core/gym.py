@@ -101,6 +101,14 @@ class Task:
         self.reward = reward or (lambda seen, action: np.zeros(seen.shape[:-1]))
         self.ended = ended or (lambda seen: np.zeros(seen.shape[:-1], dtype=bool))
 
+    def rewarded(self, seen: Array, action: Array) -> Any:
+        """Return the reward of a step. Raises InputError if it is not a finite number."""
+        found = self.reward(seen, action)
+        if not np.isfinite(found).all():
+            text = f"must return finite numbers, got {shown(found)} for {shown(seen)}"
+            raise InputError(Problem("gym.make", "reward", text))
+        return found
+
     def substeps(self, options: dict[str, Any]) -> tuple[int, dict[str, Any]]:
         """Return the steps per action, and options with a step that divides the interval."""
         step = options.get("step") or Stepper(self.mech, **options).width
@@ -183,7 +191,7 @@ class ModelEnv(gymnasium.Env):
         seen = self.task.seen(self.stepper, ())
         over = not status.ok or bool(self.task.ended(seen))
         info = {} if status.ok else {"message": self.stepper.message}
-        return seen, float(self.task.reward(seen, given)), over, False, info
+        return seen, float(self.task.rewarded(seen, given)), over, False, info
 
 
 class Many(Protocol):
@@ -301,7 +309,7 @@ class Instances:
         ok = self.batch.step(tau, self._substeps)
         seen = self.observed()
         ended = np.array(self.task.ended(seen), dtype=bool) | ~ok
-        return np.array(self.task.reward(seen, given), dtype=float), ended
+        return np.array(self.task.rewarded(seen, given), dtype=float), ended
 
     def observed(self) -> Array:
         """Return the observations, one row per instance."""

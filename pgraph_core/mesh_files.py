@@ -181,6 +181,7 @@ def _damage(error: Exception) -> str:
 Array = np.ndarray
 PRIMITIVES = ("triangles", "polylist", "polygons", "trifans", "tristrips")
 MOST_REFERENCES = 100  # nodes that name nodes
+MOST_NODES = 100_000  # nodes of a scene
 
 
 def triangles(content: bytes, name: str) -> tuple[Array, Array, Counter[Any]]:
@@ -224,8 +225,11 @@ class _Collada:
 
     def _node(self, node: Element, before: Array, depth: int) -> None:
         self.count += 1
-        if depth > MOST_REFERENCES or self.count > 100_000:
+        if depth > MOST_REFERENCES:
             raise self.source.wrong(node, "", "its nodes form a cycle")
+        if self.count > MOST_NODES:
+            text = f"has more than {MOST_NODES} nodes, repeated ones included"
+            raise self.source.wrong(node, "", text)
         turn = before.copy()
         for child in node.children:
             if child.tag in ("matrix", "translate", "rotate", "scale"):

@@ -221,3 +221,17 @@ def test_an_action_beyond_the_limits_acts_as_the_limit():
 )
 def test_what_no_environment_is_made_of_is_refused(make, facts):
     assert_names(str(refusal(make)), *facts)
+
+
+@pytest.mark.parametrize("reward", [np.nan, -np.inf])
+def test_a_reward_that_is_no_finite_number_is_refused(reward):
+    """A learner would go on with it in silence."""
+    model = pg.Model.serial(2)
+    one = pgraph_core.gym.make(model, reward=lambda seen, action: reward)
+    some = pgraph_core.gym.make(
+        model, num_envs=2, reward=lambda seen, action: np.full(len(seen), reward)
+    )
+    for env in (one, some):
+        env.reset(seed=0)
+        told = refusal(lambda env=env: env.step(env.action_space.sample()))
+        assert_names(str(told), "gym.make, reward", "finite", str(reward))

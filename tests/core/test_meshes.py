@@ -190,8 +190,13 @@ COLLADA = """<?xml version="1.0"?>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 NODE = '<instance_node url="#n"/><node id="n"><instance_node url="#n"/><rotate>'
 
+TEN = "".join(
+    f'<node id="n{k}">' + 10 * f'<instance_node url="#n{k + 1}"/>' + "</node>" for k in range(9)
+)
 
-def test_collada_has_the_scene_in_metres(tmp_path):
+
+def test_collada_has_the_scene_in_metres(tmp_path, monkeypatch):
+    monkeypatch.setattr("pgraph_core.mesh_files.MOST_NODES", 2000)
     (tmp_path / "pyramid.dae").write_text(COLLADA)
     mesh = load_mesh(tmp_path / "pyramid.dae")
     assert mesh.is_watertight
@@ -203,7 +208,8 @@ def test_collada_has_the_scene_in_metres(tmp_path):
         ("3 2 1 0", "3 2 1 7", "vertices"),
         ("<vcount>4", "<vcount>9", "corners"),
         ("0 0 100", "0 0", " 3 "),
-        ("<node><rotate>", NODE, "line 13"),
+        ("<node><rotate>", NODE, "line 13.*cycle"),
+        ("<node><rotate>", f"{TEN}<node><rotate>", "line 13.*more than 2000 nodes"),
         ("<COLLADA>", "<!DOCTYPE a><COLLADA>", "document type"),
     ):  # fmt: skip
         (tmp_path / "bad.dae").write_text(COLLADA.replace(old, new, 1))
