@@ -99,7 +99,7 @@ def _of_joint(
             turns = not slides(motion)
             far = math.pi if turns else reach
             label = f"{'about' if turns else 'along'} {_axis(motion)}"
-            label = label if motion.kind in DIRECTED else "along the track"
+            label = label if motion.kind in DIRECTED else "on track"
             near = 2 * math.pi * round(float(x[0]) / (2 * math.pi)) if turns and not limit else 0.0
             low, high = (near - far if low is None else low), (near + far if high is None else high)
             whole = near if motion.kind == "rotate" else 0.0

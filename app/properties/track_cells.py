@@ -47,8 +47,8 @@ def _length(x: float, display: Display) -> str:
 
 def _text(function: Any) -> str:
     if isinstance(function, tuple):
-        return "; ".join(f"{q:g} {y:g}" for q, y in function)
-    return function if isinstance(function, str) else f"{function:g}"
+        return "; ".join(f"{q + 0.0:.10g} {y + 0.0:.10g}" for q, y in function)
+    return function if isinstance(function, str) else f"{function + 0.0:.10g}"
 
 
 def edit_of(body: pg.Body, field: str, text: str, display: Display) -> dict[str, Any]:
