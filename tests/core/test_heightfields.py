@@ -189,3 +189,22 @@ def test_the_bottom_of_a_box_on_a_flat_heightfield_touches_at_its_corners(nodes)
         assert abs(places).max() < 0.1 + 1e-9
         assert np.linalg.norm(places[:, None] - corners, axis=2).min(axis=0).max() < 1e-9
         assert found.normal == pytest.approx(np.tile((0.0, 0.0, 1.0), (len(places), 1)), abs=1e-12)
+
+
+@pytest.mark.parametrize("given", [{}, {"rtol": 1e-4}, {"method": "dopri5", "rtol": 1e-5}], ids=str)
+@pytest.mark.parametrize("seed", [1, 3, 5])
+def test_no_step_falls_through_hills(seed, given):
+    """Contacts are ignored until bodies come close. A step may end deep in the ground."""
+    rng = np.random.default_rng(seed)
+    heights = rng.uniform(0.0, 0.6, (8, 8)).tolist()
+    hills = pg.Shape(kind="heightfield", size=(30.0, 30.0, 1.0), heights=heights)
+    box = pg.Body(
+        name="box", joint="free", mass=2.0, derived=("inertia",), rotation=(0.2, 0.4, 0.8, 0.4),
+        shape=pg.Shape(kind="box", size=(0.8, 1.4, 1.6)), q=(0.1, 0.2, 2.8, 1, 0, 0, 0),
+        v=(*rng.normal(0, 3, 3).tolist(), 0, 0, -7),
+    )  # fmt: skip
+    ground = pg.Body(name="hills", joint="weld", shape=hills)
+    contact = pg.Contact(name="c", body="box", other="hills", friction=0.5, restitution=0.3)
+    model = pg.Model(bodies=[box, ground], contacts=[contact])
+    run = pg.simulate(model, t_end=0.6, frames=2, estimate=False, **given)
+    assert run.q[-1, 2] > 0.0

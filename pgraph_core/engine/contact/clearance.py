@@ -17,15 +17,16 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F2, I1, i8, plain, read, void
 from ..motion import opened
 from ..motions import bends, column, is_angle, numbers_of, travels
-from ..records import CONTACT_AHEAD, ONCE
+from ..records import CONTACT_AHEAD, HEIGHTFIELD, ONCE
 from ..rows import kind_of, origin_of, parent_of, q_of, v_of
 from ..stepping.explicit import dense_output
 from ..stepping.run import LOOK_BACK
 from ..stepping.state import copied, size_of_state
 from ..tree.kinematics import outboard, positions
 from ..vec import dot, sub, xyz
-from .placing import place
-from .search import find_contacts, find_gaps
+from .placing import place, vertex
+from .seams import boundary, to_local
+from .search import find_contacts, find_gaps, may_collide
 
 LOOK_AHEAD = 32.0  # steps' motion: how far a search looks at least
 FARTHER = 4.0  # range of the next search, relative to the clearance
@@ -135,11 +136,58 @@ def clearance(guard, ahead):
         guard.geometry, guard.ground, may, guard.poses, guard.search, ahead + margin, found
     )
     between = may.pairs.shape[0] + may.members.shape[0] > 0
+    if between and any_sunk(guard):
+        return 0.0
     free = 0.5 * ahead if between else ahead
     for c in range(min(n, found.shape[0])):
         gap = found[c].gap - margin
         free = min(free, gap if found[c].shape_b < 0 else 0.5 * gap)
     return free if n <= found.shape[0] else 0.0
+
+
+@sweep
+def any_sunk(guard):
+    """Check whether a shape reaches under a heightfield, where contact points are found only near
+    the surface."""
+    shapes, may = guard.geometry.shapes, guard.candidates
+    for n in range(may.pairs.shape[0]):
+        i, j = may.pairs[n].shape_a, may.pairs[n].shape_b
+        if is_sunk(guard, i, j) or is_sunk(guard, j, i):
+            return True
+    for m in range(may.members.shape[0]):
+        if shapes[may.members[m].shape].kind == HEIGHTFIELD:
+            for k in range(may.members.shape[0]):
+                sunk = is_sunk(guard, may.members[k].shape, may.members[m].shape)
+                if sunk and may_collide(may, shapes, m, k):
+                    return True
+    return False
+
+
+@sweep
+def is_sunk(guard, i, j):
+    """Check whether a corner of shape i, or the ball around its centre that is inside it, is under
+    the surface of shape j, a heightfield."""
+    shape, field, poses = guard.geometry.shapes[i], guard.geometry.shapes[j], guard.poses
+    if field.kind != HEIGHTFIELD:
+        return False
+    half = xyz(shape.half_extents)
+    x, inner = to_local(poses, j, xyz(poses[i].position)), min(half[0], min(half[1], half[2]))
+    sunk = is_under(guard.geometry, j, (x[0], x[1], x[2] - inner))
+    for k in range(shape.vertices):
+        x = to_local(poses, j, vertex(guard.geometry, poses, i, k))
+        sunk = sunk or is_under(guard.geometry, j, (x[0], x[1], x[2] - shape.radius))
+    return sunk
+
+
+@part
+def is_under(geometry, j, x):
+    """Check whether x, in the frame of heightfield j, is under its surface, at any depth."""
+    field = geometry.shapes[j]
+    for c in range(2):
+        if abs(x[c] - field.middle[c]) > field.half_extents[c]:
+            return False
+    normal, level = boundary(geometry, j, 0, x)
+    return dot(normal, x) < level
 
 
 @sweep
