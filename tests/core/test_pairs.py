@@ -262,3 +262,23 @@ def test_a_large_box_and_a_small_one(gap):
     touch = Scene([solids.box((1e-3, 1e-3, 1e-3)), solids.box((1e3, 1e3, 1e3))], poses).pair()
     assert touch.gap.min() == pytest.approx(max(gap, -0.5005), abs=PREFERRED * 1e3)
     np.testing.assert_allclose(touch.normal[touch.gap.argmin()], [0, 0, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("depth", [0.11, 0.15, 0.3])
+@pytest.mark.parametrize(("turn", "shift"), [(0.0, 0.0), (0.3, 0.1), (-0.6, 0.05), (1.0, 0.2)])
+def test_a_capsule_whose_axis_is_inside_an_edge_touches_with_its_far_side(depth, turn, shift):
+    """It crosses the edge of a box and leans on both faces alike."""
+    n = np.array([1, 0, 1]) / np.sqrt(2)
+    axis = Rotation.from_rotvec(turn * n).apply(np.cross(n, (0, 1, 0)))
+    place = np.array([0.5, shift, 0.5]) + (0.1 - depth) * n
+    lies = Rotation.from_matrix(np.column_stack((np.cross(n, axis), n, axis)))
+    if np.linalg.det(np.column_stack((np.cross(n, axis), n, axis))) < 0:
+        lies = Rotation.from_matrix(np.column_stack((-np.cross(n, axis), n, axis)))
+    scene = Scene(
+        [solids.box((1.0, 1.0, 1.0)), solids.capsule(0.1, 2.0)], [pose(), pose(place, lies)]
+    )
+    touch, back = scene.pair(0, 1), scene.pair(1, 0)
+    assert touch.gap == pytest.approx([-depth], abs=ROUNDING)
+    for b, a in ((touch.b, touch.a), (back.a, back.b)):
+        np.testing.assert_allclose(b, [place - 0.1 * n], atol=ROUNDING)
+        np.testing.assert_allclose(a, [place - (0.1 - depth) * n], atol=ROUNDING)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 import pgraph_core as pg
 import pgraph_models
@@ -454,3 +455,45 @@ def test_a_driven_anchor_does_the_work_that_its_spring_takes(way):
     assert "slip" in {e.after for e in done.events}
     assert done.work[-1] == pytest.approx(work, rel=1e-5)
     assert done.energy_drift < 1e-6
+
+
+def test_feet_with_little_load_share_a_push_within_their_cones():
+    """Forces that no motion tells apart are close to those of least norm within the cones.
+
+    Those of least norm alone would leave the cones of two feet. The run projects them, and ends at
+    a point whose friction is within 2 % of the least, here 1 %.
+    """
+    feet, com, mu = np.array([(-0.5, 0, -0.05), (0.5, 0, -0.05), (0.4, 0.3, -0.05)]), 0.45, 0.5
+    body = pg.Body(
+        name="b", joint="free", inertia=(0.1, 0.1, 0.1), com=(com, 0, 0),
+        q=(0, 0, 0.05, 1, 0, 0, 0),
+    )  # fmt: skip
+    contacts = [
+        pg.Contact(name=f"c{i}", body="b", points=[p], friction=mu) for i, p in enumerate(feet)
+    ]
+    model = pg.Model(bodies=[body], contacts=contacts, gravity=(2.0, 1.0, -G))
+    found = run(model, t_end=0.1, method="dop853", rtol=1e-8, estimate=False, frames=3)
+    forces = np.array([found.contact_force[f"c{i}"][-1, 3:] for i in range(3)])
+    arms = feet - (com, 0, 0)
+    np.testing.assert_allclose(forces.sum(axis=0), (-2.0, -1.0, G), atol=1e-9)
+    np.testing.assert_allclose(np.cross(arms, forces).sum(axis=0), 0, atol=1e-9)
+    assert abs(found.v).max() < 1e-9
+    drag = np.linalg.norm(forces[:, :2], axis=1)
+    assert (drag <= mu * forces[:, 2] * (1 + 1e-9)).all()
+    balance = np.vstack(
+        [np.hstack([np.eye(3)] * 3), np.hstack([np.cross(np.eye(3), a) for a in -arms])]
+    )
+    weight = np.array([-2.0, -1.0, G, 0, 0, 0])
+    least = np.linalg.lstsq(balance, weight, rcond=None)[0].reshape(3, 3)
+    assert (np.linalg.norm(least[:, :2], axis=1) > mu * least[:, 2]).sum() == 2
+    laws = [{"type": "eq", "fun": lambda x: balance @ x - weight}]
+    laws += [
+        {
+            "type": "ineq",
+            "fun": lambda x, i=i: (mu * x[3 * i + 2]) ** 2 - x[3 * i] ** 2 - x[3 * i + 1] ** 2,
+        }
+        for i in range(3)
+    ]
+    best = minimize(lambda x: x @ x, least.ravel(), constraints=laws, options={"maxiter": 500})
+    assert best.success
+    assert (drag**2).sum() <= 1.02 * (best.x.reshape(3, 3)[:, :2] ** 2).sum()
