@@ -33,7 +33,7 @@ from .units import M
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 DEGREE = 7  # of the polynomials, see `engine.layout`
-CLOSE = 1e-13  # largest distance of the polynomials from the functions, relative to their size
+CLOSE = 512 * EPS  # largest distance of the polynomials from the functions, relative to their size
 MOST_PIECES = 2000  # more would be needed by a function with a corner only
 START = 8  # parts of a piece in the first trial
 
