@@ -67,12 +67,19 @@ class Kind(NamedTuple):
     rotation: Callable[[Motion, Array, Any], Array]  # (motion, home, q) to a matrix (3, 3)
     displacement: Callable[[Motion, Array, Any], Array]  # the same to (3,) [m]
     columns: Callable[[Motion, Array, Any], Array]  # the same to H (6, nv), eqs. (6), (7)
+    # the same to the derivative of H in the only coordinate, if H is not constant
+    bends: Callable[[Motion, Array, Any], Array] = lambda motion, home, q: np.zeros((6, 1))
     directed: bool = False  # about or along an axis
     reach: float | None = None  # None: it takes no limits
 
 
 def _column(angular: Array, linear: Array) -> Array:
     return np.concatenate((angular, linear))[:, None]
+
+
+def _turned(pair: Array, home: Array) -> Array:
+    """Return [angular, linear] (6,), given in the axes of the body, as a column (6, 1)."""
+    return (pair.reshape(2, 3) @ home.T).reshape(6, 1)
 
 
 def units_of(motion: Motion) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -144,9 +151,8 @@ KINDS: dict[MotionKind, Kind] = {
         (0.0,),
         rotation=lambda motion, home, q: home @ motion.track.at(q[0])[1] @ home.T,
         displacement=lambda motion, home, q: home @ motion.track.at(q[0])[0],
-        columns=lambda motion, home, q: (motion.track.slope(q[0]).reshape(2, 3) @ home.T).reshape(
-            6, 1
-        ),
+        columns=lambda motion, home, q: _turned(motion.track.slope(q[0]), home),
+        bends=lambda motion, home, q: _turned(motion.track.bend(q[0]), home),
         reach=1.0,
     ),
 }

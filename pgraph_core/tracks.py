@@ -150,10 +150,18 @@ class Track(Frozen):
 
     def slope(self, q: float) -> Array:
         """Return the derivative (6,) of the motion in its coordinate, [a, x']."""
-        value, slope = self._values(q)
+        value, slope, _ = self._values(q)
         return np.concatenate((_twist(value[3:], slope[3:]), slope[:3]))
 
-    def _values(self, q: float) -> tuple[Array, Array]:
+    def bend(self, q: float) -> Array:
+        """Return the derivative (6,) of `slope`."""
+        value, slope, bend = self._values(q)
+        p, rate = value[3:], slope[3:]
+        shrinks = 2.0 * (p @ rate) / (p @ p)
+        turn = _twist(p, bend[3:]) - shrinks * _twist(p, rate)
+        return np.concatenate((turn, bend[:3]))
+
+    def _values(self, q: float) -> tuple[Array, Array, Array]:
         """Return x and p, (7,), and their derivatives. The second ones are constant beyond the
         ends."""
         first, last = self.pieces.x[[0, -1]]
@@ -162,7 +170,7 @@ class Track(Frozen):
         inside = min(max(q, first), last)
         value, slope, bend = (self.pieces(inside, nu=k) for k in range(3))
         beyond = q - inside
-        return value + beyond * (slope + 0.5 * beyond * bend), slope + beyond * bend
+        return value + beyond * (slope + 0.5 * beyond * bend), slope + beyond * bend, bend
 
     def line(self, count: int = 100) -> Array:
         """Return points (count + 1, 3) of the track from its beginning to its end [m]."""

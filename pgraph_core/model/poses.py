@@ -90,6 +90,12 @@ def columns(motion: Motion, turned: Array, home: Array, q: Numbers) -> Array:
     return np.vstack((turned @ own[:3], turned @ own[3:]))
 
 
+def bends(motion: Motion, turned: Array, home: Array, q: Numbers) -> Array:
+    """Return the derivative of `columns` in the coordinate of a motion that has one."""
+    own = joints.KINDS[motion.kind].bends(motion, home, q)
+    return np.vstack((turned @ own[:3], turned @ own[3:]))
+
+
 # -- bodies ----------------------------------------------------------------------------------------
 
 

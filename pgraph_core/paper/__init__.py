@@ -19,7 +19,7 @@ from .. import joints
 from ..errors import InputError, Problem, explained, shown
 from ..joints import SIZE
 from ..model import Body, Model
-from ..model.poses import Pose, carried, columns, displacement, elementary, poses, turn
+from ..model.poses import Pose, bends, carried, columns, displacement, elementary, poses, turn
 from ..rotation import Array, matrix, skew
 from ..topology import Ints, Topology, find
 
@@ -352,9 +352,12 @@ def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) 
     for motion, x in elementary(body, q):
         step = displacement(motion, turned, home, x)
         axes = columns(motion, turned, home, x)
-        relative = axes @ v[start : start + axes.shape[1]]
+        speeds = v[start : start + axes.shape[1]]
+        relative = axes @ speeds
         H = np.hstack((phi(step) @ H, axes))
         a = phi(step) @ a + bias(omega, step, relative)
+        if len(x) == 1:
+            a += bends(motion, turned, home, x) @ speeds**2
         link, omega = link + step, omega + relative[:3]
         turned = turned @ turn(motion, home, x)
         start += axes.shape[1]

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import pgraph_core as pg
+from pgraph_core.paper import Operators
 
 G = 9.81
 FINE = {"method": "dop853", "rtol": 1e-13, "estimate": False}
@@ -282,3 +283,13 @@ def test_a_run_names_a_body_past_the_end_of_its_track():
     assert any("past the end of its track at t = " in text for text in run.notices)
     short = pg.simulate(alone(track), t_end=0.2, estimate=False)
     assert not any("track" in text for text in short.notices)
+
+
+def test_operators_of_the_paper_know_that_axes_of_curves_turn():
+    """H depends on the coordinate, so that a of eq. (9) contains H' times the squared speed."""
+    mech = pg.Mechanism(chain())
+    q = np.concatenate([body.q for body in mech.model.bodies])
+    v = np.linspace(0.3, 1.5, mech.nv)
+    dense = Operators(mech.model, mech.topology, q, v)
+    expected = mech.bias_force(q, v)
+    np.testing.assert_allclose(dense.bias_force, expected, atol=1e-12 * abs(expected).max())
