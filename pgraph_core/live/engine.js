@@ -118,6 +118,7 @@ const pgraphEngine = (() => {
         "body",
         "motion",
         "start",
+        "tracks",
         "rows",
         "const",
         "bodies_i",
@@ -131,8 +132,9 @@ const pgraphEngine = (() => {
 
     // Largest of the mechanism's own lengths [m], as `length_in` in pgraph_core/packing.
     length() {
-      const [, rows, columns] = this.header.arrays.const,
-        c = this.floats("const");
+      const [, rows] = this.header.arrays.rows; // behind them stand the tracks of curves
+      const columns = this.header.arrays.const[2];
+      const c = this.floats("const");
       const { mass, link, com, inertia } = this.header.columns;
       let gyration = 0,
         far = [0, 0];

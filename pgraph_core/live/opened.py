@@ -233,7 +233,7 @@ def _differs(
         for place in what.table:
             put(place, x)
     if any(what.table for what, _ in given):
-        names = ("parent", "body", "motion", "start", *PACKED)
+        names = ("parent", "body", "motion", "start", "tracks", *PACKED)
         pack(*(view(name) for name in names))
         for place in run.lengths():
             put(place, length_in(len(view("rows")), view("const"), view("home")[: view("q").size]))

@@ -319,7 +319,7 @@ class LiveRun:
         """Return the addresses [bytes] of all data that the browser reads and writes."""
         place, record = self.image.place, self.record
         steps, kept = record.steps, record.steps._kept
-        parent, body, motions, start = self.numbers
+        parent, body, motions, start, tracks = self.numbers
         rows, const, bodies_i, bodies_f, home = self.packed_arrays
         copies = []
         if place(self._scene.const) != place(const):
@@ -327,6 +327,7 @@ class LiveRun:
         arrays = {
             "rows": rows, "const": const, "bodies_i": bodies_i, "bodies_f": bodies_f,
             "home": home, "parent": parent, "body": body, "motion": motions, "start": start,
+            "tracks": tracks,
             "view_work": self.view_work, "position": self.position, "rotation": self.rotation,
             "still": self.still, "trial": self.trial, "q": steps.q, "v": steps.v,
             "given": self._scene.given, "flow": kept.flow, "vdot": record.out.vdot[0],
