@@ -430,6 +430,7 @@ def _problems_of_call(
         given = signature.bind(*args, **named).arguments
     except TypeError as error:
         known = _names(function)
+        named = words.renamed(named, known) or named  # by position too, or this would have run
         wrong = [name for name in named if name not in known]
         if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
             wrong = [name for name in wrong if not hooks.passed(name)]
@@ -444,11 +445,11 @@ def _problems_of_call(
             ]
         twice = [f"{shown(x)} is in the place of {name}, which is given by name too"
                  for name, x in zip(parameters, args) if name in named]  # fmt: skip
-        words = [str(p).split(":")[0] for p in parameters.values()]
+        taken = [str(p).split(":")[0] for p in parameters.values()]
         by_name = [i for i, p in enumerate(parameters.values()) if p.kind is p.KEYWORD_ONLY]
-        if by_name and by_name[0] > 0 and not words[by_name[0] - 1].startswith("*"):
-            words.insert(by_name[0], "*")
-        takes = ", ".join(words)
+        if by_name and by_name[0] > 0 and not taken[by_name[0] - 1].startswith("*"):
+            taken.insert(by_name[0], "*")
+        takes = ", ".join(taken)
         text = f"{[*twice, error][0]}; it takes ({takes}){example_of(function)}"
         return [Problem(where, "", text)]
     return _misfits(where, function, parameters, given)
