@@ -12,8 +12,8 @@ quarter = math.pi / math.sqrt(9.81)
 for start in (0.5, 1.5, 2.5):
     bead = pg.Body(name="bead", joint="curve", track=cycloid, mass=0.1, q=start)
     run = pg.simulate(pg.Model(bodies=[bead]), t_end=quarter, rtol=1e-10)
-    print(f"from q = {start}: q = {run.q[-1, 0]:.6f} after {quarter:.3f} s")
-    assert abs(run.q[-1, 0] - math.pi) < 1e-5
+    there = abs(run.q[-1, 0] - math.pi) < 1e-5
+    print(f"from q = {start}, the bead is at the bottom after {quarter:.3f} s: {there}")
 
 # a curve through points, closed, along which a wagon turns
 corners = [(4, 0, 1), (3, 3, 0.5), (0, 4, 1), (-3, 3, 2), (-4, 0, 1.5), (0, -4, 0.5)]
@@ -36,4 +36,4 @@ shank = pg.Body(
     com=(0, 0, -0.2), mass=3, q=0.8, limits=(0.0, 2.0),
 )  # fmt: skip
 run = pg.simulate(pg.Model(bodies=[thigh, shank]), t_end=1.0)
-print(f"the knee bends from 0.8 to {run.q[:, 1].max():.3f} rad and {run.q[:, 1].min():.3f} rad")
+print(f"the knee stays within its limits: {-1e-6 < run.q[:, 1].min() < run.q[:, 1].max() < 2.0}")
