@@ -33,7 +33,7 @@ knee = pg.Track(angles=["-q"], axes=[(0, 1, 0)], x=roll, z=drop)
 thigh = pg.Body(name="thigh", axes=(0, 1, 0), com=(0, 0, -0.2), mass=8, q=-0.5)
 shank = pg.Body(
     name="shank", parent="thigh", joint="curve", track=knee, link=(0, 0, -0.4),
-    com=(0, 0, -0.2), mass=3, q=0.8, limits=(0.0, 2.0),
+    com=(0, 0, -0.2), mass=3, q=0.8, stiffness=30.0, rest=1.0, damping=0.2,
 )  # fmt: skip
 run = pg.simulate(pg.Model(bodies=[thigh, shank]), t_end=1.0)
-print(f"the knee stays within its limits: {-1e-6 < run.q[:, 1].min() < run.q[:, 1].max() < 2.0}")
+print(f"the knee stays within its track: {0.0 < run.q[:, 1].min() < run.q[:, 1].max() < 2.0}")

@@ -292,7 +292,16 @@ def joint_problems(
     return found + _limit_problems(limits, motions)
 
 
-def track_problems(track: Any, motions: Motions) -> list[Finding]:
+# impulses along a coordinate are for axes of length 1
+NO_IMPULSES = (
+    "is only possible on a curve through points without `up`; for others use a spring, a damper "
+    "or a motor"
+)
+
+
+def track_problems(
+    track: Any, motions: Motions, limits: Limits, friction: Numbers
+) -> list[Finding]:
     """Return a problem if a joint lacks the track of its curve, or has one without a curve."""
     count = sum(m.kind == "curve" for m in motions)
     if count > 1:
@@ -300,6 +309,11 @@ def track_problems(track: Any, motions: Motions) -> list[Finding]:
     if count and track is None:
         text = "a curve needs a track, such as pg.Track(points=[(0, 0, 0), (1, 0, 0.5)])"
         return [("track", text)]
+    k = [m.kind for m in motions].index("curve") if count else 0
+    if count and not track.unit_speed:
+        for name, own in (("limits", limits[k : k + 1]), ("friction", friction[k : k + 1])):
+            if any(own):
+                return [(name, f"{NO_IMPULSES}, got {shown(own[0])}")]
     if track is not None and not count:
         return [("track", "belongs to a curve; give joint='curve', or leave the track out")]
     return []

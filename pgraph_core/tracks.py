@@ -36,6 +36,7 @@ DEGREE = 7  # of the polynomials, see `engine.layout`
 CLOSE = 512 * EPS  # largest distance of the polynomials from the functions, relative to their size
 MOST_PIECES = 2000  # more would be needed by a function with a corner only
 START = 8  # parts of a piece in the first trial
+LEAD = 1e-3  # part of a piece by which the first one begins early, so that ends are inside
 
 Pairs = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2)]
 Formula = Annotated[str, StringConstraints(min_length=1, max_length=200)]
@@ -77,7 +78,8 @@ class Track(Frozen):
         "up to three functions [rad], each " + FUNCTION, converter=_functions, default=()
     )
     axes: Vec3s = field(
-        "one direction [x, y, z] per angle, in the axes after the rotations before it",
+        "one direction [x, y, z] per angle, in the axes after the rotations before it; by default "
+        "x, y and z in this order",
         converter=vectors, default=(), role="direction",
     )  # fmt: skip
     range: tuple[Number, Number] | None = field(
@@ -98,6 +100,8 @@ class Track(Frozen):
         if "unit" not in data and len(listed(data.get("points", ())) or ()):
             data["unit"] = "m"
         angles = listed(data.get("angles", ()))
+        if isinstance(angles, str):
+            angles = data["angles"] = (angles,)
         if "axes" not in data and isinstance(angles, tuple):
             data["axes"] = (X, Y, Z)[: len(angles)]
         return data
@@ -105,7 +109,7 @@ class Track(Frozen):
     @model_validator(mode="after")
     def _smooth(self) -> Self:
         if "checked" not in vars(self):
-            refuse(_problems(self))
+            refuse(_problems(self)[:1])  # the others follow from it
             vars(self)["checked"] = True
             refuse(self._rough())
         return self
@@ -119,13 +123,18 @@ class Track(Frozen):
         if q is None:
             return []
         text = f"nothing moves with q at q = {q:.6g}: all derivatives vanish, as at a cusp"
-        field = "points" if self.points else "x"
-        return [(field, f"{text}; choose other functions, or end the track before it")]
+        return [(_given(self), f"{text}; choose other functions, or end the track before it")]
 
     @cached_property
     def pieces(self) -> Any:
         """SciPy's piecewise polynomial for x [m] and the quaternion, with 7 components."""
-        return _joined([_fitted(piece) for piece in self._pieces()], self.closed)
+        closed = self.closed and not self.points  # a spline through points closes by itself
+        return _joined([_fitted(piece) for piece in self._pieces()], closed)
+
+    @property
+    def unit_speed(self) -> bool:
+        """Whether the origin moves by as much as the coordinate, and the body does not turn."""
+        return bool(self.points) and self.up is None
 
     def _pieces(self) -> list[_Piece]:
         return _of_points(self) if self.points else _of_functions(self)
@@ -133,13 +142,18 @@ class Track(Frozen):
     @cached_property
     def rows(self) -> Array:
         """The rows (nt, 32) for the kernels, described in `engine.layout`."""
-        found = np.zeros((2 * len(self.pieces.x) - 1, 32))
-        found[::2, 0] = self.pieces.x
-        powers = self.pieces.c[::-1].transpose(1, 0, 2)  # (pieces, 8, 7)
+        x, c = self.pieces.x.copy(), self.pieces.c.copy()
+        lead = LEAD * min(x[1] - x[0], x[-1] - x[-2])  # the ends lie within a piece
+        c[:, 0] = _expanded(c[:, 0], -lead)
+        x[0] -= lead
+        x[-1] += -lead if self.closed else lead
+        found = np.zeros((2 * len(x) - 1, 32))
+        found[::2, 0] = x
+        powers = c[::-1].transpose(1, 0, 2)  # (pieces, 8, 7)
         found[:-1:2, 1:25] = powers[:, :, :3].reshape(-1, 24)
         found[1::2] = powers[:, :, 3:].reshape(-1, 32)
         if self.closed:
-            found[0, 25] = 1.0 / (self.pieces.x[-1] - self.pieces.x[0])
+            found[0, 25] = 1.0 / (x[-1] - x[0])
         found.setflags(write=False)
         return found
 
@@ -240,6 +254,8 @@ def _problems(track: Track) -> list[tuple[str, str]]:
 
 def _problems_of_points(track: Track, others: bool) -> list[tuple[str, str]]:
     points = np.array(track.points)
+    if np.abs(points).max() > 1e9:
+        return [("points", f"must be within 1e9 m, got {shown(track.points)}")]
     if others:
         return [("points", "stand in place of x, y, z and angles; give one of the two")]
     if track.range is not None or track.unit != "m":
@@ -365,6 +381,7 @@ class _Piece(NamedTuple):
     end: float
     pose: Callable[[Array], tuple[Array, Array]]
     field: str
+    turned: bool = False  # by the direction `up`
 
 
 def _of_functions(track: Track) -> list[_Piece]:
@@ -384,12 +401,15 @@ def _of_functions(track: Track) -> list[_Piece]:
         return q, np.column_stack((*values[:3], p))
 
     places = [low, *sorted(breaks), high]
-    field = next(
-        name
-        for f, name in zip(functions, ("x", "y", "z", *("angles",) * 3))
-        if not isinstance(f, float)
-    )
-    return [_Piece(a, b, pose, field) for a, b in pairwise(places)]
+    return [_Piece(a, b, pose, _given(track)) for a, b in pairwise(places)]
+
+
+def _given(track: Track) -> str:
+    """Return the first field that gives the track."""
+    if track.points:
+        return "points"
+    functions = {"x": track.x, "y": track.y, "z": track.z}
+    return next((name for name, f in functions.items() if not isinstance(f, float)), "angles")
 
 
 def _evaluator(function: Any, closed: bool) -> Callable[[Array], Array]:
@@ -453,7 +473,8 @@ def _of_points(track: Track) -> list[_Piece]:
             p = _along(slope(x), np.array(track.up))
         return whole[i] + way(u[i], x), np.column_stack((spline(x), p))
 
-    return [_Piece(a, b, pose, "points") for a, b in pairwise(u.tolist())]
+    turned = track.up is not None
+    return [_Piece(a, b, pose, "points", turned) for a, b in pairwise(u.tolist())]
 
 
 def _along(tangent: Array, up: Array) -> Array:
@@ -493,6 +514,7 @@ def _fitted(piece: _Piece) -> Any:
         count = 3 * count // 2
     text = "has a corner, a jump or too short waves between "
     text += f"q = {q[0]:.6g} and {q[-1]:.6g}; round it, or give a spline"
+    text += " (a curve close to `up`, too)" if piece.turned else ""
     raise _Rough(piece.field, text)
 
 
@@ -515,16 +537,26 @@ def _joined(parts: Sequence[Any], closed: bool) -> Any:
     return found
 
 
+def _expanded(c: Array, shift: float) -> Array:
+    """Return the coefficients (8, 7) of polynomials about a place further by `shift`."""
+    powers = np.arange(len(c))[::-1]
+    found = np.zeros_like(c)
+    for k, own in zip(powers.tolist(), c):
+        for j in range(k + 1):
+            found[len(c) - 1 - j] += own * math.comb(k, j) * shift ** (k - j)
+    return found
+
+
 def _check_closed(found: Any) -> None:
     """Raise _Rough if the motion does not end as it begins, up to the second derivative."""
     first, last = found.x[[0, -1]]
+    radian = (last - first) / math.tau
+    turn = 1.0 if found(first)[3:] @ found(last)[3:] > 0.0 else -1.0
+    size = np.repeat((np.abs(found(found.x)[:, :3]).max() or 1.0, 1.0), (3, 4))
     for k in range(3):
         a, b = found(first, nu=k), found(last, nu=k)
-        turn = 1.0 if found(first)[3:] @ found(last)[3:] > 0.0 else -1.0
         apart = np.abs(np.concatenate((a[:3] - b[:3], a[3:] - turn * b[3:])))
-        values = np.abs(found(found.x, nu=k))
-        size = np.repeat((values[:, :3].max(), max(values[:, 3:].max(), 1.0)), (3, 4))
-        if (apart > NOTABLE * size).any():
+        if (apart * radian**k > NOTABLE * size).any():
             text = (
                 "a closed track ends as it begins, with equal places, rotations and slopes; these"
             )

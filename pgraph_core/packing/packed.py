@@ -338,7 +338,7 @@ def _record(b: Mapping[str, Any]) -> Record:
     for (kind, axis), (*numbers, pitch) in zip(motions, physics):
         direction = _unit(axis) if kind in DIRECTED else axis
         track = b["track"] if kind == "curve" else None
-        curve = track.rows.tobytes() if track else b""
+        curve += track.rows.tobytes() if track else b""
         count = len(track.rows) if track else 0
         moved += MOTION(code_of(kind, track), *direction, *numbers, pitch / math.tau, count)
     return row, moved, struct.pack(f"{len(q)}d", *q), struct.pack(f"{len(v)}d", *v), curve

@@ -104,7 +104,8 @@ class Steps:
             self.error["widths"], self.clock["most"] = GIVEN, ANY_NUMBER
             assert plan.step is not None, "a run without a tolerance has a step"
             self.guard["turning"] = plan.step / plan.parts
-            self.clock["span"] = FRAMES * plan.step  # a Stepper does not know when it will end
+            if plan.method.implicit:  # solved to a speed that no Stepper knows from its end
+                self.clock["span"] = FRAMES * plan.step
             measured = plan.method.implicit or plan.method.adaptive
             self.error["rtol"] = SOLVED if measured else 0.0
             return

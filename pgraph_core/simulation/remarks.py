@@ -309,13 +309,13 @@ def off_track(record: Running) -> Iterator[str]:
         beyond = (record.out.q[:n, at] < low - slack) | (record.out.q[:n, at] > high + slack)
         i = int(np.argmax(beyond)) if beyond.any() else n
         if i < (n if first is None else first[0]):
-            first = i, body, low, high
+            first = i, body.name, low, high, body.track.unit
     if first is not None:
-        i, body, low, high = first
+        i, name, low, high, unit = first
         yield (
-            f"'{body.name}' is past the end of its track at t = {record.steps.times[i]:.6g} s: the "
-            f"track goes from {low:.6g} to {high:.6g} {body.track.unit}, and is continued with "
-            "constant curvature; make it longer, or give the joint limits"
+            f"'{name}' is past the end of its track at t = {record.steps.times[i]:.6g} s: the "
+            f"track goes from {low:.6g} to {high:.6g} {unit}, and is continued with "
+            "constant second derivatives; make it longer, or hold the body by a spring"
         )
 
 

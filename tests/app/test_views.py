@@ -103,7 +103,8 @@ def test_runs_that_are_compared_say_what_was_changed_between_them():
 
 @pytest.mark.parametrize("joint", pg.Body.model_fields["joint"].annotation.__args__)
 def test_every_kind_of_joint_has_all_its_numbers_in_cells(joint):
-    state = begun(pg.Model.serial(2).edit("2", joint=joint))
+    track = {"track": pg.Track(points=[(0, 0, 0), (1, 0, 0)])} if joint == "curve" else {}
+    state = begun(pg.Model.serial(2).edit("2", joint=joint, **track))
     body, sent = state.model.body("2"), {}
     for group in properties(state, ("2",))["groups"]:
         for field in group["fields"]:

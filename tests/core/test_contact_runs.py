@@ -70,7 +70,7 @@ def test_the_torque_on_the_other_body_is_about_its_own_origin():
 def test_a_point_mass_is_held_and_a_start_under_the_ground_reported():
     """It has no size that rounding could be compared with."""
     body = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), q=(1.0,), inertia=np.zeros((3, 3)))
-    model = on_ground(body, points=((0, 0, 0),), restitution=0.0)
+    model = on_ground(body, points=((0, 0, 0),), restitution=0.0, friction=0.0)
     assert not pg.simulate(model, t_end=1.0, method="moreau_jean").notices
     buried = pg.simulate(model, [-0.1], t_end=1.0, method="moreau_jean", estimate=False)
     assert "'floor'" in buried.notices[0]

@@ -293,3 +293,57 @@ def test_operators_of_the_paper_know_that_axes_of_curves_turn():
     dense = Operators(mech.model, mech.topology, q, v)
     expected = mech.bias_force(q, v)
     np.testing.assert_allclose(dense.bias_force, expected, atol=1e-12 * abs(expected).max())
+
+
+def test_a_curve_may_be_any_motion_of_a_compound_joint():
+    """The track of a curve before a hinge was lost, and kernels read beyond their arrays."""
+    guide = pg.Track(x="0.1*cos(q)", y="0.07*sin(q)", range=(0, 6.28))
+    fields = {"track": guide, "com": (0, 0, -0.1), "mass": 1.0, "inertia": INERTIA}
+    both = [("curve", (0, 0, 1)), ("rotate", (0, 1, 0))]
+    one = pg.Body(name="a", joint="compound", motions=both, q=(0.3, 0.2), v=(1.0, 2.0), **fields)
+    arm = pg.Body(name="a", joint="curve", track=guide, mass=0.0, q=0.3, v=1.0)
+    own = {key: fields[key] for key in ("com", "mass", "inertia")}
+    hinge = pg.Body(name="b", parent="a", axes=(0, 1, 0), q=0.2, v=2.0, **own)
+    run = pg.simulate(pg.Model(bodies=[one]), t_end=0.3, **FINE)
+    two = pg.simulate(pg.Model(bodies=[arm, hinge]), t_end=0.3, **FINE)
+    np.testing.assert_allclose(run.q, two.q, atol=1e-11)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 100.0])
+def test_closed_tracks_of_any_size_are_taken(size):
+    a = np.arange(10) * math.tau / 10
+    ring = np.stack((np.cos(a), 0.6 * np.sin(a), 0.2 * np.sin(2 * a)), axis=1) * size
+    assert pg.Track(points=ring, closed=True).pieces.x[-1] > size
+    uneven = np.array([(0, 0, 0), (0.5, 0.2, 0.1), (1, 0.1, 0.3), (1.3, 0.8, 0.2)]) * size
+    assert pg.Track(points=uneven, closed=True).closed
+
+
+def test_derivatives_by_a_start_at_the_beginning_of_a_track_equal_differences():
+    a = np.arange(12) * math.tau / 12
+    points = np.stack((np.cos(a), np.sin(a), 0.3 * np.sin(2 * a)), axis=1)
+    model = alone(pg.Track(points=points, closed=True, up=(0, 0, 1)), v=1.5, inertia=INERTIA)
+    given = {"method": "rk4", "step": 5e-3, "t_end": 0.2, "estimate": False}
+    run = pg.simulate(model, wrt=["q.bead"], **given)
+    h = 1e-5
+    ends = [pg.simulate(model, q=[x], **given).q[-1, 0] for x in (h, -h)]
+    assert abs(run.sensitivity("q.bead")[-1, 0] - (ends[0] - ends[1]) / (2 * h)) < 1e-7
+
+
+@pytest.mark.quick
+def test_impulses_along_a_curve_need_one_of_unit_speed():
+    knee = pg.Track(angles=["q"], range=(0, 2))
+    for fields in ({"limits": (0, 1)}, {"friction": 0.1}):
+        with pytest.raises(pg.ModelError) as caught:
+            pg.Body(name="a", joint="curve", track=knee, **fields)
+        assert [problem.field for problem in caught.value.problems] == [*fields]
+    body = pg.Body(name="a", joint="curve", track=knee)
+    held = pg.Motion(name="m", body="a", q_of_t="=0.1*t")
+    with pytest.raises(pg.ModelError, match="through points"):
+        pg.Model(bodies=[body], constraints=[held])
+
+
+@pytest.mark.quick
+def test_each_refusal_of_a_track_has_a_text():
+    with pytest.raises(pg.ModelError, match="at most 3"):
+        pg.Track(angles=["q"] * 4, axes=[(0, 1, 0)] * 4, range=(0, 1))
+    assert pg.Track(angles="q", range=(0, 1)).angles == ("q",)

@@ -94,7 +94,7 @@ def test_the_stiffness_that_a_deep_contact_is_told_helps(law):
     model = on_ground(falling, law=law, stiffness=stiffness, restitution=0.5)
     run = pg.simulate(model, t_end=1.0, estimate=False)
     (told,) = [text for text in run.notices if "penetrated by" in text]
-    assert "contact 'floor' of 'b' and ground" in told
+    assert "contact 'floor' of 'b' and the ground" in told
     needed = float(told.split("give it a stiffness of ")[1].split()[0])
     better = on_ground(falling, law=law, stiffness=needed, restitution=0.5)
     assert not [x for x in pg.simulate(better, t_end=1.0, estimate=False).notices if "penetr" in x]
