@@ -34,9 +34,11 @@ from .units import M
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 DEGREE = 7  # of the polynomials, see `engine.layout`
 CLOSE = 512 * EPS  # largest distance of the polynomials from the functions, relative to their size
-MOST_PIECES = 2000  # more would be needed by a function with a corner only
+MOST_POLYNOMIALS = 2000  # more would be needed by a function with a corner only
 START = 8  # parts of a piece in the first trial
-LEAD = 1e-3  # part of a piece by which the first one begins early, so that ends are inside
+# part of a piece by which the first one begins early, so that the ends of the range lie inside. The
+# error of degree 7 there is its eighth power.
+EARLY = EPS ** (1 / 8)
 
 Pairs = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2)]
 Formula = Annotated[str, StringConstraints(min_length=1, max_length=200)]
@@ -143,7 +145,7 @@ class Track(Frozen):
     def rows(self) -> Array:
         """The rows (nt, 32) for the kernels, described in `engine.layout`."""
         x, c = self.pieces.x.copy(), self.pieces.c.copy()
-        lead = LEAD * min(x[1] - x[0], x[-1] - x[-2])  # the ends lie within a piece
+        lead = EARLY * min(x[1] - x[0], x[-1] - x[-2])  # the ends lie within a piece
         c[:, 0] = _expanded(c[:, 0], -lead)
         x[0] -= lead
         x[-1] += -lead if self.closed else lead
@@ -500,7 +502,7 @@ def _fitted(piece: _Piece) -> Any:
     from scipy.interpolate import PPoly, make_interp_spline
 
     count, q = START, np.zeros(1)
-    while count <= MOST_PIECES:
+    while count <= MOST_POLYNOMIALS:
         q, y = piece.pose(np.linspace(piece.begin, piece.end, 2 * count + 1))
         if not np.isfinite(y).all():
             text = f"has no finite value at q = {q[~np.isfinite(y).all(axis=1)][0]:.6g}"
