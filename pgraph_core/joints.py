@@ -70,6 +70,7 @@ class Kind(NamedTuple):
     # the same to the derivative of H in the only coordinate, if H is not constant
     bends: Callable[[Motion, Array, Any], Array] = lambda motion, home, q: np.zeros((6, 1))
     directed: bool = False  # about or along an axis
+    tracked: bool = False  # along the track of its body
     reach: float | None = None  # None: it takes no limits
 
 
@@ -153,12 +154,14 @@ KINDS: dict[MotionKind, Kind] = {
         displacement=lambda motion, home, q: home @ motion.track.at(q[0])[0],
         columns=lambda motion, home, q: _turned(motion.track.slope(q[0]), home),
         bends=lambda motion, home, q: _turned(motion.track.bend(q[0]), home),
+        tracked=True,
         reach=1.0,
     ),
 }
 SIZE = {kind: (len(k.q), len(k.v)) for kind, k in KINDS.items()}  # (nq, nv) of a motion
-AXIAL = tuple(kind for kind, k in KINDS.items() if len(k.q) == 1)  # of one coordinate
-DIRECTED = tuple(kind for kind, k in KINDS.items() if k.directed)  # about or along an axis
+AXIAL = tuple(kind for kind, k in KINDS.items() if len(k.q) == 1)  # kinds with one coordinate
+DIRECTED = tuple(kind for kind, k in KINDS.items() if k.directed)
+TRACKED = tuple(kind for kind, k in KINDS.items() if k.tracked)
 CODES = {kind: i for i, kind in enumerate(KINDS)}
 
 
@@ -180,6 +183,9 @@ DEFAULT: dict[JointKind, tuple[Motion, ...]] = {
     "curve": (Motion("curve", Z),),
     "compound": (BALL, Motion("translate", Z)),
 }
+
+# joints that may have a motion along a track
+FOLLOWING = ("compound", *(x for x, own in DEFAULT.items() if any(m.kind in TRACKED for m in own)))
 
 # The DoF column: number -> (kind, motions).
 OF_DOF: tuple[tuple[JointKind, tuple[Motion, ...]], ...] = (
@@ -303,18 +309,20 @@ def track_problems(
     track: Any, motions: Motions, limits: Limits, friction: Numbers
 ) -> list[Finding]:
     """Return a problem if a joint lacks the track of its curve, or has one without a curve."""
-    count = sum(m.kind == "curve" for m in motions)
-    if count > 1:
-        return [("motions", f"a joint follows one curve, got {count}; put a body between them")]
-    if count and track is None:
+    curves = [k for k, m in enumerate(motions) if m.kind in TRACKED]
+    if len(curves) > 1:
+        return [
+            ("motions", f"a joint follows one curve, got {len(curves)}; put a body between them")
+        ]
+    if curves and track is None:
         text = "a curve needs a track, such as pg.Track(points=[(0, 0, 0), (1, 0, 0.5)])"
         return [("track", text)]
-    k = [m.kind for m in motions].index("curve") if count else 0
-    if count and not track.unit_speed:
+    if curves and not track.unit_speed:
+        k = curves[0]
         for name, own in (("limits", limits[k : k + 1]), ("friction", friction[k : k + 1])):
             if any(own):
                 return [(name, f"{NO_IMPULSES}, got {shown(own[0])}")]
-    if track is not None and not count:
+    if track is not None and not curves:
         return [("track", "belongs to a curve; give joint='curve', or leave the track out")]
     return []
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.analysis.inverse import nearest
-from pgraph_core.joints import AXIAL, DIRECTED, SIZE, Motion, slides
+from pgraph_core.joints import AXIAL, SIZE, Motion, slides
 from pgraph_core.model.poses import elementary
 from pgraph_core.paper import bodies_of, frames, q_slices
 from pgraph_core.show.shapes import to_wxyz
@@ -99,7 +99,7 @@ def _of_joint(
             turns = not slides(motion)
             far = math.pi if turns else reach
             label = f"{'about' if turns else 'along'} {_axis(motion)}"
-            label = label if motion.kind in DIRECTED else "on track"
+            label = "on track" if motion.track else label
             near = 2 * math.pi * round(float(x[0]) / (2 * math.pi)) if turns and not limit else 0.0
             low, high = (near - far if low is None else low), (near + far if high is None else high)
             whole = near if motion.kind == "rotate" else 0.0

@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import About, about
-from pgraph_core.joints import KINDS, PER_MOTION, units_of
+from pgraph_core.joints import DEFAULT, KINDS, PER_MOTION, TRACKED, JointKind, units_of
 from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
 from pgraph_core.rotation import matrix, multiply, unit
 
@@ -143,8 +143,11 @@ def edit_of(
     if field == "motions":
         motions = _motions(body, entries)
         return {"motions": motions} | _track_for(body, [kind for kind, _ in motions])
-    if field in ("parent", "joint"):
-        return {field: entries[0][1]} | _track_for(body, [entries[0][1]])
+    if field == "joint":
+        own = DEFAULT.get(cast(JointKind, entries[0][1]), ())
+        return {field: entries[0][1]} | _track_for(body, [m.kind for m in own])
+    if field == "parent":
+        return {field: entries[0][1]}
     if field in ("name", "dof"):
         text = entries[0][1]
         return {field: valid_name(text) if field == "name" else whole(text, 0, 6)}
@@ -164,7 +167,7 @@ def edit_of(
 
 def _track_for(body: pg.Body, kinds: Sequence[str]) -> dict[str, Any]:
     """Return a first track for a new curve, or none for a joint that is no longer one."""
-    if "curve" in kinds:
+    if not set(TRACKED).isdisjoint(kinds):
         return {} if body.track else track_cells.begun(body)
     return {"track": None} if body.track else {}
 

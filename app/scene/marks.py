@@ -122,7 +122,7 @@ def tracks(state: State) -> Local:
     found: dict[int, list[np.ndarray]] = defaultdict(list)
     for k, name in enumerate(d.names, 1):
         body = state.model.body(name)
-        if body.track and body.motions[0][0] == "curve":
+        if body.track and body.sequence[0].track:
             turned = shapes.to_matrix(np.asarray(body.rotation))
             points = np.asarray(body.link) + body.track.line() @ turned.T
             found[d.parent[k - 1]].append(np.stack((points[:-1], points[1:]), axis=1))

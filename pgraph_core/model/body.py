@@ -43,6 +43,7 @@ from ..fields import (
 from ..joints import (
     DIRECTED,
     PER_MOTION,
+    TRACKED,
     Finding,
     JointKind,
     Motion,
@@ -339,7 +340,7 @@ class Body(Described):
     def sequence(self) -> tuple[Motion, ...]:
         pairs = zip(self.motions, self.pitch)
         return tuple(
-            Motion(kind, axis, pitch, self.track if kind == "curve" else None)
+            Motion(kind, axis, pitch, self.track if kind in TRACKED else None)
             for (kind, axis), pitch in pairs
         )
 

@@ -22,7 +22,6 @@ from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
 
 NAMING = ("parent", "body", "other", "at")  # fields that name bodies
-FOLLOWING = ("curve", "compound")  # joints that may follow a track
 T = TypeVar("T", bound=Described)
 
 
@@ -54,7 +53,7 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     new_joint = kind != old.joint or dof != old.dof or _moves_otherwise(old, changes)
     if new_joint:
         kept = {"joint"} if kind == old.joint == "compound" and "motions" in changes else set()
-        if not {"joint", "motions"} & changes.keys() or kind not in FOLLOWING:
+        if not {"joint", "motions"} & changes.keys() or kind not in joints.FOLLOWING:
             data.pop("track")
         data = {k: x for k, x in data.items() if k in kept or k not in (*JOINT_FIELDS, "joint")}
     elif "dof" in changes:

@@ -17,7 +17,7 @@ from ..engine.signals import first_values
 from ..engine.tree import bodies
 from ..errors import Problem, shown
 from ..fields import GROUND
-from ..joints import DIRECTED, code_of, slides
+from ..joints import DIRECTED, TRACKED, code_of, slides
 from ..model import Body, Force, Model
 from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, quaternions, system
@@ -337,7 +337,7 @@ def _record(b: Mapping[str, Any]) -> Record:
     moved, curve = b"", b""
     for (kind, axis), (*numbers, pitch) in zip(motions, physics):
         direction = _unit(axis) if kind in DIRECTED else axis
-        track = b["track"] if kind == "curve" else None
+        track = b["track"] if kind in TRACKED else None
         curve += track.rows.tobytes() if track else b""
         count = len(track.rows) if track else 0
         moved += MOTION(code_of(kind, track), *direction, *numbers, pitch / math.tau, count)

@@ -302,7 +302,7 @@ def off_track(record: Running) -> Iterator[str]:
     for body in mech.model.bodies if n else ():
         if body.track is None or body.track.closed:
             continue
-        place = [m.kind for m in body.sequence].index("curve")
+        place = [m.track is None for m in body.sequence].index(False)
         at = mech.joints[body.name].q.start + sum(SIZE[m.kind][0] for m in body.sequence[:place])
         low, high = body.track.pieces.x[[0, -1]].tolist()
         slack = NOTABLE * (high - low)

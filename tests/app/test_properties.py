@@ -438,6 +438,12 @@ def test_a_half_typed_inertia_is_checked_and_a_repair_offered(state):
     assert math.hypot(*mended.model.body("2").q) == pytest.approx(1.0)
 
 
+def test_a_body_keeps_its_track_with_another_parent(state):
+    curved = edit(state, "joint", ((), "curve"))
+    moved = edit(curved, "parent", ((), "ground")).model.body("2")
+    assert (moved.parent, moved.track) == ("ground", curved.model.body("2").track)
+
+
 def test_a_curve_begins_with_a_track_whose_points_are_typed(state):
     curved = edit(state, "joint", ((), "curve"))
     assert curved.model.body("2").track.points
