@@ -19,7 +19,7 @@ from ..model.doubts import unlinked
 from ..packing import Array, Ints
 from ..packing.forces import NO_LOADS
 from ..tolerances import FAINT, LONGEST_STEP, NOTABLE, ROUNDING, SOLVED
-from .rows import ANGLE, Rows, apart
+from .rows import ANGLE, Rows, apart, turns
 
 ASSEMBLY_ROUNDS = 50  # limit on projections, enough from a nearby state
 CLOSING_ROUNDS = 150
@@ -138,11 +138,10 @@ def assembled(
 
 def changes(mech: Dynamics, q: Array, v: Array, new_q: Array, new_v: Array) -> Assembly:
     """Compute the changes from one state to another."""
-    rows = Rows.of(mech, mech.packed.active, q, v)
-    step, turns = np.abs(apart(mech, q, new_q)), rows.turns
-    moves = [(float(step[span].max()), name, span) for name, span in rows.joints]
+    step = np.abs(apart(mech, q, new_q))
+    moves = [(float(step[joint.v].max()), name, joint.v) for name, joint in mech.joints.items()]
     most, name, span = max(moves, key=lambda m: m[0], default=(0.0, "", slice(0, 0)))
-    turned = bool(turns[span][step[span].argmax()]) if most > 0 else True
+    turned = bool(turns(mech)[span][step[span].argmax()]) if most > 0 else True
     change = float(np.max(np.abs(new_v - v), initial=0.0))
     return Assembly(most, name if most > NOTABLE else "", turned, change)
 
@@ -309,14 +308,13 @@ def _missed(rows: Rows) -> list[str]:
 
 def _worst(rows: Rows) -> tuple[float, str]:
     """Find the largest gap with its unit."""
-    turns = rows.turns
     found: list[tuple[float, float, str]] = []
     for group in rows.groups:
         gap = float(np.abs(rows.gap[group.rows]).max())
         moved = np.abs(rows.J[group.rows]).max(axis=0)
         angular = group.nature == ANGLE
         if group.nature == "coordinate":
-            unit = "rad" if turns[moved.argmax()] else "m"
+            unit = "rad" if rows.turns[moved.argmax()] else "m"
         else:
             unit = "rad" if angular else "m"
         found.append((gap, gap / rows.length if angular else gap, unit))

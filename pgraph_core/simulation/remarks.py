@@ -158,7 +158,7 @@ def _changing(record: Running) -> Any:
     h = np.diff(record.steps.times[:n])[:, None]
     hidden = np.diff(v, axis=0) / h - 0.5 * (vdot[:-1] + vdot[1:])
     with suppress(InputError):  # a diverged state may lack orientations
-        inertia = np.array([mech.mass_matrix(x) for x in q])
+        inertia = mech.mass_matrix(q)
         shown = np.abs(np.einsum("nij,nj->ni", inertia, vdot))
         missed = 1.5 * np.abs(np.einsum("nij,nj->ni", inertia[:-1], hidden))
         slides = translations(mech.packed.system.rows, nv)

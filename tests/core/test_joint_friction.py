@@ -91,8 +91,8 @@ def test_a_joint_below_its_friction_holds(name):
 @pytest.mark.parametrize("share", [0.5, 0.99])
 def test_a_loop_with_friction_in_its_hinges_holds(share):
     mech = pg.Mechanism(loop(share))
-    run = pg.simulate(mech, t_end=100.0, frames=11, estimate=False, **MOREAU)
-    assert np.abs(run.q - run.q[0]).max() < 1e-9
+    run = pg.simulate(mech, t_end=20.0, frames=11, estimate=False, **MOREAU)
+    assert np.abs(run.q - run.q[0]).max() < 2e-10
 
 
 @pytest.mark.parametrize("joint", ["prismatic", "revolute"])
@@ -121,7 +121,8 @@ def test_a_joint_slides_to_a_stop_and_stays(joint, size, step):
 def test_energy_of_a_falling_arm_with_friction_never_grows(beside):
     """Its joints slide, turn around and stick until it hangs at rest."""
     model = pg.Model(bodies=arm(8.0))
-    run = pg.simulate(with_a_box(model) if beside else model, t_end=20.0, **MOREAU)
+    model = with_a_box(model) if beside else model
+    run = pg.simulate(model, t_end=20.0, estimate=False, **MOREAU)
     size = run.energy[0] - run.energy[-1]
     assert np.diff(run.energy).max() < 1e-3 * size
     assert np.abs(run.v[-1]).max() < 1e-12

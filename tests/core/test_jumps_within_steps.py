@@ -119,10 +119,12 @@ def bounces(t, height, g, e):
     return x
 
 
-@pytest.mark.parametrize("size", [1e-9, 1e-3, 1.0, 1e3, 1e9])
-@pytest.mark.parametrize("g", [1e-9, 1e-3, 10.0, 1e6])
-@pytest.mark.parametrize("low", [0.0, 1.0, 1e3])
-@pytest.mark.parametrize("method", ["rk4", "dop853"])
+@pytest.mark.parametrize(
+    ("size", "g", "low", "method"),
+    combined(
+        [1e-9, 1e-3, 1.0, 1e3, 1e9], [1e-9, 1e-3, 10.0, 1e6], [0.0, 1.0, 1e3], ["rk4", "dop853"]
+    ),
+)
 def test_a_limit_is_hit_when_it_is_reached_whatever_its_size(size, g, low, method):
     """At 1e-9 m or 1e9 m, and at a limit far from zero."""
     g, height, low = g * size, 0.7 * size, low * size

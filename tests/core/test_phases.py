@@ -10,7 +10,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_models.case_models import limited_pendulum
 
-from ..nights import at_night
+from ..nights import at_night, combined
 from ..worlds import ball, box, built_in, on_ground
 
 G = 9.81
@@ -230,8 +230,10 @@ def leaning_rod(lean, mu):
     return touching(rod, points=((0, 0, -0.5),), friction=mu)
 
 
-@every_way
-@pytest.mark.parametrize("case", reference("falling_rod_stance_to_slip")["slip_events"])
+@pytest.mark.parametrize(
+    ("case", "way"),
+    combined(reference("falling_rod_stance_to_slip")["slip_events"], WAYS.values()),
+)
 def test_a_falling_rod_slips_at_the_closed_form_angle(case, way):
     """Backwards on slippery ground, forwards on rough ground."""
     way = way | ({} if "step" in way else {"rtol": 1e-12})
@@ -449,7 +451,7 @@ def test_a_driven_anchor_does_the_work_that_its_spring_takes(way):
         contacts=[pg.Contact(name="floor", body="box", friction=0.3)],
         forces=[pg.Spring(name="spring", body="box", other="anchor", stiffness=100.0, rest=1.0)],
     )
-    done = run(model, t_end=3.0, frames=2001, **WAYS[way])
+    done = run(model, t_end=0.9, frames=601, **WAYS[way])  # it slips from 0.294 s on
     pull = 100.0 * (0.1 * done.t - done["box"][:, 0])
     work = 0.1 * np.sum(0.5 * (pull[1:] + pull[:-1]) * np.diff(done.t))
     assert "slip" in {e.after for e in done.events}
