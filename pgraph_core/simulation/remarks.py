@@ -26,8 +26,8 @@ from .rates import fastest_rate, fastest_swings
 from .run_plan import RunPlan
 from .running import Running
 
-FRAMES_BETWEEN = 64  # frames between two in one round of the search for a hit
-LOOKS_AGAIN = 3  # rounds of that search, for hits 64**3 times shorter than frames are apart
+FRAMES_BETWEEN = 32  # frames between two in one round of the search for a hit
+LOOKS_AGAIN = 3  # rounds of that search, for hits 32**3 times shorter than frames are apart
 COARSE = "frames are too coarse for the contact forces"
 MANY = "give more frames=, or t_eval= with many times around a hit"
 
