@@ -8,10 +8,12 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-# `make test` tries the same random cases every time, and `make nightly` tries new ones. A case has
-# no deadline, because a shared machine may pause for seconds.
+# `make test` tries the same random cases every time, and `make nightly` tries more and new ones. A
+# case has no deadline, because a shared machine may pause for seconds.
 explore = bool(os.environ.get("PGRAPH_EXPLORE"))
-settings.register_profile("pgraph", deadline=None, derandomize=not explore)
+settings.register_profile(
+    "pgraph", deadline=None, derandomize=not explore, max_examples=100 if explore else 40
+)
 settings.load_profile("pgraph")
 
 # they compute for the page

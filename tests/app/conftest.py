@@ -35,6 +35,8 @@ ON_PURPOSE = "thrown by a test"
 # A slow machine on purpose, "8 0.3": a page at an eighth of its speed, and events that wait for up
 # to 0.3 s before they are handled. Tests must not depend on either.
 SLOWER, DELAY = map(float, os.environ.get("PGRAPH_SLOW_PAGE", "1 0").split())
+# Fading colours and a camera on its way make many pictures. On slow pages they are tested too.
+MOTION = {"reduced_motion": "reduce" if SLOWER == 1 else "no-preference"}
 NOBODY = -1  # a page that is not there: events of the tests themselves
 
 
@@ -101,7 +103,7 @@ def open_page(browser: Any, served: Server) -> Iterator[Callable[[], Any]]:
     faults: list[str] = []
 
     def opened() -> Any:
-        page = browser.new_page(viewport=SIZE)
+        page = browser.new_page(viewport=SIZE, **MOTION)
         page.set_default_timeout(1000 * LIMIT)
         if SLOWER > 1:
             slow = {"rate": SLOWER}

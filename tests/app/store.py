@@ -71,11 +71,11 @@ def built_in(name: str) -> pg.Model:
 
 def until(true: Callable[[], Any], what: str, seconds: float = LIMIT) -> Any:
     """Wait for a truthy value and return it. Fail with a description of the missing value."""
-    end = time.monotonic() + seconds
+    begin = time.monotonic()
     while not (value := true()):
-        if time.monotonic() > end:
+        if (waited := time.monotonic() - begin) > seconds:
             pytest.fail(f"after {seconds:g} s still not: {what}")
-        time.sleep(0.01)
+        time.sleep(min(0.01 + 0.1 * waited, 0.1))  # a look at a page costs as much as a picture
     return value
 
 

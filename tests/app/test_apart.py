@@ -14,6 +14,7 @@ from pgraph_app.core.cells import Refusal
 from pgraph_app.model import apart
 from pgraph_app.model.apart import Errands, Reader, refused
 
+from ..nights import at_night
 from .store import ME, OTHER, after, begun, do, notice, until, zipped
 
 URDF = '<robot name="r"><link name="base"/><link name="a"><inertial><mass value="1"/>'
@@ -58,7 +59,7 @@ def test_a_child_finds_what_the_page_would_find(event, tmp_path, monkeypatch):
     "event",
     [
         do.OpenText(ME, "r.urdf", URDF.replace('ixx="1"', 'ixx="one"')),
-        archive("r/r.urdf", "<robot/>"),
+        *at_night(archive("r/r.urdf", "<robot/>")),
     ],
 )
 def test_a_refusal_of_a_child_is_that_of_the_reader(event, tmp_path, monkeypatch):
@@ -110,9 +111,7 @@ def glb(nodes: int, triangles: int) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-@pytest.mark.parametrize(
-    ("nodes", "triangles"), [(2, 100), pytest.param(2000, 150_000, marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize(("nodes", "triangles"), [(2, 100), *at_night((2000, 150_000))])
 def test_a_mesh_that_fills_the_memory_is_refused_before_it_is_drawn(
     nodes, triangles, tmp_path, monkeypatch
 ):

@@ -17,7 +17,7 @@ from pgraph_app.scenario.view import VIEWS
 from pgraph_app.server import serve
 from pgraph_app.session import Connected, Sees, Select
 
-from .conftest import LIMIT, NOBODY, ON_PURPOSE, settled, until
+from .conftest import LIMIT, NOBODY, ON_PURPOSE, UNDRAWN, settled, until
 from .on_page import choose_body, field
 
 
@@ -110,6 +110,7 @@ def test_a_taken_port_gives_the_next_one(served, leg, capsys):
 def test_a_page_says_that_its_connection_is_lost(browser, leg):
     own = serve(leg, port=0, open_browser=False)
     page = browser.new_page()
+    page.add_init_script(UNDRAWN)
     try:
         page.goto(own.url)
         page.wait_for_selector("table.bodies tr[data-name]")

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
 from pgraph_app.server import Server
 
@@ -92,6 +93,7 @@ def build(one: Person, served: Server) -> None:
     part_field(page, "torque").wait_for()
 
 
+@pytest.mark.nightly  # its parts are tested without a browser, and other ways through the page here
 def test_a_newcomer_balances_a_wheeled_pendulum(page: Any, served: Server, compiled: Server):
     one = Person(page)
     build(one, served)

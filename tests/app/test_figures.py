@@ -17,6 +17,9 @@ from pgraph_core.live.run import LiveRun, Setup
 from pgraph_core.simulation.paths import Path as Field
 from pgraph_core.simulation.paths import with_numbers
 
+from ..nights import at_night
+from .conftest import UNDRAWN
+
 # After an edit of a kernel the module is of the old one until it is made again (nightly).
 of_these_sources = pytest.mark.skipif(bool(module.stale()), reason=module.stale())
 WITHOUT_WALK, WITH_WALK = 1.2e6, 2.5e6  # [bytes] of a page: what issue 19 asks for
@@ -47,6 +50,7 @@ def figure(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
             shown = context.new_page()
             shown.on("pageerror", lambda error: faults.append(str(error)))
             shown.on("request", lambda r: faults.append(r.url) if r.url[:5] != "file:" else None)
+            shown.add_init_script(UNDRAWN)
             if before:
                 shown.add_init_script(before)
             shown.goto(file.as_uri())
@@ -71,11 +75,10 @@ CASES = {
     "mass of a walk": ("quadruped_hips", "trot", ["bodies.pelvis.mass=5:15:3"]),
 }
 WALKS = ("walk", "trot", "mass of a walk")
-AT_NIGHT = [pytest.param(name, marks=pytest.mark.nightly) for name in ("double", "stance", *WALKS)]
 
 
 @of_these_sources
-@pytest.mark.parametrize("case", ["pendulum", "loop", *AT_NIGHT])
+@pytest.mark.parametrize("case", ["pendulum", "loop", *at_night("double", "stance", *WALKS)])
 def test_the_page_ends_in_the_same_bits_as_python(case: str, figure: Any) -> None:
     """The model may have changed fields, and the step need not divide the time."""
     name, scenario, fields = CASES[case]
@@ -102,7 +105,7 @@ def test_the_page_ends_in_the_same_bits_as_python(case: str, figure: Any) -> Non
         {"step": 0.002},
     ]
     for i, steps in enumerate(of_walks if case in WALKS else asked):
-        options: dict[str, Any] = {"t_end": 2.3456 if i % 2 else 10.0, **steps}
+        options: dict[str, Any] = {"t_end": 2.3456 if i % 2 else 4.0, **steps}
         values = {} if i == 0 else changed
         other = model
         for path, value in values.items():
@@ -162,12 +165,7 @@ def test_the_reader_plays_changes_and_pulls(figure: Any) -> None:
     shown.get_by_role("button", name="Reset").click()
     assert "-1 m" in shown.locator("#open").inner_text()
     box = shown.locator("canvas").bounding_box()
-    found = next(  # a place on the canvas where a body is
-        (x, y)
-        for x in np.linspace(box["x"] + 0.3 * box["width"], box["x"] + 0.7 * box["width"], 25)
-        for y in np.linspace(box["y"] + 0.2 * box["height"], box["y"] + 0.8 * box["height"], 25)
-        if _hits(shown, x, y)
-    )
+    found = shown.evaluate(FOUND, places_on(box))  # a place on the canvas where a body is
     shown.mouse.move(*found)
     shown.mouse.down()
     shown.mouse.move(found[0] + 80, found[1] - 60, steps=4)
@@ -175,8 +173,15 @@ def test_the_reader_plays_changes_and_pulls(figure: Any) -> None:
     shown.mouse.up()
 
 
-def _hits(shown: Any, x: float, y: float) -> bool:
-    return shown.evaluate(f"pgraph_live.at({x}, {y})") is not None
+FOUND = "(all) => all.find(([x, y]) => pgraph_live.at(x, y) !== null)"
+
+
+def places_on(box: Any) -> list[list[float]]:
+    """Return places on the canvas, from its middle outwards."""
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 31), np.linspace(-0.5, 0.5, 21))
+    order = np.argsort(np.hypot(x, y), axis=None)
+    place = [box["x"] + (0.5 + x) * box["width"], box["y"] + (0.5 + y) * box["height"]]
+    return np.stack(place).reshape(2, -1).T[order].tolist()
 
 
 @of_these_sources
@@ -186,15 +191,10 @@ def test_a_view_that_is_lost_comes_back(figure: Any) -> None:
     ready(shown)
     box = shown.locator("canvas").bounding_box()
     left, top, wide, high = box["x"], box["y"], box["width"], box["height"]
-    grid = np.stack(
-        np.meshgrid(left + wide * np.linspace(0, 1, 60), top + high * np.linspace(0, 1, 40))
-    )
-    places = grid.reshape(2, -1).T.tolist()
+    places = places_on(box)
 
     def seen() -> bool:
-        return shown.evaluate(
-            "(all) => all.some(([x, y]) => pgraph_live.at(x, y) !== null)", places
-        )
+        return shown.evaluate(FOUND, places) is not None
 
     def dragged(dx: float, dy: float) -> None:
         shown.mouse.move(left + 30, top + 0.5 * high)
@@ -250,6 +250,11 @@ def test_a_browser_that_lacks_something_shows_the_recorded_run(figure, before, s
         shown.get_by_role("button", name="Play").click()
         shown.wait_for_function(LATER)
         assert word in shown.evaluate(SIMULATE, {})["refused"]
+
+
+@of_these_sources
+def test_a_figure_that_is_cut_short_says_so(figure) -> None:
+    html = page(recorded(model_of("pendulum")))
     cut = figure(html[: len(html) // 2])
     cut.wait_for_selector("#said:not(:empty)", state="attached")
     assert "cut short" in cut.locator("#said").inner_text()
@@ -266,7 +271,7 @@ def test_a_figure_that_cannot_compute_is_a_recording_without_a_warning(figure, m
 
 
 @of_these_sources
-@pytest.mark.parametrize("how", ["torques", "switches", "scenario"])
+@pytest.mark.parametrize("how", ["torques", "switches", *at_night("scenario")])
 def test_what_the_kernels_of_a_page_lack_stays_behind(figure: Any, how: str) -> None:
     """Cases: torques from Python, switches of the scenario after its first step, or of the call."""
     model = model_of("pendulum" if how == "torques" else "four_bar")

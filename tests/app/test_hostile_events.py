@@ -137,4 +137,4 @@ def test_what_a_fuzz_test_found_stays_fixed(what):
 @pytest.mark.parametrize("name", ["quadruped_hips", "four_bar", "rolling_disc"])
 def test_no_event_raises(name):
     seed = random.SystemRandom().randrange(10**9) if EXPLORE else 1
-    assert faults(built_in(name), seed, 20_000 if EXPLORE else 200) == {}, seed
+    assert faults(built_in(name), seed, 20_000 if EXPLORE else 100) == {}, seed

@@ -17,6 +17,7 @@ from pgraph_app.run import SetScenario
 from pgraph_app.scenario.update import DeleteSwitch
 from pgraph_app.session import Select
 
+from ..nights import at_night
 from .conftest import NOBODY, opened, until
 from .on_page import (
     choose_body,
@@ -437,7 +438,10 @@ TABS = {"Scenario": "Scenarios"}  # where a view stands
 NAMED = ("parameters",)  # rows that keep their ids
 
 
-@pytest.mark.parametrize("kind", KINDS)
+DAILY = ("coefficients", "coordinates", "parameters")  # others are forms as the first one
+
+
+@pytest.mark.parametrize("kind", [*DAILY, *at_night(*(x for x in KINDS if x not in DAILY))])
 def test_what_is_typed_stays_in_its_cell_and_lands_in_no_other_row(page, served, kind):
     event, tab, selector, inside, out, of = KINDS[kind]
     opened(page, served, rows_of_all_kinds())

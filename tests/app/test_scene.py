@@ -304,7 +304,7 @@ def pictured(state, drawn, at, moved, aspect):
     "name", [*(x for x in pgraph_models.names() if x != "andrews"), *at_night("andrews")]
 )
 def test_the_camera_never_loses_the_motion_whenever_the_page_was_opened(name):
-    """Every scenario that is built in, at 20 moments, in wide and narrow views."""
+    """Every scenario that is built in, at 8 moments, in wide and narrow views."""
     model = built_in(name)
     for scenario in (*(s.name for s in model.scenarios), ""):
         state = after(begun(model), do.SetScenario(ME, 1, scenario))
@@ -318,7 +318,7 @@ def test_the_camera_never_loses_the_motion_whenever_the_page_was_opened(name):
         for aspect, opened in ((0.6, t[0]), (1.0, t[-1]), (2.0, t[len(t) // 3])):
             first = after(state, do.Scrub(ME, float(opened), True))
             at = camera.viewpoint(first, aspect)
-            for time in np.linspace(t[0], t[-1], 20):
+            for time in np.linspace(t[0], t[-1], 8):
                 now = after(state, do.Scrub(ME, float(time), True))
                 moved = camera.travelled(now) * (camera.middle(now) - camera.middle(first))
                 assert pictured(now, drawn, at, moved, aspect) >= 0.6, (scenario, aspect, time)

@@ -2,6 +2,8 @@
 
 import random
 
+import pytest
+
 from pgraph_app.model import Undo
 from pgraph_app.table.view import table
 
@@ -9,6 +11,7 @@ from .conftest import NOBODY, until
 from .on_page import cut_off, field, name_cell, row, rows_selected, typed
 
 
+@pytest.mark.nightly  # by day: two pages in test_page, and edits of two people in test_session
 def test_two_pages_edit_at_once_and_agree(page, open_page, served):
     """A half-typed cell is left alone, and undo leads back to the start."""
     start = served.store.state.model

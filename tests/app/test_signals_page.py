@@ -104,7 +104,7 @@ def test_what_is_wrong_is_said_beside_the_cell_and_nothing_is_lost(page, served,
         assert torque.input_value() == text
         assert torque_of(served) == 0.0
     sentence = page.locator("[data-view=part] .sentence")
-    for text in ("=" + "x" * 1_000_000, "7" * 1_000_000):  # pasted
+    for text in ("=" + "x" * 200_000, "7" * 200_000):  # pasted
         torque.fill(text)
         page.keyboard.press("Enter")
         until(lambda: sentence.count() and "characters" in sentence.inner_text(), "a sentence")
