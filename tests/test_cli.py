@@ -284,10 +284,10 @@ def test_json_has_no_nan_and_no_arrays_and_tables_line_up():
 
 
 def test_a_reader_that_has_seen_enough_ends_the_command(tmp_path):
-    pg.Model.serial(5000).save(tmp_path / "long.json")
+    pg.Model.serial(2000).save(tmp_path / "long.json")
     words = [sys.executable, "-m", "app", "info", str(tmp_path / "long.json")]
     writer = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert b"5000 bodies" in writer.stdout.readline()
+    assert b"2000 bodies" in writer.stdout.readline()
     writer.stdout.close()
     assert writer.stderr.read() == b""
     writer.stderr.close()

@@ -271,9 +271,9 @@ def test_an_array_is_judged_before_it_is_copied(name):
 
 
 OPTIONS = {
-    "default": {}, "fixed steps": {"method": "rk4", "step": 1e-2},
+    "default": {}, "fixed steps": {"method": "rk4", "step": 2e-3},
     "torques": {"tau": lambda t, q, v: -v}, "events": {"events": lambda t, q, v: q[0]},
-    "derivatives": {"method": "rk4", "step": 1e-2, "wrt": ["bodies.1.mass"]},
+    "derivatives": {"method": "rk4", "step": 2e-3, "wrt": ["bodies.1.mass"]},
 }  # fmt: skip
 
 
@@ -284,7 +284,7 @@ def test_runs_that_are_dropped_leave_their_memory(name):
     def run(count):
         for k in range(count):
             model = MECH.model.edit("1", mass=1.0 + 0.01 * k)
-            pg.simulate(model, t_end=0.1, frames=501, estimate=False, **OPTIONS[name])
+            pg.simulate(model, t_end=0.02, frames=501, estimate=False, **OPTIONS[name])
         gc.collect()
         return tracemalloc.get_traced_memory()[0]
 

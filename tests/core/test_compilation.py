@@ -211,7 +211,7 @@ upper, lower = (body.name for body in pendulum.bodies)
 box = pg.Body(name="box", joint="free", link=(0, 0, 0.11), density=1e3,
               shape=pg.Shape(kind="box", size=(0.2, 0.2, 0.2)))
 falls = pg.Model(bodies=[box], contacts=[pg.Contact(name="floor", body="box", restitution=0.3)])
-for method in ("semi_implicit_euler", "rk4", "dopri5", "dop853", "gauss6", "radau5"):
+for method in ("semi_implicit_euler", "dopri5", "dop853", "radau5"):  # others at night
     run = pg.simulate(pendulum, v={lower: 1.0}, method=method, step=None, **SHORT, t_end=1e-3)
     print(method, run.q[-1].tobytes().hex(), run.v[-1].tobytes().hex())
 for method in ("moreau_jean", "dopri5"):

@@ -5,7 +5,7 @@ import pytest
 
 import pgraph_core as pg
 
-from ..nights import at_night
+from ..nights import at_night, combined
 
 W = 3.0  # rad/s of the slider on its spring
 
@@ -183,9 +183,14 @@ def test_a_smooth_prescribed_motion_has_no_corner(text):
     assert not any("'follow'" in text for text in run.notices)
 
 
-@pytest.mark.parametrize("call", [{}, {"step": 0.125, "method": "rk4"}])
-@pytest.mark.parametrize("text", ["=t > 0.5", "=t >= 0.5", "=not t < 0.5", "=x.clock >= 0.5"])
-@pytest.mark.parametrize("after", [None, 0.25])
+@pytest.mark.parametrize(
+    ("call", "text", "after"),
+    combined(
+        [{}, {"step": 0.125, "method": "rk4"}],
+        ["=t > 0.5", "=t >= 0.5", "=not t < 0.5", "=x.clock >= 0.5"],
+        [None, 0.25],
+    ),
+)
 def test_at_one_instant_switches_by_time_act_before_conditions(call, text, after):
     """The latch is closed at 0.5 s, and opened at once or for good 0.25 s later."""
     body = pg.Body(name="rod", axes=[(0, 0, 1)], inertia=(1, 1, 1), v=[1.0])

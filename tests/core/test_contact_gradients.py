@@ -11,6 +11,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from .test_gradients import difference, missed, state
 
 STEPS: dict[str, Any] = {"method": "moreau_jean", "step": 1e-3, "estimate": False, "frames": 31}
@@ -46,8 +47,7 @@ def pendulum(q, v, g, top, e):
     return pg.Model(bodies=[arm], gravity=(0, 0, g))
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.6, 1.0])
-@pytest.mark.parametrize("step", [1e-3, 1e-2])
+@pytest.mark.parametrize(("restitution", "step"), combined([0.0, 0.6, 1.0], [1e-3, 1e-2]))
 def test_a_limit(restitution, step):
     numbers = {"q": 0.3, "v": 0.2, "g": -9.81, "top": 1.2, "e": restitution}
     paths = {"q.arm": "q", "v.arm": "v", "gravity.2": "g", "bodies.arm.limits.0.1": "top"}
@@ -568,9 +568,14 @@ def dropped(height, **law):
     return pg.Model(bodies=(body,), contacts=(pg.Contact(name="c", body="ball", **law),))
 
 
-@pytest.mark.parametrize("height", [0.15, 0.3, 5.0])
-@pytest.mark.parametrize("law", [{"restitution": 0.6}, {"law": "soft"}])
-@pytest.mark.parametrize("options", [{}, {"step": 1e-2}, {"step": 1e-3}])
+@pytest.mark.parametrize(
+    ("height", "law", "options"),
+    combined(
+        [0.15, 0.3, 5.0],
+        [{"restitution": 0.6}, {"law": "soft"}],
+        [{}, {"step": 1e-2}, {"step": 1e-3}],
+    ),
+)
 def test_derivatives_continue_where_bodies_come_close(height, law, options):
     """Before the impact, z depends on gravity by t²/2 and on the initial speed by t."""
     t = np.linspace(0.0, 0.99 * np.sqrt(2 * (height - 0.1) / 9.81), 23)

@@ -7,6 +7,8 @@ import pgraph_core as pg
 from tests.controlled import EVERY, WHOLE, pendulum
 from tests.refusals import assert_names
 
+from ..nights import combined
+
 TIMED = f"{WHOLE} + 0.1*sin(3*t)"
 
 
@@ -16,9 +18,10 @@ def continued(model, first, **call):
     )
 
 
-@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "gauss6"])
-@pytest.mark.parametrize("step", [2.0**-7, 0.01])
-@pytest.mark.parametrize("law", [WHOLE, TIMED])
+@pytest.mark.parametrize(
+    ("method", "step", "law"),
+    combined(["rk4", "semi_implicit_euler", "gauss6"], [2.0**-7, 0.01], [WHOLE, TIMED]),
+)
 def test_a_run_in_two_parts_has_the_bits_of_one_run_and_of_steppers(method, step, law):
     model, n = pendulum(EVERY, law), 60
     call = {"step": step, "method": method}
@@ -38,8 +41,9 @@ def test_a_run_in_two_parts_has_the_bits_of_one_run_and_of_steppers(method, step
     assert np.array_equal(other.q, stepper.q)
 
 
-@pytest.mark.parametrize("parts", [2, 3, 7])
-@pytest.mark.parametrize("method", ["dop853", "radau5", "moreau_jean"])
+@pytest.mark.parametrize(
+    ("method", "parts"), combined(["dop853", "radau5", "moreau_jean"], [2, 3, 7])
+)
 def test_a_run_in_parts_is_as_accurate_as_one_run(method, parts):
     model, stepped = pendulum(EVERY, TIMED), method == "moreau_jean"
     model = model.edit("arm", limits=[(-9.0, 9.0)]) if stepped else model

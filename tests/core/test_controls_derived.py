@@ -6,6 +6,8 @@ import pytest
 import pgraph_core as pg
 from tests.controlled import EVERY, STATES, TORQUE, WHOLE, pendulum
 
+from ..nights import combined
+
 
 @pytest.mark.parametrize("path", ["k", "controls.f.lag", "controls.i.start", "bodies.arm.mass"])
 def test_derivatives_go_through_states(path):
@@ -45,9 +47,9 @@ def slider(control, **fields):
     return pg.Model(bodies=[SLIDER], gravity=(0, 0, 0), controls=[control], forces=[drive])
 
 
-@pytest.mark.parametrize("method", ["dop853", "rk4", "radau5"])
-@pytest.mark.parametrize("control", FOLLOWING, ids=["filter", "pid"])
-@pytest.mark.parametrize("kind", ["q", "v"])
+@pytest.mark.parametrize(
+    ("kind", "control", "method"), combined("qv", FOLLOWING, ["dop853", "rk4", "radau5"])
+)
 def test_states_start_from_what_a_run_is_differentiated_by(kind, control, method):
     path = f"{kind}.s"
     call = {"t_end": 1.0, "method": method, "frames": 11, "estimate": False, "wrt": [path]}

@@ -11,6 +11,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
+
 EXACT = 1e-11  # of the energies at hand: rounding of a thousand steps
 
 
@@ -29,8 +31,7 @@ def slider(name="s", mass=1.0, v=1.0, parent="ground", **fields):
 # -- strings and struts ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("step", [1e-3, 3e-4, 2e-4, 1e-4])
-@pytest.mark.parametrize("stiffness", [0.0, 20.0])
+@pytest.mark.parametrize(("step", "stiffness"), combined([1e-3, 3e-4, 2e-4, 1e-4], [0.0, 20.0]))
 def test_a_string_that_catches_a_mass_dissipates_its_kinetic_energy(step, stiffness):
     body = pg.Body(name="b", joint="prismatic", axes=[(0, 0, 1)], mass=0.5, q=(1.0,))
     string = pg.Spring(
@@ -100,9 +101,9 @@ def driven(*bodies, velocity=False, **model):
     return pg.Model(bodies=[base, *bodies], constraints=[drive, *more], gravity=(0, 0, 0), **model)
 
 
-@pytest.mark.parametrize("how", HOW, ids=str)
-@pytest.mark.parametrize("velocity", [False, True])
-@pytest.mark.parametrize("bounce", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize(
+    ("how", "velocity", "bounce"), combined(HOW, [False, True], [0.0, 0.4, 1.0]), ids=str
+)
 def test_a_drive_does_work_in_impacts_at_limits(how, velocity, bounce):
     """The drive supplies (1 + e) m u V if the slider on its base rebounds with e u."""
     on_it = slider(parent="base", limits=[(-0.1, 0.1)], limit_restitution=(bounce,))

@@ -557,9 +557,7 @@ def test_what_a_slow_impact_leaves_open_is_in_the_error_of_a_ball_at_rest(size, 
     assert off <= run.error_estimate < 10 * off + 1e-2 * size
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize("size", [1e-8, 1.0, 1e6])
-@pytest.mark.parametrize("e", [0.3, 0.5])
+@pytest.mark.parametrize(("size", "e", "side"), combined([1e-8, 1.0, 1e6], [0.3, 0.5], [1.0, -1.0]))
 def test_what_a_slow_impact_leaves_open_at_a_limit_is_in_the_error(size, e, side):
     """A slider falls a third of its limit's coordinate, and its bounces shrink to nothing."""
     bound, height, g = side * size, 0.313 * size, 63.47 * size
@@ -580,9 +578,9 @@ def test_what_a_slow_impact_leaves_open_at_a_limit_is_in_the_error(size, e, side
     assert run.error_estimate < 10 * off + 1e-8 * size
 
 
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
-@pytest.mark.parametrize("method", ["dop853", "dopri5"])
-@pytest.mark.parametrize("at", [0.01, 0.5, 0.99])
+@pytest.mark.parametrize(
+    ("at", "method", "rtol"), combined([0.01, 0.5, 0.99], ["dop853", "dopri5"], [1e-4, 1e-6, 1e-8])
+)
 def test_one_wide_step_beside_short_ones_has_its_error(at, method, rtol):
     """Five corners end short steps, and one step or two take the rest, before or behind them."""
     knots = 0.3 * (at + 1e-3 * np.array([0.0, 0.2, 0.35, 0.39, 0.45, 1.0]))

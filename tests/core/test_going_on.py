@@ -8,6 +8,8 @@ import pytest
 import pgraph_core as pg
 from tests.refusals import assert_names
 
+from ..nights import combined
+
 SMOOTH = [
     {"method": "rk4", "step": 0.01}, {"method": "semi_implicit_euler", "step": 1e-3},
     {"method": "gauss6", "step": 0.01}, {"method": "dop853"}, {"method": "dopri5", "rtol": 1e-9},
@@ -55,8 +57,7 @@ DRIVES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("how", SMOOTH, ids=str)
-@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize(("drive", "how"), combined(DRIVES, SMOOTH), ids=str)
 def test_drives_with_a_lag_or_an_integral_go_on(drive, how):
     limits: dict[str, Any] = {"limits": [(-9.0, 9.0)]} if how["method"] == "moreau_jean" else {}
     near = 1e-5 if how["method"] == "semi_implicit_euler" else 1e-7

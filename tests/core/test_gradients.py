@@ -7,6 +7,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from ..worlds import built_in
 
 SIX = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # central differences of order 6
@@ -108,19 +109,22 @@ def test_a_number_at_the_end_of_its_range_leaves_the_others_as_they_are():
         assert missed(run.sensitivity(path), alone) < 1e-9, path
 
 
-@pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4", "gauss6", "radau5"])
+NUMBERS = [  # of a model, and the steps of differences by them
+    ("double_pendulum", "bodies.lower.mass", 1e-2),
+    ("double_pendulum", "q.upper", 1e-2),
+    ("heavy_top", "bodies.top.com.2", 2e-5),
+    ("four_bar", "bodies.coupler.link.0", 2e-3),
+    ("four_bar", "q.left crank", 2e-3),
+    ("slider_crank", "bodies.rod.link.0", 2e-4),
+]
+
+
 @pytest.mark.parametrize(
-    ("name", "path", "share"),
-    [
-        ("double_pendulum", "bodies.lower.mass", 1e-2),
-        ("double_pendulum", "q.upper", 1e-2),
-        ("heavy_top", "bodies.top.com.2", 2e-5),
-        ("four_bar", "bodies.coupler.link.0", 2e-3),
-        ("four_bar", "q.left crank", 2e-3),
-        ("slider_crank", "bodies.rod.link.0", 2e-4),
-    ],
+    ("number", "method"),
+    combined(NUMBERS, ["semi_implicit_euler", "rk4", "gauss6", "radau5"]),
 )
-def test_derivatives_are_those_of_the_steps(method, name, path, share):
+def test_derivatives_are_those_of_the_steps(number, method):
+    name, path, share = number
     model = described(name)
     options = STEPS | {"method": method}
     plain, run = pg.simulate(model, **options), pg.simulate(model, wrt=path, **options)

@@ -6,6 +6,8 @@ import pytest
 import pgraph_core as pg
 from tests.refusals import assert_names
 
+from ..nights import combined
+
 X, G = (1, 0, 0), (0, 0, -9.81)
 WAYS = {
     "rk4": {"method": "rk4", "step": 0.02},
@@ -69,8 +71,7 @@ LAWS = [
 ]
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("way", ["dop853", "gauss6"])
+@pytest.mark.parametrize(("law", "way"), combined(LAWS, ["dop853", "gauss6"]))
 def test_derivatives_through_jumps_are_those_of_differences(law, way):
     model = mass(law)
     run = pg.simulate(model, t_end=1.9, wrt=WRT, **WAYS[way])
@@ -160,20 +161,20 @@ CABLE = STOP.model_copy(
 )
 
 
-@pytest.mark.parametrize("way", ["dop853", "gauss6", "radau5"])
-@pytest.mark.parametrize(
-    ("body", "force", "field", "h"),
-    [
-        (ARM, SERVO, "kp", 1e-2),
-        (ARM, SERVO, "torque_limit", 1e-3),
-        (ARM, SERVO.model_copy(update={"torque_low": -1.0, "gear": 1.5}), "kd", 1e-3),
-        (BLOCK, STOP, "bump_stiffness", 1e-1),
-        (BLOCK, STOP, "bump_length", 1e-4),
-        (BLOCK, CABLE, "bump_damping", 0.0),
-    ],
-)
-def test_derivatives_through_bends_of_forces_are_those_of_differences(body, force, field, h, way):
+BENDS = [  # body, force, its field and the steps of differences by it
+    (ARM, SERVO, "kp", 1e-2),
+    (ARM, SERVO, "torque_limit", 1e-3),
+    (ARM, SERVO.model_copy(update={"torque_low": -1.0, "gear": 1.5}), "kd", 1e-3),
+    (BLOCK, STOP, "bump_stiffness", 1e-1),
+    (BLOCK, STOP, "bump_length", 1e-4),
+    (BLOCK, CABLE, "bump_damping", 0.0),
+]
+
+
+@pytest.mark.parametrize(("bend", "way"), combined(BENDS, ["dop853", "gauss6", "radau5"]))
+def test_derivatives_through_bends_of_forces_are_those_of_differences(bend, way):
     """Steps end at limits of torque, stops and slack cables, and keep to the side of each."""
+    body, force, field, h = bend
     model = pg.Model(bodies=[body], forces=[force], gravity=(0, 0, 0) if body is BLOCK else G)
     path = f"forces.s.{field}" if h else "v.b"
     given = WAYS[way] | ({"step": 0.005} if way == "gauss6" else {})
@@ -197,16 +198,14 @@ def test_derivatives_at_a_frame_in_which_they_jump_are_not_compared():
     assert not any("apart" in text for text in run.notices)
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize(
-    "force",
-    [
-        pg.Spring(name="s", body="m", other_point=(-2, 0, 0), stiffness=1.0, rest=2.0),
-        pg.Strut(name="s", body="m", other_point=(-2, 0, 0), bump_length=2.1, bump_stiffness=10.0),
-        pg.Torsion(name="s", body="m", stiffness=1.0),
-    ],
-    ids=["spring", "strut", "torsion"],
-)
+BETWEEN = [
+    pg.Spring(name="s", body="m", other_point=(-2, 0, 0), stiffness=1.0, rest=2.0),
+    pg.Strut(name="s", body="m", other_point=(-2, 0, 0), bump_length=2.1, bump_stiffness=10.0),
+    pg.Torsion(name="s", body="m", stiffness=1.0),
+]
+
+
+@pytest.mark.parametrize(("force", "way"), combined(BETWEEN, WAYS))
 def test_forces_between_points_do_not_hide_a_jump_of_another_force(force, way):
     model = mass("-4*q.m + if(q.m > 0.2, 3, 0)").add(force)
     found = pg.simulate(model, t_end=0.6, wrt=["v.m"], frames=61, **WAYS[way])

@@ -208,7 +208,7 @@ def test_nearly_parallel_faces_touch_where_they_overlap(sizes, size):
     small, large = (size * np.array(x) for x in sizes)
     area = np.minimum(small, large)[:2] / 2
     rng = np.random.default_rng(5)
-    for tilt in 10.0 ** np.arange(-15.0, -6.0, 0.15):
+    for tilt in 10.0 ** np.arange(-15.0, -6.0, 0.45):
         turn = Rotation.from_rotvec(tilt * rng.uniform(-1, 1, 3))
         for depth in (1e-6, 1e-5):
             above = pose((0, 0, (small[2] + large[2]) / 2 - depth * size), turn)

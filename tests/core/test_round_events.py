@@ -114,6 +114,7 @@ def test_a_rattleback_agrees_with_the_reference(method, spin):
     assert error < 1e-6
 
 
+@pytest.mark.nightly
 def test_a_rattleback_reverses_its_spin_in_one_sense_only():
     shape = pg.Shape(kind="ellipsoid", radii=(0.2, 0.03, 0.02))
     given = (shape, np.eye(3))

@@ -8,6 +8,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from ..worlds import box, on_ground
 
 EPS = np.finfo(float).eps
@@ -158,9 +159,9 @@ def test_the_estimate_sees_what_is_shorter_than_a_step(options, width):
     assert abs(run.q[-1, 0] - exact) < 10 * run.error_estimate + 1e-12
 
 
-@pytest.mark.parametrize("parts", [100, 317, 1000])
-@pytest.mark.parametrize("text", [False, True], ids=["table", "expression"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    ("seed", "text", "parts"), combined(range(4), [False, True], [100, 317, 1000]), ids=str
+)
 def test_every_step_of_the_finer_run_is_half_of_one(seed, text, parts):
     """Then the estimate of a method of order one is half the error, beside corners too."""
     rng, total = np.random.default_rng(seed), 10.0 ** np.random.default_rng(seed).uniform(-2, 2)
@@ -179,10 +180,10 @@ def test_every_step_of_the_finer_run_is_half_of_one(seed, text, parts):
     assert run.error_estimate == pytest.approx(0.5 * error, rel=0.02)
 
 
-@pytest.mark.parametrize("late", [0.0, 1e3])
-@pytest.mark.parametrize("width", [1e-6, 1e-11])
-@pytest.mark.parametrize("impulse", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 0.01}])
+@pytest.mark.parametrize(
+    ("late", "width", "impulse", "options"),
+    combined([0.0, 1e3], [1e-6, 1e-11], [1e-6, 1.0, 1e6], [{}, {"method": "rk4", "step": 0.01}]),
+)
 def test_the_estimate_counts_the_rounding_of_the_times_of_spikes(late, width, impulse, options):
     """An impulse in a time that is known to rounding only, and late in a run."""
     width = max(width, 1e-12 * late)

@@ -9,6 +9,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.rotation import matrix
 
+from ..nights import combined
 from ..worlds import ball, box, on_ground
 
 SHAPES = {
@@ -204,8 +205,7 @@ def test_a_cube_bounces_with_its_restitution_however_it_hits(law, e, speed):
             assert bounce(e, speed, tree="prismatic", **given) == pytest.approx(e, abs=close)
 
 
-@pytest.mark.parametrize("law", ["soft", "penalty"])
-@pytest.mark.parametrize("mass", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(("law", "mass"), combined(["soft", "penalty"], [1e-3, 1.0, 1e3]))
 def test_time_stepping_keeps_the_restitution_at_any_mass(law, mass):
     """60 steps touch the ground. Their second pass takes the inertias of the first."""
     for tree in ("free", "prismatic"):

@@ -5,6 +5,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from ..worlds import ball, on_ground
 
 SETTINGS = [{}, {"method": "rk4", "step": 1e-2}, {"method": "radau5", "rtol": 1e-9}]
@@ -104,8 +105,10 @@ def test_a_latch_does_not_catch_again_what_leaves_its_threshold(threshold, optio
     np.testing.assert_allclose(run.q[-1, 0], exact, rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("options", [{"rtol": 1e-6, "method": "radau5"}, {"step": 3e-3}])
-@pytest.mark.parametrize("threshold", [0.376, 0.5, 0.123])
+@pytest.mark.parametrize(
+    ("threshold", "options"),
+    combined([0.376, 0.5, 0.123], [{"rtol": 1e-6, "method": "radau5"}, {"step": 3e-3}]),
+)
 def test_a_latch_that_catches_again_at_once_is_reported(threshold, options):
     """A constant force pulls on past the threshold, where rounding decides on the side."""
 

@@ -8,6 +8,8 @@ from app.cli.main import main
 from pgraph_core.live.run import LiveRun, Setup
 from tests.refusals import assert_names
 
+from ..nights import combined
+
 G, SPEED, END, STEP = 9.81, 3.0, 0.5, 2.0**-9
 SLOWED = SPEED - 0.3 * G * (END + 0.5 * END**2)  # by a friction of 0.3 (1 + t)
 LAWS = {"complementarity": 1e-9, "soft": 2e-3, "penalty": 2e-3}  # the last two sink and bounce
@@ -126,8 +128,9 @@ def test_expressions_that_do_not_fit_are_refused(fields, facts):
     assert_names(str(error.value), *facts)
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("text", ["=k*(0.25 - t)", "=k/(t - 0.25) + 9", "=sqrt(0.25 - t)"])
+@pytest.mark.parametrize(
+    ("law", "text"), combined(LAWS, ["=k*(0.25 - t)", "=k/(t - 0.25) + 9", "=sqrt(0.25 - t)"])
+)
 def test_a_value_that_no_friction_has_ends_the_run_and_names_the_contact(law, text):
     run = pg.simulate(box(text, law), t_end=END, step=STEP, method="moreau_jean")
     assert not run.status.ok
