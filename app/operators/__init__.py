@@ -17,7 +17,7 @@ from ..core.state import with_client
 class Inspected:
     """The part of an operator that a page shows. None selects all rows or columns."""
 
-    what: str  # key of TITLES in `view.py`
+    what: str  # key of OPERATORS in `view.py`
     rows: tuple[int, int] | None = None  # from, to
     columns: tuple[int, int] | None = None
 
@@ -41,7 +41,10 @@ class State(pose.State):
 
 
 Index = Annotated[int, Field(ge=0, le=1_000_000)]
-Operator = Literal["M", "J", "eps_phi", "Phi", "S"]
+Operator = Literal[
+    "M", "C", "J", "S", "eps_phi", "Phi", "Phi_T", "H", "M_k", "a", "b", "V", "V_T", "Jdot", "Vdot",
+    "F", "tau", "vdot",
+]  # fmt: skip
 
 
 class Inspect(FromPage):

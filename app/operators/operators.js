@@ -1,7 +1,6 @@
 // The Operators tab: one operator as a picture of its cells; values under the pointer.
 (() => {
   const { make, send } = pgraph;
-  const SYMBOL = /^([MJSΦ]|ε_φ)$/; // in a title
   let what = "M";
 
   function build(host) {
@@ -39,7 +38,7 @@
           onclick: look,
         }),
         files,
-        make("div", { className: "value", role: "status" }),
+        make("div", { className: "value", role: "status", title: "Equations of the paper" }),
         make(
           "div",
           { className: "scale", title: "Six decades, from the largest value down to faint" },
@@ -68,10 +67,10 @@
     const kind = host.querySelector(".kind");
     if (!kind.children.length)
       kind.append(
-        ...Object.entries(data.titles).map(([value, title]) =>
+        ...Object.entries(data.titles).map(([value, [symbol, title]]) =>
           make("button", {
             className: "chip-button",
-            textContent: title.split(" ").find((word) => SYMBOL.test(word)),
+            textContent: symbol,
             title,
             value,
             onclick: () => {
@@ -211,9 +210,10 @@
         ? names[k]
         : `${names[k * step]} … ${names[Math.min((k + 1) * step, names.length) - 1]}`;
     if (data.row_names[i * r] === undefined || data.column_names[j * c] === undefined) return;
-    const largest = r * c > 1 ? "largest " : "";
+    const largest = r * c > 1 ? "largest " : "",
+      place = [span(data.row_names, i, r), span(data.column_names, j, c)].filter(Boolean).join(", ");
     host.querySelector(".value").textContent =
-      `${data.what}[${span(data.row_names, i, r)}, ${span(data.column_names, j, c)}] = ${largest}${x}`;
+      `${data.symbol}[${place}] = ${largest}${x}`;
   }
   function describe(host) {
     const data = host.operator;

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,11 +13,11 @@ from scipy import io as files
 from scipy import sparse
 
 import pgraph_core as pg
-from pgraph_core.paper import Operators
+from pgraph_core.paper import Operators, bodies_of
 
 from ..core.bridge import Bridge
 from ..core.views import NOTHING, Host, Payload, Place, requests, topic
-from ..pose.solving import shown_q
+from ..pose.solving import shown_frame, shown_q, shown_v
 from ..pose.view import moment
 from . import Client, ExportOperator, Inspected, State
 
@@ -41,43 +44,185 @@ def _shown(state: State, page: Client) -> Payload:
 
 def operator(state: State, part: Inspected) -> Payload:
     """Return the displayed part of an operator, or the reason if there is none."""
-    payload = {"what": part.what, "titles": TITLES}
+    titles = {what: (one.symbol, one.title) for what, one in OPERATORS.items()}
+    payload = {"what": part.what, "symbol": OPERATORS[part.what].symbol, "titles": titles}
     problem = available(state, part.what)
     if not problem:
         try:
             shown = picture(matrix(state, part.what), part)
-            rows, columns = labels(state, part.what)
         except pg.PgraphError as error:
             problem = str(error)
         else:
-            of_rows, of_columns = numbers(state, part.what)
-            named = {
-                "row_names": rows[slice(*shown.rows)],
-                "column_names": columns[slice(*shown.columns)],
-                "row_numbers": of_rows[slice(*shown.rows)],
-                "column_numbers": of_columns[slice(*shown.columns)],
-            }
-            return payload | shown._asdict() | named | {"words": WORDS[part.what], "problem": ""}
+            named = {}
+            for side, span in (("row", shown.rows), ("column", shown.columns)):
+                marks, names = sides(state, part.what)[side]
+                named |= {f"{side}_numbers": marks[slice(*span)]}
+                named |= {f"{side}_names": names[slice(*span)]}
+            words = OPERATORS[part.what].words
+            return payload | shown._asdict() | named | {"words": words, "problem": ""}
     return payload | {"problem": problem}
 
 
 # -- matrices --------------------------------------------------------------------------------------
 
 
-TITLES = {
-    "M": "mass matrix M", "J": "Jacobian J of the tips", "eps_phi": "ε_φ", "Phi": "Φ",
-    "S": "adjacency S",
+@dataclass(frozen=True)
+class Now:
+    """The displayed state, with the sources of the operators."""
+
+    state: State
+
+    @cached_property
+    def q(self) -> np.ndarray:
+        return shown_q(self.state)
+
+    @cached_property
+    def v(self) -> np.ndarray:
+        v = shown_v(self.state)
+        bodies = bodies_of(self.state.model, self.topology)
+        return np.array([x for body in bodies for x in body.v], dtype=float) if v is None else v
+
+    @cached_property
+    def topology(self) -> pg.Topology:
+        return pg.Topology.of(self.state.model)
+
+    @cached_property
+    def paper(self) -> Operators:
+        return Operators(self.state.model, self.topology, self.q, self.v)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the kernels are compiled, which are faster than the operators."""
+        return self.state.kernels.ready
+
+    @cached_property
+    def mech(self) -> pg.Mechanism:
+        return pg.Mechanism(self.state.model)
+
+    @cached_property
+    def J(self) -> np.ndarray:
+        return self.mech.tip_jacobian(self.q) if self.ready else self.paper.jacobian
+
+    def of_run(self, field: str) -> np.ndarray:
+        """Return the frame of an array of the run."""
+        frame = shown_frame(self.state)
+        if frame is None or self.state.run is None:  # `available` says so before
+            raise pg.InputError(pg.Problem("operators", field, NO_RUN))
+        return np.asarray(getattr(self.state.run.result, field))[frame]
+
+
+def table(vectors: Any) -> np.ndarray:
+    """Return spatial vectors (6 n,) or (n, 6) as (6, n), one column for each."""
+    return np.reshape(vectors, (-1, 6)).T
+
+
+class Shown(NamedTuple):
+    """An operator of the paper on the page. Vectors are rows, spatial vectors have six rows."""
+
+    symbol: str
+    title: str
+    words: str  # meaning of an entry, number of its equation in the paper
+    rows: str  # what a row belongs to, a key of `sides`
+    columns: str
+    value: Callable[[Now], Any]
+    large: bool = True  # it is also made where paths between bodies are too many
+    of_run: bool = False  # it needs the accelerations of a run
+
+
+OPERATORS = {
+    "M": Shown(
+        "M", "mass matrix", "inertia between motions, eq. (25)",
+        "motions", "motions",
+        lambda now: now.mech.mass_matrix(now.q) if now.ready else now.paper.mass_matrix, False,
+    ),
+    "C": Shown(
+        "C", "bias force", "force of velocities and gravity on each motion, eq. (25)",
+        "", "motions",
+        lambda now: [now.mech.bias_force(now.q, now.v) if now.ready else now.paper.bias_force],
+        False,
+    ),
+    "J": Shown(
+        "J", "Jacobian of the tips", "speeds of tips for each motion, eq. (20)",
+        "tips", "motions", lambda now: now.J, False,
+    ),
+    "S": Shown(
+        "S", "adjacency", "connections between bodies, eq. (1)",
+        "bodies", "bodies", lambda now: now.topology.adjacency(),
+    ),
+    "eps_phi": Shown(
+        "ε_φ", "kernel operator",
+        "φ, which propagates velocities to the next body, eq. (6) and eq. (13)",
+        "spatial", "spatial", lambda now: now.paper.eps_phi,
+    ),
+    "Phi": Shown(
+        "Φ", "propagation operator",
+        "propagates velocities to all descendants, eq. (16)",
+        "spatial", "spatial", lambda now: now.paper.Phi, False,
+    ),
+    "Phi_T": Shown(
+        "Φ_T", "propagation to the tips",
+        "propagates velocities from tip bodies to their tips, eq. (18)",
+        "tips", "spatial", lambda now: now.paper.Phi_T,
+    ),
+    "H": Shown(
+        "H", "joint map", "axes of motions, eq. (6) and eq. (7)",
+        "spatial", "motions", lambda now: now.paper.H,
+    ),
+    "M_k": Shown(
+        "M_k", "spatial masses", "inertia of each body about its origin, eq. (12)",
+        "spatial", "spatial", lambda now: now.paper.M,
+    ),
+    "a": Shown(
+        "a", "velocity terms", "acceleration across joints by velocities, eq. (9)",
+        "twist", "bodies", lambda now: table(now.paper.a),
+    ),
+    "b": Shown(
+        "b", "gyroscopic forces", "torque and force by velocities, eq. (12)",
+        "wrench", "bodies", lambda now: table(now.paper.b),
+    ),
+    "V": Shown(
+        "V", "spatial velocities", "velocity of each body, eq. (17)",
+        "twist", "bodies",
+        lambda now: table(
+            now.mech.body_motion(now.q, now.v).velocity if now.ready else now.paper.V
+        ),
+        False,
+    ),
+    "V_T": Shown(
+        "V_T", "tip velocities", "velocity of each tip, eq. (19) and eq. (27)",
+        "twist", "tip bodies", lambda now: table(now.J @ now.v), False,
+    ),
+    "Jdot": Shown(
+        "J′θ′", "bias of the tips", "acceleration of each tip at θ″ = 0, eq. (27)",
+        "twist", "tip bodies",
+        lambda now: table(
+            [now.paper.point_bias(k, now.paper.bodies[k - 1].tip_point) for k in now.topology.tips]
+        ),
+        False,
+    ),
+    "Vdot": Shown(
+        "V′", "spatial accelerations", "acceleration of each body, eq. (21)",
+        "twist", "bodies", lambda now: table(now.of_run("body_acceleration")), of_run=True,
+    ),
+    "F": Shown(
+        "F", "joint forces", "torque and force of each joint on its body, eq. (22)",
+        "wrench", "bodies", lambda now: table(now.of_run("joint_force")), of_run=True,
+    ),
+    "tau": Shown(
+        "τ", "torques", "part of F along each motion, eq. (23)",
+        "", "motions", lambda now: [now.paper.H.T @ now.of_run("joint_force").reshape(-1)],
+        of_run=True,
+    ),
+    "vdot": Shown(
+        "θ″", "accelerations", "acceleration of each motion, eq. (26)",
+        "", "motions", lambda now: [now.of_run("vdot")], of_run=True,
+    ),
 }  # fmt: skip
-WORDS = {  # meaning of an entry, equation of the paper
-    "M": "inertia between motions, eq. (25) of the paper",
-    "J": "speeds of tips for each motion, eq. (20) of the paper",
-    "eps_phi": "propagates velocities to the next body, eq. (13) of the paper",
-    "Phi": "propagates velocities to all descendants, eq. (16) of the paper",
-    "S": "connections between bodies, eq. (1) of the paper",
-}
+NO_RUN = "Press Play: accelerations and forces are those of a run."
 MOST = 96  # cells per side. In larger operators a cell is a block
-LARGE = 200  # bodies above which Φ, whose entries grow with the square, is not made
-SPATIAL = ("ωx", "ωy", "ωz", "vx", "vy", "vz")
+LARGE = 200  # bodies above which products along paths, which grow with the square, are not made
+TWIST = ("ωx", "ωy", "ωz", "vx", "vy", "vz")
+WRENCH = ("τx", "τy", "τz", "fx", "fy", "fz")
 
 
 class Picture(NamedTuple):
@@ -92,24 +237,19 @@ class Picture(NamedTuple):
 
 def available(state: State, what: str) -> str:
     """Return the reason why an operator cannot be shown now, or ""."""
-    n = len(state.derived.names)
-    if what == "Phi" and n > LARGE:
+    n, one = len(state.derived.names), OPERATORS[what]
+    if one.of_run and shown_frame(state) is None:
+        return NO_RUN
+    if one.large or n <= LARGE:
+        return ""
+    if what == "Phi":
         return f"Φ of {n} bodies has too many entries; it is shown up to {LARGE} bodies."
-    if what in ("M", "J") and n > LARGE and not state.kernels.ready:
-        return "The kernels are still being compiled."
-    return ""
+    return "" if state.kernels.ready else "The kernels are still being compiled."
 
 
 def matrix(state: State, what: str) -> Any:
-    """Return the operator at the displayed pose as a sparse matrix. Raises PgraphError."""
-    top, q = pg.Topology.of(state.model), shown_q(state)
-    if what == "S":
-        return sparse.coo_array(top.adjacency())
-    if what in ("M", "J") and state.kernels.ready:
-        mech = pg.Mechanism(state.model)
-        return sparse.coo_array(mech.mass_matrix(q) if what == "M" else mech.tip_jacobian(q))
-    names = {"M": "mass_matrix", "J": "jacobian"}
-    return sparse.coo_array(getattr(Operators(state.model, top, q), names.get(what, what)))
+    """Return the operator at the displayed state as a sparse matrix. Raises PgraphError."""
+    return sparse.coo_array(OPERATORS[what].value(Now(state)))
 
 
 def picture(whole: Any, part: Inspected) -> Picture:
@@ -142,30 +282,31 @@ def _step(span: tuple[int, int]) -> int:
     return max(1, -(-(span[1] - span[0]) // MOST))
 
 
-def labels(state: State, what: str) -> tuple[list[str], list[str]]:
-    """Return the row and column labels for an operator."""
+def sides(state: State, what: str) -> dict[str, tuple[list[Any], list[str]]]:
+    """Return the marks and names of the rows and columns of an operator.
+
+    A mark is the Pgraph number of the body, or the component where all bodies share a row.
+    """
     d = state.derived
+    bodies = [(d.number[name], name) for name in d.names]
     motions = [
-        name if body.dof == 1 else f"{name} {i + 1}"
-        for name, body in ((name, state.model.body(name)) for name in d.names)
-        for i in range(body.dof)
+        (k, name if dof == 1 else f"{name} {i + 1}")
+        for k, name in bodies
+        for dof in [state.model.body(name).dof]
+        for i in range(dof)
     ]
-    spatial = [f"{name} {c}" for name in d.names for c in SPATIAL]
-    tips = [f"{d.names[k - 1]} {c}" for k in sorted(d.tips) for c in SPATIAL]
-    names = list(d.names)
-    return {"M": (motions, motions), "J": (tips, motions), "S": (names, names)}.get(
-        what, (spatial, spatial)
-    )
-
-
-def numbers(state: State, what: str) -> tuple[list[int], list[int]]:
-    """Return the Pgraph number of the body for each row and each column."""
-    d = state.derived
-    bodies = [d.number[name] for name in d.names]
-    motions = [d.number[name] for name in d.names for _ in range(state.model.body(name).dof)]
-    spatial, tips = ([k for k in of for _ in SPATIAL] for of in (bodies, sorted(d.tips)))
-    found = {"M": (motions, motions), "J": (tips, motions), "S": (bodies, bodies)}
-    return found.get(what, (spatial, spatial))
+    tips = [(k, d.names[k - 1]) for k in sorted(d.tips)]
+    found: dict[str, Sequence[tuple[Any, str]]] = {
+        "": [("", "")], "bodies": bodies, "tip bodies": tips, "motions": motions,
+        "spatial": [(k, f"{name} {c}") for k, name in bodies for c in TWIST],
+        "tips": [(k, f"{name} {c}") for k, name in tips for c in TWIST],
+        "twist": [(c, c) for c in TWIST], "wrench": [(c, c) for c in WRENCH],
+    }  # fmt: skip
+    one = OPERATORS[what]
+    return {
+        side: ([k for k, _ in found[of]], [name for _, name in found[of]])
+        for side, of in (("row", one.rows), ("column", one.columns))
+    }
 
 
 def as_file(state: State, what: str, suffix: str) -> bytes:

@@ -45,18 +45,23 @@ def shown_q(state: State) -> np.ndarray:
     return np.asarray(state.run.result.q[_frame(state.run, state.playback.time)])
 
 
-def shown_time(state: State) -> float | None:
-    """Return the time of the displayed frame of the run [s], or None where q is not of a run."""
+def shown_frame(state: State) -> int | None:
+    """Return the index of the displayed frame of the run, or None where q is not of a run."""
     if state.pose is not None or state.run is None:
         return None
-    return float(state.run.result.t[_frame(state.run, state.playback.time)])
+    return _frame(state.run, state.playback.time)
+
+
+def shown_time(state: State) -> float | None:
+    """Return the time of the displayed frame of the run [s], or None where q is not of a run."""
+    frame = shown_frame(state)
+    return None if frame is None or state.run is None else float(state.run.result.t[frame])
 
 
 def shown_v(state: State) -> np.ndarray | None:
     """Return v (nv,) at the displayed frame of the run, or None to use the model's initial v."""
-    if state.pose is not None or state.run is None:
-        return None
-    return np.asarray(state.run.result.v[_frame(state.run, state.playback.time)])
+    frame = shown_frame(state)
+    return None if frame is None or state.run is None else np.asarray(state.run.result.v[frame])
 
 
 def _frame(run: Run, time: float) -> int:
