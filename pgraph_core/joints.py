@@ -298,30 +298,14 @@ def joint_problems(
     return found + _limit_problems(limits, motions)
 
 
-# impulses along a coordinate are for axes of length 1
-NO_IMPULSES = (
-    "is only possible on a curve through points without `up`; for others use a spring, a damper "
-    "or a motor"
-)
-
-
-def track_problems(
-    track: Any, motions: Motions, limits: Limits, friction: Numbers
-) -> list[Finding]:
+def track_problems(track: Any, motions: Motions) -> list[Finding]:
     """Return a problem if a joint lacks the track of its curve, or has one without a curve."""
-    curves = [k for k, m in enumerate(motions) if m.kind in TRACKED]
-    if len(curves) > 1:
-        return [
-            ("motions", f"a joint follows one curve, got {len(curves)}; put a body between them")
-        ]
+    curves = sum(m.kind in TRACKED for m in motions)
+    if curves > 1:
+        return [("motions", f"a joint follows one curve, got {curves}; put a body between them")]
     if curves and track is None:
         text = "a curve needs a track, such as pg.Track(points=[(0, 0, 0), (1, 0, 0.5)])"
         return [("track", text)]
-    if curves and not track.unit_speed:
-        k = curves[0]
-        for name, own in (("limits", limits[k : k + 1]), ("friction", friction[k : k + 1])):
-            if any(own):
-                return [(name, f"{NO_IMPULSES}, got {shown(own[0])}")]
     if track is not None and not curves:
         return [("track", "belongs to a curve; give joint='curve', or leave the track out")]
     return []

@@ -36,9 +36,6 @@ DEGREE = 7  # of the polynomials, see `engine.layout`
 CLOSE = 512 * EPS  # largest distance of the polynomials from the functions, relative to their size
 MOST_POLYNOMIALS = 2000  # more would be needed by a function with a corner only
 START = 8  # parts of a piece in the first trial
-# part of a piece by which the first one begins early, so that the ends of the range lie inside. The
-# error of degree 7 there is its eighth power.
-EARLY = EPS ** (1 / 8)
 
 Pairs = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2)]
 Formula = Annotated[str, StringConstraints(min_length=1, max_length=200)]
@@ -133,22 +130,13 @@ class Track(Frozen):
         closed = self.closed and not self.points  # a spline through points closes by itself
         return _joined([_fitted(piece) for piece in self._pieces()], closed)
 
-    @property
-    def unit_speed(self) -> bool:
-        """Whether the origin moves by as much as the coordinate, and the body does not turn."""
-        return bool(self.points) and self.up is None
-
     def _pieces(self) -> list[_Piece]:
         return _of_points(self) if self.points else _of_functions(self)
 
     @cached_property
     def rows(self) -> Array:
         """The rows (nt, 32) for the kernels, described in `engine.layout`."""
-        x, c = self.pieces.x.copy(), self.pieces.c.copy()
-        lead = EARLY * min(x[1] - x[0], x[-1] - x[-2])  # the ends lie within a piece
-        c[:, 0] = _expanded(c[:, 0], -lead)
-        x[0] -= lead
-        x[-1] += -lead if self.closed else lead
+        x, c = self.pieces.x, self.pieces.c
         found = np.zeros((2 * len(x) - 1, 32))
         found[::2, 0] = x
         powers = c[::-1].transpose(1, 0, 2)  # (pieces, 8, 7)
@@ -536,16 +524,6 @@ def _joined(parts: Sequence[Any], closed: bool) -> Any:
     found = PPoly(np.concatenate(coefficients, axis=1), np.concatenate(begins))
     if closed:
         _check_closed(found)
-    return found
-
-
-def _expanded(c: Array, shift: float) -> Array:
-    """Return the coefficients (8, 7) of polynomials about a place further by `shift`."""
-    powers = np.arange(len(c))[::-1]
-    found = np.zeros_like(c)
-    for k, own in zip(powers.tolist(), c):
-        for j in range(k + 1):
-            found[len(c) - 1 - j] += own * math.comb(k, j) * shift ** (k - j)
     return found
 
 

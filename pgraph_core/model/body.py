@@ -273,7 +273,7 @@ class Body(Described):
         vars(self)["shape"] = self.shapes[0] if self.shapes else None
         found += self._derive()
         found += joint_problems(self.joint, self.sequence, self.q, self.v, self.limits)
-        found += track_problems(self.track, self.sequence, self.limits, self.friction)
+        found += track_problems(self.track, self.sequence)
         if not 0.5 < math.hypot(*self.rotation) < 2:
             text = f"must be a unit quaternion [w, x, y, z], got {shown(self.rotation)}"
             found.append(("rotation", text))

@@ -163,31 +163,8 @@ def fits_joint(c: Constraint, bodies: Bodies) -> bool:
     return not _joint_problems(c, "", bodies)
 
 
-def acts_by_impulses(part: OfSums) -> bool:
-    """Check whether a part has rows of impulses along coordinates."""
-    rows = ends_of(part) if isinstance(part, Tendon) else ()
-    return (
-        isinstance(part, Sum)
-        or any(x is not None for x in rows)
-        or bool(getattr(part, "friction", 0.0))
-    )
-
-
-def _curve_problem(body: Body, coordinate: int) -> str:
-    """Return the problem with impulses along a coordinate, or ""."""
-    motions = [m for m in body.sequence for _ in range(joints.SIZE[m.kind][1])]
-    track = motions[coordinate].track if coordinate < len(motions) else None
-    return (
-        f"the joint of '{body.name}': {joints.NO_IMPULSES}"
-        if track and not track.unit_speed
-        else ""
-    )
-
-
 def _coordinate_problem(body: Body, coordinate: int) -> str:
     """Return the problem with a coordinate that must have its own position, or ""."""
-    if text := _curve_problem(body, coordinate):
-        return text
     if coordinate >= body.dof:
         return f"the joint of '{body.name}' has {body.dof} degrees of freedom, got {coordinate}"
     if not _has_position(body, coordinate):
@@ -214,9 +191,6 @@ def sum_problems(
             text = f"the joint of '{name}' takes {counted(body.dof, 'number')}, got {len(values)}"
         elif body is not None and of_positions:
             bad = (_coordinate_problem(body, k) for k, x in enumerate(values) if x)
-            text = next(filter(None, bad), "")
-        if body is not None and not text and acts_by_impulses(part):
-            bad = (_curve_problem(body, k) for k, x in enumerate(values) if x)
             text = next(filter(None, bad), "")
         if text:
             found.append(Problem(where, "coefficients", text))

@@ -329,17 +329,53 @@ def test_derivatives_by_a_start_at_the_beginning_of_a_track_equal_differences():
     assert abs(run.sensitivity("q.bead")[-1, 0] - (ends[0] - ends[1]) / (2 * h)) < 1e-7
 
 
-@pytest.mark.quick
-def test_impulses_along_a_curve_need_one_of_unit_speed():
-    knee = pg.Track(angles=["q"], range=(0, 2))
-    for fields in ({"limits": (0, 1)}, {"friction": 0.1}):
-        with pytest.raises(pg.ModelError) as caught:
-            pg.Body(name="a", joint="curve", track=knee, **fields)
-        assert [problem.field for problem in caught.value.problems] == [*fields]
-    body = pg.Body(name="a", joint="curve", track=knee)
-    held = pg.Motion(name="m", body="a", q_of_t="=0.1*t")
-    with pytest.raises(pg.ModelError, match="through points"):
-        pg.Model(bodies=[body], constraints=[held])
+KNEE = {
+    "joint": "curve",
+    "track": pg.Track(
+        x="0.2*sin(q)", z="-0.1*q^2", angles=["-q", "0.3*sin(q)"], axes=[(0, 1, 0), (1, 0, 0)],
+        range=(-2, 2),
+    ),
+}  # fmt: skip
+GUIDED = {
+    "knee": KNEE,
+    **{f"{p} m a turn": {"joint": "screw", "axes": (1, 0, 0), "pitch": p} for p in (0.01, 0.5, 3)},
+}
+
+
+def hanging(**fields) -> pg.Model:
+    """Return a body on a free one, without gravity."""
+    base = pg.Body(name="base", joint="free", mass=2, inertia=INERTIA, com=(0.1, 0, 0.2))
+    guided = {"link": (0.3, 0, -0.4), "com": (0, 0.1, 0.1), "mass": 2, "inertia": INERTIA}
+    body = pg.Body(name="body", parent="base", **guided, **fields)
+    return pg.Model(bodies=[base, body], gravity=(0, 0, 0))
+
+
+@pytest.mark.parametrize("options", [FINE, {"step": 1e-4}], ids=["events", "time stepping"])
+@pytest.mark.parametrize("guide", GUIDED)
+def test_impulses_along_a_curve_and_a_coarse_screw_keep_energy_and_momentum(guide, options):
+    """H has a length other than 1 there, and impulses took it for their own direction."""
+    model = hanging(**GUIDED[guide], limits=(-0.3, 0.4), limit_restitution=1.0)
+    model = model.edit("base", v=(0.3, -0.2, 0.5, 0.1, 0.2, 0.3)).edit("body", v=(3.0,))
+    run = pg.simulate(model, t_end=0.5, **options)
+    assert run.q[:, -1].min() > -0.31 and run.q[:, -1].max() < 0.41
+    assert sum(run.v[1:, -1] * run.v[:-1, -1] < 0) > 1, "it hits both limits"
+    mech = run.mechanism
+    momentum = np.array([mech.momentum(q, v) for q, v in zip(run.q, run.v)])
+    close = 1e-9 if options is FINE else 2e-3
+    assert np.abs(momentum - momentum[0]).max() < close * np.abs(momentum).max()
+    assert np.abs(run.kinetic_energy - run.kinetic_energy[0]).max() < close * run.kinetic_energy[0]
+
+
+@pytest.mark.parametrize("guide", GUIDED)
+def test_joint_friction_and_a_prescribed_motion_balance_energy_along_a_curve(guide):
+    held = pg.Motion(name="m", body="body", q_of_t="=0.2*sin(9*t)")
+    for model in (
+        hanging(**GUIDED[guide], friction=0.5).edit("body", v=(1.0,)),
+        pg.Model(**{**dict(hanging(**GUIDED[guide])), "constraints": [held]}),
+    ):
+        run = pg.simulate(model, t_end=0.5, step=1e-3)
+        booked = run.kinetic_energy + run.dissipation - run.work
+        assert np.abs(booked - booked[0]).max() < 1e-4 * run.kinetic_energy.max()
 
 
 @pytest.mark.quick

@@ -17,7 +17,7 @@ from ..compiler.jit import part
 from ..compiler.lane import numbers, triple
 from ..compiler.masks import any_of
 from ..layout import T_ALIGN, T_TURN
-from ..motions import column, diagonal, feeling, gather, nv_of, past, respond
+from ..motions import diagonal, feeling, gather, nv_of, past, respond, unit_wrench
 from ..motions.wrenches import no_triples
 from ..rows import (
     kind_of,
@@ -185,8 +185,8 @@ def reaches(whole, k):
 def push(rows, const, work, k, c, size, whole):
     """Add the wrench pair for a unit joint force in one coordinate of row k, eq. (23)."""
     p = parent_of(rows, k)
-    h0, h1 = column(rows, work, k, const, c)
-    moment, force = scale(size, h0), scale(size, h1)
+    w0, w1 = unit_wrench(rows, work, k, const, c)
+    moment, force = scale(size, w0), scale(size, w1)
     accumulate(whole, k, 0, moment)
     accumulate(whole, k, 3, force)
     if p > 0:

@@ -19,21 +19,17 @@ from ..constraints.paths import pivots, spread, unspread
 from ..contact.contacts import STILL
 from ..contact.coulomb import only
 from ..motion import opened, user_torque
-from ..motions import nv_of
 from ..records import ACCEPTANCE, CREEP, STANCE, SWING
 from ..rows import (
-    armature_of,
-    inverse_pivot_of,
-    kind_of,
     origin_of,
     parent_of,
     rotation_of,
     spin_of,
-    v_of,
 )
+from ..stepping.armatures import correction, relax, soften, stiffen
 from ..stepping.batch import call_advance, call_copy
 from ..stepping.booking import goes_on_sliding
-from ..stepping.moreau import softened, turn_rates
+from ..stepping.moreau import turn_rates
 from ..stepping.state import size_of_state
 from ..tree.articulated import inboard, inboard_again, joint_acceleration
 from ..tree.kinematics import outboard, outboard_again, positions
@@ -71,7 +67,7 @@ def begin(rows, drives, b, h):
     b.lane[0, of.LANE.alone] = 0.0
     b.lane[0, of.LANE.open] = 0.0
     advance(rows, q, v, 0.5 * h)
-    stiffen(rows, drives, b, h, q, v)
+    stiffen_drives(rows, drives, b, h, q, v)
     act(drives, b, q, v)
     outboard(rows, b.const, b.work, q, v)
 
@@ -86,12 +82,9 @@ def begin_again(rows, drives, b, h, kept):
     q, v, mean = x[of.VECTOR.new_q], x[of.VECTOR.v], x[of.VECTOR.mean]
     for j in range(x.shape[1]):
         mean[j] = v[j] + 0.5 * (h * x[of.VECTOR.vdot, j] + x[of.VECTOR.move, j])
-    for k in range(1, rows.shape[0]):
-        if nv_of(kind_of(rows, k)) == 1:
-            j = v_of(rows, k)
-            pivot, extra = inverse_pivot_of(work, k), x[of.VECTOR.damping, j]
-            more_ = softened(pivot, extra, x[of.VECTOR.stiffness, j], h, v[j], mean[j])
-            x[of.VECTOR.pushed, j] = x[of.VECTOR.given, j] + more_
+    own, pushed, dinv = x[of.VECTOR.given], x[of.VECTOR.pushed], x[of.VECTOR.dinv]
+    damping, stiffness = x[of.VECTOR.damping], x[of.VECTOR.stiffness]
+    soften(rows, work, h, v, mean, damping, stiffness, own, pushed, dinv)
     act(drives, b, q, mean)
     if kept:
         outboard_again(rows, b.const, work, mean)
@@ -100,9 +93,9 @@ def begin_again(rows, drives, b, h, kept):
 
 
 @sweep
-def stiffen(rows, drives, b, h, q, v):
-    """Run `moreau.stiffen`."""
-    x, const = b.vectors, b.const
+def stiffen_drives(rows, drives, b, h, q, v):
+    """Run `moreau.stiffen_drives`."""
+    x = b.vectors
     for j in range(x.shape[1]):
         x[of.VECTOR.damping, j] = 0.0
         x[of.VECTOR.stiffness, j] = 0.0
@@ -119,15 +112,8 @@ def stiffen(rows, drives, b, h, q, v):
         x[of.VECTOR.damping, j] += chosen(counts, d[of.DRIVE.damping], 0.0)
         if i >= 0:
             x[of.VECTOR.stiffness, j] += chosen(counts, d[of.DRIVE.stiffness], 0.0)
-    for k in range(1, rows.shape[0]):
-        if nv_of(kind_of(rows, k)) == 1:
-            j = v_of(rows, k)
-            x[of.VECTOR.armature, j] = armature_of(const, k)
-            x[of.VECTOR.damping, j] = (
-                h * x[of.VECTOR.damping, j] + 0.5 * h * h * x[of.VECTOR.stiffness, j]
-            )
-            const[k, at.ARMATURE] += x[of.VECTOR.damping, j]
-            x[of.VECTOR.pushed, j] -= 0.5 * h * x[of.VECTOR.stiffness, j] * v[j]
+    damping, stiffness, pushed = x[of.VECTOR.damping], x[of.VECTOR.stiffness], x[of.VECTOR.pushed]
+    stiffen(rows, b.const, h, v, damping, stiffness, x[of.VECTOR.armature], pushed)
 
 
 @sweep
@@ -243,26 +229,20 @@ def touching(near, b):
 @sweep
 def finish(rows, ways, near, b, h, passive, kept):
     """Finish a step into NEW_Q and NEW_V by its second pass."""
-    x, lane, const = b.vectors, b.lane[0], b.const
+    x, lane = b.vectors, b.lane[0]
     v, vdot, mean_ = x[of.VECTOR.v], x[of.VECTOR.vdot], x[of.VECTOR.mean]
     some = solve(rows, ways, near, b, h, True, kept)
-    for k in range(1, rows.shape[0]):
-        if nv_of(kind_of(rows, k)) == 1:
-            const[k, at.ARMATURE] = x[of.VECTOR.armature, v_of(rows, k)]
+    relax(rows, b.const, x[of.VECTOR.armature])
     x[of.VECTOR.done, 0] = x[of.VECTOR.ledger, 0] + h * lane[of.LANE.put_in]
     x[of.VECTOR.done, 1] = x[of.VECTOR.ledger, 1] + h * lane[of.LANE.lost]
     if some:
         x[of.VECTOR.done, 1] -= chosen(touching(near, b), lane[of.LANE.gained], 0.0)
-    new, more_work = x[of.VECTOR.new_v], lane[of.LANE.count] * 0.0
+    new = x[of.VECTOR.new_v]
     for j in range(x.shape[1]):
         new[j] = v[j] + (h * vdot[j] + x[of.VECTOR.move, j])
-    for k in range(1, rows.shape[0]):
-        if nv_of(kind_of(rows, k)) == 1:
-            j = v_of(rows, k)
-            change = new[j] - v[j]
-            mean = 0.5 * (new[j] + v[j])
-            pushed = h * x[of.VECTOR.tau, j]
-            more_work += (pushed - x[of.VECTOR.damping, j] * change) * mean - pushed * mean_[j]
+    more_work = correction(
+        rows, x[of.VECTOR.tau], v, mean_, x[of.VECTOR.damping], h, new, lane[of.LANE.count] * 0.0
+    )
     if passive:
         x[of.VECTOR.done, 1] -= more_work
     else:

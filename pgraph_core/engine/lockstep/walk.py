@@ -2,15 +2,13 @@
 
 from typing import Any, NamedTuple
 
-from .. import layout as at
 from ..compiler.address import caller, stored
 from ..compiler.jit import kernel, sweep
 from ..compiler.kinds import F2, F3, I1, I2, f8, i8, named, plain, void
 from ..compiler.lane import in_lanes_of, lanes
 from ..gait.tables import FOOT, GAIT_SETTINGS, LEG, Walk
 from ..gait.walking import control
-from ..motions import nv_of
-from ..rows import armature_of, kind_of, v_of
+from ..stepping.armatures import exchange
 from .block import LANE, VECTOR
 
 
@@ -60,17 +58,6 @@ def numbers_into(one, all_, w):
             all_[i, j, w] = one[i, j]
 
 
-@sweep
-def exchange_armatures(rows, const, x):
-    """Swap the drive inertias with and without stiffness terms: the controller uses none."""
-    for k in range(1, rows.shape[0]):
-        if nv_of(kind_of(rows, k)) == 1:
-            j = v_of(rows, k)
-            stiff = armature_of(const, k)
-            const[k, at.ARMATURE] = x[VECTOR.armature, j]
-            x[VECTOR.armature, j] = stiff
-
-
 @kernel(i8(i8, i8, f8), later=True, lanes=True)
 def walk_in_lanes(place, w, h):
     """Add the controller's τ to that of all lanes, at the midpoint of a step h.
@@ -94,9 +81,9 @@ def walk_in_lanes(place, w, h):
         x[VECTOR.new_q], v, torque, x[VECTOR.vdot, :nv], lanes(our.all_limits)[0], our.spine,
         lane[LANE.fell : LANE.fell + 1], None, work,
     )  # fmt: skip
-    exchange_armatures(our.rows, const, x)
+    exchange(our.rows, const, x[VECTOR.armature])  # the controller has no stiff drives
     control(walk, work, lane[LANE.time] + 0.5 * h)
-    exchange_armatures(our.rows, const, x)
+    exchange(our.rows, const, x[VECTOR.armature])
     power = 0.0 * lane[LANE.time]
     for j in range(nv):
         x[VECTOR.tau, j] += torque[j]

@@ -91,6 +91,8 @@ move = question({one.number: _moving(one) for one in MOTIONS})
 set_rates = question(_answers("set_rates"))
 # const, c: return column c of H_k, eqs. (6), (7), as (angular, linear) in world axes
 column = question(_answers("column"))
+# const, c: return a wrench W with Hᵀ W = 1 at column c, 0 at the others
+unit_wrench = question(_answers("unit_wrench"))
 # const, q: return (angular, linear) of dH/dq in world axes, and of d²H/dq², where H depends on q
 slopes = question(_answers("slopes"))
 # const, x, alpha, linear: return V + H x, with V = (alpha, linear) and x of the length of v

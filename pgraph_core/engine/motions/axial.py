@@ -2,12 +2,20 @@
 
 from ..compiler.jit import part
 from ..rows import axis_of, slide_of
-from ..vec import add, add_scaled, dot, mul, mul_t, sym_mul
+from ..vec import add, add_scaled, dot, mul, mul_t, scale, sym_mul
 
 
 @part
 def column(rows, work, k):
     return axis_of(work, k), slide_of(work, k)
+
+
+@part
+def unit_wrench(rows, work, k):
+    """Return H / HᵀH."""
+    h, slide = axis_of(work, k), slide_of(work, k)
+    over = 1.0 / (dot(h, h) + dot(slide, slide))
+    return scale(over, h), scale(over, slide)
 
 
 @part

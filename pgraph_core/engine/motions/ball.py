@@ -239,6 +239,7 @@ BALL = Motion(
     place=place,
     set_rates=set_rates,
     column=column,
+    unit_wrench=column,
     slopes=straight,
     add_motion=add_motion,
     project=project,

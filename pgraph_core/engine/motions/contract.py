@@ -32,6 +32,7 @@ class Motion(NamedTuple):
     place: Any  # frame of the row
     set_rates: Any  # velocity and a of the row
     column: Any  # a column of H
+    unit_wrench: Any  # a wrench W with Hᵀ W = 1 at one coordinate, 0 at the others
     slopes: Any  # first and second derivative of H in the coordinate, in the parent's axes
     add_motion: Any  # V + H x
     project: Any  # Hᵀ F
@@ -63,6 +64,7 @@ class Single(NamedTuple):
     place: Any  # this and `set_rates` are those of a `Motion`
     set_rates: Any
     column: Any  # H as (angular, linear)
+    unit_wrench: Any  # a wrench W with Hᵀ W = 1: H where its length is 1
     slopes: Any  # that of a `Motion`
     add_motion: Any  # V + H x for a number x, with V = (alpha, linear)
     along: Any  # Hᵀ F of a wrench (moment, force)

@@ -34,7 +34,7 @@ from ..rows import (
     v_of,
 )
 from ..vec import add, add_cross, add_scaled, cross, dot, mat_mul, mul, quaternion_matrix, scale
-from .axial import add_motion, along, column, through
+from .axial import add_motion, along, column, through, unit_wrench
 from .contract import Single
 
 
@@ -66,7 +66,8 @@ def located(const, first, rows, q):
     i = piece_at(const, first, rows // 2, x)
     begin = entry(const, i, at.TRACK_AT)
     way = x - begin
-    inside = smaller(larger(way, 0.0), entry(const, i + 2.0, at.TRACK_AT) - begin)
+    # at an end, the way is chosen, whose derivative is that of q
+    inside = smaller(entry(const, i + 2.0, at.TRACK_AT) - begin, larger(0.0, way))
     return i, inside, way - inside
 
 
@@ -201,6 +202,7 @@ CURVE = Single(
     place=place,
     set_rates=set_rates,
     column=column,
+    unit_wrench=unit_wrench,
     slopes=slopes,
     add_motion=add_motion,
     along=along,

@@ -77,6 +77,7 @@ HINGE = Single(
     place=place,
     set_rates=set_rates,
     column=column,
+    unit_wrench=column,
     slopes=straight,
     add_motion=add_motion,
     along=along,

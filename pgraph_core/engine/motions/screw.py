@@ -25,7 +25,7 @@ from ..rows import (
     v_of,
 )
 from ..vec import add, add_cross, add_scaled, cross, dot, mat_mul, mul, rodrigues, scale
-from .axial import add_motion, along, column, through
+from .axial import add_motion, along, column, through, unit_wrench
 from .contract import Single, straight
 
 
@@ -67,6 +67,7 @@ SCREW = Single(
     place=place,
     set_rates=set_rates,
     column=column,
+    unit_wrench=unit_wrench,
     slopes=straight,
     add_motion=add_motion,
     along=along,

@@ -46,12 +46,17 @@ def _asked(name):
 
 
 _column, along, size, _through = (_asked(x) for x in ("column", "along", "size", "through"))
-_add_motion = _asked("add_motion")
+_unit_wrench, _add_motion = _asked("unit_wrench"), _asked("add_motion")
 
 
 @part
 def column(rows, work, k, const, c):
     return _column(rows, work, k)
+
+
+@part
+def unit_wrench(rows, work, k, const, c):
+    return _unit_wrench(rows, work, k)
 
 
 @part
@@ -184,6 +189,7 @@ MOTIONS_OF_ONE = tuple(
         place=one.place,
         set_rates=one.set_rates,
         column=column,
+        unit_wrench=unit_wrench,
         slopes=one.slopes,
         add_motion=add_motion,
         project=project,

@@ -5,7 +5,7 @@ event, are evaluated along the step, on dense output or by repeating a narrower 
 event is located by secants and bisection, and the step ends there.
 """
 
-from ...tolerances import ROUNDING, SOLVED
+from ...tolerances import SOLVED
 from .. import layout as at
 from ..arrays import guard_at, opened_run
 from ..compiler.address import caller
@@ -45,8 +45,8 @@ call_event = caller(EVENT)
 _call_user = caller(void(f8, u8, u8, u8))
 
 PARTS = 4  # parts of a step with dense output that are examined separately
-DIPS = 60  # evaluations for the minimum of an event near zero
-PARABOLIC = 0.25  # plausible error of a parabola through three values, relative to their fall
+DIPS = 120  # evaluations for the minimum of an event near zero
+STEEPER = 2.0  # plausible slope of an event, relative to those between its values in a part
 EVENT_HALVINGS = 40  # halvings of a part that starts at an event
 WIDER = 8  # growth of the interval after an instant at which a value is and stays zero
 
@@ -307,52 +307,102 @@ def dip(run, low, width, i):
     """Find the point after `low` at which event i touches zero without crossing it.
 
     Rows WATCHED.low and WATCHED.high hold the values at its start and middle. Return the widths
-    that bracket the event. Both widths are equal if zero is only touched, and 0 if there is no
+    that bracket the event. Both widths are equal if zero is only touched, and -1 if there is no
     event. How near it came is kept then.
+
+    A value has a minimum inside if it falls at the start and rises at the end. A value that is zero
+    up to SOLVED at an end has its minimum there: it comes near zero at the end of one part, which
+    row WATCHED.nears keeps, and rises in the next one.
     """
     data = opened_run(run)
     watched, values = data.watched, data.values
     sign = data.signs[i] if data.wanted[i] != ASLEEP else 0
     n = watched.shape[1] - data.signs.shape[0] + i
-    x = (0.0, 0.5, 1.0)
+    nears = watched[WATCHED.nears, n] > 0.0
+    watched[WATCHED.nears, n] = 0.0
     y = (sign * watched[WATCHED.low, n], sign * watched[WATCHED.high, n], sign * values[i])
     if not (y[0] > 0.0 and y[1] > 0.0 and y[2] > 0.0):
-        return 0.0, 0.0
-    size = max(y[0], y[2])
+        return -1.0, -1.0
+    tiny = SOLVED * max(y[0], max(y[1], y[2]))
+    if y[2] <= tiny:
+        watched[WATCHED.nears, n] = 1.0
+    if y[0] <= tiny and not nears:  # it is that of the event before
+        return -1.0, -1.0
+    if min(y[0], min(y[1], y[2])) > STEEPER * max(abs(y[1] - y[0]), abs(y[2] - y[1])):
+        return -1.0, -1.0
+    look(run, low, SOLVED * width)
+    falls = sign * values[i] < y[0]
+    if y[0] <= tiny and not falls:
+        return touched(run, low, SOLVED * width, i)
+    look(run, low, width - SOLVED * width)
+    if not (falls and sign * values[i] < y[2]):
+        return -1.0, -1.0
+    return least_value(run, low, width, i, y)
+
+
+@sweep
+def touched(run, low, w, i):
+    """Return the widths of an event that touches zero at w, unless only crossings are wanted."""
+    data = opened_run(run)
+    if data.wanted[i] != 0:
+        return -1.0, -1.0
+    look(run, low, w)
+    n = data.watched.shape[1] - data.signs.shape[0] + i
+    data.watched[WATCHED.now, n] = -BELOW
+    data.watched[WATCHED.nears, n] = 0.0
+    return w, w
+
+
+@sweep
+def least_value(run, low, width, i, y):
+    """Return `dip` for a value which falls at the start of a part and rises at its end.
+
+    `y` are its values at the start, in the middle and at the end. Brackets of the minimum become
+    narrower until it is known to be above zero, or until they are as narrow as SOLVED. A value that
+    is convex cannot be below the lines through the middle of a bracket and its ends.
+    """
+    data = opened_run(run)
+    watched, values, sign = data.watched, data.values, data.signs[i]
+    n = watched.shape[1] - data.signs.shape[0] + i
+    a, m, b = 0.0, 0.5, 1.0
+    fa, fm, fb = y
+    size = max(fa, fb)
     for k in range(DIPS):
-        w, least = vertex(x, y)
-        within = x[0] + SOLVED < w < x[2] - SOLVED
-        if k == 0 and not within:
-            return 0.0, 0.0
-        if not within or least > PARABOLIC * (max(y[0], y[2]) - least):
-            if k == 0:
-                x, y = (x[0], w, x[2]), (y[0], least, y[2])
+        if b - a < SOLVED:
             break
-        if k % 3 == 2 or abs(w - x[1]) < SOLVED * SOLVED:
-            left, right = x[1] - x[0], x[2] - x[1]  # parabolas converge slowly
-            w = x[1] - GOLDEN * left if left > right else x[1] + GOLDEN * right
+        if fm < fa and fm < fb:
+            left, right = (fa - fm) / (m - a), (fb - fm) / (b - m)
+            if min(fm - right * (m - a), fm - left * (b - m)) > 0.0:
+                break
+            w, _ = vertex((a, m, b), (fa, fm, fb))
+            if k % 2 == 1 or not abs(w - m) > SOLVED * SOLVED:
+                w = m - GOLDEN * (m - a) if m - a > b - m else m + GOLDEN * (b - m)
+        elif fa <= fb:
+            b, fb = m, fm
+            w = a + GOLDEN * (b - a)
+        else:
+            a, fa = m, fm
+            w = b - GOLDEN * (b - a)
         look(run, low, w * width)
         value = sign * values[i]
         if value < 0.0:
-            return x[0] * width, w * width
-        if value <= ROUNDING * size and data.wanted[i] == 0:
-            watched[WATCHED.now, n] = -BELOW
-            return w * width, w * width
-        if w < x[1]:
-            if value < y[1]:
-                x, y = (x[0], w, x[1]), (y[0], value, y[1])
-            else:
-                x, y = (w, x[1], x[2]), (value, y[1], y[2])
-        elif value < y[1]:
-            x, y = (x[1], w, x[2]), (y[1], value, y[2])
+            return a * width, w * width
+        if not a < m < b or value < fm:
+            if a < m < w:
+                a, fa = m, fm
+            elif w < m < b:
+                b, fb = m, fm
+            m, fm = w, value
+        elif w < m:
+            a, fa = w, value
         else:
-            x, y = (x[0], x[1], w), (y[0], y[1], value)
-        if x[2] - x[0] < SOLVED:
-            break
-    if y[1] < watched[WATCHED.nearest, n]:
-        watched[WATCHED.nearest, n] = y[1]
-        watched[WATCHED.when, n] = data.control[0].clock.old_time + low + x[1] * width
-    return 0.0, 0.0
+            b, fb = w, value
+    if b - a < SOLVED and (2.0 * fm <= max(fa, fb) or fm <= SOLVED * size):
+        return touched(run, low, m * width, i)
+    if fm < watched[WATCHED.nearest, n]:
+        watched[WATCHED.nearest, n] = fm
+        watched[WATCHED.when, n] = data.control[0].clock.old_time + low + m * width
+    return -1.0, -1.0
 
 
 @sweep
@@ -367,7 +417,7 @@ def dipped(run, low, end):
     middle = 0.5 * (low + end)
     for i in range(count):
         first, last = dip(run, low, end - low, i)
-        if last > 0.0 and watched[WATCHED.now, watched.shape[1] - count + i] < 0.0:
+        if last >= 0.0 and watched[WATCHED.now, watched.shape[1] - count + i] < 0.0:
             return low + first, last - first
         look(run, middle, end - middle)  # the same call as in `looked_at` gives equal bits
     return low, -1.0
@@ -465,6 +515,7 @@ def reached(run, low, end):
         watched[WATCHED.start, first + i] = abs(values[i])
         if end == 0.0 or watched[WATCHED.now, first + i] >= 0.0:
             continue
+        watched[WATCHED.nears, first + i] = 0.0
         if signs[i] * wanted[i] > 0:
             watched[WATCHED.now, first + i] = NOTHING
         side = watched[WATCHED.high, first + i]

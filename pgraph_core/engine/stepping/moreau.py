@@ -9,10 +9,9 @@ their energy at any speed (`tree.spinning`). States of controls follow the midpo
 x⁺ = x + h x'(q_m, v_m, x_m) with v_m = ½ (v + v⁺) and x_m half a step of Euler's rule ahead, which
 forces read.
 
-Dampers and servos of hinges and sliders are stable for any stiffness: h d + h²/2 k is added to the
-inertia, so that the first pass evaluates them at the end of the step. The second one takes back the
-share of this that is due to their mean in the step, from the change of v in the first pass
-(`soften`).
+Dampers and servos are stable for any stiffness, since they are inertia in a step (`armatures`). The
+first pass evaluates them at the end of the step. The second one takes back the share of this that
+is due to their mean in the step, from the change of v in the first pass.
 
 A step with impacts is divided into sub-steps that end at the impacts. An impact is a sub-step of
 zero length. Compliant and slow contacts are only detected at the midpoint of a sub-step.
@@ -27,6 +26,7 @@ from ..arrays import (
     BEFORE,
     CALMED,
     DAMPING,
+    DINV,
     EFFECT,
     FACTORED,
     FACTORS,
@@ -76,17 +76,13 @@ from ..contact.meeting import first_meeting, hits_at_once, state_at
 from ..contact.passing import keep_poses, note_passages
 from ..drives import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, energies, follow, opened
-from ..motions import add_motion, nv_of
+from ..motions import add_motion
 from ..rows import (
-    armature_of,
-    inverse_pivot_of,
-    kind_of,
     parent_of,
     set_acceleration,
     set_kept,
     set_spin,
     spin_of,
-    v_of,
 )
 from ..signals import put_rates
 from ..tree.kinematics import accelerate as accelerate_rows
@@ -94,6 +90,7 @@ from ..tree.kinematics import positions
 from ..tree.moving import advance
 from ..tree.spinning import SPIN, keep_gyrating, keep_spinning
 from ..vec import finite, set_xyz, store, xyz
+from .armatures import correction, relax, soften, stiffen
 from .booking import book, note_chain
 from .state import NOT_MET, copied, size_of_state
 from .state import STEP as STEP_SIGNATURE
@@ -219,7 +216,7 @@ def part_of_step(run, done, h, w, mode):
     accelerate(run, t, h, w)
     first = bilateral + 1
     if add_unilateral(scene, h, w, h - done, mode, q, v, vdot):
-        relax(rows, const, space.vectors, data.given)
+        relax_drives(scene)
         take_back(run, h, w)
         active[0] = bilateral
         return True
@@ -231,7 +228,7 @@ def part_of_step(run, done, h, w, mode):
             break
         which = MIDPOINT
         accelerate_again(run, t, h, w)
-    relax(rows, const, space.vectors, data.given)
+    relax_drives(scene)
     ledger[at.WORK_DONE] += w * this.flow[0]
     ledger[at.DISSIPATED] += w * this.flow[1]
     if active[0] > 0:
@@ -294,7 +291,7 @@ def accelerate(run, t, h, w):
     if data.loads.signals[2].shape[0] > 0:
         move_states(scene, t, 0.5 * w, q, v, before, v, tau)
     advance(data.rows, q, v, 0.5 * w)
-    stiffen(scene, t + 0.5 * w, w, q, v)
+    stiffen_drives(scene, t + 0.5 * w, w, q, v)
     vectors = data.space.vectors
     for j in range(nv):
         vectors[MEAN, j] = v[j]
@@ -319,7 +316,7 @@ def accelerate_again(run, t, h, w):
     mean = data.space.vectors[MEAN, :nv]
     put_contacts(run, v, -w / h)
     find_mean(scene, w, v, vdot, count)
-    soften(scene, w, v)
+    soften_drives(scene, w, v)
     contacts_at(data.links.contacts).tally[0].share = w / h
     active[0] = 0
     if data.user.address == 0:  # a user's function may write into the rows
@@ -411,90 +408,55 @@ def move_states(scene, t, h, q, v, start, out, rates):
 
 
 @sweep
-def stiffen(scene, t, h, q, v):
+def stiffen_drives(scene, t, h, q, v):
     """Add the implicit terms of dampers and springs to inertia and torque."""
     data = opened(scene)
-    rows, const, drives, space, given = data.rows, data.const, data.drives, data.space, data.given
-    vectors = space.vectors
+    drives, vectors, given = data.drives, data.space.vectors, data.given
     table = drives.table
-    damping = vectors[DAMPING]
-    stiffness = vectors[STIFFNESS]
-    for j in range(v.shape[0]):  # with a hinge: joints of several coordinates stay as they are
+    damping, stiffness = vectors[DAMPING], vectors[STIFFNESS]
+    for j in range(v.shape[0]):
         damping[j] = 0.0
         stiffness[j] = 0.0
+        vectors[OWN_GIVEN, j] = given[j]
     follow(data, t, q, v)
     for n in range(table.shape[0]):
         j = table[n].velocity
         kd = table[n].damping
-        if table[n].terms > 0:  # along several coordinates: as it is, too
+        if table[n].terms > 0:  # along several joints: as it is
             continue
         if kd > 0.0 and not at_its_limit(drives, n, t, q, v):
             damping[j] += kd
             if table[n].coordinate >= 0:
                 stiffness[j] += table[n].stiffness
-    for k in range(1, rows.shape[0]):
-        if nv_of(kind_of(rows, k)) == 1:
-            j = v_of(rows, k)
-            vectors[OWN_ARMATURE, j] = armature_of(const, k)
-            vectors[OWN_GIVEN, j] = given[j]
-            damping[j] = h * damping[j] + 0.5 * h * h * stiffness[j]
-            const[k, at.ARMATURE] += damping[j]
-            given[j] -= 0.5 * h * stiffness[j] * v[j]
+    stiffen(data.rows, data.const, h, v, damping, stiffness, vectors[OWN_ARMATURE], given)
 
 
 @sweep
-def soften(scene, h, v):
+def soften_drives(scene, h, v):
     """Take implicit terms of drives at the mean velocity, where they are soft."""
     data = opened(scene)
-    rows, vectors, given = data.rows, data.space.vectors, data.given
+    vectors = data.space.vectors
     mean, damping, stiffness = vectors[MEAN], vectors[DAMPING], vectors[STIFFNESS]
-    for k in range(1, rows.shape[0]):
-        if nv_of(kind_of(rows, k)) == 1:
-            j = v_of(rows, k)
-            pivot = inverse_pivot_of(data.work, k)
-            more = softened(pivot, damping[j], stiffness[j], h, v[j], mean[j])
-            given[j] = vectors[OWN_GIVEN, j] + more
-
-
-@part
-def softened(pivot, extra, stiffness, h, before, mean):
-    """Compute the torque that replaces h d + h²/2 k as inertia, where it is small beside 1 / pivot.
-
-    With z = (h d + h²/2 k) / m, where m is the other inertia that the joint feels, a damper leaves
-    (2 + 3 z) / ((2 + z) (1 + z)²) of a velocity. This is exp(-z) to second order, and vanishes for
-    a stiff damper.
-    """
-    whole = 1.0 / pivot
-    share = 2.0 * (whole - extra) / (2.0 * whole - extra)  # 2 / (2 + z)
-    change = 2.0 * (mean - before)
-    damping = extra / h - 0.5 * h * stiffness
-    torque = 0.5 * (1.0 + share) * damping * change
-    return torque + 0.5 * h * stiffness * (share * change - (1.0 - share) * before)
+    own, dinv = vectors[OWN_GIVEN], vectors[DINV]
+    soften(data.rows, data.work, h, v, mean, damping, stiffness, own, data.given, dinv)
 
 
 @sweep
-def relax(rows, const, vectors, given):
-    """Undo `stiffen`."""
-    for k in range(1, rows.shape[0]):
-        if nv_of(kind_of(rows, k)) == 1:
-            j = v_of(rows, k)
-            const[k, at.ARMATURE] = vectors[OWN_ARMATURE, j]
-            given[j] = vectors[OWN_GIVEN, j]
+def relax_drives(scene):
+    """Undo `stiffen_drives`."""
+    data = opened(scene)
+    relax(data.rows, data.const, data.space.vectors[OWN_ARMATURE])
+    for j in range(data.given.shape[0]):
+        data.given[j] = data.space.vectors[OWN_GIVEN, j]
 
 
 @part
-def book_drives(rows, drives, tau, before, at_, extra, h, v, ledger):
+def book_drives(rows, drives, tau, before, taken, extra, h, v, ledger):
     """Correct the work done by joint torques for their change over the step.
 
-    Their power was taken at the velocities `at_`.
+    Their power was taken at the velocities `taken`.
     """
-    more = 0.0
-    for k in range(1, rows.shape[0]):
-        if nv_of(kind_of(rows, k)) == 1:
-            j = v_of(rows, k)
-            change = v[j] - before[j]
-            mean = 0.5 * (v[j] + before[j])
-            more += (h * tau[j] - extra[j] * change) * mean - h * tau[j] * at_[j]
+    more = correction(rows, tau, before, taken, extra, h, v, 0.0)
     if drives.table.shape[0] > drives.passive:
         ledger[at.WORK_DONE] += more
     else:

@@ -69,10 +69,10 @@ from .moreau import (
     book_drives,
     end_acceleration,
     find_mean,
-    relax,
+    relax_drives,
     set_velocities,
-    soften,
-    stiffen,
+    soften_drives,
+    stiffen_drives,
     turn_rates,
 )
 from .state import copied, size_of_state
@@ -177,7 +177,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
     if which == EXPLICIT:
         find_mean(scene, width, v, vdot, own.blocks.active[0])
         return
-    relax(own.rows, own.const, space.vectors, own.given)
+    relax_drives(scene)
     ledger[at.WORK_DONE] += width * flow[0]
     ledger[at.DISSIPATED] += width * flow[1]
     if own.blocks.active[0] > 0:
@@ -262,7 +262,7 @@ def move_again(run, t, w, moves):
     tau, vdot, active = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv], own.blocks.active
     count, mean = active[0], own.space.vectors[MEAN, :nv]
     active[0] = 0
-    soften(data.scene, width, v)
+    soften_drives(data.scene, width, v)
     time = t + 0.5 * w
     call_acceleration(data.links.accelerate, (data.scene, time, q, mean, tau, vdot, data.flow))
     end_later(run, w, moves)
@@ -293,7 +293,7 @@ def accelerate(run, t):
     nq, nv = size_of_state(run)
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     tau, vdot = stages[at.TORQUE, :nv], stages[at.SLOPE, nq : nq + nv]
-    stiffen(data.scene, t, width, q, v)
+    stiffen_drives(data.scene, t, width, q, v)
     vectors = opened(data.scene).space.vectors
     for j in range(nv):
         vectors[MEAN, j] = v[j]
@@ -306,11 +306,11 @@ def accelerate(run, t):
 def differ_in_time(run, t, shift):
     """Write the slopes of v' and of the power in time into FROM, by central differences."""
     data = opened_run(run)
-    stages, flow, own = data.stages, data.flow, opened(data.scene)
+    stages, flow = data.stages, data.flow
     nq, nv = size_of_state(run)
     for sign in (-1.0, 1.0):
         accelerate(run, t + sign * shift)
-        relax(own.rows, own.const, own.space.vectors, own.given)
+        relax_drives(data.scene)
         for j in range(nv):
             x = sign * stages[at.SLOPE, nq + j] / (2.0 * shift)
             stages[at.FORCE_SLOPE, nq + j] = x if sign < 0.0 else stages[at.FORCE_SLOPE, nq + j] + x
@@ -610,7 +610,7 @@ def follow_path(run, numbers, place):
         left,
         left < h or moves > 0.0,
     )
-    relax(opened(scene).rows, opened(scene).const, opened(scene).space.vectors, opened(scene).given)
+    relax_drives(scene)
     copied(stages, at.PART_START, at.CANDIDATE, stages.shape[1])
     stages[at.PART_TIMES, TIMES.taken] = done - (h - left)
     parted(stages[at.PART_TIMES])[TIMES.taken, BY_WIDTH] = 1.0
