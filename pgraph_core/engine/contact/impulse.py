@@ -49,18 +49,10 @@ from ..constraints.constraints import joint_impulses
 from ..vec import dot, load
 from .conflicts import barred, ease, strain
 from .contacts import contacts_at
+from .island_rows import drop_impulses, gather, rows_of, velocity, weigh
 from .islands import find_islands, forget_order, order_island, unique
 from .loose import note_loose
-from .newton import (
-    TOLERANCE,
-    drop_impulses,
-    gather,
-    rows_of,
-    solve_exact,
-    stays,
-    velocity,
-    weigh,
-)
+from .newton import TOLERANCE, solve_exact, stays
 from .sweeps import gauss_seidel, joint_speeds, own_block
 
 # tolerance of large heaps: half of the digits, as forces are not unique

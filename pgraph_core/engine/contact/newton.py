@@ -26,25 +26,34 @@ from ..arrays import (
     BEST_IMPULSES,
     HELD_IMPULSES,
     IMPULSES_BEFORE,
-    JOINT_SPEEDS,
     LAMBDA,
     TARGET,
     opened,
 )
 from ..compiler.jit import part, sweep
 from ..compiler.lane import (
-    four,
     load_four,
-    load_triple,
-    numbers,
     numbers_of_four,
     store_four,
-    triple,
 )
-from ..constraints.blocks import dry, first_of, joint_of, joints_of, one_sided, size_of, type_of
+from ..constraints.blocks import first_of, one_sided, size_of, type_of
 from ..records import columns
 from ..vec import add_scaled, dot, load, mul, scale, store, sub
 from .contacts import contacts_at
+from .island_rows import (
+    add_four,
+    clear,
+    copy_impulses,
+    drop_impulses,
+    felt,
+    fours_of,
+    pull,
+    rescale,
+    respond,
+    rows_of,
+    share_evenly,
+)
+from .projections import admitted, bounds_of, into_cone, on_rim, state_of, turning
 from .sparse import factor, substitute, total
 
 TOLERANCE = 1e-10  # residual of a solved island relative to its largest velocity
@@ -65,157 +74,6 @@ CORRECTIONS = 20  # largest number of refinements that remove the compliance
 # Where the scratch of an island keeps them: columns of a block.
 SCRATCH = columns(slope=9, miss=3, rate=9, move=3, start=3, state=1, rests=1)
 LAWS, BOUNDS, CONES, NORMALS = 0, 1, 2, 3  # sets that `look` projects onto
-
-
-@part
-def rows_of(x, r, size):
-    """Return up to three entries of x starting at r, padded with zeros for smaller blocks."""
-    return (x[r], x[r + 1] if size > 1 else 0.0, x[r + 2] if size > 2 else 0.0)
-
-
-@part
-def gather(y, slots, i, z):
-    """Return Y z of a block, the effect of the joint responses z on its rows."""
-    u = triple(0.0, 0.0, 0.0)
-    for s in range(joints_of(slots, i)):
-        u = u + z[joint_of(slots, i, s)] * load_triple(y, i, 3 * s)
-    return numbers(u)
-
-
-@part
-def scatter(y, slots, i, change, z):
-    """Add Yᵀ times the change in a block's λ to z."""
-    for s in range(joints_of(slots, i)):
-        z[joint_of(slots, i, s)] += dot(load(y, i, 3 * s), change)
-
-
-@part
-def velocity(data, i, w):
-    """Return u of a block at the speeds w."""
-    space = data.space
-    n = size_of(data.blocks.blocks_i, i)
-    u = gather(space.y, space.slots, i, w)
-    return add_scaled(u, 1.0, rows_of(space.vectors[TARGET], first_of(space.slots, i), n))
-
-
-@part
-def felt(islands, j, z):
-    """Return Y z of the j-th block, where z is in the order of the matrix."""
-    across, reached = islands.across, islands.reached
-    u = four(0.0, 0.0, 0.0, 0.0)
-    v, w = u, u
-    for e in range(islands.fours[j], islands.fours[j + 1]):
-        x = load_four(z, reached[e], 0)
-        u = u + x * load_four(across, e, 0)
-        v = v + x * load_four(across, e, 4)
-        w = w + x * load_four(across, e, 8)
-    return total(u), total(v), total(w)
-
-
-@part
-def pull(islands, j, change, z):
-    """Add Yᵀ times the change in the j-th block's λ to z, which is in the order of the matrix."""
-    across, reached = islands.across, islands.reached
-    for e in range(islands.fours[j], islands.fours[j + 1]):
-        add_four(z, reached[e], 0, across, e, change)
-
-
-@part
-def bounds_of(data, i):
-    """Compute (friction, 0) for a contact, or the bounds of a torque about and across the normal.
-
-    For joint friction, the first entry is the bound.
-    """
-    blocks = data.blocks
-    if type_of(blocks.blocks_i, i) == at.T_FRICTION:
-        return blocks.blocks_f[i, at.AIM], 0.0
-    if type_of(blocks.blocks_i, i) != at.T_TURN:
-        return blocks.blocks_f[i, at.FRICTION], 0.0
-    contacts = contacts_at(data.links.contacts)
-    tally = contacts.tally[0]
-    n = i - tally.first_turn
-    law = contacts.laws[contacts.found[n].pair]
-    push = max(data.space.vectors[LAMBDA, first_of(data.space.slots, tally.first_contact + n)], 0.0)
-    return law.spinning * push, law.rolling * push
-
-
-@part
-def admitted(kind, size, z, bounds):
-    """Project z onto the admissible impulses. Returns (nearest impulse, its derivative row by row).
-
-    The bounds of a torque are about the normal and across it. The first bound of a contact is for
-    friction.
-    """
-    if dry(kind):
-        return turning(z, -bounds[0], bounds[0], bounds[1])
-    if not one_sided(kind):
-        return z, diagonal(1.0, 1.0 if size > 1 else 0.0, 1.0 if size > 2 else 0.0)
-    if not z[0] > 0.0:
-        return (0.0, 0.0, 0.0), diagonal(0.0, 0.0, 0.0)
-    if size == 1:
-        return (z[0], 0.0, 0.0), diagonal(1.0, 0.0, 0.0)
-    pull = math.sqrt(z[1] * z[1] + z[2] * z[2])
-    mu = bounds[0]
-    rim = mu * z[0]
-    if pull <= rim and mu > 0.0:
-        return z, diagonal(1.0, 1.0, 1.0)
-    x = z[1] / pull if pull > 0.0 else 0.0
-    y = z[2] / pull if pull > 0.0 else 0.0
-    a = rim / pull if pull > 0.0 else 0.0
-    slope = (1.0, 0.0, 0.0, mu * x, a * y * y, -a * x * y, mu * y, -a * x * y, a * x * x)
-    return (z[0], rim * x, rim * y), slope
-
-
-@part
-def turning(z, least, most, radius):
-    """Do the same as `admitted` for given bounds: a segment along the normal, a disc across it."""
-    spin = min(max(z[0], least), most)
-    free = 1.0 if spin == z[0] else 0.0
-    pull = math.sqrt(z[1] * z[1] + z[2] * z[2])
-    if pull <= radius:
-        return (spin, z[1], z[2]), diagonal(free, 1.0, 1.0)
-    x, y, a = z[1] / pull, z[2] / pull, radius / pull
-    slope = (free, 0.0, 0.0, 0.0, a * y * y, -a * x * y, 0.0, -a * x * y, a * x * x)
-    return (spin, radius * x, radius * y), slope
-
-
-@part
-def into_cone(z, mu):
-    """Project z onto a cone that is notably narrower than |z_t| <= μ z_n. Returns the same as
-    `admitted`.
-
-    A contact on the cone is about to slip, which its share of a load is no reason for.
-    """
-    mu *= 1.0 - 2.0 * NOTABLE
-    pull = math.sqrt(z[1] * z[1] + z[2] * z[2])
-    if pull <= mu * z[0]:
-        return z, diagonal(1.0, 1.0, 1.0)
-    if mu * pull <= -z[0]:
-        return (0.0, 0.0, 0.0), diagonal(0.0, 0.0, 0.0)
-    share = 1.0 / (1.0 + mu * mu)
-    push = share * (z[0] + mu * pull)
-    x, y, a, b = z[1] / pull, z[2] / pull, mu * push / pull, share * mu
-    more = mu * b - a
-    across = more * x * y
-    slope = (share, b * x, b * y, b * x, a + more * x * x, across, b * y, across, a + more * y * y)
-    return (push, mu * push * x, mu * push * y), slope
-
-
-@part
-def diagonal(a, b, c):
-    return (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c)
-
-
-@part
-def on_rim(slope):
-    """Check whether friction follows the normal impulse, so the contact slides."""
-    return slope[3] != slope[1] or slope[6] != slope[2]
-
-
-@part
-def state_of(slope):
-    """Encode as a number whether a contact is open, sticks or slides."""
-    return slope[0] + (2.0 if slope[4] + slope[8] == 2.0 else 0.0)
 
 
 @sweep
@@ -364,14 +222,6 @@ def columns(across, e, a, b, c):
         numbers_of_four(b[0] * x + b[1] * y + b[2] * z),
         numbers_of_four(c[0] * x + c[1] * y + c[2] * z),
     )
-
-
-@part
-def add_four(x, to, here, across, g, u):
-    """Add u · (four columns of Y) to four numbers of x."""
-    more = u[0] * load_four(across, g, 0) + u[1] * load_four(across, g, 4)
-    more = more + u[2] * load_four(across, g, 8)
-    store_four(x, to, here, load_four(x, to, here) + more)
 
 
 @sweep
@@ -722,101 +572,3 @@ def note_resting(scene, n, size):
         rests = max(abs(u[1]), abs(u[2])) <= TOLERANCE * size
         rests = rests and type_of(blocks_i, i) == at.T_CONTACT
         islands.slope[i, SCRATCH.rests] = 1.0 if rests else 0.0
-
-
-@sweep
-def weigh(scene, n):
-    """Write 1/k of each block in island n, for its largest row, and its compliance for s = 1."""
-    data = opened(scene)
-    own = data.space.own
-    islands = contacts_at(data.links.contacts).islands
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        islands.mobility[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
-        islands.weight[i] = islands.mobility[i]
-
-
-@sweep
-def rescale(scene, n, factor):
-    """Multiply the weights from `weigh` by a factor."""
-    islands = contacts_at(opened(scene).links.contacts).islands
-    for j in range(islands.first[n], islands.first[n + 1]):
-        islands.mobility[islands.blocks[j]] *= factor
-        islands.weight[islands.blocks[j]] *= factor
-
-
-@sweep
-def share_evenly(scene, n):
-    """Give all contact points of island n the same compliance, their mean.
-
-    The sum of the diagonal of a block does not depend on the axes of its rows.
-    """
-    data = opened(scene)
-    own = data.space.own
-    islands = contacts_at(data.links.contacts).islands
-    total, count = 0.0, 0
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        islands.weight[i] = own[i, 0] + own[i, 4] + own[i, 8]
-        if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
-            total += islands.weight[i]
-            count += 1
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
-            islands.weight[i] = total / count
-
-
-@sweep
-def drop_impulses(scene, n):
-    """Set λ of island n to zero."""
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        for c in range(size_of(data.blocks.blocks_i, i)):
-            data.space.vectors[LAMBDA, first_of(data.space.slots, i) + c] = 0.0
-
-
-@sweep
-def copy_impulses(scene, n, source, target):
-    """Copy λ of island n from one row of `vectors` to another."""
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    vectors = data.space.vectors
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        r = first_of(data.space.slots, i)
-        for c in range(size_of(data.blocks.blocks_i, i)):
-            vectors[target, r + c] = vectors[source, r + c]
-
-
-@sweep
-def respond(scene, n):
-    """Write w = w₀ + Yᵀ λ of island n into `speeds`, and the speeds of joints into JOINT_SPEEDS."""
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    vectors, speeds = data.space.vectors, islands.speeds
-    for p in range(fours_of(islands)):
-        store_four(speeds, p, 0, load_four(islands.free, p, 0))
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        r, size = first_of(data.space.slots, i), size_of(data.blocks.blocks_i, i)
-        pull(islands, j, rows_of(vectors[LAMBDA], r, size), speeds)
-    for p in range(islands.size[0]):
-        i = islands.freedoms[p]
-        if i >= 0:
-            vectors[JOINT_SPEEDS, i] = islands.scale[p] * speeds[p >> 2, p & 3]
-
-
-@part
-def fours_of(islands):
-    """Return the number of rows of 4 x 4 blocks."""
-    return islands.size[0] >> 2
-
-
-@part
-def clear(x, rows):
-    """Set fours of numbers to zero."""
-    for p in range(rows):
-        store_four(x, p, 0, four(0.0, 0.0, 0.0, 0.0))

@@ -14,10 +14,12 @@ from ...tolerances import COINCIDENT
 from ..compiler.jit import part, sweep
 from ..records import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHTFIELD, HULL, POINTS
 from ..vec import add, add_scaled, cross, dot, load, matrix, mul, mul_t, scale, sub, xyz
-from .convex import face_corner
-from .curved import between, core_of, round_by, touch_points
+from .cores import core_of
+from .curved import round_by, touch_points
+from .features import face_corner
 from .manifold import tangents
 from .placing import DEPTH, vertex
+from .polytope import between
 
 
 @part

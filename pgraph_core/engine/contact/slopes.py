@@ -36,7 +36,7 @@ from ..constraints.blocks import (
 from ..constraints.constraints import joint_impulses
 from ..records import columns
 from .impulse import rebound
-from .newton import gather, rows_of, scatter
+from .island_rows import gather, rows_of, scatter
 
 # State of a block according to its law: without impulse, at its bound, held in all rows, held in
 # the first row and sliding in the others, held in the first without friction, between two states.

@@ -18,8 +18,9 @@ from ..records import columns
 from ..vec import add_scaled, dot, load, store, sub
 from .contacts import contacts_at
 from .coulomb import contact
+from .island_rows import rows_of, velocity
 from .islands import NOWHERE
-from .newton import bounds_of, rows_of, velocity
+from .projections import bounds_of
 
 COMBINED = 4  # sweeps that are combined
 FEW_BLOCKS = 16  # blocks of one tree, as of feet: sweeps of no more converge by themselves

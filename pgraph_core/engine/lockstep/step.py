@@ -29,7 +29,7 @@ from ..rows import (
 from ..stepping.armatures import correction, relax, soften, stiffen
 from ..stepping.batch import call_advance, call_copy
 from ..stepping.booking import goes_on_sliding
-from ..stepping.moreau import turn_rates
+from ..stepping.row_speeds import turn_rates
 from ..stepping.state import size_of_state
 from ..tree.articulated import inboard, inboard_again, joint_acceleration
 from ..tree.kinematics import outboard, outboard_again, positions

@@ -69,9 +69,10 @@ def softened(pivot, extra, stiffness, h, before, mean):
 
     With z = (h d + h²/2 k) / m, where m is the other inertia that the joint feels, a damper leaves
     (2 + 3 z) / ((2 + z) (1 + z)²) of a velocity. This is exp(-z) to second order, and vanishes for
-    a stiff damper. Between the coordinates of one motion, D is a matrix. With X = h d D⁻¹ ≤ 1 and
-    the diagonal matrix S of shares 2 / (2 + z) ≤ 1, a damper leaves 1 - X - X S X / 2, whose size is
-    below 1 for any S.
+    a stiff damper.
+
+    Between the coordinates of one motion, D is a matrix. With X = h d D⁻¹ ≤ 1 and the diagonal S of
+    their shares 2 / (2 + z) ≤ 1, a damper leaves 1 - X - X S X / 2, whose size is below 1.
     """
     whole = 1.0 / pivot
     share = 2.0 * (whole - extra) / (2.0 * whole - extra)  # 2 / (2 + z)

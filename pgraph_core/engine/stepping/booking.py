@@ -18,7 +18,7 @@ from ..contact.contacts import (
     note,
     note_turn,
 )
-from ..contact.newton import gather
+from ..contact.island_rows import gather
 from ..motion import opened
 from ..vec import add_scaled, load, load3, scale, set_xyz, xyz
 

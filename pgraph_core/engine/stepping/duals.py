@@ -45,8 +45,8 @@ from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance, normalise_all
 from .batch import call_advance
-from .events import step_again
 from .explicit import dense_output, last_stage, runge_kutta_step, semi_implicit_step, turn_spins
+from .looks import step_again
 from .measured import hold
 from .state import acceleration_of, call_step, copied, onto_constraints, size_of_state
 

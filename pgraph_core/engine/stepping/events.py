@@ -7,10 +7,10 @@ event is located by secants and bisection, and the step ends there.
 
 from ...tolerances import SOLVED
 from .. import layout as at
-from ..arrays import guard_at, opened_run
+from ..arrays import opened_run
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
-from ..compiler.kinds import F1, f8, i8, u8, void
+from ..compiler.kinds import f8, u8, void
 from ..contact.phases import opened_events
 from ..contact.points import (
     BELOW,
@@ -20,26 +20,19 @@ from ..contact.points import (
     WATCHED,
     accepted,
     bracket_of,
-    call_observe,
     dip_of_gap,
     narrowed,
     next_try,
     over,
     start,
-    watch,
 )
-from ..motion import PROJECTION, call_projection, opened
+from ..motion import PROJECTION, call_projection
 from ..records import ASLEEP, ONCE, REACHED
-from ..tree.moving import normalise_all
 from .crossings import beside, vertex
-from .explicit import dense_output
+from .looks import EVENT, keep_values, look, phases_watched, values_of_events
 from .run import LOOK_BACK
-from .state import call_step, copied, onto_constraints, size_of_state
+from .state import copied, size_of_state
 from .widths import GOLDEN
-
-# scene, t, q, v; one number an event, which happens where it changes sign
-EVENT = void(i8, f8, F1, F1, F1)
-call_event = caller(EVENT)
 
 # of a user's functions: time, and the addresses of q, v and their values
 _call_user = caller(void(f8, u8, u8, u8))
@@ -69,100 +62,7 @@ def user_events(scene, t, q, v, values):
 # -- the state within the last step ---------------------------------------------------------------
 
 
-@sweep
-def state_within(run, w):
-    """Write the state at a time w after the start of the last step into TRIAL."""
-    data = opened_run(run)
-    control, stages = data.control[0], data.stages
-    h = control.clock.old_width
-    if w >= h:
-        copied(stages, at.Y, at.TRIAL, stages.shape[1])
-    elif data.tableau.dense.shape[0] > 0:
-        dense_output(run, w / h)
-    else:
-        step_again(run, w)
-
-
-@sweep
-def step_again(run, w):
-    """Repeat the last step with step size w from Y_OLD into TRIAL, with SLOPE still at Y_OLD."""
-    data = opened_run(run)
-    control, stages = data.control[0], data.stages
-    clock = control.clock
-    nq, nv = size_of_state(run)
-    n = stages.shape[1]
-    time = clock.time
-    copied(stages, at.Y, at.END, n)
-    copied(stages, at.Y_OLD, at.Y, n)
-    clock.time = clock.old_time
-    call_step(data.links.step, (run, w))
-    clock.repeated = 1
-    clock.time = time
-    copied(stages, at.END, at.Y, n)
-    copied(stages, at.CANDIDATE, at.TRIAL, n)
-    if nq > nv:
-        normalise_all(opened(data.scene).rows, stages[at.TRIAL, :nq])
-    onto_constraints(run, clock.old_time + w, at.TRIAL)
-
-
 # -- monitors -------------------------------------------------------------------------------------
-
-
-@part
-def phases_watched(run):
-    """Check whether contact points are monitored."""
-    data = opened_run(run)
-    return data.watched.shape[1] > data.signs.shape[0]
-
-
-@sweep
-def look(run, low, w):
-    """Evaluate the monitors at a time low + w after the start of the last step, into row NOW."""
-    data = opened_run(run)
-    control, counters, stages = data.control[0], data.counters[0], data.stages
-    state_within(run, low + w)
-    nq, nv = size_of_state(run)
-    q = stages[at.TRIAL, :nq]
-    v = stages[at.TRIAL, nq : nq + nv]
-    t = control.clock.old_time + low + w
-    if phases_watched(run):
-        contact = opened_events(data.scene).contact
-        vdot = stages[at.OBSERVED, nq : nq + nv]
-        call_observe(contact.links.observe, (data.scene, t, q, v, vdot, data.flow))
-        counters.evaluations += 1
-        watch(contact, WATCHED.now, w)
-    if data.links.events != 0:
-        values_of_events(run, t, q, v)
-        watch_events(run)
-
-
-@sweep
-def values_of_events(run, t, q, v):
-    """Evaluate a user's events and the guard's conditions on coordinates."""
-    data = opened_run(run)
-    values = data.values
-    call_event(data.links.events, (data.scene, t, q, v, values))
-    if data.control[0].guard.address != 0:
-        conditions = guard_at(data.control[0].guard.address).limits
-        for n in range(conditions.shape[0]):
-            one = conditions[n]
-            if one.event >= 0:
-                values[one.event] = one.value - one.sign * q[one.coordinate]
-
-
-@sweep
-def watch_events(run):
-    """Compute the monitors of user events, positive while the values keep their sign."""
-    data = opened_run(run)
-    signs, values, watched = data.signs, data.values, data.watched
-    first = watched.shape[1] - signs.shape[0]
-    for i in range(signs.shape[0]):
-        monitor = NOTHING
-        if signs[i] != 0 and data.wanted[i] != ASLEEP:
-            monitor = signs[i] * values[i]
-            if monitor == 0.0:
-                monitor = -BELOW
-        watched[WATCHED.now, first + i] = monitor
 
 
 @sweep
@@ -290,16 +190,6 @@ def locate(run, low, end):
     if not ended:
         look(run, low, bracket[1])
     return bracket[1]
-
-
-@sweep
-def keep_values(run, row):
-    """Store the values of user events in a row of `watched`."""
-    data = opened_run(run)
-    watched, values = data.watched, data.values
-    first = watched.shape[1] - data.signs.shape[0]
-    for i in range(data.signs.shape[0]):
-        watched[row, first + i] = values[i]
 
 
 @sweep

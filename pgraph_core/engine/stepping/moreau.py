@@ -23,7 +23,6 @@ from ...tolerances import SOLVED
 from .. import layout as at
 from ..arrays import (
     BARRED,
-    BEFORE,
     CALMED,
     DAMPING,
     DINV,
@@ -43,13 +42,11 @@ from ..arrays import (
     OWN_GIVEN,
     PUSH,
     REPORT,
-    RHS,
     SPEEDS,
     STEPS_DONE,
     STIFFNESS,
     STRAYS,
     SWEEPS_DONE,
-    TURNED,
     UNPUSHED,
     WAY_SPEEDS,
     ZERO,
@@ -61,12 +58,8 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import f8, i8, void
 from ..constraints.blocks import (
     first_of,
-    locate,
-    residual_velocity,
     size_of,
-    turning_acceleration,
     type_of,
-    velocities,
 )
 from ..constraints.constraints import add_wrenches, driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
@@ -76,22 +69,17 @@ from ..contact.meeting import first_meeting, hits_at_once, state_at
 from ..contact.passing import keep_poses, note_passages
 from ..drives import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, energies, follow, opened
-from ..motions import add_motion
 from ..rows import (
-    parent_of,
-    set_acceleration,
     set_kept,
-    set_spin,
-    spin_of,
 )
 from ..signals import put_rates
-from ..tree.kinematics import accelerate as accelerate_rows
 from ..tree.kinematics import positions
 from ..tree.moving import advance
 from ..tree.spinning import SPIN, keep_gyrating, keep_spinning
 from ..vec import finite, set_xyz, store, xyz
 from .armatures import correction, relax, soften, stiffen
 from .booking import book, note_chain
+from .row_speeds import set_velocities, turn_rates
 from .state import NOT_MET, copied, size_of_state
 from .state import STEP as STEP_SIGNATURE
 from .unilateral import ASK, CUT, REMAINDER, add_passed, add_unilateral, push_out
@@ -464,47 +452,6 @@ def book_drives(rows, drives, tau, before, taken, extra, h, v, ledger):
 
 
 @sweep
-def set_velocities(scene, t, end, h, v, vdot, m):
-    """Write the speeds of the m active rows at t into BEFORE, and those with v + h v' at the time
-    `end` into RHS, less the prescribed ones.
-
-    The rotation of rows is that at the velocities MEAN, which the last evaluation of v' used.
-    """
-    data = opened(scene)
-    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
-    vectors, linear = space.vectors, space.linear
-    mean = vectors[MEAN, : v.shape[0]]
-    locate(blocks, work, space.place)
-    velocities(rows, const, work, mean, linear)
-    turned(rows, const, blocks, work, space, h, mean, m)
-    turn_rates(rows, const, work, v)
-    velocities(rows, const, work, v, linear)
-    residual_velocity(blocks, work, space, t, v, vectors[BEFORE])
-    for j in range(v.shape[0]):
-        vectors[SPEEDS, j] = v[j] + h * vdot[j]
-    turn_rates(rows, const, work, vectors[SPEEDS])
-    velocities(rows, const, work, vectors[SPEEDS], linear)
-    residual_velocity(blocks, work, space, end, vectors[SPEEDS], vectors[RHS])
-    for r in range(m):
-        vectors[BEFORE, r] -= vectors[TURNED, r]
-        vectors[RHS, r] += vectors[TURNED, r]
-
-
-@sweep
-def turned(rows, const, blocks, work, space, h, v, m):
-    """Write h/2 J' v of the m active rows into TURNED, after `outboard`, `positions` and
-    `velocities`."""
-    vectors = space.vectors
-    set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    for j in range(v.shape[0]):
-        vectors[ZERO, j] = 0.0
-    accelerate_rows(rows, const, work, v, vectors[ZERO])
-    turning_acceleration(blocks, work, space, vectors[TURNED])
-    for r in range(m):
-        vectors[TURNED, r] *= 0.5 * h
-
-
-@sweep
 def warm_start(scene, first, m):
     """Copy λ of the last step for persistent contact points and joint friction, else zero.
 
@@ -602,11 +549,3 @@ def account(scene, first, t, lasts, ledger):
         tally.loose += 1
         tally.loose_pair = contacts.found[int(report[LOOSE]) - 1 - tally.first_contact].pair
         tally.loose_time = t
-
-
-@sweep
-def turn_rates(rows, const, work, v):
-    """Compute the angular velocities of all rows for other joint velocities, same frames."""
-    for k in range(1, rows.shape[0]):
-        w = spin_of(work, parent_of(rows, k))
-        set_spin(work, k, add_motion(rows, work, k, const, v, w, w)[0])

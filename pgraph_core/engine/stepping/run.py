@@ -18,9 +18,9 @@ from ..rows import v_of
 from ..signals import take_samples
 from ..tree.moving import normalise_all
 from ..vec import finite
-from .crossings import within_ranges
 from .explicit import dense_output, last_stage, turn_spins
 from .measured import HOLDING, average, contacts_at, hold_touches, measure, measures
+from .ranges import within_ranges
 from .state import UNSOLVED, acceleration_of, call_step, copied, onto_constraints, size_of_state
 from .widths import (
     first_width,
