@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 
 from ..dynamics.scene import Scene
+from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
+from ..engine.motions import facts
 from ..engine.records import JOINT_FORCE, table
 from ..engine.stepping import stiffness
 from ..integrators import Method
 from ..mechanism import Mechanism
-from ..packing import Array, Drives, Ints, Loads
+from ..packing import Array, Drives, Ints, Loads, row_of_velocity
 from ..packing.forces import NO_LOADS
 from ..packing.signals import hold
 from ..tolerances import NOTABLE
@@ -86,9 +88,16 @@ class Rate:
         """The fastest explicit rate of time stepping [1/s]: dampers and friction are implicit."""
         drives, loads = self.forces
         table = drives.table.copy()
-        implicit = (table["terms"] == 0) & (table["damping"] > 0.0)
+        implicit = (table["terms"] == 0) & (table["damping"] > 0.0) & self._has_armature(table)
         table["damping"][implicit] = table["stiffness"][implicit] = table["friction"] = 0.0
         return self._of((drives._replace(table=table), loads))
+
+    def _has_armature(self, table: Any) -> Any:
+        """Return for each drive whether its row may have an armature, as in time stepping."""
+        rows = self.mech.packed.system.rows
+        of_rows = facts("transmits")[rows[:, at.KIND]] | (rows[:, at.PARENT] == 0)
+        own = [row_of_velocity(rows, j) for j in table["velocity"].tolist()]
+        return of_rows[np.array(own, dtype=int)]
 
     def without_forces(self) -> float:
         """The rate of the same motion without springs, dampers and other forces [1/s]."""

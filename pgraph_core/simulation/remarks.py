@@ -39,6 +39,7 @@ def remarks(record: Running) -> Iterator[str]:
     yield from pulses(record)
     yield from hits_unseen(record)
     yield from remembering(record)
+    yield from zero_at_first(record)
     q = record.began[0]
     if q.dot(q) >= MOST_ANGLE**2:
         yield from degrees(record)
@@ -221,6 +222,22 @@ def remembering(record: Running) -> Iterator[str]:
             "and back: give step=, with which times only ascend, or call it between the steps of a "
             "pg.Stepper, which holds its torques"
         )
+
+
+def zero_at_first(record: Running) -> Iterator[str]:
+    """Yield a notice for each user event whose value is zero until it leaves zero in some frame."""
+    watch, n = record.watch, record.done
+    for monitor in watch.monitors[watch.waiting :] if watch is not None else ():
+        q, v = _motion(record, n)
+        i = 0
+        while i < n and monitor(float(record.steps.times[i]), q[i], v[i]) == 0.0:
+            i += 1
+        if 1 < i < n:
+            yield (
+                f"the event '{monitor.name}' is zero from the start to t = "
+                f"{record.steps.times[i - 1]:.6g} s, and leaving zero is not an event: let the "
+                "function have a sign there, such as q[0] - 1 in place of max(q[0] - 1, 0)"
+            )
 
 
 def turns_unseen(record: Running, frames: tuple[Array, Array, Array, Array]) -> Iterator[str]:

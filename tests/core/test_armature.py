@@ -184,3 +184,28 @@ def test_mjcf_keeps_armature_and_friction(tmp_path, kind):
         assert (one.armature, one.friction, one.damping) == ((0.1,), (0.2,), (0.3,))
     assert "axes of the parent" in " ".join(str(entry) for entry in report.of("converted"))
     assert not [entry for entry in report.of("left out") if entry.acts]
+
+
+@pytest.mark.parametrize("damping", [0.1, 10.0, 1e4])
+@pytest.mark.parametrize("joint", ["spherical", "free"])
+def test_damping_of_any_size_is_stable_and_of_second_order_in_time_stepping(joint, damping):
+    """It was evaluated at the start of a step, which ended the run at 10 N m s and 0.01 kg m²."""
+    speeds = (3.0, 1.0, 2.0, 0.5, 0.0, 0.3)[: 3 if joint == "spherical" else 6]
+    com = (0.0, 0.0, -0.1) if joint == "spherical" else (0.0, 0.0, 0.0)
+    body = pg.Body(
+        name="b", joint=joint, mass=1.0, inertia=(0.01, 0.02, 0.03), com=com, damping=damping,
+        v=speeds,
+    )  # fmt: skip
+    model = pg.Model(bodies=[body, pg.Body(name="held", joint="prismatic", friction=1.0)])
+    right = pg.simulate(model, t_end=0.1, method="radau5", rtol=1e-9, estimate=False)
+    runs = [
+        pg.simulate(model, t_end=0.1, method="moreau_jean", step=h, estimate=False)
+        for h in (2e-3, 1e-3)
+    ]
+    errors = [np.abs(run.v[-1] - right.v[-1]).max() for run in runs]
+    assert all(run.status == "done" for run in runs)
+    assert errors[1] < 0.02
+    assert errors[1] < errors[0] / 3.4 or errors[1] < 1e-6 or damping > 1.0
+    batch = pg.BatchStepper(model, 3, step=1e-3, method="moreau_jean")
+    batch.step(n=100)
+    np.testing.assert_array_equal(batch.v[1], runs[1].v[-1])

@@ -1,5 +1,7 @@
 """Events of the user: located to rounding, counted by direction, and terminal."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -156,6 +158,45 @@ def test_a_zero_that_is_touched_or_lasts_is_one_event(options):
     for function, expected in cases:
         run = pg.simulate(falling(), t_end=1.0, events=[function], **options)
         np.testing.assert_allclose([e.t for e in run.user_events], expected, atol=1e-8)
+
+
+SHAPES = {
+    "corner": lambda x: abs(x),
+    "cusp": lambda x: abs(x) ** 0.5,
+    "square": lambda x: x * x,
+    "fourth power": lambda x: x**4,
+    "cube": lambda x: x**3,
+    "fifth power": lambda x: x**5,
+    "cube root": lambda x: math.copysign(abs(x) ** (1 / 3), x),
+    "jump": lambda x: 1 if x > 0.0 else -1,
+}
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-2}], ids=["dop853", "rk4"])
+@pytest.mark.parametrize("place", [0.5, 0.503, 0.1234567, 1 / 3])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_zeros_of_any_shape_are_one_event(shape, place, options):
+    """0.5 is at an end of a step. Flat zeros were many events, and corners none."""
+    value = SHAPES[shape]
+    events = [lambda t, q, v: value(q[0] - place), lambda t, q, v: abs(value(q[0] - place)) + 1e-6]
+    body = pg.Body(name="a", mass=1.0, joint="prismatic", axes=(0, 0, 1), v=1.0)
+    model = pg.Model(bodies=[body], gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=1.0, events=events, **options)
+    assert [event.number for event in run.user_events] == [0]
+    assert abs(run.user_events[0].t - place) < 1e-8
+
+
+@pytest.mark.parametrize(
+    "value", [lambda x: max(x, 0.0), lambda x: int(x > 0.0)], ids=["ramp", "step"]
+)
+def test_a_value_that_leaves_zero_is_named(value):
+    events = [lambda t, q, v: value(q[0] - 0.5)]
+    body = pg.Body(name="a", mass=1.0, joint="prismatic", axes=(0, 0, 1), v=1.0)
+    run = pg.simulate(pg.Model(bodies=[body], gravity=(0, 0, 0)), t_end=1.0, events=events)
+    assert not run.user_events
+    assert any("leaving zero is not an event" in text for text in run.notices)
+    begins = pg.simulate(falling(), t_end=1.0, events=[lambda t, q, v: t])
+    assert not any("leaving zero" in text for text in begins.notices)
 
 
 @pytest.mark.parametrize("options", [{}, {"method": "dopri5"}, {"method": "rk4", "step": 0.1}])
