@@ -203,7 +203,7 @@ def test_damping_of_any_size_is_stable_and_of_second_order_in_time_stepping(join
         for h in (2e-3, 1e-3)
     ]
     errors = [np.abs(run.v[-1] - right.v[-1]).max() for run in runs]
-    assert all(run.status == "done" for run in runs)
+    assert all(run.status is pg.Status.DONE for run in runs)
     assert errors[1] < 0.02
     assert errors[1] < errors[0] / 3.4 or errors[1] < 1e-6 or damping > 1.0
     batch = pg.BatchStepper(model, 3, step=1e-3, method="moreau_jean")
