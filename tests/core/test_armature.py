@@ -138,9 +138,9 @@ def test_derivatives_in_armature_are_those_of_differences(method, path):
 # -- friction --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("root", ["free", "spherical"])
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize("step", [1e-3, 7e-3])
+@pytest.mark.parametrize(
+    ("root", "axis", "step"), combined(["free", "spherical"], range(3), [1e-3, 7e-3])
+)
 def test_friction_stops_a_turn_about_an_axis_and_holds_it(root, axis, step):
     """A spin ω of the moment I stops after I ω / f, and a torque below f does not move it again."""
     inertia, friction, speed = (0.1, 0.2, 0.25), 0.5, 2.0

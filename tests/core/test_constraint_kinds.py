@@ -8,6 +8,7 @@ from pgraph_core.analysis.rows import Rows, apart
 from pgraph_core.paper import Operators
 from tests.oracle.constraint_rows import prescribed, radius_of_gyration, rows_of
 
+from ..nights import combined
 from ..oracle.constrained import constrained_dynamics
 from .trees import moved, random_case, random_model, random_state, scaled_error
 
@@ -70,8 +71,7 @@ def rate(f, s):
     return (8 * one - two) / (12 * EPS)
 
 
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("kind", ROWS)
+@pytest.mark.parametrize(("kind", "seed"), combined(ROWS, range(2)))
 def test_jacobian_and_drift_are_the_derivatives_of_the_residual(kind, seed):
     s, c = case(kind, seed)
     rows = rows_at(s, c, s.q, s.v)
@@ -98,8 +98,7 @@ def test_omitted_points_and_axes_hold_in_the_initial_state(kind):
     np.testing.assert_allclose(rows_at(s, c, q, s.v).residual, 0.0, atol=1e-14)
 
 
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("kind", ROWS)
+@pytest.mark.parametrize(("kind", "seed"), combined(ROWS, range(2)))
 def test_kernels_equal_the_dense_pseudo_inverse(kind, seed):
     """Accelerations and forces, at states that the constraint does not hold in, too."""
     s, c = case(kind, seed)
@@ -169,8 +168,9 @@ def test_the_torque_of_a_gear_in_the_second_joint_is_that_in_the_first_times_min
     assert run.vdot[0, 0] == pytest.approx(ratio * run.vdot[0, 1], rel=1e-12)
 
 
-@pytest.mark.parametrize("curve", [*CURVES, pg.Polynomial(coefficients=(0.3,))])
-@pytest.mark.parametrize("begin", [-4.0, -1.0, 0.25])
+@pytest.mark.parametrize(
+    ("curve", "begin"), combined([*CURVES, pg.Polynomial(coefficients=(0.3,))], [-4.0, -1.0, 0.25])
+)
 def test_motions_hold_for_all_times(curve, begin):
     """A polynomial and a sine before t = 0 too; a table is constant before its first knot."""
     at = np.linspace(begin, begin + 4.0, 9)

@@ -400,9 +400,10 @@ def last_slopes(*given, **options):
     return {path: np.append(run.sensitivity(path)[-1], end) for path, end in ends.items()}
 
 
-@pytest.mark.parametrize("kind", BOUNCING)
-@pytest.mark.parametrize("options", [{}, {"method": "moreau_jean", "step": 2e-3}])
-@pytest.mark.parametrize("after", [0.6e-3, 3e-3, 2e-2])
+@pytest.mark.parametrize(
+    ("kind", "options", "after"),
+    combined(BOUNCING, [{}, {"method": "moreau_jean", "step": 2e-3}], [0.6e-3, 3e-3, 2e-2]),
+)
 def test_an_event_in_the_step_of_an_impact_or_later(kind, options, after):
     """After a fall from h, e v rises at a speed w to a level at the time (v + e v - w) / g."""
     h, g, e = 0.5, 9.81, 0.5
@@ -423,9 +424,10 @@ def rising_to(level):
     return up
 
 
-@pytest.mark.parametrize("kind", BOUNCING)
-@pytest.mark.parametrize("options", [{}, {"method": "moreau_jean", "step": 1e-3}])
-@pytest.mark.parametrize("level", [-1.0, 0.5, 1.0])
+@pytest.mark.parametrize(
+    ("kind", "options", "level"),
+    combined(BOUNCING, [{}, {"method": "moreau_jean", "step": 1e-3}], [-1.0, 0.5, 1.0]),
+)
 def test_an_event_on_a_velocity_that_an_impact_reverses_has_the_time_of_the_impact(
     kind, options, level
 ):

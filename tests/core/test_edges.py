@@ -11,6 +11,8 @@ import pgraph_core as pg
 from pgraph_core.engine.edges import edges
 from pgraph_core.packing.signals import of_time
 
+from ..nights import combined
+
 Z = (0, 0, 1)
 X = (1, 0, 0)
 
@@ -119,8 +121,7 @@ CONTROLS = {
 }
 
 
-@pytest.mark.parametrize("how", HOW)
-@pytest.mark.parametrize("of", CONTROLS)
+@pytest.mark.parametrize(("of", "how"), combined(CONTROLS, HOW))
 def test_jumps_in_rates_inputs_and_setpoints_of_controls_end_steps(of, how):
     a, w, f = 0.3, 1e-3, 1e3
     model = slider(0.0, controls=[CONTROLS[of]], parameters={"a": a, "w": w, "f": f})

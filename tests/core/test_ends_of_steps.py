@@ -70,8 +70,10 @@ def in_contact(stiffness, damping, t):
     return rest + np.exp(-loss * late) * (a * np.cos(w * late) + b * np.sin(w * late))
 
 
-@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 3e-4}, {"rtol": 1e-9}])
-@pytest.mark.parametrize("share", [0.05, 0.2, 0.9])
+@pytest.mark.parametrize(
+    ("share", "options"),
+    combined([0.05, 0.2, 0.9], [{}, {"method": "rk4", "step": 3e-4}, {"rtol": 1e-9}]),
+)
 def test_the_damper_of_a_penalty_contact_jumps_at_the_end_of_a_step(share, options):
     """Its closed form until the deepest point. Steps of order 4 keep their digits."""
     stiffness = 9810.0

@@ -133,8 +133,9 @@ def test_a_drive_does_work_in_impacts_on_the_ground(how):
     assert run.dissipation[-1] == pytest.approx(fall + 0.3 * push * 0.7, rel=rough)
 
 
-@pytest.mark.parametrize("how", [{"step": 1e-3}, *SMOOTH], ids=str)
-@pytest.mark.parametrize("velocity", [False, True])
+@pytest.mark.parametrize(
+    ("how", "velocity"), combined([{"step": 1e-3}, *SMOOTH], [False, True]), ids=str
+)
 def test_a_weld_that_is_switched_on_under_a_drive_books_both(how, velocity):
     """The slider is caught by the driven base: 0.5 J are lost, and the drive does -0.7 J."""
     limits: dict[str, Any] = {"limits": [(-1.0, 1.0)]} if how in HOW[:1] else {}

@@ -129,8 +129,9 @@ def test_files_and_tables_are_read_like_dicts(tmp_path):
     assert found[0].values == pytest.approx(found[2].values, rel=1e-9)
 
 
-@pytest.mark.parametrize("noise", [0.0, 1e-9, 1e-3])
-@pytest.mark.parametrize("method", ["rk4", "dop853", "radau5"])
+@pytest.mark.parametrize(
+    ("noise", "method"), combined([0.0, 1e-9, 1e-3], ["rk4", "dop853", "radau5"])
+)
 def test_a_direction_that_data_do_not_determine_is_named(noise, method):
     """Masses, inertia and damping times one number give the same motion, with or without noise."""
     rod = pg.Body(

@@ -5,6 +5,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from .rescaling import rescaled
 
 pytestmark = pytest.mark.quick
@@ -184,8 +185,7 @@ DRIVES = {
 METHODS = ("auto", "rk4", "radau5", "moreau_jean")
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("what", DRIVES)
+@pytest.mark.parametrize(("what", "method"), combined(DRIVES, METHODS))
 def test_the_force_of_a_drive_times_its_speed_is_its_power(what, method):
     """Trapezia of 0.5 ms err by 1e-6 of the work, and by half a frame of the power at a jump, 3e-3
     of it. The error of time stepping is halved with its steps, 5e-3 at these."""

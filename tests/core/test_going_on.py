@@ -91,8 +91,9 @@ def test_saved_runs_batches_and_steppers_go_on(tmp_path):
 # -- switches -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("how", [*SMOOTH[:4], {"step": 1e-3}], ids=str)
-@pytest.mark.parametrize("given", ["scenario", "call"])
+@pytest.mark.parametrize(
+    ("how", "given"), combined([*SMOOTH[:4], {"step": 1e-3}], ["scenario", "call"]), ids=str
+)
 def test_a_clutch_that_was_closed_stays_where_it_closed(how, given):
     """A weld without a point holds a slider at its distance from another one."""
     limits: dict[str, Any] = {"limits": [(-9.0, 9.0)]} if how == {"step": 1e-3} else {}

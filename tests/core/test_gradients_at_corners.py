@@ -5,6 +5,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from .test_gradients import STEPS, missed, state
 
 BOUNDED = {"state_high": (1.0, 4.0), "state_low": (-1.0, -4.0)}
@@ -27,8 +28,9 @@ def test_a_drive_meets_the_bound_of_its_integral(end, method):
     assert np.isclose(run.sensitivity(wrt[1])[-1, 1], 1.0 - h / u, rtol=1e-6)
 
 
-@pytest.mark.parametrize("method", ["auto", "rk4", "semi_implicit_euler", "dopri5", "dop853"])
-@pytest.mark.parametrize("end", BOUNDED)
+@pytest.mark.parametrize(
+    ("end", "method"), combined(BOUNDED, ["auto", "rk4", "semi_implicit_euler", "dopri5", "dop853"])
+)
 def test_bounds_of_integrals_are_refused_by_explicit_methods(end, method):
     model = integrating(end, BOUNDED[end][1])
     with pytest.raises(pg.InputError, match=f"force 'p', {end}"):
@@ -61,8 +63,10 @@ def test_a_ramp_meets_the_limit_of_its_drive(method):
 CORNERS = {"t": (0.1, 0.3, 0.5, 0.8), "value": (0.5, 2.0, -1.0, 1.5)}
 
 
-@pytest.mark.parametrize("method", ["dop853", "dopri5", "rk4", "radau5", "gauss6"])
-@pytest.mark.parametrize("kind", [pg.Motor, pg.Wrench])
+@pytest.mark.parametrize(
+    ("kind", "method"),
+    combined([pg.Motor, pg.Wrench], ["dop853", "dopri5", "rk4", "radau5", "gauss6"]),
+)
 def test_each_knot_of_a_table_has_the_slopes_of_both_its_sides(kind, method):
     """The end speed is the area under the table, which stays constant beyond its outer knots."""
     t, x = (np.array(CORNERS[name]) for name in ("t", "value"))
@@ -81,8 +85,13 @@ def test_each_knot_of_a_table_has_the_slopes_of_both_its_sides(kind, method):
     assert np.allclose([run.sensitivity(path)[-1, 1] for path in wrt], exact, rtol=1e-6)
 
 
-@pytest.mark.parametrize("method", ["dop853", "dopri5", "rk4", "radau5", "gauss6"])
-@pytest.mark.parametrize("brake", ["=-max(a, 3*v.s)", "=-min(max(-3*v.s, a), 3*v.s)"])
+@pytest.mark.parametrize(
+    ("brake", "method"),
+    combined(
+        ["=-max(a, 3*v.s)", "=-min(max(-3*v.s, a), 3*v.s)"],
+        ["dop853", "dopri5", "rk4", "radau5", "gauss6"],
+    ),
+)
 def test_a_clamp_of_the_motion_has_the_slopes_of_both_its_sides(brake, method):
     """A slider decays at a rate of 3 until 3 v = a and then brakes evenly, or the reverse."""
     block = pg.Body(name="s", joint="prismatic", axes=[(1, 0, 0)], mass=1.0)

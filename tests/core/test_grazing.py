@@ -59,8 +59,7 @@ def test_a_limit_that_is_reached_at_grazing_speed(options, short, restitution, f
     assert right_or_told(run, np.where(s < hit, np.sin(s), back)[:, None])
 
 
-@pytest.mark.parametrize("options", SWITCHED, ids=label)
-@pytest.mark.parametrize("short", SHORT)
+@pytest.mark.parametrize(("options", "short"), combined(SWITCHED, SHORT), ids=str)
 def test_a_switch_whose_threshold_is_just_below_the_amplitude(options, short):
     """A latch that holds the slider where it goes on."""
     threshold = 1.0 - short
@@ -149,9 +148,13 @@ def test_a_threshold_that_ends_a_slide_is_not_told(options):
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"method": "radau5", "rtol": 1e-6}, {"method": "rk4", "step": 0.01}], ids=label
+    ("limit", "options"),
+    combined(
+        [0.1, 0.2, 0.6, 3.0],
+        [{}, {"method": "radau5", "rtol": 1e-6}, {"method": "rk4", "step": 0.01}],
+    ),
+    ids=str,
 )
-@pytest.mark.parametrize("limit", [0.1, 0.2, 0.6, 3.0])
 def test_an_integral_that_rests_at_its_bound_is_not_told(limit, options):
     """The state of a clamped PID stays at its bound, up to rounding, and leaves it later."""
     body = pg.Body(name="b", axes=((0, 0, 1),), inertia=(1, 1, 1), v=[0.4])

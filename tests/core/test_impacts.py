@@ -12,6 +12,7 @@ import pgraph_core as pg
 from pgraph_core.engine.arrays import LAMBDA
 from pgraph_core.simulation.event_scene import EventScene
 
+from ..nights import combined
 from ..worlds import ball, box, heaped, on_ground
 
 G = 9.81
@@ -100,8 +101,9 @@ def test_the_impulse_of_one_contact_keeps_its_laws(kind, way):
     assert seen == {"slips", "sticks"}
 
 
-@pytest.mark.parametrize("lever", [1e-2, 1e-9, 1e-160, 1e-310])
-@pytest.mark.parametrize("slip", [1e-2, 1e-9, 1e-160, 1e-310])
+@pytest.mark.parametrize(
+    ("lever", "slip"), combined([1e-2, 1e-9, 1e-160, 1e-310], [1e-2, 1e-9, 1e-160, 1e-310])
+)
 def test_a_spike_with_next_to_no_inertia_about_its_axis_keeps_the_laws(lever, slip):
     """Products of the smallest levers and slips underflow."""
     rng = np.random.default_rng(7)
@@ -128,9 +130,7 @@ def rod_impulse(plane, u, mu, e):
     return found.popitem() if len(found) == 1 else None  # else Painlevé's cases
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("friction", [0.05, 0.3, 1.0])
-@pytest.mark.parametrize("e", [0.0, 0.5])
+@pytest.mark.parametrize(("way", "friction", "e"), combined(WAYS, [0.05, 0.3, 1.0], [0.0, 0.5]))
 def test_the_slip_of_a_rod_in_a_plane_goes_on_ends_or_turns(way, friction, e):
     """A free rod of 1 kg at many angles, in planes that are turned about the vertical."""
     seen = set()
@@ -169,10 +169,9 @@ BOTTOMS = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("bottom", BOTTOMS)
-@pytest.mark.parametrize("mu", [0.0, 0.3, 0.8])
-@pytest.mark.parametrize("e", [0.0, 0.5])
+@pytest.mark.parametrize(
+    ("way", "bottom", "mu", "e"), combined(WAYS, BOTTOMS, [0.0, 0.3, 0.8], [0.0, 0.5])
+)
 def test_points_that_hit_at_once_stop_or_bounce(way, bottom, mu, e):
     """The impulse is a sum of such as keep the laws at each point, and the energy falls."""
     points = np.array(BOTTOMS[bottom])
@@ -250,9 +249,7 @@ def test_an_impact_of_a_face_has_one_answer_for_both_methods_and_all_orders(poin
             assert run.kinetic_energy[-1] <= run.kinetic_energy[0] * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("way", LOCATED)
-@pytest.mark.parametrize("points", FACES)
-@pytest.mark.parametrize("spin", [0.0, 2.0])
+@pytest.mark.parametrize(("points", "spin", "way"), combined(FACES, [0.0, 2.0], LOCATED))
 def test_an_impact_whose_impulses_are_not_unique_is_named(points, spin, way):
     """Points of a face that spins slide in different ways, so that their shares matter."""
     mech = plate(FACES[points], 0.1, friction=0.2, restitution=0.5)
@@ -445,9 +442,7 @@ def test_an_impact_in_the_last_step_happens():
     assert run.v[-1, 5] == pytest.approx(0.5 * G * fall - G * 2e-4, abs=1e-6)
 
 
-@pytest.mark.parametrize("size", [1e-9, 1e6])
-@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("high", [3.0, None])
+@pytest.mark.parametrize(("size", "e", "high"), combined([1e-9, 1e6], [0.0, 0.5, 1.0], [3.0, None]))
 def test_limits_of_all_sizes_are_hit_when_they_must(size, e, high):
     """A slider falls on its stop and bounces: no threshold has a unit."""
     body = pg.Body(
@@ -465,9 +460,9 @@ def test_limits_of_all_sizes_are_hit_when_they_must(size, e, high):
     assert np.abs(run.q[known, 0] / size - rise[known]).max() < 1e-9
 
 
-@pytest.mark.parametrize("step", [1e-3, 1e-4])
-@pytest.mark.parametrize("restitution", [0.3, 0.5])
-@pytest.mark.parametrize("tilt", [1e-5, 3e-4, 2e-3])
+@pytest.mark.parametrize(
+    ("tilt", "restitution", "step"), combined([1e-5, 3e-4, 2e-3], [0.3, 0.5], [1e-3, 1e-4])
+)
 def test_corners_that_land_in_turn_are_hit_in_turn(tilt, restitution, step):
     """A plate that lands nearly flat, against an event-driven run."""
     up = 0.1 * np.cos(tilt) + 0.5 * np.sin(tilt) + 0.2

@@ -34,8 +34,7 @@ def moving(name: str) -> tuple[pg.Mechanism, np.ndarray, np.ndarray]:
     return mech, q, v
 
 
-@pytest.mark.parametrize("way", ["in one step", "by the null space"])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "way"), combined(NAMES, ["in one step", "by the null space"]))
 def test_torques_come_back_without_the_part_that_the_constraints_take(name, way, monkeypatch):
     """Motors may be in all joints, with weights, or in a few. Free motion needs no torque."""
     if way == "by the null space":

@@ -7,6 +7,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
+
 G = 9.81
 MOREAU: dict[str, Any] = {"method": "moreau_jean"}
 
@@ -95,9 +97,9 @@ def test_a_loop_with_friction_in_its_hinges_holds(share):
     assert np.abs(run.q - run.q[0]).max() < 2e-10
 
 
-@pytest.mark.parametrize("joint", ["prismatic", "revolute"])
-@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("step", [1e-3, 3e-3])
+@pytest.mark.parametrize(
+    ("joint", "size", "step"), combined(["prismatic", "revolute"], [1e-6, 1.0, 1e6], [1e-3, 3e-3])
+)
 def test_a_joint_slides_to_a_stop_and_stays(joint, size, step):
     """Against v0 t - a t²/2: exact while it slides, and within a step's way of the stop."""
     a, v0 = 1.7, 1.0
@@ -201,8 +203,7 @@ def crept(run):
     return float(found[0].partition(" by ")[2].split()[0]) if found else 0.0
 
 
-@pytest.mark.parametrize("given", OTHERS, ids=str)
-@pytest.mark.parametrize("share", [0.5, 0.9, 0.999, 0.9999])
+@pytest.mark.parametrize(("given", "share"), combined(OTHERS, [0.5, 0.9, 0.999, 0.9999]), ids=str)
 def test_methods_without_impulses_state_how_far_a_joint_creeps(given, share):
     """It is the whole way of a joint whose friction should hold it, at any speed."""
     run = pg.simulate(pg.Model(bodies=[slider(share)]), t_end=1.0, estimate=False, **given)

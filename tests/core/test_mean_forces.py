@@ -5,6 +5,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from ..worlds import ball, box, on_ground
 
 G = 9.81
@@ -32,10 +33,18 @@ def bouncing(law="complementarity", restitution=0.5, mass=1.0):
 
 
 @pytest.mark.parametrize(
-    "given",
-    [{}, {"step": 1e-2}, {"step": 1e-4}, {"step": 1e-3, "frames": 7}, {"step": 3e-3, "frames": 90}],
+    ("given", "restitution"),
+    combined(
+        [
+            {},
+            {"step": 1e-2},
+            {"step": 1e-4},
+            {"step": 1e-3, "frames": 7},
+            {"step": 3e-3, "frames": 90},
+        ],
+        [0.0, 0.5, 1.0],
+    ),
 )
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_contact_forces_add_up_to_the_momentum_for_any_step_and_frames(given, restitution):
     run = pg.simulate(bouncing(restitution=restitution), t_end=1.0, estimate=False, **given)
     assert run.header["method"] == "moreau_jean"

@@ -6,6 +6,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 
+from ..nights import combined
 from .trees import random_case, with_joints
 
 pytestmark = pytest.mark.quick
@@ -54,15 +55,15 @@ def mixed_tree():
     return with_joints(s, q=s.q, v=0.3 * s.v)
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("make", [tumbling_body, heavy_top, mixed_tree])
+@pytest.mark.parametrize(
+    ("make", "method"), combined([tumbling_body, heavy_top, mixed_tree], METHODS)
+)
 def test_observed_order_is_the_claimed_order(make, method):
     order, t_end, counts, *_ = METHODS[method]
     assert_order(order, make(), method, counts, t_end)
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", ["slider_crank", "rolling_disc"])
+@pytest.mark.parametrize(("name", "method"), combined(["slider_crank", "rolling_disc"], METHODS))
 def test_the_order_holds_with_constraints(name, method):
     """A driven loop with redundant rows, and a rolling disc."""
     model = pg.Model.load(pgraph_models.path(name))

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pgraph_core.contact import shape_kinds as solids
 
+from ..nights import combined
 from .convex import signed_distance
 from .touching import CURVED, KINDS, Scene, Touch, moved, pose, random_pose, random_solid, rounded
 
@@ -34,8 +35,7 @@ def true_gap(scene: Scene) -> float:
     return signed_distance(scene.placed(0), scene.placed(1)) - rounded(a) - rounded(b)
 
 
-@pytest.mark.parametrize("square", [False, True])
-@pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
+@pytest.mark.parametrize(("kinds", "square"), combined(PAIRS, [False, True]), ids=str)
 def test_gap_is_the_signed_distance(kinds, square):
     for seed in range(4):
         scene = scene_of(seed, kinds, square=square)
@@ -94,8 +94,7 @@ def assert_well_formed(scene: Scene, touch: Touch) -> None:
             assert beyond < PREFERRED, "the point is in the shape"
 
 
-@pytest.mark.parametrize("square", [False, True])
-@pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
+@pytest.mark.parametrize(("kinds", "square"), combined(PAIRS, [False, True]), ids=str)
 def test_contact_points_lie_in_the_shapes(kinds, square):
     for seed in range(4):
         scene = scene_of(seed, kinds, square=square)
@@ -239,8 +238,7 @@ def test_a_capsule_lies_on_a_box_at_two_points():
     np.testing.assert_allclose(np.sort(along_edge.b[:, 0]), [-0.5, 0.5], atol=ROUNDING)
 
 
-@pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
-@pytest.mark.parametrize("size", [1e-9, 1e3])
+@pytest.mark.parametrize(("kinds", "size"), combined(PAIRS, [1e-9, 1e3]), ids=str)
 def test_tiny_and_huge_shapes_are_alike(kinds, size):
     for seed in range(2):
         rng, again = np.random.default_rng(seed), np.random.default_rng(seed)

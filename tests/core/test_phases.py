@@ -114,9 +114,10 @@ def test_the_first_impact_without_restitution_is_an_event(start):
     assert (hit.before, hit.after) == ("swing", "stance")
 
 
-@pytest.mark.parametrize("depth", [1e-4, 1e-8, -1e-8])
-@pytest.mark.parametrize("share", [0.1, 0.9])
-@pytest.mark.parametrize("way", [WAYS["rk4"], {"method": "dop853", "rtol": 1e-10}])
+@pytest.mark.parametrize(
+    ("depth", "share", "way"),
+    combined([1e-4, 1e-8, -1e-8], [0.1, 0.9], [WAYS["rk4"], {"method": "dop853", "rtol": 1e-10}]),
+)
 def test_a_touch_within_one_step_is_found(depth, share, way):
     """A bob on a spring dips below the ground for a part of one step, or stays above it."""
     rate, size, step = 100.0, 0.01, 1e-3
@@ -415,8 +416,7 @@ def test_time_stepping_tells_a_bounce_once_and_when_it_is(step, height, e):
     np.testing.assert_allclose(times, [fall, fall * (1.0 + 2.0 * e)], rtol=0, atol=1e-6 * step)
 
 
-@pytest.mark.parametrize("step", [5e-4, 1e-3, 5e-3])
-@pytest.mark.parametrize("e", [0.0, 0.3, 0.8])
+@pytest.mark.parametrize(("e", "step"), combined([0.0, 0.3, 0.8], [5e-4, 1e-3, 5e-3]))
 def test_hits_of_a_joint_limit_are_events_of_time_stepping(e, step):
     """They are located, and the events are those of an event-driven run."""
     body = pg.Body(

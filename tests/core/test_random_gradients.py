@@ -158,7 +158,7 @@ def judged(seed: int, scene: Any = scene) -> dict[str, str]:
     return found
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, *at_night(*range(4, 10))])
+@pytest.mark.parametrize("seed", [0, 1, *at_night(*range(2, 10))])
 @pytest.mark.parametrize("kind", [scene, bent])
 def test_derivatives_of_random_scenes(kind, seed):
     found = judged(seed, kind)

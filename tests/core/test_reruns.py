@@ -16,6 +16,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.simulation.loop import Steps
 
+from ..nights import combined
 from .trees import random_case
 
 SEEDS = (0, 1, 2, 5, 6, 8)  # the others lack inertia at home
@@ -83,8 +84,7 @@ def test_a_run_after_others_has_the_bits_of_the_first(way):
     assert all(map(np.array_equal, kept, (old.q, old.v)))
 
 
-@pytest.mark.parametrize("way", WAYS[-3:], ids=lambda way: "-".join(map(str, way.values())))
-@pytest.mark.parametrize("name", ["four_bar", "skate"])
+@pytest.mark.parametrize(("name", "way"), combined(["four_bar", "skate"], WAYS[-3:]), ids=str)
 def test_a_run_with_loops_after_others_has_the_bits_of_the_first(name, way):
     """Memories of constraint solvers and singular positions are cleared."""
     model = pg.Model.load(pgraph_models.path(name))

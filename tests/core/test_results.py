@@ -9,6 +9,7 @@ import pytest
 
 import pgraph_core as pg
 
+from ..nights import combined
 from ..worlds import ball, built_in, on_ground
 from .test_cases import DOWN, mass
 
@@ -70,9 +71,10 @@ def test_states_are_read_at_any_time_of_the_run(run):
         np.testing.assert_allclose(found, recorded, rtol=1e-15, atol=0)
 
 
-@pytest.mark.parametrize("frames", [21, 1001])
-@pytest.mark.parametrize("method", ["dop853", "rk4", "radau5"])
-@pytest.mark.parametrize("model", [double_pendulum, tumbling])
+@pytest.mark.parametrize(
+    ("model", "method", "frames"),
+    combined([double_pendulum, tumbling], ["dop853", "rk4", "radau5"], [21, 1001]),
+)
 def test_the_error_between_frames_is_estimated(model, method, frames):
     mech, t = pg.Mechanism(model()), np.linspace(0.0, 2.0, 457)
     fine = pg.simulate(mech, t_end=2.0, t_eval=t, rtol=1e-13)

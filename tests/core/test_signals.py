@@ -13,6 +13,8 @@ import pgraph_core as pg
 from pgraph_core.signals import Node, Unreadable, parsed, with_names
 from pgraph_core.signals.meaning import constant
 
+from ..nights import combined
+
 X, Y, Z = np.eye(3)
 
 
@@ -399,9 +401,10 @@ DRIVES = {  # a drive, and its input and torque by hand
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("group", ["u", "f"])
-@pytest.mark.parametrize("of", DRIVES)
-@pytest.mark.parametrize("how", [{"rtol": 1e-9}, {"method": "rk4", "step": 1e-2}])
+@pytest.mark.parametrize(
+    ("of", "group", "how"),
+    combined(DRIVES, ["u", "f"], [{"rtol": 1e-9}, {"method": "rk4", "step": 1e-2}]),
+)
 def test_the_input_and_the_torque_of_a_drive_are_signals(of, group, how):
     drive, given, pushed = DRIVES[of]
     law = given if group == "u" else pushed

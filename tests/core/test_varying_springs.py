@@ -8,6 +8,8 @@ import pgraph_core as pg
 from pgraph_core.study import axes
 from tests.refusals import assert_names
 
+from ..nights import combined
+
 Z, X = (0, 0, 1), (1, 0, 0)
 METHODS = ["rk4", "gauss6", "dop853", "radau5"]
 
@@ -49,8 +51,7 @@ def solved(force, t_end, mass=2.0, q=0.3, v=1.0):
     return found.y[:, -1]
 
 
-@pytest.mark.parametrize("case", LINE)
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("case", "method"), combined(LINE, METHODS))
 def test_a_spring_follows_its_expressions(case, method):
     fields, force = LINE[case]
     how = {"rtol": 1e-10} if method in ("dop853", "radau5") else {"step": 1e-3}
