@@ -48,6 +48,7 @@ class Method(NamedTuple):
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
     limit: float = 0.0  # rate x step of an oscillation up to which steps hold it, 0 for damped ones
     damped: float = 0.0  # the same for damped oscillations, if it is smaller
+    by_old_velocity: bool = False  # True if v' uses the velocity at the start of a step only
     stable: bool = False  # True if stable beyond this limit, where oscillations are inaccurate
     implicit: bool = False  # True if it solves equations
     jacobian: bool = False  # whether it does so with the Jacobian of v'
@@ -247,7 +248,7 @@ METHODS = {
         Method(
             "semi_implicit_euler", 1, euler(),
             "playback and long runs without drift of energy, at low accuracy",
-            "explicit.semi_implicit", limit=2.0, damped=SEMI_IMPLICIT,
+            "explicit.semi_implicit", limit=2.0, damped=SEMI_IMPLICIT, by_old_velocity=True,
         ),
         Method(
             "rk4", 4, rk4(), "smooth motion at a fixed step",

@@ -20,7 +20,7 @@ from ..tolerances import VISIBLE
 from .compliance import fastest_contact
 from .options import Tolerance
 from .plan import NO_SUBSTEPS, NO_TIMES
-from .rates import FAST, STIFF, Rate, advised_step, resolving_step
+from .rates import FAST, MARGIN, STIFF, Rate, advised_step, resolving_step
 from .running import Running
 
 RATED_STATES = 129  # number of states of a motion at which its fastest rate is evaluated
@@ -31,6 +31,7 @@ class Advice(NamedTuple):
     """The step for a motion and method."""
 
     step: float  # [s], infinite if no rate limits it
+    widest: float  # the same without contacts [s]
     rate: float  # the fastest [1/s]
     at: Rate  # the state at which it occurs
     diverged: float  # time at which a run that chooses its steps ends early [s], or nan
@@ -49,6 +50,7 @@ def advice(record: Running, *, left: bool = False) -> Advice:
 
 def _advice(record: Running, left: bool) -> Advice:
     plan, diverged = record.plan, float("nan")
+    span = float(plan.times[-1] - plan.times[0])
     forces, active = (plan.drives, plan.loads), record.active
     explicit = plan.method.name == "moreau_jean"
     pilot = None if explicit or not record.whole else _pilot(record)
@@ -58,7 +60,7 @@ def _advice(record: Running, left: bool) -> Advice:
     states = [record.began, *along]
     best, fastest = None, -1.0
     for q, v in states:
-        here = Rate(record.mech, forces, active, (q.copy(), v.copy()), 0.0)
+        here = Rate(record.mech, forces, active, (q.copy(), v.copy()), span)
         rate = here.explicit() if explicit else here.exact()
         if rate > fastest:
             best, fastest = here, rate
@@ -66,7 +68,10 @@ def _advice(record: Running, left: bool) -> Advice:
     contacts = 0.0
     if plan.contacts is not None:
         contacts = fastest_contact(record.mech, plan.contacts, record.began[0])
-    return Advice(advised_step(plan.method, fastest, contacts), fastest, best, diverged)
+    widest = advised_step(plan.method, fastest)
+    if plan.method.by_old_velocity:
+        widest = best.steady(widest)
+    return Advice(min(widest, resolving_step(contacts)), widest, fastest, best, diverged)
 
 
 def _recorded(record: Running) -> Iterator[tuple[Array, Array]]:
@@ -113,6 +118,11 @@ def for_failed(record: Running) -> str:
     if not found.step < step:
         return f"{grows}; try rtol= for adaptive steps"
     cause = f"the fastest rate of the motion is {found.rate:.3g}/s"
+    if found.widest < MARGIN * advised_step(plan.method, found.rate):
+        return (
+            f"{cause}, and it swings by forces of velocities, which {plan.method.name} makes grow: "
+            f"try a step of {found.step:.2g} s, or rtol= for adaptive steps"
+        )
     return f"{cause}: try a step of {found.step:.2g} s, less stiffness and damping, or radau5"
 
 
@@ -121,8 +131,7 @@ def too_wide(record: Running) -> Iterator[str]:
     plan, step = record.plan, float(record.plan.step or 0.0)
     if not plan.too_wide:
         return
-    (_, rate, at, _), method = advice(record), plan.method
-    widest = advised_step(method, rate)
+    (_, widest, rate, at, _), method = advice(record), plan.method
     if method.name == "moreau_jean":
         yield f"{STIFF} lambda*dt = {rate * step:.3g}; give steps below {widest:.2g} s"
         return

@@ -84,6 +84,11 @@ class Rate:
         found = abs(fastest_mode(self.mech, self.forces, self.active, *self.start))
         return found if found >= 0.0 else self()
 
+    def steady(self, step: float) -> float:
+        """Return the largest step [s], up to `step`, of the semi-implicit Euler method."""
+        slopes = _slopes(self.mech, self.forces, self.active, *self.start)
+        return steady_step(slopes, self.span, step)
+
     def explicit(self) -> float:
         """The fastest explicit rate of time stepping [1/s]: dampers and friction are implicit."""
         drives, loads = self.forces
@@ -141,8 +146,46 @@ def fastest_mode(
 
     It is nan for more than MOST_FREEDOMS, or if it is not known.
     """
+    by_q, by_v = _slopes(mech, forces, active, q, v)
+    n = len(by_q)
+    values = _eigenvalues(np.block([[np.zeros((n, n)), np.eye(n)], [by_q, by_v]]))
+    return complex(values[np.argmax(np.abs(values))]) if len(values) else complex(np.nan)
+
+
+def steady_step(slopes: tuple[Array, Array], span: float, step: float) -> float:
+    """Return the largest step [s], up to `step`, of the semi-implicit Euler method over a span [s].
+
+    The method uses the velocity at the start of a step in v'. A mode that swings by forces of
+    velocities, such as a nutation of rate ω, therefore grows in steps h of any size, by (h ω)² / 2
+    in each. Over the span, modes may grow by a factor of e more than in the motion.
+    """
+    by_q, by_v = slopes
+    n = len(by_q)
+    one, none = np.eye(n), np.zeros((n, n))
+    growth = max(_eigenvalues(np.block([[none, one], [by_q, by_v]])).real, default=0.0)
+    while np.isfinite(step) and step > NOTABLE * span:
+        new_v = step * by_q, one + step * by_v
+        taken = np.block([[one + step * new_v[0], step * new_v[1]], [*new_v]])
+        largest = np.abs(_eigenvalues(taken)).max(initial=0.0)
+        if np.log(max(largest, 1.0)) * span <= (1.0 + max(growth, 0.0) * span) * step:
+            break
+        step *= MARGIN
+    return step
+
+
+def _eigenvalues(slope: Array) -> Any:
+    """Return the eigenvalues of a matrix, or none if it is not finite."""
+    return np.linalg.eigvals(slope) if np.isfinite(slope).all() else np.zeros(0)
+
+
+def _slopes(
+    mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
+) -> tuple[Array, Array]:
+    """Return the slopes (nv, nv) of v' by changes of the pose and by v, empty beyond
+    MOST_FREEDOMS.
+    """
     if mech.nv > MOST_FREEDOMS:
-        return complex(np.nan)
+        return np.zeros((0, 0)), np.zeros((0, 0))
     scene, n = _held(mech, forces, active, q, v), len(v)
     tau, flow = np.zeros(n), np.zeros(3)
 
@@ -159,11 +202,7 @@ def fastest_mode(
     axes, h = np.eye(n), NOTABLE
     by_q = np.array([acceleration(moved(e), v) - acceleration(moved(-e), v) for e in axes]).T
     by_v = np.array([acceleration(q, v + h * e) - acceleration(q, v - h * e) for e in axes]).T
-    slope = np.block([[np.zeros((n, n)), axes], [by_q / (2 * h), by_v / (2 * h)]])
-    if not np.isfinite(slope).all():
-        return complex(np.nan)
-    values = np.linalg.eigvals(slope)
-    return complex(values[np.argmax(np.abs(values))])
+    return by_q / (2 * h), by_v / (2 * h)
 
 
 def _held(mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array) -> Scene:

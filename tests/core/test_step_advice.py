@@ -181,3 +181,23 @@ def test_advice_on_a_motion_with_switches_ignores_where_the_run_went_wrong(scale
     assert run.status is pg.Status.NOT_FINITE
     assert advised(run)
     assert all(1e-3 < step < 3e-3 for step in advised(run)), run.message
+
+
+@pytest.mark.parametrize("pace", [1e-2, 1.0, 30.0])
+@pytest.mark.parametrize("height", [0.1, 0.3])
+def test_advised_steps_hold_a_nutation_which_the_semi_implicit_method_makes_grow(height, pace):
+    """It swings by forces of velocities, for which no step of that method is stable for ever."""
+    top = pg.Body(
+        name="top", joint="spherical", mass=2.0, com=(0, 0, height),
+        inertia=np.diag([0.05, 0.05, 0.04]), v=(0.3 / pace, 0.0, 200.0 / pace),
+    )  # fmt: skip
+    model = pg.Model(bodies=[top], gravity=(0, 0, -10 / pace**2))
+    asked = {"t_end": 2 * pace, "method": "semi_implicit_euler", "estimate": False}
+    run = pg.simulate(model, step=0.05 * pace, **asked)
+    assert run.status is pg.Status.NOT_FINITE
+    assert "forces of velocities" in run.message
+    known = pg.simulate(model, t_end=2 * pace, rtol=1e-8, estimate=False)
+    steps = advised(run)
+    assert steps
+    for step in steps:
+        assert holds(model, known, step, "semi_implicit_euler", pace), run.message
