@@ -196,7 +196,9 @@ def test_damping_of_any_size_is_stable_and_of_second_order_in_time_stepping(join
         name="b", joint=joint, mass=1.0, inertia=(0.01, 0.02, 0.03), com=com, damping=damping,
         v=speeds,
     )  # fmt: skip
-    model = pg.Model(bodies=[body, pg.Body(name="held", joint="prismatic", friction=1.0)])
+    model = pg.Model(
+        bodies=[body, pg.Body(name="held", joint="prismatic", axes=(1, 0, 0), friction=1.0)]
+    )
     right = pg.simulate(model, t_end=0.1, method="radau5", rtol=1e-9, estimate=False)
     runs = [
         pg.simulate(model, t_end=0.1, method="moreau_jean", step=h, estimate=False)
