@@ -153,6 +153,8 @@ def listed(value: Any) -> Any:
     if kind is list or kind is tuple:
         if PLAIN.issuperset(map(type, value)):
             return tuple(value)
+    elif isinstance(value, Portable):  # a part, which is no array
+        return value
     elif hasattr(value, "tolist"):
         if getattr(value, "size", 0) > MOST_NUMBERS:
             raise ValueError(f"a field has at most {MOST_NUMBERS} numbers")
@@ -281,6 +283,9 @@ class Fixed(dict[str, Any]):
 
     def __reduce__(self) -> Any:
         return Fixed, (dict(self),)
+
+    def __deepcopy__(self, memo: Any) -> Self:
+        return self  # as tuples of numbers
 
 
 def fixed(value: dict[str, Any]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.contact.tables import tables
 from pgraph_core.formats import read_model
 from tests.refusals import assert_names
 
@@ -63,6 +64,8 @@ GROWING = {
     + "</body></worldbody></mujoco>",
     "driven": world(f'<body pos="# 0 0"><joint name="j#"/>{GEOM}</body>',
                     '<actuator><motor joint="j#"/></actuator>'),
+    "limited": world(f'<body pos="# 0 0"><joint name="j#" actuatorfrcrange="-1 1"/>{GEOM}</body>',
+                     '<actuator><motor joint="j#"/></actuator>'),
     "links": lambda n: robot(more=repeated(
         f'<link name="l#">{INERTIAL}</link><joint name="k#" type="continuous"><parent link="b"/>'
         '<child link="l#"/></joint>', n)),
@@ -87,6 +90,40 @@ def test_the_work_of_reading_grows_as_the_file(kind, tmp_path):
     first, *work = (calls(lambda path=path: read_model(path)) for path in paths)
     assert work[1] < 2.3 * work[0]
     assert first > 0
+
+
+def test_the_work_of_contacts_grows_as_the_bodies():
+    """Twice the bodies on the ground take at most a little more than twice the lines."""
+
+    def lines(count: int) -> int:
+        ball = {"shape": pg.Sphere(0.1), "mass": 1.0, "joint": "free"}
+        bodies = [pg.Body(name=f"b{i}", q=(i, 0, 1, 1, 0, 0, 0), **ball) for i in range(count)]
+        mech = pg.Mechanism(pg.Model(bodies=bodies, contacts=[pg.Contact(body="*")]))
+        done = 0
+
+        def tell(frame, event, _):
+            nonlocal done
+            done += event == "line"
+            return tell if frame.f_code.co_filename.endswith("tables.py") else None
+
+        sys.settrace(tell)
+        try:
+            assert len(tables(mech.packed, mech.model.contacts).touches) == count
+        finally:
+            sys.settrace(None)
+        return done
+
+    few, many = lines(20), lines(40)
+    assert 100 < many < 2.3 * few
+
+
+def test_garbage_is_collected_again_after_a_file_is_read_or_refused(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(robot())
+    pg.load(path)
+    with pytest.raises(pg.FileError):
+        pg.load(tmp_path / "none.urdf")
+    assert gc.isenabled()
 
 
 def test_trees_that_are_alike_touch_as_all_pairs_do(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -166,7 +167,6 @@ class _Shapes:
 
     def __init__(self, mech: Packed):
         self.mech, self.model = mech, mech.model
-        self.parts = mech.model, mech.topology, mech.system
         self.terrain = terrain_of(mech.model)
         self.boxes: list[int] = []  # numbers of the boxes of the ground's steps, once they touch
         self.covered = Covered(mech)
@@ -269,7 +269,7 @@ class _Shapes:
         room = sum(self._points(i) for i, _ in self.on_ground)
         room += sum(self._room(a, b) for a, b, _ in self.pairs if b not in self.boxes)
         room += MOST * (min(len(self.boxes), 4) * len(self.on_ground) + len(self.members))
-        laws = rows_of(PAIR_LAW, [law(t.contact, *self.parts) for t in self.touches])
+        laws = rows_of(PAIR_LAW, _laws([t.contact for t in self.touches], self.mech))
         return Tables(
             touches=tuple(self.touches),
             limits=tuple(name for name, _ in limits),
@@ -317,7 +317,14 @@ class _Shapes:
         return len(solid.vertices) if solid.kind == POINTS else ROOM.get(solid.kind, MOST)
 
 
-def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
+def _laws(contacts: Sequence[Contact], mech: Packed) -> list[tuple[float, ...]]:
+    trees, size = _trees(mech.topology, mech.system), radius_of_gyration(mech.system)
+    each = {id(c): c for c in contacts}  # one of '*' is that of many pairs
+    laws = {k: _law(c, mech.model, trees, size) for k, c in each.items()}
+    return [laws[id(c)] for c in contacts]
+
+
+def _law(c: Contact, model: Model, trees: _Trees, size: float) -> tuple[float, ...]:
     """Compute the parameters (11,) for PAIR_LAW, including defaults.
 
     By default, the weight of the lightest touching tree compresses the contact by 1e-4 of the size
@@ -330,15 +337,18 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
         text = "static, rolling and spinning friction need the law 'complementarity'"
         raise ModelError(Problem(f"contact '{c.name}'", "law", f"{text}, got '{c.law}'"))
     restitution = model.ground.restitution if c.restitution is None else c.restitution
-    mass, weight = _lightest(c, model, topology, packed)
-    depth = SINKS * radius_of_gyration(packed)
-    creep = CREEP * math.sqrt(pull_of(model) * _smallest(c, topology, packed))
+    mass = min(trees.masses(c), default=1.0)
+    weight, depth = mass * pull_of(model), SINKS * size
+    creep = CREEP * math.sqrt(pull_of(model) * trees.smallest(c))
     soft = c.law == "soft"
     stiffness = weight / depth ** (1.5 if soft else 1.0) if c.stiffness is None else c.stiffness
     damping, loss = c.damping, 0.0
     if damping is None:
         damping = 0.0
-        loss = loss_of_impact(restitution) if soft else 2.0 * damping_ratio(restitution)
+        if soft:
+            loss = loss_of_impact(restitution)
+        elif c.law == "penalty":
+            loss = 2.0 * damping_ratio(restitution)
     values = float(LAWS[c.law]), friction.kinetic, restitution, stiffness, damping
     return (*values, friction.static, friction.rolling, friction.spinning, mass, loss, creep)
 
@@ -349,7 +359,7 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
     For soft and penalty contacts without a given stiffness, an impact at this speed penetrates the
     thinner shape by at most a tenth.
     """
-    laws = found.laws.copy()
+    laws, trees = found.laws.copy(), _trees(mech.topology, mech.system)
     shapes = found.geometry.shapes[found.geometry.shapes["kind"] != POINTS]
     for row, (_, body, other, c) in zip(laws, found.touches):
         if c.law == "complementarity":
@@ -359,7 +369,7 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
         own = [mech.topology.number(n) for n in names if n != EVERY]
         chosen = shapes if EVERY in names else shapes[np.isin(shapes["body"], own)]
         thin = float(chosen["half_extents"].min(axis=1).min(initial=np.inf))
-        speed, mass = float(np.sum(np.sort(among)[-2:])), _moved(c, mech.topology, mech.system)
+        speed, mass = float(np.sum(np.sort(among)[-2:])), _moved(c, trees)
         soft, stiffness = c.law == "soft", float(row["stiffness"])
         if c.stiffness is None and 0.0 < thin < np.inf:
             deep = START_DEPTH * thin
@@ -370,18 +380,12 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
     return found._replace(laws=laws)
 
 
-def _moved(c: Contact, topology: Topology, packed: System) -> float:
+def _moved(c: Contact, trees: _Trees) -> float:
     """Compute the effective mass in an impact between two trees [kg], 1 / (1/m + 1/M)."""
-    masses = _masses(c, topology, packed)
+    masses = trees.masses(c)
     if EVERY in (c.body, c.other):
         return min(masses, default=1.0)
     return 1.0 / sum(1.0 / m for m in masses) if masses else 1.0
-
-
-def _lightest(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, float]:
-    """Return (mass [kg], weight [N]) of the lightest tree named by a contact."""
-    mass = min(_masses(c, topology, packed), default=1.0)
-    return mass, mass * pull_of(model)
 
 
 def pull_of(model: Model) -> float:
@@ -389,6 +393,7 @@ def pull_of(model: Model) -> float:
     return float(np.linalg.norm(model.gravity)) or 9.81
 
 
+@lru_cache(1000)
 def damping_ratio(restitution: float) -> float:
     """Return the damping ratio of a linear contact with this restitution, which is at least LOWEST.
 
@@ -411,6 +416,7 @@ def damping_ratio(restitution: float) -> float:
     return float(brentq(excess, 0.0, 10.0, xtol=1e-14))  # pyright: ignore
 
 
+@lru_cache(1000)
 def loss_of_impact(restitution: float) -> float:
     """Return χ in k d^1.5 (1 + χ d' / V) for this restitution, at least LOWEST, at any impact
     speed.
@@ -435,37 +441,45 @@ def loss_of_impact(restitution: float) -> float:
     return float(brentq(excess, 0.5 * (1.0 - e), 1.0 / e, xtol=1e-14))  # pyright: ignore
 
 
-def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
-    """Return the masses of the trees for the bodies named by a contact, or of all trees for '*'."""
-    root, total = _trees(topology, packed)
-    names = {c.body, c.other} - {GROUND, EVERY}
-    numbers = map(topology.number, names) if names else range(1, topology.nb + 1)
-    return [total[root[k]] for k in numbers if root[k] and total[root[k]] > 0]
-
-
-def _smallest(c: Contact, topology: Topology, packed: System) -> float:
-    """Return the smallest radius of gyration of the trees named by a contact [m]."""
-    root = np.array(_trees(topology, packed)[0])
-    moment, mass = (np.bincount(root, weights=x) for x in moments_and_masses(packed))
-    named = [topology.number(name) for name in {c.body, c.other} - {GROUND, EVERY}]
-    roots = np.unique(root[named] if named else root)
-    roots = roots[(roots > 0) & (moment[roots] > 0.0) & (mass[roots] > 0.0)]
-    return float(np.sqrt((moment[roots] / mass[roots]).min(initial=np.inf))) if len(roots) else 1.0
-
-
-def _trees(topology: Topology, packed: System) -> tuple[list[int], list[float]]:
-    """Compute the root body of each body's tree, and the mass of the tree that each body starts.
+class _Trees(NamedTuple):
+    """The tree of each body (nb + 1,), by its root, and the mass [kg] and radius of gyration [m] of
+    the tree that each body starts.
 
     Bodies welded to the ground are part of the ground, 0.
     """
-    parent, mass = topology.parent.tolist(), packed.bodies_f[1:, at.B_MASS].tolist()
+
+    topology: Topology
+    root: Ints
+    mass: Array
+    radius: Array  # nan of bodies that start no tree, and of points
+
+    def among(self, c: Contact) -> Ints:
+        """Return the roots of the trees named by a contact, or of all trees for '*'."""
+        named = [self.topology.number(name) for name in {c.body, c.other} - {GROUND, EVERY}]
+        roots = self.root[named] if named else np.unique(self.root)
+        return roots[(roots > 0) & (self.mass[roots] > 0.0)]
+
+    def masses(self, c: Contact) -> list[float]:
+        """Return the masses of these trees [kg]."""
+        return self.mass[self.among(c)].tolist()
+
+    def smallest(self, c: Contact) -> float:
+        """Return the smallest radius of gyration of these trees [m], 1 if they are points."""
+        found = self.radius[self.among(c)]
+        return min(found[found > 0.0].tolist(), default=1.0)
+
+
+def _trees(topology: Topology, packed: System) -> _Trees:
     joints = packed.bodies_i[1:, at.OWN_ROWS].tolist()
     root = [0] * (topology.nb + 1)
-    total = [0.0] * (topology.nb + 1)
-    for k, p in enumerate(parent, start=1):
+    for k, p in enumerate(topology.parent.tolist(), start=1):
         root[k] = root[p] or (k if joints[k - 1] else 0)
-        total[root[k]] += mass[k - 1]
-    return root, total
+    roots: Ints = np.array(root)
+    moment, mass = (
+        np.bincount(roots, x, topology.nb + 1).astype(float) for x in moments_and_masses(packed)
+    )
+    with np.errstate(all="ignore"):
+        return _Trees(topology, roots, mass, np.sqrt(moment / mass))
 
 
 def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import gc
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -69,6 +71,23 @@ def load(
     return report.noted(model)
 
 
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Suspend garbage collection inside the context.
+
+    A model is built of many objects and leaves no cycles behind. The search for them takes a third
+    of the time of reading a model of 1600 bodies.
+    """
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+@_uncollected()
 def read_model(
     path: str | Path,
     roots: Iterable[str | Path] = (),

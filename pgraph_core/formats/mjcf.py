@@ -357,10 +357,8 @@ class _Reader:
 
     def _mass(self, b: int) -> dict[str, Any]:
         m = self.m
-        about = matrix(m.body_iquat[b].tolist())
-        inertia = about @ np.diag(m.body_inertia[b]) @ about.T
-        inertia = (inertia + inertia.T) / 2
-        where, name = self.where("body", m.body(b).name), self.names[b]
+        inertia, name = m.inertias[b], self.names[b]
+        where = self.where("body", m.body(b).name)
         mass = float(m.body_mass[b])
         return {
             "mass": mass,

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ..errors import needed
+from ..rotation import matrix
 from .conversion import Report
 
 Array = np.ndarray
@@ -45,6 +46,13 @@ class Compiled:
         data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, data)
         return data
+
+    @cached_property
+    def inertias(self) -> Array:
+        """The inertia of each body about its centre of mass in its own axes (nbody, 3, 3)."""
+        axes = np.array([matrix(quat) for quat in self.body_iquat.tolist()])
+        found = (axes * self.body_inertia[:, None]) @ axes.swapaxes(1, 2)
+        return (found + found.swapaxes(1, 2)) / 2
 
     @cached_property
     def colours(self) -> Array:

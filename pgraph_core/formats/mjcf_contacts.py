@@ -42,10 +42,10 @@ class Touching(NamedTuple):
     """The pairs of bodies that may touch, with the largest of their laws."""
 
     names: list[str]  # ground, world, and all bodies
-    pairs: Array  # (n, 2) numbers of names, the smaller one first
-    law: Array  # (n,) numbers of laws
-    mixed: Array  # (n,) whether their geoms have several laws
-    partly: Array  # (n,) whether some of their geoms do not touch
+    owners: Array  # (n,) numbers of names, ascending
+    law: Array  # (n, n) numbers of laws above the diagonal, -1 if the two do not touch
+    mixed: Array  # (n, n) whether their geoms have several laws
+    partly: Array  # (n, n) whether some of their geoms do not touch
     laws: list[Law]
 
 
@@ -191,23 +191,24 @@ class Contacts:
         ]  # fmt: skip
         number = {name: k for k, name in enumerate(found.names)}
         solid.sort(key=number.__getitem__)
-        place = np.full(len(number), -1)  # places in `law`, after the ground
-        place[[0, *(number[name] for name in solid)]] = range(len(solid) + 1)
-        ends = place[found.pairs]
-        there = (ends >= 0).all(axis=1)
-        law = np.full((len(solid) + 1,) * 2, -1)
-        law[tuple(ends[there].T)] = found.law[there]
+        n = len(solid)
+        row = np.full(len(number), len(found.owners))  # the last row of `padded` is for the others
+        row[found.owners] = range(len(found.owners))
+        padded = np.pad(found.law, (0, 1), constant_values=-1)
+        rows = row[[0, *(number[name] for name in solid)]]  # the ground first
+        law = padded[np.ix_(rows, rows)]
         moves = np.array([carrier[name] != GROUND for name in solid], dtype=bool)
         floor = _Pairs((EVERY, GROUND), lambda k: (solid[k], GROUND), law[0, 1:], moves)
         yield from self._fewest("floor", floor, found.laws)
-        a, b = np.triu_indices(len(solid), 1)
         codes = {name: k for k, name in enumerate(dict.fromkeys(carrier.values()))}
         carriers = np.array([codes[carrier[name]] for name in solid], dtype=int)
         numbers = {name: k for k, name in enumerate(solid)}
         parents = np.array([numbers.get(parent[name], -1) for name in solid], dtype=int)
-        tied = (carriers[a] == carriers[b]) | (parents[b] == a) | (parents[a] == b)
+        below = parents == np.arange(n)[:, None]
+        tied = (carriers[:, None] == carriers) | below | below.T
+        ends = np.triu(~tied, 1).ravel()
         both = _Pairs(
-            (EVERY, EVERY), lambda k: (solid[a[k]], solid[b[k]]), law[a + 1, b + 1], ~tied
+            (EVERY, EVERY), lambda k: (solid[k // n], solid[k % n]), law[1:, 1:].ravel(), ends
         )
         yield from self._fewest("bodies", both, found.laws)
 
@@ -245,33 +246,33 @@ class Contacts:
         rules = self._rules()
         kinds = sorted({rules[g][1:] for g in able})
         kind = {rule: k for k, rule in enumerate(kinds)}
-        counts = np.zeros((len(kinds), len(nodes)), dtype=int)
+        counts = np.zeros((len(kinds), len(nodes)), dtype=np.int32)
         for g, place in zip(able, places):
             counts[kind[rules[g][1:]], node[place]] += 1
         ground = np.array([owner == 0 for owner, _ in nodes], dtype=bool)
         counts[:, ground] = np.minimum(counts[:, ground], 1)
-        found: list[tuple[Law, Array, Array, Array]] = []
+        weights = dict[Law, Array]()  # whether geoms of two kinds touch with this law
         for i, one in enumerate(kinds):
             for j, other in enumerate(kinds[: i + 1]):
                 if one[0] & other[1] or other[0] & one[1]:
-                    mine, theirs = np.flatnonzero(counts[i]), np.flatnonzero(counts[j])
-                    a, b = (x.ravel() for x in np.meshgrid(mine, theirs, indexing="ij"))
-                    if i == j:
-                        a, b = a[a < b], b[a < b]
-                    found.append((_friction(one, other), a, b, counts[i, a] * counts[j, b]))
-        found = [self._allowed(nodes, *each) for each in found]
+                    law = _friction(one, other)
+                    weight = weights.setdefault(law, np.zeros((len(kinds),) * 2, dtype=np.int32))
+                    weight[i, j] = weight[j, i] = 1
+        may = self._may_touch([body for _, body in nodes])
+        listed = dict[Law, list[tuple[int, int, int]]]()  # pairs of geoms to add
         for (g, h), law in self._listed().items():
             if not {self._body_of[g], self._body_of[h]} <= kept:
                 continue
-            a, b = (np.array([node[self._place(x)]]) for x in (g, h))
             if self._still(self._body_of[g]) == self._still(self._body_of[h]):
                 continue
-            found.append((law, a, b, np.ones(1, dtype=int)))
-            if self._masks(g, h):
+            a, b = sorted(node[self._place(x)] for x in (g, h))
+            listed.setdefault(law, []).append((a, b, 1))
+            if self._masks(g, h) and may[a, b]:
                 own = _friction(rules[g][1:], rules[h][1:])
-                found.append(self._allowed(nodes, own, a, b, -np.ones(1, dtype=int)))
+                listed.setdefault(own, []).append((a, b, -1))
         count = {**Counter(owner for owner, _ in places), 0: 1}
-        return _summed(names, np.array([owner for owner, _ in nodes], dtype=int), found, count)
+        owner = np.array([owner for owner, _ in nodes], dtype=int)
+        return _summed(names, owner, counts, may, weights, listed, count)
 
     def _place(self, g: int) -> tuple[int, int]:
         """Return the number of the owner of a geom, which is 0 for the ground, 1 for the world and
@@ -279,26 +280,24 @@ class Contacts:
         b = self._body_of[g]
         return (0 if g in self.floors else 1 if b == 0 or g in self.walls else b + 1), b
 
-    def _allowed(
-        self, nodes: list[tuple[int, int]], law: Law, a: Array, b: Array, count: Array
-    ) -> tuple[Law, Array, Array, Array]:
-        """Return the pairs of nodes that MuJoCo does not exclude: not fixed to each other, not
-        parent and child off the world, and not in <exclude>."""
+    def _may_touch(self, bodies: list[int]) -> Array:
+        """Return the pairs (n, n) of bodies that MuJoCo does not exclude: not fixed to each other,
+        not parent and child off the world, and not in <exclude>."""
         m = self.m
-        bodies = np.array([body for _, body in nodes], dtype=int)
-        one, two = bodies[a], bodies[b]
-        weld, still = m.body_weldid, np.array([*map(self._still, range(m.nbody))])
-        above = weld[m.body_parentid]
-        apart = still[one] == still[two]
+        still = np.array([self._still(b) for b in bodies], dtype=int)
+        apart = still[:, None] == still
         if self.filters:
-            p, q = weld[one], weld[two]
-            apart |= ((p == above[q]) & (p != 0)) | ((q == above[p]) & (q != 0))
-        ends = np.array(m.exclude_signature, dtype=int)
-        ends = np.minimum(ends >> 16, ends & 0xFFFF) * m.nbody + np.maximum(
-            ends >> 16, ends & 0xFFFF
-        )
-        apart |= np.isin(np.minimum(one, two) * m.nbody + np.maximum(one, two), ends)
-        return law, a[~apart], b[~apart], count[~apart]
+            weld = m.body_weldid[bodies]
+            above = m.body_weldid[m.body_parentid[weld]]
+            child = (weld[:, None] == above) & (weld != 0)[:, None]
+            apart |= child | child.T
+        places: dict[int, list[int]] = {}
+        for k, body in enumerate(bodies):
+            places.setdefault(body, []).append(k)
+        for ends in m.exclude_signature.tolist():
+            one, two = (places.get(body, []) for body in (ends >> 16, ends & 0xFFFF))
+            apart[np.ix_(one, two)] = apart[np.ix_(two, one)] = True
+        return ~apart
 
     def _still(self, b: int) -> int:
         """Return the body to which a body is fixed, which is the world for mocap bodies."""
@@ -311,7 +310,7 @@ class Contacts:
         if mixed := int(found.mixed.sum()):
             text = f"{mixed} pairs of bodies whose geoms differ in friction have the largest"
             self.report.add("approximated", self.reader.path.name, text)
-        partly = found.pairs[found.partly].tolist()
+        partly = found.owners[np.argwhere(found.partly)].tolist()
         if partly:
             ends = ((found.names[b], found.names[a]) if a == 0 else (found.names[a], found.names[b])
                     for a, b in partly[:4])  # fmt: skip
@@ -319,13 +318,14 @@ class Contacts:
             named += f" and {len(partly) - 4} more" * (len(partly) > 4)
             text = "touch with all of their shapes; in the file some of their geoms do not touch"
             self.report.add("approximated", self.reader.path.name, f"{named} {text}")
-        if len(found.pairs):
+        touch = bool((found.law >= 0).any())
+        if touch:
             text = "contacts are rigid: MuJoCo's solref and solimp make them soft"
             self.report.add("approximated", self.reader.path.name, text)
         touching = (m.geom_contype | m.geom_conaffinity) > 0
         wide = int((touching & (m.geom_margin > m.geom_gap)).sum())
         wide += int((m.pair_margin > m.pair_gap).sum())
-        if len(found.pairs) and wide:
+        if touch and wide:
             text = (
                 f"{wide} geoms or pairs have a margin and push before they touch; here they do not"
             )
@@ -375,28 +375,46 @@ def _friction(one: Rule, other: Rule) -> Law:
 def _summed(
     names: list[str],
     owner: Array,
-    found: list[tuple[Law, Array, Array, Array]],
+    counts: Array,
+    may: Array,
+    weights: Mapping[Law, Array],
+    listed: Mapping[Law, list[tuple[int, int, int]]],
     count: Mapping[int, int],
 ) -> Touching:
-    """Return the pairs of owners in lists of (law, node, node, pairs of geoms)."""
-    laws, n = sorted({law for law, *_ in found}), len(names)
-    keys, counts = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
-    for law, a, b, each in found:
-        low, high = np.minimum(owner[a], owner[b]), np.maximum(owner[a], owner[b])
-        keys.append((low * n + high) * len(laws) + laws.index(law))
-        counts.append(each)
-    key, back = np.unique(np.concatenate(keys), return_inverse=True)
-    total = np.bincount(back, np.concatenate(counts), len(key))
-    key, total = key[total > 0], total[total > 0]
-    pair, first, several = np.unique(
-        key // max(len(laws), 1), return_index=True, return_counts=True
-    )
-    pairs = np.column_stack((pair // n, pair % n))
-    sizes = np.array([count.get(k, 0) for k in range(n)])
-    totals = np.add.reduceat(total, first) if len(pair) else np.zeros(0)
-    partly = totals < sizes[pairs[:, 0]] * sizes[pairs[:, 1]]
-    largest = key[first + several - 1] % max(len(laws), 1)
-    return Touching(names, pairs, largest, several > 1, partly, laws)
+    """Return the pairs of owners of nodes (n,), from the geoms of each kind (k, n), the pairs of
+    nodes that may touch (n, n), and for each law the pairs of kinds that do (k, k)."""
+    laws = sorted({*weights, *listed})
+    owners, row = np.unique(owner, return_inverse=True)
+    largest = np.full((len(owners),) * 2, -1, dtype=np.int32)
+    mixed, totals = largest > 0, np.zeros(largest.shape, dtype=np.int32)
+    for k, law in enumerate(laws):
+        weight = weights.get(law, np.zeros((len(counts),) * 2, dtype=np.int32))
+        kinds = np.flatnonzero(weight.any(axis=0))
+        own, share = counts[kinds], weight[kinds] @ counts
+        changes = listed.get(law, [])
+        nodes = {*np.flatnonzero(share.any(axis=0)), *(x for a, b, _ in changes for x in (a, b))}
+        at = np.array(sorted(nodes), dtype=int)
+        total = np.einsum("ki,kj->ij", own[:, at], share[:, at])
+        total *= may[_block(at, len(owner))]
+        for a, b, change in changes:
+            total[tuple(np.searchsorted(at, (a, b)))] += change
+        rows, first = np.unique(row[at], return_index=True)
+        if len(rows) < len(at):
+            total = np.add.reduceat(np.add.reduceat(total, first, axis=0), first, axis=1)
+        there, block = np.triu(total > 0, 1), _block(rows, len(owners))
+        before = largest[block]
+        mixed[block] |= there & (before >= 0)
+        before[there] = k
+        largest[block] = before
+        totals[block] += total * there
+    sizes = np.array([count.get(k, 0) for k in owners.tolist()], dtype=np.int32)
+    partly = (largest >= 0) & (totals < np.outer(sizes, sizes))
+    return Touching(names, owners, largest, mixed, partly, laws)
+
+
+def _block(at: Array, n: int) -> Any:
+    """Return an index for these rows and columns of a matrix (n, n), a slice if they are all."""
+    return np.ix_(at, at) if len(at) < n else np.s_[:, :]
 
 
 def _law(dim: int, sliding: float, spinning: float, rolling: float) -> Law:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -322,6 +324,11 @@ class Forces:
             return SpeedServo(kd=kd, speed=u, torque=torque, **fields)
         return Actuator(gain=gain, input=u, torque=torque, kp=kp, kd=kd, **fields)
 
+    @cached_property
+    def _actuators_of(self) -> Counter[int]:
+        """The number of actuators of each joint, also along tendons."""
+        return Counter(j for a in range(self.actuators) for j in self._moved(a) or ())
+
     def _moved(self, a: int) -> Sums | None:
         """Return the joints of an actuator, or None if its length is no sum of coordinates."""
         target, kind = int(self.m.actuator_trnid[a, 0]), int(self.m.actuator_trntype[a])
@@ -386,12 +393,12 @@ class Forces:
         for j, x in sums.items():
             if not m.jnt_actfrclimited[j]:
                 continue
-            of_joint = [s for b in range(self.actuators) if j in (s := self._moved(b) or Sums())]
+            count = self._actuators_of[j]
             if len(sums) == 1:
                 ends = sorted(float(end) / (gear * x) for end in m.jnt_actfrcrange[j])
                 low, high = max(low, ends[0]), min(high, ends[1])
-                shared = max(shared, len(of_joint))
-            elif len(of_joint) > 1 or not self._within(j, gear * x, (low, high)):
+                shared = max(shared, count)
+            elif count > 1 or not self._within(j, gear * x, (low, high)):
                 text = f"the limit of what actuators give in joint {shown(m.joint(j).name)}"
                 text += ", one of several along the actuator's tendon"
                 self.reader.left_out("actuator", name, text)

@@ -8,7 +8,6 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -88,6 +87,8 @@ class Tag:
 
     def lines(self, depth: int = 0) -> list[str]:
         """Return the element as lines of text."""
+        from xml.sax.saxutils import quoteattr  # imports the client of HTTP
+
         space = "  " * depth
         head = "".join(f" {key}={quoteattr(value)}" for key, value in self.attributes.items())
         if not self.children:
