@@ -85,14 +85,19 @@ def frame_of(axis: Array) -> Array:
     return np.column_stack((*normals_of(axis), axis))
 
 
+def quaternion_products(R: Array) -> Array:
+    """Compute 4 p pᵀ (..., 4, 4) for the unit quaternions p of rotation matrices (..., 3, 3)."""
+    (a, xy, xz), (yx, b, yz), (zx, zy, c) = np.moveaxis(R, (-2, -1), (0, 1))
+    products = np.array([
+        [1 + a + b + c, zy - yz, xz - zx, yx - xy],
+        [zy - yz, 1 + a - b - c, xy + yx, xz + zx],
+        [xz - zx, xy + yx, 1 - a + b - c, yz + zy],
+        [yx - xy, xz + zx, yz + zy, 1 - a - b + c],
+    ])  # fmt: skip
+    return np.moveaxis(products, (0, 1), (-2, -1))
+
+
 def quaternion_of(R: Array) -> Quaternion:
     """Compute the quaternion for a (3, 3) rotation matrix, with its largest component positive."""
-    a, b, c = R[0, 0], R[1, 1], R[2, 2]
-    squares = np.array([1 + a + b + c, 1 + a - b - c, 1 - a + b - c, 1 - a - b + c])  # 4 x its own
-    products = np.array([
-        [squares[0], R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
-        [R[2, 1] - R[1, 2], squares[1], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
-        [R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], squares[2], R[1, 2] + R[2, 1]],
-        [R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], squares[3]],
-    ])  # fmt: skip
-    return unit(products[int(np.argmax(squares))].tolist())
+    products = quaternion_products(R)
+    return unit(products[int(np.argmax(np.diagonal(products)))].tolist())

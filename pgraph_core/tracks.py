@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 
-from .errors import counted, shown
+from .errors import choices, counted, shown
 from .fields import (
     Finite,
     Flag,
@@ -25,17 +26,14 @@ from .fields import (
     refuse,
     vectors,
 )
-from .rotation import Array, quaternion_of, unit_vector
-from .signals.grammar import Unreadable, parsed
-from .signals.meaning import constant
-from .tolerances import EPS, NOTABLE, SOLVED
+from .pieces import Ints, Pieces, Rough, check_closed, fitted, least, through_points
+from .rotation import Array, unit_vector
+from .signals.grammar import Unreadable, names_in, parsed
+from .signals.meaning import CONSTANTS, constant
+from .tolerances import NOTABLE, SOLVED
 from .units import M
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-DEGREE = 7  # of the polynomials, see `engine.layout`
-CLOSE = 512 * EPS  # largest distance of the polynomials from the functions, relative to their size
-MOST_POLYNOMIALS = 2000  # more would be needed by a function with a corner only
-START = 8  # parts of a piece in the first trial
 
 Pairs = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2)]
 Formula = Annotated[str, StringConstraints(min_length=1, max_length=200)]
@@ -117,7 +115,7 @@ class Track(Frozen):
         """Return a problem of functions that are not smooth, or do not move."""
         try:
             q = _stillest(self)
-        except _Rough as error:
+        except Rough as error:
             return [(error.field, str(error))]
         if q is None:
             return []
@@ -127,11 +125,14 @@ class Track(Frozen):
     @cached_property
     def pieces(self) -> Any:
         """SciPy's piecewise polynomial for x [m] and the quaternion, with 7 components."""
-        closed = self.closed and not self.points  # a spline through points closes by itself
-        return _joined([_fitted(piece) for piece in self._pieces()], closed)
-
-    def _pieces(self) -> list[_Piece]:
-        return _of_points(self) if self.points else _of_functions(self)
+        found = fitted(
+            through_points(self.points, self.closed, self.up)
+            if self.points
+            else _of_functions(self)
+        )
+        if self.closed and not self.points:  # a spline through points closes by itself
+            check_closed(found)
+        return found
 
     @cached_property
     def rows(self) -> Array:
@@ -210,14 +211,6 @@ def _negative(function: Any) -> Any:
 # -- problems --------------------------------------------------------------------------------------
 
 
-class _Rough(ValueError):
-    """A function that no knots follow, with its field."""
-
-    def __init__(self, field: str, text: str):
-        super().__init__(text)
-        self.field = field
-
-
 def _problems(track: Track) -> list[tuple[str, str]]:
     """Return the problems of the numbers as given."""
     functions = (track.x, track.y, track.z, *track.angles)
@@ -260,11 +253,16 @@ def _problems_of_points(track: Track, others: bool) -> list[tuple[str, str]]:
         return [("points", f"{text}, got {shown(track.points[0])} at both ends")]
     ends = np.vstack((points, points[:1])) if track.closed else points
     apart = np.linalg.norm(np.diff(ends, axis=0), axis=1)
-    doubled = np.flatnonzero(apart <= SOLVED * apart.max())
+    size = float(np.ptp(points, axis=0).max())
+    doubled = np.flatnonzero(apart <= NOTABLE * size)
     if len(doubled):
         i = int(doubled[0])
-        text = f"points {i + 1} and {(i + 1) % len(points) + 1} are equal: {shown(track.points[i])}"
-        return [("points", f"{text}; leave one out")]
+        text = f"points {i + 1} and {(i + 1) % len(points) + 1} are "
+        if apart[i] > 0.0:
+            text += f"only {apart[i]:.3g} m apart, {NOTABLE:g} of the track's size or less, near "
+        else:
+            text += "equal: "
+        return [("points", f"{text}{shown(track.points[i])}; leave one out")]
     if track.up is not None and not any(track.up):
         return [("up", "a direction must not be zero, got [0, 0, 0]")]
     return []
@@ -289,14 +287,25 @@ def _problems_of_function(function: Any, name: str) -> list[tuple[str, str]]:
         q = [pair[0] for pair in function]
         if not all(a < b for a, b in pairwise(q)):
             return [(name, f"the coordinates of a spline must ascend, got {shown(q)}")]
+        for a, b in pairwise(q):
+            if b - a <= NOTABLE * (q[-1] - q[0]):
+                text = f"two coordinates of the spline are only {b - a:.3g} apart, {NOTABLE:g} of "
+                return [(name, f"{text}its range or less, near q = {a:.6g}; leave one out")]
     elif isinstance(function, str):
         try:
-            constant(parsed(_readable(function)), {"q": 0.5})
+            constant(
+                parsed(_readable(function)), {"q": 0.5, **dict.fromkeys(_others(function), 0.5)}
+            )
         except Unreadable as error:
             text = f"{shown(function)} is not an expression of q: {error}"
             return [(name, text)]
         except ArithmeticError:
-            return []
+            pass
+        if others := _others(function):
+            text = f"{shown(function)} reads {choices(map(shown, others))}, but a function of a "
+            text += "track reads only q; write the number in its place, in Python "
+            return [(name, text + f"{name}=f{_with_numbers(function, others)!r}")]
+    return []
     return []
 
 
@@ -339,42 +348,14 @@ def _stillest(track: Track) -> float | None:
         turned = np.linalg.norm(_twist(value[:, 3:], slope[:, 3:]), axis=1) / turning
         return np.hypot(np.linalg.norm(slope[:, :3], axis=1) / (fastest or math.inf), turned)
 
-    q, least = _least(speed, begins)
-    return q if least <= NOTABLE else None
+    q, lowest = least(speed, begins)
+    return q if lowest <= NOTABLE else None
 
 
-def _least(function: Callable[[Array], Array], begins: Array) -> tuple[float, float]:
-    """Return where a function is least, and its value, from eight places of each piece."""
-    from scipy.optimize import minimize_scalar
-
-    parts = np.linspace(0.0, 1.0, 8, endpoint=False)
-    q = np.append((begins[:-1, None] + np.diff(begins)[:, None] * parts).ravel(), begins[-1])
-    i = int(np.argmin(function(q)))
-    bounds = q[max(i - 1, 0)], q[min(i + 1, len(q) - 1)]
-    found = minimize_scalar(
-        lambda x: float(function(np.array([x]))[0]), bounds=bounds, method="bounded",
-        options={"xatol": EPS},
-    )  # fmt: skip
-    places = np.array([found.x, q[i]])
-    values = function(places)
-    best = int(np.argmin(values))
-    return float(places[best]), float(values[best])
+# -- functions -------------------------------------------------------------------------------------
 
 
-# -- pieces ----------------------------------------------------------------------------------------
-
-
-class _Piece(NamedTuple):
-    """A smooth piece of a track: `pose(u)` returns (q, x and p (n, 7)) for ascending parameters."""
-
-    begin: float
-    end: float
-    pose: Callable[[Array], tuple[Array, Array]]
-    field: str
-    turned: bool = False  # by the direction `up`
-
-
-def _of_functions(track: Track) -> list[_Piece]:
+def _of_functions(track: Track) -> Pieces:
     """Return a piece between each two neighbouring knots of the splines."""
     functions = (track.x, track.y, track.z, *track.angles)
     low, high = _range_of(track)
@@ -382,16 +363,16 @@ def _of_functions(track: Track) -> list[_Piece]:
     of_q = [_evaluator(f, track.closed) for f in functions]
     axes = [unit_vector(axis) for axis in track.axes]
 
-    def pose(q: Array) -> tuple[Array, Array]:
-        values = [f(q) for f in of_q]
-        p = np.tile((1.0, 0.0, 0.0, 0.0), (len(q), 1))
+    def pose(_: Ints, q: Array) -> Array:
+        values = [f(q.ravel()) for f in of_q]
+        p = np.tile((1.0, 0.0, 0.0, 0.0), (q.size, 1))
         for axis, angle in zip(axes, values[3:]):
             turn = np.column_stack((np.cos(0.5 * angle), np.sin(0.5 * angle)[:, None] * axis))
             p = _product(p, turn)
-        return q, np.column_stack((*values[:3], p))
+        return np.column_stack((*values[:3], p)).reshape(*q.shape, 7)
 
-    places = [low, *sorted(breaks), high]
-    return [_Piece(a, b, pose, _given(track)) for a, b in pairwise(places)]
+    ends, same = np.array([low, *sorted(breaks), high]), lambda _, q: q
+    return Pieces(ends, ends, same, same, pose, _given(track))
 
 
 def _given(track: Track) -> str:
@@ -423,124 +404,20 @@ def _value(tree: Any, q: float) -> float:
     return math.nan if isinstance(value, complex) else float(value)
 
 
+def _others(text: str) -> list[str]:
+    """Return the names beside q and constants in an expression."""
+    return sorted(names_in(_readable(text)) - {"q", *CONSTANTS})
+
+
+def _with_numbers(text: str, names: Sequence[str]) -> str:
+    """Return an expression with names in braces, for an f-string."""
+    for name in names:
+        text = re.sub(rf"\b{name}\b", f"{{{name}}}", text)
+    return text
+
+
 def _readable(text: str) -> str:
     return "=" + text.strip().removeprefix("=")
-
-
-def _of_points(track: Track) -> list[_Piece]:
-    """Return the spline through the points, with the way along it as the coordinate."""
-    from scipy.interpolate import make_interp_spline
-
-    points = np.array(track.points)
-    if track.closed:
-        points = np.vstack((points, points[:1]))
-    chord = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    u = np.concatenate(([0.0], np.cumsum(chord)))
-    if track.closed:
-        spline = make_interp_spline(u, points, k=5, bc_type="periodic")
-    elif len(points) == 2:
-        spline = make_interp_spline(u, points, k=1)
-    else:
-        free = [(3, np.zeros(3)), (4, np.zeros(3))]
-        spline = make_interp_spline(u, points, k=5, bc_type=(free, free))
-    slope = spline.derivative()
-    place, least = _least(lambda x: np.linalg.norm(slope(x), axis=1), u)
-    if least <= NOTABLE:
-        near = shown([round(float(c), 6) + 0.0 for c in spline(place)])
-        raise _Rough("points", f"turn back in a cusp near {near}; move a point beside it")
-    nodes, weights = np.polynomial.legendre.leggauss(16)
-
-    def way(a: Array, b: Array) -> Array:
-        places = 0.5 * (a + b)[:, None] + 0.5 * (b - a)[:, None] * nodes
-        return 0.5 * (b - a) * (np.linalg.norm(slope(places), axis=2) @ weights)
-
-    whole = np.concatenate(([0.0], np.cumsum(way(u[:-1], u[1:]))))
-
-    def pose(x: Array) -> tuple[Array, Array]:
-        i = np.clip(np.searchsorted(u, x, side="right") - 1, 0, len(u) - 2)
-        p = np.tile((1.0, 0.0, 0.0, 0.0), (len(x), 1))
-        if track.up is not None:
-            p = _along(slope(x), np.array(track.up))
-        return whole[i] + way(u[i], x), np.column_stack((spline(x), p))
-
-    turned = track.up is not None
-    return [_Piece(a, b, pose, "points", turned) for a, b in pairwise(u.tolist())]
-
-
-def _along(tangent: Array, up: Array) -> Array:
-    """Return the quaternions (n, 4) with x along the tangents and z as close to `up` as that
-    allows."""
-    x = tangent / np.linalg.norm(tangent, axis=1)[:, None]
-    side = np.cross(unit_vector(up), x)
-    length = np.linalg.norm(side, axis=1)
-    if length.min() < SOLVED**0.5:
-        text = f"the curve is parallel to it somewhere, got {shown(up.tolist())}; "
-        raise _Rough("up", text + "give a direction that the curve never takes")
-    y = side / length[:, None]
-    z = np.cross(x, y)
-    found = np.array([quaternion_of(np.column_stack(axes)) for axes in zip(x, y, z)])
-    for k in range(1, len(found)):  # the sign that is closer to the quaternion before
-        if found[k] @ found[k - 1] < 0.0:
-            found[k] *= -1.0
-    return found
-
-
-def _fitted(piece: _Piece) -> Any:
-    """Return the polynomials of a piece, as many as its values need."""
-    from scipy.interpolate import PPoly, make_interp_spline
-
-    count, q = START, np.zeros(1)
-    while count <= MOST_POLYNOMIALS:
-        q, y = piece.pose(np.linspace(piece.begin, piece.end, 2 * count + 1))
-        if not np.isfinite(y).all():
-            text = f"has no finite value at q = {q[~np.isfinite(y).all(axis=1)][0]:.6g}"
-            raise _Rough(piece.field, text)
-        spline = make_interp_spline(q[::2], y[::2], k=DEGREE)
-        size = np.array([np.abs(y[:, :3]).max() or 1.0] * 3 + [1.0] * 4)
-        if (np.abs(spline(q[1::2]) - y[1::2]) <= CLOSE * size).all():
-            x = np.unique(spline.t)
-            powers = [spline(x[:-1], nu=k) / math.factorial(k) for k in range(DEGREE, -1, -1)]
-            return PPoly(np.array(powers), x)
-        count = 3 * count // 2
-    text = "has a corner, a jump or too short waves between "
-    text += f"q = {q[0]:.6g} and {q[-1]:.6g}; round it, or give a spline"
-    text += " (a curve close to `up`, too)" if piece.turned else ""
-    raise _Rough(piece.field, text)
-
-
-def _joined(parts: Sequence[Any], closed: bool) -> Any:
-    """Return the polynomials of all pieces as one, with quaternions of continuous sign."""
-    from scipy.interpolate import PPoly
-
-    ends = parts[0](parts[0].x[-1])
-    coefficients, begins = [parts[0].c], [parts[0].x]
-    for part in parts[1:]:
-        c = part.c.copy()
-        if ends[3:] @ part(part.x[0])[3:] < 0.0:
-            c[:, :, 3:] *= -1.0
-        coefficients.append(c)
-        begins.append(part.x[1:])
-        ends = PPoly(c, part.x)(part.x[-1])
-    found = PPoly(np.concatenate(coefficients, axis=1), np.concatenate(begins))
-    if closed:
-        _check_closed(found)
-    return found
-
-
-def _check_closed(found: Any) -> None:
-    """Raise _Rough if the motion does not end as it begins, up to the second derivative."""
-    first, last = found.x[[0, -1]]
-    radian = (last - first) / math.tau
-    turn = 1.0 if found(first)[3:] @ found(last)[3:] > 0.0 else -1.0
-    size = np.repeat((np.abs(found(found.x)[:, :3]).max() or 1.0, 1.0), (3, 4))
-    for k in range(3):
-        a, b = found(first, nu=k), found(last, nu=k)
-        apart = np.abs(np.concatenate((a[:3] - b[:3], a[3:] - turn * b[3:])))
-        if (apart * radian**k > NOTABLE * size).any():
-            text = (
-                "a closed track ends as it begins, with equal places, rotations and slopes; these"
-            )
-            raise _Rough("closed", f"{text} differ between q = {first:.6g} and {last:.6g}")
 
 
 # -- quaternions -----------------------------------------------------------------------------------

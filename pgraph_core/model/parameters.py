@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError
 
 from ..errors import ModelError, Problem, shown
 from ..fields import Frozen, Text, fields_of, is_expression
-from ..signals.grammar import RESERVED, Unreadable, parsed
+from ..signals.grammar import RESERVED, Unreadable, names_in, parsed
 from ..signals.meaning import constant, varies
 
 PartKind = Literal["bodies", "constraints", "contacts", "forces", "controls"]
@@ -34,6 +34,8 @@ USABLE = re.compile(r"[^\W\d]\w*")  # a name of the grammar
 MOST_LISTS = 10  # limit on nested lists with formulas, more than any field has
 
 CURVE = "q_of_t"  # a field that takes no number: '=...' in it is an expression, constant or not
+
+TRACK = "track"  # a field with functions of q, which are no formulas
 
 NUMBERS = frozenset((float, int, type(None)))  # types that are no formula and hold none
 
@@ -229,7 +231,8 @@ def formulas_in(
 ) -> Iterator[tuple[Path, str]]:
     """Yield the formulas in the cells of a dictionary, with the paths to their cells."""
     if is_expression(value) and not varies(value, parameters):
-        yield path, value.strip()
+        if path[:1] != (TRACK,) or "q" not in names_in(value):
+            yield path, value.strip()
     elif len(path) > MOST_LISTS:
         return
     elif isinstance(value, Mapping):

@@ -1,6 +1,7 @@
 """A curve joint beside closed forms, a hinge, quadrature and differences."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -232,6 +233,8 @@ def test_a_model_with_curves_is_saved_and_loaded():
 BAD = [
     ({"points": [(0, 0, 0)]}, "points"),
     ({"points": [(0, 0, 0), (0, 0, 0), (1, 0, 0)]}, "points"),
+    ({"points": [(0, 0, 0), (0.5, 0, 0), (0.5, 1e-9, 0), (1, 0, 0)]}, "points"),
+    ({"points": [(7, 0, 0), (7, 5e-4, 0), (7, 5e2, 0), (8, 1e3, 0)]}, "points"),
     ({"points": [(0, 0, 0), (1, 0, 0), (0, 0, 0)]}, "points"),
     ({"points": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0)], "closed": True}, "points"),
     ({"points": [(0, 0, 0), (1, 0, 0)], "closed": True}, "points"),
@@ -247,6 +250,7 @@ BAD = [
     ({"x": "q"}, "range"),
     ({"x": "q", "range": (1, 0)}, "range"),
     ({"x": [(0, 1), (0, 2)]}, "x"),
+    ({"x": [(0, 1), (1e-7, 2), (1, 3)]}, "x"),
     ({"x": [(0, 1), (1, 2)], "range": (0, 2)}, "x"),
     ({"angles": ["q", "q"], "axes": [(1, 0, 0), (2, 0, 0)], "range": (0, 1)}, "axes"),
     ({"angles": ["q"], "axes": [(0, 0, 0)], "range": (0, 1)}, "axes"),
@@ -378,6 +382,40 @@ def test_joint_friction_and_a_prescribed_motion_balance_energy_along_a_curve(gui
         run = pg.simulate(model, t_end=0.5, step=1e-3)
         booked = run.kinetic_energy + run.dissipation - run.work
         assert np.abs(booked - booked[0]).max() < 1e-4 * run.kinetic_energy.max()
+
+
+@pytest.mark.parametrize(("place", "text"), [("x", "R*cos(2*q)"), ("angles", "=2*R*sin(q)/4")])
+def test_a_parameter_in_a_function_of_a_track_is_refused_with_what_to_write(place, text):
+    fields = {"z": "sin(q)", "range": (0, 1)}
+    body = {"name": "a", "joint": "curve", "track": {place: text, **fields}, "mass": 1.0}
+    with pytest.raises(pg.ModelError, match="reads only q") as error:
+        pg.Model(bodies=[body], parameters={"R": 2.0})
+    written = str(error.value).split("=f'")[1].rstrip("'").format(R=2.0)
+    assert pg.Track(**{place: written}, **fields).range == (0, 1)
+    assert pg.Model(bodies=[{**body, "track": {"x": "=R", **fields}}], parameters={"R": 2.0})
+
+
+def test_a_track_of_many_points_follows_them():
+    """The work of a piece does not grow with their number: they are fitted together."""
+    s = np.linspace(0.0, 40.0, 2000)
+    points = np.column_stack(((1 + 0.1 * s) * np.cos(s), (1 + 0.1 * s) * np.sin(s), 0.2 * s))
+    track = pg.Track(points=points, up=(0, 0, 1))
+    calls = 0
+
+    def count(frame, event, _):
+        nonlocal calls
+        calls += event == "call"
+
+    sys.setprofile(count)
+    try:
+        track = pg.Track(points=points, up=(0, 0, 1))
+    finally:
+        sys.setprofile(None)
+    assert calls < 8 * len(points)  # four of them per point read the numbers
+    middle = track.at(track.pieces.x[2000])[0]
+    assert np.linalg.norm(points - middle, axis=1).min() < 1e-9
+    speed = [np.linalg.norm(track.slope(q)[3:]) for q in np.linspace(0.0, track.pieces.x[-1], 50)]
+    np.testing.assert_allclose(speed, 1.0, atol=1e-10)
 
 
 @pytest.mark.quick
