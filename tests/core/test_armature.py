@@ -211,3 +211,18 @@ def test_damping_of_any_size_is_stable_and_of_second_order_in_time_stepping(join
     batch = pg.BatchStepper(model, 3, step=1e-3, method="moreau_jean")
     batch.step(n=100)
     np.testing.assert_array_equal(batch.v[1], runs[1].v[-1])
+
+
+def test_damping_of_a_free_joint_on_a_moving_body_is_told():
+    """The parent cannot feel an armature there, so that time stepping takes it explicitly."""
+    arm = pg.Body(name="a", axes=(0, 1, 0), com=(0, 0, -0.2), mass=1, inertia=(0.1, 0.1, 0.1),
+                  friction=0.1, v=1)  # fmt: skip
+    body = pg.Body(name="b", parent="a", joint="free", mass=1, inertia=(0.01, 0.02, 0.03),
+                   damping=100, v=(3, 1, 2, 1, 0, 0))  # fmt: skip
+    model = pg.Model(bodies=[arm, body])
+    wide = pg.simulate(model, t_end=0.02, step=1e-3)
+    assert not wide.success
+    assert "5.9e-05 s" in wide.message
+    fine = pg.simulate(model, t_end=0.02, step=5.9e-5)
+    right = pg.simulate(model, t_end=0.02, method="radau5", rtol=1e-8)
+    np.testing.assert_allclose(fine.v[-1], right.v[-1], atol=1e-3)
