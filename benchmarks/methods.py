@@ -95,7 +95,7 @@ def accuracy(effort: Effort, name: str, motion: Motion) -> Iterator[Row]:
     for setting in settings(name)[: effort.pick(None, 2)]:
         runs = [pg.simulate(mech, *start, **given, **setting) for _ in range(effort.pick(9, 1))]
         run = runs[0]
-        off = differences(run.mechanism.packed.rows, run.q, known[: len(run.q)])
+        off = differences(run.mechanism.packed, run.q, known[: len(run.q)])
         chosen = f"rtol {setting['rtol']:g}" if "rtol" in setting else f"step {setting['step']:g} s"
         yield {
             "case": name, "method": setting["method"], "setting": chosen,

@@ -17,7 +17,7 @@ from ..engine import motion
 from ..engine.tree import dynamics
 from ..model import Constraint
 from ..model.constraint import AtPoints
-from ..packing import Array, Ints, plain, translations
+from ..packing import Array, Ints, plain
 from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
 from ..rotation import multiply, unit
@@ -291,7 +291,7 @@ def _joined(groups: list[Group]) -> Iterator[Group]:
 
 def turns(mech: Dynamics) -> NDArray[np.bool_]:
     """Return a mask (nv,) that is True for rotational degrees of freedom."""
-    return ~translations(mech.packed.rows, mech.nv)
+    return ~mech.packed.slides
 
 
 def apart(mech: Dynamics, start: Array, q: Array) -> Array:

@@ -9,14 +9,13 @@ import numpy as np
 
 from .. import joints
 from ..engine import layout as at
-from ..engine.motions import facts
 from ..engine.records import table
 from ..engine.tree import bodies as kernels
 from ..engine.tree import sensors
 from ..fields import GROUND, fields_of
 from ..model import Body, Model
 from ..model.output import OF_CONTACT, OF_JOINT, OF_LOAD, OF_SUBTREE, READINGS, Output
-from ..packing import Array, Ints, System, numbers, quaternions
+from ..packing import Array, Ints, System
 from ..packing.packed import Packed
 from ..paper import bodies_of, q_slices
 from ..portable import same
@@ -73,27 +72,25 @@ def angles(p: Array, q: Array) -> Array:
     return 4.0 * np.arcsin(np.clip(apart / 2.0, 0.0, 1.0))
 
 
-def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
+def differences(packed: Packed, q: Array, other: Array) -> tuple[Array, Array]:
     """Compute ((n,) largest rotation [rad], (n,) largest translation [m]) between motions q and
     `other`.
 
-    Motions have shape (n, nq), the other one or (1, nq), and `rows` are the joint rows of the
-    mechanism. Attitudes differ by an angle.
+    Motions have shape (n, nq), the other one or (1, nq). Attitudes differ by an angle.
     """
-    row, places, _ = numbers(rows)
-    turns = facts("angle")[rows[row, at.KIND]]
+    turning, sliding = packed.by_unit
     apart = np.abs(q - other)
-    turned = apart[:, places[turns]].max(axis=1, initial=0.0)
-    for _, i, _ in quaternions(rows):
+    turned = apart[:, turning].max(axis=1, initial=0.0)
+    for _, i, _ in packed.quaternions:
         turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
-    return turned, apart[:, places[~turns]].max(axis=1, initial=0.0)
+    return turned, apart[:, sliding].max(axis=1, initial=0.0)
 
 
-def ranges_of_motion(rows: Ints, q: Array) -> tuple[float, float]:
+def ranges_of_motion(packed: Packed, q: Array) -> tuple[float, float]:
     """Find the largest rotation [rad] and translation [m] of any joint from its start in a motion
     q (n, nq).
     """
-    turned, moved = differences(rows, q, q[:1])
+    turned, moved = differences(packed, q, q[:1])
     return float(turned.max(initial=0.0)), float(moved.max(initial=0.0))
 
 

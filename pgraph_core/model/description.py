@@ -111,6 +111,16 @@ class Description(World):
         )
 
     @cached_property
+    def rated(self) -> tuple[Body, ...]:
+        """The bodies with limits of speed."""
+        return tuple(body for body in self.bodies if any(body.speed_limit))
+
+    @cached_property
+    def following(self) -> tuple[Body, ...]:
+        """The bodies that follow a track with two ends."""
+        return tuple(body for body in self.bodies if body.track and not body.track.closed)
+
+    @cached_property
     def rubbing(self) -> tuple[Contact, ...]:
         """The contacts with an expression as friction."""
         return tuple(c for c in self.contacts if c._varies)

@@ -88,14 +88,6 @@ def row_of_velocity(rows: Ints, index: int) -> int:
     return int(np.searchsorted(rows[1:, at.VI], index, side="right"))
 
 
-def translations(rows: Ints, nv: int) -> NDArray[np.bool_]:
-    """Return a mask (nv,) of the velocities that are translations [m/s], not rotations [rad/s]."""
-    row, _, of_v = numbers(rows)
-    found = np.zeros(nv, dtype=bool)
-    found[of_v[~facts("angle")[rows[row, at.KIND]] & (of_v < nv)]] = True
-    return found
-
-
 def home_of(packed: System, number: int) -> Array:
     """Return the home orientation of a body as a (3, 3) matrix."""
     return packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)

@@ -9,9 +9,11 @@ from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..engine import layout as at
 from ..engine import packing
+from ..engine.motions import facts
 from ..engine.packing import pack
 from ..engine.signals import first_values
 from ..engine.tree import bodies
@@ -20,7 +22,7 @@ from ..fields import GROUND
 from ..joints import DIRECTED, TRACKED, code_of, slides
 from ..model import Body, Force, Model
 from ..topology import Topology
-from . import Array, Arrays, Drives, Ints, Loads, System, length_in, quaternions, system
+from . import Array, Arrays, Drives, Ints, Loads, System, length_in, numbers, quaternions, system
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
 from .signals import Places, signals, states_of
@@ -137,6 +139,21 @@ class Packed:
                 spans = slice(at_q[row], at_q[end]), slice(at_v[row], at_v[end])
                 found[name] = Joint(tuple(kinds[row:end]), *spans)
             row = end
+        return found
+
+    @cached_property
+    def by_unit(self) -> tuple[Ints, Ints]:
+        """The indices into q of angles [rad] and of lengths [m], outside quaternions."""
+        row, places, _ = numbers(self.rows)
+        turns = facts("angle")[self.rows[row, at.KIND]]
+        return places[turns], places[~turns]
+
+    @cached_property
+    def slides(self) -> NDArray[np.bool_]:
+        """A mask (nv,) of the velocities that are translations [m/s], not rotations [rad/s]."""
+        row, _, of_v = numbers(self.rows)
+        found = np.zeros(self.nv, dtype=bool)
+        found[of_v[~facts("angle")[self.rows[row, at.KIND]]]] = True
         return found
 
     @cached_property
@@ -335,12 +352,12 @@ def _record(b: Mapping[str, Any]) -> Record:
     )
     physics = zip(b["armature"], b["stiffness"], b["damping"], b["rest"], b["friction"], b["pitch"])
     moved, curve = b"", b""
-    for (kind, axis), (*numbers, pitch) in zip(motions, physics):
+    for (kind, axis), (*values, pitch) in zip(motions, physics):
         direction = _unit(axis) if kind in DIRECTED else axis
         track = b["track"] if kind in TRACKED else None
         curve += track.rows.tobytes() if track else b""
         count = len(track.rows) if track else 0
-        moved += MOTION(code_of(kind, track), *direction, *numbers, pitch / math.tau, count)
+        moved += MOTION(code_of(kind, track), *direction, *values, pitch / math.tau, count)
     return row, moved, struct.pack(f"{len(q)}d", *q), struct.pack(f"{len(v)}d", *v), curve
 
 

@@ -291,7 +291,7 @@ class Result(Exports, EqualByFields, Portable):
 
     def _size_of_motion(self) -> float:
         packed = self.mechanism.packed
-        return size_of_motion(*ranges_of_motion(packed.rows, self.q), packed.length)
+        return size_of_motion(*ranges_of_motion(packed, self.q), packed.length)
 
     def _shares_of_states(self) -> Array:
         """Return the errors of states over their ranges, (n, nx)."""

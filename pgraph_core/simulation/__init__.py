@@ -16,7 +16,7 @@ from ..errors import explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result, Runs
-from .continuing import begun_anew, state_of
+from .continuing import state_of
 from .estimate import error_estimate
 from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of, shown_progress
@@ -198,11 +198,9 @@ def simulate(
         from .sensitivity import derivatives_of
 
         record.carried = derivatives_of(record, options, q, v, wrt)
-    record.ended.notices += notices_of_start(mech, options, q, state[0])
     built, busy = clocks()
     with shown_progress(progress, "simulate") as bar:
         record.run(bar)
-    record.ended.notices += begun_anew(mech, options, q, v, states)
     stepped, busy = clocks()[0], clocks()[1] - busy
     error = error_estimate(record, estimate)
     timing = {
@@ -212,6 +210,7 @@ def simulate(
         "estimate": clocks()[0] - stepped,
         "load": LOADING.seconds - loaded,  # kernels, once in a program
     }
+    record.ended.notices[:0] = notices_of_start(mech, options, (q, v, states), state[0])
     result = result_of(record, error, timing)
     record.leave()
     return result

@@ -127,10 +127,8 @@ def for_failed(record: Running) -> str:
 
 
 def too_wide(record: Running) -> Iterator[str]:
-    """Yield a notice if fixed steps are too large for the method, for the fastest rate it met."""
+    """Yield a notice about fixed steps that are too large, for the fastest rate that they met."""
     plan, step = record.plan, float(record.plan.step or 0.0)
-    if not plan.too_wide:
-        return
     (_, widest, rate, at, _), method = advice(record), plan.method
     if method.name == "moreau_jean":
         yield f"{STIFF} lambda*dt = {rate * step:.3g}; give steps below {widest:.2g} s"

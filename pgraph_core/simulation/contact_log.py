@@ -24,7 +24,7 @@ from ..fields import EVERY, GROUND
 from ..forces import ends_of
 from ..mechanism import Mechanism
 from ..model import Spring
-from ..packing import Array, Ints, translations
+from ..packing import Array, Ints
 from ..packing.forces import acting_on, drive_forces
 from ..result.records import FREE, NOTHING, PHASES, STOP, ContactRecord, Event
 from ..tolerances import NAMED, NOTABLE, VISIBLE
@@ -481,7 +481,7 @@ def overpowering(
             slopes = mech.jacobian(q[fastest, : mech.nq], body)[3:]
             went = width * float(np.linalg.norm(slopes @ v[fastest, :nv]))
             if thickness < min(far, went) < np.inf:
-                slides = translations(mech.packed.rows, mech.nv)[own[0]]
+                slides = mech.packed.slides[own[0]]
                 kind, unit = ("force", "N") if slides else ("torque", "N m")
                 share = thickness / far
                 return (

@@ -35,9 +35,11 @@ TAU = "tau"  # beginning of the names of a controller's arrays
 
 def left_by(record: Running) -> Memory:
     """Return what a run keeps at its present time beside its state."""
-    plan, scene, model = record.plan, record.scene, record.mech.model
+    plan, scene, model = record.plan, record.scene, record.mech.packed.model
     t, switching = float(record.steps.clock["time"]), record.switching
-    found: dict[str, Any] = {"t": np.array([t]), **states_of_drives(plan.driving, scene.drives, t)}
+    found: dict[str, Any] = {"t": np.array([t])}
+    if plan.driving:
+        found |= states_of_drives(plan.driving, scene.drives, t)
     if model.constraints:
         active = record.active.tolist()
         rows = [scene.blocks.blocks_f[_rows(scene, i)] for i in active]
@@ -59,11 +61,8 @@ def left_by(record: Running) -> Memory:
     return Memory(found)
 
 
-def recall(record: Running) -> bool:
+def recall(record: Running, memory: Memory) -> bool:
     """Let a run that begins keep what the run before it has kept. Returns whether contacts did."""
-    memory = record.plan.memory
-    if memory is None:
-        return False
     scene, names = record.scene, [c.name for c in record.mech.model.constraints]
     row = 0
     for name in memory.get("active", ()):
@@ -178,10 +177,9 @@ def kept_parts(mech: Mechanism, scenario: str | None, extra: Sequence[Force]) ->
             yield f"the switches of '{c.name}'"
 
 
-def begun_anew(mech: Mechanism, o: Options, q: Any, v: Any, states: Any) -> list[str]:
+def begun_anew(mech: Mechanism, o: Options) -> list[str]:
     """Return a notice about what a run that begins later has not kept from a run before it."""
-    later = states is not None or (o.t_start != 0.0 and (q is not None or v is not None))
-    parts = [*kept_parts(mech, o.scenario, o.forces)] if later and o.memory is None else []
+    parts = [*kept_parts(mech, o.scenario, o.forces)]
     if not parts:
         return []
     text = f"the run begins at t = {float(o.t_start):g} s without what a run before it has kept: "

@@ -69,7 +69,7 @@ def error_estimate(record: Recording, asked: bool | None) -> Estimate:
 
 def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     """Compute the difference from a finer run, where `plan` has the recorded times."""
-    n, mech, rows = len(plan.times), record.mech, record.mech.packed.rows
+    n, mech, tables = len(plan.times), record.mech, record.plan.contacts
     if n < 2 or plan.times[-1] == plan.times[0]:
         return Estimate(np.zeros((n, 1 + len(states_of(mech.model)))), np.zeros(n))
     # a finer run in the same scene has its own
@@ -77,8 +77,8 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     finer = _finer_run(record, plan)
     if isinstance(finer, str):
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
-    off, (turned, slid) = apart(record, finer, n), ranges_of_motion(rows, record.out.q[:n])
-    forces = forces_apart(record, finer, n)
+    off, (turned, slid) = apart(record, finer, n), ranges_of_motion(mech.packed, record.out.q[:n])
+    forces = np.zeros(n) if tables is None else forces_apart(record, finer, n)
     record.ended.notices += undecided(record, finer, max(turned, slid), off, grazes)
     if record.carried is not None and finer.carried is not None:
         record.ended.notices += record.carried.unlike(
@@ -90,10 +90,11 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         third = _again(record, offset_plan(finer_plan(plan, n), ahead, 1), carries=False)
         if not isinstance(third, str):
             off = np.maximum(off, apart(record, third, n))
-            forces = np.maximum(forces, forces_apart(record, third, n))
+            if tables is not None:
+                forces = np.maximum(forces, forces_apart(record, third, n))
     error = off[:, 1:].copy()
     np.maximum(off[:, 0], off[:, 1], out=error[:, 0])
-    if (tables := record.plan.contacts) is not None:
+    if tables is not None:
         np.maximum(error[:, 0], _left_open(record, tables, n), out=error[:, 0])
     np.maximum.accumulate(error, out=error)
     rounding = _rounding(record, plan.times)
@@ -111,7 +112,9 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     sizes = np.array((size_of_motion(turned, slid, length), *ranges))
     # what is rounding no step and no tolerance makes smaller
     sizes = np.maximum(sizes, ROUNDING / (EPS * VISIBLE) * rounding[-1])
-    told = _notices(record, plan.times, error, sizes) or unsure_forces(record, plan.times, forces)
+    told = _notices(record, plan.times, error, sizes)
+    if tables is not None and not told:
+        told = unsure_forces(record, plan.times, forces)
     told += unbalanced(record, n)
     if record.plan.method.implicit:
         told += passed_over(record, float(error[-1, 0]))

@@ -153,7 +153,7 @@ def apart(record: Recording, finer: Recording, n: int) -> Array:
     i, j = shared(record, finer, n)
     nv, ours, theirs = record.mech.nv, record.out, finer.out
     off = np.empty((len(i), 2 + ours.v.shape[1] - nv))
-    off[:, 0], off[:, 1] = differences(record.mech.packed.rows, ours.q[i], theirs.q[j])
+    off[:, 0], off[:, 1] = differences(record.mech.packed, ours.q[i], theirs.q[j])
     np.abs(ours.v[i, nv:] - theirs.v[j, nv:], out=off[:, 2:])
     if len(i) == n:
         return off
@@ -213,7 +213,8 @@ def undecided(
     `moved` is the largest change of a joint at a frame, `off` the result of `apart`, and `grazes`
     that of `grazed` before the other run.
     """
-    approaches = [*_limits(record, moved, off), *grazes]
+    limited = record.mech.packed.model.limited
+    approaches = [*(_limits(record, moved, off) if limited else ()), *grazes]
     if record.watch is not None:
         approaches += _events(record, record.watch)
     if not approaches:

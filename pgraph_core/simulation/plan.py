@@ -65,7 +65,6 @@ LARGEST_NUMBER = (sys.float_info.max * EPS) ** 0.25
 KEPT_PLANS = 8  # by a mechanism
 KEEPING = threading.Lock()
 NO_PLAN = (None, None, None)
-LISTS = ("forces", "switches")  # options that are lists of parts
 MANY_STEPS = 1_000_000  # number of default steps above which a warning is given
 
 
@@ -83,9 +82,9 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
     """
     kept: dict[Any, tuple[RunPlan, Any, Options]] = mech.__dict__.setdefault("_plans", {})
     given = vars(options)
-    parts = (_keyed(options.forces), _keyed(options.switches))
-    key: Any = (*(x for name, x in given.items() if name not in LISTS), *parts)
-    key += (*map(type, given.values()), callable(tau), q is None, v is None)
+    lists = {"forces": _keyed(options.forces), "switches": _keyed(options.switches)}
+    key: Any = (*(given | lists).values(), *map(type, given.values()))
+    key += (callable(tau), q is None, v is None)
     try:
         plan, state, _ = kept.get(key, NO_PLAN)
     except (TypeError, ValueError):  # an option that cannot be hashed, such as an array

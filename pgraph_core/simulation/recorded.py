@@ -50,8 +50,8 @@ NO_ESTIMATE = Estimate()
 def result_of(record: Recording, estimate: Estimate, timing: dict[str, float]) -> Result:
     """Return the requested frames of a run as a Result."""
     mech, plan, steps, ended = record.mech, record.plan, record.steps, record.ended
-    rows, counted = _rows(record), steps.counters
-    t, (q, v, vdot, wrenches, energy, drift, *touched) = _kept(record, rows)
+    counted = steps.counters
+    rows, t, (q, v, vdot, wrenches, energy, drift, *touched) = _kept(record)
     nq, nv = mech.nq, mech.nv
     x = v[:, nv:]
     driven = NO_DRIVES
@@ -113,7 +113,8 @@ def result_of(record: Recording, estimate: Estimate, timing: dict[str, float]) -
         user_events=tuple(record.watch.log) if record.watch else (),
         derivatives=NO_DERIVATIVES if record.carried is None else record.carried.of_frames(rows),
     )
-    record.switching.add_singular(result)
+    if len(plan.ever):
+        record.switching.add_singular(result)
     return result
 
 
@@ -124,23 +125,20 @@ def _of_drives(record: Recording, t: Array, q: Array, v: Array) -> Callable[[], 
     return lambda: dict(zip(names, drive_forces(drives._replace(knots=knots), signals, t, q, v).T))
 
 
-def _rows(record: Recording) -> slice | Ints:
-    """Return the indices of the requested frames, and of a failed run's last frame."""
-    if record.plan.shown is None:
-        return slice(0, record.done)
-    some = record.plan.shown[: record.done].copy()
-    some[-1:] |= record.ended.over
-    return slice(0, record.done) if some.all() else np.flatnonzero(some)
-
-
-def _kept(record: Recording, rows: slice | Ints) -> tuple[Array, Frames]:
-    """Return the times and frames of the result, apart from arrays that later runs reuse."""
+def _kept(record: Recording) -> tuple[slice | Ints, Array, Frames]:
+    """Return the indices, times and frames of the result: the requested ones, and the last one of a
+    run that ended early. Later runs do not change them."""
+    rows: slice | Ints = slice(0, record.done)
+    if record.plan.shown is not None:
+        some = record.plan.shown[: record.done].copy()
+        some[-1:] |= record.ended.over
+        rows = rows if some.all() else np.flatnonzero(some)
     t, out = record.steps.times[rows], record.out
     if len(t) < len(out.q):
         out = Frames(*[a[rows] if len(a) else a for a in out])
     if record.reused:
         t, out = t.copy(), Frames(*map(np.copy, out))
-    return t, out
+    return rows, t, out
 
 
 def _header(record: Recording) -> dict[str, Any]:
@@ -168,7 +166,9 @@ def _contacts(
 
 def told(record: Recording) -> tuple[str, ...]:
     """Return notices about the model, the start and the end of a run."""
-    return (*record.plan.notices, *too_wide(record), *record.plan.told, *record.ended.notices)
+    plan = record.plan
+    wide = too_wide(record) if plan.too_wide else ()
+    return (*plan.notices, *wide, *plan.told, *record.ended.notices)
 
 
 def notices(record: Recording) -> tuple[str, ...]:
@@ -182,8 +182,11 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += touching(record, record.unlogged)
     if record.plan.driving and (record.user or np.count_nonzero(record.scene.given)):
         found += beyond_limits(record)
-    found += too_fast(record)
-    found += off_track(record)
+    model = record.mech.packed.model
+    if model.rated:
+        found += too_fast(record)
+    if model.following:
+        found += off_track(record)
     if record.user is not None:
         found += record.user.notices()
     if record.carried is not None:

@@ -288,7 +288,7 @@ class Recording(Running):
     def begin(self) -> bool:
         """Check whether the run can start: joints have inertia and constraints can be met."""
         mech, plan, first = self.mech, self.plan, self.coarser is None
-        touched = recall(self)
+        touched = plan.memory is not None and recall(self, plan.memory)
         if first and len(plan.active) and plan.project:
             try:
                 self.q[:], self.v[:], report = assembled(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dynamics.arguments import positions
+from ..dynamics.arguments import UserTorque, positions
 from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import made_by_numba
@@ -17,7 +17,7 @@ from ..engine.records import CREEP
 from ..errors import InputError, choices
 from ..joints import SIZE
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
-from ..packing import Array, Ints, row_of_velocity, translations
+from ..packing import Array, Ints, row_of_velocity
 from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..result.records import energy_drift
@@ -25,6 +25,9 @@ from ..tolerances import EPS, NAMED, NOTABLE, SOLVED, VISIBLE
 from .rates import fastest_rate, fastest_swings
 from .run_plan import RunPlan
 from .running import Running
+
+if TYPE_CHECKING:
+    from .monitors import Watch
 
 FRAMES_BETWEEN = 32  # frames between two in one round of the search for a hit
 LOOKS_AGAIN = 3  # rounds of that search, for hits 32**3 times shorter than frames are apart
@@ -36,10 +39,15 @@ def remarks(record: Running) -> Iterator[str]:
     """Yield the notices about a run that reached its end."""
     if not (np.count_nonzero(record.out.v) or np.count_nonzero(record.out.vdot)):
         yield from at_rest(record)
-    yield from pulses(record)
-    yield from hits_unseen(record)
-    yield from remembering(record)
-    yield from zero_at_first(record)
+    plan = record.plan
+    if plan.contacts is None:
+        yield from pulses(record)
+    elif plan.method.starts:
+        yield from hits_unseen(record)
+    if record.user is not None and plan.tolerance is not None:
+        yield from remembering(record.user)
+    if record.watch is not None:
+        yield from zero_at_first(record, record.watch)
     q = record.began[0]
     if q.dot(q) >= MOST_ANGLE**2:
         yield from degrees(record)
@@ -84,8 +92,7 @@ def pulses(record: Running) -> Iterator[str]:
     coordinate that does not move, as are those below the rounding of all.
     """
     n, plan = record.done, record.plan
-    events = plan.contacts is not None or plan.contact_points or plan.changes
-    if events or n < 6 or record.steps.counters["steps"] >= n:
+    if plan.contact_points or plan.changes or n < 6 or record.steps.counters["steps"] >= n:
         return
     nv, t = record.mech.nv, record.steps.times[:n, None]
     v, vdot = record.out.v[:n, :nv], record.out.vdot[:n, :nv]
@@ -93,7 +100,7 @@ def pulses(record: Running) -> Iterator[str]:
     around = 0.5 * (rate[:-3] + rate[3:])  # neighbours of frames 2 to n - 3
     felt = np.maximum(np.abs(rate[1:-2] - around), np.abs(rate[2:-1] - around))
     acts = np.abs(vdot[2:-2] - around)
-    slides = translations(record.mech.packed.system.rows, nv)
+    slides = record.mech.packed.slides
     largest = np.abs(vdot).max(axis=0)
     whole = np.where(slides, largest[slides].max(initial=0.0), largest[~slides].max(initial=0.0))
     arm = np.where(slides, 1.0, record.mech.packed.length)  # lever arm [m]
@@ -124,7 +131,7 @@ def hits_unseen(record: Running) -> Iterator[str]:
     """
     plan, tau, other = record.plan, record.tau, record
     jumps = plan.impulses or plan.changes or plan.conditions or plan.contact_points
-    if plan.contacts is None or not plan.method.starts or jumps:
+    if jumps:
         return
     again = not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
     for _ in range(LOOKS_AGAIN):
@@ -162,7 +169,7 @@ def _changing(record: Running) -> Any:
         inertia = mech.mass_matrix(q)
         shown = np.abs(np.einsum("nij,nj->ni", inertia, vdot))
         missed = 1.5 * np.abs(np.einsum("nij,nj->ni", inertia[:-1], hidden))
-        slides = translations(mech.packed.system.rows, nv)
+        slides = mech.packed.slides
         for same in (slides, ~slides):
             peak = shown[:, same].max(initial=0.0)
             share = np.maximum(share, missed[:, same].max(axis=1, initial=0.0) / (peak or 1.0))
@@ -209,13 +216,12 @@ def _peaks(record: Running, other: Running) -> Iterator[str]:
         )
 
 
-def remembering(record: Running) -> Iterator[str]:
+def remembering(user: UserTorque) -> Iterator[str]:
     """Yield a notice if a torque function answers the same question in two ways.
 
     Steps of a method's own choice call it at trial times, some of them several times.
     """
-    given = record.plan.tolerance
-    if record.user is not None and given is not None and record.user.remembers():
+    if user.remembers():
         yield (
             "the torque function gives another answer to the arguments of its first call, so it "
             "remembers earlier calls or is random. Adaptive steps call it at trial times, ahead "
@@ -224,10 +230,10 @@ def remembering(record: Running) -> Iterator[str]:
         )
 
 
-def zero_at_first(record: Running) -> Iterator[str]:
+def zero_at_first(record: Running, watch: Watch) -> Iterator[str]:
     """Yield a notice for each user event whose value is zero until it leaves zero in some frame."""
-    watch, n = record.watch, record.done
-    for monitor in watch.monitors[watch.waiting :] if watch is not None else ():
+    n = record.done
+    for monitor in watch.monitors[watch.waiting :]:
         q, v = _motion(record, n)
         i = 0
         while i < n and monitor(float(record.steps.times[i]), q[i], v[i]) == 0.0:
@@ -275,7 +281,7 @@ def beyond_limits(record: Running) -> Iterator[str]:
     if not beyond:
         return
     j = max(beyond, key=lambda j: beyond[j])
-    unit = "N" if translations(record.mech.packed.rows, record.mech.nv)[j] else "N m"
+    unit = "N" if record.mech.packed.slides[j] else "N m"
     body = record.mech.packed.body_of(row_of_velocity(record.mech.packed.rows, j))
     yield (
         f"tau asks for up to {most[j]:.3g} {unit} in the joint of '{body}', more than the "
@@ -288,9 +294,7 @@ def too_fast(record: Running) -> Iterator[str]:
     """Yield a notice about the joint that exceeds its speed limit most, in the frames."""
     mech, n, worst = record.mech, record.done, 1.0
     text, names = "", list[str]()
-    for body in mech.model.bodies if n else ():
-        if not any(body.speed_limit):
-            continue
+    for body in mech.model.rated if n else ():
         sizes = [SIZE[m.kind][1] for m in body.sequence]
         limits = np.repeat(body.speed_limit, sizes)
         own = np.arange(mech.joints[body.name].v.start, mech.joints[body.name].v.stop)[limits > 0.0]
@@ -302,7 +306,7 @@ def too_fast(record: Running) -> Iterator[str]:
         if shares[i, k] > worst:
             worst = shares[i, k]
             limit = float(limits[limits > 0.0][k])
-            unit = "m/s" if translations(mech.packed.rows, mech.nv)[own[k]] else "rad/s"
+            unit = "m/s" if mech.packed.slides[own[k]] else "rad/s"
             text = (
                 f"the joint of '{body.name}' reaches {worst * limit:.4g} {unit} at t = "
                 f"{record.steps.times[i]:.6g} s, more than its speed_limit of {limit:.4g} {unit}"
@@ -316,9 +320,8 @@ def too_fast(record: Running) -> Iterator[str]:
 def off_track(record: Running) -> Iterator[str]:
     """Yield a notice about the first body that goes past an end of its track, in the frames."""
     mech, n, first = record.mech, record.done, None
-    for body in mech.model.bodies if n else ():
-        if body.track is None or body.track.closed:
-            continue
+    for body in mech.model.following if n else ():
+        assert body.track is not None, "it follows one"
         place = [m.track is None for m in body.sequence].index(False)
         at = mech.joints[body.name].q.start + sum(SIZE[m.kind][0] for m in body.sequence[:place])
         low, high = body.track.pieces.x[[0, -1]].tolist()
@@ -345,7 +348,7 @@ def creeping(record: Running) -> Iterator[str]:
         mobility = np.array([np.linalg.inv(mech.mass_matrix(x)) for x in q])
         for one in drives.table[drives.table["friction"] > 0.0]:
             own, factors = acting_on(drives, one)
-            slides = translations(system.rows, mech.nv)[own[0]]
+            slides = mech.packed.slides[own[0]]
             unit, length = ("m", mech.packed.length or 1.0) if slides else ("rad", 1.0)
             braking = one["friction"] * (mobility[:, own][:, :, own] @ factors @ factors)
             speed = v[:, own] @ factors
@@ -467,8 +470,9 @@ def unbalanced(record: Running, n: int) -> tuple[str, ...]:
     drift, scale = energy_drift(parts)
     if not scale > SOLVED * np.abs(parts).max():
         return ()
-    plan = record.plan.onward() if record.met else record.plan
-    if not plan.impulses and (gain := _given_by_contacts(record, n)) > VISIBLE * scale:
+    tables = record.plan.contacts
+    yields = tables is not None and not tables.rigid
+    if yields and (gain := _given_by_contacts(record, n)) > VISIBLE * scale:
         return (
             f"the dissipation decreases by {gain:.3g} J, {100 * gain / scale:.2g} % of the range "
             "of the energies, although contacts only take energy: the steps do not resolve the "
@@ -479,16 +483,15 @@ def unbalanced(record: Running, n: int) -> tuple[str, ...]:
     return (
         f"the energy balance of the run is violated by {100 * drift:.2g} % of their range: "
         "the steps are too large for the power of the forces, or skip a force; give "
-        f"{'a step' if plan.step is None else 'a smaller step'}",
+        f"{'a step' if record.plan.step is None else 'a smaller step'}",
     )
 
 
 def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
     """Return a message about errors (n,) of contact and limit forces that are a notable part of
     their peak."""
-    tables, n = record.plan.contacts, len(t)
-    peak = float(np.abs(record.out.pairs["mean_force"][:n]).max(initial=0.0))
-    if tables is None or not error.max(initial=0.0) > NAMED * peak:
+    peak = float(np.abs(record.out.pairs["mean_force"][: len(t)]).max(initial=0.0))
+    if not error.max(initial=0.0) > NAMED * peak:
         return ()
     worst = float(error.max())
     share = (

@@ -25,6 +25,7 @@ from ..packing import Array
 from ..packing.signals import states_of
 from ..portable import array_of
 from ..tolerances import ROUNDING
+from .continuing import begun_anew
 from .options import Options
 
 if TYPE_CHECKING:
@@ -136,11 +137,17 @@ def given_states(mech: Mechanism, states: Any) -> Array:
     return found
 
 
-def notices_of_start(mech: Mechanism, options: Options, q: Any, at: Array) -> list[str]:
-    """Return notices about the start of a run at the position `at`, given by `q`."""
+def notices_of_start(mech: Mechanism, o: Options, given: tuple[Any, ...], at: Array) -> list[str]:
+    """Return notices about the start of a run at the position `at`, with the arguments `given`:
+    q, v and the states of controls."""
+    (q, v, states), model = given, mech.packed.model
     found = stretched(mech.packed, at) if q is not None else []
     found += placed_twice(mech, at)
-    return found + directionless(mech, options.scenario, options.forces, at)
+    own = model.scenario(o.scenario).forces if o.scenario is not None else ()
+    if forces := (*model.forces, *own, *o.forces):
+        found += directionless(mech, forces, at)
+    later = states is not None or (o.t_start != 0.0 and (q is not None or v is not None))
+    return found + begun_anew(mech, o) if later and o.memory is None else found
 
 
 def refuse_interval(q: Any, v: Any, t_end: float | None) -> None:
@@ -156,7 +163,7 @@ def refuse_interval(q: Any, v: Any, t_end: float | None) -> None:
 def placed_twice(mech: Mechanism, q: Array) -> list[str]:
     """Return a notice for each free body whose position is given by both its link and q (nq,)."""
     found: list[str] = []
-    for body in mech.model.bodies:
+    for body in mech.packed.model.bodies:
         if body.joint == "free" and any(body.link):
             place = q[mech.joints[body.name].q][:3]
             if np.abs(place - body.link).max() <= ROUNDING * np.abs(body.link).max():
@@ -165,17 +172,14 @@ def placed_twice(mech: Mechanism, q: Array) -> list[str]:
     return found
 
 
-def directionless(
-    mech: Mechanism, scenario: str | None, extra: Sequence[Force], q: Array
-) -> list[str]:
+def directionless(mech: Mechanism, forces: Sequence[Force], q: Array) -> list[str]:
     """Return a notice for each spring and strut whose ends coincide at the start.
 
     A spring without a rest length does not need a direction, because its force is proportional to
     the distance vector.
     """
-    own = (*mech.model.forces, *(mech.model.scenario(scenario).forces if scenario else ()), *extra)
     found: list[str] = []
-    for f in own:
+    for f in forces:
         if isinstance(f, BetweenPoints) and _coincide(mech, f, q[: mech.nq]):
             rest = getattr(f, "rest", np.inf)
             if rest != 0.0 and not (rest is None and _coincide(mech, f, mech.home()[0])):
@@ -200,6 +204,8 @@ def torques_or_drives(
     Drives passed as torques, such as a servo or those of a feedback, are forces. Those with a name
     of the model replace the model's own. Raises InputError.
     """
+    if tau is None:
+        return mech, forces, None
     given = getattr(tau, "drives", tau)
     given = given if isinstance(given, (list, tuple)) else (given,)
     if not given or not all(isinstance(x, Force) for x in given):
@@ -218,7 +224,7 @@ def torques_by_names(mech: Mechanism, tau: Any) -> Any:
     Raises InputError.
     """
     _in_order(mech, tau=tau)
-    entries = None if tau is None or callable(tau) else names_in(tau)
+    entries = None if callable(tau) else names_in(tau)
     given = entries.values() if entries else tau if isinstance(tau, (list, tuple)) else ()
     if any(map(callable, given)):
         return _of_functions(mech, tau)

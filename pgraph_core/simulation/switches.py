@@ -170,7 +170,7 @@ def closed(
     fastest = float(np.max(np.abs(v), initial=0.0))
     rounds = motion.projection(scene.held, change.t, q, v, ASSEMBLY_ROUNDS)
     moved = float(np.max(np.abs(q - old), initial=0.0))
-    turned, slid = differences(mech.packed.rows, old[None], q[None])
+    turned, slid = differences(mech.packed, old[None], q[None])
     near = turned[0] <= NEARBY and slid[0] <= NEARBY * (mech.packed.length or 1.0)
     if rounds < 0 or not near:
         text = f"is violated when switched on, at t = {change.t:g} s: a joint would jump "

@@ -43,7 +43,7 @@ def true_error(mech, run, q=None, v=None):
     fine = pg.simulate(mech, q, v, **span, method="dop853", rtol=1e-14, estimate=False)
     if not fine.status.ok:
         return np.nan
-    return np.maximum(*differences(mech.packed.rows, run.q, fine.q)).max()
+    return np.maximum(*differences(mech.packed, run.q, fine.q)).max()
 
 
 # Closed forms: each returns a model, the options of its run, and q as a function of time.
@@ -422,7 +422,7 @@ def run_of(what, way, **options):
         exact = fine.q
     else:
         exact = known(run.t)[:, None]
-    return run, np.maximum.accumulate(np.maximum(*differences(mech.packed.rows, run.q, exact)))
+    return run, np.maximum.accumulate(np.maximum(*differences(mech.packed, run.q, exact)))
 
 
 @pytest.mark.parametrize(("what", "way"), combined(MOTIONS, WAYS))

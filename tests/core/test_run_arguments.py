@@ -107,3 +107,14 @@ def test_loading_kernels_is_no_part_of_the_time_of_a_run():
     run = pg.simulate(pg.Model.serial(2), t_end=0.01)
     assert {"build", "step", "estimate", "load"} <= set(run.timing)
     assert pg.simulate(run.mechanism, t_end=0.01).timing["load"] == 0.0
+
+
+@pytest.mark.parametrize("height", [0.1, 0.05])  # above the ground, and on it at the start
+def test_a_place_given_twice_is_named_wherever_the_run_begins(height):
+    ball = pg.Body(
+        name="b", joint="free", mass=1.0, inertia=(0.1, 0.1, 0.1), link=(0, 0, height),
+        shape=pg.Shape(kind="sphere", radius=0.1),
+    )  # fmt: skip
+    model = pg.Model(bodies=[ball], contacts=[pg.Contact(name="c", body="b")])
+    run = pg.simulate(model, q={"b": [0, 0, height]}, t_end=0.01, estimate=False)
+    assert "'b': the place" in run.notices[0]

@@ -122,11 +122,9 @@ def _run(
 
 def off(mech: Mechanism, run: Result, truth: Array) -> tuple[float, float]:
     """(largest error of a run over the motion's size, that size [rad, m])."""
-    rows = mech.packed.rows
-    turned, moved = (float(x.max()) for x in differences(rows, run.q, truth))
-    around, slid = (
-        float(x.max()) for x in differences(rows, truth, np.broadcast_to(truth[:1], truth.shape))
-    )
+    turned, moved = (float(x.max()) for x in differences(mech.packed, run.q, truth))
+    start = np.broadcast_to(truth[:1], truth.shape)
+    around, slid = (float(x.max()) for x in differences(mech.packed, truth, start))
     size = max(around, 1.0) if turned >= moved else max(slid, mech.packed.length)
     return max(turned, moved) / (size or 1.0), size or 1.0
 
