@@ -14,26 +14,25 @@ from numpy.typing import NDArray
 from ..dynamics.arguments import (
     by_name,
     names_in,
-    numbers_in,
     positions,
     rows_by_name,
     whole_number,
 )
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
-from ..engine.compiler.jit import made_by_numba
 from ..engine.compiler.loading import cache_folder
-from ..errors import InputError, PgraphError, Problem, explained, guarded, one_of, shown
+from ..errors import InputError, PgraphError, explained, guarded, one_of, shown
 from ..forces import OnJoint
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..packing import Array, Ints, System
-from ..portable import Snapshots, array_of, put_back
+from ..portable import Snapshots, put_back
 from ..result.records import OF_DRIVES, Named
 from ..simulation.failures import STATUS
-from ..simulation.paths import Path, counting, distinct, with_numbers
+from ..simulation.paths import Path, with_numbers
 from ..simulation.recorded import told
 from ..simulation.stepper import Stepper, refuse_as_torques
+from .arguments import chosen_in, compiled, kinds_of, numbers_of, places_in, refused, values_of
 from .instances import (
     Instances,
     TreeLanes,
@@ -47,10 +46,6 @@ from .lanes import FeetLanes, on_feet
 
 CALL = "BatchStepper"
 MOST_COPIES = 10_000_000  # instances
-SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of its own
-    "step": "all instances take the same step: give the batch a step=",
-    "t_end": "not supported: the steps of a batch are requested by calling `step`",
-}
 
 
 @guarded(
@@ -135,15 +130,15 @@ class BatchStepper(Snapshots):
             "stabilise": stabilise, "switches": switches,
         }  # fmt: skip
         own = tau is not None and not callable(tau) and np.ndim(tau) == 2
-        self._options["tau"] = None if own else _compiled(tau, bool(set))
-        self._set = {} if set is None else _values(mech.model, set, self.size, self._options)
+        self._options["tau"] = None if own else compiled(tau, bool(set))
+        self._set = {} if set is None else values_of(mech.model, set, self.size, self._options)
         self._begin()
         given = self._many.given[:, : mech.nv].copy()
-        self._tau = _table("tau", tau, self.size, mech.nv) if own else given
+        self._tau = numbers_of("tau", tau, self.size, mech.nv) if own else given
 
     def _begin(self) -> None:
         """Build the tables and set every instance to its initial state."""
-        kinds, self._entries = _kinds(self._set, self.size)
+        kinds, self._entries = kinds_of(self._set, self.size)
         first, starts, numbers, varying = _tables(self._noted(kinds))
         record = first.recording
         self._pushed = len(record.scene.active) > 1 or record.scene.touching is not None
@@ -191,7 +186,7 @@ class BatchStepper(Snapshots):
                     raise
                 first = int(np.flatnonzero(self._entries == i)[0])
                 said = ", ".join(f"{p.text} = {x:.9g}" for p, x in zip(paths, row))
-                raise _refused("set", f"entry {first} ({said}): {error}") from None
+                raise refused("set", f"entry {first} ({said}): {error}") from None
 
     # -- the state -------------------------------------------------------------------------------
 
@@ -396,17 +391,17 @@ class BatchStepper(Snapshots):
         InputError
             If a state is invalid or cannot satisfy the constraints.
         """
-        chosen, many = _chosen(which, self.size), self._many
+        chosen, many = chosen_in(which, self.size), self._many
         entries = self._entries
-        kinds = many.kind[chosen] if numbers is None else _places(numbers, entries, len(chosen))
+        kinds = many.kind[chosen] if numbers is None else places_in(numbers, entries, len(chosen))
         if numbers is not None and not self._set:
-            raise _refused("numbers", "requires set={path: values}", "reset")
+            raise refused("numbers", "requires set={path: values}", "reset")
         qs = None if q is None else self._given("q", q, len(chosen))
         if qs is not None:
             positions(self.mech.packed, qs)
         vs = None if v is None else self._given("v", v, len(chosen))
         nx = self.states.shape[1]
-        own = None if states is None else _table("states", states, len(chosen), nx)
+        own = None if states is None else numbers_of("states", states, len(chosen), nx)
         before = many.states[chosen], many.codes[chosen], many.kind[chosen]
         many.kind[chosen], many.codes[chosen] = kinds, at.RUNNING
         many.states[chosen] = many.starts[kinds]
@@ -420,7 +415,7 @@ class BatchStepper(Snapshots):
             for i in chosen.tolist() if begun and not (qs is None and vs is None) else ():
                 worker = many.into_worker(i)
                 if why := worker.begin():
-                    raise _refused("q", f"instance {i}: {why}", "reset")
+                    raise refused("q", f"instance {i}: {why}", "reset")
                 many.states[i] = worker.state()
         except InputError:
             many.states[chosen], many.codes[chosen], many.kind[chosen] = before
@@ -440,7 +435,7 @@ class BatchStepper(Snapshots):
             rows = rows_by_name(self.mech, kind, entries)
             value = [by_name(self.mech, kind, row, rest) for row in rows]
             value = value[0] if len(value) == 1 else value
-        return _table(kind, value, n, width)
+        return numbers_of(kind, value, n, width)
 
     def acceleration(self, tau: npt.ArrayLike | None = None) -> Array:
         """Return the accelerations of all instances.
@@ -486,7 +481,7 @@ class BatchStepper(Snapshots):
         """
         if not isinstance(self._many, TreeLanes):
             text = "is for free trees that are stepped in lanes; call `inverse_dynamics` of a "
-            raise _refused("", text + "mechanism for each instance", "inverse_dynamics")
+            raise refused("", text + "mechanism for each instance", "inverse_dynamics")
         return self._many.torques(self._given("vdot", vdot, self.size))
 
     def target(self, servo: str, value: Any) -> None:
@@ -502,13 +497,13 @@ class BatchStepper(Snapshots):
         targets = self._many.targets
         if servo not in targets:
             text = f"no servo with a constant target is named {shown(servo)}; {one_of(targets)}"
-            raise _refused("servo", text, "target")
-        given = _table("value", value, self.size, None)
+            raise refused("servo", text, "target")
+        given = numbers_of("value", value, self.size, None)
         for force in self.mech.model.forces:
             if force.name == servo and isinstance(force, OnJoint):
                 for one in (given.min(), given.max()):
                     if text := force.input_problem(float(one)):
-                        raise _refused(f"'{servo}'", text, "target")
+                        raise refused(f"'{servo}'", text, "target")
         targets[servo][:] = given
 
     # -- snapshots -------------------------------------------------------------------------------
@@ -536,56 +531,6 @@ class BatchStepper(Snapshots):
         self._many.relink()
 
 
-def _compiled(tau: Any, varied: bool) -> Any:
-    """Return the torques for all instances. Raises InputError if a function is not compiled."""
-    if hasattr(tau, "acting") and varied:
-        text = "a controller only supports a single set of values; pass the scenario with its gait"
-        raise _refused("tau", text)
-    if callable(tau) and not hasattr(tau, "acting") and not made_by_numba(tau):
-        text = "Python functions are not supported; compile it by "
-        text += "numba.njit, or give an array to each call of step"
-        raise _refused("tau", text)
-    return tau
-
-
-def _values(model: Model, given: Any, size: int, options: Mapping[str, Any]) -> dict[Any, Array]:
-    """Return {path: (m,) values}, m >= size. Raises InputError."""
-    if not isinstance(given, Mapping) or not given:
-        text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}, got {shown(given)}"
-        raise _refused("set", text)
-    paths = [Path(model, path, "BatchStepper") for path in given]
-    distinct(paths, "BatchStepper")
-    for path in paths:
-        if path.group == "scenarios" and path.inside[0] in SHARED:
-            raise _refused(path.text, SHARED[path.inside[0]])
-    counting(paths, model, "BatchStepper", options["scenario"], {"tau": options["tau"]})
-    found = {}
-    for name, (path, values) in zip((path.text for path in paths), given.items()):
-        numbers = numbers_in(values)
-        found[path] = np.full((0, 0), np.nan) if numbers is None else numbers
-        if found[path].ndim > 1 or not np.isfinite(found[path]).all():
-            text = f"must be finite numbers, one for each instance, got {shown(values)}"
-            raise _refused(name, text)
-    lengths = {str(path): len(x) for path, x in found.items() if x.ndim}
-    most = max(lengths.values(), default=size)
-    for name, length in lengths.items():
-        if length != most or length < size:
-            text = f"has {length} values, but there are {max(most, size)} instances or entries of "
-            text += "other paths"
-            raise _refused(name, text)
-    return {path: np.broadcast_to(x, most).copy() for path, x in found.items()}
-
-
-def _kinds(values: Mapping[Any, Array], size: int) -> tuple[Array, Ints]:
-    """Return ((kinds, paths) distinct values, (m,) kind of each entry), in order of appearance."""
-    if not values:
-        return np.zeros((1, 0)), np.zeros(size, dtype=np.int64)
-    rows = np.stack(list(values.values()), axis=1)
-    found: dict[bytes, int] = {}
-    entries = np.array([found.setdefault(row.tobytes(), len(found)) for row in rows])
-    return np.array([np.frombuffer(row) for row in found]), entries
-
-
 def _tables(steppers: Iterator[Stepper]) -> tuple[Stepper, Ints, Ints, Ints]:
     """Return (first stepper, states, varying numbers, their places), one row a stepper."""
     first = next(steppers)
@@ -596,7 +541,7 @@ def _tables(steppers: Iterator[Stepper]) -> tuple[Stepper, Ints, Ints, Ints]:
         if _shapes(stepper) != shapes:
             text = "some values add or remove a spring, a damper or another element, but all "
             text += "instances have the same structure; start with nonzero values (not 1 for gears)"
-            raise _refused("set", text)
+            raise refused("set", text)
         numbers = words_of(number_arrays(stepper))
         places = np.flatnonzero(numbers != base)
         others.append((places, numbers[places]))
@@ -612,58 +557,7 @@ def _shapes(stepper: Stepper) -> list[tuple[int, ...]]:
     return [a.shape for a in (*state_arrays(stepper), *number_arrays(stepper))]
 
 
-def _table(name: str, value: Any, rows: int, columns: int | None) -> Array:
-    """Return finite numbers as (rows, columns), repeating a single row. Raises InputError."""
-    shape = (rows,) if columns is None else (rows, columns)
-    given = numbers_in(value, shape, shape[1:])
-    found = np.full((0, 0, 0), np.nan) if given is None else given
-    fits = found.shape in (shape, shape[1:])
-    if not fits or not np.isfinite(found).all():
-        text = f"must be finite numbers of shape {shape} or {shape[1:]}, got {shown(value)}"
-        if found.size and not fits:
-            text = f"must have shape {shape} or {shape[1:]}, got {found.shape}"
-        raise _refused(name, text)
-    return np.broadcast_to(found, shape)
-
-
-def _chosen(which: Any, size: int) -> Ints:
-    """Return the indices of the selected instances. Raises InputError."""
-    if which is None:
-        return np.arange(size)
-    found = np.atleast_1d(_array(which))
-    if found.dtype == bool and found.shape == (size,):
-        return np.flatnonzero(found)
-    whole = found.ndim == 1 and (found.dtype.kind in "iu" or not found.size)
-    if not whole or ((found < 0) | (found >= size)).any():
-        text = f"must be numbers of instances, 0 to {size - 1}, or ({size},) bool"
-        raise _refused("which", f"{text}, got {shown(which)}", "reset")
-    return found.astype(np.int64)
-
-
-def _places(numbers: Any, entries: Ints, n: int) -> Ints:
-    """Return the kinds for n list entries. Raises InputError."""
-    found = _array(numbers)
-    if found.dtype.kind not in "iu" or found.shape not in ((), (n,)):
-        text = f"must be ({n},) places in the lists of `set`, got {shown(numbers)}"
-        raise _refused("numbers", text, "reset")
-    if ((found < 0) | (found >= len(entries))).any():
-        text = f"the lists of `set` have {len(entries)} entries, got {shown(numbers)}"
-        raise _refused("numbers", text, "reset")
-    return np.broadcast_to(entries[found], n)
-
-
-def _array(given: Any) -> Any:
-    try:
-        return array_of(given)
-    except (TypeError, ValueError):
-        return np.asarray(None)
-
-
 def _read_only(view: Array) -> Array:
     view = view.view()
     view.flags.writeable = False
     return view
-
-
-def _refused(field: str, text: str, call: str = "") -> InputError:
-    return InputError(Problem(f"BatchStepper{'.' if call else ''}{call}", field, text))

@@ -51,7 +51,8 @@ from ..tolerances import NAMED
 from ..topology import Topology
 from . import shape_kinds
 from .covered import Covered
-from .shape_kinds import Placed, Solid, terrain_of
+from .shape_kinds import Placed, Solid
+from .terrain import terrain_of
 
 if TYPE_CHECKING:
     from ..packing.packed import Packed

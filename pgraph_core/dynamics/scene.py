@@ -43,7 +43,7 @@ from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
 from ..packing.forces import on_bodies
 from ..packing.packed import Packed
-from ..packing.signals import locate_forces, measured_rows, with_pairs
+from ..packing.programs import locate_forces, measured_rows, with_pairs
 from ..portable import Unportable
 
 if TYPE_CHECKING:

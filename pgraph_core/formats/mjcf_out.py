@@ -21,7 +21,6 @@ from ..model import (
     Model,
     Motion,
     Polynomial,
-    Scenario,
     Spring,
     Tendon,
     Wrench,
@@ -29,12 +28,12 @@ from ..model import (
 from ..model.files import gathered, write_atomic
 from ..model.output import OF_CONTACT, OF_JOINT, OF_SUBTREE
 from ..model.shape import corners_of
-from ..rotation import frame_of, matrix, multiply, quaternion_of, unit
+from ..rotation import frame_of, matrix, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
-from .conversion import NO_LIMIT, Report, named, nearest_inertia, unused, why_unphysical
-from .mjcf import INITIAL
+from .conversion import NO_LIMIT, Report, named, nearest_inertia, why_unphysical
 from .mjcf_compiled import GREY, MINVAL
 from .mjcf_contacts import FRICTIONLESS, MESHES, WORLD, ContactsOut, condim, geom_name
+from .mjcf_keys import keyframes
 from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag
 
@@ -151,7 +150,7 @@ class _Writer(ContactsOut):
         parts = (assets, world, contact, Tag("equality").add(*self.equalities),
                  Tag("tendon").add(*self.tendons), Tag("actuator").add(*drives),
                  Tag("sensor").add(*sensors),
-                 Tag("keyframe").add(*self._keys()))  # fmt: skip
+                 Tag("keyframe").add(*keyframes(self.model, self.children)))  # fmt: skip
         root.add(*(part for part in parts if part.children))
         self.report.add("read", "", f"{len(bodies)} bodies written")
         if repairs := self.report.repairs:
@@ -567,56 +566,6 @@ class _Writer(ContactsOut):
         carried = self._carried(self.model.body(name))
         return name if carried is None else self._written(carried.name)
 
-    # -- initial states --------------------------------------------------------------------------
-
-    def _keys(self) -> Iterator[Tag]:
-        """Yield keyframes for the initial state, if it is not q = 0 at rest, and for scenarios."""
-        start = Scenario(name=INITIAL)
-        moved = any(
-            any(b.v) or (b.joint != "free" and any(_away(b.q, b))) for b in self.model.bodies
-        )
-        taken: set[str] = set()
-        for s in ((start,) if moved else ()) + tuple(self.model.scenarios):
-            if s is not start and not (s.q or s.v):
-                continue
-            qpos, qvel = list[float](), list[float]()
-            for body in self._in_order():
-                self._state(
-                    body, s.q.get(body.name, body.q), s.v.get(body.name, body.v), qpos, qvel
-                )
-            name = unused(s.name, taken)
-            taken.add(name)
-            yield Tag("key", name=name, qpos=qpos, qvel=qvel)
-
-    def _in_order(self) -> Iterator[Body]:
-        waiting = [*reversed(self.children.get(GROUND, ()))]
-        while waiting:
-            body = waiting.pop()
-            yield body
-            waiting += reversed(self.children.get(body.name, ()))
-
-    def _state(self, body: Body, q: Any, v: Any, qpos: list[float], qvel: list[float]) -> None:
-        """Write the coordinates of a joint into `qpos` and `qvel` in MuJoCo's convention."""
-        i = j = 0
-        for kind, _ in body.motions:
-            if kind in ("rotate", "translate"):
-                qpos.append(q[i])
-                qvel.append(v[j])
-                i, j = i + 1, j + 1
-                continue
-            if kind == "free":
-                qpos += (np.array(q[:3]) + np.array(body.link)).tolist()
-                qvel += v[3:6]
-                i += 3
-            turn, home = unit(q[i : i + 4]), unit(body.rotation)
-            w, x, y, z = home
-            qpos += multiply(turn, home) if kind == "free" else multiply(
-                (w, -x, -y, -z), multiply(turn, home)
-            )  # fmt: skip
-            own = matrix(turn) @ matrix(home)
-            qvel += (own.T @ np.array(v[j : j + 3])).tolist()
-            i, j = i + 4, j + (6 if kind == "free" else 3)
-
 
 class _Ungeared:
     """The sum on which a force acts, without its gear."""
@@ -641,12 +590,3 @@ def _between(low: float | None, high: float | None) -> tuple[float, float]:
     most = NO_LIMIT if high is None else min(high, NO_LIMIT)
     apart = SOLVED * max(1.0, abs(least))
     return (least, most) if most - least > apart else (least - apart, most + apart)
-
-
-def _away(q: Sequence[float], body: Body) -> Iterator[bool]:
-    """Yield for each motion whether its coordinates differ from the zero position."""
-    i = 0
-    for kind, _ in body.motions:
-        size = SIZE[kind][0]
-        yield any(q[i : i + size]) if size == 1 else abs(q[i + size - 4]) != 1.0
-        i += size

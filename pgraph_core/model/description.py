@@ -15,12 +15,13 @@ from ..forces import Force, ends_of
 from ..sentences import in_our_words
 from . import files
 from .body import Body
-from .checks import PARTS, by_class, grounded, made_of, model_problems, problems
+from .checks import PARTS, model_problems
 from .constraint import AtPoints, Constraint, Rolling, Skate
 from .contact import Contact
 from .control import Control
 from .doubts import doubts
 from .editing import followed_tips
+from .given import by_class, grounded, made_of, problems
 from .output import Output, Site
 from .parameters import Formula, inlined, resolved, still_true
 from .scenario import Scenario

@@ -20,7 +20,7 @@ from ..rotation import normals_of, unit_vector
 from ..topology import Topology
 from . import Array, Ints, System, home_of, joint_coordinates, point_in_row, row_of_velocity
 from .forces import terms_of
-from .signals import of_time
+from .programs import of_time
 
 Term = tuple[int, int, float]  # index into v, into q or -1, coefficient
 

@@ -19,11 +19,10 @@ from ..dynamics.states import (
     size_of_motion,
     sizes_of_states,
 )
-from ..errors import InputError, ModelError, Problem, choices, counted, explained, guarded
+from ..errors import InputError, Problem, choices, counted, explained, guarded
 from ..packing import Array
 from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly
-from ..tolerances import EPS
 from .bodies import OF_POINTS, acting, body_motion, body_poses, of_point
 from .columns import (
     OF_BODIES,
@@ -54,15 +53,13 @@ from .records import (
     UserEvent,
     energy_drift,
 )
+from .slopes import slope_along
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from ..model import Model
 
 
-# weights of f(x + k h) for 2 h f'(x): central, and on one side if the other is invalid
-SLOPES = ({1: 1, -1: -1}, {0: -3, 1: 4, 2: -1}, {0: 3, -1: -4, -2: 1})
-BESIDE = np.cbrt(EPS)  # rad, m, or of a number: where rounding and curvature are about equal
 MAKE = "_make"  # attribute with the functions that make what was left for later
 MORE = "_more"  # attribute with the notices found so far, and the function that finds the others
 
@@ -457,7 +454,7 @@ class Result(Exports, EqualByFields, Portable):
         if self.derivatives.source is None:
             text = "the run has no derivatives; give simulate(..., wrt=[paths])"
             raise InputError(Problem("gradient", "", text))
-        found = {path: self._slope_along(function, path) for path in self.derivatives}
+        found = {path: slope_along(self, function, path) for path in self.derivatives}
         lost = [path for path, slope in found.items() if not np.isfinite(slope).all()]
         if lost and np.isfinite(np.asarray(function(self), float)).all():
             ends = [text for text in self.notices if "derivatives" in text]
@@ -468,31 +465,6 @@ class Result(Exports, EqualByFields, Portable):
             )
             warnings.warn(f"gradient by {choices(lost)} is not finite: {why}", stacklevel=3)
         return found
-
-    def _slope_along(self, function: Callable[[Result], Any], path: str) -> Any:
-        source, moves = self.derivatives.source, np.abs(self.sensitivity(path))
-        step = BESIDE / max(float(np.nanmax(moves, initial=0.0)), 1.0 / source.scale_of(path))
-        refused: ModelError | None = None
-        for weights in SLOPES:
-            try:
-                parts = [
-                    weight * np.asarray(function(source.beside(self, path, k * step)), float)
-                    for k, weight in weights.items()
-                ]
-                slope = np.asarray(sum(parts) / (2.0 * step))
-                return slope if slope.ndim else float(slope)
-            except ModelError as error:  # on this side no model is valid
-                refused = error
-            except IndexError as error:
-                if not self.user_events:
-                    raise
-                text = (
-                    "events have no derivatives, but t, q and v of the last frame have, at which "
-                )
-                text += "a terminal event ends a run"
-                raise InputError(Problem("gradient", "function", text)) from error
-        assert refused is not None
-        raise refused
 
     @property
     def contact_force(self) -> Mapping[str, Array]:

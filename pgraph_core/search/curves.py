@@ -9,7 +9,7 @@ import numpy as np
 from ..result import Result
 from ..result.columns import columns_of, coordinates, meant
 from ..result.records import Status
-from ..result.result import BESIDE
+from ..result.slopes import BESIDE
 from ..sweeps.metrics import OF_RUN, WAYS, words
 
 Array = np.ndarray

@@ -11,7 +11,7 @@ from ..mechanism import Mechanism
 from ..model.settings import AUTO, STEP
 from ..packing import Loads
 from ..packing.constraints import block_arrays
-from ..packing.signals import contacts_read
+from ..packing.programs import contacts_read
 from .compliance import fastest_contact
 from .options import Options
 from .rates import Rate, resolving_step

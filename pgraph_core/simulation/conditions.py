@@ -19,7 +19,8 @@ from ..mechanism import Mechanism
 from ..model import Force, Switch, When
 from ..model.expressions import Known
 from ..packing import Array
-from ..packing.signals import Places, Program, known_forces, measured_rows
+from ..packing.programs import Program, measured_rows
+from ..packing.signals import Places, known_forces
 from ..signals import parsed
 from ..tolerances import SOLVED
 

@@ -14,7 +14,7 @@ from ..mechanism import Mechanism
 from ..model.constraint import Motion
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import bends_of_loads
-from ..packing.signals import count_of_edges, of_time
+from ..packing.programs import count_of_edges, of_time
 from ..tolerances import NOTABLE
 from .monitors import MOST_EVENTS
 

@@ -32,7 +32,7 @@ from ..errors import InputError
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
-from ..packing.signals import count_of_edges, count_of_held
+from ..packing.programs import count_of_edges, count_of_held
 from ..result import Status
 from ..result.records import Event
 from ..tolerances import SOLVED

@@ -18,7 +18,7 @@ from ..integrators import Method
 from ..mechanism import Mechanism
 from ..packing import Array, Drives, Ints, Loads, row_of_velocity
 from ..packing.forces import NO_LOADS
-from ..packing.signals import hold
+from ..packing.programs import hold
 from ..tolerances import NOTABLE
 
 RESOLVED = 0.25  # rate times step that a method of order 4 resolves

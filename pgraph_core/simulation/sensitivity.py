@@ -23,7 +23,7 @@ from ..engine.signals import AT_MOST, HELD_FROM, LESS, SIDE, values
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
-from ..packing.signals import edges_moved
+from ..packing.programs import edges_moved
 from ..result import Result
 from ..result.records import Derivatives
 from ..result.result import named_by_joints

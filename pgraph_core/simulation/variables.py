@@ -23,7 +23,7 @@ from ..forces import OnJoint
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..packing.forces import times_at_bounds
-from ..packing.signals import unlocated
+from ..packing.programs import unlocated
 from ..tolerances import EPS, NOTABLE, step_of_differences
 from .options import Options
 from .paths import Path, distinct, with_numbers

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 from pgraph_core.engine.edges import edges
-from pgraph_core.packing.signals import of_time
+from pgraph_core.packing.programs import of_time
 
 from ..nights import combined
 
