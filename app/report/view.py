@@ -51,7 +51,7 @@ def reports(state: State) -> Payload:
     asked, now, newest = state.reporting, state.analysis, state.report
     running = in_progress(state)
     both = [newest, newest and newest.other]
-    if running is not None:  # it takes the place of the last one of this kind
+    if running is not None:  # the one before has the same place
         both = [running, latest(newest, "precision")]
     return {
         "target": asked.target,

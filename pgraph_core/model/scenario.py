@@ -260,7 +260,7 @@ class Switch(Frozen):
 
 
 class Setup(Described):
-    """What a scenario has besides the settings of its run: its name, start and parts."""
+    """The name, start and parts of a scenario, which also has the settings of a run."""
 
     name: Text = Field(description="a non-empty string")
     description: Text = Field(default="", description="a sentence")

@@ -87,8 +87,8 @@ class Options(Settings):
     def over(self, given: Scenario | None) -> Self:
         """Return the checked options, with a scenario's settings where the call has none.
 
-        A setting of the scenario that does not fit an argument of the call is left out. Its step
-        is `usual`. Raises InputError.
+        Settings of the scenario that do not fit an argument of the call do not count. Its step is
+        `usual`. Raises InputError.
         """
         try:
             own = type(self)(**{**vars(self), "t_end": None})  # `span` checks t_end
