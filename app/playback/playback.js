@@ -98,10 +98,10 @@
   function ticks(box, start, end) {
     if (box.dataset.of === `${start} ${end}`) return;
     box.dataset.of = `${start} ${end}`;
-    const { at, step } = end > start ? pgraph.ticks(start, end, 10) : { at: [] };
+    const { at, step } = end > start ? pgraph.curves.ticks(start, end, 10) : { at: [] };
     box.replaceChildren(
       ...at.map((t) =>
-        Object.assign(make("span", { textContent: pgraph.tick(t, step) }), {
+        Object.assign(make("span", { textContent: pgraph.curves.label(t, step) }), {
           style:
             `left:${(100 * (t - start)) / (end - start)}%` +
             (end - t < step / 2 ? ";translate:-100%" : ""),

@@ -13,7 +13,7 @@ from pgraph_core.show.stage import FRAMING, GRID, Viewpoint, in_picture
 from ..core.bridge import Bridge
 from ..core.views import requests
 from ..pose import poses
-from ..run import FEW
+from ..run.runs import FEW
 from . import Client, State, View, marks
 from .marks import looks
 

@@ -168,7 +168,7 @@ def test_play_after_a_live_run_computes_the_run_of_the_settings(rods, served):
 SINE = """() => {  // 2 sin(2 pi 3 t) about 5, for 10 s at uneven times: its peak in the spectrum
   const t = Array.from({ length: 1500 }, (_, k) => 10 * (k / 1499) ** 1.1);
   const y = t.map((x) => 5 + 2 * Math.sin(2 * Math.PI * 3 * x));
-  const found = pgraph.amplitudes({ t, y }, [0, 10]), top = Math.max(...found.y);
+  const found = pgraph.curves.amplitudes({ t, y }, [0, 10]), top = Math.max(...found.y);
   return [found.t[found.y.indexOf(top)], top]; }"""
 
 
@@ -214,7 +214,7 @@ FIGURES = """([of, n, span, uneven, about, way, damping]) => {  // of a curve
     pulse: (x) => Math.exp(-z * w * x) * Math.sin(wd * x),
     still: (x) => 3e-16 * Math.sin(1e4 * x) };
   const y = t.map((x) => about + way * curves[of](x));
-  return pgraph.figures({ t, y }, [0, span], Math.max(...y.map(Math.abs))); }"""
+  return pgraph.curves.figures({ t, y }, [0, span], Math.max(...y.map(Math.abs))); }"""
 
 
 def test_the_ruler_names_a_step_and_a_frequency_only_where_there_is_one(rods):

@@ -18,7 +18,7 @@ from pgraph_app.pose import solving as posing
 from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import rounded
 from pgraph_app.pose.view import joints
-from pgraph_app.run import TRAVELS
+from pgraph_app.run.runs import TRAVELS
 from pgraph_app.scene import camera, marks
 from pgraph_app.scene.nodes import BatchedBodies, SeparateBodies
 from pgraph_app.table.view import table
