@@ -137,10 +137,11 @@ def too_wide(record: Running) -> Iterator[str]:
         do = "" if method.stable else f", stable for dt < {widest:.2g} s"
         yield f"{STIFF} lambda*dt = {rate * step:.3g}{do}; try radau5"
         return
+    good = min(resolving_step(rate, min(method.order, 4)), widest)
     do = "give " if method.stable else f"{method.name} requires less than {widest:.2g} s, and "
     yield (
         f"{FAST} steps of {step:.3g} s do not resolve the fastest oscillation, of {rate:.3g} "
-        f"rad/s: {do}{resolving_step(rate):.2g} s or less for good accuracy; use such a step, or "
+        f"rad/s: {do}{good:.2g} s or less for good accuracy; use such a step, or "
         "rtol= for adaptive steps. If the oscillation is not of interest, try radau5, which steps "
         "over it"
     )

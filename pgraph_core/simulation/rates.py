@@ -44,9 +44,12 @@ def advised_step(method: Method, rate: float, of_contacts: float = 0.0) -> float
     return min(step, resolving_step(of_contacts))
 
 
-def resolving_step(rate: float) -> float:
-    """Return the step [s] that resolves a rate [1/s] well."""
-    return RESOLVED / rate if rate > 0.0 else math.inf
+def resolving_step(rate: float, order: int = 4) -> float:
+    """Return the step [s] with which a method of order 4 or less resolves a rate [1/s] well.
+
+    The errors of all methods, rate times step to the power of the order, are the same.
+    """
+    return RESOLVED ** (4 / order) / rate if rate > 0.0 else math.inf
 
 
 class Rate:

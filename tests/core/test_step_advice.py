@@ -201,3 +201,14 @@ def test_advised_steps_hold_a_nutation_which_the_semi_implicit_method_makes_grow
     assert steps
     for step in steps:
         assert holds(model, known, step, "semi_implicit_euler", pace), run.message
+
+
+@pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4"])
+def test_steps_for_good_accuracy_depend_on_the_order_of_the_method(method):
+    slider = {"joint": "prismatic", "axes": (1, 0, 0), "mass": 1.0, "stiffness": (1e4,)}
+    model = pg.Model(bodies=[pg.Body(name="a", q=(1.0,), **slider)], gravity=(0, 0, 0))
+    asked = {"t_end": 1.0, "method": method, "estimate": False}
+    said = " ".join(pg.simulate(model, step=0.03, **asked).notices)
+    good = float(re.findall(r"and ([\d.e+-]+) s or less for good accuracy", said)[0])
+    q = pg.simulate(model, step=good, **asked)["a"]
+    assert np.abs(q[-1] - np.cos(100.0)) < 0.05
