@@ -203,6 +203,7 @@ def test_files_are_dropped_on_the_page(page, served, tmp_path, monkeypatch):
     row(page, "b").wait_for()
 
 
+@pytest.mark.nightly
 def test_a_reading_is_cancelled_and_a_model_of_an_archive_is_chosen(
     page, served, tmp_path, monkeypatch
 ):

@@ -131,6 +131,7 @@ def test_a_shape_gives_the_mass_and_bad_numbers_stay_beside_their_cells(bench, s
     until(both, "the axis of both")
 
 
+@pytest.mark.nightly
 def test_one_parameter_drives_two_links_and_units_never_reach_the_file(bench, served):
     nobody(bench)
     bench.get_by_label("new parameter name").fill("rod")

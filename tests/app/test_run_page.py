@@ -146,6 +146,7 @@ def test_a_live_run_follows_an_edit_and_a_long_run_is_cancelled(rods, served):
     page.locator("[data-view=trust]").filter(has_text="cancelled").wait_for()
 
 
+@pytest.mark.nightly
 def test_play_after_a_live_run_computes_the_run_of_the_settings(rods, served):
     page = rods
     page.locator(".modes .live").click()
@@ -255,6 +256,7 @@ def test_the_ruler_names_a_step_and_a_frequency_only_where_there_is_one(rods):
         assert said("pulse", 900, 9.0, **shape)["step"] is None  # it returns to where it began
 
 
+@pytest.mark.nightly
 def test_ready_plots_replace_one_another_or_stand_side_by_side(rods, served):
     page = rods
     simulated(page, served)
@@ -318,6 +320,7 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     until(idle, "nothing computed out of view")
 
 
+@pytest.mark.nightly
 def test_a_report_is_measured_shown_and_enlarged(rods, served):
     page = rods
     served.send(SetReport(client_of(served), 1, "t_end", "0.05"))

@@ -102,6 +102,7 @@ def test_the_drawn_tree_has_whole_names_and_stays_within_its_place(page, served)
     page.evaluate("pgraph.digraph.toggle(false, false)")
 
 
+@pytest.mark.nightly
 def test_the_seven_steps_and_a_frame_update_are_stepped_through(page, served):
     page.get_by_role("button", name="Steps", exact=True).click()
     page.wait_for_selector(".steps .said strong")
@@ -238,6 +239,7 @@ SEEN_FROM = """([name, up]) => { let sides = [];
   return sides.length === 1 && sides[0]; }"""
 
 
+@pytest.mark.nightly
 def test_ground_and_camera_follow_the_up_axis(page, served, leg):
     for up, across in (("x", "zy"), ("y", None), ("z", "xy")):
         opened(page, served, leg.replace(up=up))
@@ -424,6 +426,7 @@ def test_a_tip_is_picked_and_two_ends_are_measured_in_the_view(page, served):
     assert "b" in selections(served)  # Escape ends one thing at a time
 
 
+@pytest.mark.nightly
 def test_a_body_of_a_batch_is_picked(page, served):
     opened(page, served, pg.Model.serial(120))
     drawn(page, "/bodies/capsule")

@@ -153,6 +153,7 @@ def test_a_signal_is_picked_by_clicks(page, served, compiled, torque):
     page.evaluate("pgraph.frame.drawer(false); pgraph.front('Bodies')")
 
 
+@pytest.mark.nightly
 def test_a_node_of_the_digraph_is_a_signal(page, served, torque):
     torque.fill("=2*")
     if not node(page, "pole").is_visible():

@@ -227,6 +227,7 @@ def test_the_clipboard_carries_rows_and_names_what_it_refuses(chain: Any, served
     page.wait_for_function("!document.querySelector('.asked:not(:empty)')")
 
 
+@pytest.mark.nightly
 def test_branches_are_duplicated_and_mirrored(page: Any, served: Server, quadruped: pg.Model):
     opened(page, served, quadruped)
     choose_body(page, "left_femur")
@@ -240,6 +241,7 @@ def test_branches_are_duplicated_and_mirrored(page: Any, served: Server, quadrup
     assert model.body("right_femur_2").link == model.body("right_femur").link
 
 
+@pytest.mark.nightly
 def test_the_gutter_draws_lanes_nodes_and_loops_and_marks_the_way_to_the_ground(page, served):
     opened(page, served, pg.Model.load(pgraph_models.path("quadruped_hips")))
     row(page, "right_hind_paw").wait_for()
@@ -285,6 +287,7 @@ def test_the_gutter_draws_lanes_nodes_and_loops_and_marks_the_way_to_the_ground(
     page.get_by_role("tab", name="Connections", selected=True).wait_for()
 
 
+@pytest.mark.nightly
 def test_a_thousand_rows_are_typed_into(page: Any, served: Server):
     served.send(NewModel(NOBODY, 1, "1000"))
     page.wait_for_function("() => pgraph.latest.table.rows.length === 1000")

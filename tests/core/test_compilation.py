@@ -15,6 +15,8 @@ from pgraph_core.engine.compiler.jit import ENGINE, JIT, KERNELS
 from pgraph_core.engine.compiler.lane import LANE_WIDTH, lanes
 from pgraph_core.engine.compiler.lowering.kinds import OPTIONS
 
+from ..nights import at_night
+
 fresh = pytest.mark.skipif(bool(archive.current().stale()), reason="the archive is stale")
 
 USE = """
@@ -211,7 +213,7 @@ upper, lower = (body.name for body in pendulum.bodies)
 box = pg.Body(name="box", joint="free", link=(0, 0, 0.11), density=1e3,
               shape=pg.Shape(kind="box", size=(0.2, 0.2, 0.2)))
 falls = pg.Model(bodies=[box], contacts=[pg.Contact(name="floor", body="box", restitution=0.3)])
-for method in ("semi_implicit_euler", "dopri5", "dop853", "radau5"):  # others at night
+for method in ("semi_implicit_euler", "rk4", "dopri5", "dop853", "gauss6", "radau5"):
     run = pg.simulate(pendulum, v={lower: 1.0}, method=method, step=None, **SHORT, t_end=1e-3)
     print(method, run.q[-1].tobytes().hex(), run.v[-1].tobytes().hex())
 for method in ("moreau_jean", "dopri5"):
@@ -277,9 +279,7 @@ for x in (3.0, 0.0, -0.0, 0.3, -2.0, 1e-310, 1e200):
 """
 
 
-@pytest.mark.parametrize(
-    "program", [SAME_UNCOMPILED, SINGULAR, pytest.param(EVERY_MODEL, marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("program", [SINGULAR, *at_night(SAME_UNCOMPILED, EVERY_MODEL)])
 def test_kernels_run_as_python_with_the_bits_of_machine_code(program, tmp_path):
     """Also those whose fields are called as attributes of NumPy's records."""
     (file := tmp_path / "program.py").write_text(program)  # kernels are read from their file
