@@ -78,9 +78,10 @@ def make(
         seen = task.observations(many.observed())
         return VectorEnv(many, num_envs, seen, many.actions, most)
     env = ModelEnv(task, options)
-    return (
-        env if max_episode_steps is None else gymnasium.wrappers.TimeLimit(env, max_episode_steps)
-    )
+    if max_episode_steps is None:
+        return env
+    env = gymnasium.wrappers.OrderEnforcing(env, disable_render_order_enforcing=True)
+    return gymnasium.wrappers.TimeLimit(env, max_episode_steps)
 
 
 class Task:

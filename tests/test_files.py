@@ -76,6 +76,20 @@ def test_permissions_and_links_stay(tmp_path: Path):
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
 
 
+def test_a_read_only_file_is_not_replaced(tmp_path: Path):
+    """Its folder alone would allow it: a new file takes the place of the old one."""
+    file = tmp_path / "m.json"
+    MODEL.save(file)
+    file.chmod(0o444)
+    with pytest.raises(pg.FileError) as refused:
+        MODEL.edit("1", mass=2.0).save(file)
+    assert_names(str(refused.value), "m.json", "read-only", "another place")
+    assert pg.Model.load(file) == MODEL
+    assert file.stat().st_mode & 0o777 == 0o444
+    file.chmod(0o644)
+    MODEL.edit("1", mass=2.0).save(file)
+
+
 def test_a_new_file_obeys_the_umask(tmp_path: Path):
     mask = os.umask(0o027)
     try:

@@ -235,3 +235,11 @@ def test_a_reward_that_is_no_finite_number_is_refused(reward):
         env.reset(seed=0)
         told = refusal(lambda env=env: env.step(env.action_space.sample()))
         assert_names(str(told), "gym.make, reward", "finite", str(reward))
+
+
+def test_a_step_before_reset_is_refused_if_episodes_end():
+    env = pgraph_core.gym.make(pole(), dt=0.05, max_episode_steps=2)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+        env.step(env.action_space.sample())
+    env.reset(seed=1)
+    assert [env.step(env.action_space.sample())[3] for _ in range(2)] == [False, True]

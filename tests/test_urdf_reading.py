@@ -326,3 +326,17 @@ def test_what_an_element_has_once_and_is_given_twice_is_reported(read, link: str
 def test_a_joint_has_one_axis(read):
     twice = robot(joints=joint(inside=LIMIT + '<axis xyz="1 0 0"/>'))
     assert_names(str(read(twice)[1]), "second <axis> in <joint>")
+
+
+@pytest.mark.parametrize("suffix", ["srdf", "xml", "urdf"])
+@pytest.mark.parametrize("inside", [
+    '<group name="arm"><chain base_link="a" tip_link="b"/></group>',
+    '<disable_collisions link1="a" link2="b" reason="Adjacent"/>',
+    '<virtual_joint name="v" type="fixed" parent_frame="world" child_link="a"/>',
+])  # fmt: skip
+def test_a_file_of_moveit_is_named_as_such(tmp_path, suffix, inside):
+    path = tmp_path / f"arm.{suffix}"
+    path.write_text(f'<?xml version="1.0"?><robot name="arm">{inside}</robot>')
+    with pytest.raises(pg.FileError) as refused:
+        pg.load(path)
+    assert_names(str(refused.value), path.name, "SRDF", "give the URDF")

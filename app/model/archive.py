@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
 from pgraph_core.errors import choices
-from pgraph_core.file_kinds import KINDS, MODELS, first_element, kind_of
+from pgraph_core.file_kinds import ARCHIVE, KINDS, MODELS, first_element, kind_of
 from pgraph_core.formats import READERS, ROOTS, read_model, write_model
 from pgraph_core.formats.xacro import SUFFIX
 from pgraph_core.mesh_files import FORMATS
@@ -126,6 +126,8 @@ def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg
         known = [(KINDS.index(kind), name) for name, kind in kinds.items() if kind]
         if known:  # a model of another program goes before a mesh
             rank, name = min(known)
+            if KINDS[rank] == ARCHIVE:
+                raise Refusal(f"{name} is an archive within it; unpack that one and open it alone")
             raise Refusal(f"{name} {KINDS[rank].text}")
         raise Refusal(f"it does not contain a model; models end in {MODELS}")
     chosen = [name for name in models if str(name) == member] if member else models

@@ -45,6 +45,9 @@ from .xacro import SUFFIX, expanded, no_arguments, only_macros
 
 X = (1.0, 0.0, 0.0)
 NO_LINK = "has no link; a robot needs at least one. If other files include this one, load those"
+# elements of SRDF, in which MoveIt describes a robot whose links and joints are in a URDF
+SEMANTIC = ("group", "disable_collisions", "virtual_joint", "end_effector")
+SRDF = "is SRDF, which names groups of joints of another file; give the URDF of the robot"
 JOINTS = {
     "revolute": "revolute",
     "continuous": "revolute",
@@ -152,7 +155,8 @@ class _Reader(Shapes):
         for name, element in self._named("link"):
             self.links.setdefault(name, element)
         if not (self.links or self.faults):
-            raise self.source.wrong(robot, "", NO_LINK)
+            semantic = next(robot.all(*SEMANTIC), None)
+            raise self.source.wrong(robot, "", NO_LINK if semantic is None else SRDF)
         if world := self._world_of_drake():
             self.links[WORLD] = world
         self.joints = self._joints()

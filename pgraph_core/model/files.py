@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import entry_points
@@ -270,6 +271,9 @@ def refuse_kind(path: str | Path, content: bytes) -> None:
         raise FileError(Problem(shown_path(path), "", kind.text))
 
 
+WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
+
+
 def write_atomic(path: str | Path, content: str | bytes) -> None:
     """Write a file atomically, so that the path contains either the old or the new content.
 
@@ -283,6 +287,8 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if path.exists() and not path.is_file():
             raise OSError(errno.EINVAL, "it is not a regular file")
+        if path.exists() and not (path.stat().st_mode & WRITABLE and os.access(path, os.W_OK)):
+            raise OSError(errno.EACCES, "it is read-only")  # its folder alone would allow it
         handle, temporary = tempfile.mkstemp(prefix=".pgraph-", dir=path.parent)
         with os.fdopen(handle, "wb") as file:
             file.write(data)

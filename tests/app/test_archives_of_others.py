@@ -110,3 +110,11 @@ def test_a_format_that_is_not_read_is_named_on_the_page_too(tmp_path, name):
         assert told.model is state.model
         assert name in notice(told)
         assert "JSON" not in notice(told)
+
+
+def test_an_archive_within_an_archive_is_told_to_be_unpacked(tmp_path):
+    robot = zipped({"robot.urdf": '<robot name="r"><link name="a"/></robot>'})
+    with pytest.raises(Refusal, match="within") as refused:
+        unpacked(zipped({"in/robot.zip": robot}), tmp_path / "keep")
+    assert "in/robot.zip" in str(refused.value)
+    assert unpacked(robot, tmp_path / "keep")[0].bodies  # as the sentence says
