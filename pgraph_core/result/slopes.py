@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, ModelError, Problem
 from ..tolerances import EPS
 
-if TYPE_CHECKING:
-    from .result import Result
-
 # weights of f(x + k h) for 2 h f'(x): central, and on one side if the other is invalid
 SLOPES = ({1: 1, -1: -1}, {0: -3, 1: 4, 2: -1}, {0: 3, -1: -4, -2: 1})
 BESIDE = np.cbrt(EPS)  # rad, m, or of a number: where rounding and curvature are about equal
 
 
-def slope_along(run: Result, function: Callable[[Result], Any], path: str) -> Any:
+def slope_along(run: Any, function: Callable[[Any], Any], path: str) -> Any:
     """Return the derivative of a function of a run along its sensitivity to what `path` names."""
     source, moves = run.derivatives.source, np.abs(run.sensitivity(path))
     step = BESIDE / max(float(np.nanmax(moves, initial=0.0)), 1.0 / source.scale_of(path))

@@ -8,23 +8,20 @@ are at its end, in `Memory`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..engine import layout as at
 from ..errors import InputError, Problem, choices, shown
-from ..forces import OnJoint
 from ..mechanism import Mechanism
-from ..model import Force
 from ..packing.forces import states_of_drives
 from ..result import Result
 from ..result.records import Memory
 from .conditions import ConditionOf
+from .start import kept_parts
 
 if TYPE_CHECKING:
-    from .options import Options
     from .running import Running
 
 TOUCHES = ("found", "kept", "anchors")  # records of contact points, which the tally counts
@@ -160,27 +157,3 @@ def state_of(mech: Mechanism, run: Any, call: str, given: dict[str, Any]) -> tup
         text += " run it again with this version"
         raise InputError(Problem(call, "start", text))
     return run.q[-1], run.v[-1], run.states[-1] if run.states.size else None, t, memory
-
-
-def kept_parts(mech: Mechanism, scenario: str | None, extra: Sequence[Force]) -> Iterator[str]:
-    """Yield the parts of a model that remember more than a state."""
-    given = mech.model.scenario(scenario) if scenario is not None else None
-    for f in (*mech.model.forces, *(given.forces if given else ()), *extra):
-        if isinstance(f, OnJoint) and f.has_state:
-            yield f"the state of '{f.name}'"
-    for contact in mech.model.contacts:
-        if contact.law == "penalty":
-            yield f"the friction springs of '{contact.name}'"
-    switched = {s.constraint for s in (given.switches if given else ())}
-    for c in mech.model.constraints:
-        if not c.active or c.name in switched:
-            yield f"the switches of '{c.name}'"
-
-
-def begun_anew(mech: Mechanism, o: Options) -> list[str]:
-    """Return a notice about what a run that begins later has not kept from a run before it."""
-    parts = [*kept_parts(mech, o.scenario, o.forces)]
-    if not parts:
-        return []
-    text = f"the run begins at t = {float(o.t_start):g} s without what a run before it has kept: "
-    return [f"{text}{choices(parts)}; simulate(model, start=run) goes on with all of it"]

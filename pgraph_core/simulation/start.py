@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,14 +18,13 @@ from ..dynamics.arguments import (
     stretched,
 )
 from ..errors import InputError, Problem, choices, nearest_first, shown
-from ..forces import BetweenPoints, Force, points_of
+from ..forces import BetweenPoints, Force, OnJoint, points_of
 from ..mechanism import Mechanism
 from ..model import Control, Scenario
 from ..packing import Array
 from ..packing.signals import states_of
 from ..portable import array_of
 from ..tolerances import ROUNDING
-from .continuing import begun_anew
 from .options import Options
 
 if TYPE_CHECKING:
@@ -148,6 +147,30 @@ def notices_of_start(mech: Mechanism, o: Options, given: tuple[Any, ...], at: Ar
         found += directionless(mech, forces, at)
     later = states is not None or (o.t_start != 0.0 and (q is not None or v is not None))
     return found + begun_anew(mech, o) if later and o.memory is None else found
+
+
+def kept_parts(mech: Mechanism, scenario: str | None, extra: Sequence[Force]) -> Iterator[str]:
+    """Yield the parts of a model that remember more than a state."""
+    given = mech.model.scenario(scenario) if scenario is not None else None
+    for f in (*mech.model.forces, *(given.forces if given else ()), *extra):
+        if isinstance(f, OnJoint) and f.has_state:
+            yield f"the state of '{f.name}'"
+    for contact in mech.model.contacts:
+        if contact.law == "penalty":
+            yield f"the friction springs of '{contact.name}'"
+    switched = {s.constraint for s in (given.switches if given else ())}
+    for c in mech.model.constraints:
+        if not c.active or c.name in switched:
+            yield f"the switches of '{c.name}'"
+
+
+def begun_anew(mech: Mechanism, o: Options) -> list[str]:
+    """Return a notice about what a run that begins later has not kept from a run before it."""
+    parts = [*kept_parts(mech, o.scenario, o.forces)]
+    if not parts:
+        return []
+    text = f"the run begins at t = {float(o.t_start):g} s without what a run before it has kept: "
+    return [f"{text}{choices(parts)}; simulate(model, start=run) goes on with all of it"]
 
 
 def refuse_interval(q: Any, v: Any, t_end: float | None) -> None:
