@@ -1,7 +1,7 @@
 """Shapes against the ground: exact contact points and gaps.
 
 The ground is a plane through the world's origin, and rectangles of it at another height. Raised
-parts and the rims of pits are boxes on row 0 (`contact/shape_kinds.py`), which replace the plane.
+parts and the rims of pits are boxes on row 0 (`contact/terrain.py`), which replace the plane.
 The floor of a pit is the plane, lower.
 """
 
