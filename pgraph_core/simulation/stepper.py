@@ -232,9 +232,7 @@ class Stepper(Readings):
         """
         if type(n) is not int or n < 1:
             n = whole_number("Stepper", "n", n, 1)
-        if self.status is not Status.DONE and not self.status.ok:
-            text = f"the last step failed: {self.message}; call reset or restore"
-            raise InputError(Problem("Stepper.step", "", text))
+        self._refuse_failed("step")
         checked = () if inputs is None else self._inputs.all_checked(inputs)
         self._give(tau)
         for name, value in checked:
@@ -268,8 +266,14 @@ class Stepper(Readings):
             Number of evenly spaced frames to record. By default, every step is recorded.
         tau : array_like (nv,) or dict, optional
             Torques [N·m, N], as for `step`.
+
+        Raises
+        ------
+        InputError
+            If a previous step failed and neither `reset` nor `restore` was called.
         """
-        return self._recorded(whole_number("Stepper", "n", n, 1), self._width, frames, tau)
+        n = whole_number("Stepper", "n", n, 1)
+        return self._recorded("record", n, self._width, frames, tau)
 
     def because(self, why: str) -> None:
         """Set the reason for the choice of method, as shown in the headers of later records."""
@@ -285,13 +289,19 @@ class Stepper(Readings):
             Duration [s]. If it is not a multiple of the step size, smaller steps are used.
         frames, tau
             As for `record`.
+
+        Raises
+        ------
+        InputError
+            If a previous step failed and neither `reset` nor `restore` was called.
         """
         dt = positive("dt", dt, call="Stepper.record_over")
         n = max(1, math.ceil(dt / self._width - SOLVED))
         whole = abs(n * self._width - dt) <= SOLVED * self._width
-        return self._recorded(n, self._width if whole else dt / n, frames, tau)
+        return self._recorded("record_over", n, self._width if whole else dt / n, frames, tau)
 
-    def _recorded(self, n: int, width: float, frames: int | None, tau: Any) -> Result:
+    def _recorded(self, call: str, n: int, width: float, frames: int | None, tau: Any) -> Result:
+        self._refuse_failed(call)
         before = time.perf_counter()
         k = np.arange(n + 1)
         if frames is not None and whole_number("Stepper", "frames", frames, 2) <= n:
@@ -366,8 +376,10 @@ class Stepper(Readings):
         Raises
         ------
         InputError
-            If the name is unknown, or if the constraint cannot be satisfied.
+            If the name is unknown, if the constraint cannot be satisfied, or if a previous step
+            failed.
         """
+        self._refuse_failed("switch")
         names = [c.name for c in self.mech.model.constraints]
         if constraint not in names:
             text = f"no constraint is named {shown(constraint)}; {one_of(names)}"
@@ -542,6 +554,12 @@ class Stepper(Readings):
     def servos(self) -> dict[str, int]:
         """Return {name: knot of the constant target} for the servos."""
         return self._inputs.servos
+
+    def _refuse_failed(self, call: str) -> None:
+        """Raise InputError after a step that failed, whose state does not change any more."""
+        if self.status is not Status.DONE and not self.status.ok:
+            text = f"the last step failed: {self.message}; call reset or restore"
+            raise InputError(Problem(f"Stepper.{call}", "", text))
 
     def _ended(self, how: Outcome) -> None:
         vars(self).update(status=how.status, message=how.message)

@@ -69,6 +69,7 @@ class Walk(Portable):
         self._pushes: list[tuple[float, Force]] = []  # when each is over
         self._stepper: Stepper | None = None
         self._built = False  # whether the stepper is that of the next piece
+        self._failed: Result | None = None  # the last piece if it failed
 
     @property
     def gait(self) -> Gait:
@@ -84,8 +85,18 @@ class Walk(Portable):
             Duration [s].
         frames : int, optional
             Number of evenly spaced states in the result. The default is one per step.
+
+        Raises
+        ------
+        InputError
+            If the previous piece failed, and neither the state nor the walk was changed.
         """
         dt = positive("dt", dt, call="Walk.step")
+        last, state = self._failed, np.concatenate((self.q, self.v))
+        same = last is not None and np.array_equal(state, (*last.q[-1], *last.v[-1]))
+        if last is not None and self._built and same:
+            text = f"the last piece failed: {last.message}; give other q and v, or change or "
+            raise InputError(Problem("Walk.step", "", f"{text}push the walk"))
         if any(end <= self.t for end, _ in self._pushes):
             self._pushes = [push for push in self._pushes if push[0] > self.t]
             self._built = False
@@ -97,6 +108,7 @@ class Walk(Portable):
             self.t, self.q, self.v = float(run.t[-1]), run.q[-1], run.v[-1]
             self.states = run.states[-1]
         self.fell = self.fell or any("fell" in text for text in run.notices)
+        self._failed = None if run.status.ok else run
         return run
 
     def _follows(self) -> bool:

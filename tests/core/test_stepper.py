@@ -10,6 +10,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_core import portable
 
+from ..refusals import assert_names
 from ..worlds import ball, box, built_in, on_ground
 
 
@@ -166,6 +167,30 @@ def test_a_step_that_fails_is_not_taken():
     stepper.restore(snapshot)
     assert (stepper.t, stepper.q.tolist()) == (t, q.tolist())
     assert stepper.step().ok
+
+
+@pytest.mark.parametrize(
+    "advance",
+    [
+        lambda stepper: stepper.step(),
+        lambda stepper: stepper.record(20),
+        lambda stepper: stepper.record_over(0.02),
+        lambda stepper: stepper.switch("c", False),
+    ],
+)
+@pytest.mark.parametrize("fails", ["step", "record"])
+def test_nothing_advances_a_stepper_that_failed(advance, fails):
+    """A loop until a time would never end."""
+    model = pg.Model.serial(2).add(pg.Gear(name="c", body="2", other="1", ratio=1.0))
+    stepper = pg.Stepper(model, step=1e-3)
+    snapshot, large = stepper.save(), np.full(2, 1e308)
+    assert getattr(stepper, fails)(n=10, tau=large) is not pg.Status.DONE
+    assert not stepper.status.ok
+    with pytest.raises(pg.InputError) as refused:
+        advance(stepper)
+    assert_names(str(refused.value), stepper.message, "reset", "restore")
+    stepper.restore(snapshot)
+    advance(stepper)
 
 
 def test_a_step_fails_as_a_run_does():
