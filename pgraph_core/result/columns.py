@@ -134,6 +134,32 @@ def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str,
     return found
 
 
+class State(NamedTuple):
+    """The quantity, "q" or "v", and the coordinate of a column."""
+
+    quantity: str
+    place: str
+    alone: bool  # whether its joint has no other coordinate
+
+    def given(self, x: float) -> str:
+        """Return how to start it at x, to complete a sentence."""
+        name, word = self.place, self.quantity
+        if not self.alone:
+            return f"give the start of its body in {word}"
+        return f"give {word}={{{name!r}: {x:.6g}}}, or free '{word}.{name}'"
+
+
+def states_of_columns(run: Any) -> dict[str, State]:
+    """Return the coordinates and velocities among the columns of a run, by column."""
+    positions, speeds = coordinates(run.mechanism)
+    names, columns = {*run.mechanism.names}, columns_of(run)
+    found = {f"v.{place}": State("v", place, place in names) for place, _ in speeds}
+    for place, _ in positions:
+        own = f"q.{place}"
+        found[own if own in columns else place] = State("q", place, place in names)
+    return found
+
+
 def meant(columns: Iterable[str], name: str) -> list[str]:
     """Return the columns that match a name: an exact match, a common prefix or a common object.
 

@@ -17,7 +17,7 @@ from ..errors import InputError, choices, explained, needed
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
-from ..result.columns import columns_of, meant, no_column
+from ..result.columns import columns_of, meant, no_column, states_of_columns
 from ..sweeps.sweep import known_options
 from ..tolerances import NOTABLE
 from .curves import slopes_of
@@ -26,7 +26,7 @@ from .free import COST_OF_FAILURE, NUMBERS_TOLD, Case, Numbers, Values, option, 
 from .given import cases_of, noise_of, priors_of
 from .integration import Finer, finer_runs, gives_steps
 from .measured import factor_of, measured
-from .quality import SIGMAS, Linear, beyond_noise, not_noise
+from .quality import SIGMAS, Linear, beyond_noise, not_noise, other_start
 
 Array = np.ndarray
 SMALL_PART = 4  # an error that moves a number by less than this part of its standard error is small
@@ -182,8 +182,9 @@ def fit(
     t : (n,) array, optional
         Times of the data [s], for a dictionary without a column "t".
     t_start : float, optional
-        Time of the initial state [s], at most the first time of the data. By default, the initial
-        state is that of the first row of each measurement.
+        Time of the initial state [s], at most the first time of the data. The default is the time
+        of the first row of each measurement. The state itself is not taken from the data: it is
+        that of the model or scenario, unless `q` and `v` are given or free.
     scenario : str, optional
         Name of the scenario to run.
     sigma : dict, optional
@@ -528,7 +529,25 @@ class _Task:
         for name, slope in zip(self.numbers.names, slopes.T):
             if not slope.any():
                 text = "has no influence on the data; omit it, or add a column that depends on it"
-                raise self.numbers.refused(name, text)
+                raise self.numbers.refused(name, "; ".join([text, *self._other_starts(runs)]))
+
+    def _other_starts(self, runs: Sequence[Result]) -> list[str]:
+        """Return sentences about coordinates that start elsewhere than their first datum.
+
+        Starts that depend on free numbers are not looked at.
+        """
+        found, curves = [], iter(zip(self.columns(runs), self.slopes(runs), self.measured))
+        for i, (case, run) in enumerate(zip(self.numbers.cases, runs)):
+            begins = bool(case.options["t_start"] == case.options["t_eval"][0])
+            known = states_of_columns(run)
+            for name in self.data[i]:
+                own, slope, data = next(curves)
+                state = known.get(self._named[i, name])
+                if begins and state and not slope[0].any() and other_start(own, data):
+                    of = f" of measurement {case.name!r}" if case.name else ""
+                    found.append(f"{name}{of} starts at {own[0]:.4g}, and its first datum is "
+                                 f"{data[0]:.4g}: {state.given(data[0])}")  # fmt: skip
+        return found[:NUMBERS_TOLD]
 
     def _linear(self, x: Array, noise: Array) -> Linear:
         left = [a / b for a, b in zip(self._left(x), noise)]
@@ -554,6 +573,7 @@ class _Task:
         residuals, spread = dict(zip(self.labels, left)), dict(zip(self.labels, noise.tolist()))
         floor = np.fmax(off, NOTABLE * self.scale)
         notices = notices + not_noise(residuals, dict(zip(self.labels, floor.tolist())))
+        notices += self._other_starts(runs)
         if self.given is not None:
             notices += beyond_noise(residuals, spread)
         bounds = numbers.at_bounds(x)

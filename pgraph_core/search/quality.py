@@ -131,3 +131,12 @@ def beyond_noise(residuals: Mapping[str, Array], noise: Mapping[str, float]) -> 
     if not found:
         return []
     return [f"residuals are {choices(found, 6)}, so that ± is too small"]
+
+
+def other_start(run: Array, data: Array) -> bool:
+    """Check whether a run starts elsewhere than its data, beyond their noise.
+
+    The second differences of the data bound their noise: they contain the curvature as well.
+    """
+    noise = math.sqrt(float(np.mean(np.diff(data, 2) ** 2)) / 6.0) if len(data) > 2 else 0.0
+    return abs(run[0] - data[0]) > SIGMAS * noise + NOTABLE * float(np.abs(data).max())

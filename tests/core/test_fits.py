@@ -9,6 +9,7 @@ import pytest
 import pgraph_core as pg
 
 from ..nights import combined
+from ..refusals import assert_names
 from .test_gradients import described
 
 
@@ -432,3 +433,26 @@ def test_errors_of_runs_name_the_call():
             pg.fit(oscillating(39.0), waving(), STIFFNESS, **STEP | change)  # type: ignore[arg-type]
         assert str(refused.value).startswith("fit")
         assert "wrt" not in str(refused.value).partition(";")[0]
+
+
+@pytest.mark.parametrize("given", ["none", "other", "data", "free", "earlier"])
+@pytest.mark.parametrize("noise", [0.0, 1e-2])
+def test_a_start_that_is_not_that_of_the_data_is_named_with_a_remedy(given, noise):
+    model, data = swinging(0.0)
+    model = model.add(pg.Body(name="other", axes=(0, 1, 0), com=(0, 0, -0.5), mass=1.0))
+    data["rod"] = data["rod"] + noise * np.random.default_rng(0).normal(size=len(TIMES))
+    first = data["rod"][0]
+    start = {"other": 0.4, "data": first}.get(given, 0.0)
+    options = {"q": {"rod": start}} if start else {}
+    options |= {"t_start": -0.1} if given == "earlier" else {}
+    free: dict[str, Any] = {"bodies.rod.damping": (0.05, 1.0)}
+    free |= {"q.rod": (0.1, 2.0)} if given == "free" else {}
+    try:
+        found = pg.fit(model, data, free, **options, **FIT)
+        told = " ".join(found.notices)
+    except pg.InputError as refused:  # it rests
+        told = str(refused)
+    here = given in ("none", "other")
+    assert (f"rod starts at {start:.4g}" in told) == here
+    if here:
+        assert_names(told, f"first datum is {first:.4g}", f"give q={{'rod': {first:.6g}}}", "q.rod")
