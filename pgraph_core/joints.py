@@ -209,6 +209,11 @@ def nv(motions: tuple[Motion, ...]) -> int:
     return sum(SIZE[m.kind][1] for m in motions)
 
 
+def restrains(motions: tuple[Motion, ...]) -> bool:
+    """Check whether a joint restrains its body: less than six degrees of freedom."""
+    return nv(motions) < SIZE["free"][1]
+
+
 OF_FREE: dict[str, dict[str, slice]] = {  # parts of the numbers of a free joint, by name
     "q": {"position": slice(0, 3), "rotation": slice(3, 7)},
     "v": {"angular": slice(0, 3), "linear": slice(3, 6)},

@@ -342,6 +342,24 @@ def test_a_package_that_is_not_there_is_named_once_with_a_remedy(tmp_path):
     assert len(pg.load(path, roots=[tmp_path / "elsewhere"]).bodies) == 1
 
 
+@pytest.mark.parametrize("used", ["declared", "read", "inside", "evaluated"])
+def test_an_argument_that_a_file_does_not_have_is_refused(tmp_path, used):
+    pytest.importorskip("xacro")
+    declared = '<xacro:arg name="length" default="1"/>' if used != "read" else ""
+    value = "$(eval length)" if used == "evaluated" else "$(arg length)"
+    box = f'<visual><geometry><box size="{value} 1 1"/></geometry></visual>'
+    head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    if used == "inside":
+        written(tmp_path, f"{head}{declared}</robot>", "own.xacro")
+        declared = '<xacro:include filename="own.xacro"/>'
+    path = written(tmp_path, f'{head}{declared}<link name="b">{box}</link></robot>', "r.xacro")
+    model, _ = pg.read_urdf(path, arguments={"length": 2})
+    assert model["b"].shapes[0].size[0] == 2.0
+    with pytest.raises(pg.InputError) as refused:
+        pg.read_urdf(path, arguments={"length": 2, "lenght": 3})
+    assert_names(str(refused.value), "arguments", "lenght", "length")
+
+
 def test_a_file_of_macros_is_said_to_be_included_by_others(tmp_path):
     pytest.importorskip("xacro")
     with pytest.raises(pg.FileError) as refused:
@@ -537,6 +555,55 @@ def test_a_contact_of_two_bodies_takes_the_place_of_that_of_all(count, first, ac
     run = pg.simulate(model, t_end=0.5, step=1e-2)
     assert (run["b0"][-1, 0] > 0.4) != active  # it passes through b1, or stops there
     assert not any("both push" in text for text in model.doubts)
+
+
+WAYS = [("translate", axis) for axis in np.eye(3).tolist()]
+JOINTS = {
+    "free": {"joint": "free"},
+    "six": {"joint": "compound", "motions": [*WAYS, ("ball", (0, 0, 1))]},
+    "five": {"joint": "compound", "motions": [*WAYS[:2], ("ball", (0, 0, 1))]},
+    "ball": {"joint": "spherical"},
+    "weld": {"joint": "weld"},
+}
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize("carrier", ["weld", "prismatic"])
+@pytest.mark.parametrize("others", [0, 25])
+def test_all_bodies_touch_but_those_that_a_joint_restrains(tmp_path, joint, carrier, others):
+    """A joint with six degrees of freedom restrains nothing."""
+    box, ball = {"kind": "box", "size": (1, 1, 1)}, {"kind": "sphere", "radius": 0.1}
+    bodies = [
+        pg.Body("table", joint=carrier, shape=box, density=100.0),
+        pg.Body("b", "table", link=(0, 0, 0.8), shape=ball, density=100.0, **JOINTS[joint]),
+    ]
+    bodies += [
+        pg.Body(f"o{k}", joint="free", q=(2 + k, 0, 0, 1, 0, 0, 0), shape=ball, density=100.0)
+        for k in range(others)
+    ]
+    model = pg.Model(bodies, contacts=[pg.Contact("all", body="*", other="*")])
+    meet = joint in ("free", "six")
+    assert (frozenset(("table", "b")) in touching(model)) == meet
+    if meet and not others and carrier == "weld":
+        run = pg.simulate(model, t_end=0.4, step=1e-3, estimate=False)
+        assert run.position("b")[-1][2] == pytest.approx(0.6, abs=1e-6)
+    if joint != "free":  # which MuJoCo has on the ground only
+        pytest.importorskip("mujoco")
+        pg.write_mjcf(model, tmp_path / "out.xml")
+        assert touching(pg.load(tmp_path / "out.xml")) == touching(model)
+
+
+@pytest.mark.parametrize("slides", [2, 3])
+@pytest.mark.parametrize("carrier", ["", "<freejoint/>"])
+def test_neighbours_with_every_freedom_touch_as_in_mujoco(tmp_path, slides, carrier):
+    mujoco = pytest.importorskip("mujoco")
+    ways = "".join(f'<joint type="slide" axis="{x}"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
+    ways = ways[: slides * len(ways) // 3] + '<joint type="ball"/>'
+    child = f'<body name="b" pos="0 0 1">{ways}<geom size=".1"/></body>'
+    text = f'<body name="a">{carrier}<geom size=".2"/>{child}</body>'
+    path = written(tmp_path, f"<mujoco><worldbody>{text}</worldbody></mujoco>", "m.xml")
+    found = touching(pg.load(path))
+    assert found == mujocos(mujoco, mujoco.MjModel.from_xml_path(str(path)))
 
 
 def test_bodies_that_are_fixed_to_the_ground_do_not_touch_it():

@@ -548,7 +548,6 @@ BALL = '<geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1"><freejoi
     ("text", "kind", "fact"),  # a fact that begins with "no " must not be there
     [
         (BALL.format('<geom size="0.1" margin="0.02"/>'), "approximated", "margin"),
-        (BALL.format('<geom size="0.1" margin="0.02" gap="0.02"/>'), "approximated", "no margin"),
         (BALL.format(f'<geom size="0.1"/><geom size="0.1" margin="0.02" {NO_MASKS}/>'),
          "approximated", "no margin"),
         (BALLS.format(OTHER.format("")), "approximated", "no 'a' and"),
@@ -576,6 +575,29 @@ HEAP = """<mujoco><option><flag {}/></option><worldbody>
 <body name="e"><joint axis="0 1 0"/><geom name="e" type="capsule" size=".1 .2"/></body></body>
 </body></worldbody><contact><pair geom1="c" geom2="floor"/><pair geom1="c" geom2="e"/>
 <exclude body1="a" body2="b"/></contact></mujoco>"""
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.02])
+@pytest.mark.parametrize("gap", [0.0, 0.01, 0.02])
+@pytest.mark.parametrize("pair", [True, False])
+def test_margins_in_which_mujoco_pushes_are_reported(tmp_path, margin, gap, pair):
+    """It pushes before bodies touch, here by 0.01 m."""
+    wide = f'margin="{margin}" gap="{gap}"'
+    text = BALL.format(f'<geom name="g" size="0.1" {"" if pair else wide}/>')
+    text = text.replace('pos="0 0 1"', 'pos="0 0 0.105"')
+    if pair:
+        text += f'</worldbody><contact><pair geom1="g" geom2="floor" {wide}/></contact><worldbody>'
+    _, report = read(tmp_path, f"<mujoco><worldbody>{text}</worldbody></mujoco>")
+    _, data = forward(tmp_path)
+    pushes = any(c.includemargin > 0.0 for c in data.contact)
+    assert any("margin" in e.text for e in report.of("approximated")) == pushes, str(report)
+
+
+@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
+def test_the_cone_of_friction_is_round(tmp_path, cone):
+    text = BALLS.format("").replace("<mujoco>", f'<mujoco><option cone="{cone}"/>')
+    _, report = read(tmp_path, text)
+    assert ("pyramid" in str(report)) == (cone == "pyramidal")
 
 
 @pytest.mark.parametrize("flag", ["filterparent", "contact", "constraint", "warmstart"])

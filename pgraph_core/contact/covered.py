@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from ..fields import EVERY
+from ..fields import EVERY, GROUND
+from ..joints import restrains
 from ..model import Contact
 
 if TYPE_CHECKING:
@@ -24,7 +25,11 @@ class Covered:
     def __init__(self, mech: Packed):
         self.number, self.system = mech.topology.number, mech.system
         self.shaped = [b.name for b in mech.model.bodies if b.touching]
-        self.joined = {(int(p), k) for k, p in enumerate(mech.topology.parent, start=1) if p}
+        self.joined = {
+            (self.number(b.parent), self.number(b.name))
+            for b in mech.model.bodies
+            if b.parent != GROUND and restrains(b.sequence)
+        }
         self.claims = self._claims(mech.model.contacts)
         named = {(a, b) for a, b in self.claims if a and not self._fixed(a, b)}
         self.apart = self.joined | named  # numbers of bodies that are no pair of "*" and "*"
@@ -32,7 +37,8 @@ class Covered:
     def pairs(self, c: Contact) -> Iterator[tuple[str, str]]:
         """Yield the pairs of bodies of a contact.
 
-        Bodies that are fixed to each other, or connected by a joint, only touch if both are named.
+        Bodies that are fixed to each other, or connected by a joint that restrains them, only
+        touch if both are named.
         """
         stars = c.pair.count(EVERY)
         for body, other in _named(c, self.shaped):

@@ -13,7 +13,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..errors import choices, needed, shown
 from ..fields import EVERY, GROUND
+from ..joints import SIZE, restrains
 from ..model import Body, Contact, Model
 from ..rotation import quaternion_of
 from ..tolerances import SOLVED, VISIBLE
@@ -23,6 +25,8 @@ from .urdf_out import Tag
 
 Array = np.ndarray
 PLANE = 0  # mjtGeom
+PYRAMIDAL = 0  # mjtCone
+MARGIN_PUSHES = 4_000_000  # version of MuJoCo since which geoms push within all of their margin
 HALF_EDGE = TALL / 2  # m: of the box that stands for a plane without end that is no ground
 
 
@@ -204,7 +208,10 @@ class Contacts:
         carriers = np.array([codes[carrier[name]] for name in solid], dtype=int)
         numbers = {name: k for k, name in enumerate(solid)}
         parents = np.array([numbers.get(parent[name], -1) for name in solid], dtype=int)
-        below = parents == np.arange(n)[:, None]
+        # a joint with all six degrees of freedom restrains nothing
+        freedoms = self.reader.freedoms
+        held = np.array([freedoms.get(name, 0) < SIZE["free"][1] for name in solid], dtype=bool)
+        below = (parents == np.arange(n)[:, None]) & held
         tied = (carriers[:, None] == carriers) | below | below.T
         ends = np.triu(~tied, 1).ravel()
         both = _Pairs(
@@ -321,15 +328,24 @@ class Contacts:
         touch = bool((found.law >= 0).any())
         if touch:
             text = "contacts are rigid: MuJoCo's solref and solimp make them soft"
+            if m.opt.cone == PYRAMIDAL and any(law.sliding for law in found.laws):
+                text += "; friction has its round cone in place of a pyramid"
             self.report.add("approximated", self.reader.path.name, text)
+        if touch and (wide := [*dict.fromkeys(self._wide())]):
+            text = f"geoms of {choices(map(shown, wide), 4)} have a margin and push before they "
+            self.report.add("approximated", self.reader.path.name, f"{text}touch; here they do not")
+
+    def _wide(self) -> Iterator[str]:
+        """Yield the bodies whose geoms push before they touch.
+
+        Since MuJoCo 4, they push within their margin, and before it within margin - gap.
+        """
+        m, older = self.m, needed("mujoco", "mjcf").mj_version() < MARGIN_PUSHES
         touching = (m.geom_contype | m.geom_conaffinity) > 0
-        wide = int((touching & (m.geom_margin > m.geom_gap)).sum())
-        wide += int((m.pair_margin > m.pair_gap).sum())
-        if touch and wide:
-            text = (
-                f"{wide} geoms or pairs have a margin and push before they touch; here they do not"
-            )
-            self.report.add("approximated", self.reader.path.name, text)
+        geoms = np.flatnonzero(touching & (m.geom_margin > older * m.geom_gap)).tolist()
+        pairs = m.pair_margin > older * m.pair_gap
+        for g in (*geoms, *m.pair_geom1[pairs].tolist(), *m.pair_geom2[pairs].tolist()):
+            yield self.reader.names[self._body_of[g]] if self._body_of[g] else GROUND
 
     def _rules(self) -> list[Any]:
         """Return, for each geom, the properties that determine its contacts and their friction."""
@@ -351,8 +367,10 @@ class Contacts:
         for p in np.flatnonzero(m.pair_dim):
             one, across, spin, roll, along = (float(x) for x in m.pair_friction[p])
             if (one != across and m.pair_dim[p] > 1) or (roll != along and m.pair_dim[p] > 4):
-                text = "friction that depends on the direction: its first number holds for all"
-                self.reader.left_out("pair", m.pair(p).name, text)
+                ends = [self._body_of[g] for g in (m.pair_geom1[p], m.pair_geom2[p])]
+                one_of, other_of = (shown(self.reader.names[b] if b else GROUND) for b in ends)
+                text = f"friction of {one_of} and {other_of} that depends on the direction: its "
+                self.reader.left_out("pair", m.pair(p).name, f"{text}first number holds for all")
             key = self._geoms(int(m.pair_geom1[p]), int(m.pair_geom2[p]))
             found[key] = _law(int(m.pair_dim[p]), one, spin, roll)
         return found
@@ -562,8 +580,9 @@ class ContactsOut:
 
     def _between(self, one: str, two: str) -> Contact | None:
         """Return the active contact between two bodies, preferring one that names both."""
-        parent = self.model.body(one).parent, self.model.body(two).parent
-        tied = parent[0] == two or parent[1] == one  # these touch only if both are named
+        ends = self.model.body(one), self.model.body(two)
+        # these touch only if both are named
+        tied = any(b.parent in (one, two) and restrains(b.sequence) for b in ends)
 
         def meet(c: Contact) -> bool:
             here = (c.body in (one, EVERY) and c.other in (two, EVERY)) or (

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import FileError, InputError, Problem, choices, needed, plain, shown
+from ..errors import FileError, InputError, Problem, choices, nearest, needed, plain, shown
 from ..markup import Element, parse_markup, read_markup
 from ..model.files import ALLOW
 from .conversion import MANIFEST, Folders
@@ -29,11 +29,11 @@ def expanded(
     """Return the root of the expanded URDF file and the warnings from the expansion.
 
     `arguments` are the values of its `<xacro:arg>`. `$(find package)` is looked for in `folders`,
-    then where ROS has it. Raises FileError or InputError, or MissingPackage if the package is not
-    installed.
+    then where ROS has it. Raises FileError, InputError for an argument that the file does not have,
+    or MissingPackage if the package is not installed.
     """
     xacro = needed("xacro", "xacro")
-    values = {name: _text(name, value) for name, value in arguments.items()}
+    values = _Arguments({name: _text(name, value) for name, value in arguments.items()})
     said, missing = io.StringIO(), list[str]()
     try:
         with ONE, contextlib.redirect_stderr(said), _finding(folders, missing):
@@ -41,9 +41,29 @@ def expanded(
     except Exception as error:  # whatever an expression raises
         why = missing[-1] if missing else _why(error)
         raise FileError(Problem(path.name, "", why)) from None
+    for name in arguments:
+        if name not in values.asked:
+            text = f"is not an <xacro:arg> of {path.name}; {nearest(name, sorted(values.asked))}"
+            raise InputError(Problem("arguments", name, text))
     content = document.toprettyxml(indent=" ", encoding="utf-8")
     warnings = [line.strip() for line in plain(said.getvalue()).splitlines() if line.strip()]
     return parse_markup(content, f"{path.name}, expanded"), warnings
+
+
+class _Arguments(dict[str, str]):
+    """Values by name, and the names for which the file asks: it declares or reads them."""
+
+    def __init__(self, values: Mapping[str, str]):
+        super().__init__(values)
+        self.asked = set[str]()
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.asked.add(name)
+        return super().__getitem__(name)
 
 
 def only_macros(path: Path) -> str:
