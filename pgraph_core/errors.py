@@ -38,7 +38,7 @@ class Problem:
         field = self.field if self.field.isprintable() else repr(self.field)
         place = f"{self.where}, {field}" if field else self.where
         place, text = plain(place).replace("\n", r"\n"), plain(self.text)
-        return f"{_cut(place, 1000)}: {_cut(text, 4000)}"
+        return f"{_cut(place, 1000)}: " * bool(place) + _cut(text, 4000)
 
 
 class PgraphError(Exception):

@@ -284,6 +284,21 @@ def test_a_follower_starts_where_its_leader_puts_it(read, ratio, offset):
     assert model.body("c").q == pytest.approx((2 * expected,), abs=1e-15)
 
 
+@pytest.mark.parametrize("offset", [0.2, 0.7])
+def test_a_start_that_is_said_is_that_of_the_model(read, offset):
+    follow = '<limit lower="0.5" upper="1" effort="2" velocity="1"/>'
+    follow += f'<mimic joint="j" offset="{offset}"/>'
+    joints = joint().replace("revolute", "continuous") + joint("k", "base", "b", follow)
+    model, report = read(robot(joints=joints, more=f'<link name="b">{INERTIAL}</link>'))
+    (said,) = [e for e in report.of("warning") if "limits" in e.text]
+    assert model["b"].q == (offset,)
+    assert f"{offset:g}" in said.text
+    assert "outside the limits [0.5, 1.0]" in said.text
+    assert ("mimic" in said.text) == (offset < 0.5)
+    assert any("effort" in e.text for e in report.of("converted"))  # the follower has no motor
+    assert any("continuous" in e.text for e in report.of("converted"))
+
+
 @pytest.mark.parametrize(
     "scheme", ["package://bot", "package:///bot", "model://bot", "..", "../../bot", "{}"]
 )

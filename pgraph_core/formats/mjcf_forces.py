@@ -44,6 +44,7 @@ class Forces:
             "FRICTIONLOSS": ("dof_frictionloss", "tendon_frictionloss"),
             "SPRING": ("jnt_stiffness", "tendon_stiffness"),
             "DAMPER": ("dof_damping", "tendon_damping"),
+            "CLAMPCTRL": ("actuator_ctrllimited",),
             "EQUALITY": ("eq_active0",),
             "CONTACT": ("geom_contype", "geom_conaffinity", "pair_dim"),
         }
@@ -424,7 +425,7 @@ class Forces:
         for j in np.flatnonzero((m.jnt_type <= BALL) & (m.jnt_stiffness > 0)).tolist():
             b, k = int(m.jnt_bodyid[j]), float(m.jnt_stiffness[j])
             if m.body_jntnum[b] > 1:
-                text = "stiffness of a ball joint beside other joints of its body"
+                text = f"stiffness of a ball joint of {shown(self.reader.names[b])}, beside others"
                 self.reader.left_out("joint", m.joint(j).name, text)
                 continue
             name, along = self.reader.names[b], k if m.jnt_type[j] == FREE else 0.0

@@ -311,7 +311,7 @@ class Parts(Forces):
             reader.report.add("converted", reader.path.name, text)
         for b in np.flatnonzero(m.body_mocapid >= 0):
             name = reader.names[b]
-            text = "a mocap body does not move"
+            text = "a mocap body does not move; to move it, give it a joint and a pg.Motion"
             where = reader.where("body", m.body(int(b)).name)
             reader.report.add("converted", where, text, part=name)
 

@@ -141,6 +141,7 @@ class _Reader(Shapes):
     def __init__(self, name: str, robot: Element, folders: Folders, base: str):
         super().__init__(name, folders)
         self.robot, self.base, self.speeds = robot, base, 0
+        self.bounded: list[tuple[str, str, float, float]] = []  # link, place, limits
         if robot.tag != "robot":
             text = f"holds <{robot.tag}>, not the <robot> of a URDF file"
             do = "; it is MJCF: call read_mjcf, or give it a name that ends in .xml"
@@ -190,6 +191,7 @@ class _Reader(Shapes):
             text = f"{self.hulls} collision meshes touch by their convex hulls"
             self.report.add("approximated", self.source.name, text)
         fields["bodies"] = self._following(bodies, fields["constraints"])
+        self._tell_starts({body.name: body for body in fields["bodies"]})
         try:
             model = Model(**fields)
         except ModelError as error:
@@ -392,9 +394,12 @@ class _Reader(Shapes):
 
     def _limits(self, joint: _Joint, kind: str, what: str) -> dict[str, Any]:
         limit = joint.element.first("limit")
-        if kind == "continuous":
-            return {}
         where = self.source.at(limit or joint.element, what)
+        if kind == "continuous":
+            if limit is not None and any(limit.get(end) for end in ("lower", "upper")):
+                text = "a continuous joint has no limits; its lower and upper are ignored"
+                self.report.add("converted", where, text, part=joint.child)
+            return {}
         if limit is None or not {"lower", "upper"} & limit.attributes.keys():
             text = f"a {kind} joint should have limits; it has none and moves freely here"
             self.report.add("warning", where, text, part=joint.child)
@@ -418,9 +423,7 @@ class _Reader(Shapes):
             self.report.add("left out", where, "limits", acts=True, part=joint.child)
             return {}
         start = min(max(0.0, low), high)
-        if start != 0.0:
-            text = f"0 is outside the limits {shown((low, high))}; it starts at {start:.6g}"
-            self.report.add("warning", where, text, part=joint.child)
+        self.bounded.append((joint.child, where, low, high))
         ends = tuple(end if math.isfinite(end) else None for end in (low, high))
         return {"limits": [ends], "q": (start,)}
 
@@ -528,6 +531,17 @@ class _Reader(Shapes):
                 found[name] = found[name].model_copy(update={"q": (q,)})
         return list(found.values())
 
+    def _tell_starts(self, bodies: Mapping[str, Body]) -> None:
+        """Report the joints whose limits exclude 0, and those that a leader puts outside."""
+        for link, where, low, high in self.bounded:
+            start = bodies[self._body_name(link)].q[0]
+            if low <= 0.0 <= high and low <= start <= high:
+                continue
+            text = f"0 is outside the limits {shown((low, high))}; it starts at {start:.6g}"
+            if not low <= start <= high:
+                text = f"<mimic> starts it at {start:.6g}, outside the limits {shown((low, high))}"
+            self.report.add("warning", where, text, part=link)
+
     def _loops(self) -> list[Constraint]:
         """Return the <loop_joint>s as joints between the poses on <link1> and <link2>."""
         found: list[Constraint] = []
@@ -582,7 +596,10 @@ class _Reader(Shapes):
                 continue
             what = f"joint {shown(joint.name)}"
             effort = self.given.number(limit, "effort", 0.0, what, infinite=True)
-            if effort > 0 and joint.element.first("mimic") is None:
+            if effort > 0 and joint.element.first("mimic") is not None:
+                text = "its effort limit makes no motor: <mimic> moves the joint"
+                self.report.add("converted", self.source.at(limit, what), text, part=joint.child)
+            elif effort > 0:
                 body, most = self._body_name(joint.child), effort if effort < math.inf else None
                 found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=most))
         if self.speeds:
