@@ -113,10 +113,11 @@ def simulate(
     max_steps : int
         Maximum number of adaptive steps.
     tau : array, dict, callable or Feedback, optional
-        Joint torques (nv,) or a dictionary by body name, or a function f(t, q, v) that is called at
-        every stage, or the result of `lqr` or `place_poles`. Functions compiled with `numba.njit`
-        are about 100 times faster than Python functions. Note that pulses shorter than a step may
-        be missed. Use a smaller `step`, or a `pg.Motor` with a table, since steps end at its knots.
+        Joint torques (nv,) or a dictionary by body name, or a function f(t, q, v), or f(t, y) with
+        y = [q, v] as in SciPy, that is called at every stage, or the result of `lqr` or
+        `place_poles`. Functions compiled with `numba.njit` are about 100 times faster than Python
+        functions. Note that pulses shorter than a step may be missed. Use a smaller `step`, or a
+        `pg.Motor` with a table, since steps end at its knots.
     frames : int, optional
         Number of evenly spaced frames to record. The default is about 1000.
     t_eval : array, optional
@@ -134,11 +135,11 @@ def simulate(
         Tuples (t, constraint name, True or False), which switch a constraint on or off at time t,
         between two steps. A frame at t contains the state after the switch.
     events : callable or sequence of callable
-        Functions f(t, q, v) whose zeros are located to rounding error and listed in
-        `run.user_events`. Each function can have the attributes `direction` (1 or -1 for rising or
-        falling zeros only) and `terminal` (True to end the run with `Status.STOPPED`, or the number
-        of the event that does). They must not remember earlier calls. They are also among
-        `run.events`.
+        Functions f(t, q, v), or f(t, y) with y = [q, v] as in SciPy, whose zeros are located to
+        rounding error and listed in `run.user_events`. Each function can have the attributes
+        `direction` (1 or -1 for rising or falling zeros only) and `terminal` (True to end the run
+        with `Status.STOPPED`, or the number of the event that does). They must not remember earlier
+        calls. They are also among `run.events`.
     progress : callable or bool, optional
         Function that is called with the completed fraction. If it returns False, the run is
         cancelled. If True, a progress bar is shown (requires tqdm).

@@ -116,7 +116,8 @@ def for_failed(record: Running) -> str:
     if np.isfinite(found.diverged):
         return f"{grows}: adaptive steps end at t = {found.diverged:.6g} s"
     if not found.step < step:
-        return f"{grows}; try rtol= for adaptive steps"
+        fixed = plan.contacts is not None or not record.whole  # contacts, or a stepper
+        return grows if fixed else f"{grows}; try rtol= for adaptive steps"
     cause = f"the fastest rate of the motion is {found.rate:.3g}/s"
     if found.widest < MARGIN * advised_step(plan.method, found.rate):
         return (

@@ -29,6 +29,7 @@ from ..packing.forces import acting_on, drive_forces
 from ..result.records import FREE, NOTHING, PHASES, STOP, ContactRecord, Event
 from ..tolerances import NAMED, NOTABLE, VISIBLE
 from .clearance import gaps_later
+from .fastened import fastened
 from .run_plan import Idle, RunPlan
 from .switches import Change
 
@@ -436,6 +437,8 @@ def driven_into(
     i = min(int(np.searchsorted(t, when)), len(t) - 1)
     pairs = [p if EVERY not in p[1:3] else None for p in tables.touches]
     pair, when = pairs[k], float(t[i])
+    if text := fastened(mech, active, tables.touches[k]):
+        return text
     if pair is None:
         return ""
     normal = np.array(mech.model.ground_normal)
@@ -530,7 +533,7 @@ def contradicted(
     return "; ".join(list(found.values())[:PAIRS_NAMED])
 
 
-def pressed_between(mech: Mechanism, scene: Scene, tables: Tables) -> str:
+def pressed_between(mech: Mechanism, active: Ints, scene: Scene, tables: Tables) -> str:
     """Return a message about the constraints, contacts and limits that no velocities satisfy."""
     assert scene.touching is not None
     push, tally, found = scene.touching.conflict, scene.touching.tally, scene.touching.found
@@ -538,6 +541,9 @@ def pressed_between(mech: Mechanism, scene: Scene, tables: Tables) -> str:
     most = float(push[first : begin + len(found)].max())
     limits = push[first : first + len(tables.limits)] > NAMED * most
     points = found[push[begin : begin + len(found)] > NAMED * most]
+    for k in np.unique(points["pair"]).tolist():
+        if text := fastened(mech, active, tables.touches[k]):
+            return text
     bodies = np.where(points["shape_b"] < 0, 0, tables.geometry.shapes["body"][points["shape_b"]])
     ends = zip(tables.geometry.shapes["body"][points["shape_a"]].tolist(), bodies.tolist())
     places = [GROUND, *mech.topology.names]

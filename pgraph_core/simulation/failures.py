@@ -17,6 +17,7 @@ from ..result import Status
 from ..tolerances import EPS, NOTABLE
 from .advice import for_failed
 from .contact_log import pressed_between
+from .fastened import parted
 from .running import Running
 
 if TYPE_CHECKING:
@@ -38,12 +39,22 @@ def failure(record: Running, code: int) -> tuple[Status, str]:
     touching, tables = record.scene.touching, record.plan.contacts
     if touching is not None and tables is not None and touching.tally["barred"]:
         when = float(touching.tally["barred_time"])
-        why = pressed_between(record.mech, record.scene, tables)
+        why = pressed_between(record.mech, record.active, record.scene, tables)
         return status, f"{status.value} at t = {when:.6g} s: {why}"
     if text := trouble(record, float(t)):
         return status, f"{status.value} at t = {t:.6g} s{text}"
+    if text := _parted(record):
+        return status, f"{status.value} at t = {t:.6g} s: {text}"
     where = f"at t = {t:.6g} s; {record.mech.packed.moved_fastest(row)}"
     return status, f"{status.value} {where}; {_advice(record, status)}"
+
+
+def _parted(record: Running) -> str:
+    """Return the contact of bodies that a constraint fastens, at the last recorded state, or ""."""
+    tables = record.plan.contacts
+    if tables is None or record.done == 0:
+        return ""
+    return parted(record.mech, record.active, tables, record.out.q[record.done - 1])
 
 
 def _advice(record: Running, status: Status) -> str:

@@ -9,6 +9,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..refusals import assert_names
+
 START, SPEED = 0.1, 0.3  # m between the press and what it reaches, m/s
 
 
@@ -209,3 +211,30 @@ def test_a_box_that_two_motions_carry_together_goes_on():
     )  # fmt: skip
     run = pg.simulate(model, t_end=1.0, estimate=False)
     assert run.status is pg.Status.DONE, run.message
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-4])
+@pytest.mark.parametrize("every", [True, False])
+def test_a_contact_of_bodies_that_a_constraint_fastens_is_named_with_a_remedy(every, step):
+    """The two overlap, so that the weld and the contact cannot both hold."""
+    bar = {"kind": "box", "size": (0.4, 0.04, 0.06), "position": (0.2, 0, 0)}
+    turned = (np.cos(np.pi / 18), 0, 0, np.sin(np.pi / 18))
+    bodies = [
+        pg.Body("a", joint="spherical", link=(2, 0, 1), shape=bar, mass=1.0, inertia=(0.1,) * 3),
+        pg.Body("b", joint="free", shape=bar, q=(2.4, 0, 1, *turned), mass=1.0, inertia=(0.1,) * 3),
+    ]
+    contact = {"body": "*", "other": "*"} if every else {"body": "a", "other": "b"}
+    weld = pg.Constraint(kind="weld", name="w", body="b", other="a")
+    model = pg.Model(bodies, constraints=[weld], contacts=[pg.Contact("touch", **contact)])
+    run = pg.simulate(model, t_end=0.05, step=step, estimate=False)
+    said = " ".join((*run.notices, run.message))
+    assert_names(said, "'w' fastens 'b' to 'a'", "contact 'touch'")
+    assert "rtol" not in said
+    assert "servo" not in said
+    remedy = "active=False" if every else "remove contact 'touch'"
+    assert remedy in said
+    off = pg.Contact("b and a", body="b", other="a", active=False)
+    mended = model.add(off) if every else model.remove("touch")
+    found = pg.simulate(mended, t_end=0.05, step=step, estimate=False)
+    assert found.status.ok
+    assert not found.notices
