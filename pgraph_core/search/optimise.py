@@ -224,6 +224,7 @@ class Search:
         self.good: _Point | None = None  # the last point that has a run
         self.best: _Point | None = None
         self._last: _Point | None = None
+        self._since = 0  # evaluations before the best point
         self._slopes: tuple[Array, Array] | None = None
         self.iterations = 0  # derivatives
         self.idle: set[str] = set()  # numbers without influence on the motion
@@ -282,7 +283,7 @@ class Search:
             parts = dict(zip(goals.names, found[goals.count :].tolist()))
             trial = Trial(values, goals.total(found), parts)
             if self.best is None or self._order(point) < self._order(self.best):
-                self.best = point
+                self.best, self._since = point, len(self.history)
         else:
             good = self.good
             if good is None:
@@ -432,9 +433,15 @@ class Search:
         missed = goals.missed(self.best.values) if self.best is not None else 0.0
         if missed > NOTABLE:
             return False, f"not converged: constraints are missed by {missed:.2g} of their size"
-        if self.history[-1].failed:
+        if self.history[-1].failed or self._surrounded():
             return False, f"not converged: limited by {numbers.failed}"
         return bool(good), "converged" if good else _limit(found, most)
+
+    def _surrounded(self) -> bool:
+        """Check whether all runs after that of the best point, and beside it, failed."""
+        best, *after = self.history[self._since :]
+        failed = [trial.failed for trial in after if trial.values != best.values]
+        return bool(failed) and all(failed)
 
     def _least_squares(self, u: Array, bounds: Array, tol: float, most: int) -> Any:
         from scipy.optimize import least_squares

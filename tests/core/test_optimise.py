@@ -204,6 +204,16 @@ def test_a_search_with_few_iterations_says_so():
     assert "most" in found.message
 
 
+def test_a_search_whose_other_runs_all_fail_has_not_converged():
+    rod = pg.Body("1", axes=(0, 1, 0), com=(0, 0, -0.5))
+    model = pg.Model([rod, rod.model_copy(update={"name": "2", "parent": "1", "link": (0, 0, -1)})])
+    free = {"v.2": (-1, 1)}
+    few = pg.optimise(model, "final 1", free, t_end=0.1, max_steps=3)
+    assert not few.converged
+    assert "limited by" in few.message
+    assert pg.optimise(model, "final 1", free, t_end=0.1).converged
+
+
 def test_limits_that_no_number_can_keep_are_said():
     found = pg.optimise(oscillator(), "final block", STIFFNESS,
                         subject_to={"peak v.block": (5.0, None)}, **OPTIONS)  # fmt: skip
