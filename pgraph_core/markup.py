@@ -176,8 +176,8 @@ def reason_of(error: Exception) -> str:
 def parse_markup(content: bytes, name: str) -> Element:
     """Return the root element of XML text. Raises FileError.
 
-    As by the readers of MuJoCo and of URDF, blanks may be missing between attributes, and elements
-    may be closed once more after the root.
+    As by the readers of MuJoCo and of URDF, blanks may be missing between attributes, an ampersand
+    may stand for itself, and elements may be closed once more after the root.
     """
     source = Source(name)
     content, encoding = _in_utf8(content, source)
@@ -192,9 +192,9 @@ def parse_markup(content: bytes, name: str) -> Element:
         root = _tree(content, encoding, source)
     except expat.ExpatError:
         try:
-            root = _tree(TAG.sub(_apart, content), encoding, source)
+            root = _tree(BARE.sub(b"&amp;", TAG.sub(_apart, content)), encoding, source)
         except expat.ExpatError as error:
-            reason = expat.ErrorString(error.code)
+            reason = f"{expat.ErrorString(error.code)}, column {error.offset + 1}"
             raise source.wrong(error.lineno, "", f"not XML: {reason}") from None
     root.encoding = encoding or "utf-8"
     return root
@@ -249,6 +249,7 @@ def _tree(content: bytes, encoding: str, source: Source) -> Element:
 
 
 TAG = re.compile(rb"<[A-Za-z_][^<>]*>")
+BARE = re.compile(rb"&(?!#?\w+;)")  # an ampersand that begins no reference
 TOUCHING = re.compile(rb"""(=\s*(?:"[^"]*"|'[^']*'))(?=[A-Za-z_:])""")  # value, name of the next
 CLOSED = re.compile(rb"\s*<?(?:/[\w:.-]+\s*>\s*<?)+")  # closing tags alone
 

@@ -187,6 +187,26 @@ def test_touching_attributes_and_closed_roots_are_read_as_by_mujoco(tmp_path, en
     assert mujoco.MjModel.from_xml_path(str(path)).nbody == len(pg.load(path).bodies) + 1
 
 
+def test_a_bare_ampersand_is_read_as_by_mujoco(tmp_path):
+    mujoco = pytest.importorskip("mujoco")
+    geom = '<geom type="sphere" size=".1"/>'
+    text = f'<mujoco><worldbody><body name="a & b &amp; c">{geom}</body></worldbody></mujoco>'
+    path = written(tmp_path, text, "m.xml")
+    names = [body.name for body in pg.load(path).bodies]
+    assert names == ["a & b & c"] == [mujoco.MjModel.from_xml_path(str(path)).body(1).name]
+    with pytest.raises(pg.FileError, match=r"line 1: not XML.*column 15"):
+        pg.load(written(tmp_path, '<robot name="a<b"/>'))
+
+
+def test_a_mesh_that_is_missing_is_named_with_its_line(tmp_path):
+    pytest.importorskip("mujoco")
+    mesh = '<asset>\n<mesh name="m" file="no.stl"/></asset>'
+    geom = '<worldbody><geom type="mesh" mesh="m"/></worldbody>'
+    with pytest.raises(pg.FileError) as refused:
+        pg.load(written(tmp_path, f"<mujoco>{mesh}{geom}</mujoco>", "m.xml"))
+    assert_names(str(refused.value), "m.xml, line 2, mesh, file", "'no.stl'", str(tmp_path))
+
+
 @pytest.mark.parametrize("end", ["<robot/>", "text", "</robot", "</robot>x", "<"])
 def test_what_follows_the_root_is_not_lost(tmp_path, end):
     with pytest.raises(pg.FileError, match="line 1: not XML"):

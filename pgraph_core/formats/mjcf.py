@@ -78,7 +78,8 @@ def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
         compiled = spec.compile()
     except Exception as error:  # whatever MuJoCo raises of a file that it refuses
         text = " ".join(str(error).split())
-        raise FileError(Problem(path.name, "", f"MuJoCo refuses it: {text}")) from None
+        absent = [one for one in files.absent if "opening file" in text]
+        raise FileError(absent or Problem(path.name, "", f"MuJoCo refuses it: {text}")) from None
     _usable(compiled, path)
     moved = {m.id for m in spec.meshes if np.any(m.refpos) or np.any(m.refquat[1:])}
     return _Reader(Compiled(compiled), path, files, moved).result()

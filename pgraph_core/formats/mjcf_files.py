@@ -74,6 +74,7 @@ class Files:
     def __init__(self, path: Path, folders: Folders):
         self.folders, self.lines = folders, dict[tuple[str, str], str]()
         self.newer: list[tuple[str, str]] = []  # (place, attribute) beyond MuJoCo 4.0
+        self.absent = list[Problem]()  # files that are not there, where MuJoCo may not look
         self.alike = dict[tuple[str, ...], tuple[str, ...]]()  # (tag, attributes) -> `_notable`
         root = _readable(path)
         if root.tag != "mujoco":
@@ -158,10 +159,10 @@ class Files:
             where = f"{file}, line {element.line}, {tag}"
             if key in newer(tag, (key,)):
                 self.newer.append((where, key))
-            if why := self._wrong(element, key, attributes[key]):
+            if why := self._wrong(where, element, key, attributes[key]):
                 raise FileError(Problem(where, key, why))
 
-    def _wrong(self, element: Element, key: str, given: str) -> str:
+    def _wrong(self, where: str, element: Element, key: str, given: str) -> str:
         """Return the reason to reject an attribute that MuJoCo would accept, or ""."""
         if key == "nrow" and _whole(given) * _whole(element.get("ncol")) > MOST_HEIGHTS:
             return f"nrow times ncol must be at most {MOST_HEIGHTS}; give a coarser one"
@@ -170,6 +171,11 @@ class Files:
         if key.startswith("file") and element.tag != "include" and given:
             paths = [folder / slashed(given) for folder in self.directories]
             there = [path for path in paths if os.path.lexists(path)]  # False for a name too long
+            if not there:
+                text = (
+                    f"{shown(given)}: {MISSING} in {self.directories[-1]}; put it there, or give "
+                )
+                self.absent.append(Problem(where, key, f"{text}its folder by meshdir, texturedir"))
             if any(not self.folders.holds(path) for path in there):
                 return f"{shown(given)} is outside the model's folder; {ALLOW}"
             if not there and not self.folders.holds(paths[0]):  # MuJoCo may look elsewhere
