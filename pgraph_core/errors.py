@@ -180,6 +180,17 @@ def nearest(name: str, known: Iterable[str], about: Callable[[str], str] = lambd
     return f"{meant(name, names, about)}choose from {choices(names)}"
 
 
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """Return 'did you mean knee? choose from ...' for a mistyped name that a user gave to a part.
+
+    Words of other programs say nothing about such names. They are compared by spelling only.
+    """
+    names = list(known)
+    close = words.similar(name, names, n=1, cutoff=0.7)
+    suggested = f"did you mean {close[0]}? " if close else ""
+    return f"{suggested}choose from {choices(names)}"
+
+
 def meant(name: str, known: Iterable[str], about: Callable[[str], str] = lambda _: "") -> str:
     """Return 'did you mean mass? mass takes ...; ' for a mistyped name, or ""."""
     known = list(known)

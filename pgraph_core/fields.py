@@ -703,6 +703,7 @@ class OfKinds(Acting):
     def _foreign(cls, field: str, value: Any) -> str:
         kinds = [kind for kind, each in cls.KINDS.items() if field in each.model_fields]
         do = f"it belongs to kind {' or '.join(kinds)}" if len(kinds) < 6 else "leave it out"
+        do = words.advice(field, cls.model_fields) or do
         do += f", got {shown(value)}" if isinstance(value, str) else ""
         return f"is not a field of kind '{cls.own_kind()}'; {do}"
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from .errors import counted, shown
+from .errors import choices, counted, shown
 from .rotation import Array, matrix, rodrigues, unit_vector
 
 Vector = tuple[float, float, float]
@@ -222,15 +222,31 @@ OF_FREE: dict[str, dict[str, slice]] = {  # parts of the numbers of a free joint
 }
 
 
-def joined_parts(
-    quantity: str, given: Mapping[str, Any], rest: Sequence[float]
-) -> tuple[list[Any], str]:
-    """Return the numbers of a free joint given by the names of their parts, with those of `rest`
-    for parts that are not given, and a problem or ""."""
+def in_parts(quantity: str, name: str = "") -> str:
+    """Return "{'angular': (3 numbers), 'linear': (3 numbers)}" of a free joint."""
+    parts = (f"{x!r}: ({y.stop - y.start} numbers)" for x, y in OF_FREE[quantity].items())
+    listed = f"{{{', '.join(parts)}}}"
+    return f"{quantity}={{{name!r}: {listed}}}" if name else listed
+
+
+def joined(quantity: str, given: Any, rest: Sequence[float], free: bool) -> tuple[Any, str]:
+    """Return the numbers of a joint, and a problem with their number or "".
+
+    Those of a `free` joint may be given by the names of their parts, with those of `rest` for parts
+    that are not given. Three numbers are its position.
+    """
+    one = isinstance(given, (list, tuple)) or getattr(given, "ndim", 0) == 1
+    if free and quantity == "q" and one and len(given) == 3:
+        given = {"position": given}
+    if not isinstance(given, Mapping):
+        if not one or len(given) == len(rest):
+            return given, ""
+        do = f"; or some of them: {in_parts(quantity)}" if free else ""
+        return given, f"takes {counted(len(rest), 'number')}, got {len(given)}{do}"
     parts, found = OF_FREE.get(quantity, {}), list[Any](rest)
     for name, value in given.items():
         own = parts.get(name)
-        if own is None or len(rest) != max(x.stop for x in parts.values()):
+        if own is None or not free:
             names = " and ".join(f"{x!r} ({y.stop - y.start} numbers)" for x, y in parts.items())
             text = f"has no part {shown(name)}; of a free joint, {quantity} takes {names}"
             return found, text
@@ -257,6 +273,14 @@ def places(motions: tuple[Motion, ...]) -> list[int | None]:
 def home(motions: tuple[Motion, ...]) -> tuple[float, ...]:
     """Return q = 0 for a joint, with the unit quaternion [1, 0, 0, 0] for a ball or free motion."""
     return tuple(x for m in motions for x in KINDS[m.kind].home)
+
+
+def no_coordinate(name: str, dof: int, k: int) -> str:
+    """Return a sentence about a degree of freedom that the joint of a body does not have."""
+    if not dof:
+        return f"the joint of '{name}' has no degree of freedom; give the body one that moves"
+    text = f"the joint of '{name}' has {counted(dof, 'degree')} of freedom, counted from 0"
+    return f"{text}: {choices(map(str, range(dof)))}, got {k}"
 
 
 # -- what is wrong with a joint --------------------------------------------------------------------

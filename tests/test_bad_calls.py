@@ -30,6 +30,7 @@ TWO = pg.Model(
     forces=(pg.Servo(name="drive", body="arm", kp=10.0, kd=1.0),),
     scenarios=(pg.Scenario(name="start", q={"arm": 1.0}, t_end=0.1),),
 )  # fmt: skip
+PUSHED = BASE.add(pg.Motor("push", body="1"))
 MECH = pg.Mechanism(BASE)
 BOX = pg.Mechanism(
     pg.Model(
@@ -359,7 +360,25 @@ LATE = [
     (lambda: pg.optimise(BASE, "max u", MASS, t_end=0.01), "optimise, objective", "'u'", EVERY),
     (lambda: pg.optimise(BASE, lambda r: "a", MASS, t_end=0.01), "optimise, objective", "'a'"),
     (lambda: pg.optimise(BASE, "max 1", MASS, history="/no/h"), "history", "/no/h", "folder"),
-    (lambda: pg.fit(BASE, CURVE, ["bodies.1.mass"], bounds=(1, 2)), "fit, free", "(low, high)"),
+    (lambda: pg.fit(BASE, CURVE, ["bodies.1.mass"], bounds=(1, 2)), "fit, bounds", 'free={"'),
+    (lambda: pg.optimise(BASE, "max 1", MASS, maxiter=3), "optimise, maxiter", "mean most?"),
+    (lambda: pg.optimise(PUSHED, "rms u.push", MASS, t_end=0.01), "mean drive_force.push?"),
+    (lambda: pg.optimise(PUSHED, "peak torque", MASS, t_end=0.01), "mean drive_force.push"),
+    (lambda: pg.simulate(BOX, t_end=0.01)["box.7"], "'box.7'", "box.0, box.1", "box.6"),
+    (lambda: pg.simulate(BOX, t_end=0.01)["q.bx"], "'q.bx'", "box.0"),
+    (lambda: run().contact_force["x"], "'x'", "model.add(pg.Contact("),
+    (lambda: run().outputs["x"], "'x'", "model.add(pg.Output("),
+    (lambda: run(q=[0.1]), "simulate, q", "(3,)", "(1,)", EVERY, "q={'1': ...}"),
+    (lambda: run(tau=[0.1]), "simulate, tau", "(3,)", "(1,)", EVERY, "tau={'1': ...}"),
+    (lambda: MECH.mass_matrix([0.1]), "q", "(3,)", "(1,)", EVERY),
+    (lambda: BOX.forward_dynamics(BOX.home()[0], [1.0]), "v", "(6,)", "box (6)"),
+    (lambda: pg.Stepper(MECH).reset(v=[0.1]), "v", "(3,)", "(1,)", EVERY),
+    (lambda: pg.Stepper(MECH).step([0.1]), "tau", "(3,)", "(1,)", EVERY),
+    (lambda: pg.Stepper(MECH).step(1e-3), "pg.Stepper(..., step=0.001)", "step(n=10)"),
+    (lambda: pg.simulate_batch(MECH, q=np.zeros((2, 2)), t_end=0.01), "q", "(2, 2)", EVERY),
+    (lambda: pg.simulate(BOX, v={"box": (1, 0, 0)}), "v['box']", "6", "got 3", "'linear'"),
+    (lambda: pg.simulate(BOX, q={"box.2": 1.0}), "'box.2'", "'position'", "'rotation'"),
+    (lambda: pg.Body("b", joint="free", v=(0, 0, 1)), "body 'b', v", "6", "got 3", "'linear'"),
     (lambda: pg.fit(BASE, CURVE, MASS, n=3), "fit, n", "pg.sweep(..., n=...)", "starts"),
     (lambda: pg.fit(BASE, {**CURVE, "t": DURATIONS}, MASS), "data['t']", "numbers", "seconds"),
     (lambda: study(reference=3.0), "Result", "Case", "Reference", "(len(t), 1)", "float"),

@@ -41,6 +41,50 @@ def test_positions_accelerations_and_torques_of_a_free_joint_have_parts_as_well(
     )
 
 
+def test_three_numbers_are_the_position_of_a_free_joint_only():
+    """Three numbers of a ball and three slides with seven do not fill a part of its quaternion."""
+    assert pg.Body("b", joint="free", q=(1, 2, 3)).q == (1, 2, 3, 1, 0, 0, 0)
+    moves = [("ball", (0, 0, 1)), *(("translate", x) for x in np.eye(3).tolist())]
+    six = pg.Model([pg.Body("b", joint="compound", motions=moves, inertia=(1, 1, 1))])
+    with pytest.raises(pg.InputError) as refused:
+        pg.simulate(six, q={"b": (1, 2, 3)}, t_end=0.01)
+    assert_names(str(refused.value), "q['b']", "7 numbers", "got 3")
+
+
+@pytest.mark.parametrize(
+    ("call", "facts"),
+    [
+        (lambda: pg.Shape("cylinder", radius=0.1, half_length=0.2), ("length=2*half_length",)),
+        (lambda: pg.Shape("capsule", size=(0.05, 0.1)), ("radius=0.05, length=0.2",)),
+        (lambda: pg.Shape("capsule", radius=0.05, fromto=(0, 0, 0, 1, 0, 0)), ("length=", "align")),
+        (lambda: pg.Sine(amplitude=1, freq=2), ("frequency", "[rad/s]")),
+        (lambda: pg.Sampled(name="p", update="=q.arm", rate=50), ("control 'p', rate", "1/50")),
+        (lambda: MODEL.add(pg.Motor("s", "arm", torque="=np.sin(t)")), ("sin, without np.",)),
+        (lambda: MODEL.add(pg.Motor("s", "arm", coordinate=1)), ("1 degree", "from 0", "got 1")),
+        (lambda: pg.Model([pg.Body("w", joint="weld")], forces=[pg.Motor("s", "w")]),
+         ("force 's', coordinate", "'w'", "no degree of freedom")),
+    ],
+)  # fmt: skip
+def test_words_of_others_are_answered_with_what_to_type(call, facts):
+    with pytest.raises(pg.PgraphError) as refused:
+        call()
+    assert_names(str(refused.value), *facts)
+
+
+def test_a_wrong_value_is_not_said_to_be_missing():
+    for kind, wrong in (("sphere", {"radius": -1}), ("box", {"size": (1, 1, np.nan)})):
+        with pytest.raises(pg.ModelError) as refused:
+            pg.Shape(kind=kind, **wrong)
+        assert [problem.field for problem in refused.value.problems] == [*wrong]
+
+
+def test_names_of_bodies_are_no_words_of_other_programs():
+    """The damping of other programs is c, and a body that is missing is not."""
+    with pytest.raises(pg.ModelError) as refused:
+        MODEL.add(pg.Motor("s", "arm", torque="=-3*q.c"))
+    assert_names(str(refused.value), "no body is named 'c'; choose from b, arm")
+
+
 @pytest.mark.parametrize(
     ("call", "facts"),
     [

@@ -82,7 +82,7 @@ def assemble(
     """
     home_q, home_v = mech.home()
     q = home_q if q is None else position(mech.packed, q)
-    v = home_v if v is None else finite("v", v, mech.nv)
+    v = home_v if v is None else finite("v", v, mech.nv, of=mech.packed)
     chosen = indices(mech, active)
     return assembled(mech, q, v, chosen, Scene(mech.packed, mech.packed.passive, NO_LOADS, chosen))
 

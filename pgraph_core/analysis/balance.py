@@ -312,7 +312,7 @@ def state_of(
         q, v = mech._numbers(q=q, v=v)
     q, v = by_name(mech, "q", q, start), by_name(mech, "v", v)
     at = start if q is None else position(mech.packed, q)
-    speed = np.zeros(mech.nv) if v is None else finite("v", v, mech.nv)
+    speed = np.zeros(mech.nv) if v is None else finite("v", v, mech.nv, of=mech.packed)
     names = [mech.model.constraints[i].name for i in acting(mech, scenario)[1]]
     if not names:
         return at, speed

@@ -15,7 +15,7 @@ from scipy.signal import place_poles as placed
 
 from .. import joints
 from ..dynamics import Dynamics, model_of
-from ..errors import InputError, Problem, Suggests, explained, nearest, shown
+from ..errors import InputError, Problem, Suggests, explained, nearest_name, shown
 from ..forces import Force, Motor, OnJoint
 from ..model import Model
 from ..packing import Array
@@ -233,7 +233,9 @@ class _Plant:
             }
             unknown = [name for name in given if name not in names]
             if unknown:
-                text = f"no such name as {shown(unknown[0])}; {nearest(str(unknown[0]), names)}"
+                text = (
+                    f"no such name as {shown(unknown[0])}; {nearest_name(str(unknown[0]), names)}"
+                )
                 raise InputError(Problem(self.call, field, text))
             given = [given.get(name, 0.0) for name in names]
         try:
@@ -319,7 +321,7 @@ def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Lin
     names = [label for label, *_ in _degrees(mech)]  # names used by `linearise`
     for name in wanted:
         if name not in names:
-            text = f"no coordinate is named {shown(name)}; {nearest(str(name), names)}"
+            text = f"no coordinate is named {shown(name)}; {nearest_name(str(name), names)}"
             raise InputError(Problem(call, "states", text))
     T = found.moves[[names.index(name) for name in wanted]]
     n = len(found.coordinates)
@@ -356,7 +358,7 @@ def _drives(call: str, model: Model, names: Sequence[str] | None) -> list[OnJoin
         if name not in known:
             text = f"no motor, servo, actuator or joint is named {shown(name)}; "
             near = known or [body.name for body in model.bodies]
-            raise InputError(Problem(call, "inputs", text + nearest(str(name), near)))
+            raise InputError(Problem(call, "inputs", text + nearest_name(str(name), near)))
     if not wanted:
         text = "needs a motor, servo or actuator; add one with model.add(pg.Motor(...))"
         raise InputError(Problem(call, "inputs", text))

@@ -290,7 +290,7 @@ def forward_derivatives(
     """Compute ∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹, including springs and dampers. Raises InputError."""
     mech.forward_dynamics(q, v, tau)  # checks the arguments and warns about ignored parts
     q, v = mech._state(q, v)
-    given = mech._rest if tau is None else numbers("tau", tau, mech.nv)
+    given = mech._rest if tau is None else numbers("tau", tau, mech.nv, of=mech.packed)
     kernel, address, shape, by_q, by_v, by_tau, space, _ = slopes_of(mech)
     found, passive = np.empty(shape), None
     if len(space.passive):

@@ -123,7 +123,7 @@ def mobility(
     if the constraints cannot be met.
     """
     at = mech.home()[0] if q is None else position(mech.packed, q)
-    v = None if v is None else finite("v", v, mech.nv)
+    v = None if v is None else finite("v", v, mech.nv, of=mech.packed)
     ended = closed(Rows.of(mech, indices(mech, active), at))
     if not ended.closed:
         raise InputError(contradiction(mech, ended))

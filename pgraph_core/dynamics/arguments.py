@@ -12,18 +12,18 @@ from typing import Any, cast
 
 import numpy as np
 
+from ..engine import layout as at
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import made_by_numba
 from ..errors import Called, InputError, Problem, choices, nearest_first, shown, to_read
 from ..fields import is_number
-from ..joints import joined_parts
+from ..joints import in_parts, joined
 from ..packing import Array
 from ..packing.packed import Packed
 from ..portable import Unportable, array_of
 
-# what the numbers of a free joint are
-OF_FREE = {("q", 7): " = [x, y, z, qw, qx, qy, qz]", ("v", 6): " = [angular, linear]"}
 NAMELESS = {np.ndarray, list, tuple, str, float, int, bool, type(None)}  # no names in them
+MOST_JOINTS = 8  # joints that a message about an array lists
 OF_STATES = ("v", "vdot", "tau")  # arguments that may have a row for each of many states
 
 
@@ -57,8 +57,11 @@ def numbers_in(given: Any, *shapes: tuple[int, ...]) -> Array | None:
     return found
 
 
-def numbers(name: str, value: Any, *shape: int) -> Array:
-    """Return an array with this shape, which may contain nan or inf. Raises InputError."""
+def numbers(name: str, value: Any, *shape: int, of: Packed | None = None) -> Array:
+    """Return an array with this shape, which may contain nan or inf. Raises InputError.
+
+    If it has an entry for each coordinate `of` a model, the error lists the joints in order.
+    """
     if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
         flags = value.flags
         if flags.c_contiguous and flags.writeable:
@@ -77,14 +80,23 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
     if array.shape != shape:
         many = array.shape[1:] == shape and len(array) > 1
         text = "; many states are an array for methods of a Mechanism, a pg.BatchStepper for runs"
-        do = text if many else ""
+        do = text if many else of_joints(of, name) if of is not None else ""
         raise InputError(Problem(name, "", f"must have shape {shape}, got {array.shape}{do}"))
     return array
 
 
-def finite(name: str, value: Any, *shape: int) -> Array:
-    """Return an array with this shape and finite entries only. Raises InputError."""
-    array = numbers(name, value, *shape)
+def of_joints(packed: Packed, name: str) -> str:
+    """Return '; the numbers are those of base (6), arm; ...' about q, v, vdot or tau."""
+    spans = {x: joint.q if name == "q" else joint.v for x, joint in packed.joints.items()}
+    sizes = {x: span.stop - span.start for x, span in spans.items()}
+    listed = choices((x if n == 1 else f"{x} ({n})" for x, n in sizes.items()), MOST_JOINTS)
+    known = f"; the numbers are those of {listed}; by name: {name}={{{next(iter(sizes), '')!r}: "
+    return f"{known}...}}" if sizes else "; no joint of the model moves"
+
+
+def finite(name: str, value: Any, *shape: int, of: Packed | None = None) -> Array:
+    """Return an array with this shape and finite entries only, as `numbers`. Raises InputError."""
+    array = numbers(name, value, *shape, of=of)
     good = np.isfinite(array)
     if np.count_nonzero(good) < good.size:
         bad = int(np.argmin(good))
@@ -98,7 +110,7 @@ def position(packed: Packed, q: Any) -> Array:
 
     Raises InputError.
     """
-    q = finite("q", q, packed.nq)
+    q = finite("q", q, packed.nq, of=packed)
     for k, i, _ in packed.quaternions:
         length = math.hypot(*q[i : i + 4].tolist())
         if not 1e-3 < length < 1e3:
@@ -133,20 +145,22 @@ def fill(mech: Any, state: Array, entries: Mapping[str, Any], kind: str) -> None
         if name not in joints:
             near = choices(nearest_first(str(name), joints))
             text = f"{name!r} is not a body with a moving joint; choose from {near}"
+            body, _, entry = str(name).rpartition(".")
+            if body in joints and entry.isdecimal():  # a column of a run
+                text = f"{name!r} is one entry of {body!r}, whose numbers are given together: "
+                text += f"{kind}={{{body!r}: [...]}}"
+                if at.FREE in joints[body].kinds:
+                    text += f", or some of them: {in_parts(kind, body)}"
             if any(f.name == name for f in mech.model.forces):
                 text = f"{name!r} is a force; give inputs={{{name!r}: ...}}"
             raise InputError(Problem(kind, "", text))
         place = getattr(joints[name], "q" if kind == "q" else "v")
-        if isinstance(values, Mapping):
-            values, problem = joined_parts(kind, values, state[place].tolist())
-            if problem:
-                raise InputError(Problem(f"{kind}[{name!r}]", "", problem))
-        if (kind, place.stop - place.start, np.size(values)) == ("q", 7, 3):
-            place = slice(place.start, place.start + 3)  # a free joint keeps its rotation
-        label = f"{kind}['{name}']" + OF_FREE.get((kind, place.stop - place.start), "")
-        state[place] = numbers(
-            label, [values] if np.isscalar(values) else values, place.stop - place.start
-        )
+        free, label = at.FREE in joints[name].kinds, f"{kind}[{name!r}]"
+        values, problem = joined(kind, values, state[place].tolist(), free)
+        if problem:
+            raise InputError(Problem(label, "", problem))
+        values = [values] if np.isscalar(values) else values
+        state[place] = numbers(label, values, place.stop - place.start)
 
 
 def by_name(mech: Any, kind: str, given: Any, rest: Array | None = None) -> Any:

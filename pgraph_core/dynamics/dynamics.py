@@ -147,7 +147,7 @@ class Dynamics(Kinematics):
     def _tree_torque(self, q: Array, v: Array, vdot: Array, external: Array | None = None) -> Array:
         """The same as `inverse_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
-        vdot, wrench = numbers("vdot", vdot, self.nv), self._external(external)
+        vdot, wrench = numbers("vdot", vdot, self.nv, of=self.packed), self._external(external)
         tau = self._inverse(q, v, vdot, wrench)
         return tau - self._passive(q, v, self._rest) if self._springs else tau
 
@@ -171,7 +171,7 @@ class Dynamics(Kinematics):
     ) -> Array:
         """The same as `forward_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
-        tau = self._rest if tau is None else numbers("tau", tau, self.nv)
+        tau = self._rest if tau is None else numbers("tau", tau, self.nv, of=self.packed)
         wrench = None if external is None else self._external(external)
         vdot = np.empty(self.nv)
         if self._springs:
@@ -225,7 +225,7 @@ class Dynamics(Kinematics):
         """The same as `constrained_dynamics`, for callers to whom drives do not matter."""
         scene = self._scene
         q, v = self._state(q, v)
-        tau = self._rest if tau is None else numbers("tau", tau, self.nv)
+        tau = self._rest if tau is None else numbers("tau", tau, self.nv, of=self.packed)
         constrained, *given, flow, shape = self._constrained
         vdot, wrenches = np.empty(self.nv), np.empty(shape)
         with self._lock:
@@ -273,7 +273,8 @@ class Dynamics(Kinematics):
         return tau
 
     def _state(self, q: Array, v: Array) -> tuple[Array, Array]:
-        return numbers("q", q, self.nq), numbers("v", v, self.nv)
+        of = self.packed
+        return numbers("q", q, self.nq, of=of), numbers("v", v, self.nv, of=of)
 
     def _explain(self, code: int, **given: Array) -> None:
         """Raise the error that corresponds to a kernel's status code."""

@@ -241,7 +241,7 @@ class Kinematics(Portable):
         Without `vdot`, the accelerations are computed for v' = 0.
         """
         state = (position(self.packed, q), self._speed(v))
-        rate = self._rest if vdot is None else finite("vdot", vdot, self.nv)
+        rate = self._rest if vdot is None else finite("vdot", vdot, self.nv, of=self.packed)
         wrench = np.zeros((self.nb, 6)) if external is None else self._external(external)
         found = bodies_over(self.packed.system, *(x[None] for x in (*state, rate, wrench)))
         return BodyMotion(*(x[0] for x in found))
@@ -398,7 +398,7 @@ class Kinematics(Portable):
         return [self.model.body(name) for name in self.names]
 
     def _speed(self, v: Any) -> Array:
-        return finite("v", v, self.nv)
+        return finite("v", v, self.nv, of=self.packed)
 
     def _external(self, external: Array | None) -> Array:
         return NO_EXTERNAL if external is None else numbers("external", external, self.nb, 6)

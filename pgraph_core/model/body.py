@@ -488,8 +488,9 @@ def _finite(x: Any) -> bool:
 
 def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None:
     for name, rest in (("q", joints.home(motions)), ("v", (0.0,) * joints.nv(motions))):
-        if isinstance(data.get(name), Mapping):
-            data[name], problem = joints.joined_parts(name, data[name], rest)
+        given, free = listed(data.get(name, ())), any(m.kind == "free" for m in motions)
+        if isinstance(given, Mapping) or (free and given not in ((), None)):
+            data[name], problem = joints.joined(name, given, rest, free)
             refuse([(name, problem)] if problem else [])
     if listed(data.get("q", ())) == ():
         data["q"] = joints.home(motions)

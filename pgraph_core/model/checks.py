@@ -166,7 +166,7 @@ def fits_joint(c: Constraint, bodies: Bodies) -> bool:
 def _coordinate_problem(body: Body, coordinate: int) -> str:
     """Return the problem with a coordinate that must have its own position, or ""."""
     if coordinate >= body.dof:
-        return f"the joint of '{body.name}' has {body.dof} degrees of freedom, got {coordinate}"
+        return joints.no_coordinate(body.name, body.dof, coordinate)
     if not _has_position(body, coordinate):
         known = [str(k) for k in range(body.dof) if _has_position(body, k)]
         do = f"choose one of {choices(known)}" if known else "use kind 'orientation' or 'velocity'"
@@ -235,7 +235,7 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
         if body is None:
             continue
         if f.coordinate >= body.dof:
-            text = f"the joint of '{f.body}' has {body.dof} degrees of freedom, got {f.coordinate}"
+            text = joints.no_coordinate(f.body, body.dof, f.coordinate)
             found.append(Problem(where, "coordinate", text))
         elif springs and not _has_position(body, f.coordinate):
             text = "kp of a servo requires a rotate or translate motion, not a ball joint"

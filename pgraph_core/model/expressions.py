@@ -8,7 +8,7 @@ from copy import copy
 from typing import Any
 
 from .. import joints
-from ..errors import Problem, choices, nearest, shown
+from ..errors import Problem, choices, nearest_name, shown
 from ..fields import Described, OfSums, fields_of
 from ..forces import Force, OnJoint
 from ..signals import Node, Unreadable, is_expression, parsed, signals_in, with_names, written
@@ -94,14 +94,13 @@ class Known:
 
     def _of_joint(self, node: Node, name: str, k: int, rate: bool) -> Dim:
         if name not in self.bodies:
-            text = f"no body is named {shown(name)}; {nearest(name, self.bodies)}"
+            text = f"no body is named {shown(name)}; {nearest_name(name, self.bodies)}"
             raise Unreadable(node.column, text)
         body = self.bodies[name]
         if body is None:
             return Q
         if k >= body.dof:
-            text = f"the joint of '{name}' has {body.dof} degrees of freedom, counted from 0"
-            raise Unreadable(node.column, f"{text}, got {k}")
+            raise Unreadable(node.column, joints.no_coordinate(name, body.dof, k))
         places = joints.places(body.sequence)
         if not rate and places[k] is None:
             text = f"a {body.joint} joint has no single angle; use its rate, v[{shown(name)}][{k}]"
@@ -113,7 +112,7 @@ class Known:
     def _of_control(self, node: Node, name: str, k: int) -> None:
         control = self.controls.get(name)
         if control is None:
-            do = nearest(name, self.controls) if self.controls else "the model has none"
+            do = nearest_name(name, self.controls) if self.controls else "the model has none"
             raise Unreadable(node.column, f"no control is named {shown(name)}; {do}")
         if k > (count := len(control.own)):
             text = f"control {shown(name)} has entry 0 (its value) and states 1 to {count}, got "
@@ -136,7 +135,7 @@ class Known:
     def _of_drive(self, node: Node, group: str, name: str, k: int) -> Dim | None:
         drive = self.drives.get(name)
         if drive is None:
-            do = nearest(name, self.drives) if self.drives else "the model has none"
+            do = nearest_name(name, self.drives) if self.drives else "the model has none"
             if name in self.of("force"):
                 do = f"write {written('force', name)} for the force of a contact or constraint"
             text = f"no motor, servo or actuator is named {shown(name)}; {do}"
@@ -151,7 +150,7 @@ class Known:
     def _of_force(self, node: Node, name: str, k: int) -> Dim:
         known = self.of("force")
         if name not in known:
-            do = nearest(name, known) if known else "the model has none"
+            do = nearest_name(name, known) if known else "the model has none"
             raise Unreadable(node.column, f"no contact or constraint is named {shown(name)}; {do}")
         if all(name in names for names in self._exerting):
             text = f"a contact and a constraint are both named {shown(name)}; rename one"
@@ -164,7 +163,7 @@ class Known:
     def _of_output(self, node: Node, name: str, k: int) -> Dim:
         output = self.outputs.get(name)
         if output is None:
-            do = nearest(name, self.outputs) if self.outputs else "the model has none"
+            do = nearest_name(name, self.outputs) if self.outputs else "the model has none"
             raise Unreadable(node.column, f"no output is named {shown(name)}; {do}")
         if output.kind in PATHS or output.kind in OF_LOAD:
             text = f"an algebraic loop: out.{name} follows from {PATHS[output.kind]}, these from "
@@ -202,7 +201,7 @@ class Known:
     def _check(self, node: Node, of_time: bool) -> None:
         name, known = node.signal[1], [*self.parameters, TIME, *CONSTANTS]
         if node.op == "name" and name not in known:
-            hint = nearest(name, known)
+            hint = nearest_name(name, known)
             if name in self.bodies:
                 hint = f"write q.{name} for its coordinate, v.{name} for its rate"
             raise Unreadable(node.column, f"unknown name {shown(name)}; {hint}")

@@ -149,7 +149,8 @@ class Shape(Frozen):
         ):
             one, own = _one(kind), " and ".join(DIMENSIONS[kind])
             refuse([
-                ("shape", f"{one} has no {name}: give {own}, got {name} {shown(data[name])}")
+                (name, f"{one} has no {name}: give {own}{_doubled(kind, name, data[name])}, "
+                f"got {name} {shown(data[name])}")
                 for name in FOREIGN[kind]
                 if data.get(name) is not None
             ])  # fmt: skip
@@ -159,7 +160,7 @@ class Shape(Frozen):
     def _complete(self) -> Self:
         own = vars(self)  # faster than descriptors for thousands of shapes
         problems = [
-            ("shape", f"{_one(self.kind)} needs {name}")
+            (name, f"{_one(self.kind)} needs {name}")
             for name in DIMENSIONS[own["kind"]]
             if own[name] is None
         ]
@@ -249,6 +250,15 @@ FOREIGN = {  # kind -> the fields that say how large others are
     + ([] if kind in ("capsule", "cylinder") else ["end_radius"])
     for kind, own in DIMENSIONS.items()
 }
+
+
+def _doubled(kind: str, name: str, value: Any) -> str:
+    """Return the fields of a cylinder or a capsule for its size in MuJoCo, or ""."""
+    given: Any = listed(value)
+    pair = name == "size" and "length" in DIMENSIONS[kind] and isinstance(given, tuple)
+    if not pair or len(given) != 2 or not all(isinstance(x, (int, float)) for x in given):
+        return ""
+    return f", for MuJoCo's radius and half length radius={given[0]:g}, length={2 * given[1]:g}"
 
 
 def _one(kind: str) -> str:

@@ -195,11 +195,17 @@ def _is_coordinate(column: str, known: set[str]) -> bool:
 def no_column(columns: Iterable[str], name: str) -> str:
     """Return the message for an unknown column, with the closest names."""
     known = list(columns)
-    last = name.rpartition(".")[2].rpartition("_")[2]
-    close = words.similar(name, known, n=6, cutoff=0.5)
+    head, _, part = name.partition(".")
+    last, whole = name.rpartition(".")[2].rpartition("_")[2], name.rpartition(".")[0]
+    kinds = words.ATTRIBUTES.get(head, ())  # torque.push is drive_force.push
+    close = [c for c in known if whole and c.rpartition(".")[0] == whole]
+    close += [c for c in known if part and c.partition(".")[2] == part]
+    close += [c for c in known if c.partition(".")[0] in kinds and not part]
+    close += words.similar(name, known, n=6, cutoff=0.5)
     close += [c for c in known if name in c.split(".") or last in c.split(".")]
-    hint = f"; did you mean {choices(dict.fromkeys(close), 6)}?" if close else ""
-    return f"there is no column {name!r}{hint or '; choose one of ' + choices(known, 24)}"
+    hint = f"; did you mean {choices(dict.fromkeys(close), 7)}?" if close else ""
+    plain = [c for c in known if c.partition(".")[0] not in OF_BODIES] or known
+    return f"there is no column {name!r}{hint or '; choose one of ' + choices(plain, 24)}"
 
 
 def frame(columns: Mapping[str, Column]) -> Any:

@@ -267,7 +267,8 @@ class Named(Mapping[str, Any]):
 
     def _missing(self, name: Any) -> str:
         if not self._arrays:
-            return f"no {self._what} acts in this run, got {shown(name)}"
+            add = f"; model.add(pg.{ADDED[self._what]}) adds one" if self._what in ADDED else ""
+            return f"no {self._what} acts in this run, got {shown(name)}{add}"
         known = choices(nearest_first(name, self) if isinstance(name, str) else self)
         return f"no {self._what} is named {shown(name)}; choose one of {known}"
 
@@ -321,12 +322,17 @@ class ByTouch(Named):
         if crowds:
             text = f"of more bodies than {PAIRED} is one entry, '{crowds[0]}'; name two bodies in a"
             return f"a contact {text} contact of their own"
-        return self._missing((a, b)).replace("is called", "is between")
+        return self._missing((a, b)).replace("is named", "is between")
 
 
 KINDS = ("force", "gap", "slip", "limit", "normal", "phases", "pull")
 OF_CONSTRAINTS = ("constraint_force", "constraint")  # arguments of Named for constraints
 OF_DRIVES = ("drive_force", "motor, servo or actuator")  # and for drives
+ADDED = {  # what `Named` holds: a part of the model that brings it
+    "contact": "Contact(body='...', other='ground')", "output": "Output('...', at='...')",
+    "constraint": "Point(body='...', other='...')", OF_DRIVES[1]: "Motor('...', body='...')",
+    "control": "Filter('...', input='=...')",
+}  # fmt: skip
 NOTHING, NO_FORCES, NO_DRIVES = ContactRecord(), Named({}, *OF_CONSTRAINTS), Named({}, *OF_DRIVES)
 
 

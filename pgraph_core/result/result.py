@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from .. import words
 from ..dynamics.states import (
     BodyMotion,
     Sensors,
@@ -34,6 +33,7 @@ from .columns import (
     columns_of,
     labelled,
     meant,
+    no_column,
 )
 from .dense import states_at
 from .exports import ARRAYS, Exports
@@ -365,9 +365,7 @@ class Result(Exports, EqualByFields, Portable):
             return f"no body is named {name!r}; the array of all is run.{name}"
         if isinstance(name, (int, slice)):
             return f"no body is named {name!r}; frames are rows of run.q, run.v and run.t"
-        near = words.similar(str(name), joints)
-        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ";"
-        return f"no body is named {name!r}{hint} choose one of {choices(joints)}"
+        return no_column(columns_of(self, True), str(name))
 
     def at(self, t: Any) -> tuple[Array, Array, Any]:
         """Interpolate the state between recorded frames.

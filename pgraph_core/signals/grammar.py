@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple, NoReturn
 
-from ..errors import nearest, shown
+from ..errors import nearest_name, shown
 
 LONGEST_EXPRESSION = 2000  # characters of an expression
 MOST_LEVELS = 50  # brackets and signs inside each other
@@ -111,10 +111,17 @@ class _Reader:
     def whole(self) -> Node:
         found = self.expression(0, 0)
         if self.next.kind != "end":
-            named, name = self.next.text[:1] == ".", self.next.text[1:]
-            do = f'; a name that begins with a digit is written as in q["{name}"]' * named
-            self.refuse(f"expects an operator or the end, got {_seen(self.next)}{do}")
+            self.refuse(f"expects an operator or the end, got {_seen(self.next)}{self.after_dot()}")
         return found
+
+    def after_dot(self) -> str:
+        """Return the remedy if the next token begins with a dot, or ""."""
+        if self.next.text[:1] != ".":
+            return ""
+        if self.next.kind == "number":
+            return f'; a name that begins with a digit is written as in q["{self.next.text[1:]}"]'
+        module, name = self.tokens[self.k - 1].text, self.tokens[self.k + 1].text
+        return f"; write {name}, without {module}." if name in RESERVED else ""
 
     def made(self, op: str, args: tuple[Node, ...], at: _Token) -> Node:
         depth = 1 + max(x.depth for x in args)
@@ -176,7 +183,8 @@ class _Reader:
 
     def call(self, at: _Token, level: int) -> Node:
         if at.text not in FUNCTIONS:
-            self.refuse(f"no function is named {shown(at.text)}; {nearest(at.text, FUNCTIONS)}", at)
+            do = nearest_name(at.text, FUNCTIONS)
+            self.refuse(f"no function is named {shown(at.text)}; {do}", at)
         self.take()
         args: list[Node] = []
         while self.next.text != ")" or self.next.kind != "sign":

@@ -7,7 +7,7 @@ import operator
 from collections.abc import Callable, Container, Mapping
 from typing import Any
 
-from ..errors import nearest, shown
+from ..errors import nearest_name, shown
 from ..units import NONE, RAD, Dim, J, M, N, S
 from .grammar import COMPARISONS, Node, Unreadable, parsed, walk
 
@@ -53,7 +53,7 @@ def constant(
             return parameters[name]
         if name in CONSTANTS:
             return CONSTANTS[name]
-        do = nearest(name, parameters) if parameters else "the model has none yet"
+        do = nearest_name(name, parameters) if parameters else "the model has none yet"
         raise Unreadable(node.column, f"no parameter is named {shown(name)}; {do}")
     if node.op == "signal" and read is not None:
         return read(node)

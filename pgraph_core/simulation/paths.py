@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from ..curves import Table
 from ..dynamics.arguments import names_in
-from ..errors import InputError, ModelError, Problem, nearest, shown
+from ..errors import InputError, ModelError, Problem, nearest, nearest_name, shown
 from ..fields import about, is_number
 from ..forces import OnJoint
 from ..joints import KINDS as JOINTS
@@ -210,7 +210,9 @@ class Path:
         """A field of a part, or an entry of a list."""
         if isinstance(value, Mapping):
             if str(word) not in value:
-                do = nearest(str(word), [*value]) if value else "give it one in the model first"
+                do = (
+                    nearest_name(str(word), [*value]) if value else "give it one in the model first"
+                )
                 raise self._refused(f"has no {str(word)!r}; {do}")
             return value[str(word)]
         if isinstance(value, BaseModel):

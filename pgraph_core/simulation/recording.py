@@ -121,7 +121,8 @@ class Recording(Running):
         """Pass the torques of the call to the scene."""
         if self.user is None:
             nv = self.mech.nv
-            self.scene.given[:nv] = 0.0 if self.tau is None else finite("tau", self.tau, nv)
+            tau, of = self.tau, self.mech.packed
+            self.scene.given[:nv] = 0.0 if tau is None else finite("tau", tau, nv, of=of)
 
     def _short(self) -> bool:
         """Check whether a run with this plan is short and its scene and loop can be reused."""

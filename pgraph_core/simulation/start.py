@@ -12,6 +12,7 @@ from ..dynamics.arguments import (
     fill,
     finite,
     names_in,
+    of_joints,
     of_state,
     position,
     rows_by_name,
@@ -105,6 +106,7 @@ def rows_of(mech: Mechanism, q: Any, v: Any) -> list[tuple[Any, Any]]:
         array = array[None] if array.ndim == 1 else array
         if array.ndim != 2 or array.shape[1] != width:
             text = f"must have a row of {width} numbers for each run, got {array.shape}"
+            text += of_joints(mech.packed, name)
             raise InputError(Problem("simulate_batch", name, text))
         rows[name] = array
     number = max(map(len, rows.values()), default=1)
@@ -265,7 +267,7 @@ def _of_functions(mech: Mechanism, tau: Any) -> Any:
     def torques(t: float, q: Array, v: Array) -> Array:
         now = {name: x(t, q, v) if callable(x) else x for name, x in given.items()}
         if named is None:
-            return finite("tau", list(now.values()), mech.nv)
+            return finite("tau", list(now.values()), mech.nv, of=mech.packed)
         found = np.zeros(mech.nv)
         fill(mech, found, now, "tau")
         return found
@@ -307,6 +309,7 @@ def with_state(
     if q is not None:
         q = position(mech.packed, by_name(mech, "q", q, start[0][: mech.nq]))
     if v is not None:
-        v = finite("v", by_name(mech, "v", v, start[1][: mech.nv]), mech.nv)
+        v = by_name(mech, "v", v, start[1][: mech.nv])
+        v = finite("v", v, mech.nv, of=mech.packed)
     q, v = start[0] if q is None else q, start[1] if v is None else v
     return mech.packed.with_states(t, q.copy(), v.copy())

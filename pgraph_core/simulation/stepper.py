@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from hashlib import sha256
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -569,7 +569,8 @@ class Stepper(Readings):
         given = self._own
         if tau is not None:
             refuse_as_torques(tau, "Stepper")
-            given = finite("tau", by_name(self.mech, "tau", tau), self.mech.nv)
+            tau = by_name(self.mech, "tau", tau)
+            given = finite("tau", tau, self.mech.nv, of=self.mech.packed)
         self._record.scene.given[: self.mech.nv] = given
         self._steps.anew()
 
@@ -593,5 +594,8 @@ def refuse_as_torques(tau: Any, call: str) -> None:
         text = f"must be numbers; a function of (t, q, v) goes to pg.{call}(..., tau=function)"
     elif isinstance(tau, Integral):
         text = f"are torques, an array; for {tau} steps write step(n={tau})"
+    elif isinstance(tau, Real):
+        text = f"are torques, an array, got {tau}; the length of a step is pg.{call}(..., step="
+        text += f"{tau}), and step(n=10) takes ten"
     if text:
         raise InputError(Problem(f"{call}.step", "tau", text))

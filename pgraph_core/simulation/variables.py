@@ -18,7 +18,7 @@ from ..dynamics.lifted import Differs, Flat, are_alike, are_on_lines, flat, slop
 from ..engine.arrays import DESCRIBED, SCENE_OF_DUALS
 from ..engine.compiler.kinds import F1, carrying, group
 from ..engine.signals import JUMPING, SAMPLE
-from ..errors import InputError, ModelError, PgraphError, Problem, nearest, shown
+from ..errors import InputError, ModelError, PgraphError, Problem, nearest_name, shown
 from ..forces import OnJoint
 from ..mechanism import Mechanism
 from ..packing import Array
@@ -126,7 +126,7 @@ def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
     body, _, entry = name.rpartition(".")
     body, entry = (body, entry) if body in joints and entry.isdecimal() else (name, "0")
     if body not in joints:
-        text = f"no body with a moving joint is named {body!r}; {nearest(body, joints)}"
+        text = f"no body with a moving joint is named {body!r}; {nearest_name(body, joints)}"
         raise InputError(Problem(call, f"{kind}.{name}", text))
     place = joints[body]
     if (body == name and len(place) > 1) or int(entry) >= len(place):

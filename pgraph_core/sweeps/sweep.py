@@ -291,12 +291,12 @@ def known_options(call: Any, options: dict[str, Any]) -> dict[str, Any]:
     Raises InputError for unknown ones, with the arguments of both.
     """
     own = [*signature(call).parameters][:-1]
-    known = [*own, *(name for name in signature(simulate).parameters if name not in own)]
-    known.remove("mechanism")
-    options = words.renamed(options, known) or options
+    passed = [name for name in signature(simulate).parameters if name not in (*own, "mechanism")]
+    options = words.renamed(options, passed) or options
     for name in options:
-        if name not in known:
-            text = f"is not an option of {call.__name__} or simulate; {nearest(name, known)}"
+        if name not in passed:
+            text = f"is not an option of {call.__name__} or simulate; "
+            text += nearest(name, [*own, *passed])
             raise InputError(Problem(call.__name__, name, text))
     return options
 

@@ -127,7 +127,7 @@ def test_joints_and_columns_are_read_by_name(run):
     np.testing.assert_array_equal(run["total energy"], run.energy)
     done = pg.simulate(tumbling(), t_end=0.1)
     assert [done[x].shape[1] for x in ("ball", "box")] == [4, 7]
-    for wrong, words in ((name + "x", f"'{name}'"), ("v", r"run\.v")):
+    for wrong, words in ((name + "x", f"mean {name}, v.{name}"), ("v", r"run\.v")):
         with pytest.raises(pg.InputError, match=words):
             run[wrong]
 

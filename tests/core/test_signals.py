@@ -269,7 +269,7 @@ def test_an_expression_that_has_no_value_ends_the_run_and_is_named():
         ("torque", "=kk*t", ("'kk'", "k")),
         ("torque", "=arm", ("'arm'",)),
         ("torque", "=arm*t", ("q.arm",)),
-        ("torque", "=q.arm[1]", ("1 degrees",)),
+        ("torque", "=q.arm[1]", ("1 degree", "from 0")),
         ("torque", "=q.arm + v.arm", ("rad and rad/s",)),
         ("torque", "=q.arm", ("gives rad, not N m",)),
         ("torque", "=sin(v.arm)", ("rad/s",)),
