@@ -72,10 +72,11 @@ def test_words_of_others_are_answered_with_what_to_type(call, facts):
 
 
 def test_a_wrong_value_is_not_said_to_be_missing():
-    for kind, wrong in (("sphere", {"radius": -1}), ("box", {"size": (1, 1, np.nan)})):
+    one = {"radius": -1}, {"size": (1, 1, np.nan)}, {"size": (1, 2, 3)}
+    for kind, wrong, field in zip(("sphere", "box", "cylinder"), one, ("radius", "size", "shape")):
         with pytest.raises(pg.ModelError) as refused:
             pg.Shape(kind=kind, **wrong)
-        assert [problem.field for problem in refused.value.problems] == [*wrong]
+        assert [problem.field for problem in refused.value.problems] == [field]
 
 
 def test_names_of_bodies_are_no_words_of_other_programs():

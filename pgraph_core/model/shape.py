@@ -149,7 +149,7 @@ class Shape(Frozen):
         ):
             one, own = _one(kind), " and ".join(DIMENSIONS[kind])
             refuse([
-                (name, f"{one} has no {name}: give {own}{_doubled(kind, name, data[name])}, "
+                ("shape", f"{one} has no {name}: give {own}{_doubled(kind, name, data[name])}, "
                 f"got {name} {shown(data[name])}")
                 for name in FOREIGN[kind]
                 if data.get(name) is not None
