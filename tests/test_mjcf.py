@@ -7,6 +7,7 @@ import trimesh
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli.main import main
+from pgraph_core import errors
 from tests.pairs import touching
 
 mujoco = pytest.importorskip("mujoco")
@@ -643,3 +644,33 @@ def test_a_moment_of_inertia_of_a_thin_rod_is_what_mujoco_takes(tmp_path):
     assert "'rod'" in texts(report, "approximated")
     m, _ = compiled(tmp_path, "out.xml")
     assert m.body("rod").inertia.min() == pytest.approx(1e-12)
+
+
+@pytest.mark.parametrize("clamped", ["enable", "disable"])
+def test_control_ranges_bound_unless_the_file_switches_them_off(tmp_path, clamped):
+    model, report = read(
+        tmp_path,
+        f"""<mujoco><option><flag clampctrl="{clamped}"/></option><worldbody><body name="a">
+<joint name="j"/><geom size=".1" pos=".3 0 0"/></body></worldbody>
+<actuator><motor name="m" joint="j" ctrlrange="-1 1"/></actuator></mujoco>""",
+    )
+    (motor,) = model.forces
+    assert (motor.input_high == 1.0) == (clamped == "enable")
+    assert ("clampctrl" in str(report)) == (clamped == "disable")
+
+
+def test_reports_of_parts_without_a_name_name_their_bodies(tmp_path):
+    _, report = read(
+        tmp_path,
+        """<mujoco><worldbody><body name="a"><joint type="ball" stiffness="3"/>
+<joint type="slide" axis="0 0 1"/><geom name="g" size=".1"/></body>
+<body name="b" pos="1 0 0"><freejoint/><geom name="h" size=".1"/></body></worldbody><contact>
+<pair geom1="g" geom2="h" condim="3" friction="1 .5 .1 .1 .1"/></contact></mujoco>""",
+    )
+    told = [e.text for e in report.of("left out")]
+    assert any("stiffness" in text and "'a'" in text for text in told)
+    assert any("direction" in text and "'a' and 'b'" in text for text in told)
+
+
+def test_a_problem_without_a_place_begins_with_its_text():
+    assert str(pg.FileError(errors.Problem("", "", "is cut off"))) == "is cut off"
