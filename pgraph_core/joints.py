@@ -223,8 +223,9 @@ OF_FREE: dict[str, dict[str, slice]] = {  # parts of the numbers of a free joint
 
 
 def in_parts(quantity: str, name: str = "") -> str:
-    """Return "{'angular': (3 numbers), 'linear': (3 numbers)}" of a free joint."""
-    parts = (f"{x!r}: ({y.stop - y.start} numbers)" for x, y in OF_FREE[quantity].items())
+    """Return "{'position': (x, y, z), 'rotation': (w, x, y, z)}" of a free joint."""
+    axes = {3: "(x, y, z)", 4: "(w, x, y, z)"}
+    parts = (f"{x!r}: {axes[y.stop - y.start]}" for x, y in OF_FREE[quantity].items())
     listed = f"{{{', '.join(parts)}}}"
     return f"{quantity}={{{name!r}: {listed}}}" if name else listed
 

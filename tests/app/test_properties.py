@@ -468,4 +468,4 @@ def test_the_functions_of_a_track_are_typed(state):
     assert rows["track_angles"]["cells"][0]["value"] == "q"
     changed = edit(state, "track_z", ((), "0.1*sin(q)"))
     assert changed.model.body("2").track.z == "0.1*sin(q)"
-    assert "column" in reply(edit(state, "track_z", ((), "sin(w)")))
+    assert "reads only q" in reply(edit(state, "track_z", ((), "sin(w)")))
