@@ -12,9 +12,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..engine import layout as at
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import made_by_numba
+from ..engine.motions import facts
 from ..errors import Called, InputError, Problem, choices, nearest_first, shown, to_read
 from ..fields import is_number
 from ..joints import in_parts, joined
@@ -138,6 +138,11 @@ def positions(packed: Packed, q: Array) -> None:
             position(packed, row)
 
 
+def _is_free(joint: Any) -> bool:
+    """Check whether a joint takes up all motions of its body, so that it transmits none."""
+    return not facts("transmits")[list(joint.kinds)].all()
+
+
 def fill(mech: Any, state: Array, entries: Mapping[str, Any], kind: str) -> None:
     """Write the values for bodies into q or v."""
     joints = mech.joints
@@ -149,13 +154,13 @@ def fill(mech: Any, state: Array, entries: Mapping[str, Any], kind: str) -> None
             if body in joints and entry.isdecimal():  # a column of a run
                 text = f"{name!r} is one entry of {body!r}, whose numbers are given together: "
                 text += f"{kind}={{{body!r}: [...]}}"
-                if at.FREE in joints[body].kinds:
+                if _is_free(joints[body]):
                     text += f", or some of them: {in_parts(kind, body)}"
             if any(f.name == name for f in mech.model.forces):
                 text = f"{name!r} is a force; give inputs={{{name!r}: ...}}"
             raise InputError(Problem(kind, "", text))
         place = getattr(joints[name], "q" if kind == "q" else "v")
-        free, label = at.FREE in joints[name].kinds, f"{kind}[{name!r}]"
+        free, label = _is_free(joints[name]), f"{kind}[{name!r}]"
         values, problem = joined(kind, values, state[place].tolist(), free)
         if problem:
             raise InputError(Problem(label, "", problem))

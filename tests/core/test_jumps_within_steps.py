@@ -23,7 +23,7 @@ def assert_honest(runs, floor, small=10.0):
     """No estimate is below a fifth of the error; few are above ten times it, by lucky phases."""
     ratios = []
     for run, known, size in runs:
-        off = np.maximum(*differences(run.mechanism.packed.rows, run.q, known)).max()
+        off = np.maximum(*differences(run.mechanism.packed, run.q, known)).max()
         assert off <= 5.0 * run.error_estimate + floor * size, (off, run.error_estimate)
         if off > floor * size:
             ratios.append(run.error_estimate / off)
