@@ -44,7 +44,7 @@ MOST_KEPT = 32_768  # numbers in the frames of a run, for which a mechanism keep
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 NO_CHANGES = table(PHASE_CHANGE, 0)
 WATCHING = "the method that detects contacts"
-NO_MONITORS = np.zeros((7, 0))  # ROWS of contact.points, which most runs do not import
+NO_MONITORS = np.zeros((8, 0))  # ROWS of contact.points, which most runs do not import
 
 
 class Recording(Running):

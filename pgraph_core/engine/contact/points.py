@@ -52,8 +52,9 @@ TRIALS = 80
 FORCE_TOLERANCE = RANK  # rounding of contact forces relative to the largest one
 NEARLY = 0.02  # plausible error of the cubic relative to the motion of a gap in a step
 # rows of `watched`: at a step's start, the bracket, now, then the least distance of a user's event
-# from zero, its time [s], and 1 where it has come near zero at the end of a part
-WATCHED = columns("start", "low", "high", "now", "nearest", "when", "nears")
+# from zero, its time [s], 1 where it has come near zero at the end of a part, and the time in the
+# step since which its sign is known
+WATCHED = columns("start", "low", "high", "now", "nearest", "when", "nears", "since")
 NOTHING = 1.0  # value of an unused monitor
 BELOW = sys.float_info.min  # stand-in for a value of zero, which counts as reached
 

@@ -41,10 +41,10 @@ class Block(NamedTuple):
 
 
 # rows of `vectors`: the state, that at the end of the step, given torques and with what stiff
-# springs add, drives as inertia and torque, then what impulses do
+# springs add, drives as inertia and torque, 1 where a motor or servo drives, then what impulses do
 VECTOR = columns(
     "q", "v", "ledger", "new_q", "new_v", "tau", "vdot", "given", "pushed", "damping", "stiffness",
-    "armature", "effect", "speeds", "freed", "dinv", "move", "done", "mean", "zero",
+    "driven", "armature", "effect", "speeds", "freed", "dinv", "move", "done", "mean", "zero",
 )  # fmt: skip
 # columns of `drives`
 DRIVE = columns("stiffness", "damping", "low", "high", "friction", "target", "torque")

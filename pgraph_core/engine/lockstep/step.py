@@ -26,7 +26,7 @@ from ..rows import (
     rotation_of,
     spin_of,
 )
-from ..stepping.armatures import correction, relax, soften, stiffen
+from ..stepping.armatures import corrections, relax, soften, stiffen
 from ..stepping.batch import call_advance, call_copy
 from ..stepping.booking import goes_on_sliding
 from ..stepping.row_speeds import turn_rates
@@ -99,10 +99,13 @@ def stiffen_drives(rows, drives, b, h, q, v):
     for j in range(x.shape[1]):
         x[of.VECTOR.damping, j] = 0.0
         x[of.VECTOR.stiffness, j] = 0.0
+        x[of.VECTOR.driven, j] = 0.0
         x[of.VECTOR.pushed, j] = x[of.VECTOR.given, j]
     for n in range(drives.shape[0]):
         j, i = drives[n, 0], drives[n, 1]
         d = b.drives[n]
+        if drives[n, 2] != 1:
+            x[of.VECTOR.driven, j] = 1.0
         torque = -d[of.DRIVE.damping] * v[j]
         if i >= 0:
             torque += d[of.DRIVE.stiffness] * (d[of.DRIVE.target] - q[i])
@@ -227,7 +230,7 @@ def touching(near, b):
 
 
 @sweep
-def finish(rows, ways, near, b, h, passive, kept):
+def finish(rows, ways, near, b, h, kept):
     """Finish a step into NEW_Q and NEW_V by its second pass."""
     x, lane = b.vectors, b.lane[0]
     v, vdot, mean_ = x[of.VECTOR.v], x[of.VECTOR.vdot], x[of.VECTOR.mean]
@@ -240,13 +243,12 @@ def finish(rows, ways, near, b, h, passive, kept):
     new = x[of.VECTOR.new_v]
     for j in range(x.shape[1]):
         new[j] = v[j] + (h * vdot[j] + x[of.VECTOR.move, j])
-    more_work = correction(
-        rows, x[of.VECTOR.tau], v, mean_, x[of.VECTOR.damping], h, new, lane[of.LANE.count] * 0.0
+    zero, softer, driven = lane[of.LANE.count] * 0.0, x[of.VECTOR.stiffness], x[of.VECTOR.driven]
+    work, lost = corrections(
+        rows, x[of.VECTOR.tau], v, mean_, x[of.VECTOR.damping], softer, driven, h, new, zero
     )
-    if passive:
-        x[of.VECTOR.done, 1] -= more_work
-    else:
-        x[of.VECTOR.done, 0] += more_work
+    x[of.VECTOR.done, 0] += work
+    x[of.VECTOR.done, 1] += lost
     advance(rows, x[of.VECTOR.new_q], new, 0.5 * h)
     if some:
         push_out(rows, ways, near, b, h)
@@ -467,7 +469,6 @@ def step_block(
     this = opened_run(run)
     data = opened(this.scene)
     rows, user, work = data.rows, data.user, data.work
-    passive = data.drives.table.shape[0] <= data.drives.passive
     kept = walk == 0 and user.address == 0  # otherwise they may write into the rows
     b, s = in_lanes(block), named_block(block)
     since, ways_on, swept, lane = state[0], state[1], state[2], s.lane[0]
@@ -520,7 +521,7 @@ def step_block(
                         exchange(copy, mine, row, True)
             if again == 0:
                 solve(rows, ways, near, b, h, False, False)
-        finish(rows, ways, near, b, h, passive, kept)
+        finish(rows, ways, near, b, h, kept)
         for w in range(LANE_WIDTH):
             i = first + w
             if ways_on[w] == IN_LANES and lane[of.LANE.alone, w] == 0.0:

@@ -9,7 +9,7 @@ The second pass of a step takes them at the mean velocity of the first one, wher
 
 from .. import layout as at
 from ..compiler.jit import part, sweep
-from ..compiler.masks import smaller
+from ..compiler.masks import chosen, smaller
 from ..motions import diagonal, nv_of, transmits
 from ..rows import armature_of, kind_of, parent_of, v_of
 
@@ -53,7 +53,10 @@ def stiffen(rows, const, h, v, damping, stiffness, own, given):
 @sweep
 def soften(rows, work, h, v, mean, damping, stiffness, own, given, dinv):
     """Write torques `given`, without drives `own`, that take drives at the mean velocity, where
-    they are soft. `dinv` (nv,) becomes the diagonal of D⁻¹."""
+    they are soft.
+
+    `stiffness` becomes the difference, and `dinv` (nv,) the diagonal of D⁻¹.
+    """
     for k in range(1, rows.shape[0]):
         if takes_armature(rows, k):
             j = v_of(rows, k)
@@ -61,6 +64,7 @@ def soften(rows, work, h, v, mean, damping, stiffness, own, given, dinv):
             for i in range(j, j + nv_of(kind_of(rows, k))):
                 more = softened(dinv[i], damping[i], stiffness[i], h, v[i], mean[i])
                 given[i] = own[i] + more
+                stiffness[i] = more
 
 
 @part
@@ -102,12 +106,14 @@ def exchange(rows, const, own):
 
 
 @sweep
-def correction(rows, tau, before, taken, extra, h, v, none):
-    """Return what the work of joint torques lacks for their change over the step [J].
+def corrections(rows, tau, before, taken, extra, softer, driven, h, v, none):
+    """Return what the work of drives and the loss in joints lack for a step [J].
 
-    Their power was taken at the velocities `taken`. `none` is zero in the number type of the run.
+    The power of joint torques was taken at the velocities `taken`, and that of the torques `softer`
+    as work. Both belong to the loss in coordinates that are not `driven`. `none` is zero in the
+    number type of the run.
     """
-    more = none
+    work, lost = none, none
     for k in range(1, rows.shape[0]):
         if takes_armature(rows, k):
             j = v_of(rows, k)
@@ -115,5 +121,8 @@ def correction(rows, tau, before, taken, extra, h, v, none):
                 change = v[i] - before[i]
                 mean = 0.5 * (v[i] + before[i])
                 pushed = h * tau[i]
-                more += (pushed - extra[i] * change) * mean - pushed * taken[i]
-    return more
+                more = (pushed - extra[i] * change) * mean - pushed * taken[i]
+                own = h * softer[i] * taken[i]
+                work += chosen(driven[i], more, -own)
+                lost -= chosen(driven[i], 0.0 * own, more + own)
+    return work, lost

@@ -109,6 +109,8 @@ def take_sides(run, low, width):
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
+    for i in range(signs.shape[0]):
+        watched[WATCHED.since, first + i] = -1.0
     w = SOLVED * width
     while w < width and undecided(signs):
         look(run, low, w)
@@ -116,6 +118,7 @@ def take_sides(run, low, width):
             if signs[i] == 0 and values[i] != 0.0:
                 signs[i] = 1 if values[i] > 0.0 else -1
                 watched[WATCHED.start, first + i] = abs(values[i])
+                watched[WATCHED.since, first + i] = low + w
         w *= WIDER
 
 
@@ -288,7 +291,7 @@ def least_value(run, low, width, i, y):
         else:
             b, fb = w, value
     if b - a < SOLVED and (2.0 * fm <= max(fa, fb) or fm <= SOLVED * size):
-        return touched(run, low, m * width, i)
+        return touched(run, low, b * width, i)  # from where on it rises
     if fm < watched[WATCHED.nearest, n]:
         watched[WATCHED.nearest, n] = fm
         watched[WATCHED.when, n] = data.control[0].clock.old_time + low + m * width
@@ -311,6 +314,22 @@ def dipped(run, low, end):
             return low + first, last - first
         look(run, middle, end - middle)  # the same call as in `looked_at` gives equal bits
     return low, -1.0
+
+
+@sweep
+def dipped_before(run, low, begin, found):
+    """Return `dipped` for the interval from `low` to an event in that from `begin` of width `found`."""
+    end = begin + locate(run, begin, found)
+    look(run, low, 0.0)
+    keep_values(run, WATCHED.low)
+    middle = 0.5 * (low + end)
+    look(run, low, middle - low)
+    keep_values(run, WATCHED.high)
+    look(run, middle, end - middle)
+    first, width = dipped(run, low, end)
+    if width < 0.0:
+        look(run, begin, found)
+    return first, width
 
 
 @part
@@ -449,6 +468,10 @@ def looked_at(run, low, end):
         stop = end if k == halves - 1 else 0.5 * (low + end)
         found = happened(run, begin, stop - begin)
         if found > 0.0:
+            if data.links.events != 0:
+                first, width = dipped_before(run, low, begin, found)
+                if width >= 0.0:
+                    return reached(run, first, width)
             return reached(run, begin, found)
         if phases_watched(run):
             accepted(opened_events(data.scene).contact)

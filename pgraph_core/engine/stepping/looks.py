@@ -85,7 +85,7 @@ def look(run, low, w):
         watch(contact, WATCHED.now, w)
     if data.links.events != 0:
         values_of_events(run, t, q, v)
-        watch_events(run)
+        watch_events(run, low + w)
 
 
 @sweep
@@ -103,8 +103,11 @@ def values_of_events(run, t, q, v):
 
 
 @sweep
-def watch_events(run):
-    """Compute the monitors of user events, positive while the values keep their sign."""
+def watch_events(run, w):
+    """Compute the monitors of user events, positive while the values keep their sign.
+
+    Up to the time `since` after the start of the step, the sign of a value is rounding.
+    """
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
@@ -112,7 +115,9 @@ def watch_events(run):
         monitor = NOTHING
         if signs[i] != 0 and data.wanted[i] != ASLEEP:
             monitor = signs[i] * values[i]
-            if monitor == 0.0:
+            if w <= watched[WATCHED.since, first + i]:
+                monitor = abs(monitor)
+            elif monitor == 0.0:
                 monitor = -BELOW
         watched[WATCHED.now, first + i] = monitor
 

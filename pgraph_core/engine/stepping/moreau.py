@@ -26,6 +26,7 @@ from ..arrays import (
     CALMED,
     DAMPING,
     DINV,
+    DRIVEN,
     EFFECT,
     FACTORED,
     FACTORS,
@@ -77,7 +78,7 @@ from ..tree.kinematics import positions
 from ..tree.moving import advance
 from ..tree.spinning import SPIN, keep_gyrating, keep_spinning
 from ..vec import finite, set_xyz, store, xyz
-from .armatures import correction, relax, soften, stiffen
+from .armatures import corrections, relax, soften, stiffen
 from .booking import book, note_chain
 from .row_speeds import set_velocities, turn_rates
 from .state import NOT_MET, copied, size_of_state
@@ -228,8 +229,7 @@ def part_of_step(run, done, h, w, mode):
         spread(rows, const, work, space.vectors[EFFECT])
     for j in range(nv - states):
         v[j] += w * vdot[j] + space.vectors[EFFECT, j]
-    mean = space.vectors[MEAN]
-    book_drives(rows, data.drives, stages[at.TORQUE, :nv], before, mean, damping, w, v, ledger)
+    book_drives(scene, stages[at.TORQUE, :nv], before, damping, w, v, ledger)
     if bilateral > 0:  # impulses times the mean speed over the part
         add_wrenches(rows, blocks, work, space, bilateral, blocks.blocks_f, at.PULL)
         work_done = driven_power(blocks, space, before) + driven_power(blocks, space, v)
@@ -405,11 +405,16 @@ def stiffen_drives(scene, t, h, q, v):
     for j in range(v.shape[0]):
         damping[j] = 0.0
         stiffness[j] = 0.0
+        vectors[DRIVEN, j] = 0.0
         vectors[OWN_GIVEN, j] = given[j]
     follow(data, t, q, v)
     for n in range(table.shape[0]):
         j = table[n].velocity
         kd = table[n].damping
+        if n >= drives.passive:
+            vectors[DRIVEN, j] = 1.0
+            for i in range(table[n].first_term, table[n].first_term + table[n].terms):
+                vectors[DRIVEN, int(drives.terms[i, 0])] = 1.0
         if table[n].terms > 0:  # along several joints: as it is
             continue
         if kd > 0.0 and not at_its_limit(drives, n, t, q, v):
@@ -439,16 +444,17 @@ def relax_drives(scene):
 
 
 @part
-def book_drives(rows, drives, tau, before, taken, extra, h, v, ledger):
-    """Correct the work done by joint torques for their change over the step.
+def book_drives(scene, tau, before, extra, h, v, ledger):
+    """Correct the work of drives and the loss in joints for their change over the step.
 
-    Their power was taken at the velocities `taken`.
+    Their power was taken at the velocities MEAN.
     """
-    more = correction(rows, tau, before, taken, extra, h, v, 0.0)
-    if drives.table.shape[0] > drives.passive:
-        ledger[at.WORK_DONE] += more
-    else:
-        ledger[at.DISSIPATED] -= more
+    data = opened(scene)
+    vectors = data.space.vectors
+    softer, driven, taken = vectors[STIFFNESS], vectors[DRIVEN], vectors[MEAN]
+    work, lost = corrections(data.rows, tau, before, taken, extra, softer, driven, h, v, 0.0)
+    ledger[at.WORK_DONE] += work
+    ledger[at.DISSIPATED] += lost
 
 
 @sweep

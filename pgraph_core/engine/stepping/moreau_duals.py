@@ -143,8 +143,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
     for j in range(nv):
         v[j] += width * vdot[j] + space.vectors[EFFECT, j]
     damping, tau = stages[at.PART_DAMPING, :nv], stages[at.TORQUE, :nv]
-    mean = space.vectors[MEAN]
-    book_drives(own.rows, own.drives, tau, before, mean, damping, width, v, ledger)
+    book_drives(scene, tau, before, damping, width, v, ledger)
     if first > 1:
         work = driven_power(own.blocks, space, before) + driven_power(own.blocks, space, v)
         ledger[at.WORK_DONE] += 0.5 * work
