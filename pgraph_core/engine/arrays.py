@@ -94,7 +94,7 @@ WAY_SPEEDS = 36  # joint speeds at a time of the way to an impact
 # of derivatives: speeds of rows a little sooner and later, gaps on the way to an impact, by how
 # much laws are missed, what one impulse does to the joints
 SOONER, LATER, PATH_GAPS, LAW_MISSES, UNIT_EFFECT = 37, 38, 39, 40, 41
-DRIVEN = 42  # 1 for coordinates with a motor or servo, else 0
+DRIVEN = 42  # damping of servos of a coordinate, then their share of all damping
 GYRE = 43  # the `spinning.SPIN` rows of the search for velocities at the middle of a step
 VECTORS = GYRE + 25
 

@@ -41,7 +41,7 @@ class Block(NamedTuple):
 
 
 # rows of `vectors`: the state, that at the end of the step, given torques and with what stiff
-# springs add, drives as inertia and torque, 1 where a motor or servo drives, then what impulses do
+# springs add, drives as inertia and torque, the servos' share of damping, then what impulses do
 VECTOR = columns(
     "q", "v", "ledger", "new_q", "new_v", "tau", "vdot", "given", "pushed", "damping", "stiffness",
     "driven", "armature", "effect", "speeds", "freed", "dinv", "move", "done", "mean", "zero",

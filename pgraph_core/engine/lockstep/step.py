@@ -8,6 +8,7 @@ instances.
 
 import math
 
+from ...tolerances import TINY
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
@@ -105,7 +106,7 @@ def stiffen_drives(rows, drives, b, h, q, v):
         j, i = drives[n, 0], drives[n, 1]
         d = b.drives[n]
         if drives[n, 2] != 1:
-            x[of.VECTOR.driven, j] = 1.0
+            x[of.VECTOR.driven, j] += TINY
         torque = -d[of.DRIVE.damping] * v[j]
         if i >= 0:
             torque += d[of.DRIVE.stiffness] * (d[of.DRIVE.target] - q[i])
@@ -113,10 +114,13 @@ def stiffen_drives(rows, drives, b, h, q, v):
         limited = either(more(d[of.DRIVE.low], torque), more(torque, d[of.DRIVE.high]))
         counts = without(more(d[of.DRIVE.damping], 0.0), limited)
         x[of.VECTOR.damping, j] += chosen(counts, d[of.DRIVE.damping], 0.0)
+        if drives[n, 2] != 1:
+            x[of.VECTOR.driven, j] += chosen(counts, d[of.DRIVE.damping], 0.0)
         if i >= 0:
             x[of.VECTOR.stiffness, j] += chosen(counts, d[of.DRIVE.stiffness], 0.0)
     damping, stiffness, pushed = x[of.VECTOR.damping], x[of.VECTOR.stiffness], x[of.VECTOR.pushed]
-    stiffen(rows, b.const, h, v, damping, stiffness, x[of.VECTOR.armature], pushed)
+    driven, own = x[of.VECTOR.driven], x[of.VECTOR.armature]
+    stiffen(rows, b.const, h, v, damping, stiffness, driven, own, pushed)
 
 
 @sweep

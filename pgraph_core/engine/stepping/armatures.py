@@ -7,9 +7,10 @@ and spring. What its other coordinates have beyond these is evaluated at the mid
 The second pass of a step takes them at the mean velocity of the first one, where they are soft.
 """
 
+from ...tolerances import TINY
 from .. import layout as at
 from ..compiler.jit import part, sweep
-from ..compiler.masks import chosen, smaller
+from ..compiler.masks import chosen, larger, more, smaller
 from ..motions import diagonal, nv_of, transmits
 from ..rows import armature_of, kind_of, parent_of, v_of
 
@@ -30,12 +31,18 @@ def least_of(rows, k, x):
     return found
 
 
+@part
+def share(part_of_it, whole):
+    """Return a part over the whole: 1 of nothing, 0 if both are zero."""
+    return chosen(more(whole, 0.0), part_of_it / larger(TINY, whole), more(part_of_it, 0.0))
+
+
 @sweep
-def stiffen(rows, const, h, v, damping, stiffness, own, given):
+def stiffen(rows, const, h, v, damping, stiffness, driven, own, given):
     """Replace dampers and springs (nv,) by armatures and torques for a step of width h at speeds v.
 
-    `damping` is then h d + h²/2 k. The first entry of a row in `own` keeps its armature without
-    them.
+    `damping` is then h d + h²/2 k, and `driven` the share of its former value in it. The first
+    entry of a row in `own` keeps its armature without them.
     """
     for k in range(1, rows.shape[0]):
         if takes_armature(rows, k):
@@ -45,6 +52,7 @@ def stiffen(rows, const, h, v, damping, stiffness, own, given):
             own[j] = armature_of(const, k)
             const[k, at.ARMATURE] += extra
             for i in range(j, j + nv_of(kind_of(rows, k))):
+                driven[i] = share(driven[i], damping[i])
                 damping[i] = extra
                 stiffness[i] = spring
                 given[i] -= 0.5 * h * spring * v[i]
@@ -62,9 +70,9 @@ def soften(rows, work, h, v, mean, damping, stiffness, own, given, dinv):
             j = v_of(rows, k)
             diagonal(rows, work, k, dinv)
             for i in range(j, j + nv_of(kind_of(rows, k))):
-                more = softened(dinv[i], damping[i], stiffness[i], h, v[i], mean[i])
-                given[i] = own[i] + more
-                stiffness[i] = more
+                softer = softened(dinv[i], damping[i], stiffness[i], h, v[i], mean[i])
+                given[i] = own[i] + softer
+                stiffness[i] = softer
 
 
 @part
@@ -110,8 +118,8 @@ def corrections(rows, tau, before, taken, extra, softer, driven, h, v, none):
     """Return what the work of drives and the loss in joints lack for a step [J].
 
     The power of joint torques was taken at the velocities `taken`, and that of the torques `softer`
-    as work. Both belong to the loss in coordinates that are not `driven`. `none` is zero in the
-    number type of the run.
+    as work. Both belong to the loss but for the share `driven`, that of servos in the damping.
+    `none` is zero in the number type of the run.
     """
     work, lost = none, none
     for k in range(1, rows.shape[0]):
@@ -121,8 +129,9 @@ def corrections(rows, tau, before, taken, extra, softer, driven, h, v, none):
                 change = v[i] - before[i]
                 mean = 0.5 * (v[i] + before[i])
                 pushed = h * tau[i]
-                more = (pushed - extra[i] * change) * mean - pushed * taken[i]
+                gained = (pushed - extra[i] * change) * mean - pushed * taken[i]
                 own = h * softer[i] * taken[i]
-                work += chosen(driven[i], more, -own)
-                lost -= chosen(driven[i], 0.0 * own, more + own)
+                passive = (1.0 - driven[i]) * (gained + own)
+                work += gained - passive
+                lost -= passive
     return work, lost

@@ -318,7 +318,7 @@ def dipped(run, low, end):
 
 @sweep
 def dipped_before(run, low, begin, found):
-    """Return `dipped` for the interval from `low` to an event in that from `begin` of width `found`."""
+    """Return `dipped` from `low` to the event that is within the width `found` from `begin`."""
     end = begin + locate(run, begin, found)
     look(run, low, 0.0)
     keep_values(run, WATCHED.low)

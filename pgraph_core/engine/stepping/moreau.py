@@ -19,7 +19,7 @@ zero length. Compliant and slow contacts are only detected at the midpoint of a 
 
 import math
 
-from ...tolerances import SOLVED
+from ...tolerances import SOLVED, TINY
 from .. import layout as at
 from ..arrays import (
     BARRED,
@@ -412,16 +412,19 @@ def stiffen_drives(scene, t, h, q, v):
         j = table[n].velocity
         kd = table[n].damping
         if n >= drives.passive:
-            vectors[DRIVEN, j] = 1.0
-            for i in range(table[n].first_term, table[n].first_term + table[n].terms):
-                vectors[DRIVEN, int(drives.terms[i, 0])] = 1.0
+            vectors[DRIVEN, j] += TINY
+            for i in range(table[n].first_term + 1, table[n].first_term + table[n].terms):
+                vectors[DRIVEN, int(drives.terms[i, 0])] += TINY
         if table[n].terms > 0:  # along several joints: as it is
             continue
         if kd > 0.0 and not at_its_limit(drives, n, t, q, v):
             damping[j] += kd
+            if n >= drives.passive:
+                vectors[DRIVEN, j] += kd
             if table[n].coordinate >= 0:
                 stiffness[j] += table[n].stiffness
-    stiffen(data.rows, data.const, h, v, damping, stiffness, vectors[OWN_ARMATURE], given)
+    driven, own = vectors[DRIVEN], vectors[OWN_ARMATURE]
+    stiffen(data.rows, data.const, h, v, damping, stiffness, driven, own, given)
 
 
 @sweep
