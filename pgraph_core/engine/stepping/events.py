@@ -332,18 +332,6 @@ def dipped_before(run, low, begin, found):
     return first, width
 
 
-@part
-def zero_exactly(run):
-    """Check whether an event has happened with value zero, so that its next sign is unknown."""
-    data = opened_run(run)
-    watched, values = data.watched, data.values
-    first = watched.shape[1] - data.signs.shape[0]
-    found = False
-    for i in range(data.signs.shape[0]):
-        found = found or (values[i] == 0.0 and watched[WATCHED.now, first + i] < 0.0)
-    return found
-
-
 @sweep
 def clear_of_zero(run, low, end):
     """Compute (low, end) of a part in which an event happens, starting clearly before the event.
@@ -414,12 +402,7 @@ def reached(run, low, end):
         if data.links.events != 0:
             turn_beyond(run, low + w)
             look(run, low, w)
-    if end > 0.0 and zero_exactly(run):
-        look(run, low, end)
-        keep_values(run, WATCHED.high)
-        look(run, low, w)
-    else:
-        keep_values(run, WATCHED.high)
+    keep_values(run, WATCHED.high)
     for i in range(signs.shape[0]):
         watched[WATCHED.start, first + i] = abs(values[i])
         if end == 0.0 or watched[WATCHED.now, first + i] >= 0.0:
