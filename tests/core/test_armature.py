@@ -226,3 +226,29 @@ def test_damping_of_a_free_joint_on_a_moving_body_is_told():
     fine = pg.simulate(model, t_end=0.02, step=5.9e-5)
     right = pg.simulate(model, t_end=0.02, method="radau5", rtol=1e-8)
     np.testing.assert_allclose(fine.v[-1], right.v[-1], atol=1e-3)
+
+
+@pytest.mark.parametrize("damping", [0.1, 10.0, 1e3])
+@pytest.mark.parametrize("joint", ["revolute", "spherical", "free"])
+def test_time_stepping_books_what_damping_takes_as_a_loss(joint, damping):
+    """What damping adds to the inertia was work, which made the loss negative."""
+    speeds = {"revolute": (0.6,), "spherical": (3.0, 1.0, 2.0)}.get(joint, (3, 1, 2, 0.5, 0, 0.3))
+    body = pg.Body(name="a", joint=joint, inertia=(0.02, 0.02, 0.02), v=speeds, damping=damping)
+    held = pg.Body(name="held", joint="prismatic", axes=(1, 0, 0), link=(0, 3, 0), friction=1.0)
+    model = pg.Model(bodies=[body, held], gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=0.1, step=1e-3, method="moreau_jean", estimate=False)
+    assert np.abs(run.work).max() < 1e-12 * run.energy[0]
+    np.testing.assert_allclose(run.dissipation, run.energy[0] - run.energy, atol=1e-12)
+    batch = pg.BatchStepper(model, 2, step=1e-3, method="moreau_jean")
+    batch.step(n=100)
+    assert batch.work[1] == run.work[-1]
+
+
+def test_work_of_a_motor_is_apart_from_the_loss_in_a_stiff_damper_of_its_joint():
+    body = pg.Body(name="a", inertia=(0.02, 0.02, 0.02), v=(0.6,), damping=1e3)
+    held = pg.Body(name="held", joint="prismatic", axes=(1, 0, 0), link=(0, 3, 0), friction=1.0)
+    model = pg.Model(bodies=[body, held], forces=[pg.Motor("m", body="a", torque=0.3)])
+    run = pg.simulate(model, t_end=0.5, step=1e-3, method="moreau_jean", estimate=False)
+    right = pg.simulate(model, t_end=0.5, method="radau5", rtol=1e-9, estimate=False)
+    np.testing.assert_allclose(run.work[-1], right.work[-1], atol=1e-4)
+    np.testing.assert_allclose(run.dissipation[-1], right.dissipation[-1], atol=1e-4)

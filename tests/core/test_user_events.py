@@ -185,6 +185,44 @@ def test_zeros_of_any_shape_are_one_event(shape, place, options):
     assert abs(run.user_events[0].t - place) < 1e-8
 
 
+@pytest.mark.parametrize("method", ["rk4", "dop853", "radau5", "gauss6"])
+@pytest.mark.parametrize("later", [0.355, 0.363, 0.39])
+def test_a_touch_before_another_event_in_its_step_is_found(later, method):
+    events = [lambda t, q, v: (q[0] - 0.353) ** 2, lambda t, q, v: q[0] - later]
+    body = pg.Body(name="a", mass=1.0, joint="prismatic", axes=(0, 0, 1), v=1.0)
+    model = pg.Model(bodies=[body], gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=0.6, frames=3, method=method, step=0.1, events=events)
+    assert [event.number for event in run.user_events] == [0, 1]
+    np.testing.assert_allclose([e.t for e in run.user_events], [0.353, later], atol=1e-8)
+
+
+@pytest.mark.parametrize("method", ["rk4", "dop853"])
+@pytest.mark.parametrize("k", [3, 7])
+def test_a_flat_zero_between_two_crossings_of_another_event(k, method):
+    """The sign after an exact zero was that at the end of the interval, and a run never ended."""
+    calls = [0]
+
+    def flat(t, q, v):
+        calls[0] += 1
+        assert calls[0] < 20_000
+        return (q[0] - 0.511) ** k
+
+    events = [flat, lambda t, q, v: (q[0] - 0.5109) * (q[0] - 0.5111)]
+    body = pg.Body(name="a", mass=1.0, joint="prismatic", axes=(0, 0, 1), v=1.0)
+    model = pg.Model(bodies=[body], gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=1.0, frames=5, method=method, step=0.1, events=events)
+    assert [event.number for event in run.user_events] == [1, 0, 1]
+
+
+def test_corners_of_an_oscillation_are_one_event_each():
+    """Some were two, 1e-12 s apart."""
+    body = pg.Body(name="a", mass=1.0, joint="prismatic", axes=(0, 0, 1), v=1.0)
+    events = [lambda t, q, v: abs(math.sin(20.0 * q[0] + 0.3))]
+    run = pg.simulate(pg.Model(bodies=[body], gravity=(0, 0, 0)), t_end=2.0, events=events)
+    expected = (np.arange(1, 13) * math.pi - 0.3) / 20.0
+    np.testing.assert_allclose([e.t for e in run.user_events], expected, atol=1e-8)
+
+
 @pytest.mark.parametrize(
     "value", [lambda x: max(x, 0.0), lambda x: int(x > 0.0)], ids=["ramp", "step"]
 )
