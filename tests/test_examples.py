@@ -13,8 +13,7 @@ from .nights import at_night
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 AT_NIGHT = (
-    "12_stability", "15_work_precision", "22_design", "25_fit", "26_path_of_a_four_bar",
-    "27_swing_up",
+    "12_stability", "15_work_precision", "22_design", "26_path_of_a_four_bar", "27_swing_up",
 )  # fmt: skip
 LONG = [file for file in EXAMPLES if file.stem in AT_NIGHT]
 PROMISED = {  # where it is not that all checks of the example hold

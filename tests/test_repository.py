@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from tests.nights import at_night
 from tests.worlds import WHOLE
 
 ROOT = Path(__file__).parent.parent
@@ -36,12 +35,8 @@ def test_the_tour_of_the_readme_runs(capsys):
     assert 0.0 < float(out.split()[-2]) < np.pi  # the largest angle of the hand [rad]
 
 
-RUN = [f for f in DOCS if CODE.search(f.read_text())]
-LONG = [f for f in RUN if f.stem == "guides"]  # as long as all the others
-
-
 @pytest.mark.parametrize(
-    "file", [*(f for f in RUN if f not in LONG), *at_night(*LONG)], ids=lambda f: f.stem
+    "file", [f for f in DOCS if CODE.search(f.read_text())], ids=lambda f: f.stem
 )
 def test_code_of_a_document_runs_and_prints_the_numbers_shown(file, tmp_path, monkeypatch, capsys):
     """Numbers within 1 %, those in exponential notation (error estimates) within a factor of 3."""
