@@ -211,9 +211,10 @@
         : `${names[k * step]} … ${names[Math.min((k + 1) * step, names.length) - 1]}`;
     if (data.row_names[i * r] === undefined || data.column_names[j * c] === undefined) return;
     const largest = r * c > 1 ? "largest " : "",
-      place = [span(data.row_names, i, r), span(data.column_names, j, c)].filter(Boolean).join(", ");
-    host.querySelector(".value").textContent =
-      `${data.symbol}[${place}] = ${largest}${x}`;
+      place = [span(data.row_names, i, r), span(data.column_names, j, c)]
+        .filter(Boolean)
+        .join(", ");
+    host.querySelector(".value").textContent = `${data.symbol}[${place}] = ${largest}${x}`;
   }
   function describe(host) {
     const data = host.operator;
