@@ -43,7 +43,7 @@ class State(pose.State):
 Index = Annotated[int, Field(ge=0, le=1_000_000)]
 Operator = Literal[
     "M", "C", "J", "S", "eps_phi", "Phi", "Phi_T", "H", "M_k", "a", "b", "V", "V_T", "Jdot", "Vdot",
-    "F", "tau", "vdot",
+    "F", "tau", "vdot", "Omega", "eq5", "eq8", "eq24", "fig3",
 ]  # fmt: skip
 
 

@@ -105,18 +105,18 @@
     if (!data || data.problem) return;
     const [n, m] = sides(data),
       style = getComputedStyle(host),
-      edge = (host.edge = 17);
+      [edge, left] = (host.edge = edges(style, data));
     const high =
       pane(host).clientHeight -
       (canvas.getBoundingClientRect().top - host.getBoundingClientRect().top) -
       18;
-    const wide = Math.max(host.clientWidth - 24, 100) - edge; // all of it in the pane, where that is large enough
+    const wide = Math.max(host.clientWidth - 24, 100) - left; // all of it in the pane, where that is large enough
     host.size = Math.max(
       2,
-      Math.min(wide / Math.max(m, 1), Math.max(high - edge, 150) / Math.max(n, 1), 40),
+      Math.min(wide / Math.max(m, 1), Math.max(high - edge, 100) / Math.max(n, 1), 40),
     );
     const ratio = window.devicePixelRatio || 1,
-      w = host.size * m + edge,
+      w = host.size * m + left,
       h = host.size * n + edge;
     canvas.style.width = `${w}px`;
     canvas.style.height = `${h}px`;
@@ -125,10 +125,10 @@
     const pen = pgraph.pen(canvas),
       most = Math.max(...data.cells.map(([, , x]) => Math.abs(x)), 1e-300);
     pen.scale(ratio, ratio);
-    names(pen, style, host.size, edge, data);
-    pen.translate(edge, edge);
+    names(pen, style, host.size, host.edge, data);
+    pen.translate(left, edge);
     pen.fillStyle = style.getPropertyValue("--hover");
-    pen.fillRect(0, 0, w - edge, h - edge);
+    pen.fillRect(0, 0, w - left, h - edge);
     const gap = host.size > 6 ? 0.5 : 0;
     for (const [i, j, x] of data.cells) {
       // six decades from the largest down to faint
@@ -158,7 +158,7 @@
           draw(host.size * from, host.size * (last - from + 1));
         });
     band(data.row_numbers, data.step[0], (from, size) =>
-      pen.strokeRect(0.75, from, w - edge - 1.5, size),
+      pen.strokeRect(0.75, from, w - left - 1.5, size),
     );
     band(data.column_numbers, data.step[1], (from, size) =>
       pen.strokeRect(from, 0.75, size, h - edge - 1.5),
@@ -167,13 +167,23 @@
   const selected = () =>
     new Set((pgraph.latest.selected ?? []).map((name) => pgraph.table.row(name)?.number));
 
+  const letters = (style) => ({
+    font: `10px ${style.fontFamily}`,
+    textAlign: "center",
+    textBaseline: "middle",
+  });
+
+  // The height above the cells and the width to the left of them, where their marks are.
+  function edges(style, data) {
+    const pen = Object.assign(new OffscreenCanvas(1, 1).getContext("2d"), letters(style));
+    const marks = new Set(data.row_numbers);
+    const width = Math.max(...[...marks].map((mark) => pen.measureText(mark).width), 0);
+    return [17, Math.max(17, Math.ceil(width) + 6)];
+  }
+
   // The numbers of the bodies at the left and at the top; those that would run into the one before are left out.
   function names(pen, style, size, edge, data) {
-    Object.assign(pen, {
-      font: `10px ${style.fontFamily}`,
-      textAlign: "center",
-      textBaseline: "middle",
-    });
+    Object.assign(pen, letters(style));
     const chosen = selected();
     [
       [data.column_numbers, data.step[1], 8],
@@ -183,11 +193,11 @@
       for (let k = 0; k < numbers.length;) {
         let last = k;
         while (numbers[last + 1] === numbers[k]) last += 1;
-        const middle = edge + (size * (k + last + 1)) / 2 / step,
+        const middle = edge[side ? 0 : 1] + (size * (k + last + 1)) / 2 / step,
           half = side ? 5 : (pen.measureText(numbers[k]).width + room) / 2 - 2;
         if (middle - half >= free) {
           pen.fillStyle = style.getPropertyValue(chosen.has(numbers[k]) ? "--accent" : "--soft");
-          pen.fillText(numbers[k], side ? edge / 2 - 1 : middle, side ? middle : edge / 2);
+          pen.fillText(numbers[k], side ? edge[1] / 2 - 1 : middle, side ? middle : edge[0] / 2);
           free = middle + half;
         }
         k = last + 1;
@@ -197,8 +207,9 @@
 
   function at(host, event) {
     const box = event.target.getBoundingClientRect();
-    const index = (from, start) => Math.max(0, Math.floor((from - start - host.edge) / host.size)); // the numbers at its edges are of the first cells
-    return [index(event.clientY, box.top), index(event.clientX, box.left)];
+    const index = (from) => Math.max(0, Math.floor(from / host.size)), // the numbers at its edges are of the first cells
+      [edge, left] = host.edge;
+    return [index(event.clientY - box.top - edge), index(event.clientX - box.left - left)];
   }
   function told(host, event) {
     const data = host.operator,

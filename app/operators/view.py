@@ -11,9 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import io as files
 from scipy import sparse
+from scipy.sparse.linalg import spsolve_triangular
 
 import pgraph_core as pg
-from pgraph_core.paper import Operators, bodies_of
+from pgraph_core.paper import Operators, bodies_of, phi, tip_mobility
+from pgraph_core.result.bodies import outer_wrenches
 
 from ..core.bridge import Bridge
 from ..core.views import NOTHING, Host, Payload, Place, requests, topic
@@ -103,12 +105,37 @@ class Now:
     def J(self) -> np.ndarray:
         return self.mech.tip_jacobian(self.q) if self.ready else self.paper.jacobian
 
+    @cached_property
+    def M(self) -> np.ndarray:
+        return self.mech.mass_matrix(self.q) if self.ready else self.paper.mass_matrix
+
+    @cached_property
+    def C(self) -> np.ndarray:
+        return self.mech.bias_force(self.q, self.v) if self.ready else self.paper.bias_force
+
+    @cached_property
+    def V(self) -> np.ndarray:
+        """The spatial velocities of the bodies, (6 nb,)."""
+        ready = self.ready
+        found = self.mech.body_motion(self.q, self.v).velocity if ready else self.paper.V
+        return np.reshape(found, -1)
+
     def of_run(self, field: str) -> np.ndarray:
-        """Return the frame of an array of the run."""
+        """Return the frame of an array of the run, as one vector."""
+        result, frame = self._run(field)
+        return np.asarray(getattr(result, field))[frame].reshape(-1)
+
+    @cached_property
+    def outer(self) -> np.ndarray:
+        """The term Φ_Tᵀ F_T of eq. (22), (6 nb,): what bodies exert on all that is no joint."""
+        result, frame = self._run("joint_force")
+        return -outer_wrenches(result, slice(frame, frame + 1)).reshape(-1)
+
+    def _run(self, field: str) -> tuple[pg.Result, int]:
         frame = shown_frame(self.state)
         if frame is None or self.state.run is None:  # `available` says so before
             raise pg.InputError(pg.Problem("operators", field, NO_RUN))
-        return np.asarray(getattr(self.state.run.result, field))[frame]
+        return self.state.run.result, frame
 
 
 def table(vectors: Any) -> np.ndarray:
@@ -116,8 +143,48 @@ def table(vectors: Any) -> np.ndarray:
     return np.reshape(vectors, (-1, 6)).T
 
 
+# -- equations of several terms, side by side: the first is the sum of the others ------------------
+
+
+def velocities(now: Now) -> np.ndarray:
+    """Return V, φV and Hθ′ of each body (nb, 18), eq. (5)."""
+    H, eps_phi = now.paper.H, now.paper.eps_phi
+    return beside(now.V, eps_phi @ now.V, H @ now.v)
+
+
+def accelerations(now: Now) -> np.ndarray:
+    """Return V′, φV′, Hθ″ and a of each body (nb, 24), eq. (8)."""
+    H, eps_phi, Vdot = now.paper.H, now.paper.eps_phi, now.of_run("body_acceleration")
+    return beside(Vdot, eps_phi @ Vdot, H @ now.of_run("vdot"), now.paper.a)
+
+
+def beside(*vectors: np.ndarray) -> np.ndarray:
+    """Return spatial vectors (6 n,) as (n, 6 k), side by side."""
+    return np.hstack([np.reshape(x, (-1, 6)) for x in vectors])
+
+
+def torques(now: Now) -> list[np.ndarray]:
+    """Return τ, with that of the armature, ℳθ″, C and JᵀF_T, each (nv,), eq. (24)."""
+    vdot, paper = now.of_run("vdot"), now.paper
+    tau = paper.H.T @ now.of_run("joint_force") + paper.armature * vdot
+    inverse = sparse.eye_array(len(now.outer)) - paper.eps_phi.T  # of Φᵀ, whose blocks are many
+    carried = spsolve_triangular(inverse.tocsr(), now.outer, lower=False, unit_diagonal=True)
+    return [tau, now.M @ vdot, now.C, paper.H.T @ carried]
+
+
+def arms(now: Now) -> np.ndarray:
+    """Return O, ℓ, ℓ_c and V_c of each body (nb, 15), fig. 3."""
+    paper, V = now.paper, now.V.reshape(-1, 6)
+    centre = [R @ body.com for R, body in zip(paper.rotation, paper.bodies)]
+    V_c = [phi(arm) @ one for arm, one in zip(centre, V)]
+    return np.hstack((paper.position, paper.link, centre, V_c))
+
+
 class Shown(NamedTuple):
-    """An operator of the paper on the page. Vectors are rows, spatial vectors have six rows."""
+    """An operator of the paper on the page. Vectors are rows, spatial vectors have six rows.
+
+    An equation of several terms has them side by side, for each body.
+    """
 
     symbol: str
     title: str
@@ -133,13 +200,12 @@ OPERATORS = {
     "M": Shown(
         "M", "mass matrix", "inertia between motions, eq. (25)",
         "motions", "motions",
-        lambda now: now.mech.mass_matrix(now.q) if now.ready else now.paper.mass_matrix, False,
+        lambda now: now.M, False,
     ),
     "C": Shown(
         "C", "bias force", "force of velocities and gravity on each motion, eq. (25)",
         "", "motions",
-        lambda now: [now.mech.bias_force(now.q, now.v) if now.ready else now.paper.bias_force],
-        False,
+        lambda now: [now.C], False,
     ),
     "J": Shown(
         "J", "Jacobian of the tips", "speeds of tips for each motion, eq. (20)",
@@ -183,10 +249,7 @@ OPERATORS = {
     "V": Shown(
         "V", "spatial velocities", "velocity of each body, eq. (17)",
         "twist", "bodies",
-        lambda now: table(
-            now.mech.body_motion(now.q, now.v).velocity if now.ready else now.paper.V
-        ),
-        False,
+        lambda now: table(now.V), False,
     ),
     "V_T": Shown(
         "V_T", "tip velocities", "velocity of each tip, eq. (19) and eq. (27)",
@@ -210,19 +273,50 @@ OPERATORS = {
     ),
     "tau": Shown(
         "τ", "torques", "part of F along each motion, eq. (23)",
-        "", "motions", lambda now: [now.paper.H.T @ now.of_run("joint_force").reshape(-1)],
+        "", "motions", lambda now: [now.paper.H.T @ now.of_run("joint_force")],
         of_run=True,
     ),
     "vdot": Shown(
         "θ″", "accelerations", "acceleration of each motion, eq. (26)",
         "", "motions", lambda now: [now.of_run("vdot")], of_run=True,
     ),
+    "Omega": Shown(
+        "Ω", "mobility of the tips", "accelerations of tips by unit forces on them, eq. (29)",
+        "tips", "tips", lambda now: tip_mobility(now.M, now.J, now.paper.bodies), False,
+    ),
+    "eq5": Shown(
+        "Eq. 5", "velocity propagation",
+        "V = φV + Hθ′: the parent's velocity and that across the joint, eq. (5)",
+        "bodies", "velocities", velocities, False,
+    ),
+    "eq8": Shown(
+        "Eq. 8", "acceleration propagation",
+        "V′ = φV′ + Hθ″ + a: the parent's acceleration and that across the joint, eq. (8)",
+        "bodies", "accelerations", accelerations, of_run=True,
+    ),
+    "eq24": Shown(
+        "Eq. 24", "inverse dynamics",
+        "τ = Mθ″ + C + JᵀF_T; F_T: forces that are not those of joints, eq. (24)",
+        "torques", "motions", torques, False, True,
+    ),
+    "fig3": Shown(
+        "Fig. 3", "vectors of the bodies",
+        "origins O, links ℓ, arms ℓ_c of centres of mass and their velocities V_c, fig. 3",
+        "bodies", "vectors", arms, False,
+    ),
 }  # fmt: skip
 NO_RUN = "Press Play: accelerations and forces are those of a run."
 MOST = 96  # cells per side. In larger operators a cell is a block
 LARGE = 200  # bodies above which products along paths, which grow with the square, are not made
+AXES = ("x", "y", "z")
 TWIST = ("ωx", "ωy", "ωz", "vx", "vy", "vz")
 WRENCH = ("τx", "τy", "τz", "fx", "fy", "fz")
+TERMS = {  # of an equation, and their components
+    "velocities": {"V": TWIST, "φV": TWIST, "Hθ′": TWIST},
+    "accelerations": {"V′": TWIST, "φV′": TWIST, "Hθ″": TWIST, "a": TWIST},
+    "torques": {"τ": ("",), "Mθ″": ("",), "C": ("",), "JᵀF_T": ("",)},
+    "vectors": {"O": AXES, "ℓ": AXES, "ℓ_c": AXES, "V_c": TWIST},
+}
 
 
 class Picture(NamedTuple):
@@ -302,6 +396,8 @@ def sides(state: State, what: str) -> dict[str, tuple[list[Any], list[str]]]:
         "tips": [(k, f"{name} {c}") for k, name in tips for c in TWIST],
         "twist": [(c, c) for c in TWIST], "wrench": [(c, c) for c in WRENCH],
     }  # fmt: skip
+    for name, terms in TERMS.items():
+        found[name] = [(x, f"{x} {c}".strip()) for x, each in terms.items() for c in each]
     one = OPERATORS[what]
     return {
         side: ([k for k, _ in found[of]], [name for _, name in found[of]])

@@ -21,6 +21,7 @@ from ..joints import SIZE
 from ..model import Body, Model
 from ..model.poses import Pose, bends, carried, columns, displacement, elementary, poses, turn
 from ..rotation import Array, matrix, skew
+from ..tolerances import EPS
 from ..topology import Ints, Topology, find
 
 
@@ -221,6 +222,12 @@ class Operators:
         """The mass matrix HᵀΦᵀMΦH (nv, nv), eq. (25), with the armature added on its diagonal."""
         motion = self.Phi @ self.H
         return (motion.T @ self.M @ motion).toarray() + np.diag(self.armature)
+
+    @cached_property
+    def Omega(self) -> Array:
+        """The operator Ω = J M⁻¹ Jᵀ (6 n_t, 6 n_t), below eq. (29). Raises InputError if the mass
+        matrix is singular."""
+        return tip_mobility(self.mass_matrix, self.jacobian, self.bodies)
 
     @cached_property
     def bias_force(self) -> Array:
@@ -436,3 +443,19 @@ def propagation_operator(parent: Ints, link: Array) -> Any:
         rows.append(np.concatenate((ahead, np.eye(6)[None])))
     at = np.repeat(np.arange(len(parent)), [len(path) for path in paths])
     return blocks(at, np.concatenate(paths), np.concatenate(rows), (len(parent), len(parent)))
+
+
+def tip_mobility(M: Array, J: Array, bodies: Sequence[Body]) -> Array:
+    """Return Ω = J M⁻¹ Jᵀ, below eq. (29): the accelerations of the tips by unit forces on them.
+
+    `bodies` are the rows of the table in number order. Raises InputError if M is singular, at least
+    up to rounding.
+    """
+    size = np.sqrt(M.diagonal())
+    size[size == 0.0] = 1.0
+    values, ways = np.linalg.eigh(M / np.outer(size, size))
+    if len(M) and values[0] <= len(M) * EPS:
+        of = [body.name for body in bodies for _ in range(body.dof)][np.abs(ways[:, 0]).argmax()]
+        text = f"the mass matrix is singular: no inertia moves with '{of}'; give it mass or inertia"
+        raise InputError(Problem("operators", "Omega", text))
+    return J @ np.linalg.solve(M, J.T)

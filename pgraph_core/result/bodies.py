@@ -22,11 +22,15 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
-def body_poses(run: Any) -> Array:
-    """Return body poses for all frames, (n, nb, 7). The poses do not depend on any forces."""
+ALL = slice(None)
+
+
+def body_poses(run: Any, rows: slice = ALL) -> Array:
+    """Return body poses for these frames, (n, nb, 7). The poses do not depend on any forces."""
     system = run.mechanism.packed.system
-    none = np.zeros((len(run.t), len(system.bodies_i) - 1, 6))
-    return bodies_over(system, *_states(run), none).pose
+    q, v, vdot = _states(run, rows)
+    none = np.zeros((len(q), len(system.bodies_i) - 1, 6))
+    return bodies_over(system, q, v, vdot, none).pose
 
 
 def body_motion(run: Any) -> BodyMotion:
@@ -34,17 +38,23 @@ def body_motion(run: Any) -> BodyMotion:
 
     With time stepping, the forces of contacts and constraints are those of the last step, as in v'.
     """
-    mech = run.mechanism
-    states = _states(run)
-    external = _loads(run)
+    return bodies_over(run.mechanism.packed.system, *_states(run), outer_wrenches(run))
+
+
+def outer_wrenches(run: Any, rows: slice = ALL) -> Array:
+    """Return the wrenches on the bodies that joints do not transmit, (n, nb, 6), for these frames.
+
+    They are those of forces, contacts and constraints, in world axes at the bodies' origins. The
+    term Φ_Tᵀ F_T of eq. (22) is their negative.
+    """
+    external = _loads(run, rows)
     if run.contacts.wrench.size:
-        external += run.contacts.wrench
-    motion = bodies_over(mech.packed.system, *states, external)
+        external += run.contacts.wrench[rows]
     if run.constraint_force:
         pulls = run.contacts.pull or run.constraint_force
-        add_constraint_wrenches(mech, pulls, motion, external)
-        motion = bodies_over(mech.packed.system, *states, external)
-    return motion
+        pulls = {name: pulls[name][rows] for name in pulls}
+        add_constraint_wrenches(run.mechanism, pulls, body_poses(run, rows), external)
+    return external
 
 
 OF_POINTS = ("position", "velocity", "acceleration")
@@ -65,20 +75,20 @@ def of_point(run: Any, kind: str, body: str, point: Array) -> Array:
     return found if kind == "velocity" else found + np.cross(spin, np.cross(spin, arm))
 
 
-def _states(run: Any) -> tuple[Array, Array, Array]:
-    """Return writable copies of q, v and v' for all frames, as required by the kernels."""
-    return run.q.copy(), run.v.copy(), run.vdot.copy()
+def _states(run: Any, rows: slice = ALL) -> tuple[Array, Array, Array]:
+    """Return writable copies of q, v and v' for these frames, as required by the kernels."""
+    return run.q[rows].copy(), run.v[rows].copy(), run.vdot[rows].copy()
 
 
-def _loads(run: Any) -> Array:
+def _loads(run: Any, rows: slice = ALL) -> Array:
     """Return the wrenches on bodies due to model, scenario and call forces, (n, nb, 6)."""
     mech, own = run.mechanism, acting(run)
     drives = tuple(f for f in own if isinstance(f, OnJoint))  # drives that expressions may use
-    t, (q, v) = run.t.copy(), run._with_states()  # kernels need writable arrays
+    t, (q, v) = run.t[rows].copy(), run._with_states(rows)  # kernels need writable arrays
     loads = load_wrenches(mech.packed, own, t, q, v)
     for begin, end, given in run.header.get("forces", ()):
         force = Force.model_validate(given)
-        acts = (t >= begin) & ((t < end) | (end >= t[-1]))
+        acts = (t >= begin) & ((t < end) | (end >= run.t[-1]))
         loads[acts] += load_wrenches(mech.packed, (*drives, force), t[acts], q[acts], v[acts])
     return loads
 
@@ -112,17 +122,17 @@ def all_forces(run: Any) -> tuple[Force, ...]:
 
 
 def add_constraint_wrenches(
-    mech: Mechanism, forces: Mapping[str, Array], motion: BodyMotion, out: Array
+    mech: Mechanism, forces: Mapping[str, Array], pose: Array, out: Array
 ) -> None:
     """Add constraint forces as wrenches on the bodies, in world axes at origins (eq. (22))."""
-    position = motion.pose[..., :3]
+    position = pose[..., :3]
     for c in mech.model.constraints:
         if c.name not in forces or isinstance(c, InJoints):
             continue
         wrench = forces[c.name]
         point = mech.model.point_of(c)
         b = mech.topology.number(c.body) - 1
-        place = position[:, b] + turned(motion.pose[:, b, 3:], np.asarray(point))
+        place = position[:, b] + turned(pose[:, b, 3:], np.asarray(point))
         for body, signed in zip(c.pair, (wrench, -wrench)):
             b = mech.topology.number(body) - 1
             if b >= 0:

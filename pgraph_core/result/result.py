@@ -22,7 +22,7 @@ from ..errors import InputError, Problem, choices, counted, explained, guarded
 from ..packing import Array
 from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly
-from .bodies import OF_POINTS, acting, body_motion, body_poses, of_point
+from .bodies import ALL, OF_POINTS, acting, body_motion, body_poses, of_point
 from .columns import (
     OF_BODIES,
     Column,
@@ -574,10 +574,10 @@ class Result(Exports, EqualByFields, Portable):
         found = values_of(model, packed, acting(self), self.t, *self._with_states())
         return Named(found, "controls", "control")
 
-    def _with_states(self) -> tuple[Array, Array]:
+    def _with_states(self, rows: slice = ALL) -> tuple[Array, Array]:
         """Return q and v with the control states appended, as the kernels expect them."""
-        none = np.zeros(self.states.shape)
-        return np.hstack((self.q, none)), np.hstack((self.v, self.states))
+        q, v, x = self.q[rows], self.v[rows], self.states[rows]
+        return np.hstack((q, np.zeros(x.shape))), np.hstack((v, x))
 
 
 # a run whose notices are not complete has no value of its own: they are found when they are read

@@ -179,9 +179,9 @@ class Readings(Snapshots):
         if record.scene.active[0]:
             states = out.q[:1], out.v[:1], out.vdot[:1]
             forces = record.scene.forces(out.wrenches[0, :, : kernels.MEANS])
-            moved = bodies_over(packed.system, *states, external)
+            pose = bodies_over(packed.system, *states, external).pose
             each = {name: wrench[None] for name, wrench in forces.items()}
-            add_constraint_wrenches(self.mech, each, moved, external)
+            add_constraint_wrenches(self.mech, each, pose, external)
         return external
 
     def _open(self) -> None:

@@ -40,7 +40,7 @@ def test_d11_each_operator_is_shown_and_exported_whole_with_its_names(state, wha
             assert name.split(" ")[0] == (
                 mark if isinstance(mark, str) else state.derived.names[mark - 1]
             )
-    assert "eq. (" in payload["words"]
+    assert "eq. (" in payload["words"] or "fig. " in payload["words"]
     ends = ("npz", "csv", "mtx")
     npz, csv, mtx = (io.BytesIO(matrices.as_file(state, what, end)) for end in ends)
     assert sparse.load_npz(npz).toarray() == pytest.approx(whole, abs=1e-14)
@@ -76,6 +76,104 @@ def test_what_is_shown_of_a_run_satisfies_the_equations_of_the_paper():
     assert np.linalg.solve(M, tau - C[0]) == near(vdot)  # (26)
     assert np.any(V)
     assert np.any(a)
+
+
+def hinges(model, v, vdot, state):
+    """Compute (fig3, eq5, eq8, J of tips, M, tau) of hinged bodies from the vectors of fig. 3.
+
+    Newton's and Euler's laws of each body in three dimensions, without any spatial operator.
+    """
+    gravity, size = np.array(model.gravity), len(model.bodies)
+    number = {body.name: k for k, body in enumerate(model.bodies)}
+    place, w, speed, alpha, accel = np.zeros((5, size + 1, 3))  # the last one is the ground
+    R, h, centre = np.zeros((size + 1, 3, 3)), np.zeros((size, 3)), np.zeros((size, 3))
+    R[-1], ahead, across = np.eye(3), np.zeros((2, 6, size)), np.zeros((2, 6, size))
+    a, path = np.zeros((6, size)), np.zeros((size, size), bool)
+    for k, body in enumerate(model.bodies):
+        p, axis, turn = number.get(body.parent, -1), np.array(body.axes[0]), state[k]
+        path[k] = path[p] if p >= 0 else False
+        path[k, k] = True
+        K = np.cross(axis, np.eye(3)).T
+        h[k], link = R[p] @ axis, R[p] @ body.link
+        R[k] = R[p] @ (np.eye(3) + np.sin(turn) * K + (1 - np.cos(turn)) * K @ K)
+        place[k], centre[k] = place[p] + link, R[k] @ body.com
+        turned = np.cross(w[p], np.cross(w[p], link))
+        ahead[:, :, k] = (
+            np.concatenate((w[p], speed[p] + np.cross(w[p], link))),
+            np.concatenate((alpha[p], accel[p] + np.cross(alpha[p], link))),
+        )
+        across[:, :3, k] = h[k] * v[k], h[k] * vdot[k]
+        a[:, k] = np.concatenate((np.cross(w[p], h[k] * v[k]), turned))
+        w[k], speed[k] = np.split(ahead[0, :, k] + across[0, :, k], 2)
+        alpha[k], accel[k] = np.split(ahead[1, :, k] + across[1, :, k] + a[:, k], 2)
+
+    def jacobian(k, point):  # of a point in world axes
+        columns = [(*h[j], *np.cross(h[j], point - place[j])) for j in range(size)]
+        return np.transpose(columns) * path[k]
+
+    M, tau, fig3 = np.zeros((size, size)), np.zeros(size), []
+    for k, body in enumerate(model.bodies):
+        inertia, c = R[k] @ body.inertia @ R[k].T, centre[k]
+        J = jacobian(k, place[k] + c)
+        M += body.mass * J[3:].T @ J[3:] + J[:3].T @ inertia @ J[:3]
+        a_c = accel[k] + np.cross(alpha[k], c) + np.cross(w[k], np.cross(w[k], c))
+        moment = inertia @ alpha[k] + np.cross(w[k], inertia @ w[k])
+        tau += J[3:].T @ (body.mass * (a_c - gravity)) + J[:3].T @ moment
+        link = R[number.get(body.parent, -1)] @ body.link
+        fig3.append((*place[k], *link, *c, *w[k], *(speed[k] + np.cross(w[k], c))))
+    V, Vdot = np.hstack((w, speed))[:-1].T, np.hstack((alpha, accel))[:-1].T
+    tips = [k for k in range(size) if model.bodies[k].name not in {b.parent for b in model.bodies}]
+    ends = [place[k] + R[k] @ model.bodies[k].tip_point for k in tips]
+    return (
+        np.array(fig3), np.vstack((V, ahead[0], across[0])).T,
+        np.vstack((Vdot, ahead[1], across[1], a)).T,
+        np.vstack([jacobian(k, end) for k, end in zip(tips, ends)]), M, tau,
+    )  # fmt: skip
+
+
+def test_equations_of_several_terms_and_omega_are_those_of_newton_and_euler():
+    model = built_in("fig1_tree")
+    assert all(body.joint == "revolute" for body in model.bodies)
+    run = pg.simulate(pg.Mechanism(model), t_end=0.3, frames=5)
+    state = ran(begun(model), run)
+    state = replace(state, playback=replace(state.playback, time=0.3))
+    q, v, vdot = run.q[-1], run.v[-1], run.vdot[-1]
+    fig3, eq5, eq8, J, M, tau = hinges(model, v, vdot, q)
+    rest = hinges(model, v, 0 * vdot, q)[-1]
+    eq24 = np.array([tau, M @ vdot, rest, 0 * vdot])
+    expected = {"fig3": fig3, "eq5": eq5, "eq8": eq8, "eq24": eq24}
+    expected["Omega"] = J @ np.linalg.inv(M) @ J.T
+    for what, numbers in expected.items():
+        found = matrices.matrix(state, what).toarray()
+        assert found == pytest.approx(numbers, rel=1e-12, abs=1e-12 * abs(numbers).max()), what
+    assert np.ptp(v) > 0.1
+
+
+def test_forces_of_the_ground_are_the_last_term_of_equation_24():
+    """With springs, drives, and feet that constraints hold: F_T of the paper, with its sign."""
+    model = built_in("quadruped")
+    mech = pg.Mechanism(model)
+    run = pg.simulate(mech, scenario="stance", t_end=0.05, frames=6)
+    state = ran(begun(model), run)
+    state = replace(state, playback=replace(state.playback, time=float(run.t[-1])))
+    tau, inertia, bias, outer = matrices.matrix(state, "eq24").toarray()
+    feet = {c.name: mech.jacobian(run.q[-1], c.body, c.point) for c in model.constraints}
+    on_bodies = sum(J.T @ run.constraint_force[name][-1] for name, J in feet.items())
+    size = abs(tau).max() + abs(bias).max()
+    assert -outer == pytest.approx(on_bodies, abs=1e-12 * size)
+    assert tau == pytest.approx(inertia + bias + outer, abs=1e-11 * size)
+    for what, terms in (("eq5", 3), ("eq8", 4)):
+        whole, *parts = np.split(matrices.matrix(state, what).toarray(), terms, axis=1)
+        assert whole == pytest.approx(sum(parts), abs=1e-12 * abs(whole).max())
+    assert abs(outer).max() > 10.0
+
+
+def test_omega_of_a_singular_mass_matrix_names_the_body():
+    model = pg.Model.serial(3).edit("3", mass=0.0, inertia=np.zeros((3, 3)), derived=())
+    for compiled in (True, False):
+        problem = operator(begun(model, compiled=compiled), Inspected("Omega"))["problem"]
+        assert "singular" in problem
+        assert "'3'" in problem
 
 
 def test_accelerations_and_forces_ask_for_a_run():

@@ -310,7 +310,9 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     page.locator("canvas.cells").hover(position={"x": 3, "y": 3})
     until(lambda: "M[1, 1]" in value.inner_text().replace(" 1,", ","), "its first entry")
     symbols = page.get_by_label("operator", exact=True)
-    assert {"M", "C", "J", "ε_φ", "Φ", "S"} < {*symbols.locator("button").all_inner_texts()}
+    assert {"M", "C", "J", "ε_φ", "Φ", "S", "Ω", "Eq. 24"} < {
+        *symbols.locator("button").all_inner_texts()
+    }
     symbols.get_by_text("θ″", exact=True).click()
     until(lambda: "1 × 2" in value.inner_text(), "the accelerations of the frame")
     symbols.get_by_text("S", exact=True).click()
