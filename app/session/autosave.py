@@ -78,10 +78,17 @@ class Session:
 def left_behind(folder: Path) -> tuple[Kept, ...]:
     """Return the models of terminated sessions, newest first.
 
-    A warning names a file that cannot be read, which stays where it is.
+    A warning names a file or folder that cannot be read, which stays as it is.
     """
     found, sessions = [], dict[str, list[Path]]()
-    for path in folder.glob("*.*"):
+    try:
+        there = list(folder.iterdir())
+    except FileNotFoundError:  # nobody has edited yet
+        there = []
+    except OSError as error:
+        log.warning("autosaves in %s cannot be read: %s", folder, reason_of(error))
+        there = []
+    for path in there:
         sessions.setdefault(path.stem.rpartition("-")[0] or path.stem, []).append(path)
     for session, paths in sessions.items():
         files = [path for path in paths if path.suffix == ".json"]
@@ -90,7 +97,8 @@ def left_behind(folder: Path) -> tuple[Kept, ...]:
         held = _held(lock)
         if held is False:
             for path in rest if files else [*rest, lock]:
-                path.unlink(missing_ok=True)
+                with contextlib.suppress(OSError):  # in a folder that is read-only
+                    path.unlink()
         for path in files if not held else ():
             try:
                 one = Session(**json.loads(_content(path)))
@@ -188,8 +196,13 @@ class Autosave:
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
         if self._lock is not None:
-            (self._folder / f"{self._id}.lock").unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # gone, or in a folder that is read-only now
+                self._lock_path.unlink()
             self._lock.close()
+
+    @property
+    def _lock_path(self) -> Path:
+        return self._folder / f"{self._id}.lock"
 
     def _loop(self) -> None:
         stopped = False
@@ -239,7 +252,7 @@ class Autosave:
             if document in self._files:
                 self._files.pop(document).unlink(missing_ok=True)
             return
-        if self._lock is None or not _is(self._lock, self._folder / f"{self._id}.lock"):
+        if self._lock is None or _is(self._lock, self._lock_path) is False:
             self._begin()
         path = self._folder / f"{self._id}-{document}.json"
         text = model.model_dump_json(exclude_none=True)
@@ -252,7 +265,8 @@ class Autosave:
     def _begin(self) -> None:
         """Choose an id and lock it. Another process may remove the lock file before that.
 
-        Files under an earlier id, whose lock has been removed, are due again.
+        Files under an earlier id, whose lock has been removed, are due again. An id whose lock
+        cannot be written is tried again, so the problem that people are told stays the same.
         """
         self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._due |= self._files.keys()
@@ -260,30 +274,32 @@ class Autosave:
         self._files.clear()
         if self._lock is not None:
             self._lock.close()
-            self._lock = None
+            self._id, self._lock = "", None
         while self._lock is None:
-            self._id = secrets.token_hex(8)
-            path = self._folder / f"{self._id}.lock"
-            file = path.open("xb")
-            if _locked(file, shared=False) is not False and path.exists():
+            self._id = self._id or secrets.token_hex(8)
+            file = self._lock_path.open("xb")
+            if _locked(file, shared=False) is not False and self._lock_path.exists():
                 self._lock = file
             else:
                 file.close()
+                self._id = ""
 
     def _removed(self) -> bool:
-        """Check whether somebody has removed the lock or a file of this session."""
+        """Check whether the lock or a file of this session is gone, or out of reach."""
         if self._lock is None:
             return False
-        lock = self._folder / f"{self._id}.lock"
-        return not _is(self._lock, lock) or not all(path.exists() for path in self._files.values())
+        there = all(os.path.exists(path) for path in self._files.values())
+        return not there or not _is(self._lock, self._lock_path)
 
 
-def _is(file: IO[bytes], path: Path) -> bool:
-    """Check whether a path still leads to an open file."""
+def _is(file: IO[bytes], path: Path) -> bool | None:
+    """Check whether a path still leads to an open file. Returns None if that is not known."""
     try:
         return os.path.samestat(os.fstat(file.fileno()), path.stat())
-    except OSError:
+    except (FileNotFoundError, NotADirectoryError):
         return False
+    except OSError:  # a folder that may not be entered
+        return None
 
 
 def _flush(path: Path) -> None:

@@ -5,6 +5,7 @@ import os
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -334,3 +335,93 @@ def test_a_file_that_cannot_be_read_is_named_and_stays(tmp_path, caplog, made):
     assert left_behind(tmp_path) == ()
     assert path.name in caplog.text
     assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.fixture
+def soon(monkeypatch):
+    """Failed writes are tried again at once."""
+    monkeypatch.setattr("pgraph_app.session.autosave.RETRY", 0.01)
+
+
+def tries(keeper, monkeypatch):
+    """Return a list that grows with every try to write."""
+    made, write = [], keeper._write_due
+    monkeypatch.setattr(keeper, "_write_due", lambda **how: made.append(write(**how)))
+    return made
+
+
+def out_of_reach(folder, patch, *calls):
+    """Refuse what is in a folder, as a system does if nobody may enter it (root always may)."""
+
+    def refusing(real):
+        def asked(path, *args, **how):
+            if path.parent == folder:
+                raise PermissionError(13, "Permission denied", str(path))
+            return real(path, *args, **how)
+
+        return asked
+
+    for name in calls or ("stat", "open", "unlink"):
+        patch.setattr(Path, name, refusing(getattr(Path, name)))
+
+
+def test_a_folder_out_of_reach_is_told_once_and_its_lock_is_kept(
+    tmp_path, state, monkeypatch, soon
+):
+    """Without its lock, a server that starts as the folder is back would take the model over."""
+    sent = []
+    keeper, now = saver(tmp_path, sent), edited(state, "5")
+    keeper.render(state, state)
+    keeper.render(state, now)
+    before = {path.name for path in tmp_path.iterdir()}
+    made = tries(keeper, monkeypatch)
+    with monkeypatch.context() as refused:
+        out_of_reach(tmp_path, refused)
+        until(lambda: sent, "a warning before any edit")
+        old, now = now, edited(now, "6")
+        keeper.render(old, now)
+        until(lambda: len(made) > 5, "more tries")
+    until(lambda: sent[-1].problem == "", "the word that it works")
+    assert len(sent) == 2
+    assert {path.name for path in tmp_path.iterdir()} == before
+    assert left_behind(tmp_path) == ()  # it is still locked
+    keeper.stop()
+    assert kept_of(tmp_path) == [now.model]
+
+
+def test_a_lock_that_cannot_be_made_is_told_once(tmp_path, state, monkeypatch, soon):
+    sent = []
+    keeper = saver(tmp_path, sent)
+    keeper.render(state, state)
+    made = tries(keeper, monkeypatch)
+    with monkeypatch.context() as refused:
+        out_of_reach(tmp_path, refused)
+        keeper.render(state, now := edited(state, "5"))
+        until(lambda: len(made) > 5, "more tries")
+    until(lambda: sent[-1].problem == "", "the word that it works")
+    assert len(sent) == 2
+    keeper.stop()
+    assert kept_of(tmp_path) == [now.model]
+
+
+def test_a_server_ends_and_starts_in_a_folder_that_became_read_only(tmp_path, state, monkeypatch):
+    """Locks stay there, but are free."""
+    keeper, now = saver(tmp_path), edited(state, "5")
+    keeper.render(state, state)
+    keeper.render(state, now)
+    (
+        tmp_path / "0123456789abcdef.lock"
+    ).touch()  # of a server that was killed before its first edit
+    with monkeypatch.context() as refused:
+        out_of_reach(tmp_path, refused, "unlink")
+        keeper.stop()
+        assert kept_of(tmp_path) == [now.model]
+    assert len([*tmp_path.glob("*.lock")]) == 2
+
+
+def test_a_folder_that_cannot_be_read_is_named(tmp_path, caplog):
+    assert left_behind(tmp_path / "new") == ()
+    assert not caplog.text
+    (folder := tmp_path / "state").symlink_to(tmp_path / "state")  # a circle: root fails as well
+    assert left_behind(folder) == ()
+    assert str(folder) in caplog.text
