@@ -363,7 +363,7 @@ FILL = 38  # 4 x 4 blocks a row of the contact solver's factor: islands with mor
 
 def islands(rows: Ints, nv: int, blocks: Blocks) -> Islands:
     """Allocate buffers in the contact solver."""
-    from ..engine.contact.islands import GRAPH  # compiled only if something touches
+    from ..engine.contact.islands import GRAPH, SIZES  # compiled only if something touches
     from ..engine.contact.sweeps import NORMAL_ROWS, SWEPT
 
     n, count = len(rows), len(blocks.blocks_i)
@@ -383,7 +383,7 @@ def islands(rows: Ints, nv: int, blocks: Blocks) -> Islands:
         first=_integers(count + 2),
         graph=_integers(n, GRAPH.total),
         queue=_integers(n),
-        size=_integers(2),
+        size=_integers(SIZES.total),
         freedoms=_integers(4 * fours),
         place=np.full(nv, -1),
         start=_integers(fours + 1),

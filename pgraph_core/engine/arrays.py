@@ -263,7 +263,7 @@ class Islands(NamedTuple):
     first: Any  # (nb + 2,) where the blocks of an island begin
     graph: Any  # (n + 1, 7) of every tree, named in `islands`
     queue: Any  # (n + 1,) trees in the order of elimination
-    size: Any  # (2,) freedoms of the island at hand, and edges
+    size: Any  # (6,) numbers named in `islands`
     freedoms: Any  # (nv,) in the order of elimination
     place: Any  # (nv,) where a freedom stands in that order, -1: nowhere
     start: Any  # (nv / 4 + 1,) where rows of 4 x 4 blocks begin

@@ -50,9 +50,9 @@ from ..vec import dot, load
 from .conflicts import barred, ease, strain
 from .contacts import contacts_at
 from .island_rows import drop_impulses, gather, rows_of, velocity, weigh
-from .islands import find_islands, forget_order, order_island, unique
+from .islands import SIZES, find_islands, order_island, unique
 from .loose import note_loose
-from .newton import TOLERANCE, solve_exact, stays
+from .newton import DUE, TOLERANCE, solve_exact, stays
 from .sweeps import gauss_seidel, joint_speeds, own_block
 
 # tolerance of large heaps: half of the digits, as forces are not unique
@@ -60,15 +60,14 @@ HEAP_TOLERANCE = math.sqrt(EPS)
 SWEEPS = 200  # limit on sweeps where a factor would cost more
 MOST_SWEEPS = 1000  # further ones where there is no room for a factor and the residual is notable
 FEW_SWEEPS = 40  # before Newton's method
-FACTOR_WORK = 3e3  # a factor's work per block above which its steps cost more than sweeps
 MOVES_TOGETHER = 1e3  # least ratio of a body's speed to that of its contacts if both move alike
 
 
 @sweep
-def solve_impulses(scene, h, again):
+def solve_impulses(scene, h, again, last):
     """Compute λ of all active rows from b in RHS, in a step of h. The result is written to LAMBDA,
     whose previous value is the initial guess. If the same rows are solved `again`, islands with the
-    same b as before keep their λ.
+    same b as before keep their λ. Only the impulses of the `last` pass are recorded.
 
     Their effect on the joints is written to EFFECT. REPORT receives the numbers of sweeps and of
     Newton steps, the largest velocity residual of a law, relative to its island and in m/s, the
@@ -84,13 +83,15 @@ def solve_impulses(scene, h, again):
     active, vectors, report = blocks.active, space.vectors, space.vectors[REPORT]
     for c in range(LOOSE + 1):
         report[c] = report[c] if again and (c == MISSED or (c >= STRAYS and c != GAINED)) else 0.0
-    for j in range(1, active[0] + 1):
-        i = active[j]
-        own_block(space.y, space.slots, vectors[DINV], i, space.own)
-        if joints_of(space.slots, i) == 0:
-            for c in range(size_of(blocks.blocks_i, i)):
-                vectors[LAMBDA, first_of(space.slots, i) + c] = 0.0
-    count = find_islands(scene)
+    if not again:
+        for j in range(1, active[0] + 1):
+            i = active[j]
+            own_block(space.y, space.slots, vectors[DINV], i, space.own)
+            if joints_of(space.slots, i) == 0:
+                for c in range(size_of(blocks.blocks_i, i)):
+                    vectors[LAMBDA, first_of(space.slots, i) + c] = 0.0
+        find_islands(scene)
+    count = islands.size[SIZES.islands]
     largest = 0.0
     tally = contacts_at(data.links.contacts).tally[0]
     fine, still = tally.fine, EPS * tally.length / h
@@ -99,7 +100,7 @@ def solve_impulses(scene, h, again):
             largest = max(largest, largest_velocity(scene, n))
     for n in range(count):
         aim(scene, n)
-        if again and is_as_before(scene, n):
+        if again and is_as_before(scene, n) and not is_due(scene, n):
             joint_speeds(scene, n)
             report[GAINED] += gained(scene, n)[0]
             note_missed(scene, n)
@@ -108,11 +109,11 @@ def solve_impulses(scene, h, again):
             drop(scene, n)
             note_missed(scene, n)
             continue
-        left, size = solve_island(scene, n, still)
+        left, size = solve_island(scene, n, still, last)
         if left == math.inf:
             ease(scene, n)
             aim(scene, n)
-            left, size = solve_island(scene, n, still)
+            left, size = solve_island(scene, n, still, last)
         note_left(report, left, size)
         gain, size = gained(scene, n)
         if gain > NOTABLE * size and bounces(scene, n):
@@ -120,7 +121,7 @@ def solve_impulses(scene, h, again):
             for j in range(islands.first[n], islands.first[n + 1]):
                 blocks.blocks_f[islands.blocks[j], at.BOUNCE] = 0.0
             aim(scene, n)
-            left, size = solve_island(scene, n, still)
+            left, size = solve_island(scene, n, still, last)
             note_left(report, left, size)
             gain, size = gained(scene, n)
         report[GAINED] += gain
@@ -152,6 +153,19 @@ def is_as_before(scene, n):
         for c in range(size_of(data.blocks.blocks_i, islands.blocks[j])):
             change = max(change, abs(vectors[RHS, r + c] - vectors[LAST_RHS, r + c]))
     return change <= EPS * largest_velocity(scene, n)
+
+
+@sweep
+def is_due(scene, n):
+    """Check whether this pass chooses among the impulses of island n."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    found = False
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        touches = type_of(data.blocks.blocks_i, i) == at.T_CONTACT
+        found = found or (touches and data.blocks.blocks_f[i, at.SETTLED] == DUE)
+    return found
 
 
 @sweep
@@ -236,7 +250,7 @@ def note_missed(scene, n):
 
 
 @sweep
-def solve_island(scene, n, still):
+def solve_island(scene, n, still, last):
     """Solve for λ of one island, and write the resulting speeds w into JOINT_SPEEDS.
 
     A velocity of at most `still` moves nothing by more than the rounding of its position in a step.
@@ -249,11 +263,9 @@ def solve_island(scene, n, still):
         drop(scene, n)
         return 0.0, size
     contacts = contacts_at(opened(scene).links.contacts)
-    islands, fine, tally = contacts.islands, contacts.tally[0].fine, contacts.tally[0]
-    count = islands.first[n + 1] - islands.first[n]
+    fine, tally = contacts.tally[0].fine, contacts.tally[0]
     weigh(scene, n)
-    work, room = order_island(scene, n)
-    small = room and work <= FACTOR_WORK * count
+    room, small = order_island(scene, n)
     tolerance = fine * (TOLERANCE if small else HEAP_TOLERANCE)
     alone = unique(scene, n)
     left = math.inf if alone else stays(scene, n, size)
@@ -261,7 +273,7 @@ def solve_island(scene, n, still):
     if not solved and (alone or not small):
         left = gauss_seidel(scene, n, size, FEW_SWEEPS if small else SWEEPS, tolerance)
     if not solved and room and left > (tolerance if small else NOTABLE):
-        left, taken = solve_exact(scene, n, size)
+        left, taken = solve_exact(scene, n, size, last)
         report[STEPS_DONE] += taken
     elif left > NOTABLE:
         left = gauss_seidel(scene, n, size, MOST_SWEEPS, NOTABLE)
@@ -270,7 +282,6 @@ def solve_island(scene, n, still):
         left = math.inf
     if small and not alone and left <= NOTABLE and tally.share == 0.0 and tally.loose == 0:
         note_loose(scene, n, size)
-    forget_order(islands)
     return left, size
 
 

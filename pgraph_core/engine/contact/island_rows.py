@@ -19,6 +19,7 @@ from ..compiler.lane import (
 from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
 from ..vec import add_scaled, dot, load
 from .contacts import contacts_at
+from .islands import SIZES
 from .sparse import total
 
 
@@ -154,7 +155,7 @@ def respond(scene, n):
         i = islands.blocks[j]
         r, size = first_of(data.space.slots, i), size_of(data.blocks.blocks_i, i)
         pull(islands, j, rows_of(vectors[LAMBDA], r, size), speeds)
-    for p in range(islands.size[0]):
+    for p in range(islands.size[SIZES.freedoms]):
         i = islands.freedoms[p]
         if i >= 0:
             vectors[JOINT_SPEEDS, i] = islands.scale[p] * speeds[p >> 2, p & 3]
@@ -163,7 +164,7 @@ def respond(scene, n):
 @part
 def fours_of(islands):
     """Return the number of rows of 4 x 4 blocks."""
-    return islands.size[0] >> 2
+    return islands.size[SIZES.freedoms] >> 2
 
 
 @part

@@ -26,6 +26,10 @@ NOWHERE = -1
 # tree that it is eliminated into, 0: none, the number of those that are eliminated into it and
 # itself, and where they end. By numbers: trees in the order they are chosen, and neighbours.
 GRAPH = columns("mark", "degree", "parent", "size", "end", "chosen", "near")
+# Entries of `size`: freedoms of the ordered island, edges, islands, the ordered island + 1 or 0,
+# whether its factor fits, and whether a factor costs little.
+SIZES = columns("freedoms", "edges", "islands", "ordered", "fits", "small")
+FACTOR_WORK = 3e3  # a factor's work per block above which its steps cost more than sweeps
 
 
 @sweep
@@ -40,8 +44,9 @@ def find_islands(scene):
     islands = contacts_at(data.links.contacts).islands
     active, tree, chief = blocks.active, islands.tree, islands.chief
     number, order, first = islands.number, islands.blocks, islands.first
+    forget_order(islands)
     plant(data.rows, islands)
-    islands.size[1] = 0
+    islands.size[SIZES.edges] = 0
     before, beyond = NOWHERE, NOWHERE
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -79,6 +84,7 @@ def find_islands(scene):
     for n in range(count, 0, -1):
         first[n] = first[n - 1]
     first[0] = 0
+    islands.size[SIZES.islands] = count
     return count
 
 
@@ -120,17 +126,42 @@ def unite(chief, a, b):
 @part
 def connect(islands, a, b):
     """Record that tree b is adjacent to tree a, if there is room."""
-    edges, n = islands.edges, islands.size[1]
+    edges, n = islands.edges, islands.size[SIZES.edges]
     if n < edges.shape[0]:
         edges[n, 0] = islands.edge[a]
         edges[n, 1] = b
         islands.edge[a] = n
-        islands.size[1] += 1
+        islands.size[SIZES.edges] += 1
 
 
 @sweep
 def order_island(scene, n):
-    """Order the elimination of island n. Returns (cost of a factorisation, whether it fits).
+    """Order the elimination of island n, and write its speeds without impulses in this order.
+    Returns (whether a factor fits, whether it costs little).
+
+    The order is kept until another island is ordered, or the islands are found again.
+    """
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    size = islands.size
+    if size[SIZES.ordered] != n + 1:
+        forget_order(islands)
+        work, fits = find_order(scene, n)
+        size[SIZES.ordered] = n + 1
+        size[SIZES.fits] = 1 if fits else 0
+        little = fits and work <= FACTOR_WORK * (islands.first[n + 1] - islands.first[n])
+        size[SIZES.small] = 1 if little else 0
+    for p in range(size[SIZES.freedoms]):
+        i = islands.freedoms[p]
+        free = data.space.vectors[NO_IMPULSES, i] / islands.scale[p] if i != NOWHERE else 0.0
+        islands.free[p >> 2, p & 3] = free
+    return size[SIZES.fits] == 1, size[SIZES.small] == 1
+
+
+@part
+def find_order(scene, n):
+    """Order the freedoms of island n and lay out its rows. Returns (cost of a factorisation,
+    whether it fits).
 
     `place` is the position of a freedom, `start` and `column` are as in `sparse`.
     """
@@ -158,11 +189,7 @@ def order_island(scene, n):
                     count += 1
             k = islands.below[k]
     count = whole_fours(islands, count)
-    islands.size[0] = count
-    for p in range(count):
-        i = islands.freedoms[p]
-        free = vectors[NO_IMPULSES, i] / islands.scale[p] if i != NOWHERE else 0.0
-        islands.free[p >> 2, p & 3] = free
+    islands.size[SIZES.freedoms] = count
     for j in range(first[n], first[n + 1]):
         lay_out(islands, data.space, first[n], j)
     return find_fill(islands, count >> 2, first[n], first[n + 1])
@@ -189,7 +216,7 @@ def order_trees(islands, begin):
     trees = breadth_first(islands, begin)
     chosen, left, least = 0, trees, 0
     while left > 0:
-        limit, least, kept = least, islands.size[1], 0
+        limit, least, kept = least, islands.size[SIZES.edges], 0
         for n in range(trees - 1, trees - 1 - left, -1):
             t = queue[n]
             if graph[t, GRAPH.degree] > limit:
@@ -366,8 +393,11 @@ def lay_out(islands, space, begin, j):
 
 @part
 def forget_order(islands):
-    """Clear the ordering before the next island."""
-    for p in range(islands.size[0]):
+    """Clear the ordering, if there is one."""
+    if islands.size[SIZES.ordered] == 0:
+        return
+    islands.size[SIZES.ordered] = 0
+    for p in range(islands.size[SIZES.freedoms]):
         i = islands.freedoms[p]
         if i != NOWHERE:
             islands.place[i] = NOWHERE

@@ -71,6 +71,9 @@ FIRM = (128.0, 4.0)
 INNER_STEPS = 30  # Newton's steps of one such problem
 HALVINGS = 20  # halvings of one such step, until the slope along it is a tenth
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
+# Impulses that are not of least norm, those of least norm, and those for which the last pass of a
+# step chooses
+NOT, LEAST, DUE = 0.0, 1.0, 2.0
 # Where the scratch of an island keeps them: columns of a block.
 SCRATCH = columns(slope=9, miss=3, rate=9, move=3, start=3, state=1, rests=1)
 LAWS, BOUNDS, CONES, NORMALS = 0, 1, 2, 3  # sets that `look` projects onto
@@ -283,14 +286,14 @@ def stays(scene, n, size):
     """Return the residual of λ of the last step over `size`, or infinity if it does not solve
     island n to rounding.
 
-    If it does, the impulses of least norm have already been computed. After `weigh`.
+    They must be of least norm. After `weigh`.
     """
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         touches = type_of(data.blocks.blocks_i, i) == at.T_CONTACT
-        if touches and data.blocks.blocks_f[i, at.SETTLED] == 0.0:
+        if touches and data.blocks.blocks_f[i, at.SETTLED] != LEAST:
             return math.inf
     respond(scene, n)
     _, left, noise, _ = look(scene, n, 0.0, LAWS)
@@ -298,13 +301,14 @@ def stays(scene, n, size):
 
 
 @sweep
-def solve_exact(scene, n, size):
+def solve_exact(scene, n, size, last):
     """Solve the contact laws of island n. Returns (residual over `size`, number of steps).
 
     It starts from λ. If this does not converge, problems with given friction bounds are solved
-    first (`hold`). If no contact state has changed, or in an impact, the impulses of least norm are
-    computed next. If a contact state changes within a step, the impulses are only transient, and
-    the impulses of least norm usually lead to another change.
+    first (`hold`). If no contact state has changed in the `last` pass, or in an impact, the
+    impulses of least norm are computed next. If a contact state changes within a pass, the impulses
+    are only transient, and the impulses of least norm usually lead to another change. Earlier
+    passes leave the choice to the last one.
     """
     left, taken, same = converge(scene, n, size, CAREFUL)
     if left > NOTABLE:
@@ -312,8 +316,8 @@ def solve_exact(scene, n, size):
         taken += more
     strikes = contacts_at(opened(scene).links.contacts).tally[0].share == 0.0
     settle = same or strikes or left > TOLERANCE
-    note_settled(scene, n, settle)
-    if not settle:
+    note_settled(scene, n, (LEAST if settle else NOT) if last else DUE)
+    if not (settle and last):
         return left, taken
     copy_impulses(scene, n, LAMBDA, IMPULSES_BEFORE)
     again, noise = least_norm(scene, n, size)
@@ -326,13 +330,13 @@ def solve_exact(scene, n, size):
 
 @sweep
 def note_settled(scene, n, settled):
-    """Store whether impulses of least norm are sought for island n."""
+    """Store whether the impulses of island n are of least norm."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
-            data.blocks.blocks_f[i, at.SETTLED] = 1.0 if settled else 0.0
+            data.blocks.blocks_f[i, at.SETTLED] = settled
 
 
 @sweep

@@ -40,4 +40,4 @@ def strike(scene, v):
     for j in range(v.shape[0]):
         vectors[SPEEDS, j] = v[j]
     unspread(data.rows, data.const, data.work, vectors[SPEEDS])
-    solve_impulses(scene, math.inf, False)
+    solve_impulses(scene, math.inf, False, True)

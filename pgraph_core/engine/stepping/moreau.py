@@ -67,6 +67,7 @@ from ..constraints.paths import spread, unspread
 from ..contact.contacts import ADDING, FROZEN, clear, contacts_at, kept_place
 from ..contact.impulse import solve_impulses
 from ..contact.meeting import first_meeting, hits_at_once, state_at
+from ..contact.newton import NOT
 from ..contact.passing import keep_poses, note_passages
 from ..drives import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, energies, follow, opened
@@ -485,7 +486,7 @@ def warm_start(scene, first, m):
             n -= room if turns else 0
             if not turns:
                 set_xyz(contacts.found[n].held, (0.0, 0.0, 0.0))
-                blocks.blocks_f[active[j], at.SETTLED] = 0.0
+                blocks.blocks_f[active[j], at.SETTLED] = NOT
             k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
             if k >= 0:
                 r = first_of(slots, active[j])
@@ -519,7 +520,7 @@ def solve_part(run, own, q, v, vdot):
         if not goes_on:
             unit_responses(rows, const, blocks, work, space)
             warm_start(scene, first, m)
-        solve_impulses(scene, h, goes_on)
+        solve_impulses(scene, h, goes_on, which != EXPLICIT)
         this.counters[0].solver_iterations += int(report[SWEEPS_DONE] + report[STEPS_DONE])
         if w == 0.0 or not add_passed(scene, first, w, q, v, vdot):
             break
