@@ -285,7 +285,7 @@ class Fixed(dict[str, Any]):
         return Fixed, (dict(self),)
 
     def __deepcopy__(self, memo: Any) -> Self:
-        return self  # as tuples of numbers
+        return self  # tuples of numbers serve as they are
 
 
 def fixed(value: dict[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from .errors import shown
 from .rotation import Array, quaternion_products, unit_vector
 from .tolerances import EPS, NOTABLE, SOLVED
 
-DEGREE = 7  # of the polynomials, see `engine.layout`
+DEGREE = 7  # degree of the polynomials, see `engine.layout`
 CLOSE = 512 * EPS  # largest distance of the polynomials from the functions, relative to their size
 MOST_POLYNOMIALS = 2000  # more would be needed by a function with a corner only
 START = 8  # parts of a piece in the first trial

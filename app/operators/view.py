@@ -94,7 +94,7 @@ class Now:
 
     @property
     def ready(self) -> bool:
-        """Whether the kernels are compiled, which are faster than the operators."""
+        """Check whether the kernels are compiled, which are faster than the operators."""
         return self.state.kernels.ready
 
     @cached_property
@@ -189,11 +189,11 @@ class Shown(NamedTuple):
     symbol: str
     title: str
     words: str  # meaning of an entry, number of its equation in the paper
-    rows: str  # what a row belongs to, a key of `sides`
+    rows: str  # owner of a row, a key of `sides`
     columns: str
     value: Callable[[Now], Any]
-    large: bool = True  # it is also made where paths between bodies are too many
-    of_run: bool = False  # it needs the accelerations of a run
+    large: bool = True  # made even if paths between bodies are too many
+    of_run: bool = False  # needs the accelerations of a run
 
 
 OPERATORS = {

@@ -1,4 +1,4 @@
-"""Runs on the page: what is asked for, and what the run shows."""
+"""Runs on the page: their requests, and the curves and poses that they show."""
 
 from __future__ import annotations
 

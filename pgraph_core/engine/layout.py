@@ -36,7 +36,7 @@ CONST = 32
 # Both are polynomials of degree 7 in the way from there, the coefficients of each power together.
 TRACK_AT = 0
 TRACK_PLACE = 1  # 24, eight vectors
-TRACK_RATE = 25  # of the first row: 1 / period of a closed curve, or 0 [1/rad, 1/m]
+TRACK_RATE = 25  # first row: 1 / period of a closed curve, or 0 [1/rad, 1/m]
 TRACK_TURN = 0  # 32 in the other row, eight quaternions
 GRAVITY = 0  # 3, of row 0: gravity in world axes [m/s^2]
 

@@ -146,7 +146,7 @@ ERROR_CONTROL = record(  # tolerances and errors that choose the width of steps
     steepest=REAL,  # largest acceleration of a step so far, if corners end steps [rad/s², m/s²]
 )
 
-ENDS_OF_STEPS = record(  # times at which steps end, and results held until then
+ENDS_OF_STEPS = record(  # the times at which steps end, and results held until then
     corner=INTEGER,  # the next corner of a table
     edges=INTEGER,  # comparisons of times in expressions, at whose changes steps end
     edge=REAL,  # time of the last corner or edge at which a step ended [s]

@@ -80,7 +80,7 @@ parent_of, set_parent = number(at.PARENT)
 kind_of, set_kind = number(at.KIND)
 q_of, set_q = number(at.QI)  # first index into q
 v_of, set_v = number(at.VI)  # first index into v
-track_of, set_track = number(at.TRACK)  # of a curve: the first row of its track in the constants
+track_of, set_track = number(at.TRACK)  # first row of a curve's track in the constants
 track_rows_of, set_track_rows = number(at.TRACK_ROWS)
 
 

@@ -183,7 +183,7 @@ def measured(
     """Compute the times in seconds of every run in every round, as returned by each run.
 
     `expected` are rough seconds of the runs. `progress(fraction)` is called between the runs and
-    may raise to end the measurement. If the time is over (`late`), further runs are left out. In
+    may raise to end the measurement. If the time is over (`late`), no further run begins. In
     the first round, short runs come first.
     """
     shuffle = random.Random(seed)

@@ -89,8 +89,8 @@ def nearness(contacts):
 def has_touched(contacts, n):
     """Check whether contact point n touched at the end of the last step.
 
-    Vertices over the ground are told apart. Other points may give way to other points of the same
-    shapes while these touch.
+    Vertices over the ground keep their identity. Other points may give way to other points of the
+    same shapes while these touch.
     """
     point, anchors, count = contacts.found[n], contacts.anchors, contacts.tally[0].anchored
     kind = contacts.geometry.shapes[point.shape_a].kind

@@ -65,7 +65,7 @@ class Single(NamedTuple):
     set_rates: Any
     column: Any  # H as (angular, linear)
     unit_wrench: Any  # a wrench W with Hᵀ W = 1: H where its length is 1
-    slopes: Any  # that of a `Motion`
+    slopes: Any  # `slopes` of the `Motion`
     add_motion: Any  # V + H x for a number x, with V = (alpha, linear)
     along: Any  # Hᵀ F of a wrench (moment, force)
     through: Any  # U = I H as (angular, linear), then Hᵀ U, for I = [j b, bᵀ m]

@@ -219,7 +219,7 @@ def dip(run, low, width, i):
     tiny = SOLVED * max(y[0], max(y[1], y[2]))
     if y[2] <= tiny:
         watched[WATCHED.nears, n] = 1.0
-    if y[0] <= tiny and not nears:  # it is that of the event before
+    if y[0] <= tiny and not nears:  # the zero of the event before
         return -1.0, -1.0
     if min(y[0], min(y[1], y[2])) > STEEPER * max(abs(y[1] - y[0]), abs(y[2] - y[1])):
         return -1.0, -1.0

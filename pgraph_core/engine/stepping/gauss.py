@@ -69,7 +69,11 @@ GAUSS = columns(
 )
 STAGE_ROUNDS = 60
 NEWTON_ROUNDS = 4  # usual ones of Newton's method, in addition to the cost of the Jacobian
-BY_COST, PATIENT, TO_THE_END = 0.0, 0.5, 1.0  # convergence rates at which M⁻¹ alone is given up
+BY_COST, PATIENT, TO_THE_END = (
+    0.0,
+    0.5,
+    1.0,
+)  # convergence rates at which Newton's method replaces M⁻¹
 PASSES = 8  # rounds for kinematics of turning bodies, which cost less than an evaluation
 SERVES = 1  # largest convergence rate of a Jacobian that is used
 USELESS = 3  # instead of a rate: Newton's method took more evaluations than it saved
@@ -493,7 +497,8 @@ def solved(run, h, still, newton, most):
     rate).
 
     Corrections below `still` are of the size of rounding. Newton's method keeps its rate. The
-    inverse mass matrix alone is given up at the rate `most`, or if Newton's method costs less.
+    iteration with the inverse mass matrix alone ends at the rate `most`, or if Newton's method
+    costs less.
     """
     data = opened_run(run)
     control, counters, flow, tableau = data.control[0], data.counters[0], data.flow, data.tableau
