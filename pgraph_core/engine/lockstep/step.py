@@ -464,6 +464,39 @@ def is_running(codes, i):
     return codes[i] == at.RUNNING
 
 
+@part
+def count_running(codes, first, end):
+    """Count the instances of a block that run."""
+    running = 0
+    for i in range(first, end):
+        running += 1 if is_running(codes, i) else 0
+    return running
+
+
+@sweep
+def ask_users(run, runs, s, ways_on, frames, first, loaded, h):
+    """Let functions of the users write the torques of the lanes that run together.
+
+    `loaded` is the kind of instance that the run holds, or -1. Returns the one that it holds now.
+    """
+    copy, own, mine, numbers, tables, kind = runs
+    work = opened(opened_run(run).scene).work
+    lay_out(s.work, frames)
+    size = 8 * at.WORK * work.shape[0]
+    for w in range(LANE_WIDTH):
+        if ways_on[w] == IN_LANES:
+            i = first + w
+            row = tables[0, 0] + i * tables[0, 1]
+            if kind[i] != loaded:
+                load_run(copy, own, numbers, tables, kind, i)
+                loaded = kind[i]
+            exchange(copy, mine, row, False)
+            call_copy(copy, (work.ctypes.data, frames[w].ctypes.data, size))
+            ask_user(run, s, w, h)
+            exchange(copy, mine, row, True)
+    return loaded
+
+
 @sweep
 def step_block(
     run, advance, copy, own, numbers, memory, ways, near, drives, block, frames, state, tables,
@@ -472,13 +505,11 @@ def step_block(
     """Take n steps of one block."""
     this = opened_run(run)
     data = opened(this.scene)
-    rows, user, work = data.rows, data.user, data.work
+    rows, user = data.rows, data.user
     kept = walk == 0 and user.address == 0  # otherwise they may write into the rows
     b, s = in_lanes(block), named_block(block)
     since, ways_on, swept, lane = state[0], state[1], state[2], s.lane[0]
-    running, h = 0, this.control[0].error.widest
-    for i in range(first, end):
-        running += 1 if is_running(codes, i) else 0
+    running, h = count_running(codes, first, end), this.control[0].error.widest
     for w in range(LANE_WIDTH):
         i = min(first + w, end - 1)
         since[w] = 0
@@ -510,19 +541,8 @@ def step_block(
             if walk != 0:
                 call_walk(walk, (place, ALL, h))
             elif user.address != 0:
-                lay_out(s.work, frames)
-                size = 8 * at.WORK * work.shape[0]
-                for w in range(LANE_WIDTH):
-                    if ways_on[w] == IN_LANES:
-                        i = first + w
-                        row = tables[0, 0] + i * tables[0, 1]
-                        if kind[i] != loaded:
-                            load_run(copy, own, numbers, tables, kind, i)
-                            loaded = kind[i]
-                        exchange(copy, mine, row, False)
-                        call_copy(copy, (work.ctypes.data, frames[w].ctypes.data, size))
-                        ask_user(run, s, w, h)
-                        exchange(copy, mine, row, True)
+                runs = copy, own, mine, numbers, tables, kind
+                loaded = ask_users(run, runs, s, ways_on, frames, first, loaded, h)
             if again == 0:
                 solve(rows, ways, near, b, h, False, False)
         finish(rows, ways, near, b, h, kept)
