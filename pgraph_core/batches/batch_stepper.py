@@ -15,6 +15,7 @@ from ..dynamics.arguments import (
     by_name,
     names_in,
     positions,
+    refuse_as_torques,
     rows_by_name,
     whole_number,
 )
@@ -31,7 +32,7 @@ from ..result.records import OF_DRIVES, Named
 from ..simulation.failures import STATUS
 from ..simulation.paths import Path, with_numbers
 from ..simulation.recorded import told
-from ..simulation.stepper import Stepper, refuse_as_torques
+from ..simulation.stepper import Stepper
 from .arguments import chosen_in, compiled, kinds_of, numbers_of, places_in, refused, values_of
 from .instances import (
     Instances,

@@ -7,7 +7,7 @@ import functools
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any, cast
 
 import numpy as np
@@ -463,3 +463,17 @@ def _compiled(function: Any, nq: int, nv: int, behind: int) -> Any:
         reasons = [line for line in lines if not line.startswith("Failed in")] or lines
         text = f"numba cannot compile the function for (t, q, v): {reasons[0]}"
         raise InputError(Problem("simulate", "tau", text)) from None
+
+
+def refuse_as_torques(tau: Any, call: str) -> None:
+    """Raise InputError if `step` receives a function or a count in place of torques."""
+    text = ""
+    if callable(tau):
+        text = f"must be numbers; a function of (t, q, v) goes to pg.{call}(..., tau=function)"
+    elif isinstance(tau, Integral):
+        text = f"are torques, an array; for {tau} steps write step(n={tau})"
+    elif isinstance(tau, Real):
+        text = f"are torques, an array, got {tau}; the length of a step is pg.{call}(..., step="
+        text += f"{tau}), and step(n=10) takes ten"
+    if text:
+        raise InputError(Problem(f"{call}.step", "tau", text))

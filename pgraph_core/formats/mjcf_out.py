@@ -32,7 +32,8 @@ from ..rotation import frame_of, matrix, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, why_unphysical
 from .mjcf_compiled import GREY, MINVAL
-from .mjcf_contacts import FRICTIONLESS, MESHES, WORLD, ContactsOut, condim, geom_name
+from .mjcf_contacts import FRICTIONLESS
+from .mjcf_contacts_out import MESHES, WORLD, ContactsOut, condim, geom_name
 from .mjcf_keys import keyframes
 from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag

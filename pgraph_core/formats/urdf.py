@@ -7,7 +7,7 @@ root link is welded to the ground, or free.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -24,8 +24,7 @@ from ..errors import (
 )
 from ..fields import GROUND, name_problem
 from ..markup import Element, read_markup
-from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor, Shape, Wrench
-from ..model.shape import mass_properties_of
+from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor, Wrench
 from ..model.world import Ground
 from ..rotation import Quaternion, matrix, turn_of_z
 from .conversion import (
@@ -455,27 +454,6 @@ class _Reader(Shapes):
         fields = {"mass": mass, "com": com, "inertia": inertia}
         where = self.source.at(given or inertial, what)
         return fields | unphysical(self.report, where, name, inertia)
-
-    def _of_density(
-        self, link: Element, what: str, name: str, shapes: Sequence[Mapping[str, Any]]
-    ) -> dict[str, Any]:
-        """Return the mass properties of a link with a <density> of its collision shapes, as in
-        SAPIEN, or {} for other links. Raises ModelError or FileError."""
-        inertial = link.first("inertial")
-        given = inertial.first("density") if inertial is not None else None
-        if inertial is None or given is None or inertial.first("mass") is not None:
-            return {}
-        where = self.source.at(given, what)
-        density = self.given.number(given, "value", 0.0, what)
-        solid = [Shape(**shape) for shape in shapes if shape["role"] != "visual"]
-        if density <= 0 or not solid:
-            text = f"its density of {density:g} kg/m^3, which needs a collision shape, or is 0"
-            self.report.add("left out", where, text, acts=True, part=name)
-            return {}
-        mass, com, inertia = mass_properties_of(solid, density)
-        text = f"its density of {density:g} kg/m^3 gives {mass:.6g} kg for its collision shapes"
-        self.report.add("converted", where, text, part=name)
-        return {"mass": float(mass), "com": tuple(com.tolist()), "inertia": inertia}
 
     # -- what acts between links -----------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,6 +12,8 @@ import numpy as np
 from ..errors import FileError, PgraphError, choices, shown
 from ..markup import Element, Source, reason_of
 from ..mesh_files import FORMATS
+from ..model import Shape
+from ..model.shape import mass_properties_of
 from ..rotation import Quaternion, frame_of, matrix, multiply, quaternion_of
 from .conversion import Folders, MeshSize, Report
 from .paint import Rgba, Seen, seen_in, within_0_and_1
@@ -202,6 +204,27 @@ class Shapes:
             text = f"mesh {shown(given)}: {why}; a stand-in is drawn"
             self.report.add("left out", where, text, acts=acts, part=name)
             return None
+
+    def _of_density(
+        self, link: Element, what: str, name: str, shapes: Sequence[Mapping[str, Any]]
+    ) -> dict[str, Any]:
+        """Return the mass properties of a link with a <density> of its collision shapes, as in
+        SAPIEN, or {} for other links. Raises ModelError or FileError."""
+        inertial = link.first("inertial")
+        given = inertial.first("density") if inertial is not None else None
+        if inertial is None or given is None or inertial.first("mass") is not None:
+            return {}
+        where = self.source.at(given, what)
+        density = self.given.number(given, "value", 0.0, what)
+        solid = [Shape(**shape) for shape in shapes if shape["role"] != "visual"]
+        if density <= 0 or not solid:
+            text = f"its density of {density:g} kg/m^3, which needs a collision shape, or is 0"
+            self.report.add("left out", where, text, acts=True, part=name)
+            return {}
+        mass, com, inertia = mass_properties_of(solid, density)
+        text = f"its density of {density:g} kg/m^3 gives {mass:.6g} kg for its collision shapes"
+        self.report.add("converted", where, text, part=name)
+        return {"mass": float(mass), "com": tuple(com.tolist()), "inertia": inertia}
 
     def _look(self, robot: Element, links: Iterable[Element]) -> None:
         """Read the colours of all materials. If a name occurs in several links, the first one is

@@ -21,10 +21,11 @@ from ..result.columns import columns_of, meant, no_column, states_of_columns
 from ..sweeps.sweep import known_options
 from ..tolerances import NOTABLE
 from .curves import slopes_of
-from .found import Ending, Numbered
+from .found import Ending, Numbered, Stopped
 from .free import COST_OF_FAILURE, NUMBERS_TOLD, Case, Numbers, Values, option, starts_of
 from .given import cases_of, noise_of, priors_of
 from .integration import Finer, finer_runs, gives_steps
+from .losses import LOSSES, widening
 from .measured import factor_of, measured
 from .quality import SIGMAS, Linear, beyond_noise, not_noise, other_start
 
@@ -33,17 +34,6 @@ SMALL_PART = 4  # an error that moves a number by less than this part of its sta
 RANDOM_POINTS = 10  # random points for each start
 MOST_FITS = 10  # fits at most, each weighted by the noise that the last one left
 MEDIAN = NormalDist().inv_cdf(0.75)  # median absolute value of a standard normal variable
-# loss -> ρ' and ρ'' over the squared residual z in units of its noise, as in SciPy
-LOSSES: dict[str, Callable[[Array], tuple[Array, Array]]] = {
-    "linear": lambda z: (np.ones_like(z), np.zeros_like(z)),
-    "soft_l1": lambda z: ((1 + z) ** -0.5, -0.5 * (1 + z) ** -1.5),
-    "huber": lambda z: (
-        np.where(z <= 1, 1.0, np.maximum(z, 1) ** -0.5),
-        np.where(z <= 1, 0.0, -0.5 * np.maximum(z, 1) ** -1.5),
-    ),
-    "cauchy": lambda z: (1 / (1 + z), -1 / (1 + z) ** 2),
-    "arctan": lambda z: (1 / (1 + z**2), -2 * z / (1 + z**2) ** 2),
-}
 
 
 @explained
@@ -231,10 +221,6 @@ def fit(
     return task.fitted(begins, count, sigmas, known, option("fit", "loss", loss, [*LOSSES]))
 
 
-class _Stopped(Exception):
-    """The search was cancelled."""
-
-
 class _Task:
     """The data and the free numbers of a fit, and its last runs."""
 
@@ -283,7 +269,7 @@ class _Task:
             values = dict(zip(self.numbers.names, x.tolist()))
             self._cancelled = self.progress(values, found[0]) is False
         if self._cancelled:
-            raise _Stopped
+            raise Stopped
         return found
 
     def columns(self, runs: Sequence[Result]) -> list[Array]:
@@ -345,7 +331,7 @@ class _Task:
                 endings, x = self._over([x, *others], noise)
             x, noise, text = self._weighed(x, noise)
             x, noise, text, fine, notices = self._corrected(x, noise, text)
-        except (_Stopped, KeyboardInterrupt):
+        except (Stopped, KeyboardInterrupt):
             x, text = x if self.best is None else self.best[1], "stopped by the user"
         self.progress, self._cancelled = None, False
         if sigma is None:
@@ -357,7 +343,7 @@ class _Task:
         x = self.numbers.inside(x)
         try:
             first = self.runs(x)
-        except _Stopped:
+        except Stopped:
             raise KeyboardInterrupt from None
         if first is None:
             raise self.numbers.refused("model", f"its run fails: {self.numbers.failed}")
@@ -552,7 +538,7 @@ class _Task:
     def _linear(self, x: Array, noise: Array) -> Linear:
         left = [a / b for a, b in zip(self._left(x), noise)]
         jacobian = self._jacobian(x, noise, self.priors)
-        return Linear(jacobian, self.numbers.size, _widening(np.concatenate(left), self.loss))
+        return Linear(jacobian, self.numbers.size, widening(np.concatenate(left), self.loss))
 
     def _report(
         self, x: Array, noise: Array, text: str, fine: Finer | None, notices: list[str],
@@ -601,14 +587,3 @@ class _Task:
 
 def _rms(x: Array) -> float:
     return math.sqrt(float(np.mean(x**2)))
-
-
-def _widening(missed: Array, loss: str) -> float:
-    """Covariance of a robust fit relative to least squares with the same noise.
-
-    It is mean(ψ²) / mean(ψ')² [Huber, Robust Statistics, 1981, 7.6].
-    """
-    z = missed**2
-    first, second = LOSSES[loss](z)
-    slope = float(np.mean(first + 2.0 * z * second))
-    return float(np.mean(z * first**2)) / slope**2 if loss != "linear" and slope > 0.0 else 1.0

@@ -14,6 +14,10 @@ from ..errors import InputError, Problem, Suggests, needed, shown
 Array = np.ndarray
 
 
+class Stopped(Exception):
+    """The search was cancelled."""
+
+
 class Ending(NamedTuple):
     """End of a search from one start."""
 

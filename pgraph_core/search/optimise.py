@@ -21,11 +21,11 @@ from ..model import Model
 from ..result import Result
 from ..sweeps.sweep import known_options
 from ..tolerances import NEARBY, NOTABLE, VISIBLE
-from .found import Ending, Numbered
+from .found import Ending, Numbered, Stopped
 from .free import COST_OF_FAILURE, Case, Numbers, Values, option, starts_of
 from .goals import Goals
 from .integration import finer_options
-from .telling import Teller
+from .telling import Teller, reason_of_end
 
 Array = np.ndarray
 SOLVERS = ("SLSQP", "trust-constr", "L-BFGS-B", "least_squares")
@@ -192,10 +192,6 @@ def _check(
             raise numbers.refused(name, f"must be {wanted}, got {shown(value)}")
 
 
-class _Stopped(Exception):
-    """The search was cancelled."""
-
-
 class _Kept(Exception):
     """All limits are kept."""
 
@@ -325,7 +321,7 @@ class Search:
         if self._slopes is None:
             text = f"{numbers.failed}; or give differences=1e-4 to do without derivatives"
             raise numbers.refused("model", text)
-        raise _Stopped(f"not converged: no derivatives {numbers.failed}")
+        raise Stopped(f"not converged: no derivatives {numbers.failed}")
 
     def _order(self, point: _Point) -> tuple[float, float]:
         missed = self.goals.missed(point.values)
@@ -337,7 +333,7 @@ class Search:
             with self.file.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(trial._asdict()) + "\n")
         if callable(self.progress) and self.progress(trial, run) is False:
-            raise _Stopped
+            raise Stopped
 
     def slopes(self, u: Array) -> Array:
         """(goals, free) the derivatives of the goals by u."""
@@ -389,7 +385,7 @@ class Search:
                 if k == 0:
                     self._has_influence()
                 converged, text = self._solve(u, solver, tol, most)
-            except (_Stopped, KeyboardInterrupt) as stop:
+            except (Stopped, KeyboardInterrupt) as stop:
                 stopped, text = not str(stop), str(stop) or "stopped by the user"
             except InputError:
                 if k == 0:
@@ -435,7 +431,7 @@ class Search:
             return False, f"not converged: constraints are missed by {missed:.2g} of their size"
         if self.history[-1].failed or self._surrounded():
             return False, f"not converged: limited by {numbers.failed}"
-        return bool(good), "converged" if good else _limit(found, most)
+        return bool(good), "converged" if good else reason_of_end(found, most)
 
     def _surrounded(self) -> bool:
         """Check whether all runs after that of the best point, and beside it, failed."""
@@ -597,10 +593,3 @@ class Search:
 
     def _values(self, u: Array) -> dict[str, float]:
         return Values(zip(self.numbers.names, self._x(u).tolist()))
-
-
-def _limit(found: Any, most: int) -> str:
-    """The reason why a search did not converge, as a sentence."""
-    if (found.nfev if "nit" not in found else found.nit) >= most:
-        return f"not converged after {most} iterations: give a larger most="
-    return f"not converged: {found.message}"

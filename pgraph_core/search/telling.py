@@ -50,3 +50,10 @@ class Teller:
         told += f"; iteration {done} of at most {self.most}, {max(left, 0.0):.0f} s"
         text = f"optimise: {counted(runs, 'run')} in {now - self.began:.0f} s, best: {told}"
         print(text, file=sys.stderr, flush=True)
+
+
+def reason_of_end(found: Any, most: int) -> str:
+    """Return the reason why a search did not converge, as a sentence."""
+    if (found.nfev if "nit" not in found else found.nit) >= most:
+        return f"not converged after {most} iterations: give a larger most="
+    return f"not converged: {found.message}"

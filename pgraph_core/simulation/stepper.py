@@ -8,13 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from hashlib import sha256
-from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ..dynamics.arguments import by_name, finite, whole_number
+from ..dynamics.arguments import by_name, finite, refuse_as_torques, whole_number
 from ..engine import layout as at
 from ..engine.compiler.loading import cache_folder
 from ..errors import InputError, Problem, explained, guarded, one_of, shown
@@ -585,17 +584,3 @@ class Stepper(Readings):
         if self._record.user is not None:
             found += self._record.user.memory
         return found
-
-
-def refuse_as_torques(tau: Any, call: str) -> None:
-    """Raise InputError if `step` receives a function or a count in place of torques."""
-    text = ""
-    if callable(tau):
-        text = f"must be numbers; a function of (t, q, v) goes to pg.{call}(..., tau=function)"
-    elif isinstance(tau, Integral):
-        text = f"are torques, an array; for {tau} steps write step(n={tau})"
-    elif isinstance(tau, Real):
-        text = f"are torques, an array, got {tau}; the length of a step is pg.{call}(..., step="
-        text += f"{tau}), and step(n=10) takes ten"
-    if text:
-        raise InputError(Problem(f"{call}.step", "tau", text))
