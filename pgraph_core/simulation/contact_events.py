@@ -154,6 +154,10 @@ class ContactEvents:
             budget = last - int(steps.counters["steps"])
         return at.RUNNING
 
+    def due(self) -> bool:
+        """Whether phases of points end at the event that has been located."""
+        return bool(self.scene.over().any())
+
     def impulse(self, t: float) -> None:
         """Apply impulses at all touching points as constraints switch, and update the phases."""
         self._observe(t)
@@ -244,6 +248,8 @@ class ContactEvents:
         self._resting[s] |= phase != SWING
         if phase == STANCE:
             self.scene.hold(s)
+            if (limit := self.scene.contact_points[s].limit) is not None:
+                self.q[limit.at_q] = limit.bound / limit.weights  # it was located to rounding
         self.scene.arrange()
 
     def _open(self, s: int, cause: str) -> None:

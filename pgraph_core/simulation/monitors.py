@@ -14,6 +14,7 @@ from ..engine.records import ASLEEP
 from ..errors import refusal, shown
 from ..packing import Array, Ints
 from ..result.records import UserEvent
+from ..tolerances import SOLVED
 
 if TYPE_CHECKING:
     from .conditions import Condition, ConditionOf, UnderWay
@@ -120,6 +121,8 @@ class Watch:
         self.log: list[UserEvent] = []
         self.counts = [0] * len(self.monitors)  # events so far
         self.called: list[int] = []
+        self._values = np.zeros(len(self.monitors))  # of the last call
+        self._largest = np.zeros(len(self.monitors))  # magnitude of a value so far
         self._function, self.address = None, 0
         own = [i for i, c in enumerate(conditions) if c.given.called]
         self._call_too([*own, *range(self.waiting, len(self.monitors))])
@@ -166,10 +169,16 @@ class Watch:
         found = _array(values, len(self.monitors))
         try:
             for i in self.called:
-                found[i] = self.monitors[i](t, *state)
+                found[i] = self._values[i] = self.monitors[i](t, *state)
+            np.maximum(self._largest, np.abs(self._values), out=self._largest)
         except Exception as error:  # none may pass through compiled steps
             self.error = self.error or error
             found[self.called] = 1.0
+
+    def at_zero(self) -> list[int]:
+        """Return the indices of the events whose last values are zero, up to SOLVED."""
+        zero = np.abs(self._values) <= SOLVED * self._largest
+        return [i for i in self.called if i >= self.waiting and zero[i]]
 
     def fired(self, watched: Array) -> list[int]:
         """Return the indices of the monitors that have crossed zero."""

@@ -395,6 +395,9 @@ class Recording(Running):
         fired = watch.fired(self.steps.watched)
         if fired and fired[0] < watch.waiting:
             self.switching.meet(t, [i for i in fired if i < watch.waiting])
+        if self.events is not None and self.events.due():
+            # values turn where phases change: rounding hides their side until they have left zero
+            self.steps.forget_sides(watch.at_zero())
         nq, nv = self.mech.nq, self.mech.nv
         self._last = watch.note(t, fired, self.q[:nq], self.v[:nv])
         if self._last is not None:

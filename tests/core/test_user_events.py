@@ -274,3 +274,21 @@ def test_terminal_is_the_number_of_the_event_that_ends_the_run():
     for wrong in (-1, 2.5, "yes"):
         with pytest.raises(pg.InputError, match="terminal"):
             pg.simulate(swinging(), t_end=1.0, events=[crossing(0.0, terminal=wrong)])
+
+
+@pytest.mark.parametrize("method", ["rk4", "dopri5"])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_a_zero_exactly_at_a_limit_is_one_event_for_each_hit(method, e):
+    """It reaches zero and turns there. It was two events where rounding led beyond zero."""
+    for limit in (0.0, 0.3, -0.7):
+        body = pg.Body(
+            name="a", mass=1.0, joint="prismatic", axes=(1, 0, 0), q=(limit - 0.7,), v=(1.7,),
+            limits=(None, limit), limit_restitution=e,
+        )  # fmt: skip
+        events = [crossing(limit, direction=way) for way in (0, 1, -1)]
+        events.append(lambda t, q, v: v[0])  # it jumps there, to or through zero
+        model = pg.Model(bodies=[body], gravity=(0, 0, 0))
+        for step in (0.1, 0.013):
+            run = pg.simulate(model, t_end=0.9, step=step, method=method, events=events)
+            assert [event.number for event in run.user_events] == [0, 1, 3]
+            assert [e.t for e in run.user_events] == pytest.approx([0.7 / 1.7] * 3, abs=1e-9)
