@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,9 +31,8 @@ STATES = 5  # at which the fastest rate is evaluated
 NEWTON_COST = 12  # evaluations of an implicit step in addition to its Jacobian, about
 
 Candidate = tuple[str, Setting]  # a method and a setting
-LATE = "it took too long"
-SHORTER = 4  # factor by which a motion is shortened if no reference is found in time
-MOST_DIVISIONS = 5  # limit on such divisions
+SHORTER = 4  # share of the time that a run has reached, for a second run and those after it
+MOST_DIVISIONS = 5  # limit on how often a motion is shortened since no reference is found in time
 
 
 @explained
@@ -105,16 +104,25 @@ def given(task: Task, reference: Any) -> Reference:
 # -- made: the best of some fine runs, checked by another ------------------------------------------
 
 
+@dataclass
+class Shortfall:
+    """How runs have fallen short of the end."""
+
+    texts: list[str] = field(default_factory=list[str])  # of those that failed
+    late: bool = False  # some took too long
+    reached: float = 0.0  # the farthest of these [s]
+
+
 def _completed(
     task: Task,
     candidates: Iterable[Candidate],
     watch: Callable[[], Progress],
     estimate: bool,
-    failures: list[str],
+    short: Shortfall,
 ) -> Iterator[Result]:
     """Yield the runs that reach the end time, stopping as soon as one takes too long.
 
-    Reasons of failures are appended to `failures`. Raises the last error if every run was refused.
+    The others are noted in `short`. Raises the last error if every run was refused.
     """
     refused: PgraphError | None = None
     ran = False
@@ -131,10 +139,10 @@ def _completed(
         if run.status.ok:
             yield run
         elif run.status is Status.CANCELLED:
-            failures.append(LATE)
+            short.late, short.reached = True, max(short.reached, *run.t[-1:].tolist(), 0.0)
             return
         else:
-            failures.append(f"{method}: {run.message}")
+            short.texts.append(f"{method}: {run.message}")
             if run.status is Status.TOO_MANY_STEPS:
                 exhausted.add(METHODS[method].implicit)
     if refused is not None and not ran:
@@ -142,21 +150,25 @@ def _completed(
 
 
 def finest(
-    task: Task, rate: float, step: float, watch: Callable[[], Progress]
+    task: Task,
+    rate: float,
+    step: float,
+    watch: Callable[[], Progress],
+    divisions: int = MOST_DIVISIONS,
 ) -> tuple[Reference, Task]:
     """Return the most accurate fine run, its distance to the second finest run, and its task.
 
     Chaotic motions are shortened to the time up to which both agree, and long ones to the available
-    time. `rate` is the fastest rate of the motion [1/s], `step` the finest of the ladder [s].
-    Raises InputError, with the cause, if no method reaches the end.
+    time, at most so many times. `rate` is the fastest rate of the motion [1/s], `step` the finest
+    of the ladder [s]. Raises InputError, with the cause, if no method reaches the end.
     """
     best: tuple[float, Array, Array, str] | None = None
-    failures: list[str] = []
+    short = Shortfall()
     for pair in _pairs(task, rate, step):
         try:
-            runs = list(_completed(task, pair, watch, False, failures))
+            runs = list(_completed(task, pair, watch, False, short))
         except InputError as error:
-            failures.append(error.problems[0].text)
+            short.texts.append(error.problems[0].text)
             continue
         if len(runs) < 2:
             continue
@@ -168,27 +180,32 @@ def finest(
         if best[0] < GOOD or horizon(best[2]) > 1:
             break
     if best is None:
-        return _of_a_part(task, rate, step, watch, failures)
+        return finest(_part(task, short, divisions), rate, step, watch, divisions - 1)
     own, motion, apart, source = best
     until = float(task.t[horizon(apart) - 1])
     if own > NOTABLE and 0 < until < task.t_end:
         part = replace(task, t=np.linspace(0.0, until, len(task.t)))
-        found, task = finest(part, rate, step, watch)
+        found, task = finest(part, rate, step, watch, divisions)
         return replace(found, parted=True), task
     known = Reference.of_motion(task, task.t, motion, own, source)
     return replace(known, margin=MADE), task
 
 
-def _of_a_part(
-    task: Task, rate: float, step: float, watch: Callable[[], Progress], failures: list[str]
-) -> tuple[Reference, Task]:
-    """Return a reference for the part of the motion computable in time. Raises InputError."""
-    shorter = task.t_end / SHORTER
-    if LATE not in failures or shorter * SHORTER**MOST_DIVISIONS < task.asked:
-        why = next((text for text in failures if text != LATE), "they would take too long")
-        text = f"no method reached the end at its finest setting: {why}"
-        raise refusal("work_precision", "reference", text)
-    return finest(replace(task, t=np.linspace(0.0, shorter, len(task.t))), rate, step, watch)
+def _part(task: Task, short: Shortfall, divisions: int) -> Task:
+    """Return the part of the motion that runs reach in time, as late ones have shown.
+
+    Raises InputError if no run was late, or the motion was shortened often enough.
+    """
+    if short.late and divisions:
+        end = (short.reached or task.t_end) / SHORTER
+        return replace(task, t=np.linspace(0.0, end, len(task.t)))
+    text = f"no method reached the end at its finest setting: {next(iter(short.texts), '')}"
+    if short.late:
+        text = (
+            f"no fine run reached t = {task.t_end:.4g} s of {task.asked:.4g} s in time, so there "
+        )
+        text += "is no reference: give a larger `within`, or a `reference` that is known"
+    raise refusal("work_precision", "reference", text)
 
 
 def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Candidate]]:
@@ -246,7 +263,7 @@ def known_motion(
     allowed = REFERENCE_BUDGET * budget // weight_of(mech)
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []
-    for run in _completed(task, tries, lambda: progress, True, []):
+    for run in _completed(task, tries, lambda: progress, True, Shortfall()):
         done.append((run, float(run.error_estimate) * max(1.0, 1.0 / (mech.packed.length or 1.0))))
         if len(done) == 2:
             break

@@ -11,8 +11,9 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.study import precision
 from pgraph_core.study.measures import Errors, angles, measured, spread
-from pgraph_core.study.reference import horizon
+from pgraph_core.study.reference import finest, horizon
 from pgraph_core.study.report import seconds_at
+from pgraph_core.study.task import Task
 
 from ..worlds import ball, built_in, on_ground
 
@@ -154,6 +155,39 @@ def test_a_study_ends_in_time_and_names_what_it_left_out(monkeypatch):
     assert "30 s" in left.reason
     with pytest.raises(pg.InputError, match=r"within.*0\.0"):
         pg.work_precision(built_in("double_pendulum"), **{**options, "within": 0.0})
+
+
+def stopped_from(monkeypatch, seconds: float) -> None:
+    """Let no run that has come so far go on [s of motion]: a slow machine, by any clock."""
+    honest = Task.run
+
+    def run(task, method, setting, progress=None, **options):
+        slow = lambda fraction: fraction * task.t_end < seconds  # noqa: E731
+        return honest(task, method, setting, slow, **options)
+
+    monkeypatch.setattr(Task, "run", run)
+
+
+def test_a_slow_machine_shortens_the_motion_to_what_runs_reach(monkeypatch):
+    """A 5000th part of the motion is reached in time. It was refused from the 1024th part on."""
+    mech = built_in("double_pendulum")
+    times = np.linspace(0.0, 10.0, 101)
+    task = Task(mech, np.array([1.0, 0.5]), np.zeros(2), times, asked=10.0)
+    stopped_from(monkeypatch, 2e-3)
+    known, part = finest(task, 10.0, 1e-3, lambda: None)
+    assert 0.0 < part.t_end <= 0.04
+    assert known.t[-1] == part.t_end
+    assert known.accuracy < 1e-9
+
+
+def test_a_motion_that_no_run_begins_in_time_is_refused_with_a_remedy(monkeypatch):
+    mech = built_in("double_pendulum")
+    task = Task(mech, None, None, np.linspace(0.0, 1e4, 101), asked=1e4)
+    stopped_from(monkeypatch, 0.0)
+    with pytest.raises(pg.InputError) as refused:
+        finest(task, 10.0, 1e-3, lambda: None)
+    for fact in ("t = 9.766 s", "1e+04 s", "larger `within`", "`reference`"):
+        assert fact in str(refused.value)
 
 
 def test_contacts_are_measured_too():
