@@ -59,6 +59,7 @@ class ContactPoint(NamedTuple):
         tuple[float, ...], ...
     ] = ()  # semi-axes of an ellipsoid or disc, in body axes [m]
     limit: Limit | None = None
+    of_shape: bool = False  # a shape touches there: the contact gives no points
 
 
 class Impact(NamedTuple):
@@ -106,7 +107,10 @@ def _points(model: Model, pair: ContactPair) -> Iterator[ContactPoint]:
     places = _places(model.body(pair.body), contact)
     for k, (point, semi_axes) in enumerate(places):
         name = pair.name if len(places) == 1 else f"{pair.name}[{k}]"
-        yield ContactPoint(name, pair.name, pair.body, friction, bounce, point, semi_axes)
+        own = not contact.points
+        yield ContactPoint(
+            name, pair.name, pair.body, friction, bounce, point, semi_axes, of_shape=own
+        )
 
 
 def _places(body: Body, contact: Contact) -> list[tuple[Any, Any]]:

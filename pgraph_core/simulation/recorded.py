@@ -178,7 +178,8 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += record.steps.notices()
     if record.scene.rubs:
         found += creeping(record)
-    if record.scene.touching is not None or record.plan.idle is not None:
+    scene, plan = record.scene, record.plan
+    if scene.touching is not None or plan.idle is not None or record.events is not None:
         found += touching(record, record.unlogged)
     if record.plan.driving and (record.user or np.count_nonzero(record.scene.given)):
         found += beyond_limits(record)

@@ -407,11 +407,14 @@ def touching(record: Running, unlogged: int) -> Iterator[str]:
         given = record.scene, unlogged, tables, record.active, frames, strong
         yield from contact_notices(mech, *given)
         if tables.touches:
-            from .shared_loads import shared_loads, spun_faces
+            from .shared_loads import of_steps
 
-            state = float(t[-1]), q[-1], v[-1]
-            yield from shared_loads(mech, tables, record.active, state, pairs[-1])
-            yield from spun_faces(mech, tables, (t, q, v), pairs)
+            yield from of_steps(mech, tables, record.active, (t, q, v), pairs).notices()
+    if record.events is not None and (n := _oriented(record)):
+        from .shared_loads import of_events
+
+        frames = record.steps.times[:n], *_motion(record, n)
+        yield from of_events(mech, record.events.scene, record.active, frames).notices()
     idle = record.plan.idle
     if idle is not None and last >= 0 and idle.below(record.scene, record.out.q[last]):
         from .contact_log import sunk_through
