@@ -171,8 +171,9 @@ class Work:
             if known is None:
                 step = self.ladder.steps[-1]
                 known, task = references.finest(
-                    self.task, rate, step, lambda: self.watch(self._for_reference())
-                )
+                    self.task, rate, step,
+                    lambda sure: self.watch(math.inf if sure else self._for_reference()),
+                )  # fmt: skip
                 whole_time, self.task = self.task.t_end, task
                 if task.t_end < whole_time:
                     why = "a reference for the whole run would take too long"

@@ -31,8 +31,7 @@ STATES = 5  # at which the fastest rate is evaluated
 NEWTON_COST = 12  # evaluations of an implicit step in addition to its Jacobian, about
 
 Candidate = tuple[str, Setting]  # a method and a setting
-SHORTER = 4  # share of the time that a run has reached, for a second run and those after it
-MOST_DIVISIONS = 5  # limit on how often a motion is shortened since no reference is found in time
+SHORTER = 4  # a motion too long for its runs is cut to what the best of them reached, over this
 
 
 @explained
@@ -109,20 +108,26 @@ class Shortfall:
     """How runs have fallen short of the end."""
 
     texts: list[str] = field(default_factory=list[str])  # of those that failed
-    late: bool = False  # some took too long
-    reached: float = 0.0  # the farthest of these [s]
+    late: str = ""  # the method that came farthest of those that took too long
+    reached: float = 0.0  # and how far [s]
+
+    def note_late(self, method: str, reached: float) -> None:
+        """Note a run that took too long."""
+        if not self.late or reached > self.reached:
+            self.late, self.reached = method, reached
 
 
 def _completed(
     task: Task,
     candidates: Iterable[Candidate],
-    watch: Callable[[], Progress],
+    watch: Callable[[str], Progress],
     estimate: bool,
     short: Shortfall,
 ) -> Iterator[Result]:
     """Yield the runs that reach the end time, stopping as soon as one takes too long.
 
-    The others are noted in `short`. Raises the last error if every run was refused.
+    The others are noted in `short`, and `watch` gives the progress of a method. Raises the last
+    error if every run was refused.
     """
     refused: PgraphError | None = None
     ran = False
@@ -130,8 +135,9 @@ def _completed(
     for method, setting in candidates:
         if METHODS[method].implicit in exhausted:
             continue
+        far = [0.0]
         try:
-            run = task.run(method, setting, watch(), estimate=estimate)
+            run = task.run(method, setting, _seen(watch(method), far), estimate=estimate)
         except PgraphError as error:
             refused = error
             continue
@@ -139,7 +145,7 @@ def _completed(
         if run.status.ok:
             yield run
         elif run.status is Status.CANCELLED:
-            short.late, short.reached = True, max(short.reached, *run.t[-1:].tolist(), 0.0)
+            short.note_late(method, far[-1] * task.t_end)
             return
         else:
             short.texts.append(f"{method}: {run.message}")
@@ -149,24 +155,32 @@ def _completed(
         raise refused
 
 
+def _seen(progress: Progress, far: list[float]) -> Progress:
+    """Return a progress function that also keeps the fractions it is called with."""
+
+    def look(fraction: float) -> Any:
+        far.append(fraction)
+        return progress(fraction)
+
+    return look
+
+
 def finest(
-    task: Task,
-    rate: float,
-    step: float,
-    watch: Callable[[], Progress],
-    divisions: int = MOST_DIVISIONS,
+    task: Task, rate: float, step: float, watch: Callable[[bool], Progress], sure: str = ""
 ) -> tuple[Reference, Task]:
     """Return the most accurate fine run, its distance to the second finest run, and its task.
 
-    Chaotic motions are shortened to the time up to which both agree, and long ones to the available
-    time, at most so many times. `rate` is the fastest rate of the motion [1/s], `step` the finest
-    of the ladder [s]. Raises InputError, with the cause, if no method reaches the end.
+    Chaotic motions are shortened to the time up to which both agree, and long ones to what a run
+    reaches in time. `rate` is the fastest rate of the motion [1/s], `step` the finest of the ladder
+    [s]. `watch(False)` limits the time of a run, and `watch(True)` does not: method `sure` has come
+    beyond the end before, in the time that it has, so that it only needs a part of that time again.
+    Raises InputError, with the cause, if no method reaches the end.
     """
     best: tuple[float, Array, Array, str] | None = None
     short = Shortfall()
     for pair in _pairs(task, rate, step):
         try:
-            runs = list(_completed(task, pair, watch, False, short))
+            runs = list(_completed(task, pair, lambda m: watch(m == sure), False, short))
         except InputError as error:
             short.texts.append(error.problems[0].text)
             continue
@@ -180,31 +194,28 @@ def finest(
         if best[0] < GOOD or horizon(best[2]) > 1:
             break
     if best is None:
-        return finest(_part(task, short, divisions), rate, step, watch, divisions - 1)
+        return finest(_part(task, short, sure), rate, step, watch, short.late)
     own, motion, apart, source = best
     until = float(task.t[horizon(apart) - 1])
     if own > NOTABLE and 0 < until < task.t_end:
         part = replace(task, t=np.linspace(0.0, until, len(task.t)))
-        found, task = finest(part, rate, step, watch, divisions)
+        found, task = finest(part, rate, step, watch, sure)
         return replace(found, parted=True), task
     known = Reference.of_motion(task, task.t, motion, own, source)
     return replace(known, margin=MADE), task
 
 
-def _part(task: Task, short: Shortfall, divisions: int) -> Task:
-    """Return the part of the motion that runs reach in time, as late ones have shown.
+def _part(task: Task, short: Shortfall, sure: str) -> Task:
+    """Return the part of the motion for which the best of the late runs has shown to have time.
 
-    Raises InputError if no run was late, or the motion was shortened often enough.
+    Raises InputError if there was none.
     """
-    if short.late and divisions:
-        end = (short.reached or task.t_end) / SHORTER
-        return replace(task, t=np.linspace(0.0, end, len(task.t)))
+    if short.reached > 0.0 and not sure:
+        return replace(task, t=np.linspace(0.0, short.reached / SHORTER, len(task.t)))
     text = f"no method reached the end at its finest setting: {next(iter(short.texts), '')}"
-    if short.late:
-        text = (
-            f"no fine run reached t = {task.t_end:.4g} s of {task.asked:.4g} s in time, so there "
-        )
-        text += "is no reference: give a larger `within`, or a `reference` that is known"
+    if short.late and not sure:
+        text = "no fine run took a step in time, so there is no reference: give a larger `within`, "
+        text += "or a `reference` that is known"
     raise refusal("work_precision", "reference", text)
 
 
@@ -263,7 +274,7 @@ def known_motion(
     allowed = REFERENCE_BUDGET * budget // weight_of(mech)
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []
-    for run in _completed(task, tries, lambda: progress, True, Shortfall()):
+    for run in _completed(task, tries, lambda _: progress, True, Shortfall()):
         done.append((run, float(run.error_estimate) * max(1.0, 1.0 / (mech.packed.length or 1.0))))
         if len(done) == 2:
             break
