@@ -14,8 +14,9 @@ runs were recorded with their phases.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from ..contact.tables import Tables
     from .event_scene import EventScene
 
-MOST_WORK = 300_000_000  # forces times the square of degrees of freedom: a fifth of a second
+MOST_WORK = 300_000_000  # forces times the square of degrees of freedom: about half a second
 LISTED = 4  # names in a notice, and frames that are examined for slip
 
 CANCELS = "{have} contact forces that are not unique; the forces of least norm are returned"
@@ -104,7 +105,7 @@ class Loads:
         """Return the notices about these loads, at most one of each kind."""
         sliding = self.sliding().tolist()
         looks = dict.fromkeys([len(self.frames[0]) - 1, *sliding])
-        shared = next(filter(None, map(self.shared, looks)), None)
+        shared = next(filter(None, map(self.shared, self._affordable(looks))), None)
         spun = next(filter(None, map(self.spun, sliding)), None)
         found = []
         if shared and not (spun and shared.what == SLIDES and shared.names == spun.names):
@@ -117,13 +118,24 @@ class Loads:
         """Return the bodies whose contacts can share loads in several ways, if there are any."""
         mech, (t, q, v) = self.mech, (x[i] for x in self.frames)
         points = self.points(i)
-        if len(points) < 2 or 3 * len(points) * mech.nv**2 > MOST_WORK:
+        if len(points) < 2:
             return None
         columns, held = _columns(mech, points, q, v), self.held(i)
-        for what, rows in ((CANCELS, columns.effects), (SLIDES, columns.conditions)):
-            if names := _free(rows, columns, held):
-                return Noted(float(t), tuple(names), what)
+        if names := _free(columns.effects, columns, held):
+            return Noted(float(t), tuple(names), CANCELS)
+        slides = columns.conditions is not columns.effects
+        if slides and (names := _free(columns.conditions, columns, held)):
+            return Noted(float(t), tuple(names), SLIDES)
         return None
+
+    def _affordable(self, looks: Iterable[int]) -> Iterator[int]:
+        """Yield these frames while the work on them is at most MOST_WORK."""
+        work = 0
+        for i in looks:
+            work += 3 * len(self.points(i)) * self.mech.nv**2
+            if work > MOST_WORK:
+                return
+            yield i
 
     def spun(self, i: int) -> Noted | None:
         """Return a body with a face that spins on another at a frame, if there is one.
@@ -150,6 +162,7 @@ def of_steps(
     pushed = pairs["force"][:, : len(tables.touches)].any(axis=-1)
     of_shape = [not pair.contact.points for pair in tables.touches]
 
+    @cache
     def points(i: int) -> list[Point]:
         found = _points(mech, tables, frames[1][i], pairs[i])
         places = 0.5 * (found["point_a"] + found["point_b"])
@@ -175,6 +188,7 @@ def of_events(
     rubs = np.array([p.friction > 0.0 for p in scene.contact_points])
     normal = np.array(mech.model.ground_normal)
 
+    @cache
     def points(i: int) -> list[Point]:
         found = []
         for s in np.flatnonzero(loaded[i]).tolist():
@@ -225,7 +239,8 @@ class Columns(NamedTuple):
     """Unit forces of contact points. Friction of a sliding point is proportional to its force."""
 
     effects: Array  # (m, nv) on the joints
-    conditions: Array  # (m, nv) velocities that the law fixes, of a sliding point the normal one
+    # (m, nv) velocities that the law fixes, of a sliding point the normal one; else the same array
+    conditions: Array
     wrenches: Array  # (6 n, m) on the bodies A of n pairs
     names: list[str]  # of the pairs
 
@@ -234,7 +249,7 @@ def _columns(mech: Mechanism, points: list[Point], q: Array, v: Array) -> Column
     """Compute the unit forces of loaded points at a state. A sliding point has one column."""
     turns = {0: (np.zeros((6, mech.nv)), np.zeros(3))}
     number: dict[tuple[int, int], int] = {}
-    effects, conditions, wrenches = [], [], []
+    effects, conditions, wrenches, slides = [], [], [], False
     for point in points:
         a, b, place, normal = point[:4]
         for k in (a, b):
@@ -246,6 +261,7 @@ def _columns(mech: Mechanism, points: list[Point], q: Array, v: Array) -> Column
         mu, speed = point.friction, float(np.linalg.norm(slip))
         chosen = [(normal, normal)]
         if mu > 0.0 and speed > SOLVED:
+            slides = True
             chosen = [(normal - mu / speed * slip, normal)]
         elif mu > 0.0:
             chosen += [(d, d) for d in np.linalg.svd(normal[None])[2][1:]]
@@ -258,7 +274,8 @@ def _columns(mech: Mechanism, points: list[Point], q: Array, v: Array) -> Column
     for column, (pair, wrench) in enumerate(wrenches):
         out[6 * pair : 6 * pair + 6, column] = wrench
     names = [_named(mech, a, b) for a, b in number]
-    return Columns(np.array(effects), np.array(conditions), out, names)
+    own = np.array(effects)
+    return Columns(own, np.array(conditions) if slides else own, out, names)
 
 
 def _free(of_points: Array, columns: Columns, held: Array) -> list[str]:
