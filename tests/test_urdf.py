@@ -327,6 +327,62 @@ def test_parts_that_urdf_does_not_have_are_left_out_or_refused(tmp_path):
         arm.save(tmp_path / "c.urdf")
 
 
+def worlds(folder: Path) -> dict[str, list[pg.Body]]:
+    """Bodies whose names a writer would give to links or bodies that it adds."""
+    mesh = folder / "rock.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    box = {"kind": "box", "size": (2, 2, 0.2), "position": (0, 0, -0.5)}
+    floor = [box, {"kind": "sphere", "radius": 0.1}, {"kind": "mesh", "file": str(mesh)}]
+    still = {"joint": "weld", "mass": 0.0, "com": (0, 0, 0), "inertia": np.zeros((3, 3))}
+    solid = {"mass": 2.0, "com": (0.1, 0, 0.2), "inertia": np.diag((0.3, 0.4, 0.5))}
+    free = pg.Body(name="b", joint="free", shape={"kind": "sphere", "radius": 0.1}, **solid)
+    on_it = pg.Body(name="c", parent="world", link=(1, 0, 0), **solid)
+    two = pg.Body(name="a", joint="universal", **solid)
+    return {
+        "with a floor": [pg.Body(name="world", shapes=floor, **still), free],
+        "with a floor elsewhere": [
+            pg.Body(name="world", link=(3, 0, 1), rotation=(0.8, 0, 0.6, 0), shapes=floor, **still),
+            on_it, free,
+        ],
+        "alone": [pg.Body(name="world", shapes=floor, **still), on_it],
+        "empty": [pg.Body(name="world", **still), on_it],
+        "that moves": [pg.Body(name="world", shapes=floor, axes=(0, 1, 0), **solid), on_it],
+        "twice": [pg.Body(name="world", shapes=floor, **still), free,
+                  pg.Body(name="world'", link=(0, 0, 1), **solid)],
+        "no world": [two, pg.Body(name="a/1", parent="a", link=(0, 0, 1), **solid)],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+@pytest.mark.parametrize(
+    "case",
+    ["with a floor", "with a floor elsewhere", "alone", "empty", "that moves", "twice", "no world"],
+)
+def test_names_that_a_writer_adds_are_free(case, suffix, tmp_path):
+    """The file is read, and has the motion and the solids of the model."""
+    if suffix == "xml":
+        pytest.importorskip("mujoco")
+    model = pg.Model(bodies=worlds(tmp_path)[case])
+    path = tmp_path / f"a.{suffix}"
+    report = (pg.write_urdf if suffix == "urdf" else pg.write_mjcf)(model, path)
+    again = pg.load(path)
+    mech, other = pg.Mechanism(model), pg.Mechanism(again)
+    assert (mech.nq, mech.nv) == (other.nq, other.nv)
+    rng = np.random.default_rng(0)
+    q, v = mech.home()[0], rng.normal(size=mech.nv)
+    np.testing.assert_allclose(other.mass_matrix(q), mech.mass_matrix(q), atol=1e-13)
+    np.testing.assert_allclose(other.bias_force(q, v), mech.bias_force(q, v), atol=1e-12)
+    places = list[set[tuple[str, float, float, float]]]()
+    for each in (model, again):
+        place, turn = pg.Mechanism(each).packed.home_poses
+        rows = ((k, shape) for k, body in enumerate(each.bodies) for shape in body.shapes)
+        found = ((x.kind, *np.round(place[k] + turn[k] @ x.position, 9)) for k, x in rows)
+        places.append(set(found))
+    assert places[0] == places[1]
+    renamed = "world" in model.row and "world" not in again.row and suffix == "urdf"
+    assert renamed == ("is the link" in str(report))
+
+
 def test_point_masses_and_joints_of_one_name_are_written(tmp_path):
     bodies = [pg.Body(name="a", mass=1.0), pg.Body(name="b", parent="a", mass=2.0)]
     bodies[1] = bodies[1].model_copy(update={"inertia": np.zeros((3, 3))})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 import os
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Collection, Container, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,11 +17,12 @@ import numpy as np
 from ..errors import FileError, InputError, Problem, Suggests, choices, explained, shown
 from ..fields import GROUND
 from ..markup import read_markup
-from ..model import Gear, Model
+from ..model import Body, Gear, Model
 from ..model.body import inertia_problems
 from ..model.description import LOST
 from ..model.doubts import MILLI, limits_in_degrees, wide
 from ..model.files import ALLOW
+from ..rotation import unit
 from ..tolerances import ROUNDING, SOLVED
 
 Kind = Literal["read", "converted", "approximated", "left out", "warning"]
@@ -41,6 +42,17 @@ def unused(name: str, taken: Container[str]) -> str:
     while name in taken:
         name += "'"
     return name
+
+
+def names_beside(reserved: str, names: Collection[str]) -> dict[str, str]:
+    """Return the names of parts in a file in which one name is reserved. Only this one changes."""
+    return {name: unused(name, names) if name == reserved else name for name in names}
+
+
+def at_origin(body: Body) -> bool:
+    """Check whether a body is welded to the ground at its origin."""
+    at_ground = body.parent == GROUND and body.joint == "weld"
+    return at_ground and not any(body.link) and abs(unit(body.rotation)[0]) == 1.0
 
 
 @dataclass(frozen=True)

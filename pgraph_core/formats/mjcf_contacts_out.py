@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ..fields import EVERY, GROUND
 from ..joints import restrains
 from ..model import Body, Contact, Model
-from .conversion import Report
+from .conversion import Report, at_origin, names_beside
 from .mjcf_contacts import FRICTIONLESS, Law
 from .urdf_out import Tag
 
@@ -49,6 +49,12 @@ class ContactsOut:
 
     def __init__(self, model: Model, name: str):
         self.model, self.report = model, Report(name)
+        self.body_names = {b.name: b.name for b in model.bodies}
+        self.own_world = WORLD in self.body_names and at_origin(model.body(WORLD))  # has its solids
+        if WORLD in self.body_names and not self.own_world:
+            self.body_names = names_beside(WORLD, self.body_names)
+            text = f'is the body "{self.body_names[WORLD]}", because "{WORLD}" is the ground'
+            self.report.add("converted", f"body '{WORLD}'", text, part=WORLD)
         self.floor = {c.body: c for c in model.contacts if c.active and c.other == GROUND}
         self.above = {c.body for c in model.contacts if not c.active and c.other == GROUND}
         self.named = [c for c in model.contacts if c.other != GROUND]
@@ -107,11 +113,12 @@ class ContactsOut:
                 text = f"law {c.law} is MuJoCo's own soft contact"
                 self.report.add("approximated", f"contact '{c.name}'", text)
         for k, name in enumerate(solid):
-            if self.floor and self._floor(name) is None and name != WORLD:
-                yield Tag("exclude", body1=WORLD, body2=name)
+            own = self.body_names[name]
+            if self.floor and self._floor(name) is None and own != WORLD:
+                yield Tag("exclude", body1=WORLD, body2=own)
             for other in solid[:k]:
                 if not self._apart(name, other) and self._between(name, other) is None:
-                    yield Tag("exclude", body1=other, body2=name)
+                    yield Tag("exclude", body1=self.body_names[other], body2=own)
 
     def _odd_pairs(self, solid: Sequence[Body]) -> Iterator[OddPair]:
         """Yield pairs of neighbours, and pairs whose friction is not the larger of the two."""

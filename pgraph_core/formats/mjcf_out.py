@@ -173,8 +173,9 @@ class _Writer(ContactsOut):
 
     def _body(self, body: Body) -> Iterator[Tag]:
         """Yield the element of a body and its subtree. Consecutive joints may become one body."""
-        if body.name == WORLD and body.parent == GROUND and body.joint == "weld":
+        if body.name == WORLD and self.own_world:
             yield from self._geoms(body)  # the world's own solids
+            yield from self.sites.get(body.name, ())
             for child in self.children.get(body.name, ()):
                 yield from self._body(child)
             return
@@ -187,7 +188,9 @@ class _Writer(ContactsOut):
             k = self.number[body.name]
             place, turn = self.home[0][k], quaternion_of(self.home[1][k])
         shift = sum((np.array(b.link) for b in chain[1:]), np.zeros(3))
-        own = Tag("body", name=last.name, pos=place + matrix(turn) @ shift, quat=turn)
+        own = Tag(
+            "body", name=self.body_names[last.name], pos=place + matrix(turn) @ shift, quat=turn
+        )
         if last.name in self.lifted:
             own.set(gravcomp=self.lifted[last.name])
         for b in chain:
@@ -565,7 +568,7 @@ class _Writer(ContactsOut):
         if name == GROUND:
             return WORLD
         carried = self._carried(self.model.body(name))
-        return name if carried is None else self._written(carried.name)
+        return self.body_names[name] if carried is None else self._written(carried.name)
 
 
 class _Ungeared:

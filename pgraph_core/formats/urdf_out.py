@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from ..fields import GROUND
 from ..model import Actuator, Body, Constraint, Gear, Model, Motor, Shape
 from ..model.files import gathered, write_atomic
 from ..rotation import frame_of, quaternion_of, rotate, unit, unit_vector
-from .conversion import NO_LIMIT, Report, named, unused
+from .conversion import NO_LIMIT, Report, at_origin, named, names_beside, unused
 from .urdf import LOOPS, WORLD
 
 GREY = (0.5, 0.5, 0.5)  # colour of transparent shapes without a colour of their own
@@ -55,16 +55,15 @@ def write_urdf(model: Model | Dynamics, path: str | Path) -> Report:
     path = named(path, ".urdf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))
-    writer = _Writer(model, path)
     found = [
         Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not support")
-        for b in writer.model.bodies
+        for b in model.bodies
         for kind in sorted({kind for kind, _ in b.motions} - {*TYPES, "free"})
     ]
     if found:
         raise ModelError(found)
-    bodies = gathered(model.bodies, path.parent)
-    write_atomic(path, writer.text(bodies))
+    writer = _Writer(model, gathered(model.bodies, path.parent), path.name)
+    write_atomic(path, writer.text())
     return writer.report
 
 
@@ -106,14 +105,36 @@ def _text(value: Any) -> str:
 
 
 class _Writer:
-    def __init__(self, model: Model, path: Path):
-        self.model, self.report = model, Report(path.name)
+    def __init__(self, model: Model, bodies: Sequence[Body], name: str):
+        self.model, self.bodies, self.report = model, bodies, Report(name)
         self.motors = {f.body: f for f in model.forces if isinstance(f, Motor) and _plain(f)}
         self.gears: dict[str, Gear] = {}
         for c in model.constraints:
             if isinstance(c, Gear) and c.active and self._single(c.body) and self._single(c.other):
                 self.gears.setdefault(c.body, c)
+        self.contents = {b.name: [*self._contents(b)] for b in bodies}
+        self.root = self._root()
+        self.link_of = self._link_names()
+        self.links = {WORLD, *self.link_of.values()}
         self.joint_names = self._names()
+        self.joints = {*self.joint_names.values()}
+
+    def _root(self) -> str | None:
+        """Return the body that is the root link: the only one at the ground, welded to its origin.
+
+        Without one, the root is an empty link for the ground.
+        """
+        roots = [b for b in self.bodies if b.parent == GROUND]
+        return roots[0].name if len(roots) == 1 and at_origin(roots[0]) else None
+
+    def _link_names(self) -> dict[str, str]:
+        """Return the links of the bodies. An empty root link of the name WORLD is the ground."""
+        if WORLD not in self.contents or (self.root == WORLD and self.contents[WORLD]):
+            return {name: name for name in self.contents}
+        found = names_beside(WORLD, self.contents)
+        text = f'is the link "{found[WORLD]}", because the link "{WORLD}" is the ground'
+        self.report.add("converted", f"body '{WORLD}'", text, part=WORLD)
+        return found
 
     def _single(self, name: str) -> bool:
         return name in self.model.row and len(self.model.body(name).motions) == 1
@@ -127,47 +148,50 @@ class _Writer:
             found[body.name] = unused(name, found.values())
         return found
 
-    def text(self, bodies: Sequence[Body]) -> str:
+    def text(self) -> str:
         """The file."""
         robot = Tag("robot", name=self.model.name)
-        roots = [b for b in bodies if b.parent == GROUND]
-        root = roots[0] if len(roots) == 1 and roots[0].joint == "weld" else None
-        if root is not None and (any(root.link) or abs(unit(root.rotation)[0]) != 1.0):
-            root = None  # not at the origin
-        if root is None:
+        if self.root is None:
             robot.add(Tag("link", name=WORLD))
-        for body in bodies:
-            robot.add(*self._chain(body, body is root))
+        for body in self.bodies:
+            robot.add(*self._chain(body))
         for c in self.model.constraints:
             robot.add(self._loop(c))
         self._left_out()
-        self.report.add("read", "", f"{len(bodies)} links written")
+        self.report.add("read", "", f"{len(self.bodies)} links written")
         return "\n".join(['<?xml version="1.0"?>', *robot.lines(), ""])
 
     # -- links and joints ------------------------------------------------------------------------
 
-    def _chain(self, body: Body, root: bool) -> list[Tag]:
-        """Return the link of a body, its joint, and massless links between multiple motions."""
-        link = Tag("link", name=body.name)
+    def _contents(self, body: Body) -> Iterator[Tag]:
+        """Yield the inertia and the shapes of a body."""
         if body.mass or any(map(any, body.inertia)):
             (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
             moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
             inertial = Tag("inertial").add(Tag("origin", xyz=body.com))
-            link.add(inertial.add(Tag("mass", value=body.mass), Tag("inertia", **moments)))
+            yield inertial.add(Tag("mass", value=body.mass), Tag("inertia", **moments))
         for shape in body.shapes:
             for tag in ("visual", "collision"):
                 if shape.role in (tag, "both"):
-                    link.add(*self._solids(tag, shape, body.name))
-        if root:
+                    yield from self._solids(tag, shape, body.name)
+
+    def _chain(self, body: Body) -> list[Tag]:
+        """Return the link of a body, its joint, and massless links between multiple motions."""
+        link = Tag("link", name=self.link_of[body.name]).add(*self.contents[body.name])
+        if body.name == self.root:
             return [link]
-        parent = WORLD if body.parent == GROUND else body.parent
+        parent = WORLD if body.parent == GROUND else self.link_of[body.parent]
         motions = body.motions or ((None, None),)
         tags: list[Tag] = []
         for k, (kind, axis) in enumerate(motions):
             last = k == len(motions) - 1
-            child = body.name if last else f"{body.name}/{k + 1}"
-            name = self.joint_names[body.name]
-            joint = Tag("joint", name=name if last else f"{name}/{k + 1}", type=_type(body, k))
+            child, name = self.link_of[body.name], self.joint_names[body.name]
+            if not last:
+                child, name = (
+                    _taken(f"{x}/{k + 1}", known)
+                    for x, known in ((child, self.links), (name, self.joints))
+                )
+            joint = Tag("joint", name=name, type=_type(body, k))
             if k == 0:
                 joint.add(Tag("origin", xyz=body.link, rpy=rpy_of(body.rotation)))
             joint.add(Tag("parent", link=parent), Tag("child", link=child))
@@ -260,7 +284,7 @@ class _Writer:
             ("link1", c.body, ends.point, turn),
             ("link2", other, ends.other_point, other_turn),
         ):
-            one.add(Tag(side, link=link, xyz=point, rpy=rpy_of(quaternion_of(R))))
+            one.add(Tag(side, link=self.link_of[link], xyz=point, rpy=rpy_of(quaternion_of(R))))
         self.report.add("converted", where, "is a <loop_joint>, which few programs read")
         return one.add(Tag("axis", xyz=(1.0, 0.0, 0.0)))
 
@@ -335,7 +359,14 @@ class Placed:
             self.other_axis = np.array(other) if other is not None else self.turn @ self.axis
 
 
-# -- numbers ---------------------------------------------------------------------------------------
+# -- names and numbers -----------------------------------------------------------------------------
+
+
+def _taken(name: str, names: set[str]) -> str:
+    """Return the name, with primes if others have it, and add it to theirs."""
+    name = unused(name, names)
+    names.add(name)
+    return name
 
 
 def _plain(motor: Motor) -> bool:
