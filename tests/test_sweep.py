@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -395,3 +396,40 @@ def test_a_point_that_kills_every_worker_ends_the_sweep(pendulum, monkeypatch):
     monkeypatch.setattr(tasks, "CHUNK", 1e-6)
     with pytest.raises(pg.InputError, match=r"workers.*stopped by the system.* points left"):
         pg.sweep(pendulum, WITH_A_KILLER, killed, **SHORT, workers=2)
+
+
+ENDLESS = """
+import os, sys, time, multiprocessing
+import numpy as np, pgraph_core as pg
+from pgraph_core.sweeps import tasks
+tasks.CHUNK = 1e-6
+def endless(run):
+    if multiprocessing.parent_process():
+        print("a process computes", flush=True)
+        time.sleep(1e6)
+    return 1.0
+if __name__ == "__main__":
+    masses = {"bodies.2.mass": np.linspace(1, 2, 40)}
+    try:
+        pg.sweep(pg.Model.serial(3), masses, {"one": endless}, t_end=0.1, workers=2)
+    except KeyboardInterrupt:
+        print(len(multiprocessing.active_children()), "left")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a console sends Ctrl+C in another way there")
+@pytest.mark.parametrize(
+    "how", ["ctrl_c", "kill", pytest.param("ctrl_c of a terminal", marks=pytest.mark.nightly)]
+)
+def test_the_processes_of_a_sweep_end_with_it_whatever_they_compute(tmp_path, how):
+    """Notebooks send Ctrl+C to the process alone, terminals to all. The output ends with the last
+    process."""
+    (script := tmp_path / "script.py").write_text(ENDLESS)
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, script], start_new_session=True, **pipes) as sweep:
+        assert sweep.stdout is not None
+        assert [sweep.stdout.readline() for _ in range(2)] == ["a process computes\n"] * 2
+        send = os.killpg if how == "ctrl_c of a terminal" else os.kill
+        send(sweep.pid, signal.SIGKILL if how == "kill" else signal.SIGINT)
+        said = sweep.communicate()
+    assert said[0] == "" if how == "kill" else said == ("0 left\n", "")

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import sys
 import threading
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from multiprocessing import parent_process
+from multiprocessing.context import SpawnContext
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -148,7 +152,6 @@ def _chunks(points: Sequence[Any], each: float) -> list[Sequence[Any]]:
 def _by_processes(
     task: Task, points: Sequence[Any], each: float, workers: int | None
 ) -> Iterator[list[Row]]:
-    import multiprocessing
     import pickle
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from concurrent.futures.process import BrokenProcessPool
@@ -159,24 +162,61 @@ def _by_processes(
         for part in _chunks(points, each):
             yield run_points(task, part)
         return
-    context = multiprocessing.get_context("spawn")  # forks of a process with threads may hang
-    given: Any = {"mp_context": context, "initializer": _keep, "initargs": (task,)}
+    given: Any = {"initializer": _keep, "initargs": (task,)}
     left, lost = _chunks(points, each), 0
     while left:  # again with new processes for the points of one that was stopped
-        before = len(left)
-        with ProcessPoolExecutor(workers or os.cpu_count(), **given) as pool:
-            futures = {pool.submit(_run_kept, part): part for part in left}
-            try:
-                for future in as_completed(futures):
-                    rows = future.result()
-                    left.remove(futures[future])
-                    yield rows
-            except BrokenProcessPool:
-                lost = 0 if len(left) < before else lost + 1
-            finally:
-                pool.shutdown(cancel_futures=True)
+        before, processes = len(left), Processes()
+        pool = ProcessPoolExecutor(workers or os.cpu_count(), mp_context=processes, **given)
+        try:
+            with uninterrupted():  # the processes inherit it
+                futures = {pool.submit(_run_kept, part): part for part in left}
+            for future in as_completed(futures):
+                rows = future.result()
+                left.remove(futures[future])
+                yield rows
+        except BrokenProcessPool:
+            lost = 0 if len(left) < before else lost + 1
+        except BaseException:  # Ctrl+C, or nobody takes more rows
+            processes.terminate()
+            raise
+        finally:
+            pool.shutdown(cancel_futures=True)
         if lost == MOST_LOST:
             raise InputError(Problem("sweep", "workers", _stopped(points, left)))
+
+
+class Processes(SpawnContext):
+    """Starts processes, and can end them. Forks of a process with threads may hang."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._made = list[Any]()
+
+    def Process(self, *args: Any, **fields: Any) -> Any:  # type: ignore[override]
+        made = super().Process(*args, **fields)
+        self._made.append(made)
+        return made
+
+    def terminate(self) -> None:
+        """End all processes, whatever they compute."""
+        for process in self._made:
+            process.terminate()
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Hold back Ctrl+C from this thread, and for ever from the processes that it starts meanwhile.
+
+    A terminal sends it to all of them, and each would write where it was.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _stopped(points: Sequence[Any], left: Sequence[Sequence[Any]]) -> str:
@@ -196,6 +236,14 @@ _KEPT: list[Task] = []  # the sweep whose points this process computes
 
 def _keep(task: Task) -> None:
     _KEPT[:] = [task]
+    threading.Thread(target=_end_with_parent, name="pgraph-parent", daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Wait for the end of the process that started this one, which may be killed, and end too."""
+    if (parent := parent_process()) is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _run_kept(points: Sequence[Any]) -> list[Row]:
