@@ -13,6 +13,7 @@ window.pgraph = (() => {
     waiting = [],
     resuming = null; // the serial of our Hello while we are coming back
   const late = new Set(); // topics that came meanwhile
+  const outdated = new Map(); // hidden view -> [the topic that it waits for, its children]
 
   // A fault in one view is told to the console; it takes nothing from the others.
   function safely(act) {
@@ -27,6 +28,25 @@ window.pgraph = (() => {
 
   function hear(topic) {
     for (const act of listeners[topic] ?? []) safely(() => act(latest[topic]));
+  }
+
+  // A hidden view of a former model, or of rows that are gone, is off the page until its topic comes,
+  // which it does once its tab is shown.
+  function outdate(view, topic) {
+    if (outdated.has(view)) return;
+    const host = hosts.get(view);
+    outdated.set(view, [topic, [...host.childNodes]]);
+    host.replaceChildren();
+    host.classList.add("outdated");
+  }
+  function update(topic) {
+    for (const [view, [awaited, children]] of outdated) {
+      if (awaited !== topic) continue;
+      outdated.delete(view);
+      const host = hosts.get(view);
+      host.replaceChildren(...children);
+      host.classList.remove("outdated");
+    }
   }
 
   // What asks for the layout waits for the next picture, for which it is made once whatever changed.
@@ -169,11 +189,16 @@ window.pgraph = (() => {
     draw(view, topic) {
       const draw = views[view][topic],
         host = hosts.get(view);
-      if (draw && host && topic in latest) safely(() => draw(host, latest[topic]));
+      if (draw && host && topic in latest && !outdated.has(view))
+        safely(() => draw(host, latest[topic]));
     },
     receive(topic, data) {
       if (topic === "uplink") {
         connected(data);
+        return;
+      }
+      if (topic === "outdated") {
+        outdate(...data);
         return;
       }
       if (topic === "time") shown();
@@ -182,6 +207,7 @@ window.pgraph = (() => {
         return;
       }
       latest[topic] = data;
+      update(topic);
       if (topic === "playback") latest.time = data.moment;
       remember(topic, data);
       if (resuming !== null && topic !== "reply") {

@@ -17,7 +17,7 @@ from .bridge import Bridge
 from .cells import Display
 from .cells import Payload as Payload
 from .events import Event, FromPage
-from .state import HOSTED, State
+from .state import HOSTED, Client, State
 from .store import View
 
 
@@ -28,6 +28,7 @@ def audience(old: State, new: State, changed: bool) -> list[int]:
 
 PLAIN = (bool, int, float, str, frozenset, dict, Display)  # compared by value
 NOTHING: Any = object()  # drawn where there is nothing to send
+OUTDATED = "outdated"  # topic of a hidden view, of which a page shows nothing until it is drawn
 Need = str | Callable[[Any], object]  # a field of the state, or a function of it
 OfPage = Callable[[Any, Any], tuple[object, ...]]  # (state, page) -> what depends on the page
 
@@ -44,8 +45,9 @@ class Topic:
 
     The dependencies are `needs` and the tuple `page(state, page)`. The content is `draw(state)` for
     all pages or, if `page` is given, `draw(state, page)` for each page. With `seen`, the content is
-    only sent to pages on which this view is visible. It is sent to all pages after another model
-    was opened, or after names or rows changed, so that no hidden tab offers the previous ones.
+    only drawn for pages on which this view is visible. The others are told that theirs is OUTDATED
+    after another model was opened, or after names or rows changed, so that no tab that is about to
+    be shown offers the previous ones.
     """
 
     def __init__(
@@ -58,7 +60,10 @@ class Topic:
 
     def render(self, old: State, new: State) -> None:
         changed = not all(same(need(old), need(new)) for need in self._needs)
-        clients = [client for client in new.clients if self._due(old, new, client, changed)]
+        due = [client for client in new.clients if self._due(old, new, client, changed)]
+        clients = [client for client in due if self._in_sight(new.clients[client])]
+        for client in (client for client in due if client not in clients):
+            self._bridge.send(client, OUTDATED, [self._seen, self._topic])
         shared = self._draw(new) if clients and self._page is None else NOTHING
         for client in clients:
             drawn = shared if self._page is None else self._draw(new, new.clients[client])
@@ -68,14 +73,20 @@ class Topic:
     def _due(self, old: State, new: State, client: int, changed: bool) -> bool:
         """Check whether the topic is out of date on a page."""
         page, before = new.clients[client], old.clients.get(client)
+        if before is None:
+            return True
         moved = changed and new.version != old.version
         if self._seen and (moved or new.framed != old.framed):
             return True
-        if self._seen and self._seen not in page.sees:
+        if not self._in_sight(page):
             return False
-        if changed or before is None or (self._seen and self._seen not in before.sees):
+        if changed or not self._in_sight(before):
             return True
         return self._page is not None and not same(self._page(old, before), self._page(new, page))
+
+    def _in_sight(self, page: Client) -> bool:
+        """Check whether this view is visible on a page."""
+        return not self._seen or self._seen in page.sees
 
 
 def topic(

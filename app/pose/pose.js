@@ -26,9 +26,12 @@
       make("p", { className: "muted hint" }),
       make("div", { className: "joints" }),
     );
+    const rows = host.querySelector(".joints");
     pgraph.inSight(host, "joints", (on) => {
-      if (!on) clear(host.querySelector(".joints")); // unseen it is told nothing: soon of another model
+      if (!on) clear(rows); // unseen it is told nothing: soon of another selection
     });
+    // its place, before it is looked at
+    pgraph.on("selected", (chosen) => host.classList.toggle("all", !chosen.length));
   }
 
   function clear(box) {
@@ -37,7 +40,6 @@
 
   function draw(host, data) {
     answered();
-    host.classList.toggle("all", !pgraph.latest.selected?.length); // its place, before it is looked at
     if (!pgraph.inView(host)) return;
     const $ = (selector) => host.querySelector(selector);
     $(".home").hidden = $(".use").hidden = !data.posed;

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 import viser
 
+import pgraph_core as pg
 from pgraph_app.core import bridge
-from pgraph_app.core.views import Desk
+from pgraph_app.core.views import OUTDATED, Desk
 from pgraph_app.features import State, initial, update
+from pgraph_app.model import OpenText
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.scenario.view import VIEWS
 from pgraph_app.server import serve
@@ -232,33 +234,37 @@ class Sent:
     """A bridge that keeps to whom what was sent."""
 
     def __init__(self) -> None:
-        self.pages: list[int] = []
+        self.topics: list[tuple[int, str]] = []
 
     def host(self, view: str) -> None:
         pass
 
     def send(self, client: int, topic: str, data: object) -> None:
-        self.pages.append(client)
+        self.topics.append((client, topic))
 
 
-def test_a_hidden_tab_costs_an_edit_nothing(leg):
+def test_a_hidden_tab_is_not_drawn(leg):
+    """It is only marked as outdated where it would offer rows that are gone."""
     sent, one, other = Sent(), 1, 2
     view = VIEWS[0].make(Desk(sent, lambda event: None))  # type: ignore[arg-type]
 
-    def told(before: State, now: State) -> list[int]:
-        sent.pages.clear()
+    def told(before: State, now: State) -> list[tuple[int, str]]:
+        sent.topics.clear()
         view.render(before, now)
-        return sent.pages
+        return sorted(sent.topics)
 
     alone = update(initial(leg), Connected(one))
     both = update(alone, Connected(other))
-    assert told(alone, both) == []
+    assert told(alone, both) == [(other, OUTDATED)]  # a page that comes back may show other rows
     seen = update(both, Sees(one, "scenario", True))
-    assert told(both, seen) == [one]
-    renamed = update(both, EditBodies(other, 1, ("trunk",), "name", (((), "hips"),)))
-    assert told(both, renamed) == [one, other]  # no hidden form offers a row that is gone
+    assert told(both, seen) == [(one, "scenario")]
+    for event in (
+        EditBodies(other, 1, ("trunk",), "name", (((), "hips"),)),
+        OpenText(other, "another", pg.Model.serial(2).to_json()),
+    ):
+        assert told(seen, update(seen, event)) == [(one, "scenario"), (other, OUTDATED)]
     edited = update(seen, EditBodies(other, 1, ("trunk",), "mass", (((), "7.25"),)))
-    assert told(seen, edited) == [one]
+    assert told(seen, edited) == [(one, "scenario")]
     gone = update(edited, Sees(one, "scenario", False))
     assert (
         told(edited, update(gone, EditBodies(other, 2, ("trunk",), "mass", (((), "8.5"),)))) == []

@@ -26,3 +26,20 @@ def test_data_are_dropped_matched_fitted_and_used(page: Any, served: Any, compil
     page.locator(".search-result button.use-found").click()
     until(lambda: served.store.state.model is not before, "the numbers in the model")
     assert abs(served.store.state.model.body("rod").q[0] - 1.2) < 0.01
+
+
+def test_a_tab_of_a_former_model_offers_nothing_until_it_is_shown(page: Any, served: Any):
+    """It is not drawn while it is hidden."""
+    host = page.locator("[data-view=search]")
+    numbers = "() => pgraph.latest.search.numbers.map(({ name }) => name)"
+    page.evaluate("pgraph.front('Fit')")
+    host.locator("button.start-search").wait_for()
+    page.evaluate("pgraph.front('Plots')")
+    until(lambda: "search" not in served.store.state.clients[max(served.store.state.clients)].sees,
+          "the tab to be hidden")  # fmt: skip
+    opened(page, served, pendulum(damping=0.2, q=[1.0]))
+    assert host.evaluate("(host) => host.children.length") == 0
+    assert not any("rod" in name for name in page.evaluate(numbers))
+    page.evaluate("pgraph.front('Fit')")
+    host.locator("button.start-search").wait_for()
+    assert "q.rod" in page.evaluate(numbers)
