@@ -111,7 +111,7 @@ HELD = 16  # force of a joint's friction in the last step [N m, N]
 LOCATED = 17  # gap of a limit from which its impact was last located within this step [rad, m]
 SURFACE = 18  # 3, velocity [m/s] or spin [rad/s] of A's surface past B's along DIR at a contact
 ROOM = 22  # speed at which a unilateral block closes to its tolerated depth in a step [m/s, rad/s]
-SETTLED = 21  # whether the λ of a contact is of least norm: NOT, LEAST or DUE of `newton`
+SETTLED = 21  # whether the λ of a contact is of least norm: TRANSIENT, LEAST_NORM or DUE
 # of a constraint in time stepping, on `body` at PA in world axes
 PULL = 28  # 6, impulse of the last step [N m s, N s]
 MEAN_PULL = 34  # 6, mean wrench since the last frame [N m, N]

@@ -73,7 +73,7 @@ HALVINGS = 20  # halvings of one such step, until the slope along it is a tenth
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
 # Impulses that are not of least norm, those of least norm, and those for which the last pass of a
 # step chooses
-NOT, LEAST, DUE = 0.0, 1.0, 2.0
+TRANSIENT, LEAST_NORM, DUE = 0.0, 1.0, 2.0
 # Where the scratch of an island keeps them: columns of a block.
 SCRATCH = columns(slope=9, miss=3, rate=9, move=3, start=3, state=1, rests=1)
 LAWS, BOUNDS, CONES, NORMALS = 0, 1, 2, 3  # sets that `look` projects onto
@@ -293,7 +293,7 @@ def stays(scene, n, size):
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         touches = type_of(data.blocks.blocks_i, i) == at.T_CONTACT
-        if touches and data.blocks.blocks_f[i, at.SETTLED] != LEAST:
+        if touches and data.blocks.blocks_f[i, at.SETTLED] != LEAST_NORM:
             return math.inf
     respond(scene, n)
     _, left, noise, _ = look(scene, n, 0.0, LAWS)
@@ -308,7 +308,7 @@ def solve_exact(scene, n, size, last):
     first (`hold`). If no contact state has changed in the `last` pass, or in an impact, the
     impulses of least norm are computed next. If a contact state changes within a pass, the impulses
     are only transient, and the impulses of least norm usually lead to another change. Earlier
-    passes leave the choice to the last one.
+    passes leave the choice to the last one, which sees it in the contacts of the island.
     """
     left, taken, same = converge(scene, n, size, CAREFUL)
     if left > NOTABLE:
@@ -316,8 +316,9 @@ def solve_exact(scene, n, size, last):
         taken += more
     strikes = contacts_at(opened(scene).links.contacts).tally[0].share == 0.0
     settle = same or strikes or left > TOLERANCE
-    note_settled(scene, n, (LEAST if settle else NOT) if last else DUE)
-    if not (settle and last):
+    chosen = LEAST_NORM if settle else TRANSIENT
+    touches = note_settled(scene, n, chosen if last else DUE)
+    if not settle or (touches and not last):
         return left, taken
     copy_impulses(scene, n, LAMBDA, IMPULSES_BEFORE)
     again, noise = least_norm(scene, n, size)
@@ -330,13 +331,18 @@ def solve_exact(scene, n, size, last):
 
 @sweep
 def note_settled(scene, n, settled):
-    """Store whether the impulses of island n are of least norm."""
+    """Store whether the impulses of island n are of least norm, if it has contacts to store it.
+    Returns whether it has some.
+    """
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
+    touches = False
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
             data.blocks.blocks_f[i, at.SETTLED] = settled
+            touches = True
+    return touches
 
 
 @sweep

@@ -19,7 +19,7 @@ from ..contact.contacts import (
     note_turn,
 )
 from ..contact.island_rows import gather
-from ..contact.newton import LEAST
+from ..contact.newton import LEAST_NORM
 from ..motion import opened
 from ..vec import add_scaled, load, load3, scale, set_xyz, xyz
 
@@ -114,7 +114,8 @@ def book(scene, first, t, w, h, last):
             if tally.share < BRIEF and found[n].held[0] > 0.0:  # continues as before an impact
                 push = xyz(found[n].held)
             keep_point(kept[place_in], found[n], push)
-            kept[place_in].settled = 1 if blocks.blocks_f[active[j], at.SETTLED] == LEAST else 0
+            least = blocks.blocks_f[active[j], at.SETTLED] == LEAST_NORM
+            kept[place_in].settled = 1 if least else 0
             push, mu = load3(lam, r), blocks.blocks_f[active[j], at.FRICTION]
             kept[place_in].slides = int(goes_on_sliding(push, mu, space.vectors[RHS, r], slip))
             if last:

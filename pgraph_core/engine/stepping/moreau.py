@@ -67,7 +67,7 @@ from ..constraints.paths import spread, unspread
 from ..contact.contacts import ADDING, FROZEN, clear, contacts_at, kept_place
 from ..contact.impulse import solve_impulses
 from ..contact.meeting import first_meeting, hits_at_once, state_at
-from ..contact.newton import NOT
+from ..contact.newton import TRANSIENT
 from ..contact.passing import keep_poses, note_passages
 from ..drives import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, energies, follow, opened
@@ -486,7 +486,7 @@ def warm_start(scene, first, m):
             n -= room if turns else 0
             if not turns:
                 set_xyz(contacts.found[n].held, (0.0, 0.0, 0.0))
-                blocks.blocks_f[active[j], at.SETTLED] = NOT
+                blocks.blocks_f[active[j], at.SETTLED] = TRANSIENT
             k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
             if k >= 0:
                 r = first_of(slots, active[j])
