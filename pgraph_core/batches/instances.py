@@ -26,13 +26,13 @@ from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.motions import facts
 from ..engine.stepping import batch as kernels
 from ..engine.stepping import run
+from ..interrupts import Deferred, steps_at_once
 from ..packing import Array, Ints, Loads
 from ..simulation.loop import Outcome
 from ..simulation.stepper import ADDRESSES, Stepper
 
 WORD = 8  # bytes
 IN_LANES = ("rk4", "semi_implicit_euler")
-STEPS_BEFORE_A_LOOK = 1_000_000  # steps of instances before the user can stop
 
 
 def state_arrays(stepper: Stepper) -> list[Any]:
@@ -159,9 +159,14 @@ class Instances:
         self.control["clock"]["fresh"][self.codes == at.RUNNING] = 0
         if self.pairs is not None:
             self._elapsed[self.codes == at.RUNNING] = 0.0
-        most = max(STEPS_BEFORE_A_LOOK // len(self.codes), 1)
+        self.in_parts(n, lambda part: self.spread(partial(self._part, part), len(self.codes)))
+
+    def in_parts(self, n: int, take: Callable[[int], None]) -> None:
+        """Take n steps in parts, which all instances have taken before Ctrl+C ends the call."""
+        most = steps_at_once(len(self.codes) * self.v.shape[1])
         while n > 0:
-            self.spread(partial(self._part, min(n, most)), len(self.codes))
+            with Deferred():
+                take(min(n, most))
             n -= most
 
     def trace(self, n: int) -> Array:
@@ -295,6 +300,9 @@ class TreeLanes(Instances):
 
     def step(self, n: int) -> None:
         """Take n steps of all running instances with the `given` torques."""
+        self.in_parts(n, self._take)
+
+    def _take(self, n: int) -> None:
         for i in self._in_lanes(n, None).tolist():
             self.control["clock"]["fresh"][i] = 0
             self._part(n, 0, i, i + 1)

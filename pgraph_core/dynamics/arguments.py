@@ -319,7 +319,7 @@ class UserTorque(Unportable):
         self.function = of_state(function)
         self.exchange = np.zeros((5, max(room, 1)))
         self.answer = np.zeros(1, dtype=np.int64)
-        self.error: InputError | None = None
+        self.error: BaseException | None = None
         self._q, self._v = self.exchange[0, :nq], self.exchange[1, :nv]
         self._tau = self.exchange[2, :nv]
         self._bad = self.exchange[3, :1]  # time of the last answer that was not finite [s]
@@ -370,7 +370,7 @@ class UserTorque(Unportable):
     def _call(self, t: float, *_: int) -> int:
         try:
             self._tau[:] = self._checked(t)
-        except InputError as error:
+        except BaseException as error:  # none may pass through compiled steps
             self.error = error
             return 1
         return 0

@@ -117,7 +117,7 @@ class Watch:
         self.waiting, self.size = len(conditions), (nq, nv)
         # counted directions, ASLEEP for a condition that has nothing to switch
         self.wanted: Ints = np.array([m.direction for m in self.monitors], dtype=np.int64)
-        self.error: Exception | None = None
+        self.error: BaseException | None = None
         self.log: list[UserEvent] = []
         self.counts = [0] * len(self.monitors)  # events so far
         self.called: list[int] = []
@@ -171,7 +171,7 @@ class Watch:
             for i in self.called:
                 found[i] = self._values[i] = self.monitors[i](t, *state)
             np.maximum(self._largest, np.abs(self._values), out=self._largest)
-        except Exception as error:  # none may pass through compiled steps
+        except BaseException as error:  # none may pass through compiled steps
             self.error = self.error or error
             found[self.called] = 1.0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
 from ..engine.records import PHASE_CHANGE, SWING, table
 from ..errors import InputError
+from ..interrupts import Deferred
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..packing.constraints import NO_BLOCKS
@@ -238,8 +240,9 @@ class Recording(Running):
 
     def advance_to_end(self, progress: Progress) -> None:
         """Record all remaining frames."""
-        slow = self.user is not None and self.user.interpreted
-        budget = 1 if progress is not None or slow else max(64, FIRST // max(self.mech.nv, 1))
+        budget = max(64, FIRST // max(self.mech.nv, 1))
+        if progress is not None or self.calls_python:
+            budget = 1
         while True:
             began = time.perf_counter()
             code = self._advance(budget)
@@ -282,9 +285,9 @@ class Recording(Running):
 
     def fail(self, code: int) -> None:
         """End the run with a kernel's status code. Re-raises exceptions from a user's function."""
-        self._raise_user_error()
         if self.ended.ok:
             self.ended.stop(*failure(self, code))
+        self._raise_user_error()
 
     def begin(self) -> bool:
         """Check whether the run can start: joints have inertia and constraints can be met."""
@@ -307,7 +310,8 @@ class Recording(Running):
                 known = ~np.isnan(plan.states)
                 self.v[mech.nv :][known] = plan.states[known]
         self.began = self.q.copy(), self.v.copy()
-        code = self._first_evaluation() if first or self.scene.remembers else 0
+        with self.uninterrupted():
+            code = self._first_evaluation() if first or self.scene.remembers else 0
         if code and self.user is not None:
             self._raise_user_error()
         if code > 0:
@@ -375,7 +379,8 @@ class Recording(Running):
 
     def _advance(self, budget: int) -> int:
         """Take at most `budget` steps and frames. Returns the kernel's status code."""
-        code = (self.events or self.steps).advance(budget)
+        with self.uninterrupted():
+            code = (self.events or self.steps).advance(budget)
         if code == at.EVENT and self.events is None:
             self._user_event(float(self.steps.clock["time"]))
             self.steps.go_on()
@@ -387,6 +392,16 @@ class Recording(Running):
             self.unlogged += max(count - len(touching.changes), 0)
             touching.tally["logged"] = 0
         return code
+
+    @property
+    def calls_python(self) -> bool:
+        """Check whether the steps call functions of the user that are not compiled."""
+        watches = self.watch is not None and len(self.watch.called) > 0
+        return watches or (self.user is not None and self.user.interpreted)
+
+    def uninterrupted(self) -> AbstractContextManager[Any]:
+        """Return a piece of work, at whose end Ctrl+C is raised if its steps call Python."""
+        return Deferred() if self.calls_python else nullcontext()
 
     def _user_event(self, t: float) -> None:
         """Log user events at t, and end the run if one is terminal."""

@@ -17,6 +17,7 @@ from ..dynamics.arguments import by_name, finite, refuse_as_torques, whole_numbe
 from ..engine import layout as at
 from ..engine.compiler.loading import cache_folder
 from ..errors import InputError, Problem, explained, guarded, one_of, shown
+from ..interrupts import steps_at_once
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.expressions import drives_read
@@ -41,7 +42,6 @@ from .switches import Change
 if TYPE_CHECKING:
     from .one_step import LinearStep
 
-STEPS_BETWEEN_LOOKS = 100_000  # steps between two looks at whether the user wants to stop
 ADDRESSES = ("address", "approach")  # fields of a run's guard that belong to this process
 
 
@@ -243,13 +243,13 @@ class Stepper(Readings):
             touching.tally["elapsed"] = 0.0
         steps, left, code = self._steps, n, at.RUNNING
         end = steps.taken + n  # near stiff contacts a step is taken in parts
+        most = 1 if self._record.calls_python else steps_at_once(self.mech.nv)
         while code == at.RUNNING and left > 0:
-            code = steps.advance(min(left, STEPS_BETWEEN_LOOKS))
+            with self._record.uninterrupted():
+                code = steps.advance(min(left, most))
+                if code != at.RUNNING:
+                    self._fail(code)
             left = end - steps.taken
-        if code != at.RUNNING:
-            self._record.fail(code)  # its frame is the state of which the message tells
-            self._ended(self._record.ended)
-            self._open()
         return self.status
 
     def record(self, n: int, frames: int | None = None, tau: Any = None) -> Result:
@@ -559,6 +559,13 @@ class Stepper(Readings):
         if self.status is not Status.DONE and not self.status.ok:
             text = f"the last step failed: {self.message}; call reset or restore"
             raise InputError(Problem(f"Stepper.{call}", "", text))
+
+    def _fail(self, code: int) -> None:
+        try:
+            self._record.fail(code)  # its frame is the state of which the message tells
+        finally:
+            self._ended(self._record.ended)
+            self._open()
 
     def _ended(self, how: Outcome) -> None:
         vars(self).update(status=how.status, message=how.message)

@@ -1,0 +1,59 @@
+"""Ctrl+C while compiled code calls Python, or while threads share a piece of work.
+
+Python raises the exception of a signal at the next line that the main thread runs. In a function
+that compiled code calls, it would be lost, and between two threads' parts of a step it would leave
+half of them undone. The exception therefore waits for the end of the piece of work.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from typing import Any
+
+# speeds of joints times steps that compiled code advances at once: some 10 ms of a tree, and 0.2 s
+# of a heap, so that Ctrl+C ends a call within this time
+AT_ONCE = 100_000
+
+
+class Deferred:
+    """A piece of work, after which an interrupt is raised that came within it.
+
+    Pieces may be nested: an inner one raises what came within an outer one. In other threads than
+    the main one, which receive no signals, there is nothing to wait for.
+    """
+
+    def __init__(self) -> None:
+        self.caught: BaseException | None = None
+        self._before: Any = None
+        self._outer: Deferred | None = None
+
+    def __enter__(self) -> Deferred:
+        if threading.current_thread() is threading.main_thread():
+            handler = signal.getsignal(signal.SIGINT)
+            outer = getattr(handler, "__self__", None)
+            if isinstance(outer, Deferred):
+                self._outer = outer
+            elif callable(handler):
+                self._before = handler
+                signal.signal(signal.SIGINT, self._keep)
+        return self
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+        caught = (self._outer or self).caught
+        if caught is not None and not isinstance(error, type(caught)):
+            raise caught
+
+    def _keep(self, *signalled: Any) -> None:
+        """Call the handler of the process, and keep what it raises."""
+        try:
+            self._before(*signalled)
+        except BaseException as error:
+            self.caught = error
+
+
+def steps_at_once(speeds: int) -> int:
+    """Return the number of steps of so many joint speeds between two looks at interrupts."""
+    return max(AT_ONCE // max(speeds, 1), 1)
