@@ -514,6 +514,48 @@ def test_a_written_file_that_mujoco_refuses_is_reported_and_can_be_repaired(tmp_
     assert pg.Model.load(tmp_path / "back.json").bodies == pg.load(path).bodies
 
 
+NO_MASS = {"mass": 0.0, "inertia": np.zeros((3, 3))}
+FULL = {"mass": 1.0, "inertia": np.eye(3)}
+WELDED = {"parent": "arm", "joint": "weld"}
+
+
+@pytest.mark.parametrize(
+    ("arm", "hand", "refuses"),
+    [
+        (FULL, None, False),
+        ({"mass": 1.0, "inertia": np.zeros((3, 3))}, None, False),  # has the least inertia
+        ({"mass": 1.0, "inertia": np.zeros((3, 3)), "any_inertia": True}, None, True),
+        (NO_MASS, None, True),
+        ({**NO_MASS, "armature": 1.0}, None, True),
+        ({**NO_MASS, "joint": "weld"}, None, False),
+        ({"mass": 0.0, "inertia": np.eye(3)}, None, True),  # a rotor
+        ({"mass": 1e-16, "inertia": np.eye(3)}, None, True),
+        (NO_MASS, {**FULL, **WELDED}, False),
+        (NO_MASS, {**NO_MASS, **WELDED}, True),
+        (NO_MASS, {**FULL, "parent": "arm"}, False),  # one body with two joints
+        (NO_MASS, {**FULL, "parent": "arm", "rotation": (0.8, 0.6, 0, 0)}, True),
+    ],
+)
+def test_moving_bodies_without_mass_are_told_exactly_if_mujoco_refuses_them(
+    arm, hand, refuses, tmp_path
+):
+    bodies = [pg.Body(name="arm", com=(0, 0, 0), **arm)]
+    bodies += [] if hand is None else [pg.Body(name="hand", com=(0, 0, 0), **hand)]
+    model, path = pg.Model(bodies=bodies), tmp_path / "arm.xml"
+    report = pg.write_mjcf(model, path)
+    assert bool(report.refused) == refuses
+    if not refuses:
+        compiled(tmp_path)
+        return
+    assert "'arm'" in report.refused
+    assert [e.part for e in report.of("warning")] == ["arm"]
+    with pytest.raises(ValueError, match="inertia"):
+        compiled(tmp_path)
+    heavy = model.edit("arm", mass=0.01, inertia=(1e-6, 1e-6, 1e-6))
+    assert not pg.write_mjcf(heavy, path).refused
+    compiled(tmp_path)
+
+
 RING = """<mujoco><worldbody><body><joint name="a"/><geom size=".1"/></body>
 <body><joint name="b"/><geom size=".1"/></body></worldbody><equality>
 <joint name="one" joint1="a" joint2="b" polycoef="0 2 0 0 0"/>

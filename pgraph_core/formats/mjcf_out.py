@@ -40,6 +40,7 @@ from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
 INSTEAD = {"screw": "; use a cylindrical joint and a pg.Coupling"}
+MASSLESS = "without mass and inertia, also of welded bodies"
 NOTHING = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -106,6 +107,7 @@ class _Writer(ContactsOut):
         }  # fmt: skip
         self.assets: dict[str, Tag] = {}
         self.of_subtrees: list[tuple[Tag, str]] = []  # sensors and their bodies
+        self.massless = list[str]()  # bodies that move
         self.equalities, self.tendons = list[Tag](), list[Tag]()
         self.lifting, self.lifted = set[str](), dict[str, float]()
         for name, body, part in self._lifted():
@@ -154,11 +156,9 @@ class _Writer(ContactsOut):
                  Tag("keyframe").add(*keyframes(self.model, self.children)))  # fmt: skip
         root.add(*(part for part in parts if part.children))
         self.report.add("read", "", f"{len(bodies)} bodies written")
-        if repairs := self.report.repairs:
+        if refusals := [*self._refusals()]:
             self.report.refused = (
-                f"MuJoCo will reject it, because of the physically impossible inertia of "
-                f"{choices(map(shown, repairs))}; write `report.repaired(model)` instead, "
-                "or give `pgraph convert` the option --repair"
+                f"MuJoCo will reject it, because {'; and because '.join(refusals)}"
             )
         return "\n".join([*root.lines(), ""])
 
@@ -199,8 +199,9 @@ class _Writer(ContactsOut):
             own.add(*self._joints(b, -shift))
         if last.mass or any(map(any, last.inertia)):
             own.add(Tag("inertial", pos=last.com, mass=last.mass, **self._inertia(last)))
-        elif last.joint != "weld":
-            text = "it moves and has no mass, so MuJoCo may reject it"
+        if last.joint != "weld" and not self._is_heavy(last):
+            self.massless.append(last.name)
+            text = f"MuJoCo refuses it: it moves {MASSLESS}"
             self.report.add("warning", f"body '{last.name}'", text, part=last.name)
         inertia = np.array(last.inertia)
         if last.any_inertia and (why := why_unphysical(inertia)):
@@ -211,6 +212,30 @@ class _Writer(ContactsOut):
         for child in self.children.get(last.name, ()):
             own.add(*self._body(child))
         yield own
+
+    def _is_heavy(self, body: Body) -> bool:
+        """Check whether MuJoCo lets a body move: with the mass and inertia that are written, or
+        those of a body welded to it."""
+        filled = body.joint != "weld" and not body.any_inertia  # by `_inertia`
+        has_mass, moments = body.mass >= MINVAL, np.linalg.eigvalsh(np.array(body.inertia))
+        if has_mass and (filled or moments[0] >= MINVAL):
+            return True
+        children = self.children.get(body.name, ())
+        return any(self._is_heavy(child) for child in children if child.joint == "weld")
+
+    def _refusals(self) -> Iterator[str]:
+        """Yield the reasons why MuJoCo refuses the file, with their remedies."""
+        if repairs := self.report.repairs:
+            yield (
+                f"of the physically impossible inertia of {choices(map(shown, repairs))}: write "
+                "`report.repaired(model)` instead, or give `pgraph convert` the option --repair"
+            )
+        if names := self.massless:
+            moves, them = ("moves", "it") if len(names) == 1 else ("move", "them")
+            yield (
+                f"{choices(map(shown, names))} {moves} {MASSLESS}: give {them} both, as in "
+                f"`model.edit({shown(names[0])}, mass=0.01, inertia=(1e-6, 1e-6, 1e-6))`"
+            )
 
     def _inertia(self, body: Body) -> dict[str, Any]:
         """Return the inertia. MuJoCo rejects moving bodies without one, such as thin rods."""
