@@ -205,7 +205,7 @@ class Store:
 
     def _render(self, views: Sequence[View], old: State, new: State) -> dict[str, float]:
         """Draw the views and return the seconds spent by each. A failed view is tried again."""
-        spent = {}
+        spent = dict[str, float]()
         for view in views:
             began = time.perf_counter()
             had = self._missed.pop(id(view), old)
@@ -214,5 +214,6 @@ class Store:
             except Exception:
                 self._missed[id(view)] = had
                 log.exception("%s could not draw", type(view).__name__)
-            spent[type(view).__name__] = time.perf_counter() - began
+            name = getattr(view, "name", type(view).__name__)
+            spent[name] = spent.get(name, 0.0) + time.perf_counter() - began
         return spent

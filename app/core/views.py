@@ -55,6 +55,7 @@ class Topic:
         seen: str, desk: Desk,
     ):  # fmt: skip
         self._bridge, self._topic, self._draw = desk.bridge, topic, draw
+        self.name = f"topic {topic}"  # in the log
         self._needs = [attrgetter(need) if isinstance(need, str) else need for need in needs]
         self._page, self._seen = page, seen
 

@@ -13,6 +13,7 @@ from pgraph_app.core import edit
 from pgraph_app.core.events import from_page
 from pgraph_app.core.state import derive, with_client
 from pgraph_app.core.store import Store
+from pgraph_app.core.views import topic
 from pgraph_app.model import LONG, Found, sent
 from pgraph_app.model.apart import answer
 from pgraph_app.pose import poses
@@ -373,6 +374,23 @@ def test_an_event_of_any_length_is_no_news_for_the_terminal(state, event, caplog
     until(lambda: store.state.jobs, "the event")
     store.stop()
     assert caplog.records == []
+
+
+def test_the_log_has_the_time_of_all_views_and_names_the_topic(state, caplog, monkeypatch):
+    """Each look at the clock takes 1 s. Topics are of one class."""
+    clock = SimpleNamespace(perf_counter=count(step=1.0).__next__)
+    monkeypatch.setattr("pgraph_app.core.store.time", clock)
+    caplog.set_level("INFO", "pgraph_app.core.store")
+    store = Store(state, lambda state, event: replace(state, jobs=state.jobs + 1))
+    desk = SimpleNamespace(bridge=None, send=None)
+    views = [topic(name, str, "jobs")(desk) for name in ("first", "second", "second")]
+    for view in views:
+        monkeypatch.setattr(view, "render", lambda old, new: None)
+    store.start(views)
+    store.send(do.Select(ME, None))
+    until(lambda: caplog.records, "the line of the event")
+    store.stop()
+    assert "4000.0 ms, of which topic second 2000.0 ms" in caplog.text
 
 
 @pytest.mark.parametrize(
