@@ -132,7 +132,8 @@ _SHOWN = {
     "Model": "model", "Mechanism": "pg.Mechanism(model)", "Result": "run", "Stepper": "stepper",
 }  # fmt: skip
 _TAKERS = (
-    "Body", "Model", "simulate", "Shape", "Contact", "Motor", "Servo", "PID", "Scenario", "sweep",
+    "Contact", "Ground", "Body", "Model", "simulate", "Shape", "Motor", "Servo", "PID", "Spring",
+    "Torsion", "Tendon", "Bushing", "Scenario", "sweep",
 )  # fmt: skip
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
@@ -239,14 +240,27 @@ def _bound(owner: Any, name: str) -> Any:
     return getattr(_mechanism(owner, name), name, None) if kind == "Model" else None
 
 
-def _taken(name: str) -> str:
-    """Return the call that accepts the given field or argument, or "" if there is none."""
+def _taken(name: str, given: Any = ()) -> str:
+    """Return the calls that accept a field or an argument, with their units, or "" if none does.
+
+    Those of which a model among the arguments `given` has a part come first.
+    """
+    from .fields import about
     from .words import ours
 
     known = {taker: inspect.signature(__getattr__(taker)).parameters for taker in _TAKERS}
     found = [(taker, name) for taker in known if name in known[taker]]
-    found += [(taker, own) for taker in known if (own := ours(name, known[taker]))]
-    return "pg.{}(..., {}=...)".format(*found[0]) if found else ""
+    found = found or [(taker, own) for taker in known if (own := ours(name, known[taker]))]
+    models = [model for x in given if hasattr(model := getattr(x, "model", x), "bodies")]
+    held = [parts for model in models for _, parts in model if isinstance(parts, tuple)]
+    present = {type(part).__name__ for parts in held for part in parts}
+    present |= {"Ground"} if "Contact" in present else set()
+    said = list[str]()
+    for taker, own in sorted(found, key=lambda pair: pair[0] not in present):
+        fields = getattr(__getattr__(taker), "model_fields", {})
+        unit = about(fields[own], own).unit if own in fields else ""
+        said.append(f"pg.{taker}(..., {own}=...)" + f" [{unit}]" * bool(unit))
+    return " or ".join(said)
 
 
 def _passed(name: str) -> bool:

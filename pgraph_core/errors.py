@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import collections.abc
-import functools
 import inspect
 import math
 import os
@@ -13,6 +12,7 @@ import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial, wraps
 from importlib import import_module
 from numbers import Integral, Real
 from pathlib import Path
@@ -105,8 +105,14 @@ class Suggests:
                     return found
                 own = self.__dict__ if hasattr(self, "__dict__") else ()
                 raise words.NoAttribute(
-                    f"a {kind.__name__}", name, lambda: [*dir(kind), *own]
+                    f"a {kind.__name__}", name, lambda: [*dir(kind), *own], partial(_part, self)
                 ) from None
+
+
+def _part(owner: Any, name: str) -> str:
+    """Return the text for an attribute that is the name of a part of a model, or ""."""
+    named = hasattr(owner, "part") and name in owner
+    return f"the part of this name is model[{name!r}]" if named else ""
 
 
 def guarded(**advice: str) -> Callable[[Called], Called]:
@@ -191,15 +197,24 @@ def nearest_name(name: str, known: Iterable[str]) -> str:
     return f"{suggested}choose from {choices(names)}"
 
 
-def meant(name: str, known: Iterable[str], about: Callable[[str], str] = lambda _: "") -> str:
-    """Return 'did you mean mass? mass takes ...; ' for a mistyped name, or ""."""
+def meant(
+    name: str,
+    known: Iterable[str],
+    about: Callable[[str], str] = lambda _: "",
+    given: Iterable[Any] = (),
+    around: Iterable[str] = (),
+) -> str:
+    """Return 'did you mean mass? mass takes ...; ' for a mistyped name, or "".
+
+    `given` are the other arguments of the call, and `around` the names of its object.
+    """
     known = list(known)
-    if told := words.advice(name, known):
+    if told := words.advice(name, known, around):
         return told + "; "
     close = words.hint(name, known)
     meaning = about(close) if close else ""
     suggested = f"did you mean {close}? " if close else ""
-    if not close and (taken := hooks.taken(name)):
+    if not close and (taken := hooks.taken(name, given)):
         suggested = f"it belongs to {taken}; "
     return suggested + (f"{close} takes {meaning}; " if meaning else "")
 
@@ -208,7 +223,7 @@ def no_method(name: Any, known: Iterable[str]) -> str:
     """Return a message about an unknown integration method."""
     names = list(known)
     text = f"no method is named {shown(name)}; choose one of {choices(names)}"
-    return text + words.synonym(name, names)
+    return text + words.choice(name, names)
 
 
 def to_read(text: Any) -> str:
@@ -303,7 +318,7 @@ CALLS: set[str] = set()  # names of all calls that are explained
 def _explained(function: Any) -> Any:
     CALLS.add(_name_of(function))
 
-    @functools.wraps(function)
+    @wraps(function)
     def call(*args: Any, **named: Any) -> Any:
         try:
             return function(*args, **named) if named else function(*args)
@@ -352,7 +367,14 @@ def _of_inner_calls(
     def bare(one: Problem) -> bool:  # "q: must have shape ..."
         return not one.field and one.where in given
 
-    problems = tuple(map(ours_of, refused.problems))
+    def told(one: Problem) -> Problem:
+        """Tell which numbers an array of a wrong shape has, from the docstring."""
+        if not re.fullmatch(r"must have shape \([^;]*", one.text):
+            return one
+        means = meaning_of(function, one.field).removesuffix(".")
+        return replace(one, text=f"{one.text}; its numbers: {means}") if means else one
+
+    problems = tuple(told(ours_of(one)) for one in refused.problems)
     return () if problems == refused.problems else problems
 
 
@@ -431,10 +453,11 @@ def _problems_of_call(
     """Return the problems with the arguments of a failed call, or [] if they fit."""
     signature = inspect.signature(function)
     where = _called_as(function, args)
-    parameters = signature.parameters
+    parameters, others, around = signature.parameters, [*args, *named.values()], list[str]()
     if next(iter(parameters), "") in ("self", "cls", "_cls"):
         if not (args and hasattr(args[0], function.__name__)):
             return [Problem(where, "", f"is a method of a {where.split('.')[0]}")]
+        around = dir(args[0])
         parameters = dict(list(parameters.items())[1:])
         args, signature = args[1:], signature.replace(parameters=list(parameters.values()))
     try:
@@ -446,8 +469,8 @@ def _problems_of_call(
         if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
             wrong = [name for name in wrong if not hooks.passed(name)]
         if wrong and known:
-            about = functools.partial(meaning_of, function)
-            texts = [meant(name, parameters, about) for name in wrong]
+            about = partial(meaning_of, function)
+            texts = [meant(name, parameters, about, others, around) for name in wrong]
             left = f"choose from {choices(parameters)}" if parameters else "there is none to give"
             texts[-1] += left + example_of(function)
             return [

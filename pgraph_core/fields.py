@@ -697,7 +697,7 @@ class OfKinds(Acting):
             own, other = cls.__name__, cls.KINDS[kind].__name__
             return f"a {own} has kind '{cls.own_kind()}', got '{kind}', which is a {other}"
         close = nearest_first(kind, cls.KINDS) if isinstance(kind, str) else cls.KINDS
-        return f"must be one of {', '.join(close)}, got {shown(kind)}{words.synonym(kind, close)}"
+        return f"must be one of {', '.join(close)}, got {shown(kind)}{words.choice(kind, close)}"
 
     @classmethod
     def _foreign(cls, field: str, value: Any) -> str:

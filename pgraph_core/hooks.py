@@ -10,4 +10,6 @@ elsewhere: Callable[[], Mapping[str, str]]  # public name -> what stands before 
 bound: Callable[[Any, str], Any]  # (model or mechanism, name) -> what takes it first, or None
 passed: Callable[[str], bool]  # name of an argument -> whether simulate takes it
 edited: Callable[..., Any]  # (model, path or {path: number}, (number,), fields) -> the new model
-taken: Callable[[str], str]  # name of a field or an argument -> "pg.Model(..., sites=...)", or ""
+taken: Callable[
+    ..., str
+]  # (name of a field or an argument, arguments of its call) -> what takes it

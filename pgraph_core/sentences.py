@@ -146,6 +146,8 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
     if isinstance(given, str) and re.match(r"\s*[-+.\deE]*\d[.\deE]*\s*(?=[^\d\s])", given):
         unit = re.search(r"\[[^\]]+\]", field.description or "")
         return f"; write a number in {unit[0] if unit else 'SI units'}, without a unit"
+    if item["type"] == "literal_error":
+        return words.choice(given, re.findall(r"'([^']+)'", item["ctx"]["expected"]))
     return words.synonym(given, re.findall(r"\w+", field.description or ""))
 
 

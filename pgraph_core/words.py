@@ -132,11 +132,14 @@ def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
     return found
 
 
-def advice(name: str, known: Iterable[str]) -> str:
-    """Return the call that does what another program's `name` does, or ""."""
+def advice(name: str, known: Iterable[str], around: Iterable[str] = ()) -> str:
+    """Return the call that does what another program's `name` does, or "".
+
+    `around` are names of the object whose method is called.
+    """
     names = {*known}
     told = ADVICE.get(name) or [x for each in _alike(name, ADVICE) for x in ADVICE[each]]
-    fit = [text for beside, text in told if not beside or beside in names]
+    fit = [text for beside, text in told if not beside or beside in names.union(around)]
     return fit[0] if fit and name not in names else ""
 
 
@@ -188,14 +191,20 @@ class NoAttribute(AttributeError):
     """An unknown attribute. The message suggests the corresponding name and is only created when it
     is read."""
 
-    def __init__(self, owner: str, attribute: str, known: Callable[[], Iterable[str]]):
+    def __init__(
+        self,
+        owner: str,
+        attribute: str,
+        known: Callable[[], Iterable[str]],
+        told: Callable[[str], str] = lambda _: "",
+    ):
         super().__init__(owner, attribute)
-        self._known = known
+        self._known, self._told = known, told
 
     def __str__(self) -> str:
         owner, attribute = self.args
         known = dict.fromkeys(each for each in self._known() if not each.startswith("_"))
-        told = advice(attribute, known)
+        told = self._told(attribute) or advice(attribute, known)
         near = told or " or ".join(attributes(attribute, known, hooks.elsewhere()))
         names = ", ".join(sorted(known, key=str.lower))
         hint = f"; did you mean {near}?" if near else f"; choose from {names}"
@@ -212,3 +221,13 @@ def synonym(name: Any, known: Iterable[str]) -> str:
     word = name.lower() if isinstance(name, str) else ""
     found = chosen(name, listed) or next((x for x in NEAR_CHOICES.get(word, ()) if x in listed), "")
     return f"; did you mean {found}?" if found else ""
+
+
+def choice(name: Any, known: Iterable[str]) -> str:
+    """Return the hint "did you mean position?" for a mistyped or shortened choice, or the
+    `synonym`."""
+    listed = list(known)
+    word = name.lower() if isinstance(name, str) else ""
+    longer = sorted((x for x in listed if word and x.startswith(word)), key=len)
+    close = (longer or similar(word, listed, n=1))[:1]
+    return synonym(name, listed) or "".join(f"; did you mean {x}?" for x in close)

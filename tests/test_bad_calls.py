@@ -107,7 +107,7 @@ CALLS = [
     (lambda: MECH.forward_dynamics(Q, V, external=np.ones((2, 6))), "external", "(3, 6)", "(2, 6)"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.full((3, 6), INF)), "external", "finite"),
     (lambda: NEEDLE.forward_dynamics([0, 0], [0, 0]), "'needle', inertia"),
-    (lambda: MECH.external_at(Q, "3", [1, 2, 3]), "wrench", "(6,)"),
+    (lambda: MECH.external_at(Q, "3", [1, 2, 3]), "wrench", "(6,)", "(3,)", "[torque, force]"),
     (lambda: MECH.jacobian(Q, "4"), "'4'", EVERY),
     (lambda: MECH.jacobian(Q, "3", (0, 0)), "point", "3", "2"),
     (lambda: MECH.mobility(active="loop"), "['loop']"),
@@ -340,7 +340,26 @@ LATE = [
     (lambda: switch(0.3, "pin", False), "'pin'", "0.3 s", "0.2 s"),
     (lambda: switch(-0.1, "pin", False), "t must", ">= 0", "-0.1"),
     (lambda: switch(0.1, "pin", 2), "active", "true or false", "got 2"),
-    (lambda: switch(0.1, "pin"), "t, name of a constraint", "(0.1, 'pin')"),
+    (lambda: switch(0.1, "pin"), "t, name of a constraint", "pg.Switch(", "[0.1, 'pin']"),
+    (lambda: pg.simulate(linkage(), t_end=0.2, switches={"t": 0.1}), "constraint is missing"),
+    (lambda: pg.simulate(TWO, friction=0.3), "pg.Contact(", "pg.Ground(", "pg.Body(", "pg.Tendon("),
+    (lambda: run(record=["q"]), "simulate, record", "every quantity", "frames", "stepper.record"),
+    (lambda: run(wrt=["gravity"]), "simulate, gravity", "gravity.0", "-9.81"),
+    (lambda: run(wrt=["gravity.z"]), "simulate, gravity.z", "x, y and z", "here 2"),
+    (lambda: run(wrt=["ground"]), "simulate, ground", "one of its numbers, as in ground."),
+    (lambda: run(wrt=["bodies.2.inertia"]), "as in bodies.2.inertia.0.0"),
+    (lambda: run(wrt=["bodies.2"]), "as in bodies.2.mass"),
+    (lambda: run(wrt=["q"]), "simulate, q:", "moving joint", "as in q.1"),
+    (lambda: run(wrt=["v.4"]), "simulate, v.4", "'4'", EVERY),
+    (lambda: pg.sweep(BASE, {"q": [0, 1]}, "max 1"), "sweep, q:", "as in q.1"),
+    (lambda: pg.sweep(BASE, {"q.4": [0, 1]}, "max 1"), "sweep, q.4", "'4'", EVERY),
+    (lambda: pg.optimise(BASE, "max 1", {"q": (0, 1)}), "optimise, q:", "as in q.1"),
+    (lambda: pg.BatchStepper(PUSHED, 2).step(inputs={"push": 1}), "batch.step({", "batch.target("),
+    (lambda: pg.BatchStepper(PUSHED, 2).target("push", 1), "'push'", "batch.step({'1': values})"),
+    (lambda: pg.Stepper(PUSHED).target("push", 1), "'push'", "stepper.input('push', value)"),
+    (lambda: pg.Output("o", kind="pos", at="1"), "output 'o', kind", "'pos'", "mean position?"),
+    (lambda: pg.Output("o", kind="giro", at="1"), "output 'o', kind", "'giro'", "mean gyro?"),
+    (lambda: pg.sweep(BASE, {"q.1": [0]}, "max 1", samples="gird"), "'gird'", "mean grid?"),
     (lambda: pg.Gait(name="g", feet=FEW), "gait 'g', feet", "four", repr(list(FEET[:3]))),
     (lambda: TROT.edit(feet=[*FEW, FEW[0]]), "gait 'trot', feet", "'left_front_foot'", "twice"),
     (lambda: TROT.edit(sway=(0.1,)), "gait 'trot', sway", "pairs", "[0.1]"),
@@ -383,6 +402,39 @@ LATE = [
     (lambda: pg.fit(BASE, {**CURVE, "t": DURATIONS}, MASS), "data['t']", "numbers", "seconds"),
     (lambda: study(reference=3.0), "Result", "Case", "Reference", "(len(t), 1)", "float"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("call", "mistyped", "meant"),
+    [
+        (lambda: pg.BatchStepper(PUSHED, 2).record, "record", "mean trace?"),
+        (lambda: pg.BatchStepper(PUSHED, 2).input, "input", "batch.step({"),
+        (lambda: TWO.arm, "arm", "model['arm']"),
+    ],
+)
+def test_an_attribute_is_answered_with_what_works_on_this_object(call, mistyped, meant):
+    assert_names(str(refusal(call, AttributeError)), f"'{mistyped}'", meant)
+
+
+def test_a_field_of_several_parts_names_those_of_the_model_first():
+    for model, order in ((TWO, ("Contact", "Ground", "Body")), (BASE, ("Body", "Contact"))):
+        text = str(refusal(lambda model=model: pg.simulate(model, friction=0.3)))
+        places = [text.index(f"pg.{kind}(..., friction=") for kind in order]
+        assert places == sorted(places), text
+
+
+def test_a_failing_objective_is_told_what_it_receives():
+    error = refusal(lambda: pg.optimise(BASE, lambda x: x[0] ** 2, MASS, t_end=0.01))
+    assert_names("\n".join(error.__notes__), "objective", "pg.Result")
+
+
+def test_switches_are_taken_as_scenarios_write_them():
+    fields = {"constraint": "pin", "active": False, "t": 0.1}
+    runs = [
+        pg.simulate(linkage(), t_end=0.2, switches=given)
+        for given in ([(0.1, "pin", False)], [fields], fields, [pg.Switch(**fields)])
+    ]
+    assert all(np.array_equal(each.q, runs[0].q) for each in runs)
 
 
 @pytest.mark.parametrize(("call", "facts"), [(call, facts) for call, *facts in LATE])

@@ -128,7 +128,8 @@ def masses(values) -> dict:
             "bodies.my.bob.weight": "weight.*mass", "bodies.nobody.mass": "nobody.*my.bob",
             "bodys.my.bob.mass": "bodies.NAME.FIELD", "bodies.my.bob": "my.bob",
             "bodies.my.bob.com": "bodies.my.bob.com.0", "bodies.my.bob.com.3": "com.*3",
-            "bodies.my.bob.parent": "parent", "light": "light.*heavy", "gravity": "gravity.AXIS",
+            "bodies.my.bob.parent": "parent", "light": "light.*heavy", "gravity": "gravity.0",
+            "q": "q.my.bob",
             "gravity.3": "gravity.*3", "ground.frictoin": "friction", "": "NAME", 3: "NAME",
         }.items()),
         *((masses(values), fact) for values, fact in (
@@ -433,3 +434,19 @@ def test_the_processes_of_a_sweep_end_with_it_whatever_they_compute(tmp_path, ho
         send(sweep.pid, signal.SIGKILL if how == "kill" else signal.SIGINT)
         said = sweep.communicate()
     assert said[0] == "" if how == "kill" else said == ("0 left\n", "")
+
+
+def test_a_start_is_swept_under_the_name_that_fits_take():
+    model = pg.Model.serial(2).add(pg.Scenario("tilted", q={"1": 0.5}))
+    short = {"metric": "final 1", "t_end": 0.01, "workers": 1}
+    values = [0.2, 0.4]
+    for name, path, scenario in (
+        ("q.1", "bodies.1.q", None),  # the model leaves it out
+        ("v.2", "bodies.2.v.0", None),
+        ("q.1", "scenarios.tilted.q.1", "tilted"),
+        ("q.2", "bodies.2.q", "tilted"),
+    ):
+        tables = [pg.sweep(model, {x: values}, scenario=scenario, **short) for x in (name, path)]
+        assert np.array_equal(tables[0]["final 1"], tables[1]["final 1"])
+        assert np.array_equal(tables[0][name], values)
+    assert model.edit("q.2", 0.3)["2"].q == (0.3,)

@@ -498,6 +498,10 @@ class BatchStepper(Snapshots):
         targets = self._many.targets
         if servo not in targets:
             text = f"no servo with a constant target is named {shown(servo)}; {one_of(targets)}"
+            for force in self.mech.model.forces:
+                if force.name == servo and isinstance(force, OnJoint):
+                    text += "; torques of a drive that is no servo are given to each step: "
+                    text += f"batch.step({{{force.body!r}: values}})"
             raise refused("servo", text, "target")
         given = numbers_of("value", value, self.size, None)
         for force in self.mech.model.forces:

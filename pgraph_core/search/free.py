@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from .. import words
 from ..errors import InputError, ModelError, PgraphError, Problem, choices, shown
 from ..model import Model
 from ..result import Result
 from ..simulation import simulate
-from ..simulation.paths import Path, distinct, with_numbers
+from ..simulation.paths import Path, distinct, started, with_numbers
 from ..simulation.variables import Wanted
 from ..tolerances import EPS
 
@@ -125,21 +126,8 @@ class Numbers:
             if kind not in ("q", "v") or own.body not in self.model:
                 raise self.refused(given, "must be q.BODY@CASE or v.BODY@CASE")
             return [own]
-        return Path.each(self.model, self._spelt(given), self.call)
-
-    def _spelt(self, given: str) -> Any:
-        """A path as `Path` takes it: "q.arm" is "bodies.arm.q", or a number of the scenario."""
-        group, _, name = given.partition(".")
-        if group not in ("q", "v"):
-            return given
         scenario = self.cases[0].options.get("scenario")
-        own = self.model.scenario(scenario) if scenario is not None else None
-        body, _, entry = name.rpartition(".")
-        rest = [entry] if body and entry.isdecimal() and body in self.model else []
-        body = body if rest else name
-        if own is not None and body in getattr(own, group):
-            return ("scenarios", scenario, group, body, *rest)
-        return ("bodies", body, group, *rest)
+        return Path.each(self.model, started(self.model, given, scenario), self.call)
 
     def _present(self, place: Path | Own) -> float:
         if isinstance(place, Path):
@@ -273,7 +261,7 @@ class Numbers:
 def option(call: str, name: str, value: Any, known: Sequence[str]) -> Any:
     """Return a word if it is known. Raises InputError."""
     if value not in known:
-        text = f"must be one of {choices(known)}, got {shown(value)}"
+        text = f"must be one of {choices(known)}, got {shown(value)}{words.choice(value, known)}"
         raise InputError(Problem(call, name, text))
     return value
 

@@ -102,9 +102,14 @@ class Goals:
         """Return the numbers of a goal. Raises InputError for an unknown column and for text."""
         try:
             given = function(run)
-        except InputError as error:
-            if not isinstance(function, Metric):
-                raise  # by a function of the user
+        except Exception as error:
+            if not isinstance(function, Metric):  # a function of the user
+                error.add_note(
+                    f"{what} receives the run of each trial, a pg.Result, not the numbers"
+                )
+                raise
+            if not isinstance(error, InputError):
+                raise
             raise self.numbers.refused(what, error.problems[0].text) from None
         try:
             return np.asarray(given, float)

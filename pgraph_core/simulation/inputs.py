@@ -88,8 +88,11 @@ class Inputs:
     def aim(self, servo: str, value: Any) -> None:
         """Set the target of a servo. Raises InputError."""
         if servo not in self.servos:
-            known = one_of(self.servos)
-            text = f"no servo with a constant target is named {shown(servo)}; {known}"
+            text = f"no servo with a constant target is named {shown(servo)}; {one_of(self.servos)}"
+            if servo in self.known:
+                text += (
+                    f"; of a drive that is no servo, set the input: stepper.input({servo!r}, value)"
+                )
             raise InputError(Problem("Stepper.target", "servo", text))
         if servo in self.known:  # all with a gain
             self.checked(servo, value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -15,6 +15,7 @@ from ..errors import InputError, ModelError, Problem, nearest, nearest_name, sho
 from ..fields import about, is_number
 from ..forces import OnJoint
 from ..joints import KINDS as JOINTS
+from ..joints import home
 from ..model import Body, Model
 
 KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
@@ -28,6 +29,8 @@ KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "controls": "control",
 }
 WORLD = ("gravity", "ground")  # fields of the model itself
+AXES = ("x", "y", "z")
+START = ("q", "v")  # fields of bodies: q.NAME is bodies.NAME.q
 
 
 def distinct(paths: Sequence[Path], call: str) -> None:
@@ -61,7 +64,7 @@ def with_numbers(model: Model, paths: Sequence[Path], values: Sequence[float]) -
             fields[path.name] = value
             continue
         field, *rest = map(str, path.inside)
-        present = fields[field] if field in fields else getattr(path.owner(model), field)
+        present = fields[field] if field in fields else _field(path.owner(model), field)
         fields[field] = _replaced(present, rest, value)
     for (group, name), fields in parts.items():
         if not group:
@@ -97,8 +100,8 @@ def edited(model: Model, path: Any, number: tuple[Any, ...], fields: Mapping[str
 
 
 class Path:
-    """A number in a model's description: `bodies.shin.mass`, `bodies.shin.link.0`, `gravity.1`,
-    `ground.friction`, `scenarios.trot.gait.gains.height.0`, a parameter.
+    """A number in a model's description: `bodies.shin.mass`, `bodies.shin.link.0`, `q.shin`,
+    `gravity.1`, `ground.friction`, `scenarios.trot.gait.gains.height.0`, a parameter.
 
     The path is a string, or a tuple if a name contains dots. Raises InputError, with the name of
     `call`, if the model has no such number.
@@ -113,7 +116,8 @@ class Path:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             kind = f"is {shown(value)}, not one number"
             kind = "has no value: give it one in the model first" if value is None else kind
-            hint = f"; name one of its numbers, as in {self.text}.0" if _listed(value) else ""
+            to = _to_number(value)
+            hint = f"; name one of its numbers, as in {'.'.join([self.text, *to])}" if to else ""
             raise self._refused(f"{kind}{hint}")
         self.present = float(value)
 
@@ -220,9 +224,11 @@ class Path:
             if word not in fields:
                 what = f"{KINDS[self.group]} {self.name!r}" if self.group in KINDS else self.group
                 raise self._refused(f"{what} has no field {word!r}; {nearest(str(word), fields)}")
-            return getattr(value, str(word))
+            return _field(value, str(word))
         if not isinstance(word, int):
             text = f"after the field, give the number of an entry, got {word!r}"
+            if word in AXES and _listed(value) and len(value) == len(AXES):
+                text += f"; the numbers of x, y and z are 0, 1 and 2: here {AXES.index(word)}"
             raise self._refused(text)
         if not _listed(value) or not 0 <= word < len(value):
             do = f"; the value there is {shown(value)}"
@@ -239,22 +245,38 @@ class Path:
             if given.split(".")[0] not in (*KINDS, *WORLD) and len(set(groups)) == 1:
                 given = f"{groups[0]}.{given}"  # the name of a part says of which group it is
             group, _, rest = given.partition(".")
-            names = [p.name for p in getattr(model, group)] if group in KINDS else []
-            name = max((n for n in names if rest.startswith(f"{n}.")), key=len, default=None)
-            fields = rest[len(name) + 1 :].split(".") if name is not None else rest.split(".")[1:]
-            first = rest.split(".")[0] if name is None else name
-            words: list[Any] = given.split(".") if group in WORLD else [group, first, *fields]
+            held = "bodies" if group in START else group
+            names = [p.name for p in getattr(model, held)] if held in KINDS else []
+            name = max((n for n in names if f"{rest}.".startswith(f"{n}.")), key=len, default=None)
+            name = rest.split(".")[0] if name is None else name
+            fields = rest[len(name) + 1 :]
+            words: list[Any] = [group, name, *(fields.split(".") if fields else [])]
+            words = given.split(".") if group in WORLD else words
         else:
             words = list(given) if isinstance(given, (tuple, list)) else [given]
+        if words and words[0] in START:
+            joints = [body.name for body in model.bodies if body.dof]
+            if (name := [*words, ""][1]) not in joints:
+                raise self._refused(no_joint(words[0], name, joints))
+            words = ["bodies", name, words[0], *words[2:]]
         inside = tuple(int(w) if str(w).isdecimal() else w for w in words[1:])
-        if words and words[0] in WORLD and inside:
+        if words and words[0] in WORLD:
             return words[0], "", (words[0], *inside)
         if not words or words[0] not in KINDS:
-            known = [*model.parameters, *(f"{group}.NAME.FIELD" for group in KINDS)]
-            hint = nearest(self.text, [*known, "gravity.AXIS", "ground.FIELD"])
+            known = [
+                *model.parameters,
+                *(f"{group}.NAME.FIELD" for group in KINDS),
+                "q.NAME",
+                "v.NAME",
+            ]
+            hint = nearest(self.text, [*known, *(f"gravity.{i}" for i in range(3)), "ground.FIELD"])
             raise self._refused(f"is not a path in the model; {hint}")
         if len(words) < 3:
-            raise self._refused(f"must name a part and its field, as in {words[0]}.NAME.FIELD")
+            parts = getattr(model, words[0])
+            parts = [p for p in parts if p.name == words[-1]] or parts
+            to = [".".join([words[0], p.name, *to]) for p in parts if (to := _to_number(p))]
+            as_in = to[0] if to else f"{words[0]}.NAME.FIELD"
+            raise self._refused(f"must name a part and its field, as in {as_in}")
         try:
             model.part(words[1], KINDS[words[0]])
         except ModelError as error:
@@ -263,6 +285,55 @@ class Path:
 
     def _refused(self, text: str) -> InputError:
         return InputError(Problem(self._call, self.text, text))
+
+
+def started(model: Model, given: Any, scenario: str | None) -> Any:
+    """Return the path of q.NAME or v.NAME in a run of a scenario, which may give that start."""
+    group, _, name = given.partition(".") if isinstance(given, str) else ("", "", "")
+    if group not in START or given in model.parameters or scenario is None:
+        return given
+    body, _, entry = name.rpartition(".")
+    rest = [entry] if body and entry.isdecimal() and body in model else []
+    body = body if rest else name
+    own = model.scenario(scenario)
+    return ("scenarios", scenario, group, body, *rest) if body in getattr(own, group) else given
+
+
+def no_joint(start: str, name: str, joints: Iterable[str]) -> str:
+    """Return a sentence about a path q.NAME or v.NAME whose name is of no body that moves."""
+    known = [*joints]
+    if not name:
+        return (
+            f"must name a body with a moving joint, as in {start}.{known[0] if known else 'NAME'}"
+        )
+    return f"no body with a moving joint is named {name!r}; {nearest_name(name, known)}"
+
+
+def _field(part: Any, field: str) -> Any:
+    """Return the value of a field. A start that a body leaves out is the home of its joint."""
+    value = getattr(part, field)
+    if isinstance(part, Body) and field in START and not value:
+        return home(part.sequence) if field == "q" else (0.0,) * part.dof
+    return value
+
+
+def _to_number(value: Any) -> list[str]:
+    """Return the words of a path from a value to its first number, or [] if it holds none.
+
+    Numbers of the value itself come before those of its parts.
+    """
+    held: list[tuple[Any, Any]] = []
+    if isinstance(value, BaseModel):
+        held = [(name, getattr(value, name)) for name in type(value).model_fields]
+    elif isinstance(value, Mapping):
+        held = [*value.items()]
+    elif _listed(value):
+        held = [*enumerate(value)]
+    own = [str(word) for word, x in held if isinstance(x, (int, float)) and not isinstance(x, bool)]
+    if own:
+        return own[:1]
+    inside = ([str(word), *to] for word, x in held if (to := _to_number(x)))
+    return next(inside, [])
 
 
 def _takes_number(part: Any, field: str | int) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from ..dynamics.scene import Scene
 from ..dynamics.states import differences
 from ..engine import motion
 from ..engine.arrays import LAMBDA, RHS
-from ..errors import InputError, ModelError, Problem, refusal
+from ..errors import InputError, ModelError, Problem, refusal, shown
 from ..mechanism import Mechanism
 from ..model import Scenario, Switch, When
 from ..model.checks import switch_problems
@@ -86,20 +86,21 @@ def _ints(numbers: set[int]) -> Ints:
 
 
 def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch]:
-    """Read the argument of `simulate`, either Switches or (t, constraint, active) tuples."""
+    """Read the argument of `simulate`: Switches, their fields, or (t, constraint, active)."""
     found: list[Switch] = []
     items = asked if isinstance(asked, (list, tuple)) else (asked,)
     for item in items:
         if not isinstance(item, Switch):
-            if not isinstance(item, (list, tuple)) or len(item) != 3:
-                raise refusal(
-                    "simulate",
-                    "switches",
-                    f"must hold (t, name of a constraint, True or False), got {item}",
-                )
-            first = "when" if isinstance(item[0], (dict, When)) else "t"
+            fields = item
+            if isinstance(item, (list, tuple)) and len(item) == 3:
+                first = "when" if isinstance(item[0], (dict, When)) else "t"
+                fields = dict(zip((first, "constraint", "active"), item))
+            if not isinstance(fields, Mapping):
+                text = "must hold (t, name of a constraint, True or False), or "
+                text += f"pg.Switch(constraint=..., active=..., t=...), got {shown(item)}"
+                raise refusal("simulate", "switches", text)
             try:
-                item = Switch(**dict(zip((first, "constraint", "active"), item)))
+                item = Switch(**{str(name): x for name, x in fields.items()})
             except ModelError as error:
                 p = error.problems[0]
                 raise refusal("simulate", "switches", f"of {item}, {p.field} {p.text}") from None

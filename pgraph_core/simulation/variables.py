@@ -18,7 +18,7 @@ from ..dynamics.lifted import Differs, Flat, are_alike, are_on_lines, flat, slop
 from ..engine.arrays import DESCRIBED, SCENE_OF_DUALS
 from ..engine.compiler.kinds import F1, carrying, group
 from ..engine.signals import JUMPING, SAMPLE
-from ..errors import InputError, ModelError, PgraphError, Problem, nearest_name, shown
+from ..errors import InputError, ModelError, PgraphError, Problem, shown
 from ..forces import OnJoint
 from ..mechanism import Mechanism
 from ..packing import Array
@@ -26,7 +26,7 @@ from ..packing.forces import times_at_bounds
 from ..packing.programs import unlocated
 from ..tolerances import EPS, NOTABLE, step_of_differences
 from .options import Options
-from .paths import Path, distinct, with_numbers
+from .paths import Path, distinct, no_joint, with_numbers
 from .plan import varied
 from .recording import scene_of
 from .run_plan import RunPlan
@@ -126,8 +126,8 @@ def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
     body, _, entry = name.rpartition(".")
     body, entry = (body, entry) if body in joints and entry.isdecimal() else (name, "0")
     if body not in joints:
-        text = f"no body with a moving joint is named {body!r}; {nearest_name(body, joints)}"
-        raise InputError(Problem(call, f"{kind}.{name}", text))
+        word = f"{kind}.{name}".rstrip(".")
+        raise InputError(Problem(call, word, no_joint(kind, body, joints)))
     place = joints[body]
     if (body == name and len(place) > 1) or int(entry) >= len(place):
         text = f"the joint has {len(place)} entries: name one, as in {kind}.{body}.0"

@@ -40,7 +40,7 @@ from ..model.files import write_atomic
 from ..portable import Portable, installed
 from ..simulation import simulate
 from ..simulation.options import Progress, shown_progress
-from ..simulation.paths import Path, counting, distinct, with_numbers
+from ..simulation.paths import Path, counting, distinct, started, with_numbers
 from .metrics import measured, metrics_of, said_of
 from .tasks import Row, Task, rows_of
 
@@ -193,8 +193,8 @@ def sweep(
         The model to vary.
     set : dict
         Values by path. A path can be "bodies.shin.mass", ("bodies", "shin", "mass"),
-        "bodies.shin.link.0" or the name of a parameter, for example. No other fields are changed,
-        so a body with a different mass keeps its inertia.
+        "bodies.shin.link.0", the start "q.shin" or "v.shin" of a joint, or the name of a parameter,
+        for example. No other fields are changed, so a body with a different mass keeps its inertia.
     metric : str, callable, list or dict
         Metrics to compute, given by a name such as "max knee", by a function that computes a number
         from a run, or by several of these. A name consists of an operation and a column of
@@ -246,8 +246,10 @@ def sweep(
     if not isinstance(set, Mapping) or not set:
         text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}, got {shown(set)}"
         raise InputError(Problem("sweep", "set", text))
-    paths = [Path(base, given) for given in set]
-    names, metrics = tuple(path.text for path in paths), metrics_of(metric)
+    placed = [started(base, given, scenario) for given in set]
+    paths = [Path(base, given) for given in placed]
+    texts = (given if isinstance(given, str) else path.text for given, path in zip(set, paths))
+    names, metrics = tuple(texts), metrics_of(metric)
     _fitting(paths, metrics, samples, n, workers, out, resume)
     points = points_of(dict(zip(names, set.values())), samples, n, seed)
     settings = {"scenario": scenario, **options}
@@ -255,7 +257,7 @@ def sweep(
         settings.setdefault("estimate", True)
     counting(paths, base, "sweep", scenario, known_options(sweep, options))
     _tried(base, paths, points, metrics, settings)
-    given = tuple(x if isinstance(x, str) else tuple(x) for x in set)
+    given = tuple(x if isinstance(x, str) else tuple(x) for x in placed)
     task = Task(base, given, metrics, settings, installed())
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
     try:
@@ -466,7 +468,8 @@ def points_of(values: Mapping[str, Any], samples: str, n: int | None, seed: int)
     Raises InputError.
     """
     if samples not in SAMPLES:
-        raise _refused("samples", f"must be one of {choices(SAMPLES)}, got {shown(samples)}")
+        text = f"must be one of {choices(SAMPLES)}, got {shown(samples)}"
+        raise _refused("samples", text + words.choice(samples, SAMPLES))
     if samples == "grid":
         lists = [_listed(path, given) for path, given in values.items()]
         count = math.prod(map(len, lists))
