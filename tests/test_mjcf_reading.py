@@ -566,3 +566,18 @@ def test_springs_of_ball_and_free_joints_pull_as_in_mujoco(tmp_path, joint, spee
     corner = data.xipos[1] + data.ximat[1].reshape(3, 3) @ (0.1, 0.2, 0.3)
     ours = run.position("b", np.add(model.body("b").com, (0.1, 0.2, 0.3)))[-1]
     np.testing.assert_allclose(ours, corner, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("inside", "remedy"),
+    [
+        ('<joint reach="3"/>' + BOX, "remove the attribute 'reach' of element 'joint'"),
+        ("<gizmo/>" + BOX, "remove the element 'gizmo'"),
+    ],
+)
+def test_a_file_of_another_version_is_refused_with_what_to_remove(tmp_path, inside, remedy):
+    """Its version of MuJoCo reads it without what the error tells to remove."""
+    text = world(f"<body>{inside}</body>")
+    with pytest.raises(pg.FileError, match=remedy):
+        read(tmp_path, text)
+    assert read(tmp_path, text.replace(' reach="3"', "").replace("<gizmo/>", ""))[0].bodies

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -79,6 +80,10 @@ def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
     except Exception as error:  # whatever MuJoCo raises of a file that it refuses
         text = " ".join(str(error).split())
         absent = [one for one in files.absent if "opening file" in text]
+        if unknown := re.search(r"unrecognized (\w+)(: '[^']*')? Element ('[^']*')", text):
+            what, name, element = unknown.groups()
+            what += f"{(name or '').lstrip(':')} of element" if name else ""
+            text += f"; MuJoCo {mujoco.__version__} does not know it: remove the {what} {element}"
         raise FileError(absent or Problem(path.name, "", f"MuJoCo refuses it: {text}")) from None
     _usable(compiled, path)
     moved = {m.id for m in spec.meshes if np.any(m.refpos) or np.any(m.refquat[1:])}
