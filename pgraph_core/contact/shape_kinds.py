@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -45,6 +46,7 @@ from ..model.shape import leak as _leak
 from ..model.shape import mass_properties as mass_properties
 from ..tolerances import NOTABLE
 
+MOST_KEPT = 128  # hulls that are cached
 SIDES = 48  # sides of a cone, which deviates from round by 0.2 % of its radius
 
 # -- what bounds a solid ---------------------------------------------------------------------------
@@ -69,6 +71,34 @@ class Solid:
     radii: tuple[float, float, float] | None = None
     columns: int = 0  # columns of a heightfield, whose vertices are its heights by rows
     depth: float = 0.0  # depth of its solid below the lowest height
+
+    @cached_property
+    def corners(self) -> tuple[Array, Array]:
+        """The numbers of corners of the faces (nface,), and all their vertices in one array."""
+        lengths = np.array([len(ring) for ring in self.rings], np.int64)
+        return lengths, np.array([v for ring in self.rings for v in ring], np.int64)
+
+    @cached_property
+    def normals(self) -> Array:
+        """The outward unit normals (nface, 3), by Newell's method."""
+        lengths, corners = self.corners
+        found, first = np.zeros((len(lengths), 3)), np.cumsum(lengths) - lengths
+        for n in np.unique(lengths):
+            own = np.flatnonzero(lengths == n)
+            p = self.vertices[corners[first[own, None] + np.arange(n)]]
+            p = p - p[:, :1]
+            found[own] = np.cross(p, np.roll(p, -1, axis=1)).sum(axis=1)
+        return found / np.sqrt(np.vecdot(found, found))[:, None]
+
+    @cached_property
+    def edges_between(self) -> Array:
+        """The edges (nedge, 4) as vertices u, v and faces f, g, with v - u along n_g × n_f."""
+        left = dict[tuple[int, int], int]()
+        for f, ring in enumerate(self.rings):
+            for u, v in zip(ring, (*ring[1:], ring[0])):
+                left[u, v] = f
+        found = [(u, v, left[v, u], f) for (u, v), f in left.items() if u < v]
+        return np.array(found, np.int64).reshape(-1, 4)
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -154,32 +184,61 @@ def points(places: Any) -> Solid:
 
 
 def hull(places: Any) -> Solid:
-    """Compute the convex hull of points that span a volume, with coplanar facets merged."""
+    """Compute the convex hull of points that span a volume, with coplanar facets merged.
+
+    The result is cached by the points, because models of one sweep have the same meshes.
+    """
+    return _hull(np.asarray(places, float).tobytes())
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _hull(content: bytes) -> Solid:
     from scipy.spatial import ConvexHull
 
-    places = np.asarray(places, float)
+    places = np.frombuffer(content).reshape(-1, 3)
     found = ConvexHull(places)
-    normals = found.equations[:, :3]
-    group = np.arange(len(normals))
-    for f in range(len(normals)):
-        for g in found.neighbors[f]:
-            if group[f] != group[g] and normals[f] @ normals[g] > 1 - NOTABLE**2 / 2:
-                group[group == group[g]] = group[f]
+    group = _levels(found)
     triangles = _turned(found)
     _make_convex(places, triangles, group)
-    rings: list[Array] = []
-    for one in np.unique(group):
-        own = triangles[group == one]
-        ring = _outline(own)
-        if ring is None:
-            rings += list(own)
-            continue
-        first = _around(places, np.unique(ring), normals[group == one].mean(axis=0))[0]
-        rings.append(np.roll(ring, -int(np.flatnonzero(ring == first)[0])))
-    kept = np.unique(np.concatenate(rings))
-    number = {int(old): new for new, old in enumerate(kept)}
-    renamed = tuple(tuple(number[int(v)] for v in ring) for ring in rings)
+    least = np.argmin(triangles, axis=1)  # the ring of a triangle begins before its first vertex
+    single = np.take_along_axis(triangles, (least[:, None] + (2, 0, 1)) % 3, axis=1).tolist()
+    rings = list[list[int]]()
+    for one in _groups(group):
+        if len(one) == 1:
+            rings.append(single[one[0]])
+        elif (ring := _outline(triangles[one])) is None:
+            rings += triangles[one].tolist()
+        else:
+            at = np.array(ring)
+            normal = found.equations[one, :3].mean(axis=0)
+            first = ring.index(int(_around(places, np.unique(at), normal)[0]))
+            rings.append(ring[first:] + ring[:first])
+    kept = sorted({v for ring in rings for v in ring})
+    number = {old: new for new, old in enumerate(kept)}
+    renamed = tuple(tuple(number[v] for v in ring) for ring in rings)
     return Solid(HULL, places[kept], renamed)
+
+
+def _groups(group: Array) -> list[Array]:
+    """Return the numbers of the triangles of each group, sorted, in the order of the groups."""
+    order = np.argsort(group, kind="stable")
+    starts = [0, *(np.flatnonzero(np.diff(group[order])) + 1).tolist(), len(order)]
+    return [order[a:b] for a, b in pairwise(starts)]
+
+
+def _levels(found: Any) -> Array:
+    """Return the group (n,) of each hull triangle: those that are level with their neighbours."""
+    normals = found.equations[:, :3]
+    level = np.vecdot(normals[:, None], normals[found.neighbors]) > 1 - NOTABLE**2 / 2
+    group = list(range(len(normals)))
+    members = {f: [f] for f in group}
+    for f, k in np.argwhere(level).tolist():
+        old, new = group[found.neighbors[f, k]], group[f]
+        if old != new:
+            for g in members[old]:
+                group[g] = new
+            members[new] += members.pop(old)
+    return np.array(group)
 
 
 def _turned(found: Any) -> Array:
@@ -192,19 +251,22 @@ def _turned(found: Any) -> Array:
     corners = places[triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     first = int(np.argmax(np.linalg.norm(across, axis=1)))
-    if across[first] @ found.equations[first, :3] < 0:
-        triangles[first] = triangles[first, ::-1]
-    done, left = {first}, [first]
+    starts, ends = triangles, np.roll(triangles, -1, axis=1)
+    own = starts[:, None, :, None], ends[:, None, :, None]
+    other = starts[found.neighbors][:, :, None], ends[found.neighbors][:, :, None]
+    same = ((own[0] == other[0]) & (own[1] == other[1])).any(axis=(2, 3))  # edge in one direction
+    against = ((own[0] == other[1]) & (own[1] == other[0])).any(axis=(2, 3))
+    turns = {first: bool(across[first] @ found.equations[first, :3] < 0)}
+    left, beside = [first], found.neighbors.tolist()
+    apart = np.stack((same, against), axis=2).tolist()
     while left:
         f = left.pop()
-        edges = set(zip(triangles[f].tolist(), np.roll(triangles[f], -1).tolist()))
-        for g in found.neighbors[f].tolist():
-            if g in done:
-                continue
-            done.add(g)
-            left.append(g)
-            if edges & set(zip(triangles[g].tolist(), np.roll(triangles[g], -1).tolist())):
-                triangles[g] = triangles[g, ::-1]
+        for g, meet in zip(beside[f], apart[f]):
+            if g not in turns:
+                turns[g] = meet[turns[f]]
+                left.append(g)
+    turned = [f for f, turn in turns.items() if turn]
+    triangles[turned] = triangles[turned, ::-1]
     return triangles
 
 
@@ -213,23 +275,26 @@ def _make_convex(places: Array, triangles: Array, group: Array) -> None:
 
     The normals of facets between coplanar corners are determined by rounding.
     """
+    members = {int(group[one[0]]): one for one in _groups(group)}
+    waiting = [number for number, one in members.items() if len(one) > 1]
+    if not waiting:
+        return
     over = {(u, v): f for f, t in enumerate(triangles.tolist()) for u, v in zip(t, t[1:] + t[:1])}
     near = NOTABLE * float(np.ptp(places, axis=0).max())
-    numbers, counts = np.unique(group, return_counts=True)
-    waiting = numbers[counts > 1].tolist()
     while waiting:
         one = waiting.pop()
-        ring = _outline(triangles[group == one])
-        if ring is None:
+        if one not in members or (ring := _outline(triangles[members[one]])) is None:
             continue
         p, ahead = places[ring], np.roll(places[ring], -1, axis=0)
         normal = np.cross(p - p[0], ahead - p[0]).sum(axis=0)
         inward = np.cross(p - np.roll(p, 1, axis=0), ahead - p) @ normal < 0
-        edges = zip(np.roll(ring, -1).tolist(), ring.tolist())
+        edges = zip(ring[1:] + ring[:1], ring)
         others = [int(group[over[edge]]) for edge in edges]
         for other in {o for k in np.flatnonzero(inward) for o in (others[k - 1], others[k])}:
-            if _are_level(places, triangles[(group == one) | (group == other)], near):
-                group[group == other] = one
+            both = np.union1d(members[one], members[other])
+            if _are_level(places, triangles[both], near):
+                group[members.pop(other)] = one
+                members[one] = both
                 waiting.append(one)
                 break
 
@@ -243,7 +308,7 @@ def _are_level(places: Array, triangles: Array, near: float) -> bool:
     )
 
 
-def _outline(triangles: Array) -> Array | None:
+def _outline(triangles: Array) -> list[int] | None:
     """Return the outline of coplanar triangles, or None if it is not a single closed loop."""
     edges = {(u, v) for t in triangles.tolist() for u, v in zip(t, (*t[1:], t[0]))}
     after = {u: v for u, v in edges if (v, u) not in edges}
@@ -252,7 +317,7 @@ def _outline(triangles: Array) -> Array | None:
     ring = [min(after)] if after else []
     while ring and len(ring) < len(after) and after[ring[-1]] != ring[0]:
         ring.append(after[ring[-1]])
-    return np.array(ring) if ring and len(ring) == len(after) else None
+    return ring if ring and len(ring) == len(after) else None
 
 
 def _around(places: Array, ring: Array, n: Array) -> Array:
@@ -266,27 +331,15 @@ def _around(places: Array, ring: Array, n: Array) -> Array:
 
 
 def normals_of(solid: Solid) -> Array:
-    """Compute the outward unit normals (nface, 3), by Newell's method."""
-    found = np.zeros((len(solid.rings), 3))
+    """Return the outward unit normals (nface, 3), by Newell's method."""
     if solid.kind == HEIGHTFIELD:  # each of its prisms has its own
-        return found
-    for f, ring in enumerate(solid.rings):
-        p = solid.vertices[list(ring)] - solid.vertices[ring[0]]
-        found[f] = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
-        found[f] /= np.linalg.norm(found[f])
-    return found
+        return np.zeros((len(solid.rings), 3))
+    return solid.normals
 
 
 def edges_of(solid: Solid) -> Array:
     """Return edges (nedge, 4) as vertices u, v and faces f, g, with v - u along n_g × n_f."""
-    if solid.edges is not None:
-        return solid.edges
-    left = {}
-    for f, ring in enumerate(solid.rings):
-        for u, v in zip(ring, (*ring[1:], ring[0])):
-            left[u, v] = f
-    found = [(u, v, left[v, u], f) for (u, v), f in left.items() if u < v]
-    return np.array(found, np.int64).reshape(-1, 4)
+    return solid.edges if solid.edges is not None else solid.edges_between
 
 
 # as from `edges_of`, those around the top first
@@ -334,8 +387,8 @@ def packed(
         found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *beside, *place, *surface)
         first += counts
         before += len(neighbours[i])
-    rings = [ring for s in solids for ring in s.rings]
-    lengths = np.array([len(ring) for ring in rings], np.int64)
+    none = np.zeros(0, np.int64)
+    lengths = np.concatenate([none, *(s.corners[0] for s in solids)])
     faces = table(FACE, len(lengths))
     faces["first"], faces["corners"] = np.cumsum(lengths) - lengths, lengths
     return Geometry(
@@ -343,7 +396,7 @@ def packed(
         np.concatenate([np.zeros((0, 3)), *(s.vertices for s in solids)]),
         np.concatenate([np.zeros((0, 3)), *normals]),
         faces,
-        np.array([v for ring in rings for v in ring], np.int64),
+        np.concatenate([none, *(s.corners[1] for s in solids)]),
         rows_of(EDGE, np.concatenate([np.zeros((0, 4), np.int64), *edges])),
         np.array([k for beside in neighbours for k in beside], np.int64),
         pull / (np.linalg.norm(pull) or 1.0),

@@ -127,6 +127,18 @@ def test_hulls_are_closed_and_convex(points, tolerance, slack):
     assert all(signed_distance(p[None], solid.vertices) < max(tolerance, 1e-10) for p in points)
 
 
+def test_a_hull_is_computed_once_for_its_points():
+    """A copy of the points has the same hull, and its tables; points that differ have their own."""
+    points = cloud(100)
+    solid = solids.hull(points)
+    assert solids.hull(points.copy()) is solid
+    assert solids.normals_of(solid) is solids.normals_of(solid)
+    assert solids.edges_of(solid) is solids.edges_of(solid)
+    moved = points + np.array((0.0, 0.0, 1e-9))
+    assert np.ptp(solids.hull(moved).vertices - solid.vertices, axis=0).max() < 1e-14
+    assert solids.hull(moved) is not solid
+
+
 def open_box(folder: Path) -> Path:
     box = trimesh.creation.box((1, 1, 1))
     box.update_faces(np.arange(12) != 3)
