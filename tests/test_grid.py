@@ -29,7 +29,7 @@ MODELS = pgraph_models.names()
 LIMIT = 120  # [s] for a command, which takes less than a minute on two free cores
 SHORT = ("--t-end", "0.02")
 FAULTS = re.compile(  # stabilise=None in a remedy is an option
-    r"Traceback|\bnan\b|(?<!=)\bNone\b|undefined|<object|Error: |stopped by \w+Error|inf s\b"
+    r"Traceback|\b(nan|inf)\b|(?<!=)\bNone\b|undefined|<object|Error: |stopped by \w+Error"
 )
 KINDS = (".html", ".png", ".gif")
 FORMATS = (".urdf", ".xml", ".json")

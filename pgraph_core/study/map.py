@@ -212,7 +212,7 @@ def _unknown(found: Evidence) -> Cell | None:
     known = found.known
     if known.accuracy < found.target:
         return None
-    text = f"cannot be judged: the motion is known to {known.accuracy:.1e} only ({known.source})"
+    text = f"cannot be judged: the motion is {known.known} ({known.source})"
     return replace(found.cell, status=Verdict.INACCURATE, text=text)
 
 

@@ -248,6 +248,13 @@ class KnownMotion(NamedTuple):
     rate: float  # the fastest of the motion [1/s]
     energy: float  # range of its energies [J]
 
+    @property
+    def known(self) -> str:
+        """How well the motion is known."""
+        if np.isfinite(self.accuracy):
+            return f"known to {self.accuracy:.1e}"
+        return "not known, as its error is not"
+
     def at(self, t: Array) -> Array:
         """Compute the states at times of the run as a (len(t), nq) array."""
         return self.run.q[np.searchsorted(self.run.t, t * (1 - ROUNDING) - 1e-300)]

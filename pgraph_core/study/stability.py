@@ -76,7 +76,7 @@ class Line(NamedTuple):
         """In words."""
         if self.known is None:
             return self.problem
-        return f"{self.known.source}: known to {self.known.accuracy:.0e}"
+        return f"{self.known.source}: {self.known.known}"
 
 
 @explained

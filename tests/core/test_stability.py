@@ -422,3 +422,11 @@ def test_gaits_and_switches_of_a_scenario_act_in_a_map():
     kept, _ = stability.in_scenario(trot, "trot")
     assert kept.scenarios[0].gait == trot.scenario("trot").gait
     assert any(kept.body(b.name).q != b.q for b in trot.bodies)  # the gait's own start
+
+
+@pytest.mark.parametrize(("accuracy", "fact"), [(2e-3, "known to 2.0e-03"), (np.inf, "not known")])
+def test_a_motion_that_is_not_known_is_said_in_words(accuracy, fact):
+    """A sentence said that it was known to inf only."""
+    motion = KnownMotion(SimpleNamespace(), accuracy, "dop853", 1.0, 1.0)
+    assert fact in motion.known
+    assert "inf" not in motion.known
