@@ -84,7 +84,8 @@ def test_the_root_is_welded_floats_or_is_the_world(tmp_path):
 @pytest.mark.parametrize(
     ("inside", "fact", "acts"),
     [("<origin/>", "<origin>", True), ("<colision/>", "<collision>", True),
-     ("<sensor/>", "<sensor>", False)],
+     ("<sensor/>", "<sensor>", False), ("<material/>", "<material>", False),
+     ("<visal/>", "<visual>", False)],
 )  # fmt: skip
 def test_elements_that_are_misplaced_or_misspelt_are_named(tmp_path, inside, fact, acts):
     _, report = read(tmp_path, link("base", inside), *TWO[1:])

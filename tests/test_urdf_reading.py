@@ -355,3 +355,11 @@ def test_a_file_of_moveit_is_named_as_such(tmp_path, suffix, inside):
     with pytest.raises(pg.FileError) as refused:
         pg.load(path)
     assert_names(str(refused.value), path.name, "SRDF", "give the URDF")
+
+
+def test_an_empty_file_of_moveit_is_known_by_its_suffix(tmp_path):
+    path = tmp_path / "arm.srdf"
+    path.write_text('<robot name="arm"/>')
+    with pytest.raises(pg.FileError) as refused:
+        pg.load(path)
+    assert_names(str(refused.value), path.name, "SRDF", "give the URDF")

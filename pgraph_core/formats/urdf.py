@@ -155,8 +155,8 @@ class _Reader(Shapes):
         for name, element in self._named("link"):
             self.links.setdefault(name, element)
         if not (self.links or self.faults):
-            semantic = next(robot.all(*SEMANTIC), None)
-            raise self.source.wrong(robot, "", NO_LINK if semantic is None else SRDF)
+            semantic = self.source.name.lower().endswith(".srdf") or any(robot.all(*SEMANTIC))
+            raise self.source.wrong(robot, "", SRDF if semantic else NO_LINK)
         if world := self._world_of_drake():
             self.links[WORLD] = world
         self.joints = self._joints()

@@ -11,6 +11,7 @@ from .conversion import Report
 from .urdf_friction import BULLET, GAZEBO
 
 ACTING = {"joint_properties"}  # friction and damping of other programs' exporters
+SEEN = {"material", "visual"}  # elements that are drawn, and act nowhere
 KNOWN = {"link", "joint", "material", "loop_joint"}  # children of <robot>
 OF_LINK = {"inertial", "visual", "collision", BULLET}
 OF_INERTIAL = {"origin", "mass", "inertia"}
@@ -76,7 +77,8 @@ def _elements(report: Report, source: Source, inside: Sequence[tuple[Element, se
             many += f"; did you mean <{close[0]}>?"
         given = [x for e in found for y in e.inside() for x in (y.text, *y.attributes.values())]
         acting = tag.lower() in ACTING and any(map(_not_zero, given))
-        report.add("left out", source.at(found[0]), many, acts=bool(close) or acting)
+        acting = acting or bool(close and close[0] not in SEEN)
+        report.add("left out", source.at(found[0]), many, acts=acting)
 
 
 def _not_zero(text: str) -> bool:
