@@ -169,8 +169,14 @@ def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes], set[Pure
             for name, item in files.items()
             if _is_model(name) or _is_mesh(name) or (foreign and _goes_along(name))
         }
-        held = {name: archive.read(item) for name, item in wanted.items()}
+        held = {name: _unpacked(archive, item) for name, item in wanted.items()}
         return size, held, files.keys() - held.keys()
+
+
+def _unpacked(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> bytes:
+    """Return the content of a file. No more is unpacked than the archive says that there is."""
+    with archive.open(item) as file:
+        return file.read(item.file_size + 1)  # without a number, zipfile unpacks all, and then cuts
 
 
 NAMED = re.compile(rb"""<(?:include|model)\s[^>]*?file\s*=\s*["']([^"']+)["']""")

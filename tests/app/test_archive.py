@@ -2,6 +2,7 @@
 
 import base64
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,21 @@ def test_a_zip_that_is_no_model_is_refused(home, content, words):
     assert now.clients[ME].notice.bad
     assert "x.zip" in notice(now)
     assert words in notice(now)
+
+
+def test_a_zip_that_lies_about_a_size_is_not_unpacked(home):
+    """It says 10 bytes, and holds 30 MB."""
+    packed = bytearray(zipped(("a.json", bytes(30_000_000))))
+    entry = packed.rindex(b"PK\x01\x02")  # in the list of files at the end
+    packed[entry + 24 : entry + 28] = (10).to_bytes(4, "little")
+    tracemalloc.start()
+    try:
+        with pytest.raises(Refusal, match="damaged"):
+            archive.unpacked(bytes(packed), home / "keep")
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 3_000_000
 
 
 def test_a_zip_writes_nowhere_but_where_meshes_are_kept(home):
