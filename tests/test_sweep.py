@@ -449,4 +449,7 @@ def test_a_start_is_swept_under_the_name_that_fits_take():
         tables = [pg.sweep(model, {x: values}, scenario=scenario, **short) for x in (name, path)]
         assert np.array_equal(tables[0]["final 1"], tables[1]["final 1"])
         assert np.array_equal(tables[0][name], values)
-    assert model.edit("q.2", 0.3)["2"].q == (0.3,)
+    assert model.edit("q.2", 0.3).body("2").q == (0.3,)
+    for scenario in (None, "tilted"):
+        batch = pg.BatchStepper(model, 2, set={"q.1": values}, scenario=scenario)
+        assert np.array_equal(batch.q, [[0.2, 0.0], [0.4, 0.0]])

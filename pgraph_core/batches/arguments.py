@@ -13,7 +13,7 @@ from ..errors import InputError, Problem, shown
 from ..model import Model
 from ..packing import Array, Ints
 from ..portable import array_of
-from ..simulation.paths import Path, counting, distinct
+from ..simulation.paths import Path, counting, distinct, started
 
 SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of its own
     "step": "all instances take the same step: give the batch a step=",
@@ -38,6 +38,7 @@ def values_of(model: Model, given: Any, size: int, options: Mapping[str, Any]) -
     if not isinstance(given, Mapping) or not given:
         text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}, got {shown(given)}"
         raise refused("set", text)
+    given = {started(model, path, options["scenario"]): x for path, x in given.items()}
     paths = [Path(model, path, "BatchStepper") for path in given]
     distinct(paths, "BatchStepper")
     for path in paths:
