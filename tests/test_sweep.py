@@ -400,7 +400,8 @@ def test_a_point_that_kills_every_worker_ends_the_sweep(pendulum, monkeypatch):
 
 
 ENDLESS = """
-import os, sys, time, multiprocessing
+import os, signal, sys, time, multiprocessing
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
 import numpy as np, pgraph_core as pg
 from pgraph_core.sweeps import tasks
 tasks.CHUNK = 1e-6

@@ -12,6 +12,14 @@ MODEL = pg.Model.serial(2)
 START = {"q": [0.3, 0.1], "t_end": 50.0, "step": 1e-2}
 
 
+@pytest.fixture(autouse=True)
+def heard():
+    """Ctrl+C raises KeyboardInterrupt, also if a shell runs the tests in its background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 class Pressed:
     """A function of (t, q, v) in whose 100th call Ctrl+C is pressed."""
 
