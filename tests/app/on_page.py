@@ -130,6 +130,11 @@ def selections(served: Server) -> list[str | None]:
     return [client.selection for client in served.store.state.clients.values()]
 
 
+def in_sight(served: Server, view: str) -> bool:
+    """The server knows a page on which the view of a tab is visible."""
+    return any(view in client.sees for client in served.store.state.clients.values())
+
+
 def client_of(served: Server) -> int:
     """The page that came last."""
     return max(served.store.state.clients)

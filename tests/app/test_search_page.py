@@ -3,7 +3,7 @@
 from typing import Any
 
 from .conftest import opened, until
-from .on_page import chosen
+from .on_page import chosen, in_sight
 from .test_search import curves, pendulum
 
 
@@ -33,10 +33,10 @@ def test_a_tab_of_a_former_model_offers_nothing_until_it_is_shown(page: Any, ser
     host = page.locator("[data-view=search]")
     numbers = "() => pgraph.latest.search.numbers.map(({ name }) => name)"
     page.evaluate("pgraph.front('Fit')")
+    until(lambda: in_sight(served, "search"), "the tab in sight")
     host.locator("button.start-search").wait_for()
     page.evaluate("pgraph.front('Plots')")
-    until(lambda: "search" not in served.store.state.clients[max(served.store.state.clients)].sees,
-          "the tab to be hidden")  # fmt: skip
+    until(lambda: not in_sight(served, "search"), "the tab to be hidden")
     opened(page, served, pendulum(damping=0.2, q=[1.0]))
     assert host.evaluate("(host) => host.children.length") == 0
     assert not any("rod" in name for name in page.evaluate(numbers))
