@@ -14,11 +14,10 @@ import viser
 import pgraph_core as pg
 import pgraph_models
 
-from .constraints.mobility import Reports
 from .core.bridge import Bridge, open_server, quiet
 from .core.door import token_for
 from .core.events import Event, from_page
-from .core.jobs import Job, Worker
+from .core.jobs import Finder, Finding, Job, Worker
 from .core.store import Store, View
 from .core.views import Desk, made
 from .features import initial, places, update
@@ -60,7 +59,8 @@ class Server:
         self._autosave = Autosave(keep, given, self.send, again) if keep else None
         self._jobs = [Worker(kind, kind.work, self.send) for kind in Job.__subclasses__()]
         work: list[View] = [*self._jobs]
-        work += [worker(self.send) for worker in (LiveRunner, Files, Reports, Errands)]
+        work += [Finder(kind, self.send) for kind in Finding.__subclasses__()]
+        work += [worker(self.send) for worker in (LiveRunner, Files, Errands)]
         keeps = filter(None, [self._autosave])  # first, so confirmed edits are on disk
         self.store.ready, bridge.shown = bridge.ready, self.store.wake
         self.store.together = bridge.together

@@ -20,6 +20,7 @@ from pgraph_core.model.output import OF_JOINT, READINGS
 from pgraph_core.units import UNITS
 
 from .. import model, pose
+from ..core.jobs import Finding
 from ..core.state import Names
 
 Part = Literal["constraints", "contacts", "forces", "sites", "outputs", "controls"]
@@ -38,13 +39,25 @@ class Picking:
     more: tuple[str, ...] = ()  # bodies that get such a part too: what else was selected
 
 
-@dataclass(frozen=True)
-class MobilityReport:
-    """The remaining degrees of freedom in a constrained `model`, or why they are unknown."""
+BY_ITSELF = 300  # degrees of freedom up to which the report comes unasked: it costs O(n³)
 
-    model: pg.Model
-    found: Any = None  # pg.Mobility
-    problem: str = ""
+
+@dataclass(frozen=True)
+class MobilityReport(Finding):
+    """The remaining degrees of freedom and the redundant rows in a constrained model."""
+
+    FIELD = "mobility"
+
+    @staticmethod
+    def wanted(state: State) -> bool:
+        """Check whether constraints are on a page, whose bar shows what they leave."""
+        if not state.model.constraints or not state.clients:
+            return False
+        return state.derived.dof <= BY_ITSELF or state.mobility_asked is state.model
+
+    @staticmethod
+    def find(model: pg.Model) -> pg.Mobility:
+        return pg.Mechanism(model).mobility()
 
 
 KINDS: dict[str, dict[str, str]] = {  # one line each, for who chooses
@@ -202,10 +215,10 @@ class State(model.State, pose.State):
     @property
     def freedom(self) -> str:
         """'1 DoF (3 in tree)' once the mobility is known, and '… DoF (3 in tree)' until then."""
-        tree, report = self.derived.dof, self.mobility
+        tree, report = self.derived.dof, MobilityReport.known(self)
         if not any(c.active for c in self.model.constraints):
             return super().freedom
-        known = report.found if report and report.model is self.model else None
+        known = report.found if report else None
         if known and known.dof == tree:
             return super().freedom
         return f"{known.dof if known else '…'} DoF ({tree} in tree)"

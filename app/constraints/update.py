@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Literal, TypeVar, cast
+from typing import Literal, TypeVar, cast
 
 import pgraph_core as pg
 
 from ..core.cells import Refusal
 from ..core.edit import attempted
-from ..core.events import Entries, Event, FromPage, ModelEdit, Text
+from ..core.events import Entries, FromPage, ModelEdit, Text
 from ..core.state import Notice, display_of, told, with_client
 from ..model import Found, sent
-from . import KINDS, WORD, MobilityReport, Part, Picking, Slot, State, about, parts, takes_other
+from . import KINDS, WORD, Part, Picking, Slot, State, about, parts, takes_other
 
 S = TypeVar("S", bound=State)
 
@@ -248,19 +248,6 @@ class AskMobility(FromPage):
 
     def applied(self, state: State) -> State:
         return replace(state, mobility_asked=state.model)
-
-
-class MobilityFound(Event):
-    """The report about a model's constraints, or the reason for its absence."""
-
-    model: pg.Model
-    found: Any  # pg.Mobility | None
-    problem: str = ""
-
-    def applied(self, state: State) -> State:
-        if self.model is not state.model:
-            return state
-        return replace(state, mobility=MobilityReport(self.model, self.found, self.problem))
 
 
 class AssembleState(FromPage):

@@ -40,7 +40,7 @@ from . import (
     typed_as,
     varies,
 )
-from .mobility import BY_ITSELF, mobility_report
+from .mobility import mobility_report
 from .update import allowed
 
 LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs", "controls")
@@ -74,7 +74,7 @@ def constraints(state: State, page: Client) -> Payload:
         "lists": [_list(state, page, part) for part in LISTS],
         "limits": _limits(state, page),
         "picking": _picking(page.picking),
-        "mobility": mobility_report(state, BY_ITSELF),
+        "mobility": mobility_report(state),
         "assembling": bool(state.errands),
         "display": vars(page.display),
     }

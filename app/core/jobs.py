@@ -1,6 +1,7 @@
-"""Background jobs that compute a result for a model in a thread.
+"""Background work for a model in a thread: jobs that a person starts, and findings.
 
-A feature declares its kind of `Job`, with its work, and a field of its `State` that holds one.
+A feature declares its kind of `Job`, with its work, and a field of its `State` that holds one. A
+`Finding` is declared in the same way, and needs no start: it is computed for each new model.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, TypeVar
+from queue import SimpleQueue
+from typing import Any, ClassVar, Self, TypeVar
 
 import pgraph_core as pg
 
+from .cells import Refusal
 from .events import Event
 from .state import S
 
@@ -155,8 +158,87 @@ class Worker:
             self._send(Done(job.id, self._work(job, progress)))
         except KeyboardInterrupt:
             self._send(Failed(job.id, f"The {job.NAME} was cancelled before its first run."))
-        except pg.PgraphError as error:
+        except (pg.PgraphError, Refusal) as error:
             self._send(Failed(job.id, str(error)))
         except Exception as error:  # shown on the page: the session goes on
             text = f"The {job.NAME} stopped: {type(error).__name__}: {error}"
             self._send(Failed(job.id, text))
+
+
+# -- what is found about each new model without a request ------------------------------------------
+
+
+@dataclass(frozen=True)
+class Finding(ABC):
+    """Something that takes long to find about a `model`, or the reason why it was not found.
+
+    It is in the field FIELD of the state, where it is absent or of an earlier model until the one
+    of the present model is found.
+    """
+
+    FIELD: ClassVar[str]
+    model: pg.Model
+    found: Any = None
+    problem: str = ""
+
+    @staticmethod
+    @abstractmethod
+    def wanted(state: Any) -> bool:
+        """Check whether a page shows it."""
+
+    @staticmethod
+    @abstractmethod
+    def find(model: pg.Model) -> Any:
+        """Find it. Raises PgraphError."""
+
+    @classmethod
+    def about(cls, model: pg.Model) -> Self:
+        """Return the finding about a model."""
+        try:
+            return cls(model, cls.find(model))
+        except pg.PgraphError as error:
+            return cls(model, None, str(error))
+        except Exception as error:  # shown on the page: the session goes on
+            return cls(model, None, f"Nothing was found: {type(error).__name__}: {error}")
+
+    @classmethod
+    def known(cls, state: Any) -> Self | None:
+        """Return the finding about the present model, or None until it is found."""
+        finding = getattr(state, cls.FIELD)
+        return finding if finding is not None and finding.model is state.model else None
+
+
+class Learned(Event):
+    """A finding has been made."""
+
+    finding: Finding
+
+    def applied(self, state: S) -> S:
+        if self.finding.model is not state.model:
+            return state
+        return replace(state, **{self.finding.FIELD: self.finding})
+
+
+class Finder:
+    """Makes the findings of one kind about the newest model in a thread, while they are wanted."""
+
+    def __init__(self, kind: type[Finding], send: Callable[[Event], None]):
+        self._kind, self._send = kind, send
+        self._asked: pg.Model | None = None
+        self._queue: SimpleQueue[pg.Model] = SimpleQueue()
+        name = f"pgraph-{kind.FIELD}"
+        threading.Thread(target=self._work, name=name, daemon=True).start()
+
+    def render(self, old: Any, new: Any) -> None:
+        if self._kind.known(new) is not None or not self._kind.wanted(new):
+            self._asked = None
+        elif new.model is not self._asked:
+            self._asked = new.model
+            self._queue.put(new.model)
+
+    def _work(self) -> None:
+        while True:
+            model = self._queue.get()
+            while not self._queue.empty():  # only the newest is of interest
+                model = self._queue.get()
+            self._send(Learned(self._kind.about(model)))

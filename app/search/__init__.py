@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import count
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -22,7 +22,7 @@ from .. import model as model_
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import FromPage, ModelEdit, Text, TypedText
-from ..core.jobs import Job, Report, cancelled, started
+from ..core.jobs import Finding, Job, Report, cancelled, started
 from ..core.state import Client as Client
 from ..core.state import Names as Names
 from ..run import Request
@@ -48,7 +48,7 @@ class Asked:
     kind: str = "fit"  # or "optimise" or "matters"
     file: str = ""  # name of the file with measured curves
     data: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # its columns, with "t"
-    match: Mapping[str, str] = field(default_factory=dict)  # {column: signal, or ""}
+    match: Mapping[str, str | None] = field(default_factory=dict)  # column: signal, "", or its own
     free: tuple[Free, ...] = ()
     way: str = "peak"  # metric of `pg.sweep` that is the goal
     signal: str = ""
@@ -72,8 +72,14 @@ class Search(Job):
         return {"trials": trials, "said": said, "curves": shown}
 
     def work(self, progress: Report) -> Found:
-        trials = count(1)
-        return SEARCHES[self.asked.kind](self, lambda said, run: progress(next(trials), said, run))
+        choices = choices_of(self.model)
+        asked, trials = settled(self.asked, choices), count(1)
+        if problem := missing(asked) or unknown(asked, choices.signals):
+            raise Refusal(problem)
+        return SEARCHES[asked.kind](
+            replace(self, asked=asked), {path: one.value for path, one in choices.numbers.items()},
+            lambda said, run: progress(next(trials), said, run),
+        )  # fmt: skip
 
     def ended(self, state: State, result: Found) -> State:
         return replace(state, found=result)
@@ -82,7 +88,8 @@ class Search(Job):
 def drawn(asked: Asked, run: Any) -> Curves:
     """Return the curves of a run that are used by a search, reduced for drawing."""
     found = columns_of(run)
-    names = {s for s in asked.match.values() if s} if asked.kind == "fit" else {asked.signal}
+    matched = matches(asked, found).values()
+    names = {s for s in matched if s} if asked.kind == "fit" else {asked.signal}
     step = -(-len(run.t) // DRAWN)
     return {
         name: (tuple(run.t[::step].tolist()), tuple(found[name].values[::step].tolist()))
@@ -108,35 +115,78 @@ class State(model_.State):
     search: Search | None = None
     search_problem: str = ""  # why the last one found nothing
     found: Found | None = None
+    choices: Choices | None = None
 
     def opened(self, before: Any) -> Self:
         state = super().opened(before)
-        return replace(state, searching=Asked(), search=None, search_problem="", found=None)
+        return replace(
+            state, searching=Asked(), search=None, search_problem="", found=None, choices=None
+        )
 
 
 # -- the numbers of a model that a search may change, and the curves that its runs have ------------
 
 
 PLACES = [(field, axis) for field in ("com", "link") for axis in range(3)]
+Words = str | tuple[str | int, ...]
 OF_BODY: list[tuple[str | int, ...]] = [("mass",), ("damping",), ("stiffness",), *PLACES]
 
 
-@lru_cache(maxsize=4)
-def numbers_of(model: pg.Model) -> dict[str, float]:
+class Number(NamedTuple):
+    """A number of a model, and its SI unit."""
+
+    value: float
+    unit: str
+
+
+class Offer(NamedTuple):
+    """All numbers of a model by path, and the names of the columns of its runs."""
+
+    numbers: Mapping[str, Number]
+    signals: tuple[str, ...]
+
+
+class Choices(Finding):
+    """What a search of a model can change and read, an `Offer`."""
+
+    FIELD = "choices"
+
+    @staticmethod
+    def wanted(state: State) -> bool:
+        """Check whether a page shows the tab, once the kernels are compiled."""
+        return state.ready and any("search" in page.sees for page in state.clients.values())
+
+    @staticmethod
+    def find(model: pg.Model) -> Offer:
+        return choices_of(model)
+
+
+def choices_of(model: pg.Model) -> Offer:
+    """Return the numbers and signals of a model."""
+    return Offer(numbers_of(model), signals_of(model))
+
+
+def numbers_of(model: pg.Model) -> dict[str, Number]:
     """Return numbers by path: parameters, bodies' and forces' fields, and initial coordinates."""
-    found = dict[str, float]()
-    for path, words in _paths(model).items():
-        try:
-            value = Path(model, words).present
-        except pg.PgraphError:
-            continue
-        if value == value and (value or path.startswith("q.")):  # zero values have no effect
-            found[path] = value
+    found = dict[str, Number]()
+    for text, words in _paths(model).items():
+        if (path := _with_effect(model, text, words)) is not None:
+            found[text] = Number(path.present, path.unit(model))
     return found
 
 
-def _paths(model: pg.Model) -> dict[str, str | tuple[str | int, ...]]:
-    paths: dict[str, str | tuple[str | int, ...]] = {name: name for name in model.parameters}
+def _with_effect(model: pg.Model, text: str, words: Words) -> Path | None:
+    """Return the path to a number, or None if there is none or it is zero, without effect."""
+    try:
+        path = Path(model, words)
+        value = path.present
+    except pg.PgraphError:
+        return None
+    return path if value == value and (value or text.startswith("q.")) else None
+
+
+def _paths(model: pg.Model) -> dict[str, Words]:
+    paths: dict[str, Words] = {name: name for name in model.parameters}
     for body in model.bodies:
         paths[f"q.{body.name}"] = ("bodies", body.name, "q")
         for name, *entry in OF_BODY:
@@ -149,14 +199,6 @@ def _paths(model: pg.Model) -> dict[str, str | tuple[str | int, ...]]:
     return paths
 
 
-@lru_cache(maxsize=4)
-def units_of(model: pg.Model) -> dict[str, str]:
-    """Return the SI units of `numbers_of`."""
-    paths = _paths(model)
-    return {path: Path(model, paths[path]).unit(model) for path in numbers_of(model)}
-
-
-@lru_cache(maxsize=4)
 def signals_of(model: pg.Model) -> tuple[str, ...]:
     """Return the names of the columns of the model's runs."""
     if not model.bodies:
@@ -216,8 +258,7 @@ def _curves_in(content: str, _: Any) -> model_.Found:
 
 
 def _with_data(state: State, file: str, columns: Mapping[str, tuple[float, ...]]) -> State:
-    known = signals_of(state.model)
-    match = {name: name if name in known else "" for name in columns if name != "t"}
+    match = {name: None for name in columns if name != "t"}
     return _asked(state, file=file, data=columns, match=match, kind="fit")
 
 
@@ -228,8 +269,6 @@ class MatchColumn(TypedText):
     text: Text
 
     def taken(self, state: State) -> State:
-        if self.text and self.text not in signals_of(state.model):
-            raise Refusal(f"The model has no signal {self.text!r}.")
         if self.column not in state.searching.match:
             return state
         return _asked(state, match={**state.searching.match, self.column: self.text})
@@ -244,10 +283,11 @@ class FreeNumber(FromPage):
     def applied(self, state: State) -> State:
         others = tuple(one for one in state.searching.free if one.path != self.path)
         if self.on:
-            present = numbers_of(state.model).get(self.path)
-            if present is None or len(others) >= MOST_FREE:
+            words = _paths(state.model).get(self.path)
+            path = words and _with_effect(state.model, self.path, words)
+            if path is None or len(others) >= MOST_FREE:
                 return state
-            low, high = _bounds(self.path, present)
+            low, high = _bounds(self.path, path.present)
             if not low < high or math.isinf(high - low):
                 return state
             others = (*others, Free(self.path, low, high))
@@ -286,8 +326,7 @@ class SetGoal(TypedText):
     text: Text
 
     def taken(self, state: State) -> State:
-        known = WAYS if self.field == "way" else signals_of(state.model)
-        if self.text not in known:
+        if self.field == "way" and self.text not in WAYS:
             raise Refusal(f"{self.text!r} is not among the choices.")
         return _asked(state, **{self.field: self.text})
 
@@ -320,26 +359,41 @@ class StartSearch(FromPage):
     def applied(self, state: State) -> State:
         if state.search is not None:
             return state
-        asked = possible(state)
-        if problem := missing(asked):
+        if problem := missing(state.searching):
             return replace(state, search_problem=problem)
-        return started(state, Search, asked, state.request)
+        return started(state, Search, state.searching, state.request)
 
 
-def possible(state: State) -> Asked:
-    """Return the requested search, limited to the free numbers of the model."""
-    known = numbers_of(state.model)
-    free = tuple(one for one in state.searching.free if one.path in known)
-    return replace(state.searching, free=free)
+def matches(asked: Asked, signals: Iterable[str]) -> dict[str, str]:
+    """Return the signal of each column, by default that of the same name, or ""."""
+    known = set(signals)
+    return {
+        column: signal if signal is not None else column if column in known else ""
+        for column, signal in asked.match.items()
+    }
+
+
+def settled(asked: Asked, choices: Offer) -> Asked:
+    """Return a request with the signal of each column, and without numbers that do not exist."""
+    free = tuple(one for one in asked.free if one.path in choices.numbers)
+    return replace(asked, free=free, match=matches(asked, choices.signals))
 
 
 def missing(asked: Asked) -> str:
     """Return what a search needs before it can start, or ""."""
-    if asked.kind == "fit" and not any(asked.match.values()):
+    if asked.kind == "fit" and all(signal == "" for signal in asked.match.values()):
         return "Choose a file with measured curves and assign its columns."
     if asked.kind != "fit" and not asked.signal:
         return "Choose the curve."
     return "" if asked.free else "Nothing is free: tick the numbers that may change."
+
+
+def unknown(asked: Asked, signals: Iterable[str]) -> str:
+    """Return a sentence about the first signal that the runs do not have, or ""."""
+    limits = [signal for _, signal, *_ in asked.limits] if asked.kind == "optimise" else []
+    wanted = asked.match.values() if asked.kind == "fit" else [asked.signal, *limits]
+    found = next((name for name in wanted if name and name not in set(signals)), "")
+    return f"The runs of this model have no curve {found!r}: choose another one." if found else ""
 
 
 class CancelSearch(FromPage):
@@ -376,6 +430,7 @@ def full(path: str) -> Any:
 # -- the work of searches --------------------------------------------------------------------------
 
 
+Present = Mapping[str, float]  # the model's numbers by path
 Progress = Callable[[str, Any], bool]  # takes what a trial reached, and its run
 
 
@@ -383,9 +438,9 @@ def bounds(now: Search) -> dict[str, tuple[float, float]]:
     return {one.path: (one.low, one.high) for one in now.asked.free}
 
 
-def fit(now: Search, progress: Progress) -> Found:
+def fit(now: Search, present: Present, progress: Progress) -> Found:
     """Fit the free numbers to the data."""
-    asked, present = now.asked, numbers_of(now.model)
+    asked = now.asked
     data = {signal: asked.data[column] for column, signal in asked.match.items() if signal}
     columns, _ = measured({"t": asked.data["t"], **data})
     found = pg.fit(
@@ -398,9 +453,9 @@ def fit(now: Search, progress: Progress) -> Found:
     return Found(asked, now.model, title, tuple(rows), notes, drawn(asked, found.run))
 
 
-def optimise(now: Search, progress: Progress) -> Found:
+def optimise(now: Search, present: Present, progress: Progress) -> Found:
     """Make the goal least within the limits."""
-    asked, present = now.asked, numbers_of(now.model)
+    asked = now.asked
     limits = {f"{way} {signal}": (low, high) for way, signal, low, high in asked.limits}
     goal = f"{asked.way} {asked.signal}"
     free = {full(path): pair for path, pair in bounds(now).items()}
@@ -417,9 +472,9 @@ def optimise(now: Search, progress: Progress) -> Found:
     return Found(asked, now.model, title, tuple(rows), found.active, drawn(asked, found.run))
 
 
-def matters(now: Search, progress: Progress) -> Found:
+def matters(now: Search, present: Present, progress: Progress) -> Found:
     """Find how far each number moves a curve, per relative change of the number."""
-    asked, present = now.asked, numbers_of(now.model)
+    asked = now.asked
     paths = [full(one.path) for one in asked.free]
     request = now.request
     run = pg.simulate(
@@ -438,6 +493,6 @@ def matters(now: Search, progress: Progress) -> Found:
     return Found(asked, now.model, title, tuple(rows), (text,), drawn(asked, run))
 
 
-SEARCHES: dict[str, Callable[[Search, Progress], Found]] = {
+SEARCHES: dict[str, Callable[[Search, Present, Progress], Found]] = {
     "fit": fit, "optimise": optimise, "matters": matters,
 }  # fmt: skip

@@ -8,11 +8,12 @@
   ];
   const LARGEST = 20e6; // [bytes]
   const asked = () => pgraph.latest.search;
-  const signals = () => [["", "not used"], ...asked().signals.map((name) => [name, name])];
-  const ways = () => asked().ways.map((name) => [name, name]);
+  const offered = () => pgraph.latest.choices;
+  const signals = () => [["", "not used"], ...offered().signals.map((name) => [name, name])];
+  const ways = () => offered().ways.map((name) => [name, name]);
   const short = (path) => path.replace(/^(bodies|forces)\./, "");
   const few = (x) => (x === null || x === "" ? "" : String(cells.digits(Number(x))));
-  const unitOf = (path) => asked().numbers.find(({ name }) => name === path)?.unit ?? "";
+  const unitOf = (path) => offered().numbers.find(({ name }) => name === path)?.unit ?? "";
 
   function build(host) {
     const kind = make(
@@ -51,9 +52,9 @@
       "aria-label": "numbers to find",
       onfocus: () => {
         host.pgraphAll = true;
-        draw(host, asked());
+        draw(host);
       },
-      oninput: () => draw(host, asked()),
+      oninput: () => draw(host),
     });
     host.pgraphCells = { kind, way, signal, filter };
     const step = (title, ...parts) =>
@@ -103,13 +104,21 @@
               make("div", { className: "limits" }),
               button("add-limit", "Add a limit", "Bounds that the run keeps", () => {
                 host.pgraphAdds = true;
-                draw(host, asked());
+                draw(host);
               }),
             ),
           ),
           step(
             "Numbers",
-            make("div", { className: "bar" }, filter),
+            make(
+              "div",
+              { className: "bar" },
+              filter,
+              make("span", {
+                className: "waits muted",
+                textContent: "Listing numbers and curves…",
+              }),
+            ),
             make("div", { className: "numbers" }),
           ),
           step(
@@ -213,14 +222,12 @@
   }
   function fillNumber(el, one) {
     const { tick, low, high, value } = el.parts;
-    tick.checked = one.free;
+    const bounds = asked().free[one.name];
+    tick.checked = Boolean(bounds);
     value.textContent = few(one.value);
-    for (const [cell, bound] of [
-      [low, one.low],
-      [high, one.high],
-    ]) {
-      cell.hidden = !one.free || asked().kind === "matters";
-      cells.set(cell, bound);
+    for (const [end, cell] of [low, high].entries()) {
+      cell.hidden = !bounds || asked().kind === "matters";
+      cells.set(cell, bounds?.[end] ?? "");
     }
   }
 
@@ -244,7 +251,9 @@
     );
   }
 
-  function draw(host, data) {
+  function draw(host) {
+    const data = asked();
+    if (!data || !offered()) return; // both come at once
     const $ = (selector) => host.querySelector(selector);
     const { kind, way, signal, filter } = host.pgraphCells;
     kind.value = data.kind;
@@ -280,8 +289,8 @@
     const word = filter.value.trim().toLowerCase();
     pgraph.keyed(
       $(".numbers"),
-      data.numbers.filter(
-        (one) => one.free || (host.pgraphAll && one.name.toLowerCase().includes(word)),
+      offered().numbers.filter(
+        ({ name }) => name in data.free || (host.pgraphAll && name.toLowerCase().includes(word)),
       ),
       number,
       fillNumber,
@@ -291,6 +300,7 @@
       hidden: data.job !== null,
       title: data.missing || "Search in the background",
     });
+    $(".waits").hidden = !data.waits;
     $(".cancel-search").hidden = $(".busy").hidden = data.job === null;
     $(".said").textContent = data.job
       ? `${data.job.trials} runs${data.job.said ? `, ${data.job.said}` : ""}`
@@ -389,5 +399,5 @@
     );
   }
 
-  pgraph.view("search", { build, search: draw });
+  pgraph.view("search", { build, choices: draw, search: draw });
 })();

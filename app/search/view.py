@@ -7,46 +7,57 @@ import math
 from pgraph_core.sweeps.metrics import WAYS
 
 from ..core.views import Host, Payload, Place, topic
-from . import Curves, Found, State, missing, numbers_of, possible, signals_of, units_of
+from . import Choices, Curves, Found, Offer, State, matches, missing, settled
 
-PARTS = ("derived", "searching", "search", "search_problem", "found")
+PARTS = ("model", "searching", "search", "search_problem", "found", "choices")
 DRAWN = 300  # points of a drawn curve
 
 
 def searches(state: State) -> Payload:
-    """Return the content of the tab."""
-    asked, now = state.searching, state.search
+    """Return the content of the tab, except the choices."""
+    known, now = Choices.known(state), state.search
+    asked = settled(state.searching, offered(state))
     found = state.found if state.found and state.found.asked.kind == asked.kind else None
-    present, units = numbers_of(state.model), units_of(state.model)
     curves = now.curves if now is not None else found.curves if found is not None else {}
-    free = {one.path: one for one in asked.free}
     return {
         "kind": asked.kind,
         "file": asked.file,
         "columns": [[name, signal] for name, signal in asked.match.items()],
-        "signals": list(signals_of(state.model)),
-        "ways": list(WAYS),
         "way": asked.way,
         "signal": asked.signal,
         "limits": [list(limit) for limit in asked.limits],
-        "numbers": [
-            {"name": path, "value": value, "unit": units[path], "free": path in free,
-             "low": free[path].low if path in free else "",
-             "high": free[path].high if path in free else ""}
-            for path, value in present.items()
-        ],
+        "free": {one.path: [one.low, one.high] for one in asked.free},
+        "waits": known is None,
         "job": None if now is None else {"trials": now.trials, "said": now.said},
-        "problem": state.search_problem,
-        "missing": missing(possible(state)),
+        "problem": state.search_problem or ("" if known is None else known.problem),
+        "missing": missing(asked),
         "curves": drawn(state, curves),
         "found": None if found is None else result(found, found.model is state.model),
-    }  # fmt: skip
+    }
+
+
+def offered(state: State) -> Offer:
+    """Return the choices that are known, until those of an edited model are found of the former."""
+    return (state.choices and state.choices.found) or Offer({}, ())
+
+
+def choices(state: State) -> Payload:
+    """Return the numbers and curves that the tab offers."""
+    offer = offered(state)
+    return {
+        "numbers": [
+            {"name": path, "value": value, "unit": unit}
+            for path, (value, unit) in offer.numbers.items()
+        ],
+        "signals": list(offer.signals),
+        "ways": list(WAYS),
+    }
 
 
 def drawn(state: State, curves: Curves) -> list[Payload]:
     """Return the curves of the last run and the corresponding data."""
     asked = state.searching
-    source = {signal: column for column, signal in asked.match.items() if signal}
+    source = {signal: column for column, signal in matches(asked, curves).items() if signal}
     shown = []
     for name, (t, y) in curves.items():
         data: Payload = {"t": [], "y": []}
@@ -75,5 +86,6 @@ def result(found: Found, current: bool) -> Payload:
 
 
 VIEWS = (
+    Place(topic("choices", choices, "choices", seen="search"), 55),
     Place(topic("search", searches, *PARTS, seen="search"), 55, Host("search", "drawer", "Fit")),
 )

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.constraints import KINDS, parts
-from pgraph_app.constraints.mobility import mobility_report, report, wanted
+from pgraph_app.constraints import KINDS, MobilityReport, parts
+from pgraph_app.constraints.mobility import mobility_report
 from pgraph_app.constraints.parts import added, knots, table_of
 from pgraph_app.constraints.view import constraints, form
 from pgraph_app.core.cells import Display
@@ -57,7 +57,7 @@ def test_a_hinge_is_added_about_the_axis_of_its_joint_and_a_locked_loop_is_repor
     assert hinge.axis == state.model.body("3").axes[0] == (0, 1, 0)
     for axis, locked in (((0, 1, 0), False), ((0, 0, 1), True)):
         model = state.model.edit(hinge.name, axis=axis)
-        lines = mobility_report(replace(state, model=model, mobility=report(model)), 300)["lines"]
+        lines = mobility_report(after(replace(state, model=model), report(model)))["lines"]
         assert any(line["bad"] for line in lines) == locked
 
 
@@ -336,9 +336,13 @@ def test_names_are_followed_by_scenarios_and_duplicates_are_free():
         assert (bool(users), "sole" in [x.name for x in state.model.constraints]) == (there, there)
 
 
+def report(model):
+    return do.Learned(MobilityReport.about(model))
+
+
 def reported(state):
     state = after(state, do.Sees(ME, "constraints", True))
-    assert wanted(state)
+    assert MobilityReport.wanted(state)
     return after(state, report(state.model))
 
 
@@ -352,7 +356,7 @@ def test_redundant_rows_are_named_with_a_sufficient_kind():
     pin = model.constraints[0]
     as_line = {"name": "pin", "kind": "line", "body": pin.body, "other": pin.other,
                "other_axis": (0, 0, 1)}  # fmt: skip
-    found = report(model.replace(constraints=(as_line,))).found
+    found = MobilityReport.about(model.replace(constraints=(as_line,))).found
     assert (found.dof, bool(found.redundant)) == (1, False)
 
 
@@ -466,7 +470,7 @@ def test_what_locks_a_joint_is_named(joint, copies):
     for _ in range(copies):
         state = after(state, do.AddPart(ME, "constraints", "weld", "slider"))
         state = after(state, do.PickName(ME, "ground"))
-    lines = mobility_report(replace(state, mobility=report(state.model)), 300)["lines"]
+    lines = mobility_report(after(state, report(state.model)))["lines"]
     (text,) = [line["text"] for line in lines if line["bad"]]
     assert all(f"'{c.name}'" in text for c in state.model.constraints)
     assert "'slider'" in text

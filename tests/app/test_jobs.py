@@ -7,13 +7,13 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.core import jobs
-from pgraph_app.core.jobs import Job, Worker, cancelled
+from pgraph_app.core.jobs import Finder, Finding, Job, Worker, cancelled
 from pgraph_app.report import Analysis
 from pgraph_app.run import Kernels, Simulation
 from pgraph_app.search import Search
 from pgraph_core.errors import Problem
 
-from .store import ME, after, begun, do, until
+from .store import ME, after, begun, built_in, do, until
 
 GOAL = (
     do.AskSearch(ME, "optimise"), do.SetGoal(ME, 1, "signal", "1"),
@@ -107,3 +107,56 @@ def test_a_server_that_stops_ends_its_jobs(kind, monkeypatch):
     worker.stop()
     until(lambda: heard, "the end of the job")
     assert isinstance(heard[0], do.Done)
+
+
+# -- findings --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", Finding.__subclasses__())
+def test_a_finding_is_of_the_present_model_or_unknown(kind):
+    state = seen(kind)
+    assert kind.wanted(state)
+    assert kind.known(state) is None
+    found = after(state, do.Learned(kind.about(state.model)))
+    assert kind.known(found).found
+    edited = after(found, EDIT)
+    assert kind.known(edited) is None
+    assert after(edited, do.Learned(kind.about(state.model))) is edited
+
+
+@pytest.mark.parametrize("kind", Finding.__subclasses__())
+@pytest.mark.parametrize("error", [pg.InputError(Problem("x", "y", "euler")), ValueError("euler")])
+def test_a_finding_that_fails_tells_why(kind, error, monkeypatch):
+    def fails(model):
+        raise error
+
+    monkeypatch.setattr(kind, "find", fails)
+    state = seen(kind)
+    known = kind.known(after(state, do.Learned(kind.about(state.model))))
+    assert "euler" in known.problem
+    assert known.found is None
+
+
+@pytest.mark.parametrize("kind", Finding.__subclasses__())
+def test_a_model_is_found_about_again_when_it_comes_back(kind):
+    """Undo returns to a model that was asked about before and whose finding came too late."""
+    state, heard = seen(kind), []
+    finder = Finder(kind, heard.append)
+    edited = after(state, EDIT)
+    for k, (old, new) in enumerate([(state, state), (state, edited), (edited, state)], 1):
+        finder.render(old, new)
+        until(lambda k=k: len(heard) == k, "the finding")
+    assert [one.finding.model for one in heard] == [state.model, edited.model, state.model]
+    known = after(state, heard[-1])
+    finder.render(state, known)
+    finder.render(known, known)
+    hidden = after(known, do.Disconnected(ME), EDIT)
+    finder.render(known, hidden)
+    assert finder._queue.empty()
+
+
+EDIT = do.EditBodies(ME, 1, ("coupler",), "mass", (((), "7"),))
+
+
+def seen(kind):
+    return after(begun(built_in("four_bar")), do.Sees(ME, "search", True))

@@ -9,8 +9,8 @@ import pgraph_core as pg
 from pgraph_app import search as work_of_search
 from pgraph_app.core.jobs import Worker
 from pgraph_app.model.apart import answer
-from pgraph_app.search import Search
-from pgraph_app.search.view import searches
+from pgraph_app.search import Choices, Search
+from pgraph_app.search.view import choices, searches
 
 from .store import LIMIT, ME, after, begun, do
 
@@ -29,6 +29,11 @@ def curves():
     noise = 1e-3 * np.random.default_rng(0).normal(size=len(T))
     lines = [f"{t:.6g},{x:.6g}" for t, x in zip(T, run["rod"] + noise)]
     return "\n".join(["t [s],angle", *lines])
+
+
+def listed(state):
+    """Return the state once the numbers and curves of its model are known."""
+    return after(state, do.Learned(Choices.about(state.model)))
 
 
 def searched(state):
@@ -50,7 +55,7 @@ def searched(state):
 def test_a_fit_finds_the_damping_and_is_undone():
     state = begun(pendulum(damping=0.2, q=[1.0]))
     state = after(state, do.OpenData(ME, "swing.csv", curves()))
-    assert state.searching.match == {"angle": ""}
+    assert searches(listed(state))["columns"] == [["angle", ""]]
     state = after(state, do.MatchColumn(ME, 1, "angle", "rod"))
     for path in ("bodies.rod.damping.0", "bodies.rod.damping", "q.rod"):
         state = after(state, do.FreeNumber(ME, path, True))
@@ -78,7 +83,7 @@ def test_numbers_have_the_units_of_their_joints_and_fields():
     for part in (slider, free, *servos):
         model = model.add(part)
     model = model.replace(parameters={"half": 0.5})
-    units = {row["name"]: row["unit"] for row in searches(begun(model))["numbers"]}
+    units = {row["name"]: row["unit"] for row in choices(listed(begun(model)))["numbers"]}
     wanted = {
         "half": "", "q.rod": "rad", "q.slider": "m", "bodies.rod.mass": "kg",
         "bodies.rod.com.2": "m", "bodies.rod.damping": "N m s/rad",
@@ -107,7 +112,9 @@ def test_the_least_of_a_goal_keeps_its_limits():
 def test_numbers_are_ranked_by_how_far_they_move_a_curve():
     state = begun(pendulum(damping=0.001))
     state = after(state, do.AskSearch(ME, "matters"), do.SetGoal(ME, 1, "signal", "rod"))
-    names = [one["name"] for one in searches(state)["numbers"] if "gravity" not in one["name"]]
+    names = [
+        one["name"] for one in choices(listed(state))["numbers"] if "gravity" not in one["name"]
+    ]
     for name in names:
         state = after(state, do.FreeNumber(ME, name, True))
     state, _ = searched(state)
@@ -202,3 +209,37 @@ def test_long_curves_are_read_in_a_child_process():
     damaged = after(state, do.OpenData(ME, "x.csv", "t,1\n0," + "1" * 200_000))
     damaged = after(damaged, answer(*damaged.errands))
     assert "x.csv" in damaged.search_problem
+
+
+def test_a_column_measures_the_curve_of_its_name_unless_another_is_chosen():
+    state = after(begun(pendulum()), do.OpenData(ME, "swing.csv", curves().replace("angle", "rod")))
+    assert searches(listed(state))["columns"] == [["rod", "rod"]]
+    state = after(state, do.MatchColumn(ME, 1, "rod", ""))
+    assert searches(listed(state))["columns"] == [["rod", ""]]
+
+
+def test_a_curve_that_the_runs_no_longer_have_is_named():
+    state = after(
+        begun(pendulum()), do.AskSearch(ME, "matters"), do.SetGoal(ME, 1, "signal", "rod"),
+        do.EditBodies(ME, 2, ("rod",), "name", (((), "bar"),)),
+        do.FreeNumber(ME, "bodies.bar.mass", True),
+    )  # fmt: skip
+    state, _ = searched(state)
+    assert state.found is None
+    assert "'rod'" in state.search_problem
+
+
+def test_the_thread_of_the_pages_only_draws_what_is_listed(monkeypatch):
+    """Listing the numbers and curves of a large model takes a third of a second."""
+    state = after(begun(pendulum()), do.Sees(ME, "search", True))
+    assert Choices.wanted(state)
+    known = listed(state)
+    edited = after(known, do.EditBodies(ME, 1, ("rod",), "mass", (((), "2"),)))
+    for each in ("choices_of", "numbers_of", "signals_of"):
+        monkeypatch.setattr(work_of_search, each, None)
+    assert searches(state)["waits"]
+    assert choices(state)["numbers"] == []
+    assert not searches(known)["waits"]
+    assert searches(edited)["waits"]
+    assert choices(edited) == choices(known)
+    assert not Choices.wanted(after(state, do.Sees(ME, "search", False)))

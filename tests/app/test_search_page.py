@@ -1,9 +1,12 @@
 """The tab of searches in a browser: data, free numbers, the result and its use."""
 
+import threading
 from typing import Any
 
+from pgraph_app.search import Choices
+
 from .conftest import opened, until
-from .on_page import chosen, in_sight
+from .on_page import choose_body, chosen, field, in_sight, typed
 from .test_search import curves, pendulum
 
 
@@ -31,7 +34,7 @@ def test_data_are_dropped_matched_fitted_and_used(page: Any, served: Any, compil
 def test_a_tab_of_a_former_model_offers_nothing_until_it_is_shown(page: Any, served: Any):
     """It is not drawn while it is hidden."""
     host = page.locator("[data-view=search]")
-    numbers = "() => pgraph.latest.search.numbers.map(({ name }) => name)"
+    numbers = "() => pgraph.latest.choices.numbers.map(({ name }) => name)"
     page.evaluate("pgraph.front('Fit')")
     until(lambda: in_sight(served, "search"), "the tab in sight")
     host.locator("button.start-search").wait_for()
@@ -42,4 +45,23 @@ def test_a_tab_of_a_former_model_offers_nothing_until_it_is_shown(page: Any, ser
     assert not any("rod" in name for name in page.evaluate(numbers))
     page.evaluate("pgraph.front('Fit')")
     host.locator("button.start-search").wait_for()
-    assert "q.rod" in page.evaluate(numbers)
+    until(lambda: "q.rod" in page.evaluate(numbers), "the numbers of the model")
+
+
+def test_the_tab_waits_for_its_numbers_while_the_model_is_edited(
+    page: Any, served: Any, compiled: Any, monkeypatch: Any
+):
+    gate, find = threading.Event(), Choices.find
+    monkeypatch.setattr(Choices, "find", lambda model: (gate.wait(), find(model))[1])
+    try:
+        opened(page, served, pendulum())
+        page.evaluate("pgraph.front('Fit')")
+        page.locator("[data-view=search] .waits").wait_for()
+        choose_body(page, "rod")
+        typed(field(page, "mass"), "3")
+        until(lambda: served.store.state.model.body("rod").mass == 3, "an edit meanwhile")
+    finally:
+        gate.set()
+    page.locator("[data-view=search] .waits").wait_for(state="hidden")
+    values = "() => pgraph.latest.choices.numbers.map(({ name, value }) => name + value)"
+    assert "bodies.rod.mass3" in page.evaluate(values)

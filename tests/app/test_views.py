@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.constraints.mobility import report
+from pgraph_app.constraints import MobilityReport
 from pgraph_app.digraph.view import digraph
 from pgraph_app.features import places
 from pgraph_app.model.view import toolbar
@@ -164,7 +164,7 @@ def test_the_fourth_column_is_the_type_of_constraint():
 def test_the_degrees_of_freedom_left_are_told_once_they_are_known():
     state = begun(built_in("four_bar"))
     assert toolbar(state, ME)["count"].startswith("… DoF (3 in tree)")
-    known = after(state, report(state.model))
+    known = after(state, do.Learned(MobilityReport.about(state.model)))
     assert "1 DoF (3 in tree)" in toolbar(known, ME)["count"]
     edited = after(known, do.EditBodies(ME, 1, (state.derived.names[0],), "mass", (((), "7"),)))
     assert toolbar(edited, ME)["count"].startswith("… DoF (3 in tree)")
