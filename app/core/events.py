@@ -177,6 +177,16 @@ class OfServer(FromPage):
     """An event about a page that can only be sent by the server."""
 
 
+class Leaving(OfServer):
+    """A page has gone. Its events that still wait are dropped, `lost` of them edits.
+
+    Nobody waits for what it asked for any more. What was answered has been done before, and a page
+    that waits for an answer asks before it closes (`unanswered` in bridge.js).
+    """
+
+    lost: int = 0
+
+
 def kinds(of: type[Event] = Event) -> Iterator[type[Any]]:
     """Yield the kinds of events that can happen, of all features."""
     for kind in of.__subclasses__():

@@ -9,9 +9,10 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
-from .events import Event, FromPage, Tick, update
+from .events import Event, FromPage, Leaving, ModelEdit, Tick, update
 from .state import State
 
 FRAME = 1 / 60  # [s] between ticks while playing
@@ -46,10 +47,17 @@ class Queue:
         self._woken = False
 
     def put(self, event: Event) -> None:
-        """Append an event, unless too many events from its page are waiting."""
+        """Append an event, unless too many events from its page are waiting.
+
+        If the page has gone, it replaces them.
+        """
         sender = event.client if isinstance(event, FromPage) else None
         with self._changed:
             waiting = self._waiting.setdefault(sender, deque())
+            if isinstance(event, Leaving):
+                edits = sum(isinstance(one, ModelEdit) for one in waiting)
+                event = replace(event, lost=edits)
+                waiting.clear()
             if sender is not None and len(waiting) >= MOST_WAITING:
                 return
             waiting.append(event)

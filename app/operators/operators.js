@@ -105,11 +105,13 @@
     if (!data || data.problem) return;
     const [n, m] = sides(data),
       style = getComputedStyle(host),
-      [edge, left] = (host.edge = edges(style, data));
+      [edge, left] = (host.edge = edges(style, data)),
+      { paddingTop, paddingBottom } = getComputedStyle(pane(host)); // its end fades there
     const high =
       pane(host).clientHeight -
-      (canvas.getBoundingClientRect().top - host.getBoundingClientRect().top) -
-      18;
+      parseFloat(paddingTop) -
+      parseFloat(paddingBottom) -
+      (canvas.getBoundingClientRect().top - host.getBoundingClientRect().top);
     const wide = Math.max(host.clientWidth - 24, 100) - left; // all of it in the pane, where that is large enough
     host.size = Math.max(
       2,

@@ -9,12 +9,13 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 import pgraph_core as pg
+from pgraph_core.errors import counted
 
 from .. import constraints, plots
 from ..constraints.update import picked, picking_of
 from ..core.cells import Display
 from ..core.edit import selected
-from ..core.events import Event, FromPage, OfServer, Text
+from ..core.events import Event, FromPage, Leaving, OfServer, Text
 from ..core.state import HOSTED, Notice, replied, told, with_client
 from ..plots import KINDS, Signal
 
@@ -33,7 +34,7 @@ class Saving:
 
 @dataclass(frozen=True)
 class Client(plots.Client, constraints.Client):
-    pass
+    lost: int = 0  # edits that had not begun when it went
 
 
 @dataclass(frozen=True)
@@ -90,10 +91,11 @@ class Hello(FromPage):
             page = replace(page, plots=known)
         left = {name: x for name, x in state.left.items() if name != self.page}
         state = replace(state, clients={**state.clients, client: page}, left=left)
+        state = told_of_lost(state, client)
         return selected(replied(state, client, self.serial), client, self.body, self.bodies)
 
 
-class Disconnected(OfServer):
+class Disconnected(Leaving):
     """A page was closed, or its connection was lost. It is remembered for a while."""
 
     def applied(self, state: State) -> State:
@@ -101,8 +103,21 @@ class Disconnected(OfServer):
         page = here.pop(self.client, None)
         if page is None or not page.page:
             return replace(state, clients=here)
+        page = replace(page, lost=self.lost)
+        if back := [key for key, other in here.items() if other.page == page.page]:
+            here[back[0]] = replace(here[back[0]], lost=self.lost)
+            return told_of_lost(replace(state, clients=here), back[0])
         others = [(name, old) for name, old in state.left.items() if name != page.page]
         return replace(state, clients=here, left=dict([*others, (page.page, page)][-MOST_LEFT:]))
+
+
+def told_of_lost(state: State, client: int) -> State:
+    """Tell a page that has come back about the edits that had not begun when it went."""
+    if not (lost := state.clients[client].lost):
+        return state
+    text = f"The connection was lost before {counted(lost, 'edit')} of this page began. "
+    text += "Only what was typed into cells is sent again."
+    return with_client(state, client, lost=0, notice=Notice("Not done", text, bad=True))
 
 
 class Sees(FromPage):

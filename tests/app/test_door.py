@@ -391,6 +391,17 @@ def test_waiting_and_overtaking_events_are_bounded():
     assert {one.client for one in found[:2]} == {1, 2}
 
 
+def test_what_waits_of_a_page_that_has_gone_is_dropped():
+    """Nobody waits for it. What was begun before is done, and its edits are counted."""
+    queue = Queue()
+    edit = do.EditBodies(1, 1, ("2",), "mass", (((), "7"),))
+    for one in (edit, event(1), event(2), edit, edit, do.Tick(0.1), event(2)):
+        queue.put(one)
+    assert taken(queue, 1) == [edit]
+    queue.put(do.Disconnected(1))
+    assert taken(queue) == [event(2), do.Disconnected(1, lost=2), event(2), do.Tick(0.1)]
+
+
 def test_memory_of_closed_pages_is_released(server):
     """Their connections are cycles of a few large objects, which Python alone would let lie."""
     gc.disable()

@@ -10,7 +10,7 @@ from pgraph_app.core.events import from_page
 from pgraph_app.core.state import Reply
 from pgraph_app.properties.view import properties
 
-from .store import ME, OTHER, after, begun, do, reply
+from .store import ME, OTHER, after, begun, do, notice, reply
 
 pytestmark = pytest.mark.quick
 
@@ -88,6 +88,16 @@ def test_1_11_a_page_that_comes_back_is_what_it_was(state):
     assert state.left == {}
     state = after(state, do.Connected(6), hello(6, "unknown to this server", "gone"))
     assert (state.clients[6].selection, state.clients[6].display.angle) == (None, "deg")
+
+
+@pytest.mark.parametrize("first", ["gone", "back"])
+def test_a_page_that_comes_back_hears_once_what_was_not_done(state, first):
+    state = after(state, hello(ME, "a page"))
+    gone, back = do.Disconnected(ME, lost=2), (do.Connected(5), hello(5, "a page"))
+    state = after(state, *((gone, *back) if first == "gone" else (*back, gone)))
+    assert "2 edits" in notice(state, 5)
+    state = after(state, do.Disconnected(5), do.Connected(6), hello(6, "a page"))
+    assert notice(state, 6) == ""
 
 
 def test_only_the_last_pages_are_remembered(state):

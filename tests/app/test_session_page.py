@@ -7,8 +7,8 @@ import pytest
 from pgraph_app.model import Undo
 from pgraph_app.table.view import table
 
-from .conftest import NOBODY, until
-from .on_page import cut_off, field, name_cell, row, rows_selected, typed
+from .conftest import NOBODY, held, until
+from .on_page import cut_off, field, name_cell, names, row, rows_selected, typed
 
 
 @pytest.mark.nightly  # by day: two pages in test_page, and edits of two people in test_session
@@ -53,6 +53,20 @@ def test_two_pages_edit_at_once_and_agree(page, open_page, served):
     finally:
         other.close()
     page.wait_for_function("!document.querySelector('.others i')")
+
+
+def test_a_page_asks_before_it_closes_while_an_edit_waits_for_its_answer(page, served):
+    """The server drops what a closed page asked for and what it has not begun."""
+    asks = """() => {
+      const closing = new Event('beforeunload', { cancelable: true });
+      window.dispatchEvent(closing);
+      return closing.defaultPrevented; }"""
+    assert not page.evaluate(asks)
+    with held(served):
+        typed(name_cell(page, "trunk"), "torso")
+        assert page.evaluate(asks)
+    until(lambda: not page.evaluate(asks), "the answer")
+    assert "torso" in names(served)
 
 
 def test_a_page_that_comes_back_has_all_that_a_person_had_on_it(page, served):
