@@ -105,20 +105,20 @@
     if (!data || data.problem) return;
     const [n, m] = sides(data),
       style = getComputedStyle(host),
-      [edge, left] = (host.edge = edges(style, data)),
+      [edge, left, right] = (host.edge = edges(style, data)),
       { paddingTop, paddingBottom } = getComputedStyle(pane(host)); // its end fades there
     const high =
       pane(host).clientHeight -
       parseFloat(paddingTop) -
       parseFloat(paddingBottom) -
       (canvas.getBoundingClientRect().top - host.getBoundingClientRect().top);
-    const wide = Math.max(host.clientWidth - 24, 100) - left; // all of it in the pane, where that is large enough
+    const wide = Math.max(host.clientWidth - 24, 100) - left - right; // all of it in the pane, where that is large enough
     host.size = Math.max(
       2,
       Math.min(wide / Math.max(m, 1), Math.max(high - edge, 100) / Math.max(n, 1), 40),
     );
     const ratio = window.devicePixelRatio || 1,
-      w = host.size * m + left,
+      w = host.size * m + left + right,
       h = host.size * n + edge;
     canvas.style.width = `${w}px`;
     canvas.style.height = `${h}px`;
@@ -130,7 +130,7 @@
     names(pen, style, host.size, host.edge, data);
     pen.translate(left, edge);
     pen.fillStyle = style.getPropertyValue("--hover");
-    pen.fillRect(0, 0, w - left, h - edge);
+    pen.fillRect(0, 0, w - left - right, h - edge);
     const gap = host.size > 6 ? 0.5 : 0;
     for (const [i, j, x] of data.cells) {
       // six decades from the largest down to faint
@@ -160,7 +160,7 @@
           draw(host.size * from, host.size * (last - from + 1));
         });
     band(data.row_numbers, data.step[0], (from, size) =>
-      pen.strokeRect(0.75, from, w - left - 1.5, size),
+      pen.strokeRect(0.75, from, w - left - right - 1.5, size),
     );
     band(data.column_numbers, data.step[1], (from, size) =>
       pen.strokeRect(from, 0.75, size, h - edge - 1.5),
@@ -175,12 +175,16 @@
     textBaseline: "middle",
   });
 
-  // The height above the cells and the width to the left of them, where their marks are.
+  // The height above the cells and the widths to the left and right of them, where their marks are.
   function edges(style, data) {
     const pen = Object.assign(new OffscreenCanvas(1, 1).getContext("2d"), letters(style));
-    const marks = new Set(data.row_numbers);
-    const width = Math.max(...[...marks].map((mark) => pen.measureText(mark).width), 0);
-    return [17, Math.max(17, Math.ceil(width) + 6)];
+    const width = (mark) => pen.measureText(mark ?? "").width,
+      widest = Math.max(...[...new Set(data.row_numbers)].map(width), 0);
+    return [
+      17,
+      Math.max(17, Math.ceil(widest) + 6),
+      Math.ceil(width(data.column_numbers.at(-1)) / 2),
+    ];
   }
 
   // The numbers of the bodies at the left and at the top; those that would run into the one before are left out.

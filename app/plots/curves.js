@@ -42,9 +42,9 @@ pgraph.curves = (() => {
   function label(value, step) {
     if (Math.abs(value) < 1e-3 * step) return "0";
     const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-    return Math.abs(value) >= 1e5 || decimals > 4
-      ? value.toExponential(1)
-      : value.toFixed(decimals);
+    const text =
+      Math.abs(value) >= 1e5 || decimals > 4 ? value.toExponential(1) : value.toFixed(decimals);
+    return text.replaceAll("-", "−");
   }
 
   // Amplitudes of a curve over the frequency: Hann's window on 2^n even samples, of which as few as it has points are made.
@@ -196,7 +196,7 @@ pgraph.curves = (() => {
     const last = error > 0 ? 10 ** Math.floor(Math.log10(Number(error.toPrecision(1)))) : 0;
     return Number((last ? Math.round(value / last) * last : value).toPrecision(4))
       .toString()
-      .replace("-", "−");
+      .replaceAll("-", "−");
   }
   const largest = (all) => Math.max(0, ...all.flatMap(({ y }) => y.map(Math.abs)));
 

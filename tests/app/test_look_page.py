@@ -214,6 +214,36 @@ def test_pgraph_stays_beside_the_results_where_there_is_room(page):
         assert page.evaluate(VECTORS) is seen
 
 
+HIDDEN_OF_MATRIX = """() => {
+  const host = pgraph.host("operators"), canvas = host.querySelector("canvas");
+  const pane = host.closest(".pane"), faded = parseFloat(getComputedStyle(pane).paddingBottom);
+  const [, left] = host.edge, cells = host.operator.shape[1] * host.size;
+  const pen = canvas.getContext("2d");
+  return {
+    below: canvas.getBoundingClientRect().bottom - (pane.getBoundingClientRect().bottom - faded),
+    beside: left + cells + pen.measureText("4").width / 2 - canvas.clientWidth,
+  }; }"""
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1920, 1080)])
+def test_the_last_row_and_the_last_number_of_a_matrix_are_seen(page, size):
+    """The end of the pane fades, and numbers of columns are wider than small cells."""
+    page.evaluate("pgraph.front('Matrices')")
+    sized(page, *size)
+    page.wait_for_function("() => pgraph.host('operators').operator?.shape.join() === '4,4'")
+    until(lambda: max(page.evaluate(HIDDEN_OF_MATRIX).values()) <= 0.5, "all of the matrix")
+
+
+def test_lines_of_a_list_end_where_its_cells_end(page, served, quadruped):
+    opened(page, served, quadruped)
+    page.evaluate("pgraph.front('Scenarios')")
+    ends = """() => [".listed .title .muted", ".tie .kind", ".settings-form .cell"].map((one) =>
+      Math.round(document.querySelector(`[data-view=scenario] ${one}`)
+        .getBoundingClientRect().right))"""
+    page.locator("[data-view=scenario] .tie .kind").first.wait_for()
+    assert len(set(page.evaluate(ends))) == 1
+
+
 def test_the_view_is_not_black_until_its_background_is_loaded(page):
     off = """() => { const { colorMap } = window.__viserMutable.backgroundMaterial.uniforms;
       window.keptMap ??= colorMap.value; colorMap.value = %s;
