@@ -77,7 +77,8 @@ def given(text: str) -> tuple[str, str]:
 def open_model(args: Namespace, *, told: bool = False) -> pg.Model:
     """Load a model file, or the built-in model with this name. Raises PgraphError.
 
-    What acts in the file and is missing goes to stderr, unless the command has `told` it itself.
+    Parts of the file that affect results and are missing or approximated go to stderr, unless the
+    command has `told` them itself.
     """
     path = model_path(args.model)
     if path.suffix.lower() == ".zip":
@@ -86,7 +87,7 @@ def open_model(args: Namespace, *, told: bool = False) -> pg.Model:
     else:
         model = pg.load(path, roots=roots(args), arguments=dict(args.argument))
     for text in () if told else model.lost:
-        print(f"left out: {plain(text)}", file=sys.stderr)
+        print(plain(text), file=sys.stderr)
     return model
 
 

@@ -62,7 +62,7 @@ class Entry:
     kind: Kind
     where: str  # "robot.urdf, line 12, joint 'knee'"
     text: str
-    acts: bool = False  # True if the omitted part would affect the motion
+    acts: bool = False  # True if results of runs differ from those of the file because of it
     part: str = ""  # name of the body or other part of the model that it is about
 
     def __str__(self) -> str:
@@ -95,8 +95,8 @@ class Report(Suggests):
         return not any(entry.acts for entry in self.of("left out"))
 
     def attached_to(self, model: Model) -> Model:
-        """Return the model with the omitted parts that affect the motion as `model.lost`."""
-        lost = (f"{e.where}: {e.text}" for e in self.of("left out") if e.acts)
+        """Return the model with all lines that affect the results of runs as `model.lost`."""
+        lost = (str(e) for e in self.entries if e.acts)
         vars(model)[LOST] = tuple(lost)  # no field: models are equal without it
         return model
 

@@ -181,7 +181,8 @@ class Parts(Forces):
             if SENSORS[word] in OF_CONTACT:
                 text = "it reads the size of the sum of all contact forces on its body, with "
                 text += "friction, whereas MuJoCo adds the normal forces within the site"
-                self.report.add("converted", self.reader.where("sensor", name), text)
+                where = self.reader.where("sensor", name)
+                self.report.add("approximated", where, text, acts=True, part=name)
             if m.sensor_cutoff[k] > 0:
                 text = "its cutoff: it reads all values"
                 self.reader.left_out("sensor", name, text, acts=False)

@@ -141,7 +141,8 @@ class Description(World):
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """Messages about parts of the file that affect the motion and are missing from the model.
+        """Messages about parts of the file that affect results and that the model lacks or
+        approximates.
 
         The list is empty for files in the format of Pgraph. Edits keep it, and every run repeats it
         as notices.

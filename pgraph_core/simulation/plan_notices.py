@@ -12,10 +12,10 @@ SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter
 
 
 def lost(lost: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a notice about active parts of a file that are missing from the model."""
+    """Return a notice about parts of a file that the model lacks or approximates."""
     if not lost:
         return ()
-    text = "parts of the file that affect the motion are not in the model, so the result differs: "
+    text = "the result differs from that of the file: "
     return (f"{text}{choices(lost, 3)}; model.lost contains all {len(lost)}",)
 
 
