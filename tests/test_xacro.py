@@ -2,7 +2,9 @@
 
 import sys
 
+import numpy as np
 import pytest
+import trimesh
 
 import pgraph_core as pg
 from pgraph_app.cli.main import main
@@ -10,6 +12,8 @@ from pgraph_app.core.cells import Refusal
 from pgraph_app.model.archive import read_text
 from pgraph_core.errors import MissingPackage
 from pgraph_core.formats import read_model
+
+from .refusals import assert_names
 
 NAMED = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 MACRO = """<xacro:macro name="part" params="name parent length mass:=1">
@@ -62,6 +66,7 @@ def test_macros_properties_and_includes_are_expanded(package, include, load):
         ({"length": "0.8"}, 0.45, 3),
         ({"length": 0.8}, 0.45, 3),
         ({"two": False}, 0.25, 2),
+        ({"two": np.bool_(False), "length": np.int64(2)}, 0.25 + 0.8, 2),
         ({"two": "false", "length": 2}, 1.05, 2),
         ({}, 0.25, 3),
     ],
@@ -88,6 +93,50 @@ def test_a_package_elsewhere_is_found_in_a_root(package, tmp_path):
     (path.parent / "part.xacro").rename(tmp_path / "elsewhere" / "other" / "part.xacro")
     for root in (tmp_path / "elsewhere", tmp_path / "elsewhere" / "other"):
         assert len(read_model(path, [root])[0].bodies) == 3
+
+
+def holding(path, solid):
+    """Write a solid into the first link of a file."""
+    link = f'<link name="base">{solid}</link>'
+    path.write_text(path.read_text().replace('<link name="base"/>', link))
+
+
+SOLID = """<collision><geometry><mesh filename="{}"/></geometry></collision>"""
+WAYS_OUT = ["linked/box.stl", "package://my_arm/urdf/linked/box.stl", "{beside}/box.stl"]
+
+
+@pytest.mark.parametrize("mesh", WAYS_OUT)
+@pytest.mark.parametrize("include", ["linked/part.xacro", "{beside}/part.xacro"])
+def test_what_a_xacro_file_includes_and_its_meshes_may_be_anywhere(
+    package, tmp_path, mesh, include
+):
+    """Its code could read them. A URDF file with the same mesh has no code and may not."""
+    (beside := tmp_path / "beside").mkdir()
+    path = package(include.format(beside=beside))
+    (path.parent.parent / "package.xml").write_text("<package><name>my_arm</name></package>")
+    (path.parent / "part.xacro").rename(beside / "part.xacro")
+    (path.parent / "linked").symlink_to(beside)
+    trimesh.creation.box((1, 1, 1)).export(beside / "box.stl")
+    solid = SOLID.format(mesh.format(beside=beside))
+    holding(path, solid)
+    model, report = read_model(path)
+    assert report.loaded
+    assert model.body("base").shape.file == str(beside / "box.stl")
+    plain = path.with_name("plain.urdf")
+    plain.write_text(f'<robot name="arm"><link name="base">{solid}</link></robot>')
+    assert_names(*read_model(plain)[0].lost, "outside", str(beside), "roots=")
+    assert read_model(plain, [beside])[1].loaded
+
+
+def test_meshes_are_found_in_the_package_that_ros_finds(package, tmp_path, monkeypatch):
+    (elsewhere := tmp_path / "elsewhere").mkdir()
+    trimesh.creation.box((1, 1, 1)).export(elsewhere / "box.stl")
+    path = package("$(find other)/part.xacro")
+    (path.parent / "part.xacro").rename(elsewhere / "part.xacro")
+    monkeypatch.setattr("xacro.substitution_args._eval_find", lambda name: str(elsewhere))
+    solid = SOLID.format("package://other/box.stl")
+    holding(path, solid)
+    assert read_model(path)[0].body("base").shape.file == str(elsewhere / "box.stl")
 
 
 WRONG = [

@@ -306,10 +306,14 @@ MISSING = "the file does not exist"
 
 
 class Folders:
-    """The folders that contain the files of a model."""
+    """The folders that contain the files of a model.
 
-    def __init__(self, file: Path, roots: Iterable[str | Path] = ()):
-        self.here = file.parent.absolute()
+    A file may only name others in them, also through links. One that is `trusted`, since code in it
+    is executed, may name all files.
+    """
+
+    def __init__(self, file: Path, roots: Iterable[str | Path] = (), *, trusted: bool = False):
+        self.here, self.trusted = file.parent.absolute(), trusted
         given = [Path(root).absolute() for root in roots]
         self.package = self._package()
         self.allowed = [*given, self.package or self.here]
@@ -321,12 +325,15 @@ class Folders:
                 return folder
         return None
 
-    def holds(self, path: Path) -> bool:
-        """Check whether a path is inside one of the folders after resolving links."""
+    def outside(self, path: Path) -> str:
+        """Return the reason why a path may not be read after resolving links, or ""."""
         try:
-            return self._inside(path.resolve())
-        except (OSError, RuntimeError, ValueError):
-            return False
+            found = path.resolve()
+        except (OSError, RuntimeError, ValueError):  # a circle of links, a name that is too long
+            return MISSING
+        if self.trusted or any(found.is_relative_to(root.resolve()) for root in self.allowed):
+            return ""
+        return f"it is in {found.parent}, outside {self.package or self.here}; {ALLOW}"
 
     def find(self, name: str) -> tuple[Path | None, str]:
         """Return (path, "") for a file named by a model, or (None, reason)."""
@@ -378,24 +385,19 @@ class Folders:
         tries += [folder for folder in self.here.parents if folder.name == name]
         return next((folder for folder in tries if folder.is_dir()), None)
 
-    def _inside(self, path: Path) -> bool:
-        return any(path.is_relative_to(root.resolve()) for root in self.allowed)
-
     def _checked(self, tries: list[Path]) -> tuple[Path | None, str]:
-        outside: Path | None = None
+        outside = ""
         for path in tries:
             try:
                 resolved = path.resolve()
                 if not resolved.is_file():
                     continue
-                if self._inside(resolved):
-                    return resolved, ""
-                outside = outside or resolved.parent
             except (OSError, RuntimeError):  # a circle of links, a name that is too long
                 continue
-        if outside is None:
-            return None, MISSING
-        return None, f"it is in {outside}, outside {self.package or self.here}; {ALLOW}"
+            if not (why := self.outside(resolved)):
+                return resolved, ""
+            outside = outside or why
+        return None, outside or MISSING
 
 
 def _name_in(manifest: Path) -> str:

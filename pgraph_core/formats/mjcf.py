@@ -448,8 +448,8 @@ class _Reader:
         if at < 0:
             return self._kept(k, name, "the file itself", acts)
         file = Path(os.fsdecode(m.paths[at : m.paths.index(b"\0", at)])).resolve()
-        if not self.files.folders.holds(file):
-            self.left_out("mesh", name, "it is outside the model's folder", acts=acts)
+        if why := self.files.folders.outside(file):
+            self.left_out("mesh", name, why, acts=acts)
             return None
         if file.suffix.lower().lstrip(".") not in FORMATS or k in self.moved:
             return self._kept(k, name, file.name, acts)

@@ -9,7 +9,6 @@ from typing import Any
 
 from ..errors import FileError, Problem, shown
 from ..markup import LONGEST_PATH, Element, ordinary, read_markup, stand_in
-from ..model.files import ALLOW
 from .conversion import MISSING, Folders
 from .mjcf_compiled import newer
 
@@ -139,11 +138,10 @@ class Files:
 
     def _directory(self, file: Path, compiler: Element, name: str, given: str) -> None:
         path = self.directories[0] / slashed(given)
-        if not self.folders.holds(path):
+        if why := self.folders.outside(path):
             where = f"{file.name}, line {compiler.line}, compiler"
-            text = f"{shown(given)} is outside the model's folder; {ALLOW}"
-            missing = f"{shown(given)}: there is no such folder"
-            raise FileError(Problem(where, name, text if os.path.lexists(path) else missing))
+            why = why if os.path.lexists(path) else "there is no such folder"
+            raise FileError(Problem(where, name, f"{shown(given)}: {why}"))
         self.directories.append(path)
 
     def _look(self, file: str, element: Element) -> None:
@@ -176,9 +174,9 @@ class Files:
                     f"{shown(given)}: {MISSING} in {self.directories[-1]}; put it there, or give "
                 )
                 self.absent.append(Problem(where, key, f"{text}its folder by meshdir, texturedir"))
-            if any(not self.folders.holds(path) for path in there):
-                return f"{shown(given)} is outside the model's folder; {ALLOW}"
-            if not there and not self.folders.holds(paths[0]):  # MuJoCo may look elsewhere
+            if why := next(filter(None, map(self.folders.outside, there)), ""):
+                return f"{shown(given)}: {why}"
+            if not there and self.folders.outside(paths[0]):  # MuJoCo may look elsewhere
                 return f"{shown(given)}: {MISSING}"
             return next((text for path in there if (text := _pointer(path))), "")
         return ""

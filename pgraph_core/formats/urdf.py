@@ -112,16 +112,16 @@ def read_urdf(
         text = f"must be 'fixed' or 'free', got {shown(base)}"
         raise InputError(Problem("read_urdf", "base", text))
     path = Path(path)
-    folders, name, warnings = Folders(path, roots), path.name, list[str]()
-    if path.suffix.lower() == SUFFIX:
+    is_xacro = path.suffix.lower() == SUFFIX
+    folders, name, warnings = Folders(path, roots, trusted=is_xacro), path.name, list[str]()
+    if is_xacro:
         robot, warnings = expanded(path, folders, arguments or {})
         name = f"{name}, expanded"
     elif arguments:
         raise no_arguments(path)
     else:
         robot = read_markup(path)
-    no_robot = path.suffix.lower() == SUFFIX and robot.first("link") is None
-    if no_robot and (text := only_macros(path)):
+    if is_xacro and robot.first("link") is None and (text := only_macros(path)):
         raise FileError(Problem(path.name, "", text))
     reader = _Reader(name, robot, folders, base)
     for text in warnings:

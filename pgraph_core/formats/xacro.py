@@ -14,7 +14,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..errors import FileError, InputError, Problem, choices, nearest, needed, plain, shown
+from ..fields import is_number
 from ..markup import Element, parse_markup, read_markup
 from ..model.files import ALLOW
 from .conversion import MANIFEST, Folders
@@ -83,9 +86,9 @@ def no_arguments(path: Path) -> InputError:
 
 def _text(name: str, value: Any) -> str:
     """Return a value in xacro's syntax. Raises InputError."""
-    if isinstance(value, bool):
+    if isinstance(value, (bool, np.bool_)):
         return str(value).lower()
-    if isinstance(value, (str, int, float)):
+    if isinstance(value, str) or is_number(value):
         return str(value)
     text = f"must be a text or a number, got {shown(value)}"
     raise InputError(Problem("arguments", name, text))
@@ -115,7 +118,7 @@ def _finding(folders: Folders, missing: list[str]) -> Iterator[None]:
         if (found := folders.package_called(package)) is not None:
             return str(found)
         try:
-            return of_ros(package)
+            return str(folders.packages.setdefault(package, Path(of_ros(package))))
         except Exception:  # without ROS, or of a package that it does not have
             missing.append(
                 f"cannot find the package {shown(package)}: no {MANIFEST} and no folder has this "
