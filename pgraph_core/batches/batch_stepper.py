@@ -198,7 +198,11 @@ class BatchStepper(Snapshots):
 
     @property
     def q(self) -> Array:
-        """Current configurations (size, nq), as a read-only view."""
+        """Current configurations (size, nq), as a read-only view.
+
+        NumPy refuses `st.q[0, 0] = 1`. To restart an instance at other values, write `q =
+        st.q[:1].copy(); q[0, 0] = 1; st.reset(q=q, v=st.v[:1], which=[0])`.
+        """
         return _read_only(self._many.q[:, : self.mech.nq])
 
     @property

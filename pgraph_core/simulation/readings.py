@@ -47,7 +47,11 @@ class Readings(Snapshots):
 
     @property
     def q(self) -> Array:
-        """The current configuration (nq,), as a read-only view."""
+        """The current configuration (nq,), as a read-only view.
+
+        NumPy refuses `st.q[0] = 1`. To restart at other values, write `q = st.q.copy(); q[0] = 1;
+        st.reset(q=q, v=st.v)`, since values that are not given are those of the initial state.
+        """
         return self._q
 
     @property
