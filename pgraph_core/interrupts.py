@@ -1,19 +1,22 @@
-"""Ctrl+C while compiled code calls Python, or while threads share a piece of work.
+"""Ctrl+C while compiled code calls Python, while threads share work, and while processes start.
 
 Python raises the exception of a signal at the next line that the main thread runs. In a function
 that compiled code calls, it would be lost, and between two threads' parts of a step it would leave
-half of them undone. The exception therefore waits for the end of the piece of work.
+half of them undone. The exception therefore waits for the end of the piece of work. Processes of a
+sweep receive no signal of a terminal, because the process that has started them ends them.
 """
 
 from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 # speeds of joints times steps that compiled code advances at once: some 10 ms of a tree, and 0.2 s
 # of a heap, so that Ctrl+C ends a call within this time
-AT_ONCE = 100_000
+WORK_AT_ONCE = 100_000
 
 
 class Deferred:
@@ -54,6 +57,22 @@ class Deferred:
             self.caught = error
 
 
+@contextmanager
+def starting() -> Iterator[None]:
+    """Hold back Ctrl+C from this thread, and for ever from the processes that it starts meanwhile.
+
+    They inherit the mask of signals. Otherwise each would write where it was.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def steps_at_once(speeds: int) -> int:
     """Return the number of steps of so many joint speeds between two looks at interrupts."""
-    return max(AT_ONCE // max(speeds, 1), 1)
+    return max(WORK_AT_ONCE // max(speeds, 1), 1)

@@ -43,7 +43,7 @@ PASS = (  # kinds of messages that pages send. All others are dropped
 MESSAGES = (300.0, 600.0)  # a second for one page, and at once
 BYTES = (32e6, 64e6)  # the same in bytes
 EXTRA = (100.0, 1000.0)  # pings and parts of messages: a browser makes 130 parts of 16 MB
-AT_ONCE = 16 * 1024  # [bytes] read from a connection before others have their turn
+READ_AT_ONCE = 16 * 1024  # [bytes] read from a connection before others have their turn
 MOST_CONNECTIONS = 256  # limit on connections (a page needs one, and more while it loads)
 CONTROL = (Opcode.PING, Opcode.PONG, Opcode.CLOSE)
 LONGEST_TEXT = 500  # limit on the length of values that no person types
@@ -187,7 +187,7 @@ class _Bounded(websockets.asyncio.server.ServerConnection):
         self._connected, self._extra = connected, Budget(*EXTRA)
 
     def connection_made(self, transport: Any) -> None:
-        transport.max_size = AT_ONCE  # asyncio's attribute, 256 kB by default
+        transport.max_size = READ_AT_ONCE  # asyncio's attribute, 256 kB by default
         super().connection_made(transport)
         self._connected.add(self)
         if len(self._connected) > MOST_CONNECTIONS:

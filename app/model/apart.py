@@ -32,7 +32,7 @@ PATIENCE = 5  # limit on wall time relative to LONGEST, for a busy machine
 MOST_MEMORY = 4 * 2**30  # [bytes] limit on address space (the same files take 1.5 GB)
 NICE = 10  # edits of pages go first
 TOO_LONG = f"reading it takes more than {LONGEST} s; make it smaller"
-AT_ONCE = threading.BoundedSemaphore(max(os.cpu_count() or 1, 2))  # children
+CHILDREN = threading.BoundedSemaphore(max(os.cpu_count() or 1, 2))  # children that compute at once
 Work = Callable[[Any], Found]  # can be pickled, and takes no model
 log = logging.getLogger(__name__)
 
@@ -59,7 +59,7 @@ class Reader:
 
     def result(self) -> Found:
         """Wait for the child process. Raises Refusal with the reason if there is no result."""
-        with AT_ONCE:
+        with CHILDREN:
             new = self._leaves is not None and not self._leaves.exists()
             try:
                 kind, found = self._answer()

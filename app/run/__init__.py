@@ -318,7 +318,7 @@ def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:
 MOST_FRAMES = 36_000  # limit on the frames of a live run (ten minutes), older ones are dropped
 TOGETHER, TWICE = 32, 2  # number of parts joined into one, and levels of joining
 MOST_FALLS = 36_000  # and of the changes of feet
-MOST_KEPT = 5  # runs beside the present one
+KEPT_RUNS = 5  # runs beside the present one
 
 S = TypeVar("S", bound=State)
 
@@ -401,7 +401,7 @@ class KeepRun(FromPage):
             return state
         count = max((one.id for one in state.runs), default=0) + 1
         kept = KeptRun(count, f"{run.request.scenario or 'free run'} {count}", run)
-        return replace(state, runs=(*state.runs, kept)[-MOST_KEPT:])
+        return replace(state, runs=(*state.runs, kept)[-KEPT_RUNS:])
 
 
 class NameRun(TypedText):

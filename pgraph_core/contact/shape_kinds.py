@@ -46,7 +46,7 @@ from ..model.shape import leak as _leak
 from ..model.shape import mass_properties as mass_properties
 from ..tolerances import NOTABLE
 
-MOST_KEPT = 128  # hulls that are cached
+KEPT_HULLS = 128  # hulls that are cached
 SIDES = 48  # sides of a cone, which deviates from round by 0.2 % of its radius
 
 # -- what bounds a solid ---------------------------------------------------------------------------
@@ -191,7 +191,7 @@ def hull(places: Any) -> Solid:
     return _hull(np.asarray(places, float).tobytes())
 
 
-@lru_cache(maxsize=MOST_KEPT)
+@lru_cache(maxsize=KEPT_HULLS)
 def _hull(content: bytes) -> Solid:
     from scipy.spatial import ConvexHull
 

@@ -34,7 +34,7 @@ from .run_plan import RunPlan
 # weights of f(x + k h) for h f'(x), k = -3 ... 3, and on one side, k = 0 ... 6
 CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
-MOST_KEPT = 32_768  # numbers in the slopes that a plan keeps
+KEPT_SLOPES = 32_768  # numbers in the slopes that a plan keeps
 SHARE = step_of_differences(6)  # step of differences over the size of a number
 FINER = 3  # steps of differences, each a sixteenth of the last, that are tried beside idle parts
 START = group(carrying(F1), carrying(F1))
@@ -272,7 +272,7 @@ class Slopes:
         for n, one in enumerate(variables):
             if n not in found:
                 found[n] = self.of(one, ends.get(n))
-            if one.place is not None and (1 + len(kept)) * len(found[n].scene) <= MOST_KEPT:
+            if one.place is not None and (1 + len(kept)) * len(found[n].scene) <= KEPT_SLOPES:
                 kept[one.path] = found[n]
         return [found[n] for n in range(len(variables))]
 

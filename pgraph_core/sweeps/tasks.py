@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-import signal
 import sys
 import threading
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from multiprocessing import parent_process
@@ -20,6 +18,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from ..errors import InputError, PgraphError, Problem, shown
+from ..interrupts import starting
 from ..mechanism import Mechanism
 from ..model import Model
 from ..portable import installed
@@ -168,7 +167,7 @@ def _by_processes(
         before, processes = len(left), Processes()
         pool = ProcessPoolExecutor(workers or os.cpu_count(), mp_context=processes, **given)
         try:
-            with uninterrupted():  # the processes inherit it
+            with starting():
                 futures = {pool.submit(_run_kept, part): part for part in left}
             for future in as_completed(futures):
                 rows = future.result()
@@ -201,22 +200,6 @@ class Processes(SpawnContext):
         """End all processes, whatever they compute."""
         for process in self._made:
             process.terminate()
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Hold back Ctrl+C from this thread, and for ever from the processes that it starts meanwhile.
-
-    A terminal sends it to all of them, and each would write where it was.
-    """
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _stopped(points: Sequence[Any], left: Sequence[Sequence[Any]]) -> str:

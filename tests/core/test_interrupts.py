@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.interrupts import AT_ONCE, Deferred
+from pgraph_core.interrupts import WORK_AT_ONCE, Deferred
 
 MODEL = pg.Model.serial(2)
 START = {"q": [0.3, 0.1], "t_end": 50.0, "step": 1e-2}
@@ -98,10 +98,10 @@ def test_all_instances_of_a_batch_have_taken_the_same_steps(monkeypatch, model, 
 
     monkeypatch.setattr(work, "spread", pressed)
     with pytest.raises(KeyboardInterrupt):
-        batch.step(n=10 * AT_ONCE)
+        batch.step(n=10 * WORK_AT_ONCE)
     monkeypatch.undo()
     taken = round(batch.t[0] / 1e-3)
-    assert 1 <= taken <= AT_ONCE
+    assert 1 <= taken <= WORK_AT_ONCE
     assert np.all(batch.t == batch.t[0])
     other.step(n=taken)
     batch.step(n=5)
