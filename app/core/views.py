@@ -45,9 +45,9 @@ class Topic:
 
     The dependencies are `needs` and the tuple `page(state, page)`. The content is `draw(state)` for
     all pages or, if `page` is given, `draw(state, page)` for each page. With `seen`, the content is
-    only drawn for pages on which this view is visible. The others are told that theirs is OUTDATED
-    after another model was opened, or after names or rows changed, so that no tab that is about to
-    be shown offers the previous ones.
+    only drawn for pages on which this view is visible. The others receive OUTDATED after another
+    model was opened, or after names or rows changed, so that no tab that is about to be shown
+    offers the previous ones.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Topic:
         seen: str, desk: Desk,
     ):  # fmt: skip
         self._bridge, self._topic, self._draw = desk.bridge, topic, draw
-        self.name = f"topic {topic}"  # in the log
+        self.name = f"topic {topic}"  # its name in the log
         self._needs = [attrgetter(need) if isinstance(need, str) else need for need in needs]
         self._page, self._seen = page, seen
 

@@ -167,7 +167,7 @@ def torques(now: Now) -> list[np.ndarray]:
     """Return τ, with that of the armature, ℳθ″, C and JᵀF_T, each (nv,), eq. (24)."""
     vdot, paper = now.of_run("vdot"), now.paper
     tau = paper.H.T @ now.of_run("joint_force") + paper.armature * vdot
-    inverse = sparse.eye_array(len(now.outer)) - paper.eps_phi.T  # of Φᵀ, whose blocks are many
+    inverse = sparse.eye_array(len(now.outer)) - paper.eps_phi.T  # the inverse of Φᵀ, but sparse
     carried = spsolve_triangular(inverse.tocsr(), now.outer, lower=False, unit_diagonal=True)
     return [tau, now.M @ vdot, now.C, paper.H.T @ carried]
 
@@ -311,7 +311,7 @@ LARGE = 200  # bodies above which products along paths, which grow with the squa
 AXES = ("x", "y", "z")
 TWIST = ("ωx", "ωy", "ωz", "vx", "vy", "vz")
 WRENCH = ("τx", "τy", "τz", "fx", "fy", "fz")
-TERMS = {  # of an equation, and their components
+TERMS = {  # the terms of an equation and their components
     "velocities": {"V": TWIST, "φV": TWIST, "Hθ′": TWIST},
     "accelerations": {"V′": TWIST, "φV′": TWIST, "Hθ″": TWIST, "a": TWIST},
     "torques": {"τ": ("",), "Mθ″": ("",), "C": ("",), "JᵀF_T": ("",)},

@@ -97,7 +97,7 @@ def left_behind(folder: Path) -> tuple[Kept, ...]:
         held = _held(lock)
         if held is False:
             for path in rest if files else [*rest, lock]:
-                with contextlib.suppress(OSError):  # in a folder that is read-only
+                with contextlib.suppress(OSError):  # the folder may be read-only
                     path.unlink()
         for path in files if not held else ():
             try:
@@ -266,7 +266,7 @@ class Autosave:
         """Choose an id and lock it. Another process may remove the lock file before that.
 
         Files under an earlier id, whose lock has been removed, are due again. An id whose lock
-        cannot be written is tried again, so the problem that people are told stays the same.
+        cannot be written is tried again, so the page keeps showing the same problem.
         """
         self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._due |= self._files.keys()

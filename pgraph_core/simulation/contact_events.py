@@ -155,7 +155,7 @@ class ContactEvents:
         return at.RUNNING
 
     def due(self) -> bool:
-        """Whether phases of points end at the event that has been located."""
+        """Check whether phases of points end at the event that has been located."""
         return bool(self.scene.over().any())
 
     def impulse(self, t: float) -> None:
@@ -249,7 +249,8 @@ class ContactEvents:
         if phase == STANCE:
             self.scene.hold(s)
             if (limit := self.scene.contact_points[s].limit) is not None:
-                self.q[limit.at_q] = limit.bound / limit.weights  # it was located to rounding
+                # the event was located to rounding
+                self.q[limit.at_q] = limit.bound / limit.weights
         self.scene.arrange()
 
     def _open(self, s: int, cause: str) -> None:

@@ -121,7 +121,7 @@ class Watch:
         self.log: list[UserEvent] = []
         self.counts = [0] * len(self.monitors)  # events so far
         self.called: list[int] = []
-        self._values = np.zeros(len(self.monitors))  # of the last call
+        self._values = np.zeros(len(self.monitors))  # the values of the last call
         self._largest = np.zeros(len(self.monitors))  # magnitude of a value so far
         self._function, self.address = None, 0
         own = [i for i, c in enumerate(conditions) if c.given.called]

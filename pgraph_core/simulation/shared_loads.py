@@ -85,7 +85,7 @@ class Loads:
     active: Ints  # constraints
     frames: tuple[Array, Array, Array]
     slip: Array  # (n, pairs) largest slip of the loaded points with friction, or 0 [m/s]
-    points: Callable[[int], list[Point]]  # of a frame
+    points: Callable[[int], list[Point]]  # the loaded ones of a frame
     resting: Callable[[Array], Array]  # rows of joints whose friction holds them at a v
 
     def sliding(self) -> Ints:
@@ -242,7 +242,7 @@ class Columns(NamedTuple):
     # (m, nv) velocities that the law fixes, of a sliding point the normal one; else the same array
     conditions: Array
     wrenches: Array  # (6 n, m) on the bodies A of n pairs
-    names: list[str]  # of the pairs
+    names: list[str]  # the names of the pairs
 
 
 def _columns(mech: Mechanism, points: list[Point], q: Array, v: Array) -> Columns:

@@ -105,9 +105,9 @@ def given(task: Task, reference: Any) -> Reference:
 
 @dataclass
 class Shortfall:
-    """How runs have fallen short of the end."""
+    """Record of runs that fell short of the end."""
 
-    texts: list[str] = field(default_factory=list[str])  # of those that failed
+    texts: list[str] = field(default_factory=list[str])  # messages of runs that failed
     late: str = ""  # the method that came farthest of those that took too long
     reached: float = 0.0  # and how far [s]
 
@@ -250,7 +250,7 @@ class KnownMotion(NamedTuple):
 
     @property
     def known(self) -> str:
-        """How well the motion is known."""
+        """Return a clause about the accuracy of the motion."""
         if np.isfinite(self.accuracy):
             return f"known to {self.accuracy:.1e}"
         return "not known, as its error is not"

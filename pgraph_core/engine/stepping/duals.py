@@ -406,7 +406,7 @@ def advance_with_duals(run, advance, others, step, note, out, until, budget):
     for _ in range(budget):
         frame, steps = clock.frame, counters.steps
         code = call_advance(advance, (run, 1))
-        if counters.steps > steps and guard.fired != CONTACT_AHEAD:  # which takes the step back
+        if counters.steps > steps and guard.fired != CONTACT_AHEAD:  # such an event undoes it
             if clock.repeated == 1 and guard.carried != 0:  # duals are at the end of a trial
                 if guard.fired == REACHED:
                     clock.repeated = MOVING
