@@ -21,8 +21,6 @@ from .. import words
 from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, whole_number
 from ..engine import layout as at
-from ..engine import motion
-from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import ready
 from ..engine.inverse import INVERSE
 from ..engine.inverse import least_torques as LEAST
@@ -125,8 +123,7 @@ def _prepared(mech: Dynamics) -> Prepared | None:
     if not scene.active[0]:
         return None
     n, m = mech.nv, len(scene.space.omega)
-    accelerate = address_of(motion.acceleration)
-    addresses = scene.address, accelerate, radius_of_gyration(mech.packed.system)
+    addresses = scene.address, scene.accelerate, radius_of_gyration(mech.packed.system)
     space = np.empty((n, m)), np.empty((m, m)), np.empty((INVERSE.total, max(n, m, 3)))
     vars(mech)["_inverse_prepared"] = own = Prepared(addresses, np.ones(n), space)
     ready(LEAST)

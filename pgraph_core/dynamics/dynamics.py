@@ -13,7 +13,6 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import JIT, closed, ready
 from ..engine.tree import dynamics
 from ..errors import Called, InputError, Problem, choices, explained, guarded
@@ -29,7 +28,7 @@ EMPTY = np.empty
 UNFIT = (TypeError, ValueError, AttributeError)  # errors of fast calls with unsuitable arguments
 WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()
 DIRECT = JIT and WITH_GIL  # kernels refuse what does not fit, and one call is atomic
-AT_ONCE = 500  # numbers: NumPy lets other threads run while it copies more into `given`
+COPIED_ALONE = 500  # numbers: NumPy lets other threads run while it copies more into `given`
 FOLLOWED = ", and a pg.Motion constraint lets a joint follow a given motion in a run"
 IGNORED_BY = {
     "active constraints": ("inverse_dynamics", "forward_dynamics"),
@@ -239,11 +238,11 @@ class Dynamics(Kinematics):
         """Build a scene with the passive forces and active constraints, for single states."""
         packed, kernel = self.packed, ready(motion.constrained_dynamics)
         scene = Scene(packed, packed.passive, packed.passive_loads, packed.active)
-        asked = scene.address, address_of(motion.acceleration), 0.0
+        asked = scene.address, scene.accelerate, 0.0
         shape = len(scene.active) - 1, 6
         state = self.nq, self.nv, self._rest
         self._constrained = kernel, *asked, np.zeros(3), shape
-        direct = DIRECT and self.nv <= AT_ONCE
+        direct = DIRECT and self.nv <= COPIED_ALONE
         self._bound = (*state, *self._constrained, scene.forces) if direct else ()
         return scene
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -130,6 +131,11 @@ class Scene(Unportable):
         motion.save_scene(self._buffer, unnamed(self._kept))
         self.address = address_of_array(self._buffer)
 
+    @cached_property
+    def accelerate(self) -> int:
+        """The address of the kernel that computes v' in a scene."""
+        return address_of(motion.acceleration)
+
     @property
     def arrays(self) -> arrays.Scene:
         """The scene as kernels take it."""
@@ -188,7 +194,7 @@ class Scene(Unportable):
             motion.begin_controls(self.address, t, -1.0, q, v)
             forces = np.zeros((len(self.blocks.blocks_i), 6))
             state = t, q, v, np.zeros(len(v)), np.zeros(3)
-            measured(self.address, address_of(motion.acceleration), *state, forces)
+            measured(self.address, self.accelerate, *state, forces)
         motion.begin_controls(self.address, t, near, q, v)
 
     @property

@@ -86,28 +86,23 @@ def differences(packed: Packed, q: Array, other: Array) -> tuple[Array, Array]:
     return turned, apart[:, sliding].max(axis=1, initial=0.0)
 
 
-def ranges_of_motion(packed: Packed, q: Array) -> tuple[float, float]:
+def ranges_of_motion(packed: Packed, q: Array) -> tuple[float, float, float]:
     """Find the largest rotation [rad] and translation [m] of any joint from its start in a motion
-    q (n, nq).
-    """
-    turned, moved = differences(packed, q, q[:1])
-    return float(turned.max(initial=0.0)), float(moved.max(initial=0.0))
-
-
-def size_of_motion(turned: float, moved: float, length: float) -> float:
-    """Return the larger of two ranges of a motion.
+    q (n, nq), and the size of the motion, which is the larger one.
 
     Coordinates are considered at rest if they change by less than the rounding error of the length
-    of the mechanism.
+    of the mechanism, which is the least size.
     """
-    return max(turned, moved, REST * length)
+    turned, moved = differences(packed, q, q[:1])
+    most = float(turned.max(initial=0.0)), float(moved.max(initial=0.0))
+    return *most, max(*most, REST * packed.length)
 
 
 def sizes_of_states(x: Array, length: float) -> Array:
     """Compute the ranges (nx,) of states of controls x (n, nx).
 
     A coordinate is considered at rest if its change is within rounding error of its value or of the
-    length of the mechanism, as in `size_of_motion`.
+    length of the mechanism, as in `ranges_of_motion`.
     """
     least = np.maximum(np.abs(x).max(axis=0, initial=0.0), length)
     return np.maximum(np.ptp(x, axis=0) if len(x) else 0.0, REST * least)

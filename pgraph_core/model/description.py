@@ -112,6 +112,11 @@ class Description(World):
         )
 
     @cached_property
+    def linked(self) -> tuple[Body, ...]:
+        """The free bodies with a link, to which q adds a place."""
+        return tuple(body for body in self.bodies if body.joint == "free" and any(body.link))
+
+    @cached_property
     def rated(self) -> tuple[Body, ...]:
         """The bodies with limits of speed."""
         return tuple(body for body in self.bodies if any(body.speed_limit))

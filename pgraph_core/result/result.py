@@ -15,7 +15,6 @@ from ..dynamics.states import (
     Sensors,
     no_motion,
     ranges_of_motion,
-    size_of_motion,
     sizes_of_states,
 )
 from ..errors import InputError, Problem, choices, counted, explained, guarded
@@ -66,13 +65,11 @@ MORE = "_more"  # attribute with the notices found so far, and the function that
 BY_JOINT = {"q": by_position, "v": by_velocity, "vdot": by_velocity}  # arrays with names of joints
 
 
-def named_by_joints(joints: Any, **arrays: Any) -> dict[str, Array]:
-    """Return read-only views of arrays of a run, those of coordinates with names of joints."""
-    found = {}
-    for name, given in arrays.items():
-        array, places = np.asarray(given), BY_JOINT.get(name)
-        found[name] = labelled(array, name, places, joints) if places else array.view()
-        found[name].setflags(write=False)
+def read_only(name: str, given: Any, joints: Any) -> Array:
+    """Return a view of an array of a run, which names of joints index if it has coordinates."""
+    array, places = np.asarray(given), BY_JOINT.get(name)
+    found = labelled(array, name, places, joints) if places else array.view()
+    found.setflags(write=False)
     return found
 
 
@@ -159,7 +156,8 @@ class Result(Exports, EqualByFields, Portable):
     def __post_init__(self) -> None:
         """Make the arrays read-only, because a run does not change."""
         own, joints = vars(self), self.mechanism.joints
-        own.update(named_by_joints(joints, **{name: own[name] for name in ARRAYS}))
+        for name in ARRAYS:
+            own[name] = read_only(name, own[name], joints)
         for forces in (self.constraint_force, self.drive_force):
             if forces is not NO_FORCES and forces is not NO_DRIVES:
                 forces.keep_unchanged()
@@ -287,8 +285,7 @@ class Result(Exports, EqualByFields, Portable):
         return np.maximum(share, own.max(axis=1)) if own.size else share
 
     def _size_of_motion(self) -> float:
-        packed = self.mechanism.packed
-        return size_of_motion(*ranges_of_motion(packed, self.q), packed.length)
+        return ranges_of_motion(self.mechanism.packed, self.q)[2]
 
     def _shares_of_states(self) -> Array:
         """Return the errors of states over their ranges, (n, nx)."""

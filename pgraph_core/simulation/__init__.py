@@ -174,7 +174,8 @@ def simulate(
     """
     (began, _), loaded = clocks(), LOADING.seconds
     mech = mechanism_of(mechanism, "simulate")
-    mech, forces, tau = torques_or_drives(mech, forces, tau)
+    if tau is not None:
+        mech, forces, tau = torques_or_drives(mech, forces, tau)
     memory = None
     if start is not None:
         given = {"q": q, "v": v, "states": states, "t_start": t_start or None}
@@ -191,7 +192,9 @@ def simulate(
     plan = plan_of(mech, options, tau, q, v)
     if states is not None:
         plan = begun_with(plan, given_states(mech, states))
-    state = with_state(mech, plan.start, q, v, float(plan.times[0]))
+    state = plan.start
+    if q is not None or v is not None:
+        state = with_state(mech, state, q, v, float(plan.times[0]))
     tau = plan.tau if tau is None else tau
     monitors = () if events is NO_EVENTS else monitors_of(events, (mech.nq, mech.nv))
     record = Recording(mech, plan, *state, tau, monitors)

@@ -76,7 +76,7 @@ def _advice(record: Running, left: bool) -> Advice:
 
 def _recorded(record: Running) -> Iterator[tuple[Array, Array]]:
     """Yield some of the recorded states."""
-    n = record.done
+    n = record.steps.recorded
     for i in np.unique(np.linspace(0, n - 1, RATED_STATES).astype(int)) if n else ():
         yield record.out.q[i], record.out.v[i]
 
@@ -100,9 +100,9 @@ def _pilot(record: Running) -> tuple[list[tuple[Array, Array]], float] | None:
         pilot = record.repeated(own)
     except InputError:
         return None
-    ended = pilot.ended.status
-    early = ended in (Status.NOT_FINITE, Status.STEP_TOO_SMALL)
-    return [*_recorded(pilot)], float(pilot.steps.times[pilot.done - 1]) if early else nothing
+    early = pilot.ended.status in (Status.NOT_FINITE, Status.STEP_TOO_SMALL)
+    end = float(pilot.steps.times[pilot.steps.recorded - 1]) if early else nothing
+    return [*_recorded(pilot)], end
 
 
 def for_failed(record: Running) -> str:

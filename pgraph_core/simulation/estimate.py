@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..dynamics.states import ranges_of_motion, size_of_motion, sizes_of_states
+from ..dynamics.states import ranges_of_motion, sizes_of_states
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SOFT, SWING
 from ..errors import InputError
@@ -77,7 +77,8 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     finer = _finer_run(record, plan)
     if isinstance(finer, str):
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
-    off, (turned, slid) = apart(record, finer, n), ranges_of_motion(mech.packed, record.out.q[:n])
+    off = apart(record, finer, n)
+    turned, slid, size = ranges_of_motion(mech.packed, record.out.q[:n])
     forces = np.zeros(n) if tables is None else forces_apart(record, finer, n)
     record.ended.notices += undecided(record, finer, max(turned, slid), off, grazes)
     if record.carried is not None and finer.carried is not None:
@@ -102,14 +103,14 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     touching = record.scene.touching
     if touching is not None:  # drift due to the contact solver's velocity residuals [rad, m]
         error[1:, 0] += float(touching.tally["strayed"])
-    length = plan.length
-    ranges = sizes_of_states(record.out.v[:n, mech.nv :], length)
+    length, x = plan.length, record.out.v[:n, mech.nv :]
+    ranges = sizes_of_states(x, length) if x.size else ()
     known = off <= PARTED * np.array((1.0, max(length, slid) or 1.0, *ranges))
     if not known.all():
         known[:, 1:] &= known[:, :1] & known[:, 1:2]
         error[~np.logical_and.accumulate(known[:, 1:])] = np.inf
     forces[~np.isfinite(error[:, 0])] = np.inf
-    sizes = np.array((size_of_motion(turned, slid, length), *ranges))
+    sizes = np.array((size, *ranges))
     # what is rounding no step and no tolerance makes smaller
     sizes = np.maximum(sizes, ROUNDING / (EPS * VISIBLE) * rounding[-1])
     told = _notices(record, plan.times, error, sizes)
@@ -215,14 +216,16 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     ahead = plan.onward() if record.met else plan
     halved = ahead.tolerance is None and (ahead.impulses or may_jump(record, ahead))
     plans = (offset_plan(finer, ahead, 2**k) for k in range(1, 5)) if halved else (finer,)
+    enough = MORE * record.steps.counters["evaluations"]
     first: Recording | str = ""
     half = finer
     for half in plans:  # the run may have divided its own steps, as where bodies that touch turn
         first = _again(record, half)
-        if isinstance(first, str) or _more(record, first, "evaluations"):
+        if isinstance(first, str) or first.steps.counters["evaluations"] >= enough:
             break
-    finished = not isinstance(first, str) and _more(record, first, "steps")
-    if given is None or finished:
+    if given is None:
+        return first
+    if not isinstance(first, str) and first.steps.counters["steps"] >= MORE * steps:
         return first
     tight = plan if isinstance(first, str) else half
     second = _again(record, no_wider(tight, 0.5 * float(np.ptp(plan.times)) / steps))
@@ -241,10 +244,6 @@ def _undivided(record: Recording, finer: RunPlan) -> Recording | str:
             return other
         solved = other.steps.divided == 0
     return "steps of a sixteenth of the size are divided, too"
-
-
-def _more(record: Recording, finer: Recording, what: str) -> bool:
-    return bool(finer.steps.counters[what] >= MORE * record.steps.counters[what])
 
 
 def _again(record: Recording, plan: RunPlan, carries: bool = True) -> Recording | str:
@@ -267,7 +266,7 @@ def _again(record: Recording, plan: RunPlan, carries: bool = True) -> Recording 
 
 def _until_its_end(record: Recording) -> RunPlan:
     """Compute the plan of a run that an event has ended, with its recorded times."""
-    plan, n = record.planned, record.done
+    plan, n = record.planned, record.steps.recorded
     times, changes = record.steps.times[:n].copy(), plan.changes
     changes = tuple(change for change in changes if n and change.t < times[-1])
     if plan.tolerance is not None or n < 2:

@@ -52,9 +52,9 @@ def failure(record: Running, code: int) -> tuple[Status, str]:
 def _parted(record: Running) -> str:
     """Return the contact of bodies that a constraint fastens, at the last recorded state, or ""."""
     tables = record.plan.contacts
-    if tables is None or record.done == 0:
+    if tables is None or record.steps.recorded == 0:
         return ""
-    return parted(record.mech, record.active, tables, record.out.q[record.done - 1])
+    return parted(record.mech, record.active, tables, record.out.q[record.steps.recorded - 1])
 
 
 def _advice(record: Running, status: Status) -> str:
@@ -127,11 +127,11 @@ def _parts(record: Running, owners: Ints, controls: Ints) -> list[Force | Contac
 
 def _contradicted(record: Running) -> str:
     """Return the contacts and limits that constraints drive bodies against, or ""."""
-    if record.events is None or record.done == 0:
+    if record.events is None or record.steps.recorded == 0:
         return ""
     from .contact_log import contradicted
 
-    scene, last = record.events.scene, record.done - 1
+    scene, last = record.events.scene, record.steps.recorded - 1
     closed = np.flatnonzero(scene.phase != SWING).tolist()
     points = [scene.contact_points[s] for s in closed]
     t, q = float(record.steps.times[last]), record.out.q[last]
@@ -140,9 +140,9 @@ def _contradicted(record: Running) -> str:
 
 def _blocking(record: Running) -> str:
     """Return why the last recorded state cannot move to second order, or ""."""
-    if record.done == 0:
+    if record.steps.recorded == 0:
         return ""
-    last = record.done - 1
+    last = record.steps.recorded - 1
     t = float(record.steps.times[last])
     q, v = record.out.q[last], record.out.v[last]
     return blocked(record.mech, record.active, t, q, v)

@@ -137,7 +137,7 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
 
 def shared(record: Recording, finer: Recording, n: int) -> tuple[Ints, Ints]:
     """Return the frames (k,) of two runs at their common times, among n times of the first."""
-    t, theirs = record.steps.times[:n], finer.steps.times[: finer.done]
+    t, theirs = record.steps.times[:n], finer.steps.times[: finer.steps.recorded]
     if np.array_equal(t, theirs):
         return (every := np.arange(n)), every
     _, i, j = np.intersect1d(t, theirs, assume_unique=True, return_indices=True)
@@ -219,7 +219,7 @@ def undecided(
         approaches += _events(record, record.watch)
     if not approaches:
         return ()
-    i, j = shared(record, other, record.done)
+    i, j = shared(record, other, record.steps.recorded)
     t, found = record.steps.times[i], []
     for near in approaches if len(t) > 1 else ():
         k = int(np.clip(np.searchsorted(t, near.t), 1, len(t) - 1))
@@ -284,7 +284,7 @@ def _limits(record: Recording, moved: float, off: Array) -> list[Approach]:
 
     Limits that neither run can reach are ignored.
     """
-    plan, n = record.planned, record.done
+    plan, n = record.planned, record.steps.recorded
     if LIMITS not in plan.__dict__:  # runs of this plan ask again and again
         tables = plan.contacts if plan.declared is None else plan.declared
         if tables is None:

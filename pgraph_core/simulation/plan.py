@@ -81,10 +81,11 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
     Raises InputError.
     """
     kept: dict[Any, tuple[RunPlan, Any, Options]] = mech.__dict__.setdefault("_plans", {})
-    given = vars(options)
-    lists = {"forces": _keyed(options.forces), "switches": _keyed(options.switches)}
-    key: Any = (*(given | lists).values(), *map(type, given.values()))
-    key += (callable(tau), q is None, v is None)
+    given = {**vars(options)}
+    for name in ("forces", "switches"):
+        if type(given[name]) in (list, tuple) and given[name]:  # hashing parts takes a few steps
+            given[name] = tuple([id(x) if isinstance(x, Frozen) else x for x in given[name]])
+    key: Any = (*given.values(), *map(type, given.values()), callable(tau), q is None, v is None)
     try:
         plan, state, _ = kept.get(key, NO_PLAN)
     except (TypeError, ValueError):  # an option that cannot be hashed, such as an array
@@ -98,13 +99,6 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
         rated = rated and not (q is None and v is None)  # the options tell that state
         keep(kept, key, (plan, [*map(_bytes, (q, v))] if rated else None, options))
     return plan
-
-
-def _keyed(option: Any) -> Any:
-    """Return a list of parts as their identities: hashing one takes longer than some steps."""
-    if type(option) not in (list, tuple):
-        return option
-    return option and tuple([id(x) if isinstance(x, Frozen) else x for x in option])
 
 
 def keep(kept: dict[Any, T], key: Any, value: T) -> T:

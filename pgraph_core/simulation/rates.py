@@ -10,7 +10,6 @@ import numpy as np
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.compiler.address import address_of
 from ..engine.motions import facts
 from ..engine.records import JOINT_FORCE, table
 from ..engine.stepping import stiffness
@@ -126,8 +125,7 @@ def fastest_rate(
     stages = np.zeros((stiffness.POWER.total, sum(size)))
     stages[stiffness.POWER.state, : len(q)] = q
     stages[stiffness.POWER.state, len(q) :] = v
-    accelerate = address_of(motion.acceleration)
-    rate = stiffness.fastest_rate(scene.address, accelerate, size, stages, np.zeros(3))
+    rate = stiffness.fastest_rate(scene.address, scene.accelerate, size, stages, np.zeros(3))
     return float(rate) if np.isfinite(rate) else 0.0
 
 

@@ -128,9 +128,9 @@ def _of_drives(record: Recording, t: Array, q: Array, v: Array) -> Callable[[], 
 def _kept(record: Recording) -> tuple[slice | Ints, Array, Frames]:
     """Return the indices, times and frames of the result: the requested ones, and the last one of a
     run that ended early. Later runs do not change them."""
-    rows: slice | Ints = slice(0, record.done)
+    rows: slice | Ints = slice(0, record.steps.recorded)
     if record.plan.shown is not None:
-        some = record.plan.shown[: record.done].copy()
+        some = record.plan.shown[: record.steps.recorded].copy()
         some[-1:] |= record.ended.over
         rows = rows if some.all() else np.flatnonzero(some)
     t, out = record.steps.times[rows], record.out
@@ -191,5 +191,5 @@ def notices(record: Recording) -> tuple[str, ...]:
     if record.user is not None:
         found += record.user.notices()
     if record.carried is not None:
-        found += record.carried.notices(record.done)
+        found += record.carried.notices(record.steps.recorded)
     return tuple(found)

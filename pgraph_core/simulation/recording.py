@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from .monitors import Monitor, Watch
 
 PROGRESS_EVERY = 0.02  # s of computation between two calls of `progress`
-MOST_KEPT = 32_768  # numbers in the frames of a run, for which a mechanism keeps room
+KEPT_NUMBERS = 32_768  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 NO_CHANGES = table(PHASE_CHANGE, 0)
 WATCHING = "the method that detects contacts"
@@ -58,6 +58,8 @@ class Recording(Running):
     _crawls = ""  # the warning that the run would take very many steps
     carried: Any = None  # a `sensitivity.Carried`, which computes derivatives
     memory: Memory | None = None  # the memory of a run that has ended
+    calls_python = False  # whether steps call functions of the user that are not compiled
+    uninterrupted: type[AbstractContextManager[Any]] = nullcontext  # Deferred if they do
 
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
@@ -86,8 +88,11 @@ class Recording(Running):
 
     def _prepare(self, q: Array, v: Array) -> None:
         """Build the scene, frames and stepping loop for the plan, at (q, v)."""
-        plan, before, left = self.plan, self.coarser, None
-        self.reused = self._short()  # whether other frames may come into these arrays
+        plan, before, left, (nq, nv) = self.plan, self.coarser, None, self.size
+        size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
+        alone = self.user is not None or self._events or (before is not None and not before.reused)
+        # whether other frames may come into these arrays
+        self.reused = plan.reusable and not alone and size <= KEPT_NUMBERS
         if self.reused and before is None:
             left = taken(self.mech, plan)
         elif self.reused and before is not None and before.steps.finer is not None:
@@ -105,7 +110,9 @@ class Recording(Running):
             self.scene = self._scene() if before is None else self._scene_of_finer(before)
             self.out = self._empty_frames(len(plan.times))
         self._arrays = tuple(self.out)  # arguments of kernels
-        self._give_torques()
+        if self.user is None:
+            tau, own, of = self.tau, self.mech.nv, self.mech.packed
+            self.scene.given[:own] = 0.0 if tau is None else finite("tau", tau, own, of=of)
         if left is None:
             self.steps = Steps(plan, q, v, self._arrays)
         self.q, self.v = self.steps.q, self.steps.v
@@ -118,24 +125,6 @@ class Recording(Running):
         """Return the scene of the original run, unless it remembers or has friction to refine."""
         alone = before.user is not self.user or before.scene.remembers or before.scene.rubs
         return self._scene() if alone else before.scene
-
-    def _give_torques(self) -> None:
-        """Pass the torques of the call to the scene."""
-        if self.user is None:
-            nv = self.mech.nv
-            tau, of = self.tau, self.mech.packed
-            self.scene.given[:nv] = 0.0 if tau is None else finite("tau", tau, nv, of=of)
-
-    def _short(self) -> bool:
-        """Check whether a run with this plan is short and its scene and loop can be reused."""
-        plan = self.plan
-        acts = plan.contacts or plan.contact_points or plan.changes or self.user is not None
-        acts = acts or plan.memory is not None
-        watched = self._events or plan.calls
-        nq, nv = self.size
-        size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
-        kept = self.coarser is None or self.coarser.reused
-        return kept and not acts and not watched and size <= MOST_KEPT
 
     def leave(self) -> None:
         """Finish the run and release its workspace for the next run of this kind."""
@@ -165,6 +154,9 @@ class Recording(Running):
             self.scene.switch(self.active)
         steps, held = self.steps, bool(len(plan.ever)) or plan.contacts is not None
         woken = watch.wake(plan.conditions) if watch is not None and plan.way is None else []
+        called = watch is not None and len(watch.called) > 0
+        self.calls_python = called or (self.user is not None and self.user.interpreted)
+        self.uninterrupted = Deferred if self.calls_python else nullcontext
         if self.coarser is not None:
             steps.solve_tighter()
             self.scene.solve_tighter()
@@ -220,7 +212,7 @@ class Recording(Running):
         self.progress, self.whole = progress, True
         if self.begin():
             self.advance_to_end(progress)
-        if not self.done:
+        if not self.steps.recorded:
             out = self.out
             out.q[0], out.v[0], out.vdot[0] = self.q, self.v, np.nan
             out.energies[0, :2] = motion.energy(self.scene.address, self.q, self.v)
@@ -269,7 +261,7 @@ class Recording(Running):
             faster = PROGRESS_EVERY / (time.perf_counter() - began)
             budget = max(1, min(STEPS_ALLOWED, int(budget * min(4.0, faster))))
             if progress is not None and _stops(progress(self.steps.fraction())):
-                t = self.steps.times[self.done - 1]
+                t = self.steps.times[self.steps.recorded - 1]
                 text = f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s"
                 self.ended.stop(Status.CANCELLED, text)
                 return
@@ -372,7 +364,7 @@ class Recording(Running):
         v' is written into `vdot`.
         """
         return motion.constrained_dynamics(
-            self.scene.address, address_of(motion.acceleration), self.start, *self.began,
+            self.scene.address, self.scene.accelerate, self.start, *self.began,
             self.scene.given, np.zeros(3), np.empty(self.size[1]) if vdot is None else vdot,
             np.empty_like(self.out.wrenches[0]),
         )  # fmt: skip
@@ -392,16 +384,6 @@ class Recording(Running):
             self.unlogged += max(count - len(touching.changes), 0)
             touching.tally["logged"] = 0
         return code
-
-    @property
-    def calls_python(self) -> bool:
-        """Check whether the steps call functions of the user that are not compiled."""
-        watches = self.watch is not None and len(self.watch.called) > 0
-        return watches or (self.user is not None and self.user.interpreted)
-
-    def uninterrupted(self) -> AbstractContextManager[Any]:
-        """Return a piece of work, at whose end Ctrl+C is raised if its steps call Python."""
-        return Deferred() if self.calls_python else nullcontext()
 
     def _user_event(self, t: float) -> None:
         """Log user events at t, and end the run if one is terminal."""
@@ -440,7 +422,7 @@ class Recording(Running):
 
     def _come_near(self) -> bool:
         """Continue with contacts. Returns False if the run ends. Raises InputError."""
-        plan, t, done = self.plan, float(self.steps.clock["time"]), self.done
+        plan, t, done = self.plan, float(self.steps.clock["time"]), self.steps.recorded
         assert plan.way is not None
         refused = plan.way.refused
         if refused is not None and (t == self.start or refused.problems[0].where == "simulate"):
@@ -457,9 +439,10 @@ class Recording(Running):
             self.ended.notices.append(f"{text} '{plan.way.method.name}': {refused}")
         self.met = f"{plan.method.name} until bodies came close at t = {t:.6g} s"
         self.plan, self.reused, before = plan.onward(), False, self.steps.watched
-        held, self.scene, old = self.scene.blocks.blocks_f, self._scene(), self.out
+        apart, self.scene, old = self.scene, self._scene(), self.out
+        held = apart.blocks.blocks_f
         self.scene.blocks.blocks_f[: len(held)] = held  # places of switched constraints
-        self._give_torques()
+        self.scene.given[:] = apart.given
         same = {name: getattr(old, name) for name in ("q", "v", "vdot", "energies", "drifts")}
         self.out = self._empty_frames(len(old.q))._replace(**same)
         for begin in range(0, self.out.wrenches.shape[2], motion.MEANS):
@@ -524,7 +507,7 @@ class Recording(Running):
         """Record the present state as frame 0."""
         steps = self.steps
         motion.record(
-            self.scene.address, address_of(motion.acceleration), float(steps.clock["time"]),
+            self.scene.address, self.scene.accelerate, float(steps.clock["time"]),
             self.q, self.v, np.zeros(3), steps.ledger, 0, self._arrays,
         )  # fmt: skip
         self._raise_user_error()

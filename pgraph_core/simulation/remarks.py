@@ -11,7 +11,6 @@ import numpy as np
 
 from ..dynamics.arguments import UserTorque, positions
 from ..engine import motion
-from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import CREEP
 from ..errors import InputError, choices
@@ -91,7 +90,7 @@ def pulses(record: Running) -> Iterator[str]:
     evaluated too. Accelerations below NOTABLE of the largest one of the same unit are errors of a
     coordinate that does not move, as are those below the rounding of all.
     """
-    n, plan = record.done, record.plan
+    n, plan = record.steps.recorded, record.plan
     if plan.contact_points or plan.changes or n < 6 or record.steps.counters["steps"] >= n:
         return
     nv, t = record.mech.nv, record.steps.times[:n, None]
@@ -137,13 +136,13 @@ def hits_unseen(record: Running) -> Iterator[str]:
     for _ in range(LOOKS_AGAIN):
         near = _changing(other)
         finer = _between(other, near) if near.any() else other.planned
-        if len(finer.times) <= other.done:
+        if len(finer.times) <= other.steps.recorded:
             break
         if not again:
             yield f"{COARSE}, which change much between them, so that they may miss peaks: {MANY}"
             return
         other = other.repeated(finer)
-        if not other.ended.ok or other.done < len(finer.times):
+        if not other.ended.ok or other.steps.recorded < len(finer.times):
             return
     if other is not record:
         yield from _peaks(record, other)
@@ -158,7 +157,7 @@ def _changing(record: Running) -> Any:
     f'' h² / 8 of a peak. It may hide where that is NAMED**1.5 of the largest force of its unit, in
     at most FRAMES_BETWEEN places.
     """
-    mech, n, nv = record.mech, record.done, record.mech.nv
+    mech, n, nv = record.mech, record.steps.recorded, record.mech.nv
     share = np.zeros(max(n - 1, 0))
     if n < 3:
         return share > 0.0
@@ -182,7 +181,7 @@ def _changing(record: Running) -> Any:
 
 def _between(record: Running, near: Any) -> RunPlan:
     """Return the plan of a run with more frames between those that a mask (n - 1,) selects."""
-    plan, n = record.planned, record.done
+    plan, n = record.planned, record.steps.recorded
     fixed = plan.tolerance is None
     parts = np.ones(n - 1, dtype=np.int64)
     parts[near] = plan.substeps[: n - 1][near] if fixed else FRAMES_BETWEEN
@@ -202,7 +201,7 @@ def _peaks(record: Running, other: Running) -> Iterator[str]:
     if not touches:
         return
     ours, theirs = (
-        np.linalg.norm(x.out.pairs["force"][: x.done, : len(touches)], axis=2)
+        np.linalg.norm(x.out.pairs["force"][: x.steps.recorded, : len(touches)], axis=2)
         for x in (record, other)
     )
     peaks, reached = ours.max(axis=0), theirs.max(axis=0)
@@ -232,7 +231,7 @@ def remembering(user: UserTorque) -> Iterator[str]:
 
 def zero_at_first(record: Running, watch: Watch) -> Iterator[str]:
     """Yield a notice for each user event whose value is zero until it leaves zero in some frame."""
-    n = record.done
+    n = record.steps.recorded
     for monitor in watch.monitors[watch.waiting :]:
         q, v = _motion(record, n)
         i = 0
@@ -292,7 +291,7 @@ def beyond_limits(record: Running) -> Iterator[str]:
 
 def too_fast(record: Running) -> Iterator[str]:
     """Yield a notice about the joint that exceeds its speed limit most, in the frames."""
-    mech, n, worst = record.mech, record.done, 1.0
+    mech, n, worst = record.mech, record.steps.recorded, 1.0
     text, names = "", list[str]()
     for body in mech.model.rated if n else ():
         sizes = [SIZE[m.kind][1] for m in body.sequence]
@@ -319,7 +318,7 @@ def too_fast(record: Running) -> Iterator[str]:
 
 def off_track(record: Running) -> Iterator[str]:
     """Yield a notice about the first body that goes past an end of its track, in the frames."""
-    mech, n, first = record.mech, record.done, None
+    mech, n, first = record.mech, record.steps.recorded, None
     for body in mech.model.following if n else ():
         assert body.track is not None, "it follows one"
         place = [m.track is None for m in body.sequence].index(False)
@@ -341,7 +340,8 @@ def off_track(record: Running) -> Iterator[str]:
 
 def creeping(record: Running) -> Iterator[str]:
     """Yield a notice about the joint that moves farthest while its friction should hold it."""
-    mech, n, t = record.mech, record.done, record.steps.times[: record.done]
+    mech, n = record.mech, record.steps.recorded
+    t = record.steps.times[:n]
     (q, v), system, drives = _motion(record, n), mech.packed.system, record.scene.drives
     worst, text = NOTABLE, ""
     with suppress(InputError, np.linalg.LinAlgError):  # a diverged state may lack orientations
@@ -381,21 +381,21 @@ def _pulls(record: Running, frames: Ints, own: Ints, factors: Array) -> Array:
     """Compute the accelerations of a drive, if it were at rest, at these frames."""
     scene, out, t = record.scene, record.out, record.steps.times
     found, wrenches = np.zeros(len(frames)), np.empty_like(out.wrenches[0])
-    accelerate = address_of(motion.acceleration)
     for i, n in enumerate(frames.tolist()):
         q, v = out.q[n].copy(), out.v[n].copy()
         v[own] -= factors * (factors @ v[own] / (factors @ factors))
         vdot = np.zeros(len(v))
         motion.constrained_dynamics(
-            scene.address, accelerate, float(t[n]), q, v, scene.given, np.zeros(3), vdot, wrenches
-        )
+            scene.address, scene.accelerate, float(t[n]), q, v, scene.given, np.zeros(3), vdot,
+            wrenches,
+        )  # fmt: skip
         found[i] = vdot[own] @ factors
     return found
 
 
 def touching(record: Running, unlogged: int) -> Iterator[str]:
     """Yield notices about contacts, given the number of phase changes that are not in the log."""
-    mech, tables, last = record.mech, record.plan.contacts, record.done - 1
+    mech, tables, last = record.mech, record.plan.contacts, record.steps.recorded - 1
     n = 0 if record.scene.touching is None or tables is None else _oriented(record)
     if n and tables is not None:
         from .contact_log import contact_notices, overpowering
@@ -431,9 +431,10 @@ def _motion(record: Running, n: int) -> tuple[Array, Array]:
 
 def _oriented(record: Running) -> int:
     """Count the frames with valid orientations, which a diverged state may lack."""
-    if record.ended.ok and record.done > 1:  # a stepper has one that nobody may have recorded
-        return record.done
-    for n in range(record.done, 0, -1):
+    count = record.steps.recorded
+    if record.ended.ok and count > 1:  # a stepper has one that nobody may have recorded
+        return count
+    for n in range(count, 0, -1):
         with suppress(InputError):
             positions(record.mech.packed, record.out.q[n - 1 : n])
             return n
@@ -526,7 +527,7 @@ def passed_over(record: Running, error: float) -> tuple[str, ...]:
 
     They are missing from both runs. The energy that the ledger misses bounds their amplitude.
     """
-    plan, step, n = record.plan, record.plan.step, record.done
+    plan, step, n = record.plan, record.plan.step, record.steps.recorded
     if step is None or plan.method.limit or record.steps.divided:
         return ()
     acts = (record.mech, (plan.drives, plan.loads), plan.active, *record.began)

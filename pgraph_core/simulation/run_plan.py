@@ -120,6 +120,12 @@ class RunPlan(Way):
         """Return True if steps call Python functions for the values of conditions."""
         return any(c.called for c in self.conditions)
 
+    @cached_property
+    def reusable(self) -> bool:
+        """Return True if the next run can take the scene and the loop of a run by this plan."""
+        acts = self.contacts or self.contact_points or self.changes or self.calls
+        return not acts and self.memory is None
+
     @property
     def yields(self) -> bool:
         """Return True if steps end where soft and penalty contacts touch.

@@ -44,11 +44,6 @@ class Running(ABC):
     met = ""  # description of the run until something came near
 
     @property
-    def done(self) -> int:
-        """The number of recorded frames."""
-        return self.steps.recorded
-
-    @property
     def active(self) -> Ints:
         """Return the indices of the currently active constraints."""
         return np.array(sorted(self.held), dtype=np.int64)

@@ -26,7 +26,7 @@ from ..packing import Array, Ints
 from ..packing.programs import edges_moved
 from ..result import Result
 from ..result.records import Derivatives
-from ..result.result import named_by_joints
+from ..result.result import read_only
 from ..tolerances import EPS, NOTABLE, VISIBLE
 from .corners import Corners
 from .duals import Parts, RunOfDuals
@@ -348,7 +348,7 @@ class Carried:
     def end_at(self, record: Recording, monitor: Any) -> None:
         """Differentiate the time of a terminal event, with which the last frame moves."""
         t = float(record.steps.clock["time"])
-        self._end = record.done - 1, self._lateness(record, t, monitor, rates(record, t))
+        self._end = record.steps.recorded - 1, self._lateness(record, t, monitor, rates(record, t))
 
     def keep_late(self, constraints: Sequence[int], late: Lateness | None) -> None:
         """Store the times at which these constraints were switched, for conditions with a delay."""
@@ -497,7 +497,8 @@ class Carried:
         joints, states = run.mechanism.joints, here[:, -2 - own[1].shape[1] : -2]
         lost = here[:, -1] if self.given.plan.contacts is None else np.full(len(here), np.nan)
         arrays = {"t": times, "states": states, "work": here[:, -2], "dissipation": lost}
-        arrays |= named_by_joints(joints, q=here[:, :nq], v=here[:, nq : nq + nv])
+        arrays["q"] = read_only("q", here[:, :nq], joints)
+        arrays["v"] = read_only("v", here[:, nq : nq + nv], joints)
         return Result.later(arrays, mechanism, lambda: self._recorded(times, here, *made()))
 
     def _recorded(self, times: Array, here: Array, mech: Mechanism, plan: RunPlan) -> Result:
@@ -509,9 +510,8 @@ class Carried:
         other = Recording(mech, plan, *plan.start, self.given.tau)
         states = np.zeros((len(times) + 1, other.steps.stages.shape[1]))
         states[1:, self.order] = here
-        record, accelerate = address_of(motion.record), address_of(motion.acceleration)
-        arrays = tuple(other.out)
-        record_states(other.scene.address, record, accelerate, plan.times, states, arrays)
+        kernels = address_of(motion.record), other.scene.accelerate
+        record_states(other.scene.address, *kernels, plan.times, states, tuple(other.out))
         other.steps.count_frames(len(times))
         if stepped:  # impulses are not among the derivatives
             other.out.vdot[:], other.out.wrenches[:] = np.nan, np.nan

@@ -143,7 +143,8 @@ def notices_of_start(mech: Mechanism, o: Options, given: tuple[Any, ...], at: Ar
     q, v and the states of controls."""
     (q, v, states), model = given, mech.packed.model
     found = stretched(mech.packed, at) if q is not None else []
-    found += placed_twice(mech, at)
+    if model.linked:
+        found += placed_twice(mech, at)
     own = model.scenario(o.scenario).forces if o.scenario is not None else ()
     if forces := (*model.forces, *own, *o.forces):
         found += directionless(mech, forces, at)
@@ -188,12 +189,11 @@ def refuse_interval(q: Any, v: Any, t_end: float | None) -> None:
 def placed_twice(mech: Mechanism, q: Array) -> list[str]:
     """Return a notice for each free body whose position is given by both its link and q (nq,)."""
     found: list[str] = []
-    for body in mech.packed.model.bodies:
-        if body.joint == "free" and any(body.link):
-            place = q[mech.joints[body.name].q][:3]
-            if np.abs(place - body.link).max() <= ROUNDING * np.abs(body.link).max():
-                text = f"the place {shown(body.link)} is given by its link and again by q, which "
-                found.append(f"'{body.name}': {text}adds to it; leave one of them out")
+    for body in mech.packed.model.linked:
+        place = q[mech.joints[body.name].q][:3]
+        if np.abs(place - body.link).max() <= ROUNDING * np.abs(body.link).max():
+            text = f"the place {shown(body.link)} is given by its link and again by q, which "
+            found.append(f"'{body.name}': {text}adds to it; leave one of them out")
     return found
 
 
@@ -229,8 +229,6 @@ def torques_or_drives(
     Drives passed as torques, such as a servo or those of a feedback, are forces. Those with a name
     of the model replace the model's own. Raises InputError.
     """
-    if tau is None:
-        return mech, forces, None
     given = getattr(tau, "drives", tau)
     given = given if isinstance(given, (list, tuple)) else (given,)
     if not given or not all(isinstance(x, Force) for x in given):

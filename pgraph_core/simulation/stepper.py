@@ -132,7 +132,9 @@ class Stepper(Readings):
                 text = f"scenario '{scenario}' switches '{s.constraint}' {then}, which no step "
                 text += "does by itself; give switches=(), and call `switch` of a Stepper there"
                 raise InputError(Problem("Stepper", "scenario", text))
-        mech, forces, self._tau = torques_or_drives(mech, forces, tau)
+        self._tau = None
+        if tau is not None:
+            mech, forces, self._tau = torques_or_drives(mech, forces, tau)
         memory = None
         if start is not None:
             replaced = {"q": q, "v": v, "states": states, "t_start": t_start or None}

@@ -228,9 +228,9 @@ class Switching:
     def _end_stretch(self) -> None:
         """Keep what a search for singular positions since the last switch needs."""
         record = self.record
-        if self.first is None or not record.done:
+        if self.first is None or not record.steps.recorded:
             return
-        last = record.done - 1
+        last = record.steps.recorded - 1
         end = float(record.steps.times[last]), record.out.q[last], record.out.v[last]
         found = Stretch.of(record.scene, record.active, self.first, end, self._redundant)
         self._stretches += [found] if found else []
