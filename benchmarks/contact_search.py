@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from pgraph_core.contact import shape_kinds as solids
+from pgraph_core import shapes as solids
+from pgraph_core.contact import packed_shapes
 from pgraph_core.engine.arrays import Candidates
 from pgraph_core.engine.contact import search as kernels
 from pgraph_core.engine.records import (
@@ -52,14 +53,14 @@ def in_pgraph(places: np.ndarray) -> Search:
     """Balls of which every two may touch."""
     count = len(places)
     ball = solids.sphere(RADIUS)
-    geometry = solids.packed([solids.Placed(ball, i, i) for i in range(1, count + 1)])
+    geometry = packed_shapes.packed([packed_shapes.Placed(ball, i, i) for i in range(1, count + 1)])
     poses = table(POSE, count)
     poses["position"], poses["rotation"] = places, np.eye(3).ravel()
-    space = solids.search_space(geometry, count)
+    space = packed_shapes.search_space(geometry, count)
     members = rows_of(MEMBER, [(i, 0) for i in range(count)])
     none = (rows_of(kind, ()) for kind in (GROUND_PAIR, SHAPE_PAIR))
     touch = Candidates(*none, members, rows_of(APART, ()))
-    out, ground = table(CONTACT, 6 * count), solids.ground((0, 0, 1))
+    out, ground = table(CONTACT, 6 * count), packed_shapes.ground((0, 0, 1))
 
     def call() -> int:
         return kernels.contacts(geometry, ground, touch, poses, space, 0.0, out)

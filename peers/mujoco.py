@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from pgraph_core import Model, Shape
 from pgraph_core.rotation import matrix
+from pgraph_core.shapes import kind_of
 
 from .motion import Actuator, Clocks, Exported, Trajectory
 from .rows import PLACEHOLDER, PLAIN, Array, Row, Scene, State, inertia_of, rows_of, sizes, walk
@@ -278,12 +279,12 @@ def walker(model: Model, step: float, radius: float) -> Any:
 
 
 def _add_solid(mujoco: Any, body: Any, shape: Shape, friction: list[float]) -> None:
-    """A capsule or a box that touches the ground alone."""
-    half = (shape.length or 0.0) / 2
-    capsule = shape.kind == "capsule"
+    """Add a shape that touches the ground alone."""
+    found = kind_of(shape).mjcf(shape)
+    assert found is not None, f"MuJoCo has no {shape.kind} like this"
     body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE if capsule else mujoco.mjtGeom.mjGEOM_BOX,
-        size=[shape.radius, half, 0] if capsule else [x / 2 for x in shape.size or ()],
+        type=getattr(mujoco.mjtGeom, f"mjGEOM_{found[0].upper()}"),
+        size=[*found[1], 0.0, 0.0][:3],
         pos=shape.position,
         quat=shape.rotation,
         friction=friction,

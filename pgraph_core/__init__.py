@@ -178,13 +178,12 @@ def _of_shape(name: str) -> Any:
     """Return a function that makes the shape of a kind, such as Sphere, or None."""
     if not name[0].isupper():
         return None
-    from .contact.shape_kinds import KINDS
+    from .shapes import KINDS
     from .words import chosen
 
     if not (kind := chosen(name, KINDS)):
         return None
-    sizes = {"sphere": ("radius",), "box": ("size",), "ellipsoid": ("radii",)}
-    names = sizes.get(kind, ("radius", "length"))
+    names = KINDS[kind].needs
 
     def shape(*size: Any, **fields: Any) -> Any:
         """Return the shape of this kind, with its size by position or by name."""

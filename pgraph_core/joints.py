@@ -71,6 +71,7 @@ class Kind(NamedTuple):
     bends: Callable[[Motion, Array, Any], Array] = lambda motion, home, q: np.zeros((6, 1))
     directed: bool = False  # about or along an axis
     tracked: bool = False  # along the track of its body
+    pitch: float = 0.0  # the usual way in a turn [m], if it has one
     reach: float | None = None  # None: it takes no limits
 
 
@@ -118,6 +119,7 @@ KINDS: dict[MotionKind, Kind] = {
             motion.along(home), motion.way * motion.along(home)
         ),
         directed=True,
+        pitch=0.01,
         reach=math.pi,
     ),
     "translate": Kind(
@@ -161,6 +163,7 @@ KINDS: dict[MotionKind, Kind] = {
 SIZE = {kind: (len(k.q), len(k.v)) for kind, k in KINDS.items()}  # (nq, nv) of a motion
 AXIAL = tuple(kind for kind, k in KINDS.items() if len(k.q) == 1)  # kinds with one coordinate
 DIRECTED = tuple(kind for kind, k in KINDS.items() if k.directed)
+PITCHED = tuple(kind for kind, k in KINDS.items() if k.pitch)
 TRACKED = tuple(kind for kind, k in KINDS.items() if k.tracked)
 CODES = {kind: i for i, kind in enumerate(KINDS)}
 
@@ -174,7 +177,7 @@ DEFAULT: dict[JointKind, tuple[Motion, ...]] = {
     "weld": (),
     "revolute": (Motion("rotate", Z),),
     "prismatic": (Motion("translate", Z),),
-    "screw": (Motion("screw", Z, 0.01),),
+    "screw": (Motion("screw", Z, KINDS["screw"].pitch),),
     "cylindrical": (Motion("rotate", Z), Motion("translate", Z)),
     "universal": (Motion("rotate", X), Motion("rotate", Y)),
     "spherical": (BALL,),
@@ -420,7 +423,7 @@ def quaternion_problems(q: tuple[float, ...], motions: tuple[Motion, ...]) -> li
 def physics_problems(
     name: str, values: tuple[float, ...], motions: tuple[Motion, ...]
 ) -> list[tuple[str, str]]:
-    screws = [m.kind == "screw" for m in motions]
+    screws = [m.kind in PITCHED for m in motions]
     if len(values) == len(motions) and not any(values) and not (name == "pitch" and any(screws)):
         return []
     if values and not motions:

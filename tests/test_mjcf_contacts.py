@@ -101,3 +101,16 @@ def test_shapes_are_as_far_from_others_as_in_mujoco(tmp_path, kind):
     others = {c.other if "a" in (c.body, "*") else c.body: c.name for c in model.contacts}
     found = sorted(float(gaps[name][0]) for name in others.values())
     np.testing.assert_allclose(found, sorted((floor, min(wall, ball))), atol=1e-6)
+
+
+def test_pairs_name_geoms_that_are_written(tmp_path):
+    """MuJoCo has no cone, so the pair of a joint's bodies is that of their other shapes."""
+    cone = pg.Shape(kind="cylinder", radius=0.1, length=0.3, end_radius=0.05)
+    ball = pg.Shape(kind="sphere", radius=0.1)
+    solid = {"mass": 1.0, "inertia": np.eye(3)}
+    one = pg.Body(name="a", joint="free", shapes=(cone, ball), **solid)
+    two = pg.Body(name="b", parent="a", shapes=(ball,), **solid)
+    touch = pg.Contact(name="both", body="a", other="b", friction=0.3)
+    pg.write_mjcf(pg.Model(bodies=[one, two], contacts=[touch]), tmp_path / "a.xml")
+    (contact,) = pg.load(tmp_path / "a.xml").contacts
+    assert {contact.body, contact.other} == {"a", "b"}

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
+from pgraph_core.shapes import kind_of
+from pgraph_core.shapes.contract import Piece
+from pgraph_core.shapes.rays import Hit, Ray
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import Look
-from pgraph_core.show.shapes import Piece
 
 from ..pose import poses
 from ..scene.marks import looks
@@ -25,22 +25,6 @@ Candidate = tuple[np.ndarray, str, float]  # a point in body axes, what it is, i
 MEANT, SEEN, INSIDE = 0.5, 1.0, 2.0  # weights of distances, small for preferred spots
 
 
-class Ray(NamedTuple):
-    """A ray from the camera through the pointer."""
-
-    origin: np.ndarray  # (3,) [m]
-    direction: np.ndarray  # (3,) unit vector
-    slack: float  # tangent of the angle within which a point counts as pointed at
-
-
-class Hit(NamedTuple):
-    """The intersection of a ray with a surface, in the axes of the piece or body."""
-
-    far: float  # along the ray [m]
-    direction: np.ndarray  # (3,) unit: the normal of a flat face, the axis of a round one
-    what: str
-
-
 def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
     """Find the nearest surface point on a ray, or a corner, end or centre of that body nearby.
 
@@ -52,7 +36,7 @@ def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
     near: list[int] = []
     drawn = looks(state)
     for k, look in enumerate(drawn):
-        own = _seen_from(ray, positions[k], R[k])
+        own = ray.seen_from(positions[k], R[k])
         if not _in_reach(look, own):
             continue
         near.append(k)
@@ -63,7 +47,7 @@ def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
         corner = _snapped_beside(state, drawn, near, ray, positions, R, joints)
         return corner or _on_ground(state, ray)
     far, k, hit = found
-    own = _seen_from(ray, positions[k], R[k])
+    own = ray.seen_from(positions[k], R[k])
     direction = _clean(hit.direction)
     snapped = _snapped(state, drawn[k], k, own, far, joints)
     if snapped is not None:
@@ -78,15 +62,10 @@ def _far(hit: Hit) -> float:
     return hit.far
 
 
-def _seen_from(ray: Ray, position: np.ndarray, R: np.ndarray) -> Ray:
-    """Transform a ray into the axes of a body."""
-    return Ray(R.T @ (ray.origin - position), R.T @ ray.direction, ray.slack)
-
-
 def _in_reach(look: Look, ray: Ray) -> bool:
     """Check whether a ray with its tolerance may hit a piece of a body."""
     for piece in look.pieces:
-        low, high = shapes.bounds(piece)
+        low, high = kind_of(piece).bounds(piece)
         radius = float(np.linalg.norm(high - low)) / 2
         middle = np.asarray(piece.position) + piece.rotation @ ((low + high) / 2)
         arm = middle - ray.origin
@@ -124,7 +103,7 @@ def _snapped_beside(
     """Find the best snapping point for a ray that passes just outside a body."""
     best: tuple[np.ndarray, str, float, int] | None = None
     for k in near:
-        own = _seen_from(ray, positions[k], R[k])
+        own = ray.seen_from(positions[k], R[k])
         found = _snapped(state, drawn[k], k, own, math.inf, joints)
         if found is not None and (best is None or found[2] < best[2]):
             best = (*found, k)
@@ -137,7 +116,7 @@ def candidates(state: State, look: Look, k: int, joints: bool) -> Iterator[Candi
     """Yield corners, midpoints, ends and centres of pieces, then joints, tip and centre of mass."""
     body, joint = look.body, MEANT if joints else INSIDE
     for piece in look.pieces:
-        for point, what, inside in _of_piece(piece):
+        for point, what, inside in kind_of(piece).marks(piece):
             place = np.asarray(piece.position) + piece.rotation @ point
             yield place, what, INSIDE if inside else SEEN
     yield np.zeros(3), "origin", joint
@@ -150,38 +129,6 @@ def candidates(state: State, look: Look, k: int, joints: bool) -> Iterator[Candi
     yield np.asarray(body.com), "centre of mass", INSIDE
 
 
-def _of_piece(piece: Piece) -> Iterator[tuple[np.ndarray, str, bool]]:
-    """Yield points in the piece's axes, with a description and whether they are inside."""
-    half = np.asarray(piece.size) / 2
-    match piece.kind:
-        case "box":
-            names = ("corner", "middle of an edge", "centre of a face", "centre")
-            for signs in itertools.product((-1, 0, 1), repeat=3):
-                zeros = signs.count(0)
-                yield half * signs, names[zeros], zeros == 3
-        case "sphere":
-            yield np.zeros(3), "centre", True
-        case "cylinder":
-            for z in (-half[2], half[2]):
-                yield np.array((0.0, 0.0, z)), "centre of an end", False
-            yield np.zeros(3), "centre", True
-        case "capsule":
-            for z, radius in _balls(piece):
-                yield np.array((0.0, 0.0, z)), "centre of a cap", True
-                yield np.array((0.0, 0.0, z + math.copysign(radius, z))), "end", False
-            yield np.zeros(3), "centre", True
-        case "mesh":
-            low, high = shapes.bounds(piece)
-            yield (low + high) / 2, "centre", True
-
-
-def _balls(piece: Piece) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the (height, radius) of the two end spheres whose convex hull is the capsule."""
-    near, tall = piece.size[0] / 2, piece.size[2]
-    far = near * piece.taper
-    return (near - tall / 2, near), (tall / 2 - far, far)
-
-
 def _clean(v: np.ndarray) -> tuple[float, float, float]:
     x, y, z = (round(float(c), DIGITS) + 0.0 for c in v)
     return x, y, z
@@ -192,107 +139,11 @@ def _clean(v: np.ndarray) -> tuple[float, float, float]:
 
 def met(piece: Piece, ray: Ray) -> Hit | None:
     """Find the first intersection of a ray with a piece, in the axes of its body."""
-    own = _seen_from(ray, np.asarray(piece.position), piece.rotation)
-    hit = min(_meetings(piece, own), default=None, key=_far)
+    own = ray.seen_from(np.asarray(piece.position), piece.rotation)
+    hit = min(kind_of(piece).meetings(piece, own), default=None, key=_far)
     if hit is None:
         return None
     return hit._replace(direction=piece.rotation @ hit.direction)
-
-
-def _meetings(piece: Piece, ray: Ray) -> Iterator[Hit]:
-    """Yield surface points of a piece in front of the camera, in the axes of the piece."""
-    half = np.asarray(piece.size) / 2
-    near, far = half[0], half[0] * piece.taper
-    match piece.kind:
-        case "box":
-            yield from _box(half, ray)
-        case "sphere":
-            yield from _ellipsoid(half, np.zeros(3), ray)
-        case "cylinder":
-            yield from _frustum((-half[2], near), (half[2], far), ray)
-            for z, radius in ((-half[2], near), (half[2], far)):
-                yield from _disc(z, radius, ray)
-        case "capsule":
-            (z0, r0), (z1, r1) = _balls(piece)
-            for z, radius in ((z0, r0), (z1, r1)):
-                yield from _ellipsoid(np.full(3, radius), np.array((0.0, 0.0, z)), ray)
-            touch = math.asin(max(-1.0, min(1.0, (r0 - r1) / max(z1 - z0, 1e-12))))
-            s, c = math.sin(touch), math.cos(touch)
-            yield from _frustum((z0 + r0 * s, r0 * c), (z1 + r1 * s, r1 * c), ray)
-        case _:
-            yield from _triangles(piece, ray)
-
-
-def _box(half: np.ndarray, ray: Ray) -> Iterator[Hit]:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        a, b = (-half - ray.origin) / ray.direction, (half - ray.origin) / ray.direction
-    enters = np.where(np.isnan(a) | np.isnan(b), -np.inf, np.minimum(a, b))
-    leaves = np.where(np.isnan(a) | np.isnan(b), np.inf, np.maximum(a, b))
-    if 0 < (far := float(enters.max())) <= leaves.min():
-        k = int(enters.argmax())
-        yield Hit(far, -math.copysign(1.0, ray.direction[k]) * np.eye(3)[k], "flat face")
-
-
-def _ellipsoid(half: np.ndarray, middle: np.ndarray, ray: Ray) -> Iterator[Hit]:
-    o, d = (ray.origin - middle) / half, ray.direction / half
-    for far in _roots(float(d @ d), float(o @ d), float(o @ o) - 1.0):
-        normal = (o + far * d) / half
-        yield Hit(far, normal / np.linalg.norm(normal), "round face")
-
-
-def _frustum(
-    low: tuple[float, float], high: tuple[float, float], ray: Ray
-) -> Iterator[Hit]:  # fmt: skip
-    """Yield hits on a conical side between two (height, radius) pairs, and the cone's axis."""
-    (z0, r0), (z1, r1) = low, high
-    if z1 - z0 < 1e-12:
-        return
-    k = (r1 - r0) / (z1 - z0)
-    (x, y, z), (dx, dy, dz) = ray.origin, ray.direction
-    r = r0 + k * (z - z0)
-    a, b, c = dx * dx + dy * dy - (k * dz) ** 2, x * dx + y * dy - k * dz * r, x * x + y * y - r * r
-    for far in _roots(a, b, c):
-        if z0 <= z + far * dz <= z1:
-            yield Hit(far, np.array((0.0, 0.0, 1.0)), "round face")
-
-
-def _disc(z: float, radius: float, ray: Ray) -> Iterator[Hit]:
-    if ray.direction[2] == 0:
-        return
-    far = float((z - ray.origin[2]) / ray.direction[2])
-    x, y, _ = ray.origin + far * ray.direction
-    if far > 0 and x * x + y * y <= radius * radius:
-        yield Hit(far, np.array((0.0, 0.0, math.copysign(1.0, z))), "flat face")
-
-
-def _roots(a: float, b: float, c: float) -> list[float]:
-    """Return the positive roots t of a t² + 2 b t + c = 0."""
-    if abs(a) < 1e-300:
-        return []
-    root = b * b - a * c
-    if root < 0:
-        return []
-    return [t for sign in (-1, 1) if (t := (-b + sign * math.sqrt(root)) / a) > 0]
-
-
-def _triangles(piece: Piece, ray: Ray) -> Iterator[Hit]:
-    """Intersect by Möller and Trumbore, *Fast, minimum storage ray/triangle intersection*."""
-    solid = shapes.mesh((piece,))
-    place, R = np.asarray(piece.position), piece.rotation
-    corners = (np.asarray(solid.vertices) - place) @ R
-    p, q, r = (corners[np.asarray(solid.faces)[:, k]] for k in range(3))
-    across = np.cross(ray.direction, r - p)
-    det = np.einsum("ij,ij->i", q - p, across)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = ray.origin - p
-        u = np.einsum("ij,ij->i", s, across) / det
-        back = np.cross(s, q - p)
-        v = back @ ray.direction / det
-        t = np.einsum("ij,ij->i", r - p, back) / det
-        inside = (np.abs(det) > 1e-15) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
-    for i in np.flatnonzero(inside):
-        normal = np.cross(q[i] - p[i], r[i] - p[i])
-        yield Hit(float(t[i]), normal / np.linalg.norm(normal), "face")
 
 
 def _on_ground(state: State, ray: Ray) -> Spot | None:

@@ -16,8 +16,10 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.fields import About, about
 from pgraph_core.joints import DEFAULT, KINDS, PER_MOTION, TRACKED, JointKind, units_of
-from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
+from pgraph_core.model.shape import mass_properties_of
 from pgraph_core.rotation import matrix, multiply, unit
+from pgraph_core.shapes import KINDS as SHAPES
+from pgraph_core.shapes import kind_of
 
 from ..core.cells import (
     Display,
@@ -37,13 +39,11 @@ Content = Any  # nested tuples of numbers, formulas and None
 
 DERIVED = ("mass", "com", "inertia", "tip")
 ALL = "all"  # stands for all of these
-SHAPES = tuple(DIMENSIONS)
-OF_FILES = ("mesh", "heightfield")
 MOTIONS = tuple(kind for kind in KINDS if kind != "free")  # kinds that may be combined in a joint
 NO_SHAPE = "none"
 SLENDER = 0.1  # radius of a new shape over its length
 LEAST = 0.05  # least length of a new shape [m]
-EDGED = ("box", "ellipsoid")
+UNKNOWN = (2 * LEAST * SLENDER,) * 3  # edges of a shape that has none among its fields [m]
 NO_TURN = (1.0, 0.0, 0.0, 0.0)
 HALF = math.sqrt(0.5)
 Z_TO = ((HALF, 0.0, HALF, 0.0), (HALF, -HALF, 0.0, 0.0), NO_TURN)  # turns of z to x, to y, to z
@@ -228,12 +228,13 @@ def _between_its_ends(
 ) -> dict[str, Any]:
     """Extend `change` so that a capsule from joint to tip keeps its ends when its radius
     changes."""
-    radius, length = change.get("radius"), kept.get("length")
-    if shape.kind != "capsule" or not isinstance(radius, float) or not isinstance(length, float):
+    radius, edges = change.get("radius"), kind_of(shape).edges(shape)
+    if not isinstance(radius, float) or not isinstance(kept.get("length"), float) or edges is None:
         return change
-    whole = length + 2 * (shape.radius or 0.0)
+    width, whole = 2 * radius, edges[2]
     spans = math.isclose(whole, float(np.linalg.norm(end_of(body))), rel_tol=1e-9)
-    return change | {"length": whole - 2 * radius} if spans and 0 < 2 * radius < whole else change
+    fits = spans and 0 < width < whole
+    return change | kind_of(shape).fitted((width, width, whole)) if fits else change
 
 
 def _with_shapes(body: pg.Body, at: int, shape: Any) -> dict[str, Any]:
@@ -391,30 +392,24 @@ def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
         return None
     if kind not in SHAPES:
         raise Refusal(f"must be one of {', '.join((NO_SHAPE, *SHAPES))}")
-    if kind == "heightfield":
-        raise Refusal("a heightfield comes with a model file, or from Python")
+    own = SHAPES[kind]
+    if own.elsewhere:
+        raise Refusal(own.elsewhere)
     length, radius, position, rotation = extent(body)
-    sizes = {"size": (2 * radius, 2 * radius, length), "radius": radius, "length": length}
-    if kind == "capsule":
-        sizes["length"] = max(length - 2 * radius, radius)
-    if edges := _edges(body.shape) if kind in EDGED else None:  # keep the edges
+    edges = (2 * radius, 2 * radius, length)
+    if own.edged and (old := _edges(body.shape)) is not None:  # keep the edges
         assert body.shape is not None
-        sizes["size"], rotation = edges, body.shape.rotation
-    elif kind in EDGED and np.isclose(turn := np.abs(matrix(rotation)), turn.round()).all():
+        edges, rotation = old, body.shape.rotation
+    elif own.edged and np.isclose(turn := np.abs(matrix(rotation)), turn.round()).all():
         # turned by right angles: what is typed for its edges is along the axes of the body
-        sizes["size"], rotation = tuple((turn.round() @ sizes["size"]).tolist()), NO_TURN
-    sizes["radii"] = tuple(x / 2 for x in sizes["size"])
-    if not set(DIMENSIONS[kind]) <= sizes.keys():
-        raise Refusal("meshes are read from files: use 'Mesh file ...'")
-    where = {"position": position, "rotation": rotation}
-    return {"kind": kind, **{name: sizes[name] for name in DIMENSIONS[kind]}, **where}
+        edges, rotation = tuple((turn.round() @ edges).tolist()), NO_TURN
+    return {"kind": kind, **own.fitted(edges), "position": position, "rotation": rotation}
 
 
 def _edges(shape: pg.Shape | None) -> tuple[float, ...] | None:
-    """Return the edges (3,) of a box or an ellipsoid along its axes, or None for other shapes."""
-    if shape is None or shape.radii is None:
-        return None if shape is None else shape.size
-    return tuple(2 * x for x in shape.radii)
+    """Return the edges (3,) of a shape given by them, such as a box, or None for other shapes."""
+    own = None if shape is None else kind_of(shape)
+    return own.edges(shape) if own is not None and own.edged else None
 
 
 def extent(
@@ -427,9 +422,8 @@ def extent(
         rest = [x for i, x in enumerate(edges) if i != k]
         return edges[k], min(rest) / 2, shape.position, multiply(shape.rotation, Z_TO[k])
     if shape is not None:
-        radius = shape.radius or LEAST * SLENDER
-        length = (shape.length or 2 * radius) + (2 * radius if shape.kind == "capsule" else 0.0)
-        return length, radius, shape.position, shape.rotation
+        width, _, length = kind_of(shape).edges(shape) or UNKNOWN
+        return length, width / 2, shape.position, shape.rotation
     end = body.tip if body.tip is not None else tuple(2 * x for x in body.com)
     length = math.hypot(*end)
     if length < 1e-6:

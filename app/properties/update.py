@@ -179,7 +179,7 @@ class FillFromShape(OfBodies):
         except (Refusal, pg.PgraphError) as problem:
             sentence = f"The density {problem}" if isinstance(problem, Refusal) else str(problem)
             return replied(state, self.client, self.serial, sentence)
-        if any(shape.kind == "mesh" for b in bodies for shape in b.shapes):
+        if any(shape.file for b in bodies for shape in b.shapes):
             state = replied(state, self.client, self.serial)
             work = partial(_filled, bodies=self.bodies, density=density)
             return sent(state, self.client, "mass from shape", work)

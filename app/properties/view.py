@@ -31,7 +31,6 @@ from .body_cells import (
     DERIVED,
     MOTIONS,
     NO_SHAPE,
-    OF_FILES,
     SHAPES,
     held,
     letter_of,
@@ -292,7 +291,8 @@ class _Form:
         shapes, prefix = self.body.shapes, f"shape_{at}_" if at else "shape_"
         shape = shapes[at] if at < len(shapes) else None
         kind = NO_SHAPE if shape is None else shape.kind
-        kinds = [(k, k.capitalize()) for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]
+        kinds = [(NO_SHAPE, NO_SHAPE.capitalize())]
+        kinds += [(k, k.capitalize()) for k, x in SHAPES.items() if not x.elsewhere or kind == k]
         upload = {"upload": True, "help": "visual shapes and collision shapes"}
         if not at:
             kinds.append(("file", "Mesh file …"))  # STL, OBJ, PLY, OFF or GLB, 10 MB at most
@@ -300,16 +300,14 @@ class _Form:
         if shape is None:
             found[0]["note"] = "" if at else STAND_IN
             return found
-        if kind == "mesh":
+        if shape.file:
             name = (shape.file or "").replace("\\", "/").rsplit("/", 1)[-1]
             found[0]["note"] = name
-            found.append(self.vector(prefix + "scale"))
+        own = SHAPES[kind]
         found += [
-            self.vector(prefix + f, XYZ if f in ("size", "radii") else ())
-            for f in ("size", "radius", "radii", "length") if getattr(shape, f) is not None
-        ]  # fmt: skip
-        if kind in ("capsule", "cylinder") and shape.role == "visual":
-            found.append(self.vector(prefix + "end_radius"))
+            self.vector(prefix + f, XYZ if isinstance(getattr(shape, f), tuple) else ())
+            for f in (*(own.cells or own.needs), *own.optional(shape))
+        ]
         found.append(self.vector(prefix + "position"))
         turn, names = ROTATIONS[self.display.turn]
         found.append(self.vector(prefix + turn, names))

@@ -15,10 +15,8 @@ from ..engine.contact.manifold import MOST
 from ..engine.motions import facts
 from ..engine.records import (
     APART,
-    CAPSULE,
     CREEP,
     GROUND_PAIR,
-    HEIGHTFIELD,
     MEMBER,
     PAIR_LAW,
     PENALTY,
@@ -26,7 +24,6 @@ from ..engine.records import (
     RIGID,
     SHAPE_PAIR,
     SOFT,
-    SPHERE,
     rows_of,
 )
 from ..errors import ModelError, PgraphError, Problem
@@ -47,18 +44,19 @@ from ..packing.constraints import (
 )
 from ..packing.forces import acting_on, terms_of
 from ..rotation import matrix
+from ..shapes import kind_of
+from ..shapes.solid import Solid, points
 from ..tolerances import NAMED
 from ..topology import Topology
-from . import shape_kinds
+from . import packed_shapes
 from .covered import Covered
-from .shape_kinds import Placed, Solid
+from .packed_shapes import Placed
 from .terrain import terrain_of
 
 if TYPE_CHECKING:
     from ..packing.packed import Packed
 
 LAWS = {"complementarity": RIGID, "soft": SOFT, "penalty": PENALTY}
-ROOM = {SPHERE: 1, CAPSULE: 2}  # contact points of a shape, MOST of others
 ON_FIELD = 64  # room for contact points of a shape on a heightfield
 SINKS = 1e-4  # default depth of a contact under its weight, relative to the bodies' size
 LOWEST = 0.05  # restitution of soft and penalty contacts: less would take ever more
@@ -199,7 +197,7 @@ class _Shapes:
             if self.placed[mine[0]].row == self.placed[others[0]].row:
                 text = f"'{body}' and '{other}' are welded together and cannot collide; remove it"
                 raise ModelError(Problem(f"contact '{c.name}'", "other", text))
-            if any(self.placed[b].solid.kind == HEIGHTFIELD for b in others):
+            if any(self.placed[b].solid.is_field for b in others):
                 self._refuse_field(c, mine, "does not touch another heightfield")
             slot = self._slot(name, c, body, other)
             self.pairs += [(a, b, slot) for a in mine for b in others]
@@ -212,7 +210,7 @@ class _Shapes:
         return self.boxes
 
     def _refuse_field(self, c: Contact, shapes: list[int], text: str) -> None:
-        if any(self.placed[i].solid.kind == HEIGHTFIELD for i in shapes):
+        if any(self.placed[i].solid.is_field for i in shapes):
             raise ModelError(Problem(f"contact '{c.name}'", "body", f"a heightfield {text}"))
 
     def _shaped(self) -> list[Body]:
@@ -252,21 +250,19 @@ class _Shapes:
         offset = packed.bodies_f[number, at.OFFSET : at.OFFSET + 3]
         row = packed.row_of(number)
         if shape is None:
-            return [Placed(shape_kinds.points(own), row, number, offset.tolist(), home)]
+            return [Placed(points(own), row, number, offset.tolist(), home)]
         position = (offset + home @ np.array(shape.position)).tolist()
         rotation = home @ matrix(shape.rotation)
         parts = _solids(c.name, body.name, shape)
-        if shape.kind == "mesh" and shape.hull is None:
-            excess = shape_kinds.hull_excess(shape.file or "", shape.scale)
-            if excess > 1 + NAMED:
-                self.hulls.append((excess, body.name))
+        if (excess := kind_of(shape).excess(shape)) > 1 + NAMED:
+            self.hulls.append((excess, body.name))
         surface = shape.surface_velocity, shape.surface_spin
         return [Placed(solid, row, number, position, rotation, surface) for solid in parts]
 
     def tables(self, limits: list[tuple[str, Block]]) -> Tables:
         """Return the tables with these limits, given by name and block."""
-        neighbours = shape_kinds.neighbours_of(self.placed, self._partners())
-        geometry = shape_kinds.packed(self.placed, neighbours, self.model.gravity)
+        neighbours = packed_shapes.neighbours_of(self.placed, self._partners())
+        geometry = packed_shapes.packed(self.placed, neighbours, self.model.gravity)
         room = sum(self._points(i) for i, _ in self.on_ground)
         room += sum(self._room(a, b) for a, b, _ in self.pairs if b not in self.boxes)
         room += MOST * (min(len(self.boxes), 4) * len(self.on_ground) + len(self.members))
@@ -310,12 +306,12 @@ class _Shapes:
 
     def _room(self, a: int, b: int) -> int:
         """Return the maximum number of contact points between two shapes."""
-        field = HEIGHTFIELD in (self.placed[a].solid.kind, self.placed[b].solid.kind)
+        field = self.placed[a].solid.is_field or self.placed[b].solid.is_field
         return ON_FIELD if field else MOST
 
     def _points(self, i: int) -> int:
         solid = self.placed[i].solid
-        return len(solid.vertices) if solid.kind == POINTS else ROOM.get(solid.kind, MOST)
+        return len(solid.vertices) if solid.of_balls else MOST
 
 
 def _laws(contacts: Sequence[Contact], mech: Packed) -> list[tuple[float, ...]]:
@@ -486,7 +482,7 @@ def _trees(topology: Topology, packed: System) -> _Trees:
 def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
     """Convert a body's shape for the kernels. Raises ModelError with the contact and body names."""
     try:
-        return shape_kinds.solids_of(shape)
+        return kind_of(shape).solids(shape)
     except PgraphError as error:
         where = f"contact '{contact}'"
         problems = [Problem(where, "", f"the shape of '{body}': {p}") for p in error.problems]

@@ -13,7 +13,9 @@ import numpy as np
 
 from ..engine.arrays import Ground
 from ..model import Model
-from .shape_kinds import Array, Placed, box, ground
+from ..shapes.boxes import box
+from ..shapes.solid import Array
+from .packed_shapes import Placed, ground
 
 
 class Terrain(NamedTuple):

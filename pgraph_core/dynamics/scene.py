@@ -274,7 +274,7 @@ class ContactSpace(Unportable):
 
         If `steps` is True, no step is repeated, so its contact history can be stored.
         """
-        from ..contact import shape_kinds
+        from ..contact import packed_shapes
         from ..engine.contact import contacts as kernels  # compiled only if something touches
 
         n, count, limits = len(contacts.touches), contacts.room, len(contacts.limits)
@@ -298,7 +298,7 @@ class ContactSpace(Unportable):
             candidates=contacts.candidates,
             poses=table(POSE, len(contacts.geometry.shapes)),
             start_poses=table(POSE, len(contacts.geometry.shapes)),
-            search=shape_kinds.search_space(contacts.geometry, len(contacts.candidates.members)),
+            search=packed_shapes.search_space(contacts.geometry, len(contacts.candidates.members)),
             found=table(CONTACT, count),
             laws=contacts.laws,
             kept=table(KEPT, count),

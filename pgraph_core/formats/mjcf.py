@@ -23,6 +23,7 @@ from ..mesh_files import FORMATS
 from ..model import Body, Contact, Force, Model
 from ..model.files import kept_mesh
 from ..rotation import matrix, multiply, unit
+from ..shapes import KINDS
 from .conversion import (
     Folders,
     MeshSize,
@@ -393,19 +394,11 @@ class _Reader:
         if rgba is not None:
             shape["colour"], shape["opacity"] = rgba[:3], rgba[3]
         match kind:
-            case 2:
-                shape |= {"kind": "sphere", "radius": x}
-            case 3:
-                shape |= {"kind": "capsule", "radius": x, "length": 2 * y}
-            case 5:
-                shape |= {"kind": "cylinder", "radius": x, "length": 2 * y}
-            case 4:
-                shape |= {"kind": "ellipsoid", "radii": (x, y, z)}
-            case 6:
-                shape |= {"kind": "box", "size": (2 * x, 2 * y, 2 * z)}
-            case 1:
+            case _ if kind in SOLIDS:
+                shape |= {"kind": SOLIDS[kind].name, **SOLIDS[kind].of_mjcf(x, y, z)}
+            case 1:  # a heightfield, whose heights are elsewhere
                 shape |= self._field(int(m.geom_dataid[g]))
-            case 7:
+            case 7:  # a mesh
                 found = self._mesh(g, acts)
                 if found is None:
                     return None
@@ -485,5 +478,6 @@ class _Reader:
         return self._of_file(file, acts), np.zeros(3), NO_TURN
 
 
+SOLIDS = {kind.geom: kind for kind in KINDS.values() if kind.geom >= 0}  # by MuJoCo's number
 NO_TURN = (1.0, 0.0, 0.0, 0.0)
 NO_MASS = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3}

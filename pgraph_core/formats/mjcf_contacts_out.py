@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 from ..fields import EVERY, GROUND
 from ..joints import restrains
 from ..model import Body, Contact, Model
+from ..shapes import kind_of
 from .conversion import Report, at_origin, names_beside
 from .mjcf_contacts import FRICTIONLESS, Law
 from .urdf_out import Tag
 
-MESHES = (".stl", ".obj")
-SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
 WORLD = "world"
 
 
@@ -29,8 +27,7 @@ class OddPair(NamedTuple):
 def _touching(body: Body) -> Iterator[int]:
     """Yield the indices of the body's collision shapes that are exported."""
     for k, shape in enumerate(body.shapes):
-        mesh = shape.kind == "mesh" and Path(shape.file or "").suffix.lower() in MESHES
-        if shape.role != "visual" and (mesh or shape.kind in SOLIDS):
+        if shape.role != "visual" and kind_of(shape).mjcf(shape) is not None:
             yield k
 
 

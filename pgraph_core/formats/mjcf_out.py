@@ -29,11 +29,13 @@ from ..model.files import gathered, write_atomic
 from ..model.output import OF_CONTACT, OF_JOINT, OF_SUBTREE
 from ..model.shape import corners_of
 from ..rotation import frame_of, matrix, quaternion_of, unit
+from ..shapes import kind_of
+from ..shapes.meshes import scales
 from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, why_unphysical
 from .mjcf_compiled import GREY, MINVAL
 from .mjcf_contacts import FRICTIONLESS
-from .mjcf_contacts_out import MESHES, WORLD, ContactsOut, condim, geom_name
+from .mjcf_contacts_out import WORLD, ContactsOut, condim, geom_name
 from .mjcf_keys import keyframes
 from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag
@@ -300,27 +302,17 @@ class _Writer(ContactsOut):
             geom = Tag("geom", pos=shape.position, quat=unit(shape.rotation))
             if (body.name, k) in self.named_geoms:
                 geom.set(name=geom_name(body, k))
-            r, h = shape.radius or 0.0, (shape.length or 0.0) / 2
-            match shape.kind:
-                case "box":
-                    size = tuple(x / 2 for x in shape.size or ())
-                    geom.set(type="box", size=size)
-                case "sphere":
-                    geom.set(type="sphere", size=(r,))
-                case "capsule" | "cylinder" if shape.end_radius is None or shape.role == "visual":
-                    geom.set(type=shape.kind, size=(r, h))
-                case "ellipsoid":
-                    geom.set(type="ellipsoid", size=shape.radii)
-                case "mesh" if not (self.folder / (shape.file or "")).is_file():
-                    what = f"a mesh whose file {shape.file} does not exist"
-                    self.out(f"body '{body.name}'", what, acts=shape.role != "visual")
-                    continue
-                case "mesh" if Path(shape.file or "").suffix.lower() in MESHES:
-                    geom.set(type="mesh", mesh=self._asset(shape))
-                case kind:
-                    what = f"a {kind} of {Path(shape.file).suffix}" if shape.file else f"a {kind}"
-                    self.out(f"body '{body.name}'", what, acts=shape.role != "visual")
-                    continue
+            found, acts = kind_of(shape).mjcf(shape), shape.role != "visual"
+            if shape.file and not (self.folder / shape.file).is_file():
+                what = f"a mesh whose file {shape.file} does not exist"
+                self.out(f"body '{body.name}'", what, acts=acts)
+                continue
+            if found is None:
+                of = f" of {Path(shape.file).suffix}" if shape.file else ""
+                self.out(f"body '{body.name}'", f"a {shape.kind}{of}", acts=acts)
+                continue
+            geom.set(type=found[0])
+            geom.set(**({"mesh": self._asset(shape)} if shape.file else {"size": found[1]}))
             if shape.role == "visual":
                 geom.set(contype="0", conaffinity="0", group="2")
             elif shape.role == "collision":
@@ -334,7 +326,7 @@ class _Writer(ContactsOut):
             yield geom
 
     def _asset(self, shape: Any) -> str:
-        scale = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
+        scale = scales(shape)
         key = (
             f"{Path(shape.file).stem} {scale}"
             if scale != (1.0, 1.0, 1.0)

@@ -17,6 +17,7 @@ from ..fields import GROUND
 from ..model import Actuator, Body, Constraint, Gear, Model, Motor, Shape
 from ..model.files import gathered, write_atomic
 from ..rotation import frame_of, quaternion_of, rotate, unit, unit_vector
+from ..shapes import kind_of
 from .conversion import NO_LIMIT, Report, at_origin, named, names_beside, unused
 from .urdf import LOOPS, WORLD
 
@@ -233,28 +234,14 @@ class _Writer:
 
     def _solids(self, tag: str, shape: Shape, name: str) -> list[Tag]:
         """Return one <visual> or <collision>, or a cylinder and two spheres for a capsule."""
-        parts: list[tuple[Tag, float]] = []
-        r, h = shape.radius or 0.0, shape.length or 0.0
-        match shape.kind:
-            case "box":
-                parts = [(Tag("box", size=shape.size), 0.0)]
-            case "sphere":
-                parts = [(Tag("sphere", radius=r), 0.0)]
-            case "cylinder" if shape.end_radius is None or tag == "visual":
-                parts = [(Tag("cylinder", radius=r, length=h), 0.0)]
-            case "capsule":
-                parts = [(Tag("cylinder", radius=r, length=h), 0.0)]
-                parts += [(Tag("sphere", radius=r), z) for z in (-h / 2, h / 2)]
-            case "mesh":
-                scale = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
-                parts = [(Tag("mesh", filename=shape.file, scale=scale), 0.0)]
-            case kind:
-                self._out(f"body '{name}'", f"a {kind}", name, acts=tag == "collision")
+        parts = kind_of(shape).urdf(shape, drawn=tag == "visual")
+        if not parts:
+            self._out(f"body '{name}'", f"a {shape.kind}", name, acts=tag == "collision")
         tags: list[Tag] = []
-        for solid, z in parts:
+        for solid, attributes, z in parts:
             place = np.array(shape.position) + rotate(shape.rotation, (0.0, 0.0, z))
             one = Tag(tag).add(Tag("origin", xyz=place, rpy=rpy_of(shape.rotation)))
-            one.add(Tag("geometry").add(solid))
+            one.add(Tag("geometry").add(Tag(solid, **attributes)))
             if tag == "visual" and (shape.colour is not None or shape.opacity < 1.0):
                 rgba = (*(shape.colour or GREY), shape.opacity)
                 material = Tag("material", name=f"colour {_text(rgba)}")

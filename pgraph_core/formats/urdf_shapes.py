@@ -15,18 +15,14 @@ from ..mesh_files import FORMATS
 from ..model import Shape
 from ..model.shape import mass_properties_of
 from ..rotation import Quaternion, frame_of, matrix, multiply, quaternion_of
+from ..shapes import KINDS
 from .conversion import Folders, MeshSize, Report
 from .paint import Rgba, Seen, seen_in, within_0_and_1
 
 Value = TypeVar("Value")
 ZERO = (0.0, 0.0, 0.0)
 Z = (0.0, 0.0, 1.0)
-DIMENSIONS = {  # attributes of solids
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-}
+DIMENSIONS = {name: kind.attributes for name, kind in KINDS.items()}
 
 
 class Shapes:

@@ -29,6 +29,8 @@ from ..model.settings import STEP
 from ..numbering import children_of
 from ..result import Result
 from ..result.columns import coordinates
+from ..shapes import kind_of
+from ..shapes.contract import Piece
 from ..show import model_html, shapes
 from ..show.bodies import Track, looks
 from ..show.stage import GRID, depth
@@ -264,8 +266,8 @@ class _Drawing:
                     "position": piece.position, "rotation": piece.rotation.ravel(),
                     "color": piece.color or look.color, "opacity": piece.opacity, "follows": [],
                 }  # fmt: skip
-                if piece.kind in ("mesh", "heightfield"):
-                    solid = shapes.mesh([shapes.Piece(
+                if kind_of(piece).faceted:
+                    solid = shapes.mesh([Piece(
                         piece.kind, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), np.eye(3), piece.file
                     )])  # fmt: skip
                     one["kind"], one["mesh"] = "mesh", len(meshes)

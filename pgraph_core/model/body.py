@@ -105,8 +105,8 @@ class Body(Described):
         help="direction in the body's axes at q = 0; any length",
     )  # fmt: skip
     motions: tuple[tuple[MotionKind, Vec3], ...] = field(
-        "('rotate' | 'screw' | 'translate' | 'ball' | 'curve', [x, y, z]) pairs of a compound "
-        "joint",
+        f"({' | '.join(repr(kind) for kind in joints.KINDS if kind != 'free')}, [x, y, z]) pairs "
+        "of a compound joint",
         converter=_motions_in, default=(), role="joint",
     )  # fmt: skip
     link: Vec3 = field(
@@ -318,7 +318,7 @@ class Body(Described):
             names = " and ".join(self.derived)
             text = f"{names} cannot follow from it: {error.problems[0]}; give numbers"
             return [("shape", text)]
-        if any(shape.kind == "mesh" for shape in self.shapes):
+        if any(shape.file for shape in self.shapes):
             return []  # a file that has changed since
         return [
             (name, f"follows from the shapes as {shown(fields[name])}, got {shown(value)}; "
@@ -502,13 +502,12 @@ def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None
         value = listed(data[name]) if name in data else ()
         value = value if isinstance(value, tuple) else (value,)
         if len(value) == 1 and (motions or value == (0,)):
-            screws = [m.kind == "screw" for m in motions]
+            screws = [m.kind in joints.PITCHED for m in motions]
             all_have = name != "pitch" or not any(screws)
             value = tuple(value[0] if screw or all_have else 0.0 for screw in screws)
         data[name] = value or (0.0,) * len(motions)
         if name == "pitch" and not value:
-            usual = joints.DEFAULT["screw"][0].pitch
-            data[name] = tuple(usual if m.kind == "screw" else 0.0 for m in motions)
+            data[name] = tuple(joints.KINDS[m.kind].pitch for m in motions)
 
 
 def _limits(value: Any, count: int) -> Any:

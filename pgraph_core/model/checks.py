@@ -10,6 +10,7 @@ from ..errors import MOST_TOLD, Problem, choices, counted, shown
 from ..fields import EVERY, GROUND, Described, OfSums, name_problem
 from ..forces import Force, OnJoint, Tendon, ends_of
 from ..joints import quaternion_problems
+from ..shapes import KINDS, kind_of
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
@@ -148,10 +149,11 @@ def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
             found.append(Problem(where, field, text))
     body = bodies.get(c.body)
     if isinstance(c, Rolling) and c.radius is None and body is not None:
-        kinds = ("sphere",) if c.axis is None else ("cylinder", "sphere")
-        if body.shape is None or body.shape.kind not in kinds:
-            what = "sphere" if c.axis is None else "disc"
-            text = f"a rolling {what} needs its radius: '{c.body}' has no {kinds[0]} as its shape"
+        what = "sphere" if c.axis is None else "disc"
+        rolls = "" if body.shape is None else kind_of(body.shape).rolls
+        if not rolls or (what == "sphere" and rolls != what):
+            round_ = next(name for name, kind in KINDS.items() if kind.rolls == what)
+            text = f"a rolling {what} needs its radius: '{c.body}' has no {round_} as its shape"
             found.append(Problem(where, "radius", f"{text}; give a radius > 0 [m]"))
     return found
 

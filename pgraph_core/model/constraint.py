@@ -33,6 +33,7 @@ from ..fields import (
     vector,
 )
 from ..rotation import normals_of, unit_vector
+from ..shapes import kind_of
 from ..tolerances import NOTABLE
 from ..units import NONE, M, Q, S
 from .poses import poses
@@ -428,7 +429,7 @@ class Rolling(AlongAxes):
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
         shape = model.body(body).shape
-        return {} if shape is not None and shape.kind == "sphere" else {"radius": 0.1}
+        return {} if shape is not None and kind_of(shape).rolls == "sphere" else {"radius": 0.1}
 
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
         return {}

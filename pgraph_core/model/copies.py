@@ -10,6 +10,8 @@ from ..curves import VectorTable
 from ..fields import GROUND, AtPoint, Frozen, OfSums, Quat, Vec3, facts
 from ..forces import Between, Force, Wrench
 from ..joints import DIRECTED, SIZE, Motion
+from ..rotation import multiply
+from ..shapes import kind_of
 from .body import Body, Shape
 from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
@@ -347,17 +349,14 @@ class Mirror:
         })  # fmt: skip
 
     def shape(self, shape: Shape) -> Shape:
-        """Return a shape at the reflected position.
-
-        All solids are symmetric about their coordinate planes, except meshes and tapered solids.
-        """
-        moved = self.fields(shape)
-        if shape.end_radius is not None and self.sign[2] < 0:
-            w, x, y, z = moved["rotation"]
-            moved["rotation"] = (-x, w, z, -y)  # half a turn about its own x
+        """Return the mirror image of a shape, as its kind says. Raises ModelError."""
+        kind, plane = kind_of(shape), self.sign.index(-1.0)
+        moved = self.fields(shape) | kind.mirrored(shape, plane)
+        if (axis := kind.half_turn(shape, plane)) is not None:
+            turn = (0.0, *(float(k == axis) for k in range(3)))
+            moved["rotation"] = multiply(moved["rotation"], turn)
             for name in ("surface_velocity", "surface_spin"):
-                x, y, z = moved[name]
-                moved[name] = (x, -y, -z)
+                moved[name] = tuple(x if k == axis else -x for k, x in enumerate(moved[name]))
         return shape.unchecked_copy(moved)
 
     def value(self, x: Any, reflect: Callable[[Any], Any]) -> Any:

@@ -7,7 +7,6 @@ import tempfile
 import webbrowser
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,8 @@ import numpy as np
 
 from ..errors import counted, needed
 from ..numbering import canonical, children_of
+from ..shapes import kind_of
+from ..shapes.contract import Piece
 from . import bodies, shapes, stage
 from .digraph import digraph_svg
 from .stage import GRID
@@ -114,7 +115,6 @@ def _framed(title: str, line: str, body: str) -> str:
 
 
 WIDTH, HEIGHT = 132, 88
-ROUND = 20  # points around a ball or a rim
 MOST_PIECES = 400  # pieces that are drawn: the nearest bodies of a large model
 
 
@@ -164,22 +164,9 @@ def _shape(
     )
 
 
-def outline(piece: shapes.Piece) -> np.ndarray:
+def outline(piece: Piece) -> np.ndarray:
     """Return points (n, 3) in body axes whose convex hull is the piece or its bounding box."""
-    x, y, z = piece.size
-    angles = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
-    ring = np.column_stack((np.cos(angles), np.sin(angles), 0 * angles)) / 2
-    if piece.kind in ("sphere", "capsule"):
-        near, far = x / 2, x / 2 * piece.taper
-        ball = np.concatenate([np.roll(ring * 2, k, axis=1) for k in range(3)])
-        ends = (0.0,) if piece.kind == "sphere" else (near - z / 2, z / 2 - far)
-        local = [r * ball + (0, 0, end) for end, r in zip(ends, (near, far))]
-    elif piece.kind == "cylinder":
-        local = [ring * (x * f, y * f, 0) + (0, 0, end) for end, f in
-                 ((-z / 2, 1.0), (z / 2, piece.taper))]  # fmt: skip
-    else:
-        local = [np.array([*product((-0.5, 0.5), repeat=3)]) * piece.size]
-    return piece.position + np.concatenate(local) @ piece.rotation.T
+    return piece.position + kind_of(piece).outline(piece) @ piece.rotation.T
 
 
 def hull(points: np.ndarray) -> list[tuple[float, float]]:

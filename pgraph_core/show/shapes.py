@@ -8,18 +8,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
-from pathlib import Path
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from ..errors import PgraphError, needed
-from ..mesh_files import load_mesh
+from ..errors import needed
 from ..rotation import frame_of
+from ..shapes import KINDS, kind_of
+from ..shapes.contract import Color, Piece
+from ..shapes.meshes import fault_of
 
-Color = tuple[int, int, int]
 # of the trunk and of one branch after the other; the style of the light theme has the same. None is
 # blue: that is the colour of what is selected
 HUES: tuple[Color, ...] = (
@@ -46,20 +45,6 @@ CREASE = math.radians(30)  # more than between the facets of round solids, less 
 SHORTEST = 10 * THINNEST  # [m] a shorter link is drawn as a box, as large as which a model is shown
 
 
-@dataclass(frozen=True)
-class Piece:
-    """A solid in body axes, whose bounding box has edge lengths `size` along its own axes."""
-
-    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh", "heightfield"]
-    size: tuple[float, float, float]  # [m]
-    position: tuple[float, float, float]  # its middle [m]
-    rotation: np.ndarray  # (3, 3)
-    file: Any = ""  # file of a mesh, or the shape of a heightfield
-    color: Color | None = None  # its own colour, or None for that of its body
-    opacity: float = 1.0
-    taper: float = 1.0  # ratio of the far to the near radius of a capsule or cylinder
-
-
 def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
     """Return the body's own shapes, or slender links from its origin to its children, tip or com.
 
@@ -77,7 +62,7 @@ def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
 
 def _missing(shape: Any) -> bool:
     """Check whether a shape is a mesh whose file cannot be read."""
-    return bool(shape.file) and isinstance(_read(shape.file, _changed(shape.file)), str)
+    return bool(shape.file) and bool(fault_of(shape.file))
 
 
 def _links(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
@@ -137,29 +122,15 @@ def _rod(end: np.ndarray, radius: float) -> Piece:
 
 
 def _own(shape: Any) -> Piece:
-    x, y, z = shape.size or (1.0, 1.0, 1.0)
-    size, taper, offset = (x, y, z), 1.0, 0.0
-    if shape.radius is not None:
-        end = shape.radius if shape.end_radius is None else shape.end_radius
-        d, caps = 2 * shape.radius, shape.radius + end if shape.kind == "capsule" else 0.0
-        size = (d, d, (shape.length or 0.0) + caps if shape.kind != "sphere" else d)
-        taper = end / shape.radius
-        offset = (end - shape.radius) / 2 if shape.kind == "capsule" else 0.0
-    kind, file = shape.kind, shape.file or ""
-    if kind == "mesh":
-        x, y, z = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
-        size = (x, y, z)
-    elif kind == "ellipsoid":
-        kind, size = "sphere", tuple(2 * x for x in shape.radii)
-    elif kind == "heightfield":
-        size, file = (1.0, 1.0, 1.0), shape
+    form = kind_of(shape).form(shape)
     rotation = to_matrix(np.asarray(shape.rotation))
     color = None
     if shape.colour is not None:
         r, g, b = (round(255 * c) for c in shape.colour)
         color = (r, g, b)
-    x, y, z = (np.asarray(shape.position) + offset * rotation[:, 2]).tolist()
-    return Piece(kind, size, (x, y, z), rotation, file, color, shape.opacity, taper)
+    x, y, z = (np.asarray(shape.position) + form.offset * rotation[:, 2]).tolist()
+    place, opacity = (x, y, z), shape.opacity
+    return Piece(form.kind, form.size, place, rotation, form.file, color, opacity, form.taper)
 
 
 def mesh(parts: Sequence[Piece]) -> Any:
@@ -180,63 +151,19 @@ def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
     Meshes are not scaled to unit size. Round solids have a quarter of the faces of a single body,
     because there are many of them and each is small in the view.
     """
-    tall = (1.0, 1.0, 2.0) if kind == "capsule" else (1.0, 1.0, 1.0)
-    place = (0.0, 0.0, 0.0)
-    piece = Piece(kind, tall, place, np.eye(3), file, taper=taper)  # type: ignore[arg-type]
-    solid = _solid(piece, many=True)
-    solid.apply_scale([1.0, 1.0, 1.0 / tall[2]])
+    tall = KINDS[kind].tall
+    piece = Piece(kind, (1.0, 1.0, tall), (0.0, 0.0, 0.0), np.eye(3), file, taper=taper)
+    solid = KINDS[kind].drawn(piece, many=True)
+    solid.apply_scale([1.0, 1.0, 1.0 / tall])
     return solid
 
 
-def _solid(part: Piece, *, many: bool = False) -> Any:
-    match part.kind:
-        case "heightfield":
-            vertices, faces = part.file.surface()
-            solid = needed("trimesh").Trimesh(vertices, faces, process=False)
-        case "mesh":
-            solid = _file(part.file)
-            solid.apply_scale(part.size)
-        case _:
-            solid = _primitive(part.kind, part.size, part.taper, many).copy()
+def _solid(part: Piece) -> Any:
+    solid = kind_of(part).drawn(part)
     placed = np.eye(4)
     placed[:3, :3], placed[:3, 3] = part.rotation, part.position
     solid.apply_transform(placed)
     return solid
-
-
-@lru_cache(maxsize=256)
-def _primitive(kind: str, size: tuple[float, float, float], taper: float, many: bool) -> Any:
-    """Return a trimesh centred at the origin."""
-    creation, (x, _, z) = needed("trimesh").creation, size
-    if kind == "box":
-        return creation.box(extents=size)
-    if kind == "sphere":
-        solid = creation.icosphere(subdivisions=2 if many else 3, radius=0.5)
-        solid.apply_scale(size)
-        return solid
-    if taper != 1.0:
-        return _tapered(x / 2, x / 2 * taper, z, kind == "capsule")
-    if kind == "cylinder":
-        return creation.cylinder(radius=x / 2, height=z, sections=24 if many else 48)
-    count = (10, 16) if many else (16, 24)
-    solid = creation.capsule(radius=x / 2, height=max(z - x, 0.0), count=count)
-    solid.apply_translation(-solid.bounds.mean(axis=0))
-    return solid
-
-
-def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
-    """Return a frustum, or the hull of two balls, along z, `tall` and centred at the origin."""
-    if caps:
-        length = max(tall - near - far, abs(near - far) + 1e-9)
-        touch = math.asin((near - far) / length)  # angle at which the cone touches the balls
-        below, above = np.linspace(-np.pi / 2, touch, 9), np.linspace(touch, np.pi / 2, 9)
-        radii = np.concatenate((near * np.cos(below), far * np.cos(above)))
-        z = np.concatenate((near * np.sin(below), length + far * np.sin(above)))
-        z -= (length + far - near) / 2
-    else:
-        radii, z = np.array((0.0, near, far, 0.0)), np.array((-1.0, -1.0, 1.0, 1.0)) * tall / 2
-    radii[[0, -1]] = 0.0
-    return needed("trimesh").creation.revolve(np.column_stack((radii, z)), sections=28)
 
 
 def coil(turns: int = 9, wire: float = 0.07) -> Any:
@@ -284,44 +211,10 @@ def cone() -> Any:
     return solid
 
 
-def _file(name: str) -> Any:
-    """Return the mesh in a file, or a 0.1 m box as a visible placeholder."""
-    found = _read(name, _changed(name))
-    if isinstance(found, str):
-        return needed("trimesh").creation.box(extents=(0.1, 0.1, 0.1))
-    return found.copy()
-
-
-def bounds(part: Piece) -> np.ndarray:
-    """Return the minimum and maximum corners of a piece along its own axes [m], (2, 3)."""
-    size = np.asarray(part.size)
-    if part.kind == "mesh":
-        return np.sort(np.asarray(_file(part.file).bounds) * size, axis=0)
-    return np.stack((-size / 2, size / 2))
-
-
 def unreadable(bodies: Sequence[Any]) -> tuple[str, ...]:
     """Return a sentence for each mesh that cannot be read and is drawn as links instead."""
     files = {shape.file for b in bodies for shape in b.shapes if shape.file}
-    found = (_read(name, _changed(name)) for name in sorted(files))
-    return tuple(text for text in found if isinstance(text, str))
-
-
-@lru_cache(maxsize=64)
-def _read(name: str, changed: int) -> Any:
-    """Return the mesh in a file as last modified at time `changed`, or the error message."""
-    try:
-        return load_mesh(name)
-    except PgraphError as error:
-        return str(error)
-
-
-def _changed(name: str) -> int:
-    """Return the modification time of a file [ns], or 0 if there is no file."""
-    try:
-        return Path(name).stat().st_mtime_ns
-    except (OSError, ValueError):
-        return 0
+    return tuple(filter(None, map(fault_of, sorted(files))))
 
 
 def reach(

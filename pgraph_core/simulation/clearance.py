@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..contact import shape_kinds
+from ..contact import packed_shapes
 from ..contact.tables import Tables
 from ..contact.tables import tables as tables_of
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
@@ -41,7 +41,7 @@ class Clearance(Unportable):
         self._kept = Guard(
             geometry=given.geometry, ground=given.ground, candidates=given.candidates,
             poses=table(POSE, len(given.geometry.shapes)),
-            search=shape_kinds.search_space(given.geometry, len(given.candidates.members)),
+            search=packed_shapes.search_space(given.geometry, len(given.candidates.members)),
             found=table(CONTACT, max(given.room, LEAST_ROOM) if given.touches else 0),
             limits=np.concatenate(limits), state=table(CLEARANCE, 1),
             reach=np.zeros(len(mech.packed.run.rows)), gaps=np.zeros(count),

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.shape_kinds import rounds_of, solids_of
 from ..contact.tables import ContactPair, Limit, Tables, tables
 from ..dynamics.arguments import UserTorque
 from ..dynamics.scene import ContactSpace, Scene
@@ -40,6 +39,7 @@ from ..model import Body, Contact, Model
 from ..packing import Array, Drives, Ints, Loads, System, home_of, point_in_row
 from ..packing.constraints import Block, Blocks, block_arrays, block_values, with_blocks
 from ..rotation import matrix, normals_of
+from ..shapes import kind_of
 from ..topology import Topology
 from .monitors import room_for
 
@@ -120,8 +120,8 @@ def _places(body: Body, contact: Contact) -> list[tuple[Any, Any]]:
     found: list[tuple[Any, Any]] = []
     for shape in body.touching:
         turn = matrix(shape.rotation)
-        for solid in solids_of(shape):
-            for centre, axes in zip(*rounds_of(solid)):
+        for solid in kind_of(shape).solids(shape):
+            for centre, axes in zip(*solid.rounds):
                 point = tuple((np.array(shape.position) + turn @ centre).tolist())
                 alike = np.ptp(axes.diagonal()) == 0  # a sphere or point, however it is turned
                 axes = axes if alike else axes @ turn.T

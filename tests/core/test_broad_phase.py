@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pgraph_core.contact import shape_kinds as solids
+from pgraph_core import shapes as solids
 
 from .touching import Scene, random_pose, random_solid
 

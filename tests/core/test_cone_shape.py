@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.contact.shape_kinds import SIDES, solid_of
+from pgraph_core.shapes import kind_of
+from pgraph_core.shapes.cylinders import SIDES
 
 R, H = 0.2, 0.6
 
@@ -34,7 +35,7 @@ def test_a_cone_has_the_mass_of_a_third_of_its_cylinder():
 
 @pytest.mark.parametrize("end", [0.0, 0.05, R, 0.3])
 def test_its_solid_is_inside_the_round_one_by_no_more_than_stated(end):
-    places = solid_of(cone(end)).vertices
+    places = kind_of(cone(end)).solids(cone(end))[0].vertices
     radius = R + (end - R) * (places[:, 2] / H + 0.5)
     np.testing.assert_allclose(np.hypot(*places[:, :2].T), radius, atol=1e-12)
     assert len(places) == SIDES + (SIDES if end else 1)

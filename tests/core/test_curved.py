@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.contact import shape_kinds as solids
-from pgraph_core.contact.shape_kinds import Solid
+from pgraph_core import shapes as solids
 from pgraph_core.engine.records import CYLINDER, ELLIPSOID
+from pgraph_core.shapes import Solid
 
 from .touching import CURVED, KINDS, Scene, pose, random_pose, random_solid, rounded
 

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.contact import shape_kinds as solids
+from pgraph_core import shapes as solids
+from pgraph_core.contact import packed_shapes
 from pgraph_core.engine.records import CYLINDER
 
 from .touching import KINDS, Scene, pose, random_pose, random_solid
@@ -33,7 +34,7 @@ def test_gap_is_the_height_of_the_lowest_point(seed, kind, sloping):
     normal = rng.normal(size=3) if sloping else np.array((0.0, 0.0, 1.0))
     normal /= np.linalg.norm(normal)
     place = random_pose(rng, 1.0)
-    scene = Scene([random_solid(rng, kind)], [place], solids.ground(normal))
+    scene = Scene([random_solid(rng, kind)], [place], packed_shapes.ground(normal))
     expected = lowest(scene, normal)
     assert scene.gaps(on_ground=[0])[0] == pytest.approx(expected, abs=ROUNDING)
     touch = scene.on_ground()

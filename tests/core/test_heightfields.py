@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.contact import shape_kinds as solids
-from pgraph_core.contact.shape_kinds import mass_properties
+from pgraph_core import shapes as solids
+from pgraph_core.model.shape import mass_properties
 
 from ..nights import combined
 from .touching import Scene, pose, random_pose, random_solid

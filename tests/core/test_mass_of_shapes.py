@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.contact.shape_kinds import mass_properties
+from pgraph_core.model.shape import mass_properties
 
 
 @pytest.mark.parametrize("slope", [(0.0, 0.0), (0.3, 0.0), (0.2, -0.4)])

@@ -9,8 +9,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
-from pgraph_core.contact import shape_kinds as solids
+from pgraph_core import shapes as solids
 from pgraph_core.mesh_files import load_mesh
+from pgraph_core.model.shape import mass_properties
 from pgraph_core.show import shapes as show_shapes
 
 from .convex import signed_distance
@@ -37,9 +38,9 @@ SHAPES = [  # with half of the size
 def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance, half):
     """A tapered solid is compared with the surface that is drawn."""
     shape = pg.Shape(**fields, position=(0.1, 0.2, 0.3), rotation=TURN)
-    found = solids.mass_properties(shape, 1000.0)
+    found = mass_properties(shape, 1000.0)
     if half:
-        box, middle = solids.solid_of(pg.Shape(**fields)).box
+        box, middle = solids.kind_of(shape).solids(shape)[0].box
         np.testing.assert_allclose(box, half)
         np.testing.assert_allclose(middle, 0)
         mesh.apply_transform(trimesh.transformations.quaternion_matrix(TURN))
@@ -64,8 +65,8 @@ def test_a_mesh_file_has_the_mass_of_its_solid(tmp_path, inside_out):
         mesh.invert()
     mesh.export(tmp_path / "brick.stl")
     shape = pg.Shape(kind="mesh", file=str(tmp_path / "brick.stl"))
-    found = solids.mass_properties(shape, 1000.0, unit="mm")
-    box = solids.mass_properties(pg.Shape(kind="box", size=(0.1, 0.2, 0.3)), 1000.0)
+    found = mass_properties(shape, 1000.0, unit="mm")
+    box = mass_properties(pg.Shape(kind="box", size=(0.1, 0.2, 0.3)), 1000.0)
     assert found.mass == pytest.approx(6.0)
     np.testing.assert_allclose(found.com, (0.05, 0, 0), atol=1e-9)
     np.testing.assert_allclose(found.inertia, box.inertia, atol=1e-9)
@@ -112,7 +113,7 @@ def cloud(count):
 def test_hulls_are_closed_and_convex(points, tolerance, slack):
     """A vertex on an edge of one face belongs to that face too, or to no edge of either."""
     solid = solids.hull(points)
-    edges, normals = solids.edges_of(solid), solids.normals_of(solid)
+    edges, normals = solids.edges_of(solid), solid.normals
     assert len(solid.vertices) - len(edges) + len(solid.rings) == 2  # Euler
     for ring, normal in zip(solid.rings, normals):
         corners = solid.vertices[list(ring)]
@@ -132,7 +133,7 @@ def test_a_hull_is_computed_once_for_its_points():
     points = cloud(100)
     solid = solids.hull(points)
     assert solids.hull(points.copy()) is solid
-    assert solids.normals_of(solid) is solids.normals_of(solid)
+    assert solid.normals is solid.normals
     assert solids.edges_of(solid) is solids.edges_of(solid)
     moved = points + np.array((0.0, 0.0, 1e-9))
     assert np.ptp(solids.hull(moved).vertices - solid.vertices, axis=0).max() < 1e-14
@@ -154,8 +155,8 @@ def test_meshes_that_cannot_be_used_are_refused(tmp_path):
     flat = tmp_path / "flat.obj"
     flat.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n")
     for call, fact in (
-        (lambda: solids.mass_properties(shape, 1000), f"{re.escape(str(file))}.* 3 "),
-        (lambda: solids.mass_properties(shape, 0), "> 0"),
+        (lambda: mass_properties(shape, 1000), f"{re.escape(str(file))}.* 3 "),
+        (lambda: mass_properties(shape, 0), "> 0"),
         (lambda: load_mesh(file, unit="inch"), "m, cm, mm, in, ft.*'inch'"),
         (lambda: load_mesh(tmp_path / "none.stl"), "none.stl"),
         (lambda: load_mesh(tmp_path / "cut.glb"), "cut.glb"),

@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.contact import shape_kinds as solids
+from pgraph_core import shapes as solids
 
 from ..nights import combined
 from .convex import signed_distance

@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.contact import shape_kinds as solids
-from pgraph_core.contact.shape_kinds import Placed, Solid
+from pgraph_core import shapes as solids
+from pgraph_core.contact import packed_shapes
+from pgraph_core.contact.packed_shapes import Placed
 from pgraph_core.engine.arrays import Candidates
 from pgraph_core.engine.contact import search as kernels
 from pgraph_core.engine.records import (
@@ -22,8 +23,9 @@ from pgraph_core.engine.records import (
     rows_of,
     table,
 )
+from pgraph_core.shapes import Solid
 
-FLAT = solids.ground((0, 0, 1))
+FLAT = packed_shapes.ground((0, 0, 1))
 NO_PAIRS, NOBODY = rows_of(SHAPE_PAIR, ()), rows_of(MEMBER, ())
 NO_GROUND, NOT_APART = rows_of(GROUND_PAIR, ()), rows_of(APART, ())
 KINDS = ("sphere", "capsule", "box", "hull")  # balls about vertices, and solids with corners
@@ -45,13 +47,15 @@ class Scene:
 
     def __init__(self, shapes: Sequence[Solid], poses: np.ndarray | None = None, ground=FLAT):
         self.shapes = list(shapes)
-        self.geometry = solids.packed([Placed(s, i, i) for i, s in enumerate(shapes, start=1)])
+        self.geometry = packed_shapes.packed(
+            [Placed(s, i, i) for i, s in enumerate(shapes, start=1)]
+        )
         self.poses = np.array([pose()] * len(self.shapes)) if poses is None else np.array(poses)
         self.ground = ground
 
     def ask(self, touch, margin: float = 1e3, room: int = 20000) -> Touch:
         """Contact points of a `touch` table of the kernels."""
-        search = solids.search_space(self.geometry, len(touch.members))
+        search = packed_shapes.search_space(self.geometry, len(touch.members))
         out, poses = table(CONTACT, room), as_poses(self.poses)
         n = kernels.contacts(self.geometry, self.ground, touch, poses, search, margin, out)
         assert n <= room
@@ -78,7 +82,7 @@ class Scene:
         ground = rows_of(GROUND_PAIR, [(i, 0) for i in on_ground])
         both = rows_of(SHAPE_PAIR, [(i, j, 0) for i, j in pairs])
         found = np.zeros(len(ground) + len(both))
-        room = solids.search_space(self.geometry, 0).room
+        room = packed_shapes.search_space(self.geometry, 0).room
         touch, poses = Candidates(ground, both, NOBODY, NOT_APART), as_poses(self.poses)
         kernels.gaps(self.geometry, self.ground, touch, poses, room, table(CONTACT, 8), found)
         return found

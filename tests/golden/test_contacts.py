@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.contact import shape_kinds as solids
+from pgraph_core import shapes as solids
 
 from ..core.touching import Scene, pose
 
