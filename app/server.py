@@ -59,12 +59,13 @@ class Server:
         self._autosave = Autosave(keep, given, self.send, again) if keep else None
         self._jobs = [Worker(kind, kind.work, self.send) for kind in Job.__subclasses__()]
         work: list[View] = [*self._jobs]
-        work += [Finder(kind, self.send) for kind in Finding.__subclasses__()]
+        finders = [Finder(kind, self.send) for kind in Finding.__subclasses__()]
         work += [worker(self.send) for worker in (LiveRunner, Files, Errands)]
         keeps = filter(None, [self._autosave])  # first, so confirmed edits are on disk
         self.store.ready, bridge.shown = bridge.ready, self.store.wake
         self.store.together = bridge.together
-        self.store.start(page.views, (*keeps, *work))
+        # finders last, as they would take processor time from what the pages show
+        self.store.start((*page.views, *finders), (*keeps, *work))
         self._compiler = Compiler(self.send)
 
     def send(self, event: Event) -> None:

@@ -298,13 +298,13 @@
     Object.assign($(".start-search"), {
       disabled: data.job !== null || Boolean(data.missing),
       hidden: data.job !== null,
-      title: data.missing || "Search in the background",
+      title: data.missing ? "" : "Search in the background",
     });
     $(".waits").hidden = !data.waits;
     $(".cancel-search").hidden = $(".busy").hidden = data.job === null;
     $(".said").textContent = data.job
       ? `${data.job.trials} runs${data.job.said ? `, ${data.job.said}` : ""}`
-      : "";
+      : data.missing;
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     $(".search-curves").replaceChildren(...data.curves.map(curve));

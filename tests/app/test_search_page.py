@@ -15,6 +15,7 @@ def test_data_are_dropped_matched_fitted_and_used(page: Any, served: Any, compil
     page.evaluate("pgraph.front('Fit')")
     start = page.locator("button.start-search")
     until(start.is_disabled, "a search that lacks data")
+    assert "measured curves" in page.locator("[data-view=search] .said").inner_text()
     page.locator("[data-view=search] input[type=file]").set_input_files(
         {"name": "swing.csv", "mimeType": "text/csv", "buffer": curves().encode()}
     )
