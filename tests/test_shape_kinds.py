@@ -96,6 +96,20 @@ def test_the_box_of_a_shape_encloses_tightly_what_is_drawn(shape, piece):
             assert (room <= ROUND * size).all()
 
 
+def test_the_hull_of_the_rounds_of_a_solid_has_its_box(shape):
+    """Impacts on the ground are located on these ellipsoids, discs and points."""
+    if shape.role == "visual":
+        return
+    (solid,) = kind_of(shape).solids(shape)
+    if solid.rounds is None:
+        return
+    centres, axes = solid.rounds
+    far = np.linalg.norm(axes, axis=1)
+    (half, middle), low, high = solid.box, (centres - far).min(axis=0), (centres + far).max(axis=0)
+    np.testing.assert_allclose(low, middle - half, atol=1e-12)
+    np.testing.assert_allclose(high, middle + half, atol=1e-12)
+
+
 def test_rays_meet_what_is_drawn(piece):
     kind = kind_of(piece)
     middle, rng = kind.bounds(piece).mean(axis=0), np.random.default_rng(1)

@@ -33,6 +33,10 @@ class Field(Solid):
         half, middle = self.box
         return float(np.linalg.norm(half + abs(middle)))
 
+    @property
+    def rounds(self) -> None:
+        return None
+
 
 def heightfield(size: Sequence[float], heights: Any) -> Solid:
     """Create a heightfield on a rectangle about the origin, with heights[i][j] along x and y."""

@@ -86,11 +86,11 @@ class Solid:
         return float(np.linalg.norm(self.vertices, axis=1).max() + self.radius)
 
     @property
-    def rounds(self) -> tuple[Array, Array]:
+    def rounds(self) -> tuple[Array, Array] | None:
         """Centres (n, 3) and semi-axes (n, 3, 3) of ellipsoids, discs or points, whose convex hull
-        is the solid.
+        is the solid, or None if there are none.
 
-        The solid touches a plane where one of them does. Not for heightfields.
+        The solid touches a plane where one of them does.
         """
         if self.radii is not None:
             return np.zeros((1, 3)), np.diag(self.radii)[None]

@@ -121,6 +121,11 @@ def _places(body: Body, contact: Contact) -> list[tuple[Any, Any]]:
     for shape in body.touching:
         turn = matrix(shape.rotation)
         for solid in kind_of(shape).solids(shape):
+            if solid.rounds is None:
+                what = (
+                    f"events are located for hulls of ellipsoids, which {kind_of(shape).one} is not"
+                )
+                raise _refused(contact, "body", what)
             for centre, axes in zip(*solid.rounds):
                 point = tuple((np.array(shape.position) + turn @ centre).tolist())
                 alike = np.ptp(axes.diagonal()) == 0  # a sphere or point, however it is turned

@@ -26,7 +26,8 @@ class Motion(NamedTuple):
     angle: bool  # the only coordinate is an angle [rad]
     turns: bool  # about an axis fixed in the parent row, so its sine and cosine are taken first
     travels: bool  # the origin moves relative to the parent row
-    bends: bool  # H depends on the coordinate, which is the only one
+    # H depends on the coordinate, which is the only one, or moves the origin across its own axis
+    bends: bool
     transmits: bool  # the parent feels loads on the row: false if H spans all velocities
     inert: bool  # a state of a control, which has no frame, energy or scale in common with others
     place: Any  # frame of the row
