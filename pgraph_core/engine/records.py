@@ -238,7 +238,7 @@ CREEP = 1e-3
 # -- shapes ----------------------------------------------------------------------------------------
 
 SPHERE, CAPSULE, BOX, CYLINDER, HULL, POINTS = 0, 1, 2, 3, 4, 5  # kinds of shape
-ELLIPSOID, HEIGHTFIELD, EGG = 6, 7, 8
+ELLIPSOID, HEIGHTFIELD = 6, 7
 
 # A ball of `radius` about one vertex is a sphere, about two a capsule. Cylinders and ellipsoids
 # have no vertices: their box says all. A heightfield has a vertex a height, row by row, and the

@@ -13,7 +13,6 @@ from .capsules import capsule as capsule
 from .contract import Kind
 from .cylinders import Cylinder
 from .cylinders import cylinder as cylinder
-from .eggs import Egg
 from .ellipsoids import Ellipsoid
 from .ellipsoids import ellipsoid as ellipsoid
 from .heightfields import Heightfield
@@ -27,12 +26,10 @@ from .solid import points as points
 from .spheres import Sphere
 from .spheres import sphere as sphere
 
-ShapeKind = Literal[
-    "box", "sphere", "ellipsoid", "cylinder", "capsule", "mesh", "heightfield", "egg"
-]  # fmt: skip
+ShapeKind = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "mesh", "heightfield"]
 KINDS: dict[str, Kind] = {
     one.name: one
-    for one in (Box(), Sphere(), Ellipsoid(), Cylinder(), Capsule(), Mesh(), Heightfield(), Egg())
+    for one in (Box(), Sphere(), Ellipsoid(), Cylinder(), Capsule(), Mesh(), Heightfield())
 }
 SIZES = tuple(sorted({name for kind in KINDS.values() for name in (*kind.needs, *kind.may)}))
 

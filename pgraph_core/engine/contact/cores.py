@@ -4,7 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 from ..compiler.jit import part, sweep
-from ..records import CYLINDER, EGG, ELLIPSOID
+from ..records import CYLINDER, ELLIPSOID
 from ..vec import add, add_scaled, dot, matrix, mul, mul_t, sub, xyz
 from .convex import (
     lay_out,
@@ -18,7 +18,7 @@ class Core(NamedTuple):
     kind: Any
     centre: Any
     rotation: Any
-    half: Any  # radii of an ellipsoid, or (radius, radius, half length) of a cylinder, or of an egg
+    half: Any  # radii of an ellipsoid, or (radius, radius, half length) of a cylinder
     side: Any  # vertices of a shape with corners
 
 
@@ -28,30 +28,15 @@ def core_of(geometry, poses, i, only, origin, room, row):
     side, row = lay_out(geometry, poses, i, only, origin, room, row)
     shape = geometry.shapes[i]
     centre = sub(xyz(poses[i].position), origin)
-    half = half_of_egg(shape) if shape.kind == EGG else xyz(shape.half_extents)
-    return Core(shape.kind, centre, matrix(poses[i].rotation), half, side), row
-
-
-@part
-def half_of_egg(shape):
-    """Return its radius, and its half axes below and above."""
-    middle, half = xyz(shape.middle), xyz(shape.half_extents)
-    return half[0], half[2] - middle[2], half[2] + middle[2]
-
-
-@part
-def half_above(half, z):
-    """Return the radii of the half of an egg on the side of z."""
-    return half[0], half[0], half[2] if z > 0.0 else half[1]
+    return Core(shape.kind, centre, matrix(poses[i].rotation), xyz(shape.half_extents), side), row
 
 
 @part
 def support(room, core, d):
     """Compute the support point of a core, which is the lowest along d."""
-    if core.kind in (ELLIPSOID, EGG):
+    if core.kind == ELLIPSOID:
         g = mul_t(core.rotation, d)
-        half = half_above(core.half, -g[2]) if core.kind == EGG else core.half
-        q = (half[0] ** 2 * g[0], half[1] ** 2 * g[1], half[2] ** 2 * g[2])
+        q = (core.half[0] ** 2 * g[0], core.half[1] ** 2 * g[1], core.half[2] ** 2 * g[2])
         return add_scaled(core.centre, -1.0 / math.sqrt(dot(g, q)), mul(core.rotation, q))
     if core.kind == CYLINDER:
         g = mul_t(core.rotation, d)

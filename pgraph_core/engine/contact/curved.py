@@ -13,10 +13,10 @@ import math
 
 from ...tolerances import EPS, LONGEST_STEP, NOTABLE, ROUNDING
 from ..compiler.jit import part, sweep
-from ..records import CYLINDER, EGG, ELLIPSOID
+from ..records import CYLINDER, ELLIPSOID
 from ..vec import add, add_scaled, cross, dot, mul, mul_t, scale, set_xyz, sub, xyz
 from .convex import facing, lowest
-from .cores import core_of, half_above, support
+from .cores import core_of, support
 from .features import edge_at, edge_at_right_angle, edge_line, face_corner, feature_of
 from .manifold import CROSSING, clip_polygon, copy, swap, tangents, thin
 from .placing import put, rim_direction
@@ -40,10 +40,9 @@ CURVED = 6  # kind of touch, after those of `convex`
 @part
 def bend(core, n, u, v):
     """Return u · H v, with H the Hessian of max n · x over a core: radii of curvature at n."""
-    if core.kind in (ELLIPSOID, EGG):
+    if core.kind == ELLIPSOID:
         g, x, y = mul_t(core.rotation, n), mul_t(core.rotation, u), mul_t(core.rotation, v)
-        half = half_above(core.half, g[2]) if core.kind == EGG else core.half
-        s = (half[0] ** 2, half[1] ** 2, half[2] ** 2)
+        s = (core.half[0] ** 2, core.half[1] ** 2, core.half[2] ** 2)
         q = (s[0] * g[0], s[1] * g[1], s[2] * g[2])
         h = math.sqrt(dot(g, q))
         xy = s[0] * x[0] * y[0] + s[1] * x[1] * y[1] + s[2] * x[2] * y[2]
@@ -186,7 +185,7 @@ def outline(geometry, room, core, d, row):
 
     Returns (number of points, cosine between -d and the normal of a face).
     """
-    if core.kind in (ELLIPSOID, EGG):
+    if core.kind == ELLIPSOID:
         set_point(room, row, support(room, core, d), 0)
         return 1, 0.0
     if core.kind == CYLINDER:

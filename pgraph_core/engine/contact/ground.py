@@ -8,9 +8,8 @@ The floor of a pit is the plane, lower.
 import math
 
 from ..compiler.jit import part, sweep
-from ..records import CYLINDER, EGG, ELLIPSOID, HULL
+from ..records import CYLINDER, ELLIPSOID, HULL
 from ..vec import add_scaled, cross, dot, matrix, mul, mul_t, scale, set_xyz, xyz
-from .cores import half_above, half_of_egg
 from .manifold import thin
 from .placing import put, rim_direction, vertex
 
@@ -92,11 +91,9 @@ def candidate(geometry, ground, poses, i, k):
     if geometry.shapes[i].kind == CYLINDER:
         p, feature = rim_point(geometry, ground, poses, i, k)
         return p, 0.0, feature
-    if geometry.shapes[i].kind in (ELLIPSOID, EGG):
+    if geometry.shapes[i].kind == ELLIPSOID:
         r, half = matrix(poses[i].rotation), xyz(geometry.shapes[i].half_extents)
         g = mul_t(r, normal_of(ground))
-        if geometry.shapes[i].kind == EGG:
-            half = half_above(half_of_egg(geometry.shapes[i]), -g[2])
         q = (half[0] ** 2 * g[0], half[1] ** 2 * g[1], half[2] ** 2 * g[2])
         lowest = add_scaled(xyz(poses[i].position), -1.0 / math.sqrt(dot(g, q)), mul(r, q))
         return lowest, 0.0, 0
@@ -108,7 +105,7 @@ def candidates(shapes, i):
     """Count the candidate balls."""
     if shapes[i].kind == CYLINDER:
         return 5
-    return 1 if shapes[i].kind in (ELLIPSOID, EGG) else shapes[i].vertices
+    return 1 if shapes[i].kind == ELLIPSOID else shapes[i].vertices
 
 
 @sweep

@@ -9,7 +9,7 @@ import math
 
 from ...tolerances import COINCIDENT
 from ..compiler.jit import inlined, part, sweep
-from ..records import BOX, CAPSULE, CYLINDER, EGG, ELLIPSOID, HEIGHTFIELD, POINTS, SPHERE
+from ..records import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHTFIELD, POINTS, SPHERE
 from ..vec import dot, matrix, mul_t, scale, set_xyz, sub, xyz
 from .convex import node, solid_solid, triangle_nodes
 from .curved import curved_pair
@@ -33,7 +33,7 @@ def is_ball(kind):
 
 @part
 def is_curved(kind):
-    return kind in (CYLINDER, ELLIPSOID, EGG)
+    return kind in (CYLINDER, ELLIPSOID)
 
 
 @part

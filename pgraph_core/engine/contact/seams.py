@@ -12,9 +12,9 @@ import math
 
 from ...tolerances import COINCIDENT
 from ..compiler.jit import part, sweep
-from ..records import BOX, CAPSULE, CYLINDER, EGG, ELLIPSOID, HEIGHTFIELD, HULL, POINTS
+from ..records import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHTFIELD, HULL, POINTS
 from ..vec import add, add_scaled, cross, dot, load, matrix, mul, mul_t, scale, sub, xyz
-from .cores import core_of, half_above, half_of_egg
+from .cores import core_of
 from .curved import round_by, touch_points
 from .features import face_corner
 from .manifold import tangents
@@ -40,9 +40,7 @@ def extent(geometry, i, n):
     half = xyz(shape.half_extents)
     if shape.kind == CYLINDER:
         return half[0] * math.sqrt(n[0] * n[0] + n[1] * n[1]) + half[2] * abs(n[2])
-    if shape.kind == EGG:
-        half = half_above(half_of_egg(shape), n[2])
-    if shape.kind in (ELLIPSOID, EGG):
+    if shape.kind == ELLIPSOID:
         x, y, z = half[0] * n[0], half[1] * n[1], half[2] * n[2]
         return math.sqrt(x * x + y * y + z * z)
     found = -math.inf
@@ -84,9 +82,7 @@ def boundary(geometry, i, k, x):
         n = (x[0], x[1], 0.0)
     elif kind == CAPSULE:
         n = (x[0], x[1], x[2] - min(max(x[2], -shape.half_length), shape.half_length))
-    elif kind in (ELLIPSOID, EGG):
-        if kind == EGG:
-            half = half_above(half_of_egg(shape), x[2])
+    elif kind == ELLIPSOID:
         n = (x[0] / half[0] ** 2, x[1] / half[1] ** 2, x[2] / half[2] ** 2)
     else:
         n = x
