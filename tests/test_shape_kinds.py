@@ -31,7 +31,6 @@ SAMPLES = [
     {"kind": "capsule", "radius": 0.1, "length": 0.7},
     {"kind": "capsule", "radius": 0.1, "length": 0.7, "end_radius": 0.15, "role": "visual"},
     {"kind": "mesh", "file": "", "scale": (2.0, 1.0, 0.5), "hull": "convex"},
-    {"kind": "wedge", "size": (0.3, 0.2, 0.1)},
     {"kind": "heightfield", "size": (4.0, 3.0, 0.5), "heights": HEIGHTS},
 ]  # fmt: skip
 ROUND = 0.02  # of a size: facets of round solids that are drawn, and points of their outlines

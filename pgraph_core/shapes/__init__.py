@@ -25,14 +25,11 @@ from .solid import edges_of as edges_of
 from .solid import points as points
 from .spheres import Sphere
 from .spheres import sphere as sphere
-from .wedges import Wedge
 
-ShapeKind = Literal[
-    "box", "sphere", "ellipsoid", "cylinder", "capsule", "mesh", "heightfield", "wedge"
-]  # fmt: skip
+ShapeKind = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "mesh", "heightfield"]
 KINDS: dict[str, Kind] = {
     one.name: one
-    for one in (Box(), Sphere(), Ellipsoid(), Cylinder(), Capsule(), Mesh(), Heightfield(), Wedge())
+    for one in (Box(), Sphere(), Ellipsoid(), Cylinder(), Capsule(), Mesh(), Heightfield())
 }
 SIZES = tuple(sorted({name for kind in KINDS.values() for name in (*kind.needs, *kind.may)}))
 
