@@ -20,7 +20,6 @@ JointKind = Literal[
     "revolute",
     "prismatic",
     "screw",
-    "roll",
     "cylindrical",
     "universal",
     "spherical",
@@ -29,7 +28,7 @@ JointKind = Literal[
     "curve",
     "compound",
 ]
-MotionKind = Literal["rotate", "screw", "translate", "ball", "free", "roll", "curve"]
+MotionKind = Literal["rotate", "screw", "translate", "ball", "free", "curve"]
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -78,14 +77,6 @@ class Kind(NamedTuple):
 
 def _column(angular: Array, linear: Array) -> Array:
     return np.concatenate((angular, linear))[:, None]
-
-
-def beside(axis: Array) -> Array:
-    """Return the direction in which a wheel on an axis rolls, as `engine.motions.roll` has it."""
-    x, y, z = axis
-    sign = 1.0 if z >= 0 else -1.0
-    a = -1.0 / (sign + z)
-    return np.array((1.0 + sign * x * x * a, sign * x * y * a, -sign * x))
 
 
 def _turned(pair: Array, home: Array) -> Array:
@@ -157,19 +148,6 @@ KINDS: dict[MotionKind, Kind] = {
         displacement=lambda motion, home, q: np.asarray(q[:3]),
         columns=lambda motion, home, q: np.eye(6),
     ),
-    "roll": Kind(
-        ("rad",),
-        ("rad",),
-        (0.0,),
-        rotation=lambda motion, home, q: rodrigues(motion.along(home), q[0]),
-        displacement=lambda motion, home, q: motion.way * q[0] * beside(motion.along(home)),
-        columns=lambda motion, home, q: _column(
-            motion.along(home), motion.way * beside(motion.along(home))
-        ),
-        directed=True,
-        pitch=0.1,
-        reach=math.pi,
-    ),
     "curve": Kind(
         ("rad",),  # or a length, as its track says: see `units_of`
         ("rad",),
@@ -200,7 +178,6 @@ DEFAULT: dict[JointKind, tuple[Motion, ...]] = {
     "revolute": (Motion("rotate", Z),),
     "prismatic": (Motion("translate", Z),),
     "screw": (Motion("screw", Z, KINDS["screw"].pitch),),
-    "roll": (Motion("roll", Z, KINDS["roll"].pitch),),
     "cylindrical": (Motion("rotate", Z), Motion("translate", Z)),
     "universal": (Motion("rotate", X), Motion("rotate", Y)),
     "spherical": (BALL,),

@@ -19,7 +19,7 @@ TRACK_ROWS = 5  # number of its rows
 ROWS = 6
 
 # kinds of motion, in `motions`; the last one, a state of a control, has the last rows
-ROTATE, SCREW, TRANSLATE, BALL, FREE, ROLL, CURVE, WIRE, STATE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+ROTATE, SCREW, TRANSLATE, BALL, FREE, CURVE, WIRE, STATE = 0, 1, 2, 3, 4, 5, 6, 7
 
 # const: float64 (n + 1 + nt, 32), home axes; behind the motions stand the tracks of curves
 AXIS = 0  # 3, unit axis of a motion of one coordinate

@@ -32,13 +32,12 @@ from .contract import Motion, question
 from .curve import CURVE, WIRE
 from .hinge import HINGE
 from .inertia import add_inertia_to, vanishes
-from .roll import ROLL
 from .screw import SCREW
 from .slider import SLIDER
 from .state import STATE
 from .wrenches import any_number
 
-SINGLES = (HINGE, SCREW, SLIDER, ROLL, CURVE, WIRE, STATE)
+SINGLES = (HINGE, SCREW, SLIDER, CURVE, WIRE, STATE)
 
 
 def _asked(name):
