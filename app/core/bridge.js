@@ -13,7 +13,8 @@ window.pgraph = (() => {
     waiting = [],
     resuming = null; // the serial of our Hello while we are coming back
   const late = new Set(); // topics that came meanwhile
-  const unanswered = new Set(); // serials of events that wait for their reply
+  let sent = 0, // the last serial of an event, and of an answer: events are begun in their order
+    answered = 0;
   const outdated = new Map(); // hidden view -> [the topic that it waits for, its children]
 
   // A fault in one view is told to the console; it takes nothing from the others.
@@ -162,7 +163,7 @@ window.pgraph = (() => {
     // An event for Python, by its class name; the blank makes equal events differ for viser.
     send(event, fields = {}) {
       if (/^(Select|ToggleBody)/.test(event)) pgraph.selecting = true;
-      if (fields.serial) unanswered.add(fields.serial);
+      if (fields.serial) sent = fields.serial;
       waiting.push(
         JSON.stringify({
           event,
@@ -204,7 +205,7 @@ window.pgraph = (() => {
         return;
       }
       if (topic === "time") shown();
-      if (topic === "reply") unanswered.delete(data.serial);
+      if (data?.serial) answered = Math.max(answered, data.serial);
       if (topic === "reply" && data.serial === resuming) {
         resumed();
         return;
@@ -370,7 +371,7 @@ window.pgraph = (() => {
       kept = chosen();
     const { angle, length, turn, about } = latest.properties?.display ?? {};
     uplink = uuid;
-    unanswered.clear();
+    answered = sent;
     const hello = ++serial;
     if (again) resuming = hello;
     const display = again && angle ? [angle, length, turn, about] : kept.display;
@@ -422,7 +423,7 @@ window.pgraph = (() => {
   window.addEventListener("keydown", shortcut, true);
   // The server drops what a closed page asked for and what it has not begun.
   window.addEventListener("beforeunload", (event) => {
-    if (unanswered.size) event.preventDefault();
+    if (sent > answered) event.preventDefault();
   });
   return pgraph;
 })();

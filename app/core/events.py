@@ -181,7 +181,7 @@ class Leaving(OfServer):
     """A page has gone. Its events that still wait are dropped, `lost` of them edits.
 
     Nobody waits for what it asked for any more. What was answered has been done before, and a page
-    that waits for an answer asks before it closes (`unanswered` in bridge.js).
+    that waits for an answer asks before it closes (`beforeunload` in bridge.js).
     """
 
     lost: int = 0

@@ -67,6 +67,11 @@ def test_a_page_asks_before_it_closes_while_an_edit_waits_for_its_answer(page, s
         assert page.evaluate(asks)
     until(lambda: not page.evaluate(asks), "the answer")
     assert "torso" in names(served)
+    hint = "{ serial: pgraph.nextSerial(), part: '', name: '', cell: '', text: '1', caret: 1 }"
+    with held(served):
+        page.evaluate(f"pgraph.send('AskHint', {hint})")
+        assert page.evaluate(asks)
+    until(lambda: not page.evaluate(asks), "the hint")
 
 
 def test_a_page_that_comes_back_has_all_that_a_person_had_on_it(page, served):
