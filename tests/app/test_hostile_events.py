@@ -1,4 +1,4 @@
-"""A fuzz test of page events: no exception and no invalid state."""
+"""A fuzz test of page events: no exception, no invalid state, and an answer to each serial."""
 
 import json
 import os
@@ -9,7 +9,7 @@ from collections import Counter
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.core.events import from_page, page_events
+from pgraph_app.core.events import FromPage, from_page, page_events
 from pgraph_app.features import State
 
 from .store import ME, after, begun, built_in, do
@@ -74,6 +74,13 @@ def message(rng: random.Random, state: State) -> str:
     return json.dumps({"event": name, **fields})
 
 
+def answered(state: State, event: FromPage) -> bool:
+    """Check whether the page has the answer to an event with a serial, or it is being written."""
+    page = state.clients[ME]
+    given = [one.serial for one in (page.reply, page.hint, state.saving) if one is not None]
+    return event.serial in given
+
+
 def faults(model: pg.Model, seed: int, events: int) -> Counter:
     """The last lines of the exceptions that random events raise, with how often."""
     rng, found = random.Random(seed), Counter()
@@ -87,6 +94,7 @@ def faults(model: pg.Model, seed: int, events: int) -> Counter:
         try:
             state = after(state, event)
             assert pg.Model.from_json(state.model.to_json()) == state.model
+            assert getattr(event, "serial", 0) <= 0 or answered(state, event), "no answer"
         except Exception:
             lines = traceback.format_exc().splitlines()
             found[f"{text[:300]} -> {lines[-1][:200]} at {lines[-3:-2]}"] += 1
