@@ -14,10 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-# speeds of joints times steps that compiled code advances at once: some 10 ms of a tree, and 0.2 s
-# of a heap, so that Ctrl+C ends a call within this time
-WORK_AT_ONCE = 100_000
-
 
 class Deferred:
     """A piece of work, after which an interrupt is raised that came within it.
@@ -71,8 +67,3 @@ def starting() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def steps_at_once(speeds: int) -> int:
-    """Return the number of steps of so many joint speeds between two looks at interrupts."""
-    return max(WORK_AT_ONCE // max(speeds, 1), 1)

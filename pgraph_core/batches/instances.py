@@ -26,13 +26,17 @@ from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.motions import facts
 from ..engine.stepping import batch as kernels
 from ..engine.stepping import run
-from ..interrupts import Deferred, steps_at_once
+from ..interrupts import Deferred
 from ..packing import Array, Ints, Loads
 from ..simulation.loop import Outcome
 from ..simulation.stepper import ADDRESSES, Stepper
 
 WORD = 8  # bytes
 IN_LANES = ("rk4", "semi_implicit_euler")
+# speeds of joints times steps between two looks at Ctrl+C: some 10 ms of a tree, and 0.2 s of a
+# heap. It is no time, because each part chooses the instances that fit into lanes, which round in
+# another way
+WORK_AT_ONCE = 100_000
 
 
 def state_arrays(stepper: Stepper) -> list[Any]:
@@ -163,7 +167,7 @@ class Instances:
 
     def in_parts(self, n: int, take: Callable[[int], None]) -> None:
         """Take n steps in parts, which all instances have taken before Ctrl+C ends the call."""
-        most = steps_at_once(len(self.codes) * self.v.shape[1])
+        most = max(WORK_AT_ONCE // max(len(self.codes) * self.v.shape[1], 1), 1)
         while n > 0:
             with Deferred():
                 take(min(n, most))

@@ -36,7 +36,7 @@ from ..packing.programs import count_of_edges, count_of_held
 from ..result import Status
 from ..result.records import Event
 from ..tolerances import SOLVED
-from .options import FRAMES, MOST_CHOSEN, RTOL
+from .options import FRAMES, MOST_CHOSEN, RTOL, STEPS_ALLOWED
 from .plan import MANY_STEPS, keep
 from .run_plan import RunPlan, Way
 
@@ -49,12 +49,19 @@ NO_EVENTS = np.zeros(0, dtype=np.int64)
 ANY_NUMBER = (1 << 63) - 1  # limit on steps if none is given
 UNCOUNTED = 1 << 62  # steps to the next frame if none is recorded
 TAKEN, FRESH, FRAME = (offsets(STEP_CONTROL)[x] // 8 for x in ("taken", "fresh", "frame"))
+PIECE = 0.02  # s of computation between two looks at Ctrl+C, and between two calls of `progress`
 TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
 
 
 def evaluate_again(control: Any) -> None:
     """Forget v' at the state of a run and the further stages of its last step."""
     control["clock"]["fresh"] = control["clock"]["filled"] = 0
+
+
+def paced(steps: int, seconds: float) -> int:
+    """Return how many steps take about PIECE if `steps` have taken `seconds`, up to four times as
+    many."""
+    return max(1, min(STEPS_ALLOWED, int(steps * PIECE / max(seconds, 0.25 * PIECE))))
 
 
 class Steps:

@@ -30,9 +30,9 @@ from ..tolerances import EPS
 from .conditions import Condition, limits_of
 from .continuing import left_by, recall
 from .failures import failure, trouble
-from .loop import Outcome, Steps, Workplace, free, links_of, taken
+from .loop import Outcome, Steps, Workplace, free, links_of, paced, taken
 from .monitors import room_for
-from .options import STEPS_ALLOWED, Progress
+from .options import Progress
 from .remarks import remarks
 from .run_plan import RunPlan
 from .running import Running
@@ -41,7 +41,6 @@ from .switching import Switching
 if TYPE_CHECKING:
     from .monitors import Monitor, Watch
 
-PROGRESS_EVERY = 0.02  # s of computation between two calls of `progress`
 KEPT_NUMBERS = 32_768  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 NO_CHANGES = table(PHASE_CHANGE, 0)
@@ -258,8 +257,7 @@ class Recording(Running):
                 self.fail(code)
                 return
             self._note_crawl()
-            faster = PROGRESS_EVERY / (time.perf_counter() - began)
-            budget = max(1, min(STEPS_ALLOWED, int(budget * min(4.0, faster))))
+            budget = paced(budget, time.perf_counter() - began)
             if progress is not None and _stops(progress(self.steps.fraction())):
                 t = self.steps.times[self.steps.recorded - 1]
                 text = f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s"

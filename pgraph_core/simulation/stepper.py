@@ -17,7 +17,6 @@ from ..dynamics.arguments import by_name, finite, refuse_as_torques, whole_numbe
 from ..engine import layout as at
 from ..engine.compiler.loading import cache_folder
 from ..errors import InputError, Problem, explained, guarded, one_of, shown
-from ..interrupts import steps_at_once
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.expressions import drives_read
@@ -30,7 +29,7 @@ from ..result.records import Memory
 from ..tolerances import SOLVED
 from .continuing import state_of
 from .inputs import Inputs
-from .loop import Outcome
+from .loop import Outcome, paced
 from .options import Options, begun, driven, inputs_of, positive
 from .plan import begun_with, plan_of, with_contacts
 from .readings import Readings
@@ -102,6 +101,7 @@ class Stepper(Readings):
     method: str
     status: Status
     message: str
+    _piece = 1  # steps that take about PIECE
 
     def __init__(
         self,
@@ -245,13 +245,15 @@ class Stepper(Readings):
             touching.tally["elapsed"] = 0.0
         steps, left, code = self._steps, n, at.RUNNING
         end = steps.taken + n  # near stiff contacts a step is taken in parts
-        most = 1 if self._record.calls_python else steps_at_once(self.mech.nv)
         while code == at.RUNNING and left > 0:
+            piece, began = min(left, self._piece), time.perf_counter()
             with self._record.uninterrupted():
-                code = steps.advance(min(left, most))
+                code = steps.advance(piece)
                 if code != at.RUNNING:
                     self._fail(code)
             left = end - steps.taken
+            if left > 0:
+                self._piece = paced(piece, time.perf_counter() - began)
         return self.status
 
     def record(self, n: int, frames: int | None = None, tau: Any = None) -> Result:

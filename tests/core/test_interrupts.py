@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.interrupts import WORK_AT_ONCE, Deferred
+from pgraph_core.batches.instances import WORK_AT_ONCE
+from pgraph_core.interrupts import Deferred
+from pgraph_core.simulation import stepper as stepping
+from pgraph_core.simulation.loop import PIECE, paced
+from pgraph_core.simulation.options import STEPS_ALLOWED
 
 MODEL = pg.Model.serial(2)
 START = {"q": [0.3, 0.1], "t_end": 50.0, "step": 1e-2}
@@ -107,6 +111,26 @@ def test_all_instances_of_a_batch_have_taken_the_same_steps(monkeypatch, model, 
     batch.step(n=5)
     other.step(n=5)
     np.testing.assert_array_equal(batch.q, other.q)
+
+
+@pytest.mark.parametrize("tau", [None, lambda t, q, v: -q], ids=["compiled", "python"])
+def test_steps_do_not_depend_on_their_pieces(monkeypatch, tau):
+    found = []
+    for piece in (1, 7, 1000):
+        monkeypatch.setattr(stepping, "paced", lambda *_, piece=piece: piece)
+        stepper = pg.Stepper(MODEL, step=1e-2, method="rk4", tau=tau)
+        stepper.step(n=100)
+        found.append(stepper.q.copy())
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0], found[2])
+
+
+def test_a_piece_takes_its_time_and_grows_by_four_at_most():
+    assert paced(100, PIECE) == 100
+    assert paced(100, 10.0 * PIECE) == 10
+    assert paced(100, 1e6 * PIECE) == 1
+    assert paced(100, 0.0) == 400
+    assert paced(STEPS_ALLOWED, 0.0) == STEPS_ALLOWED
 
 
 def test_the_handler_of_a_program_is_called_at_once_and_its_exception_waits():
