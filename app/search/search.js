@@ -73,24 +73,20 @@
           {},
           step(
             "Aim",
-            make("div", { className: "bar" }, kind),
             make(
               "div",
-              { className: "of-data" },
-              make(
-                "div",
-                { className: "bar" },
-                button(
-                  "choose-data",
-                  "Choose a CSV…",
-                  "Columns t and signals, or drop the file here",
-                  () => file.click(),
-                ),
-                file,
-                make("span", { className: "muted file" }),
+              { className: "bar" },
+              kind,
+              button(
+                "choose-data of-data",
+                "Choose a CSV…",
+                "Columns t and signals, or drop the file here",
+                () => file.click(),
               ),
-              make("div", { className: "columns" }),
+              file,
+              make("span", { className: "muted file of-data" }),
             ),
+            make("div", { className: "columns of-data" }),
             make(
               "div",
               { className: "bar of-goal" },
@@ -257,7 +253,7 @@
     const $ = (selector) => host.querySelector(selector);
     const { kind, way, signal, filter } = host.pgraphCells;
     kind.value = data.kind;
-    $(".of-data").hidden = data.kind !== "fit";
+    for (const one of host.querySelectorAll(".of-data")) one.hidden = data.kind !== "fit";
     $(".of-goal").hidden = data.kind === "fit";
     $(".of-limits").hidden = data.kind !== "optimise";
     way.hidden = data.kind === "matters";

@@ -234,6 +234,20 @@ def test_the_last_row_and_the_last_number_of_a_matrix_are_seen(page, size):
     until(lambda: max(page.evaluate(HIDDEN_OF_MATRIX).values()) <= 0.5, "all of the matrix")
 
 
+@pytest.mark.parametrize("size", [(1280, 800), (1920, 1080)])
+def test_a_search_is_started_beside_the_list_of_numbers(page, size):
+    """Its three steps are in sight while the list of the second one is open."""
+    page.evaluate("pgraph.front('Fit')")
+    sized(page, *size)
+    page.get_by_label("numbers to find").click()
+    page.locator("[data-view=search] .number").nth(3).wait_for()
+    below = """() => {
+      const pane = document.querySelector("[data-tab=Fit]"), style = getComputedStyle(pane);
+      return document.querySelector("button.start-search").getBoundingClientRect().bottom
+        - (pane.getBoundingClientRect().bottom - parseFloat(style.paddingBottom)); }"""
+    until(lambda: page.evaluate(below) <= 0, "the button that starts")
+
+
 def test_lines_of_a_list_end_where_its_cells_end(page, served, quadruped):
     opened(page, served, quadruped)
     page.evaluate("pgraph.front('Scenarios')")
