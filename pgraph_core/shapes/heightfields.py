@@ -10,7 +10,7 @@ import numpy as np
 
 from ..engine.records import HEIGHTFIELD
 from ..errors import ModelError, Problem
-from .contract import Kind, Size
+from .contract import Kind, Piece, Size
 from .solid import Array, Solid
 
 # as from `Solid.edges_between`, those around the top first
@@ -80,6 +80,11 @@ class Heightfield(Kind):
 
     def corners(self, shape: Any) -> Array:
         return self.surface(shape)[0]
+
+    def bounds(self, piece: Piece) -> Array:
+        heights, (x, y, depth) = np.array(piece.file.heights), piece.file.size
+        low, high = (x / 2, y / 2, depth - heights.min()), (x / 2, y / 2, heights.max())
+        return np.array((np.negative(low), high))
 
     def surface(self, shape: Any) -> tuple[Array, Array]:
         """Return its closed surface.
