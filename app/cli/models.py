@@ -169,7 +169,7 @@ def mesh_problems(model: pg.Model) -> list[Problem]:
 
 @command(
     "convert",
-    "convert a model between formats: .json, .urdf, .xml (MJCF)",
+    "convert a model to another format, such as .json or .urdf",
     takes("model", metavar="IN", help=NAMED),
     takes("out", metavar="OUT", help="output file; the suffix selects the format"),
     *FILES,

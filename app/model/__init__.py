@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import base64
 import binascii
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import Field
 
 import pgraph_core as pg
 from pgraph_core.errors import choices, counted
 from pgraph_core.file_kinds import HEAD, first_element
-from pgraph_core.formats import READERS, ROOTS
+from pgraph_core.formats import READERS, ROOTS, SAVED
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
 from pgraph_core.model.checks import PARTS
@@ -106,6 +107,7 @@ class State(run.State):
 
 
 LONG = 100_000  # characters that are read at once, in 0.1 s at most
+SUFFIXES = (".json", *SAVED)  # of models that are downloaded
 MOST_HEIGHTS = 100_000  # limit on the heights of all heightfields, which are drawn
 MOST_PARTS = 2000  # limit on the parts of any other kind, which are listed
 MOST_NAMED = 5  # models of earlier sessions that the greeting names
@@ -380,7 +382,7 @@ def _at(kept: Kept) -> str:
 class Download(Request):
     """Download the model and its meshes as a file."""
 
-    suffix: Literal[".json", ".urdf", ".xml"] = ".json"
+    suffix: Annotated[str, Field(pattern=f"^({'|'.join(map(re.escape, SUFFIXES))})$")] = ".json"
 
 
 # -- errands ---------------------------------------------------------------------------------------

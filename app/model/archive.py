@@ -202,11 +202,9 @@ def _goes_along(name: PurePosixPath) -> bool:
     inside = not name.is_absolute() and ".." not in name.parts
     return inside and name.suffix.lower().lstrip(".") in (
         *FORMATS,
+        *(suffix.lstrip(".") for suffix in READERS),
         "bin",
         "mtl",
-        "urdf",
-        "xml",
-        "mjcf",
         "png",
     )
 

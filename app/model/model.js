@@ -171,10 +171,7 @@
     const save = (serial, typedPath, replace = false) =>
       send("Save", { serial, path: typedPath, replace });
     const anyway = (typedPath) => (serial) => save(serial, typedPath, true);
-    const others = [
-      [".urdf", "URDF"],
-      [".xml", "MJCF"],
-    ].map(([suffix, name]) =>
+    const others = pgraph.latest.toolbar.formats.map(([suffix, name]) =>
       button(
         `download${suffix.replace(".", "-")}`,
         name,
@@ -238,10 +235,16 @@
     return [make("div", { className: "ask" }, make("span", { textContent: question }), cell, go)];
   }
 
+  // "JSON, URDF or MJCF"
+  function models() {
+    const names = ["JSON", ...pgraph.latest.toolbar.formats.map(([, name]) => name)];
+    return `${names.slice(0, -1).join(", ")} or ${names.at(-1)}`;
+  }
+
   function openQuestion(close) {
     const file = make("input", {
       type: "file",
-      accept: ".json,.zip,.urdf,.xml,.mjcf,application/json,application/zip",
+      accept: [...pgraph.latest.toolbar.opened, "application/json", "application/zip"].join(),
       hidden: true,
     });
     file.onchange = () => {
@@ -255,7 +258,7 @@
         button(
           "file",
           "Open a file …",
-          "A model saved as JSON, a URDF or MJCF file, or a zip of one with its meshes; it can also be dropped on the page",
+          `A ${models()} file, or a zip of one with its meshes; it can also be dropped on the page`,
           () => file.click(),
         ),
         file,
@@ -332,7 +335,7 @@
         way("Paste a table", "Rows of a spreadsheet, or a number of bodies", "duplicate", () =>
           ask(newQuestion),
         ),
-        way("Open", "An example, or a JSON, URDF or MJCF file", "folder", () => ask(openQuestion)),
+        way("Open", "An example, or a file of a model", "folder", () => ask(openQuestion)),
       ),
     );
   }

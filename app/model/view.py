@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core.formats import READERS, SAVED
 from pgraph_core.show.notebook import pictures
 
 from ..core.bridge import Bridge
@@ -47,6 +48,8 @@ def toolbar(state: State, client: int) -> Payload:
         "redo": state.redo[-1].label if state.redo else None,
         "gallery": gallery(state),
         "kept": [(label, _left(kept)) for label, kept in state.kept.items()],
+        "formats": list(SAVED.items()),
+        "opened": [".json", ".zip", *READERS],
         "reading": errand and (errand.file or errand.label),
     }
 

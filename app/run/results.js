@@ -105,10 +105,13 @@
       "The run with its model, to open in Python; with meshes a zip, to be unpacked first",
     ],
   ];
-  const MODELS = [
+  const models = () => [
     ["", "Model as JSON", "With mesh files a zip of that and them"],
-    [".urdf", "Model as URDF", ""],
-    [".xml", "Model as MJCF", ""],
+    ...(pgraph.latest.toolbar?.formats ?? []).map(([suffix, name]) => [
+      suffix,
+      `Model as ${name}`,
+      "",
+    ]),
   ];
   const runs = () => Boolean(pgraph.latest.run?.summary);
   const items = () => [
@@ -124,7 +127,7 @@
         ])
       : []),
     "Model",
-    ...MODELS.map(([suffix, label, about]) => [
+    ...models().map(([suffix, label, about]) => [
       label,
       "",
       () => send("Download", suffix ? { suffix } : {}),

@@ -25,6 +25,8 @@ from .xacro import SUFFIX, no_arguments
 FORMATS = {"urdf": (read_urdf, write_urdf), "mjcf": (read_mjcf, write_mjcf)}
 READERS = {suffix: FORMATS[name][0] for suffix, name in FOREIGN.items()}
 WRITERS = {suffix: FORMATS[name][1] for suffix, name in FOREIGN.items()}
+# suffix of a file that is saved -> name of its format
+SAVED = {next(x for x, of in FOREIGN.items() if of == name): name.upper() for name in FORMATS}
 
 
 @explained

@@ -10,6 +10,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.model import NewModel
 from pgraph_app.run import SetScenario
+from pgraph_core.formats import SAVED
 
 from .conftest import NOBODY, opened, until
 from .on_page import (
@@ -161,6 +162,19 @@ def test_models_are_made_opened_and_saved(page, served, tmp_path: Path, leg):
     assert download.value.suggested_filename == "moon_rover.json"
     assert served.store.state.model.name == "moon rover"
     page.keyboard.press("Escape")
+
+
+def test_a_model_is_downloaded_in_each_format_that_is_written(page, served):
+    """By the question of saving, and listed in the menu of exports."""
+    assert page.evaluate("() => pgraph.latest.toolbar.formats.map((f) => f[0])") == [*SAVED]
+    for suffix, name in SAVED.items():
+        ask(page, "save")
+        with page.expect_download() as download:
+            page.get_by_role("button", name=name, exact=True).click()
+        assert download.value.suggested_filename.endswith(suffix)
+        page.get_by_role("dialog", name="report of the file").wait_for()
+        page.get_by_role("button", name="Close").click()
+        no_question(page)
 
 
 def test_files_are_dropped_on_the_page(page, served, tmp_path, monkeypatch):
