@@ -1,5 +1,8 @@
 """Runs: the paper's stance, how runs end, drives, and what they record."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -202,3 +205,26 @@ def test_a_list_is_refused_where_numbers_and_rows_differ_in_order(given):
     assert np.array_equal(by_name.q, array.q)
     serial = pg.Model(bodies=bodies)
     assert pg.simulate(serial, t_end=0.01, **{given: [0.1, 0.2]}).status.ok
+
+
+def test_a_warm_call_passes_few_functions_and_files():
+    """Each step from one function to the next is one that a reader follows. Kernels are apart."""
+    core = Path(pg.__file__).parent
+    mech = pg.Mechanism(pg.load("double_pendulum"))
+    passed = set()
+
+    def seen(frame, event, _):
+        code = frame.f_code
+        if event == "call" and Path(code.co_filename).is_relative_to(core):
+            passed.add((Path(code.co_filename).relative_to(core), code.co_qualname))
+
+    pg.simulate(mech, t_end=0.1)
+    before = sys.getprofile()
+    sys.setprofile(seen)
+    try:
+        pg.simulate(mech, t_end=0.1)
+    finally:
+        sys.setprofile(before)
+    own = {(file, name) for file, name in passed if file.parts[0] != "engine"}
+    assert len(own) <= 50  # lower these bounds when a call passes fewer
+    assert len({file for file, _ in own}) <= 19
