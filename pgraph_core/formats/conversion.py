@@ -101,8 +101,8 @@ class Report(Suggests):
         return model
 
     def noted(self, model: Model) -> Model:
-        """Return the model, whose `notices` list the omissions and warnings."""
-        worth = (str(e) for e in self.entries if e.kind in ("left out", "warning"))
+        """Return the model, whose `notices` list omissions, warnings and changes of results."""
+        worth = (str(e) for e in self.entries if e.kind in ("left out", "warning") or e.acts)
         vars(model)["notices"] = tuple(worth)
         return model
 
