@@ -176,3 +176,20 @@ def test_a_run_repeats_the_notices_of_edits():
     run = pg.simulate(model, t_end=0.01, estimate=False)
     assert sum("body 'lower'" in text for text in run.notices) == 1
     assert not pg.simulate(LINKS, t_end=0.01, estimate=False).notices
+
+
+def test_formulas_of_a_mirrored_shape_follow_their_numbers():
+    """A scale becomes three, of which one is negative, and a height stands at another place."""
+    ground = pg.Shape("heightfield", size=(1, 1, 1), heights=[[0, 1, 3], [4, 5, 6]])
+    field = pg.Body(name="left_field", shape=ground, mass=1.0)
+    solid = {"mass": 1.0, "com": (0, 0, 0), "inertia": np.eye(3)}
+    stone = pg.Body(name="left_stone", shape=pg.Shape("mesh", file="stone.stl"), **solid)
+    model = pg.Model(bodies=[field, stone], parameters={"a": 1.0})
+    model = model.edit("left_stone", shape={**stone.shape.model_dump(), "scale": "=a"})
+    heights = [[0, "=a", 3], [4, 5, "=6*a"]]
+    model = model.edit("left_field", shape={**ground.model_dump(), "heights": heights})
+    for name, plane in (("left_stone", "x"), ("left_field", "y")):
+        model = model.mirror(name, plane)
+    later = model.replace(parameters={"a": 2.0})
+    assert later.body("right_stone").shape.scale == (-2.0, 2.0, 2.0)
+    assert later.body("right_field").shape.heights == ((3.0, 2.0, 0.0), (12.0, 5.0, 4.0))

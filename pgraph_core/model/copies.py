@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ..curves import VectorTable
@@ -81,8 +81,8 @@ def copied(
         copy.called = called.get("outputs", {})
     found["scenarios"] = tuple(copy.scenario(s, called) for s in parts["scenarios"])
     lost = list(dict.fromkeys(copy.lost))
-    new = (copy.formula(f, parts[f.part], called[f.part]) for f in formulas)
-    found["formulas"] = ordered((*formulas, *filter(None, new)))
+    new = (x for f in formulas for x in copy.formulas(f, parts[f.part], called[f.part]))
+    found["formulas"] = ordered((*formulas, *new))
     return found, lost
 
 
@@ -96,6 +96,16 @@ def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[
             parent = names.get(body.parent, body.parent)
             new.append(copy.unchecked_copy({"name": names[body.name], "parent": parent}))
     return (*rows[: last + 1], *new, *rows[last + 1 :])
+
+
+def _numbers(one: Any, two: Any) -> Iterator[tuple[tuple[int, ...], float, float]]:
+    """Yield (place, number, number) of two numbers, or of two nested tuples of equal lengths."""
+    if isinstance(one, tuple):
+        for k, (x, y) in enumerate(zip(one, two)):
+            for place, a, b in _numbers(x, y):
+                yield (k, *place), a, b
+    elif isinstance(one, (int, float)):
+        yield (), one, two
 
 
 class _Copy:
@@ -150,22 +160,39 @@ class _Copy:
         read = {name for c in through for name, _ in read_by(c, self.outputs)}
         return bool(read) if self.mirror else not read.isdisjoint(self.names)
 
-    def formula(self, f: Formula, parts: Sequence[Any], called: Names) -> Formula | None:
-        """Return the formula for the copied cell with its reflected sign, or None for a number."""
+    def formulas(self, f: Formula, parts: Sequence[Any], called: Names) -> list[Formula]:
+        """Return the formulas for the cells of the copy that depend on this one, with their signs.
+
+        There are none for a number, or if the copy depends on the formula in another way.
+        """
         if f.name not in called:
-            return None
-        part = probed(next(x for x in parts if x.name == f.name), f.path, 1.0)
-        if f.part != "bodies":
-            part = self.part(part)
-        elif self.mirror is not None:
-            part = self.mirror.body(part)
+            return []
+        part = next(x for x in parts if x.name == f.name)
         path = tuple(self.names.get(str(x), x) if k else x for k, x in enumerate(f.path))
-        found = at(part, path)
-        signs = set(found) if isinstance(found, tuple) else {found}
-        text = f.text if signs == {1.0} else negated(f.text)
-        if signs not in ({1.0}, {-1.0}) or len(text) > LONGEST_FORMULA:
-            return None
-        return f.unchecked_copy({"name": called[f.name], "path": path, "text": text})
+        cell = path
+        while cell and isinstance(cell[-1], int):
+            cell = cell[:-1]
+        one, two = (at(self._image(f, probed(part, f.path, x)), cell) for x in (1.0, 2.0))
+        all_signs = {place: (x, y) for place, x, y in _numbers(one, two)}
+        signs = {place: x for place, (x, y) in all_signs.items() if x != y}
+        if any(abs(x) != 1.0 or all_signs[place][1] != 2.0 * x for place, x in signs.items()):
+            return []
+        if len(signs) == len(all_signs) and len(set(signs.values())) == 1:
+            signs = {path[len(cell) :]: next(iter(signs.values()))}
+        found = [
+            f.unchecked_copy({
+                "name": called[f.name], "path": (*cell, *place),
+                "text": f.text if sign > 0 else negated(f.text),
+            })
+            for place, sign in signs.items()
+        ]  # fmt: skip
+        return found if all(len(x.text) <= LONGEST_FORMULA for x in found) else []
+
+    def _image(self, f: Formula, part: Any) -> Any:
+        """Return the copy of a part in which a formula is a number."""
+        if f.part != "bodies":
+            return self.part(part)
+        return part if self.mirror is None else self.mirror.body(part)
 
     def scenario(self, s: Scenario, called: Mapping[str, Names]) -> Scenario:
         """Extend a scenario's initial values, forces and list of active parts to the copies."""
@@ -349,7 +376,7 @@ class Mirror:
         })  # fmt: skip
 
     def shape(self, shape: Shape) -> Shape:
-        """Return the mirror image of a shape, as its kind says. Raises ModelError."""
+        """Return the mirror image of a shape, as its kind says."""
         kind, plane = kind_of(shape), self.sign.index(-1.0)
         moved = self.fields(shape) | kind.mirrored(shape, plane)
         if (axis := kind.half_turn(shape, plane)) is not None:

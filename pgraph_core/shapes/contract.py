@@ -103,12 +103,14 @@ class Kind:
         return None
 
     def half_turn(self, shape: Any, plane: int) -> int | None:
-        """Return the axis about which half a turn is its mirror image in the plane normal to an
-        axis, or None: the mirror image is the shape itself, or one with other fields."""
+        """Return the axis of half a turn that is part of its mirror image, or None.
+
+        The mirror is normal to axis `plane`. By default a shape is its own image.
+        """
         return None
 
     def mirrored(self, shape: Any, plane: int) -> dict[str, Any]:
-        """Return the fields that change its size in the mirror. Raises ModelError."""
+        """Return the fields of its size that the mirror changes, before the half turn."""
         return {}
 
     # -- geometry --------------------------------------------------------------------------------

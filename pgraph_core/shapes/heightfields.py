@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..engine.records import HEIGHTFIELD
-from ..errors import ModelError, Problem
 from .contract import Kind, Piece, Size
 from .solid import Array, Solid
 
@@ -66,13 +65,13 @@ class Heightfield(Kind):
         text = "heights must be at least two rows of at least two numbers, equally long"
         return [f"{text}, without holes, got {len(shape.heights)} rows of {found}"]
 
+    def half_turn(self, shape: Any, plane: int) -> int | None:
+        return 1 if plane == 2 else None  # z is mirrored by half a turn about y and a mirror of x
+
     def mirrored(self, shape: Any, plane: int) -> dict[str, Any]:
-        if plane == 2:
-            text = "cannot be mirrored in its z, since its solid is below its heights"
-            raise ModelError(Problem("heightfield", "", f"{text}; mirror in x or y"))
-        if plane == 0:
-            return {"heights": shape.heights[::-1]}
-        return {"heights": tuple(row[::-1] for row in shape.heights)}
+        if plane == 1:
+            return {"heights": tuple(row[::-1] for row in shape.heights)}
+        return {"heights": shape.heights[::-1]}
 
     def edges(self, shape: Any) -> Size:
         x, y, depth = shape.size
