@@ -107,7 +107,7 @@ class State(run.State):
 
 
 LONG = 100_000  # characters that are read at once, in 0.1 s at most
-SUFFIXES = (".json", *SAVED)  # of models that are downloaded
+SUFFIXES = (".json", *SAVED)  # suffixes of models that are downloaded
 MOST_HEIGHTS = 100_000  # limit on the heights of all heightfields, which are drawn
 MOST_PARTS = 2000  # limit on the parts of any other kind, which are listed
 MOST_NAMED = 5  # models of earlier sessions that the greeting names

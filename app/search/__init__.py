@@ -147,7 +147,7 @@ class Offer(NamedTuple):
 
 
 class Choices(Finding):
-    """What a search of a model can change and read, an `Offer`."""
+    """The numbers that a search of a model can change and the signals it can read, an `Offer`."""
 
     FIELD = "choices"
 

@@ -39,13 +39,13 @@ class Piece:
 
 
 class Form(NamedTuple):
-    """What a shape is drawn as: the fields of a `Piece` that depend on its kind alone."""
+    """The drawing of a shape: the fields of a `Piece` that depend on its kind alone."""
 
     kind: str
     size: Size = (1.0, 1.0, 1.0)
     file: Any = ""
     taper: float = 1.0
-    offset: float = 0.0  # of its middle along z [m]
+    offset: float = 0.0  # z of its middle [m]
 
 
 class Element(NamedTuple):
@@ -69,8 +69,8 @@ class Kind:
     cells: tuple[str, ...] = ()  # the numbers that tell its size, if not all that it needs
     edged = False  # its size is given along three axes
     rolls = ""  # "sphere" or "disc": what it is for a rolling constraint
-    elsewhere = ""  # where its shapes come from, if sizes typed on the page do not make them
-    attributes: tuple[str, ...] = ()  # of its element in URDF
+    elsewhere = ""  # source of its shapes if sizes typed on the page do not make them
+    attributes: tuple[str, ...] = ()  # the attributes of its element in URDF
     geom = -1  # number of its type in MuJoCo
     faceted = True  # drawn as triangles
     tall = 1.0  # height of the unit solid that many pieces share

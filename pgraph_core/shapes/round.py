@@ -12,11 +12,11 @@ from ..errors import needed
 from .contract import Volume
 from .solid import Array
 
-SECTIONS = 28  # of a tapered solid that is drawn
+SECTIONS = 28  # sections of a tapered solid that is drawn
 ROUND = 20  # points around a ball or a rim
 _ANGLES = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
-RING = np.column_stack((np.cos(_ANGLES), np.sin(_ANGLES), 0 * _ANGLES)) / 2  # of diameter 1
-BALL = np.concatenate([np.roll(RING * 2, k, axis=1) for k in range(3)])  # of radius 1
+RING = np.column_stack((np.cos(_ANGLES), np.sin(_ANGLES), 0 * _ANGLES)) / 2  # diameter 1
+BALL = np.concatenate([np.roll(RING * 2, k, axis=1) for k in range(3)])  # radius 1
 Segment = tuple[float, float, float, float, float]  # (from, to, a, b, c), r² = a + b z + c z²
 
 
