@@ -292,9 +292,13 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     strip = page.locator("input.scrub").bounding_box()  # one time axis with the chart above it
     page.mouse.click(strip["x"] + strip["width"] / 2, box["y"] + 60)
     until(lambda: abs(served.store.state.playback.time - result.t[-1] / 2) < 0.1, "the middle")
-    frame = abs(result.t - served.store.state.playback.time).argmin()
     legend = page.locator("figure.plot .legend").first
-    until(lambda: f"{result.q[frame, 0]:.3g}"[:5] in legend.inner_text(), "the value there")
+
+    def value_there() -> str:
+        frame = abs(result.t - served.store.state.playback.time).argmin()
+        return f"{result.q[frame, 0]:.3g}"[:5].replace("-", "−")
+
+    until(lambda: value_there() in legend.inner_text(), "the value there")
     page.locator("button.measure").click()
     assert page.locator(".measures").first.locator("tr").count() == 2
     page.locator("button.measure").click()
