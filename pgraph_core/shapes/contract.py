@@ -59,8 +59,8 @@ class Element(NamedTuple):
 class Kind:
     """A kind of shape. A kind overrides the answers that differ from those here.
 
-    By default a shape is drawn as the triangles of its `surface`, touches nothing, has its volume
-    from these triangles, and files of other programs have no element for it.
+    By default a shape has the volume and the picture of its `surface`, is symmetric about its
+    coordinate planes, and files of other programs have no element for it.
     """
 
     name: str
@@ -142,7 +142,7 @@ class Kind:
     # -- files of other programs -----------------------------------------------------------------
 
     def urdf(self, shape: Any, drawn: bool) -> Sequence[Element]:
-        """Return its elements in URDF, where it is drawn or touches. None: it has no such shape."""
+        """Return its elements in URDF for what is drawn or touches, none if URDF has no such shape."""
         return ()
 
     def mjcf(self, shape: Any) -> tuple[str, Sequence[float]] | None:
