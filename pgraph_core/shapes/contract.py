@@ -142,7 +142,7 @@ class Kind:
     # -- files of other programs -----------------------------------------------------------------
 
     def urdf(self, shape: Any, drawn: bool) -> Sequence[Element]:
-        """Return its elements in URDF for what is drawn or touches, none if URDF has no such shape."""
+        """Return its elements in URDF if it is drawn, or if it touches; none if URDF has none."""
         return ()
 
     def mjcf(self, shape: Any) -> tuple[str, Sequence[float]] | None:
