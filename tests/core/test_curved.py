@@ -7,7 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pgraph_core import shapes as solids
-from pgraph_core.engine.records import CYLINDER, ELLIPSOID
+from pgraph_core.engine.compiler.jit import kernel
+from pgraph_core.engine.compiler.kinds import F1, F2, array_of, f8
+from pgraph_core.engine.contact.convex import Side
+from pgraph_core.engine.contact.cores import Core
+from pgraph_core.engine.contact.curved import FLAT_FACE, straight_edge
+from pgraph_core.engine.contact.search import GEOMETRY
+from pgraph_core.engine.records import CANDIDATE, CYLINDER, ELLIPSOID, table
 from pgraph_core.shapes import Solid
 
 from .touching import CURVED, KINDS, Scene, pose, random_pose, random_solid, rounded
@@ -103,3 +109,35 @@ def test_a_tilted_cylinder_touches_at_its_lowest_point_alone():
     shapes = [solids.cylinder(0.5, 1), solids.box((5, 5, 1))]
     touch = Scene(shapes, [pose((0, 0, height + 0.5), turn), pose()]).pair(margin=1e-3)
     assert touch.gap == pytest.approx([0], abs=1e-15)
+
+
+UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@kernel(f8(GEOMETRY, array_of(CANDIDATE), F1, F1, F2))
+def edge_of_cylinder(geometry, room, half, n, ends):
+    """Write the ends of an upright cylinder's line that is lowest along n. Returns its cosine."""
+    side = Side(0, 0, 0, 0, 0, 0, 0, 0)
+    core = Core(CYLINDER, (0.0, 0.0, 0.0), UPRIGHT, (half[0], half[1], half[2]), side)
+    _, cosine = straight_edge(geometry, room, core, (n[0], n[1], n[2]), 0)
+    for k in range(2):
+        for c in range(3):
+            ends[k, c] = room[k].place[c]
+    return cosine
+
+
+@pytest.mark.parametrize("cosine", [0.0, *np.nextafter(FLAT_FACE, (0, FLAT_FACE, 1)), 0.3])
+@pytest.mark.parametrize("sizes", [(0.2, 0.7), (30.0, 1e-2)], ids=str)
+def test_each_edge_that_counts_as_straight_has_ends(cosine, sizes):
+    """Up to the bound itself, at which the points of two edges are read."""
+    radius, half = sizes
+    geometry, room = Scene([]).geometry, table(CANDIDATE, 2)
+    across, ends = np.sqrt(1.0 - cosine**2), np.empty((2, 3))
+    room["place"] = np.nan
+    n, size = np.array([0.6 * across, 0.8 * across, cosine]), np.array([radius, radius, half])
+    assert edge_of_cylinder(geometry, room, size, n, ends) == cosine
+    if cosine > FLAT_FACE:
+        assert np.isnan(ends).all()
+    else:
+        below = [(-0.6 * radius, -0.8 * radius, z) for z in (-half, half)]
+        np.testing.assert_allclose(ends, below, atol=1e-12 * max(sizes))

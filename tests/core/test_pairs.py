@@ -189,6 +189,41 @@ def test_a_capsule_without_length_is_a_ball():
         assert Scene([thin, solids.capsule(0.2, 1)], poses).pair().gap.shape == (1,)
 
 
+@pytest.mark.parametrize("short", [0, 1])
+def test_a_short_capsule_touches_a_long_one_at_one_point(short):
+    """Both ends of a segment that is short beside the other are one point, of either shape.
+
+    The two are parallel, so that both ends are equally near.
+    """
+    rng = np.random.default_rng(short)
+    for length in (1.0, 30.0):
+        at, radius, gap = rng.uniform(-0.4, 0.4) * length, *rng.uniform(0.01, 0.2, 2)
+        solid = [solids.capsule(radius, 1e-12 * length), solids.capsule(radius, length)]
+        where = [pose((2 * radius + gap, 0, at)), pose()]
+        turned = slice(None, None, -1 if short else 1)
+        touch = Scene(solid[turned], where[turned]).pair()
+        assert touch.gap == pytest.approx([gap], abs=ROUNDING * length)
+        away = (-1.0 if short else 1.0, 0, 0)
+        np.testing.assert_allclose(touch.normal, [away], atol=ROUNDING * length / gap)
+
+
+def test_capsules_whose_axes_cross_overlap_across_both():
+    """By the sum of the radii, along one of the two units across both axes."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        radii, lengths, turns = (*rng.uniform((0.05, 0.5), (0.3, 2.0), (2, 2)).T,
+                                 Rotation.random(2, rng=rng))  # fmt: skip
+        axes = turns.apply((0, 0, 1))
+        places = (rng.uniform(-0.4, 0.4, 2) * lengths)[:, None] * axes  # they cross at the origin
+        shapes = [solids.capsule(*sizes) for sizes in zip(radii, lengths, strict=True)]
+        touch = Scene(shapes, [*map(pose, places, turns)]).pair()
+        deepest = touch.gap.argmin()
+        assert touch.gap[deepest] == pytest.approx(-radii.sum(), abs=ROUNDING)
+        across = np.cross(*axes) / np.linalg.norm(np.cross(*axes))
+        sign = np.sign(touch.normal[deepest] @ across)
+        np.testing.assert_allclose(touch.normal[deepest], sign * across, atol=ROUNDING)
+
+
 @pytest.mark.parametrize(("turn", "count"), [(0.0, 4), (np.pi / 4, 8), (0.1, 8)])
 @pytest.mark.parametrize("gap", [-1e-3, -1e-9, 0.0, 1e-9, 1e-3])
 def test_boxes_face_to_face_touch_at_the_corners_of_the_common_area(turn, count, gap):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 import pytest
 
 from pgraph_core.engine.compiler.jit import kernel
-from pgraph_core.engine.compiler.kinds import F2, I1, i8
+from pgraph_core.engine.compiler.kinds import F2, I1, I2, i8
+from pgraph_core.engine.contact.islands import GRAPH, SIZES, connect, order_trees
 from pgraph_core.engine.contact.sparse import factor, substitute
 
 
@@ -60,3 +63,79 @@ def test_solutions_equal_those_of_numpy(columns, symmetric):
 
 def test_a_pivot_of_zero_is_reported():
     assert solved(np.zeros((4, 4)), [[0]], True, np.ones(4)) is None
+
+
+class Trees(NamedTuple):
+    """The tables of `Islands` that an order of elimination needs."""
+
+    edge: Any
+    edges: Any
+    graph: Any
+    queue: Any
+    size: Any
+
+
+@kernel(i8(I2, I1, I2, I2, I1, I1))
+def put_in_order(links, edge, edges, graph, queue, size):
+    """Connect trees and write their order of elimination into `queue`. Returns their number."""
+    islands = Trees(edge, edges, graph, queue, size)
+    for k in range(links.shape[0]):
+        connect(islands, links[k, 0], links[k, 1])
+        connect(islands, links[k, 1], links[k, 0])
+    return order_trees(islands, links[0, 0])
+
+
+Links = list[tuple[int, int]]  # of trees from 1
+
+
+def ordered(links: Links) -> tuple[list[int], int]:
+    """The order of elimination, and how many connections were added."""
+    n = np.max(links) + 1
+    edges, size = np.zeros((40 * len(links), 2), dtype=int), np.zeros(SIZES.total, dtype=int)
+    graph, queue = np.zeros((n, GRAPH.total), dtype=int), np.zeros(n, dtype=int)
+    count = put_in_order(np.array(links), np.full(n, -1), edges, graph, queue, size)
+    assert sorted(queue[:count]) == list(range(1, n))
+    return queue[:count].tolist(), size[SIZES.edges] // 2 - len(links)
+
+
+def fill(links: Links, order: list[int]) -> int:
+    """How many connections elimination in this order adds, by its definition."""
+    near, added = {t: set() for t in order}, 0
+    for a, b in links:
+        near[a].add(b)
+        near[b].add(a)
+    for t in order:
+        now = near.pop(t)
+        for a in now:
+            new = now - near[a] - {a}
+            near[a] = (near[a] | new) - {t}
+            added += len(new)
+    return added // 2
+
+
+def grid(m: int) -> Links:
+    """A square of m by m, row after row."""
+    at = 1 + np.arange(m * m).reshape(m, m)
+    pairs = [(at[:, 1:], at[:, :-1]), (at[1:], at[:-1])]
+    return [pair for a, b in pairs for pair in zip(a.ravel(), b.ravel(), strict=True)]
+
+
+@pytest.mark.parametrize("n", [2, 3, 12, 40])
+def test_the_order_of_a_tree_fills_nothing_and_that_of_a_ring_the_least(n):
+    dice = np.random.default_rng(n)
+    for _ in range(5):
+        names = 1 + dice.permutation(n)
+        tree = [(names[k], names[dice.integers(0, k)]) for k in range(1, n)]
+        order, added = ordered(tree)
+        assert fill(tree, order) == added == 0
+        if n > 2:
+            ring = [*zip(names, np.roll(names, 1), strict=True)]
+            order, added = ordered(ring)
+            assert fill(ring, order) == added == n - 3  # any order: triangles of a polygon
+
+
+@pytest.mark.parametrize("m", [3, 5, 8, 12])
+def test_the_order_of_a_grid_connects_what_elimination_fills(m):
+    order, added = ordered(grid(m))
+    assert fill(grid(m), order) == added
+    assert added < fill(grid(m), [*range(1, m * m + 1)])  # less than row after row
