@@ -26,6 +26,7 @@ from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.motions import facts
 from ..engine.stepping import batch as kernels
 from ..engine.stepping import run
+from ..engine.stepping.control import clock, ends, guard
 from ..interrupts import Deferred
 from ..packing import Array, Ints, Loads
 from ..simulation.loop import Outcome
@@ -160,7 +161,7 @@ class Instances:
 
     def step(self, n: int) -> None:
         """Take n steps of all running instances with the `given` torques."""
-        self.control["clock"]["fresh"][self.codes == at.RUNNING] = 0
+        clock.forget_slopes(self.control["clock"], self.codes == at.RUNNING)
         if self.pairs is not None:
             self._elapsed[self.codes == at.RUNNING] = 0.0
         self.in_parts(n, lambda part: self.spread(partial(self._part, part), len(self.codes)))
@@ -211,12 +212,11 @@ class Instances:
     def relink(self) -> None:
         """Replace data from another process: addresses, and bounds for the next steps."""
         here = self.workers[0].stepper.recording.steps.guard
-        for name in ADDRESSES:
-            self.control["guard"][name] = here[name]
+        guard.set_addresses(self.control["guard"], {name: here[name] for name in ADDRESSES})
         for i in np.flatnonzero(self.codes == at.RUNNING).tolist() if here["approach"] else ():
             record = self.into_worker(i).stepper.recording
             record.bound()
-            self.control["guard"]["bound"][i] = record.steps.guard["bound"]
+            guard.set_bounds(self.control["guard"], i, record.steps.guard["bound"])
 
     def into_worker(self, i: int) -> Worker:
         """Load instance i into the run of the first worker, and return that worker."""
@@ -308,7 +308,7 @@ class TreeLanes(Instances):
 
     def _take(self, n: int) -> None:
         for i in self._in_lanes(n, None).tolist():
-            self.control["clock"]["fresh"][i] = 0
+            clock.forget_slopes(self.control["clock"], i)
             self._part(n, 0, i, i + 1)
 
     def trace(self, n: int) -> Array:
@@ -317,7 +317,7 @@ class TreeLanes(Instances):
         states[:] = np.concatenate((self.q, self.v), axis=1)
         for i in self._in_lanes(n, states).tolist():
             for state in states:
-                self.control["clock"]["fresh"][i] = 0
+                clock.forget_slopes(self.control["clock"], i)
                 self._part(1, 0, i, i + 1)
                 state[i] = np.concatenate((self.q[i], self.v[i]))
         return states
@@ -371,9 +371,9 @@ class TreeLanes(Instances):
         taken = which[good]
         for own, found in zip(parts, new):
             own[taken] = found[good]
-        control["ends"]["taken"][taken] += n
+        ends.add_steps(control["ends"], taken, n)
         now = control["ends"]["origin"] + control["ends"]["taken"] * control["error"]["widest"]
-        control["clock"]["time"][taken] = now[taken]
+        clock.set_times(control["clock"], taken, now[taken])
         return which[~good]
 
     def accelerations(self) -> Array:

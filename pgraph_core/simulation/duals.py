@@ -23,10 +23,10 @@ from ..engine.arrays import (
 from ..engine.compiler.address import address_of, address_of_array, buffer
 from ..engine.compiler.dual import WIDTH
 from ..engine.records import CONTACT, COUNTERS, table
+from ..engine.stepping.control.clock import forget
 from ..errors import InputError, Problem
 from ..packing import Array
 from ..tolerances import NOTABLE
-from .loop import evaluate_again
 from .recording import Recording
 from .variables import Slope
 
@@ -156,7 +156,7 @@ class RunOfDuals:
         """Add to the derivatives of the state."""
         self._run.stages[at.Y, :, 1:] += derivatives
         self._run.stages[at.CANDIDATE] = self._run.stages[at.Y]
-        evaluate_again(self._run.control)
+        forget(self._run.control["clock"])
 
     def switch(self, t: float, steps: Any, late: Array, before: Any, after: Any) -> None:
         """Project the state onto other constraints at t, whose derivatives are `late`."""
@@ -174,7 +174,7 @@ class RunOfDuals:
         if len(late):
             y[:, 1 : 1 + len(late)] -= np.outer(after, late)
         self._run.stages[at.CANDIDATE] = y
-        evaluate_again(self._run.control)
+        forget(self._run.control["clock"])
 
 
 def contacts_of_duals(space: Any, acting: Any, slopes: Array) -> Any:

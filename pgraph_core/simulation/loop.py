@@ -17,9 +17,7 @@ from ..engine.arrays import Tableau as Coefficients
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.records import (
     ALWAYS,
-    CHOSEN,
     COUNTERS,
-    GIVEN,
     METHOD,
     STEP_CONTROL,
     offsets,
@@ -28,6 +26,7 @@ from ..engine.records import (
 )
 from ..engine.signals import SAMPLE
 from ..engine.stepping import run
+from ..engine.stepping.control import clock, ends, error, guard, newton
 from ..errors import InputError
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
@@ -51,11 +50,6 @@ UNCOUNTED = 1 << 62  # steps to the next frame if none is recorded
 TAKEN, FRESH, FRAME = (offsets(STEP_CONTROL)[x] // 8 for x in ("taken", "fresh", "frame"))
 PIECE = 0.02  # s of computation between two looks at Ctrl+C, and between two calls of `progress`
 TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
-
-
-def evaluate_again(control: Any) -> None:
-    """Forget v' at the state of a run and the further stages of its last step."""
-    control["clock"]["fresh"] = control["clock"]["filled"] = 0
 
 
 def paced(steps: int, seconds: float) -> int:
@@ -95,30 +89,28 @@ class Steps:
     def _begin(self) -> None:
         control, plan, given = self.control, self.plan, self.tolerance
         control["nq"], control["nv"] = len(self.q), len(self.v)
-        self.clock["time"] = self.ends["origin"] = self.times[0]
-        self.clock["last"], self.error["project"] = len(self.times), plan.project
-        self.error["length"], self.error["last_error"] = plan.length, 1e-4
-        self.guard["bound"], self.ends["change"] = np.inf, -np.inf
-        self.search_again()
-        self.newton["jacobian_rate"], self.newton["jacobian_time"] = np.inf, np.nan
-        self.clock["span"] = self.times[-1] - self.times[0]
         lags = plan.drives.table["lag"]
         code, _, states = plan.loads.signals
-        self.ends["samples"] = np.count_nonzero(states[:, SAMPLE] >= 0)
-        self.ends["edges"], self.ends["edge"] = count_of_edges(code), self.times[0]
-        self.ends["parts"], self.ends["lag"] = plan.parts, lags[lags > 0.0].min(initial=np.inf)
-        if given is None:
-            self.error["widths"], self.clock["most"] = GIVEN, ANY_NUMBER
-            assert plan.step is not None, "a run without a tolerance has a step"
-            self.guard["turning"] = plan.step / plan.parts
-            if plan.method.implicit:  # solved to a speed that no Stepper knows from its end
-                self.clock["span"] = FRAMES * plan.step
-            measured = plan.method.implicit or plan.method.adaptive
-            self.error["rtol"] = SOLVED if measured else 0.0
+        lag, samples = (
+            lags[lags > 0.0].min(initial=np.inf),
+            np.count_nonzero(states[:, SAMPLE] >= 0),
+        )
+        ends.begin(self.ends, self.times[0], plan.parts, lag, samples, count_of_edges(code))
+        error.begin(self.error, plan.length, plan.project)
+        guard.begin(self.guard)
+        newton.begin(self.newton)
+        span = self.times[-1] - self.times[0]
+        if given is not None:
+            clock.begin(self.clock, self.times, span, given.most)
+            error.choose_widths(self.error, given.rtol, given.atol, given.widest)
             return
-        self.error["widths"] = CHOSEN
-        self.error["rtol"], self.error["atol"] = given.rtol, given.atol
-        self.error["widest"], self.clock["most"] = given.widest, given.most
+        assert plan.step is not None, "a run without a tolerance has a step"
+        if plan.method.implicit:  # solved to a speed that no Stepper knows from its end
+            span = FRAMES * plan.step
+        clock.begin(self.clock, self.times, span, ANY_NUMBER)
+        guard.set_turning(self.guard, plan.step / plan.parts)
+        measured = plan.method.implicit or plan.method.adaptive
+        error.take_given_widths(self.error, SOLVED if measured else 0.0)
 
     def join(
         self, scene: int, links: RunLinks, watched: Array, wanted: Ints = NO_EVENTS, user: int = 0
@@ -131,7 +123,7 @@ class Steps:
         a guard watches.
         """
         always = user or watched.shape[1] > len(wanted)
-        self.guard["due"] = ALWAYS if always else 0
+        guard.set_due(self.guard, ALWAYS if always else 0)
         plan, method = self.plan, self.plan.method
         matrices = _matrices(method, len(self.v)) if method.implicit else NO_MATRICES
         if method.starts and count_of_held(plan.loads.signals[0]):
@@ -156,7 +148,7 @@ class Steps:
     def extend(self, plan: RunPlan, frames: tuple[Array, ...]) -> None:
         """Continue with the given steps of another plan, recording in `frames`."""
         self.plan, n = plan, len(plan.times)
-        self.clock["frame"], self.clock["last"] = 0, n
+        clock.set_frames(self.clock, 0, n)
         self.counters_table[:] = 0
         self.ledger[:] = 0.0
         kept = self._kept
@@ -191,35 +183,34 @@ class Steps:
     def control_of_duals(self) -> Any:
         """Return a copy of the control for derivatives, which repeat steps and look for nothing."""
         control = self.control_table.copy()
-        evaluate_again(control)
-        control["guard"]["address"] = 0
-        control["error"]["widths"] = CHOSEN  # not used
+        clock.forget(control["clock"])
+        guard.set_addresses(control["guard"], {"address": 0})
+        error.choose_widths(control["error"])  # not used
         return control
 
     def search_again(self) -> None:
         """Search for the clearance again at the next look."""
-        self.guard["next_check"] = -np.inf
+        guard.check_again(self.guard)
 
     def factor_again(self) -> None:
         """Evaluate the Jacobian of an implicit method again if it converges slowly."""
-        self.newton["jacobian_rate"] = 2.0
+        newton.factor_again(self.newton)
 
     def end_at(self, frames: int) -> None:
         """Go on until this number of frames is recorded."""
-        self.clock["last"] = frames
+        clock.set_frames(self.clock, self.recorded, frames)
 
     def count_frames(self, frames: int) -> None:
         """Set the number of frames that are recorded already."""
-        self.clock["frame"] = frames
+        clock.set_frames(self.clock, frames, self.clock["last"])
 
     def forget_event(self) -> None:
         """Do not report what ended the last step."""
-        self.guard["fired"] = 0
+        guard.forget_event(self.guard)
 
     def guarded_by(self, **addresses: int) -> None:
         """Set addresses of what looks at steps, by the names in GUARD_STATE."""
-        for name, address in addresses.items():
-            self.guard[name] = address
+        guard.set_addresses(self.guard, addresses)
 
     @property
     def watched(self) -> Array:
@@ -258,15 +249,16 @@ class Steps:
     def solve_tighter(self) -> None:
         """Solve the equations of given implicit steps to the tolerance of half the step."""
         if self.tolerance is None:
-            self.error["rtol"] /= self.plan.method.gain
+            error.tighten(self.error, self.plan.method.gain)
 
     def open_ended(self, width: float) -> None:
         """Continue with steps of this size, without frames."""
         if self.error["widest"] != width:
-            self.error["widest"] = width
-            self.ends["origin"], self.ends["taken"] = self.clock["time"], 0
-        self.clock["frame"], self.clock["last"], self.clock["fresh"] = 1, 2, 0
-        self.ends["left"] = UNCOUNTED
+            error.set_width(self.error, width)
+            ends.start_count(self.ends, self.clock["time"])
+        clock.set_frames(self.clock, 1, 2)
+        self.anew()
+        ends.set_left(self.ends, UNCOUNTED)
         kept = self._kept
         kept.times[:2] = self.clock["time"], np.inf
         kept.substeps[0], kept.width[0] = UNCOUNTED, width
@@ -301,18 +293,17 @@ class Steps:
     def scale(self, time: float) -> None:
         """Let adaptive steps redirect slip that is negligible within a fraction of `time` [s]."""
         if self.tolerance is not None:
-            self.guard["turning"] = TURNED * np.sqrt(self.tolerance.rtol) * time
+            guard.set_turning(self.guard, TURNED * np.sqrt(self.tolerance.rtol) * time)
 
     def go_on(self) -> None:
         """Continue from the state after an event, using the last step size before the event."""
-        evaluate_again(self.control)
-        self.error["rejected"] = 0
-        self.error["last_error"] = 1e-4
+        clock.forget(self.clock)
+        error.begin_again(self.error)
 
     def restart(self) -> None:
         """Continue with a changed state or changed equations, recording the last frame again."""
-        self.clock["frame"] -= 1
-        evaluate_again(self.control)
+        clock.set_frames(self.clock, self.recorded - 1, self.clock["last"])
+        clock.forget(self.clock)
         self.factor_again()
 
     def go_another_way(self, plan: RunPlan, frames: Frames) -> None:
@@ -328,20 +319,19 @@ class Steps:
                 self.stages[row] = 0.0
         self._begin()
         frame = int(before["clock"]["frame"])
-        for name in ("time", "frame", "last"):
-            self.clock[name] = before["clock"][name]
-        self.error["steepest"] = before["error"]["steepest"]
-        self.ends["origin"] = before["clock"]["time"]
+        clock.go_on(self.clock, before["clock"])
+        error.go_on(self.error, before["error"])
+        ends.start_count(self.ends, before["clock"]["time"])
         if self.tolerance is not None:
             return
         if given:
-            for name in ("origin", "taken", "left", "done"):
-                self.ends[name] = before["ends"][name]
-            self.error["widest"] = before["error"]["widest"]
+            ends.go_on(self.ends, before["ends"])
+            error.set_width(self.error, before["error"]["widest"])
             return
         left = float(self.times[frame] - self.clock["time"])
         count = max(int(np.ceil(left / plan.width.max() - 1e-9)), 1)
-        self.ends["left"], self.error["widest"] = count, left / count
+        ends.set_left(self.ends, count)
+        error.set_width(self.error, left / count)
 
     def fraction(self) -> float:
         """The completed fraction of the run, 0 to 1."""

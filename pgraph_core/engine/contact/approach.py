@@ -17,6 +17,7 @@ from ..constraints.blocks import point_velocity, velocities
 from ..motion import opened
 from ..records import CHOSEN, DEEP, PENALTY, POINTS, RIGID, SWING
 from ..rows import spin_of
+from ..stepping.control.guard import bound_width
 from ..stepping.run import BOUND
 from ..stepping.state import size_of_state
 from ..tree.kinematics import outboard, positions
@@ -48,16 +49,17 @@ def bound_step(run, row):
     outboard(scene.rows, scene.const, scene.work, q, v)
     positions(scene.rows, scene.work)
     velocities(scene.rows, scene.const, scene.work, v, scene.space.linear)
-    guard.bound = math.inf
+    bound = math.inf
     if data.watched.shape[1] > data.signs.shape[0]:
-        guard.bound = turn_bound(opened_events(data.scene), scene.work)
+        bound = turn_bound(opened_events(data.scene), scene.work)
     if scene.links.contacts != 0:
         width = error.widest if error.widest > 0.0 else clock.span
         given = error.widths != CHOSEN
         if not given and clock.width > 0.0:
             width = min(width, clock.width)
         steps = (width, given, 0.0 if given else error.rtol, clock.time)
-        guard.bound = min(guard.bound, contact_bound(data.scene, steps))
+        bound = min(bound, contact_bound(data.scene, steps))
+    bound_width(guard, bound)
 
 
 @sweep

@@ -17,8 +17,10 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F2, I1, i8, plain, read, void
 from ..motion import opened
 from ..motions import bends, column, is_angle, numbers_of, travels
-from ..records import CONTACT_AHEAD, HEIGHTFIELD, ONCE
+from ..records import CONTACT_AHEAD, HEIGHTFIELD
 from ..rows import kind_of, origin_of, parent_of, q_of, v_of
+from ..stepping.control.clock import jump_to
+from ..stepping.control.guard import ask_once, fire, rest_until
 from ..stepping.explicit import dense_output
 from ..stepping.run import LOOK_BACK
 from ..stepping.state import copied, size_of_state
@@ -109,7 +111,7 @@ def limits_near(run, guard):
         if now <= 0.0 or min(now, before) <= path - abs(now - before):
             if limits[n].event < 0:
                 return True
-            control.guard.due = max(control.guard.due, ONCE)
+            ask_once(control.guard)
             now = 0.0
         free = min(free, now)
     guard.state[0].free_turn = free
@@ -314,14 +316,13 @@ def set_clock(control, state, rows, stages, reach, left):
         way = min(way, state.free / rate)
     if left > 0.0 and way < math.inf:
         slow = max(slow, LASTING * way / (PATH * left))
-    control.guard.slow = slow
     state.rate = PATH * slow * rate
     least = math.inf
     if state.rate > 0.0:
         least = state.free / state.rate
     if slow > 0.0:
         least = min(least, state.free_turn / (PATH * slow))
-    control.guard.next_check = control.clock.time + least
+    rest_until(control.guard, control.clock.time + least, slow)
 
 
 @sweep
@@ -343,9 +344,8 @@ def look_again(run):
         near = may_touch(run, guard, moved)
     if near:
         copied(stages, at.Y_OLD, at.Y, stages.shape[1])
-        clock.time = clock.old_time
-        clock.fresh = 0
-        control.guard.fired = CONTACT_AHEAD
+        jump_to(clock, clock.old_time)
+        fire(control.guard, CONTACT_AHEAD)
 
 
 @part

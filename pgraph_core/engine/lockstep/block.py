@@ -15,6 +15,9 @@ from ..contact.contacts import FROZEN, contacts_at
 from ..contact.manifold import tangents
 from ..motion import opened
 from ..records import columns
+from ..stepping.control.clock import pass_steps
+from ..stepping.control.ends import count_steps
+from ..stepping.control.error import accept_step
 from ..stepping.state import size_of_state
 from ..stepping.unilateral import SINKING
 from ..vec import xyz
@@ -220,15 +223,10 @@ def move_on(run, taken, evaluations):
     control, counters = this.control[0], this.counters[0]
     clock, ends = control.clock, control.ends
     width = control.error.widest
-    clock.old_time = ends.origin + (ends.taken + taken - 1) * width + ends.done
-    ends.taken += taken
-    ends.left -= taken
-    clock.time = ends.origin + ends.taken * width
-    clock.old_width = width
-    clock.filled = 0
-    control.error.rejected = 0
-    clock.fresh = 0
-    clock.clip = math.inf
+    start = ends.origin + (ends.taken + taken - 1) * width
+    count_steps(ends, taken)
+    pass_steps(clock, start, width, ends.origin + ends.taken * width)
+    accept_step(control.error)
     counters.steps += taken
     counters.evaluations += evaluations
 

@@ -22,6 +22,7 @@ from ..signals import (
     SIDE,
     WHEN,
 )
+from .control.ends import end_pieces, pass_piece, release_sides, set_clear, set_least
 from .margins import (
     BEGIN_MARGIN,
     CHANGED,
@@ -70,7 +71,7 @@ def cross(run, h):
     control, code = data.control[0], opened(data.scene).loads.signals[0]
     clock, ends = control.clock, control.ends
     if h <= 0.0:
-        ends.sided = 0
+        release_sides(ends)
         release(code)
         if h == 0.0:
             take_sides(run, code)
@@ -79,7 +80,7 @@ def cross(run, h):
     see(run, code, at.Y, clock.time)
     keep(code)
     see(run, code, at.CANDIDATE, clock.time + h)
-    ends.clear = -math.inf
+    set_clear(ends, -math.inf)
     if ends.slid > 0:
         h = slide(run, code, h)
     bend(run, code, h)
@@ -91,7 +92,7 @@ def cross(run, h):
     begin, end = first_change(run, code, h)
     if end == 0.0:
         calm(control)
-        ends.pieces = 0
+        end_pieces(ends)
         return h
     return ended(run, h, located(run, code, h, begin, end))
 
@@ -207,7 +208,7 @@ def ended(run, h, w):
     """
     control, code = opened_run(run).control[0], opened(opened_run(run).scene).loads.signals[0]
     ends = control.ends
-    ends.pieces = (ends.pieces if ends.pieces > 0 else ends.parts) - 1
+    pass_piece(ends)
     if ends.pieces > 0:
         w /= ends.pieces + 1
         step_to(run, code, w)
@@ -219,14 +220,13 @@ def ended(run, h, w):
         return slide(run, code, SHORTEST * h)
     if soon:
         w = max(w, min(least, h))
-        ends.shut = min(
-            GROWTH * least, control.error.rtol * h if control.error.widths == CHOSEN else h
-        )
+        most = control.error.rtol * h if control.error.widths == CHOSEN else h
+        set_least(ends, min(GROWTH * least, most))
     else:
         calm(control)
         turn_beyond(run, code, h, w)
     step_to(run, code, w)
-    ends.sided = 0
+    release_sides(ends)
     return w
 
 
@@ -286,7 +286,7 @@ def vertex(x, y):
 @part
 def calm(control):
     """Make steps narrower again after one that was not the least."""
-    control.ends.shut = control.ends.shut / GROWTH
+    set_least(control.ends, control.ends.shut / GROWTH)
 
 
 # -- sliding --------------------------------------------------------------------------------------

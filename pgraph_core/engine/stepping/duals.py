@@ -45,6 +45,15 @@ from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance, normalise_all
 from .batch import call_advance
+from .control.clock import (
+    begin_step_of,
+    end_step_of,
+    forget_slope,
+    keep_slope,
+    note_repeated,
+    set_last_step,
+    set_time,
+)
 from .explicit import dense_output, last_stage, runge_kutta_step, semi_implicit_step, turn_spins
 from .looks import step_again
 from .measured import hold
@@ -125,7 +134,7 @@ def step_beside(run, t, w):
     control, stages = data.control[0], data.stages
     nq, nv = size_of_state(run)
     copied(stages, at.Y_OLD, at.Y, stages.shape[1])
-    control.clock.time = t
+    set_time(control.clock, t)
     acceleration_of(run, t, at.Y, at.SLOPE)
     call_step(data.links.step, (run, w))
     copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
@@ -165,8 +174,7 @@ def go_back(run, numbers):
     """Return to the start of the last step, for numbers without derivatives."""
     control, given = opened_run(run).control[0], opened_run(numbers).control[0]
     take_values(run, numbers, at.Y, at.Y_OLD)
-    control.clock.time = given.clock.old_time
-    control.clock.clip = given.clock.clip
+    begin_step_of(control.clock, given.clock)
     if opened_run(numbers).links.cross != 0:
         take_sides(run, numbers)
 
@@ -200,14 +208,12 @@ def end_step(run, numbers):
     rows, size = opened(data.scene).rows, size_of_state(run)
     copied(stages, at.Y, at.Y_OLD, stages.shape[1])
     copied(stages, at.CANDIDATE, at.Y, stages.shape[1])
-    clock.old_time = given.clock.old_time
-    clock.old_width = given.clock.old_width
-    clock.time = given.clock.time
-    clock.filled = 0
+    end_step_of(clock, given.clock)
     if size[0] > size[1]:
         normalise_all(rows, stages[at.Y, : size[0]])
-    clock.fresh = given.clock.fresh if data.method[0].ends == 1 else 0
-    if clock.fresh == 1:
+    forget_slope(clock)
+    if data.method[0].ends == 1 and given.clock.fresh == 1:
+        keep_slope(clock)
         copied(stages, at.STAGE + data.tableau.b.shape[0], at.SLOPE, stages.shape[1])
         turn_spins(rows, size, stages, at.Y, at.SLOPE, True)
     onto_constraints(run, clock.time, at.Y)
@@ -233,9 +239,7 @@ def explicit_of_duals(run, numbers):
         last_stage(run, min(t + h, clock.clip))
     if dense and other.guard.fired == REACHED:
         copied(stages, at.Y, at.Y_OLD, stages.shape[1])
-        clock.old_time = t
-        clock.old_width = h
-        clock.filled = 0
+        set_last_step(clock, t, h)
         dense_output(run, width_of_step(numbers) / h)
         copied(stages, at.TRIAL, at.CANDIDATE, stages.shape[1])
     end_step(run, numbers)
@@ -409,7 +413,7 @@ def advance_with_duals(run, advance, others, step, note, out, until, budget):
         if counters.steps > steps and guard.fired != CONTACT_AHEAD:  # such an event undoes it
             if clock.repeated == 1 and guard.carried != 0:  # duals are at the end of a trial
                 if guard.fired == REACHED:
-                    clock.repeated = MOVING
+                    note_repeated(clock, MOVING)
                     step_again(run, clock.old_width)
                 step_again(run, clock.old_width)
                 if is_another(run):

@@ -28,6 +28,8 @@ from ..contact.points import (
 )
 from ..motion import PROJECTION, call_projection
 from ..records import ASLEEP, ONCE, REACHED
+from .control.clock import jump_to, shorten_last_step
+from .control.guard import fire, note_looked
 from .crossings import beside, vertex
 from .looks import EVENT, keep_values, look, phases_watched, values_of_events
 from .run import LOOK_BACK
@@ -478,8 +480,7 @@ def look_back(run):
     parts = PARTS if data.tableau.dense.shape[0] > 0 else 1
     if data.links.events != 0 and (data.counters[0].steps == 1 or guard.due == ONCE):
         begin_events(run)
-    if guard.due == ONCE:
-        guard.due = 0
+    note_looked(guard)
     n = 1
     low = 0.0
     while n <= parts:
@@ -487,11 +488,10 @@ def look_back(run):
         counts, low = looked_at(run, low, end)
         if counts:
             copied(stages, at.TRIAL, at.Y, stages.shape[1])
-            clock.time = clock.old_time + low
+            jump_to(clock, clock.old_time + low)
             if parts == 1 and guard.carried != 0:  # duals repeat it, without rounding of time
-                clock.old_width = low
-            clock.fresh = 0
-            guard.fired = REACHED
+                shorten_last_step(clock, low)
+            fire(guard, REACHED)
             return
         if low >= clock.old_width * n / parts:
             n += 1

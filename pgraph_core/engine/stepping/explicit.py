@@ -20,6 +20,7 @@ from ..tree.articulated import articulated, inboard, joint_acceleration
 from ..tree.kinematics import outboard, positions
 from ..tree.moving import advance, normalise_all
 from ..vec import add_scaled, cross, dot, finite, store3
+from .control.clock import keep_dense_output
 from .state import STEP, acceleration_of, copied, rate_of, size_of_state
 from .widths import size_of, weigh
 
@@ -244,7 +245,7 @@ def fill(run):
     for r in range(b.shape[0] + 1, a.shape[0]):
         x = min(clock.old_time + c[r] * h, clock.clip)
         stage(run, None, rows, size, x, h, a[r], r, stages, True)
-    clock.filled = 1
+    keep_dense_output(clock)
 
 
 @sweep

@@ -50,6 +50,7 @@ from ..tree.kinematics import linear_velocity, outboard
 from ..tree.moving import advance, local_rate
 from ..vec import add, add_cross, add_scaled, cross, dot, finite, mul, mul_t, scale, sym_mul
 from . import implicit
+from .control.newton import keep_jacobian, keep_rate, want_jacobian
 from .implicit import COUPLING, KEEP, MOVE, add_half_turn, factor_pair, prepare, solve
 from .state import STEP, UNSOLVED, copied, size_of_state
 
@@ -480,8 +481,7 @@ def jacobian(run):
         for j in range(nv):
             real[nv + i, j] -= real[2 * nv + i, j]
     data.counters[0].jacobians += 1
-    control.newton.jacobian_time = clock.time
-    control.newton.factored = 0.0
+    keep_jacobian(control.newton, clock.time)
 
 
 @sweep
@@ -524,9 +524,9 @@ def solved(run, h, still, newton, most):
         remaining = max(rate, share) * missed if n > 0 else missed  # size of the next correction
         if missed < 2.0 * EPS or remaining < EPS or (share >= 1.0 and rounded):
             if newton:
-                control.newton.jacobian_rate = rate
+                keep_rate(control.newton, rate)
             elif most == BY_COST:
-                control.newton.jacobian_rate = math.inf
+                want_jacobian(control.newton)
             return True, power, loss
         slow = share >= (most if most > BY_COST else SERVES)
         if most == BY_COST and n > 1:  # the first rate is not typical
@@ -553,7 +553,7 @@ def solved_by_newton(run, h, still):
         found = solved(run, h, still, True, SERVES)
         if found[0]:
             return found
-        newton.jacobian_rate = math.inf
+        want_jacobian(newton)
         if newton.jacobian_time == control.clock.time:
             return found
 
@@ -576,7 +576,7 @@ def solve_stages(run, h, still):
         found = solved_by_newton(run, h, still)
         rounds = counters.newton_iterations - before
         if found[0] and not is_slow(alone[1], alone[2], rounds, control.nv):
-            newton.jacobian_rate = USELESS
+            keep_rate(newton, USELESS)
     return found if found[0] else solved(run, h, still, False, TO_THE_END)
 
 

@@ -22,6 +22,7 @@ from ..records import CHOSEN, columns
 from ..rows import kind_of, q_of, v_of
 from ..tree.moving import advance, local_rate
 from ..vec import finite
+from .control.newton import keep_factors, keep_jacobian, keep_rate, want_jacobian
 from .state import STEP, UNSOLVED, copied, size_of_state
 from .widths import inverse, larger, weigh
 
@@ -155,8 +156,7 @@ def jacobian(run):
         if has_attitude(kind_of(rows, k)):
             add_half_turn(real, nv, v_of(rows, k), speeds)
     data.counters[0].jacobians += 1
-    control.newton.jacobian_time = clock.time
-    control.newton.factored = 0.0
+    keep_jacobian(control.newton, clock.time)
 
 
 @part
@@ -260,7 +260,7 @@ def factor_pair(run, h, mu):
     nv = data.control[0].nv
     assemble(mu[0] / h, real, nv, real[2 * nv : 3 * nv])
     assemble(complex(mu[1], mu[2]) / h, real, nv, pair[:nv])
-    data.control[0].newton.factored = h
+    keep_factors(data.control[0].newton, h)
     done = factor(real[2 * nv : 3 * nv], nv, real[3 * nv + RADAU.pivots])
     return factor(pair[:nv], nv, real[3 * nv + RADAU.pivots_c]) and done
 
@@ -347,7 +347,7 @@ def newton(run, h):
             return False
         if n > 0:
             rate = change / last if last > 0.0 else 0.0
-            control.newton.jacobian_rate = rate
+            keep_rate(control.newton, rate)
             if rate >= 1.0:
                 return change * rtol < 100.0 * ROUNDING
             if rate / (1.0 - rate) * change < enough:
@@ -419,7 +419,7 @@ def radau(run, h):
         if not solved:
             if control.newton.jacobian_time == control.clock.time:
                 return UNSOLVED
-            control.newton.jacobian_rate = 2.0
+            want_jacobian(control.newton)
     power = 0.0
     loss = 0.0
     for i in range(3):

@@ -21,6 +21,7 @@ from ..records import columns
 from ..tree.moving import advance
 from . import gauss as by_gauss
 from . import implicit as by_radau
+from .control.newton import forget_factors
 from .duals import STEP_OF_DUALS, end_step, go_back, width_of_step
 from .gauss import GAUSS
 from .implicit import COUPLING, RADAU, coupling_of, finish_local, local_slope
@@ -124,7 +125,7 @@ def radau_of_duals(run, numbers):
     if given.control[0].newton.factored != h:
         by_radau.factor_pair(numbers, h, eigenvalues)
         # the primal run factors again, as without derivatives
-        given.control[0].newton.factored = 0.0
+        forget_factors(given.control[0].newton)
     for _ in range(CORRECTION_ROUNDS):
         begin_round(report)
         for i in range(3):
@@ -242,7 +243,7 @@ def gauss_of_duals(run, numbers):
     if newton.jacobian_rate < by_gauss.SERVES and newton.factored != h:
         by_radau.factor_pair(numbers, h, data.tableau.a[3 + COUPLING.eigenvalues])
         # the primal run factors again, as without derivatives
-        given.control[0].newton.factored = 0.0
+        forget_factors(given.control[0].newton)
     power = 0.0 * flow[0]
     loss = 0.0 * flow[0]
     for _ in range(CORRECTION_ROUNDS):

@@ -16,6 +16,7 @@ from ..contact.points import (
 from ..motion import opened
 from ..records import ASLEEP
 from ..tree.moving import normalise_all
+from .control.clock import note_repeated, set_time
 from .explicit import dense_output
 from .state import call_step, copied, onto_constraints, size_of_state
 
@@ -49,10 +50,10 @@ def step_again(run, w):
     time = clock.time
     copied(stages, at.Y, at.END, n)
     copied(stages, at.Y_OLD, at.Y, n)
-    clock.time = clock.old_time
+    set_time(clock, clock.old_time)
     call_step(data.links.step, (run, w))
-    clock.repeated = 1
-    clock.time = time
+    note_repeated(clock, 1)
+    set_time(clock, time)
     copied(stages, at.END, at.Y, n)
     copied(stages, at.CANDIDATE, at.TRIAL, n)
     if nq > nv:

@@ -19,6 +19,7 @@ from ..signals import (
     SUB,
     evaluate,
 )
+from .control.ends import hold_sides
 from .measured import (
     LENGTH_RATE,
     observe,
@@ -69,8 +70,7 @@ def take_sides(run, code):
                 code[i, NEAREST], code[i, REST] = math.inf, 0.0
     if ends.slid > 0:
         blend(code, ends.slid, ends.share)
-    ends.sided = 1
-    ends.clear = -math.inf
+    hold_sides(ends)
 
 
 @part

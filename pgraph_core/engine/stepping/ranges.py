@@ -38,6 +38,7 @@ from ..signals import (
     Q,
     V,
 )
+from .control.ends import set_clear
 from .margins import (
     BEGIN_MARGIN,
     BENDING,
@@ -299,9 +300,10 @@ def look_ahead(run, code, h):
     control, corners = opened_run(run).control[0], opened_run(run).corners
     ends = control.ends
     if judged(code, control.clock.time, 0.0, 0.0) == CLEAR:
-        ends.clear = control.clock.time + (1.0 + STEPS_AHEAD) * h
+        clear = control.clock.time + (1.0 + STEPS_AHEAD) * h
         if ends.corner < corners.shape[0]:
-            ends.clear = min(ends.clear, corners[ends.corner])
+            clear = min(clear, corners[ends.corner])
+        set_clear(ends, clear)
 
 
 @part

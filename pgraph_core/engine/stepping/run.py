@@ -18,6 +18,18 @@ from ..rows import v_of
 from ..signals import take_samples
 from ..tree.moving import normalise_all
 from ..vec import finite
+from .control.clock import (
+    end_step,
+    forget_slope,
+    keep_slope,
+    note_failure,
+    pass_frame,
+    set_time,
+    try_width,
+)
+from .control.ends import note_change, note_edge, release_sides
+from .control.error import accept_step, note_acceleration
+from .control.guard import bound_width, note_reported
 from .explicit import dense_output, last_stage, turn_spins
 from .measured import HOLDING, average, contacts_at, hold_touches, measure, measures
 from .ranges import within_ranges
@@ -61,7 +73,7 @@ def advance_run(run, budget):
     data = opened_run(run)
     control, counters, times = data.control[0], data.counters[0], data.times
     clock, guard = control.clock, control.guard
-    control.ends.sided = 0
+    release_sides(control.ends)
     for _ in range(budget):
         i = clock.frame
         if i == clock.last:
@@ -70,12 +82,12 @@ def advance_run(run, budget):
         code = at.DONE
         if times[i] < t or (times[i] == t and guard.fired == 0):
             if frame(run, i):
-                clock.frame = i + 1
+                pass_frame(clock)
             else:
                 code = at.NOT_FINITE
         elif guard.fired != 0:
             found = at.NEAR if guard.fired == CONTACT_AHEAD else at.EVENT
-            guard.fired = 0
+            note_reported(guard)
             return found
         elif counters.steps + counters.rejected_steps >= clock.most:
             code = at.TOO_MANY
@@ -94,7 +106,7 @@ def step_once(run):
     control, method, links = data.control[0], data.method[0], data.links
     clock, ends, guard = control.clock, control.ends, control.guard
     if control.error.widths == GIVEN:
-        clock.time = given_start(control)
+        set_time(clock, given_start(control))
     if data.corners.shape[0] > 0:
         pass_corners(run)
     if ends.edges > 0:
@@ -102,11 +114,11 @@ def step_once(run):
     take_sides_here(run)
     if method.starts == 1 and clock.fresh == 0:
         acceleration_of(run, clock.time, at.Y, at.SLOPE)
-        clock.fresh = 1
+        keep_slope(clock)
         if not finite(data.stages[at.SLOPE, control.nq :]):
             return at.NOT_FINITE
     if control.error.widths == CHOSEN and clock.width == 0.0:
-        clock.width = first_width(run)
+        try_width(clock, first_width(run))
     h, end, corner = next_width(run)
     if control.error.widths == GIVEN and guard.approach != 0:
         w = foreseen(run, h)
@@ -129,22 +141,23 @@ def step_once(run):
     if control.error.widths == CHOSEN:
         widen(control, method, min(error, 1.0), h)
         if data.tableau.dense.shape[0] == 0 and h < clock.width < WORTH_FACTORING * h:
-            clock.width = h
+            try_width(clock, h)
     if links.cross != 0 and not within_ranges(run, opened(data.scene).loads.signals[0], h):
         w = call_step(links.cross, (run, h))
         if w < h:
             h, end, corner = w, clock.time + w, ends.sided == 0
-            ends.change = end if corner else ends.change
+            if corner:
+                note_change(ends, end)
     code = accept(run, h, end, corner)
     if code == at.DONE and links.watch != 0 and is_due(run):
         call_look_back(links.watch, (run,))
     if code == at.DONE and guard.due != 0 and guard.fired == 0:
         call_look_back(links.look_back, (run,))
         if guard.fired == REACHED:
-            ends.change = clock.time
+            note_change(ends, clock.time)
             onto_constraints(run, clock.time, at.Y)
     if corner and clock.time == end:  # no event ended the step before
-        ends.edge = end
+        note_edge(ends, end)
     if ends.samples > 0 and code == at.DONE and clock.time > clock.old_time:
         sampled(run)
     if control.error.widths == GIVEN:
@@ -183,7 +196,7 @@ def foreseen(run, h):
         if not guard.bound < h * (1.0 - SOLVED):
             break
         h = guard.bound
-    guard.bound = bound
+    bound_width(guard, bound)
     return h
 
 
@@ -222,7 +235,8 @@ def sampled(run):
         forces, vdot = data.out[3][i], data.out[2][i]  # a frame that is not recorded yet
         measure(data.scene, accelerate, t, y[:nq], y[nq : nq + nv], vdot, data.flow, forces)
     if take_samples(signals, t, nearby(t), y[:nq], y[nq : nq + nv]) > 0:
-        clock.fresh = control.ends.sided = 0
+        forget_slope(clock)
+        release_sides(control.ends)
 
 
 @sweep
@@ -271,15 +285,12 @@ def accept(run, h, end, corner):
     if data.corners.shape[0] > 0 or control.ends.edges > 0:
         for j in range(nq, nq + nv):
             mean = abs(stages[at.CANDIDATE, j] - stages[at.Y, j]) / h
-            error.steepest = max(error.steepest, mean)
+            note_acceleration(error, mean)
     for i in range(stages.shape[1]):
         stages[at.Y_OLD, i] = stages[at.Y, i]
         stages[at.Y, i] = stages[at.CANDIDATE, i]
-    clock.old_time = clock.time
-    clock.old_width = h
-    clock.time = end
-    clock.filled = clock.repeated = 0
-    error.rejected = 0
+    end_step(clock, h, end)
+    accept_step(error)
     data.counters[0].steps += 1
     q = stages[at.Y, :nq]
     v = stages[at.Y, nq : nq + nv]
@@ -289,8 +300,9 @@ def accept(run, h, end, corner):
     if settle != 0:
         call_settle(settle, (scene, end, q, v))
     moved = error.project == 1 and opened(scene).blocks.active[0] > 0
-    clock.fresh = 1 if ends and not moved and not corner else 0
-    if clock.fresh == 1:
+    forget_slope(clock)
+    if ends and not moved and not corner:
+        keep_slope(clock)
         copied(stages, at.STAGE + s, at.SLOPE, stages.shape[1])
         turn_spins(rows, size, stages, at.Y, at.SLOPE, True)
     return onto_constraints(run, end, at.Y)
@@ -337,7 +349,7 @@ def frame(run, i):
             stages[at.SLOPE, nq + j] = vdot[i, j]
         stages[at.SLOPE, nq + nv] = flow[0]
         stages[at.SLOPE, nq + nv + 1] = flow[1]
-        clock.fresh = 1
+        keep_slope(clock)
     return good == 1
 
 
@@ -352,13 +364,13 @@ def give_up(run, t):
     i = clock.frame
     if clock.time > t:
         copied(stages, at.Y_OLD, at.Y, stages.shape[1])
-        clock.time = t
-    clock.failed = t
-    clock.fastest = fastest_row(opened(data.scene).rows, stages[at.Y, nq : nq + nv])
+        set_time(clock, t)
+    row = fastest_row(opened(data.scene).rows, stages[at.Y, nq : nq + nv])
+    note_failure(clock, t, row)
     if 0 < i < clock.last and times[i - 1] < t:
         times[i] = t
         if frame(run, i):
-            clock.frame = i + 1
+            pass_frame(clock)
 
 
 @sweep

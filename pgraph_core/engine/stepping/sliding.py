@@ -9,6 +9,8 @@ from ..records import CHOSEN
 from ..signals import (
     SIDE,
 )
+from .control.clock import try_width
+from .control.ends import leave_margin, slide_along
 from .margins import (
     SHORTEST,
     TRIALS,
@@ -49,8 +51,7 @@ def begins_to_slide(run, code, h):
             side = code[i + 1, SIDE]
             share = kept_on(run, code, i, SHORTEST * h)
             if 0.0 < share < 1.0:
-                control.ends.slid = i
-                control.ends.share = share
+                slide_along(control.ends, i, share)
                 return True
             code[i + 1, SIDE] = side
             start_again(run)
@@ -112,10 +113,9 @@ def slide(run, code, h):
         if control.error.widths != CHOSEN or not known > 1.0 or h <= instant(control, h):
             break
         h *= 0.5
-        control.clock.width = h
-    ends.share = share
+        try_width(control.clock, h)
+    slide_along(ends, i, share)
     if share == 0.0 or share == 1.0:
         code[i + 1, SIDE] *= 1.0 - EPS  # judged again from the next step on
-        ends.slid = 0
-        ends.sided = 0
+        leave_margin(ends)
     return h

@@ -20,6 +20,16 @@ from ..records import CHOSEN, GIVEN
 from ..rows import kind_of, q_of, v_of
 from ..signals import next_sample
 from ..vec import finite
+from .control.clock import clip_stages, jump_to, set_time, try_width
+from .control.ends import (
+    add_part,
+    begin_interval,
+    count_from,
+    count_steps,
+    note_edge,
+    pass_to_corner,
+)
+from .control.error import note_error, note_scales, reject_step, take_width
 from .state import NOT_MET, UNSOLVED, acceleration_of, copied, rate_of, size_of_state
 
 GOLDEN = (3 - math.sqrt(5)) / 2  # fraction of the golden section
@@ -60,7 +70,7 @@ def weigh(rows, size, stages, control):
     error = control.error
     nq, nv = size
     found = extremes(rows, size, stages, at.Y, error.spin, error.speed, error.length)
-    error.spin, error.speed, error.length = found
+    note_scales(error, found)
     spin, speed, length = extremes(rows, size, stages, at.CANDIDATE, found[0], found[1], found[2])
     spin = max(spin, 1.0 / control.clock.span)
     speed = max(speed, length / control.clock.span)
@@ -189,11 +199,10 @@ def pass_corners(run):
         if corners[k] > t:
             if corners[k] >= frame:
                 break
-            clock.time = corners[k]
-            ends.edge = corners[k]
-            clock.fresh = 0
+            jump_to(clock, corners[k])
+            note_edge(ends, corners[k])
         k += 1
-    ends.corner = k
+    pass_to_corner(ends, k)
 
 
 @sweep
@@ -208,9 +217,8 @@ def pass_edges(run):
     )
     edge = next_edge(code, t, near)
     while edge < frame:
-        clock.time = edge
-        control.ends.edge = edge
-        clock.fresh = 0
+        jump_to(clock, edge)
+        note_edge(control.ends, edge)
         edge = next_edge(code, edge, near)
 
 
@@ -237,7 +245,7 @@ def next_width(run):
     control, times, corners = data.control[0], data.times, data.corners
     clock, error, ends = control.clock, control.error, control.ends
     t, k = clock.time, ends.corner
-    clock.clip = math.inf
+    clip_stages(clock, math.inf)
     if error.widths == GIVEN:
         left = error.widest - ends.done
         end = ends.origin + (ends.taken + 1) * error.widest
@@ -272,7 +280,7 @@ def next_width(run):
             h = min(h, GOLDEN * left)
     if h * (1.0 + 1e-9) >= left:
         if corner:
-            clock.clip = bend - 2.0 * EPS * abs(bend)
+            clip_stages(clock, bend - 2.0 * EPS * abs(bend))
         return left, stop, corner
     if error.widths == CHOSEN and 2.0 * h > left:
         h = 0.5 * left  # no sliver before the end
@@ -310,11 +318,10 @@ def next_interval(run, i):
     control, substeps, width = data.control[0], data.substeps, data.width
     ends = control.ends
     if i + 1 < control.clock.last:
-        ends.left = substeps[i]
+        begin_interval(ends, substeps[i])
         if width[i] != control.error.widest:
-            control.error.widest = width[i]
-            ends.origin = data.times[i]
-            ends.taken = 0
+            take_width(control.error, width[i])
+            count_from(ends, data.times[i])
 
 
 @sweep
@@ -325,13 +332,11 @@ def step_taken(run):
     left = control.error.widest - ends.done
     gone = clock.time - clock.old_time if control.guard.fired != 0 else clock.old_width
     if left - gone > nearby(clock.time):
-        ends.done += gone
+        add_part(ends, gone)
         return
-    ends.done = 0.0
-    ends.taken += 1
-    ends.left -= 1
+    count_steps(ends, 1)
     if ends.left == 0:
-        clock.time = opened_run(run).times[clock.frame]
+        set_time(clock, opened_run(run).times[clock.frame])
 
 
 @part
@@ -340,7 +345,8 @@ def widen(control, method, error, h):
     clock = control.clock
     error = max(error, 1e-10)
     if error > 1.0:
-        clock.width = h * max(method.least, method.safety * power(error, -method.by_error))
+        factor = max(method.least, method.safety * power(error, -method.by_error))
+        try_width(clock, h * factor)
         return
     factor = method.safety * power(error, -method.by_error)
     factor *= power(control.error.last_error, method.by_last)
@@ -348,8 +354,8 @@ def widen(control, method, error, h):
     factor = max(method.least, min(factor, most))
     if control.error.rejected == 1:
         factor = min(factor, 1.0)
-    clock.width = h * factor
-    control.error.last_error = max(error, 1e-4)
+    try_width(clock, h * factor)
+    note_error(control.error, error)
 
 
 @sweep
@@ -359,15 +365,14 @@ def refuse(run, error, h):
     control, counters = data.control[0], data.counters[0]
     clock = control.clock
     counters.rejected_steps += 1
-    control.error.rejected = 1
+    known = error >= 0.0 and error < math.inf
+    reject_step(control.error, 0 if known else (2 if error == UNSOLVED else 1))
     if error == NOT_MET:
         return at.NOT_CONVERGED
-    if error >= 0.0 and error < math.inf:
-        control.error.broken = 0
+    if known:
         widen(control, data.method[0], error, h)
     else:
-        control.error.broken = 2 if error == UNSOLVED else 1
-        clock.width = 0.25 * h
+        try_width(clock, 0.25 * h)
     floor = max(16.0 * EPS * clock.time, 1e-18 * clock.span)
     if control.error.widths == CHOSEN and clock.width > floor:
         return at.DONE

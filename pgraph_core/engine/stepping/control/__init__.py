@@ -1,0 +1,1 @@
+"""The records of STEP_CONTROL: one module each has all functions that write it."""
