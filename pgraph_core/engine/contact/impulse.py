@@ -50,7 +50,7 @@ from ..vec import dot, load
 from .conflicts import barred, ease, strain
 from .contacts import contacts_at
 from .island_rows import drop_impulses, gather, rows_of, velocity, weigh
-from .islands import SIZES, find_islands, order_island, unique
+from .islands import SIZES, find_islands, order_island, sweeps_suffice
 from .loose import note_loose
 from .newton import DUE, TOLERANCE, solve_exact, stays
 from .sweeps import gauss_seidel, joint_speeds, own_block
@@ -267,7 +267,7 @@ def solve_island(scene, n, still, last):
     weigh(scene, n)
     room, small = order_island(scene, n)
     tolerance = fine * (TOLERANCE if small else HEAP_TOLERANCE)
-    alone = unique(scene, n)
+    alone = sweeps_suffice(scene, n)
     left = math.inf if alone else stays(scene, n, size)
     solved = left < math.inf
     if not solved and (alone or not small):

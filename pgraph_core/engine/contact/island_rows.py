@@ -17,10 +17,15 @@ from ..compiler.lane import (
     triple,
 )
 from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
+from ..records import columns
 from ..vec import add_scaled, dot, load
 from .contacts import contacts_at
 from .islands import SIZES
 from .sparse import total
+
+# Newton's method in the scratch of an island, columns of a block. `bound`: rows not yet known to be
+# independent.
+SCRATCH = columns(slope=9, miss=3, rate=9, move=3, start=3, state=1, rests=1, bound=1)
 
 
 @part

@@ -405,10 +405,10 @@ def forget_order(islands):
 
 
 @sweep
-def unique(scene, n):
+def sweeps_suffice(scene, n):
     """Check whether each block of island n has at least as many exclusive joints as rows.
 
-    In this case, the impulses are unique, for example for the feet of legs.
+    Few sweeps then solve it, for example for the feet of legs.
     """
     data = opened(scene)
     blocks_i, slots, where = data.blocks.blocks_i, data.space.slots, data.space.where

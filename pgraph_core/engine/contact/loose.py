@@ -13,8 +13,8 @@ from ..compiler.jit import part, sweep
 from ..constraints.blocks import along, ends_of, first_of, place_a, size_of, type_of
 from ..vec import add, add_scaled, cross, dot, load, mul, scale, store, sub
 from .contacts import contacts_at
-from .island_rows import clear, felt, fours_of, pull, rows_of, weigh
-from .newton import CORRECTIONS, LAWS, SCRATCH, direction, look
+from .island_rows import SCRATCH, clear, felt, fours_of, pull, rows_of, weigh
+from .newton import CORRECTIONS, LAWS, direction, look
 
 PRIME = 1013  # squares modulo a prime are in no relation to the places of points
 

@@ -37,10 +37,11 @@ from ..compiler.lane import (
     store_four,
 )
 from ..constraints.blocks import first_of, one_sided, size_of, type_of
-from ..records import columns
 from ..vec import add_scaled, dot, load, mul, scale, store, sub
 from .contacts import contacts_at
+from .independence import unique
 from .island_rows import (
+    SCRATCH,
     add_four,
     clear,
     copy_impulses,
@@ -74,8 +75,6 @@ CORRECTIONS = 20  # largest number of refinements that remove the compliance
 # Impulses that are not of least norm, those of least norm, and those for which the last pass of a
 # step chooses
 TRANSIENT, LEAST_NORM, DUE = 0.0, 1.0, 2.0
-# Where the scratch of an island keeps them: columns of a block.
-SCRATCH = columns(slope=9, miss=3, rate=9, move=3, start=3, state=1, rests=1)
 LAWS, BOUNDS, CONES, NORMALS = 0, 1, 2, 3  # sets that `look` projects onto
 
 
@@ -308,12 +307,16 @@ def solve_exact(scene, n, size, last):
     first (`hold`). If no contact state has changed in the `last` pass, or in an impact, the
     impulses of least norm are computed next. If a contact state changes within a pass, the impulses
     are only transient, and the impulses of least norm usually lead to another change. Earlier
-    passes leave the choice to the last one, which sees it in the contacts of the island.
+    passes leave the choice to the last one, which sees it in the contacts of the island. Impulses
+    of independent rows leave no choice.
     """
     left, taken, same = converge(scene, n, size, CAREFUL)
     if left > NOTABLE:
         left, more = hold(scene, n, size, left)
         taken += more
+    if left <= TOLERANCE and unique(scene, n):
+        note_settled(scene, n, LEAST_NORM)
+        return left, taken
     strikes = contacts_at(opened(scene).links.contacts).tally[0].share == 0.0
     settle = same or strikes or left > TOLERANCE
     chosen = LEAST_NORM if settle else TRANSIENT
