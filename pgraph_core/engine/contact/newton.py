@@ -310,13 +310,14 @@ def solve_exact(scene, n, size, last):
     passes leave the choice to the last one, which sees it in the contacts of the island. Impulses
     of independent rows leave no choice.
     """
-    left, taken, same = converge(scene, n, size, CAREFUL)
+    left, taken, same, soft = converge(scene, n, size, CAREFUL)
     if left > NOTABLE:
         left, more = hold(scene, n, size, left)
         taken += more
-    if left <= TOLERANCE and unique(scene, n):
+    elif left <= TOLERANCE and unique(scene, n):
         note_settled(scene, n, LEAST_NORM)
-        return left, taken
+        left, _ = refine(scene, n, size, (LAWS, soft), taken == 0)
+        return left / size, taken
     strikes = contacts_at(opened(scene).links.contacts).tally[0].share == 0.0
     settle = same or strikes or left > TOLERANCE
     chosen = LEAST_NORM if settle else TRANSIENT
@@ -358,7 +359,7 @@ def converge(scene, n, size, careful):
     as much is missed ends where it first changes a state (`unchanged`). Contact points at the
     friction limit may exchange impulses indefinitely, so that NOTABLE is enough if steps no longer
     help. `careful` is the least s over the root of what is missed. Return (residual divided by
-    `size`, number of steps, True if no contact state has changed).
+    `size`, number of steps, True if no contact state has changed, s of the last factor).
     """
     respond(scene, n)
     first, left, noise, _ = look(scene, n, 0.0, LAWS)
@@ -366,7 +367,7 @@ def converge(scene, n, size, careful):
     copy_impulses(scene, n, LAMBDA, BEST_IMPULSES)
     care, stuck = careful, 0
     taken = 0
-    same = True
+    same, soft = True, PROXIMAL
     while taken < MOST_STEPS and best > max(TOLERANCE * size, noise):
         if stuck >= STUCK and best <= NOTABLE * size:
             break
@@ -396,7 +397,7 @@ def converge(scene, n, size, careful):
             look(scene, n, 0.0, LAWS)
     copy_impulses(scene, n, BEST_IMPULSES, LAMBDA)
     respond(scene, n)
-    return best / size, taken, same
+    return best / size, taken, same, soft
 
 
 @sweep
@@ -461,7 +462,7 @@ def hold(scene, n, size, left):
             growth = math.sqrt(growth)
             continue
         copy_impulses(scene, n, LAMBDA, HELD_IMPULSES)
-        left, more, _ = converge(scene, n, size, CAREFUL / firm)
+        left, more, _, _ = converge(scene, n, size, CAREFUL / firm)
         taken += more
         if left < best:
             best = left
@@ -556,20 +557,34 @@ def least_norm(scene, n, size):
         _, left, noise, changed = look(scene, n, SHARED, CONES)
         if left <= max(ROUNDING * size, noise) or (changed == 0 and not left < before):
             break
-    _, left, noise, _ = look(scene, n, 0.0, CONES)
+    refine(scene, n, size, (CONES, SHARED), False)
+    _, left, noise, _ = look(scene, n, 0.0, LAWS)
+    return left / size, noise / size
+
+
+@sweep
+def refine(scene, n, size, factored, refactor):
+    """Remove what the compliance s of a factor has left of the residual, up to rounding.
+
+    `factored` are the set that is projected onto, and s. Return (the residual, its rounding).
+    """
+    onto, soft = factored
+    _, left, noise, _ = look(scene, n, 0.0, onto)
     for _ in range(CORRECTIONS):
         if left <= max(ROUNDING * size, noise):
             break
         before = left
         start_from_here(scene, n)
-        direction(scene, n, SHARED, False, False)
+        if not direction(scene, n, soft, refactor, False):
+            break
+        refactor = False
         go(scene, n, 1.0)
-        _, left, noise, _ = look(scene, n, 0.0, CONES)
+        _, left, noise, _ = look(scene, n, 0.0, onto)
         if not left < before:
             go(scene, n, 0.0)
+            left = before
             break
-    _, left, noise, _ = look(scene, n, 0.0, LAWS)
-    return left / size, noise / size
+    return left, noise
 
 
 @sweep

@@ -1,4 +1,8 @@
-"""The error control of a run: its tolerances, its scales so far, and the last error."""
+"""The error control of a run: its tolerances, its scales so far, and the last error.
+
+The error of the last step over its tolerance is 1e-4 before the first one, and at least, so that
+the next width does not follow from rounding ([Hairer & Wanner 1996], section IV.8).
+"""
 
 from typing import Any
 
@@ -6,8 +10,6 @@ import numpy as np
 
 from ...compiler.jit import part
 from ...records import CHOSEN, GIVEN
-
-FIRST_ERROR = 1e-4  # of the last step over its tolerance: assumed before the first one, and least
 
 # -- in kernels -----------------------------------------------------------------------------------
 
@@ -27,7 +29,7 @@ def note_acceleration(error, a):
 @part
 def note_error(error, size):
     """Keep the error of an accepted step over its tolerance, for the next width."""
-    error.last_error = max(size, FIRST_ERROR)
+    error.last_error = max(size, 1e-4)
 
 
 @part
@@ -60,7 +62,7 @@ def begin(error: Any, length: float, project: bool) -> None:
 
 def begin_again(error: Any) -> None:
     """Choose the next width as if no step had been taken."""
-    error["rejected"], error["last_error"] = 0, FIRST_ERROR
+    error["rejected"], error["last_error"] = 0, 1e-4
 
 
 def choose_widths(error: Any, rtol: float = 0.0, atol: float = 0.0, widest: float = np.inf) -> None:
