@@ -114,7 +114,7 @@ def damaged(folder):
         {"PYTHONHASHSEED": "7"}, {"COLUMNS": "0"}, {"NUMBA_NUM_THREADS": "1"},
         spaced, damaged,
     ],
-    ids=str,
+    ids=lambda given: getattr(given, "__name__", str(given)),
 )  # fmt: skip
 def test_it_gives_the_same_bits_in_every_environment(given, tmp_path, here):
     given = given if isinstance(given, dict) else given(tmp_path)

@@ -23,6 +23,8 @@ from pgraph_core.simulation.paths import Path
 from pgraph_core.sweeps import tasks
 from pgraph_core.sweeps.sweep import points_of
 
+from .nights import at_night
+
 SHORT = {"t_end": 0.1, "step": 1e-3}
 
 
@@ -420,9 +422,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a console sends Ctrl+C in another way there")
-@pytest.mark.parametrize(
-    "how", ["ctrl_c", "kill", pytest.param("ctrl_c of a terminal", marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("how", ["ctrl_c", *at_night("kill", "ctrl_c of a terminal")])
 def test_the_processes_of_a_sweep_end_with_it_whatever_they_compute(tmp_path, how):
     """Notebooks send Ctrl+C to the process alone, terminals to all. The output ends with the last
     process."""

@@ -16,6 +16,8 @@ from pgraph_core.contact.tables import tables
 from pgraph_core.formats import read_model
 from tests.refusals import assert_names
 
+from .nights import at_night
+
 INERTIAL = """<inertial><mass value="1"/>
   <inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>"""
 BALL = '<sphere radius=".1"/>'
@@ -314,7 +316,9 @@ OPTIONS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize(
+    "name", ["default", "derivatives", *at_night("fixed steps", "torques", "events")]
+)
 def test_runs_that_are_dropped_leave_their_memory(name):
     """R12: a run of 20,001 frames has 0.9 MB."""
 

@@ -81,7 +81,7 @@ FOUR_BAR, WAYS = "pg.Model.load(pgraph_models.path('four_bar'))", ["rk4", "dopri
 @fits
 @pytest.mark.parametrize(
     ("model", "methods"),
-    [(FOUR_BAR, ["rk4"]), *at_night((FOUR_BAR, ["dopri5", "auto"]), ("pg.Model.serial(2)", WAYS))],
+    at_night((FOUR_BAR, ["rk4"]), (FOUR_BAR, ["dopri5", "auto"]), ("pg.Model.serial(2)", WAYS)),
 )
 def test_first_derivatives_need_no_compiler(tmp_path, model, methods):
     code = (
