@@ -302,6 +302,7 @@ class ContactSpace(Unportable):
             found=table(CONTACT, count),
             laws=contacts.laws,
             kept=table(KEPT, count),
+            before=table(KEPT, count),
             anchors=table(KEPT, count if compliant else 0),
             meetings=table(MEETING, count + limits + MOST_MEETINGS),
             wrenches=table(BODY_WRENCH, packed.nb + 1),

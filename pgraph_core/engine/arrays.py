@@ -298,6 +298,7 @@ class Contacts(NamedTuple):
     found: Any  # contact points, of CONTACT
     laws: Any  # records of PAIR_LAW, one per contact pair
     kept: Any  # records of KEPT: impulses of the last step
+    before: Any  # records of KEPT: impulses at the start of the step, for when it is repeated
     anchors: Any  # records of KEPT: anchors of penalty friction
     meetings: Any  # records of MEETING
     wrenches: Any  # records of BODY_WRENCH, one per body: wrenches of contacts
@@ -436,8 +437,8 @@ ISLANDS = named(
 )
 CONTACTS = named(
     Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, POSES, SEARCH, FOUND,
-    *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,
-    array_of(PHASE_CHANGE), ISLANDS, F2,
+    *map(array_of, (PAIR_LAW, KEPT, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)),
+    I2, F2, F1, array_of(PHASE_CHANGE), ISLANDS, F2,
 )  # fmt: skip
 GUARD = named(
     Guard, GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, FOUND, array_of(LIMIT), array_of(CLEARANCE),

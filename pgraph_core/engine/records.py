@@ -411,6 +411,7 @@ DEEP = NAMED / VISIBLE  # depth of soft and penalty contacts with a notice, over
 CONTACT_TALLY = record(
     found=INTEGER,  # contact points
     kept=INTEGER,  # impulses
+    started=INTEGER,  # impulses at the start of the step
     anchored=INTEGER,  # anchors of penalty friction
     frictions=INTEGER,  # blocks of joints' friction, which stand before those of limits
     first_limit=INTEGER,  # blocks

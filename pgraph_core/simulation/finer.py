@@ -28,6 +28,7 @@ from ..engine.stepping.widths import GOLDEN
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 from .failures import readers
+from .means import means_between
 from .options import MOST_CHOSEN, Tolerance
 from .plan import NO_PLAN
 from .recording import Recording
@@ -171,24 +172,14 @@ def forces_apart(record: Recording, finer: Recording, n: int) -> Array:
     i, j = shared(record, finer, n)
     found = [x.out.pairs["mean_force"] for x in (record, finer)]
     if record.plan.method.name == "moreau_jean":
-        found = [
-            _means(x.steps.times, force, k) for x, force, k in zip((record, finer), found, (i, j))
-        ]
+        times = record.steps.times, finer.steps.times
+        found = [means_between(*given) for given in zip(times, found, (i, j))]
+        for force in found:
+            force[0] = 0.0  # that of an instant, in steps of different width
     else:
         found = [force[k] for force, k in zip(found, (i, j))]
     off = np.linalg.norm(found[0] - found[1], axis=2).max(axis=1)
     return off[np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)]
-
-
-def _means(t: Array, force: Array, some: Ints) -> Array:
-    """Return the mean forces (k, ...) between some of the frames, zero at the first."""
-    impulses = np.cumsum(
-        force[1 : some[-1] + 1] * np.diff(t[: some[-1] + 1])[:, None, None], axis=0
-    )
-    found = np.zeros((len(some), *force.shape[1:]))
-    sums = np.concatenate((found[:1], impulses))[some]
-    found[1:] = np.diff(sums, axis=0) / np.diff(t[some])[:, None, None]
-    return found
 
 
 # -- events that a finer run has and the run has not -----------------------------------------------

@@ -82,7 +82,8 @@ class Steps:
         self._begin()
         self.frames = frames
         self.clearance: Clearance | None = None  # guard of shapes that may touch
-        self._signs = NO_EVENTS  # signs of events, kept between scenes
+        # signs and values of events, kept between scenes
+        self._signs, self._values = NO_EVENTS, np.full(1, -1.0)
         self._buffer = buffer()
         self.address = address_of_array(self._buffer)
 
@@ -91,11 +92,10 @@ class Steps:
         control["nq"], control["nv"] = len(self.q), len(self.v)
         lags = plan.drives.table["lag"]
         code, _, states = plan.loads.signals
-        lag, samples = (
-            lags[lags > 0.0].min(initial=np.inf),
-            np.count_nonzero(states[:, SAMPLE] >= 0),
+        lag, samples = lags[lags > 0.0].min(initial=np.inf), states[:, SAMPLE] >= 0
+        ends.begin(
+            self.ends, self.times[0], plan.parts, lag, int(samples.sum()), count_of_edges(code)
         )
-        ends.begin(self.ends, self.times[0], plan.parts, lag, samples, count_of_edges(code))
         error.begin(self.error, plan.length, plan.project)
         guard.begin(self.guard)
         newton.begin(self.newton)
@@ -133,13 +133,13 @@ class Steps:
         self.links = links
         if len(self._signs) != len(wanted):
             self._signs = np.zeros(len(wanted), dtype=np.int64)
-        values = np.full(len(wanted) + 1, -1.0)  # -1: not reached
-        values[-1] = user
+            self._values = np.full(len(wanted) + 1, -1.0)  # -1: not reached
+        self._values[-1] = user
         self._kept = Run(
             scene, links, Coefficients(*method.tableau), _method(method.name), self.times,
             plan.substeps.copy(), plan.width.copy(), plan.corners, self.stages, *matrices,
             self.control_table, self.counters_table, np.zeros(3), watched,
-            self._signs, wanted, values, self.frames,
+            self._signs, wanted, self._values, self.frames,
         )  # fmt: skip
         control, counters = (x.view(np.int64) for x in (self.control_table, self.counters_table))
         self._words = control, counters, control.copy()  # numpy is slow at copies of records

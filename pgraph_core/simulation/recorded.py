@@ -26,6 +26,7 @@ from ..result.records import (
 )
 from .advice import too_wide
 from .continuing import left_by
+from .means import means_between
 from .remarks import beyond_limits, creeping, off_track, too_fast, touching, turns_unseen
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def result_of(record: Recording, estimate: Estimate, timing: dict[str, float]) -
         timing=timing,
         error_at=error[rows, 0],
         state_error_at=error[rows, 1:],
-        force_error_at=unsure[rows],
+        force_error_at=_of_rows(record, unsure, rows),
         header=_header(record),
         notices=(*notices(record), *estimate.notices),
         memory=record.memory or left_by(record),
@@ -136,9 +137,20 @@ def _kept(record: Recording) -> tuple[slice | Ints, Array, Frames]:
     t, out = record.steps.times[rows], record.out
     if len(t) < len(out.q):
         out = Frames(*[a[rows] if len(a) else a for a in out])
+        if not isinstance(rows, slice):
+            for name in ("mean_force", "mean_torque") if out.pairs.size else ():
+                out.pairs[name] = _of_rows(record, record.out.pairs[name], rows)
+            out.wrenches[..., MEANS:] = _of_rows(record, record.out.wrenches[..., MEANS:], rows)
     if record.reused:
         t, out = t.copy(), Frames(*map(np.copy, out))
     return rows, t, out
+
+
+def _of_rows(record: Recording, values: Array, rows: slice | Ints) -> Array:
+    """Return the forces of the result's frames, which time stepping averages over all between."""
+    if isinstance(rows, slice) or record.plan.method.name != "moreau_jean":
+        return values[rows]
+    return means_between(record.steps.times, values, rows)
 
 
 def _header(record: Recording) -> dict[str, Any]:

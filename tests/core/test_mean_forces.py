@@ -147,3 +147,50 @@ def test_a_live_condition_reads_the_force_of_the_last_step():
     switched = [event.t for event in run.contacts.events if event.contact == "w"]
     assert switched == pytest.approx([hit], abs=2e-3)
     assert run.contact_force["floor"][:, 5].max() < 100.0
+
+
+def never(t, q, v):
+    return t - 99.0
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("step", [8e-4, 3e-3, 8.8e-3])
+def test_an_event_that_never_occurs_changes_neither_motion_nor_forces(step, restitution):
+    """Looks at parts of a step leave the impulses of the step that is taken."""
+    model = bouncing(restitution=restitution)
+    given = {"t_end": 0.6, "step": step, "method": "moreau_jean", "frames": 41, "estimate": False}
+    plain, watched = pg.simulate(model, **given), pg.simulate(model, events=never, **given)
+    assert np.array_equal(plain.q, watched.q)
+    force = watched.contact_force["floor"]
+    assert np.allclose(force, plain.contact_force["floor"], rtol=1e-9, atol=1e-9)
+    assert balanced(watched, force[:, 3:], "b")
+
+
+CLUTCH = pg.Velocity(
+    name="clutch", body="u", coefficients={"u": (1.0,), "w": (-1.0,)}, active=False
+)
+
+
+def beside_wheels(*switches):
+    """A ball that falls beside two wheels, which a clutch joins."""
+    wheels = [
+        pg.Body(name=name, link=(5, n, 0), inertia=(1, 1, 1), v=(1.0 - 2.0 * n,))
+        for n, name in enumerate("uw")
+    ]
+    model = bouncing(restitution=0.0)
+    scenario = pg.Scenario(name="s", switches=switches)
+    return model.replace(
+        bodies=(*model.bodies, *wheels), constraints=(CLUTCH,), scenarios=(scenario,)
+    )
+
+
+@pytest.mark.parametrize("at", [0.315, 0.3195, 0.3203, 0.33])
+@pytest.mark.parametrize("condition", [False, True])
+def test_frames_hold_the_impulses_on_both_sides_of_a_switch(at, condition):
+    """The ball lands at 0.3193 s. The wheel has turned by 1 rad per second."""
+    given = {"when": {"coordinate": "u", "above": at}} if condition else {"t": at}
+    model = beside_wheels(pg.Switch(constraint="clutch", active=True, **given))
+    run = pg.simulate(model, scenario="s", t_end=0.6, step=1e-3, method="moreau_jean", frames=13)
+    assert len(run.t) == 13
+    assert balanced(run, run.contact_force["floor"][:, 3:], "b")
+    assert run.force_error < 1e-6

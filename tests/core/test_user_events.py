@@ -292,3 +292,21 @@ def test_a_zero_exactly_at_a_limit_is_one_event_for_each_hit(method, e):
             run = pg.simulate(model, t_end=0.9, step=step, method=method, events=events)
             assert [event.number for event in run.user_events] == [0, 1, 3]
             assert [e.t for e in run.user_events] == pytest.approx([0.7 / 1.7] * 3, abs=1e-9)
+
+
+@pytest.mark.parametrize("given", [{}, {"rtol": 1e-8}, {"method": "rk4", "step": 5e-3}])
+@pytest.mark.parametrize(
+    ("push", "speed", "level"), [(1.2573, -1.607, 0.095), (-4.0, 2.0, -0.2), (9.0, -0.5, 0.1)]
+)
+def test_events_are_zeros_where_a_run_goes_on_with_limits(given, push, speed, level):
+    """A slider that comes near a limit: the run goes on with it, and events keep their values."""
+    slider = pg.Body(
+        name="b", joint="prismatic", axes=(1, 0, 0), mass=1.0, v=(speed,), limits=(-0.35, 0.14),
+        limit_restitution=0.5,
+    )  # fmt: skip
+    motor = pg.Motor(name="m", body="b", torque=push)
+    model = pg.Model(bodies=[slider], forces=[motor], gravity=(0, 0, 0))
+    run = pg.simulate(model, events=crossing(level), t_end=1.0, frames=15, **given)
+    assert "began" in run.header
+    assert all(abs(event.q[0] - level) < 1e-8 for event in run.user_events)
+    assert (np.diff([event.t for event in run.user_events]) > 1e-6).all()

@@ -192,6 +192,24 @@ def slides_now(contacts, work, linear, n):
 
 
 @sweep
+def remember_impulses(contacts):
+    """Keep the impulses with which the next step starts."""
+    tally = contacts.tally[0]
+    tally.started = tally.kept
+    for k in range(tally.kept):
+        contacts.before[k] = contacts.kept[k]
+
+
+@sweep
+def recall_impulses(contacts):
+    """Restore the impulses with which the last step started."""
+    tally = contacts.tally[0]
+    tally.kept = tally.started
+    for k in range(tally.started):
+        contacts.kept[k] = contacts.before[k]
+
+
+@sweep
 def clear(address):
     """Reset all contact forces at the start of a step or a record."""
     contacts = contacts_at(address)

@@ -31,7 +31,8 @@ from ..records import ASLEEP, ONCE, REACHED
 from .control.clock import jump_to, shorten_last_step
 from .control.guard import fire, note_looked
 from .crossings import beside, vertex
-from .looks import EVENT, keep_values, look, phases_watched, values_of_events
+from .looks import EVENT, keep_values, look, phases_watched, step_again, values_of_events
+from .measured import steps_in_time
 from .run import LOOK_BACK
 from .state import copied, size_of_state
 from .widths import GOLDEN
@@ -473,7 +474,11 @@ def looked_at(run, low, end):
 
 @kernel(LOOK_BACK, nogil=True, later=True)
 def look_back(run):
-    """Go back to the first event within the last step, if there is one."""
+    """Go back to the first event within the last step, if there is one.
+
+    Time stepping repeats parts of the step to look at them. Its contacts must keep the forces of
+    the step that is taken, which is repeated last.
+    """
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     clock, guard = control.clock, control.guard
@@ -495,3 +500,5 @@ def look_back(run):
             return
         if low >= clock.old_width * n / parts:
             n += 1
+    if clock.repeated == 1 and steps_in_time(data.scene):
+        step_again(run, clock.old_width)

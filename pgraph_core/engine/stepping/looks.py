@@ -5,6 +5,7 @@ from ..arrays import guard_at, opened_run
 from ..compiler.address import caller
 from ..compiler.jit import part, sweep
 from ..compiler.kinds import F1, f8, i8, void
+from ..contact.contacts import contacts_at, recall_impulses
 from ..contact.phases import opened_events
 from ..contact.points import (
     BELOW,
@@ -51,6 +52,9 @@ def step_again(run, w):
     copied(stages, at.Y, at.END, n)
     copied(stages, at.Y_OLD, at.Y, n)
     set_time(clock, clock.old_time)
+    contacts = opened(data.scene).links.contacts
+    if data.links.events != 0 and contacts != 0:
+        recall_impulses(contacts_at(contacts))
     call_step(data.links.step, (run, w))
     note_repeated(clock, 1)
     set_time(clock, time)

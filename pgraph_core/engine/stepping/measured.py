@@ -21,7 +21,7 @@ from ..constraints.constraints import wrenches
 from ..contact.touches import HOLDING, next_touch, relative_velocity, touching
 from ..drives import acting, own_torque
 from ..motion import call_acceleration, opened
-from ..records import columns
+from ..records import FROZEN, columns
 from ..signals import ABS, HELD_FROM, NUMBER, SAMPLE, SIDE, sample_time
 from ..tree.kinematics import outboard, positions
 from ..vec import add_scaled, dot, load, scale, set_xyz, store, sub, xyz
@@ -114,6 +114,13 @@ def average(scene):
                 at.MEAN_PULL + c,
                 mixed(share, load(blocks_f, i, at.MEAN_PULL + c), pull),
             )
+
+
+@part
+def steps_in_time(scene):
+    """Check whether the last step of a scene was one of time stepping."""
+    contacts = opened(scene).links.contacts
+    return contacts != 0 and contacts_at(contacts).tally[0].frozen == FROZEN
 
 
 @part

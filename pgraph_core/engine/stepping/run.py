@@ -10,10 +10,11 @@ from ...tolerances import EPS, SOLVED
 from .. import layout as at
 from ..arrays import RUN, opened_run, save_run_tuple
 from ..compiler.address import caller
-from ..compiler.jit import kernel, part, sweep
+from ..compiler.jit import kernel, sweep
 from ..compiler.kinds import I1, i8, plain, void
+from ..contact.contacts import contacts_at, remember_impulses
 from ..motion import call_record, call_settle, opened
-from ..records import CHOSEN, CONTACT_AHEAD, FROZEN, GIVEN, REACHED
+from ..records import CHOSEN, CONTACT_AHEAD, GIVEN, REACHED
 from ..rows import v_of
 from ..signals import take_samples
 from ..tree.moving import normalise_all
@@ -31,7 +32,7 @@ from .control.ends import note_change, note_edge, release_sides
 from .control.error import accept_step, note_acceleration
 from .control.guard import bound_width, note_reported
 from .explicit import dense_output, last_stage, turn_spins
-from .measured import HOLDING, average, contacts_at, hold_touches, measure, measures
+from .measured import HOLDING, average, hold_touches, measure, measures, steps_in_time
 from .ranges import within_ranges
 from .state import UNSOLVED, acceleration_of, call_step, copied, onto_constraints, size_of_state
 from .widths import (
@@ -124,6 +125,9 @@ def step_once(run):
         w = foreseen(run, h)
         if w < h:
             h, end, corner = w, clock.time + w, False
+    contacts = opened(data.scene).links.contacts
+    if links.events != 0 and contacts != 0:
+        remember_impulses(contacts_at(contacts))
     error = call_step(links.step, (run, h))
     good = error >= 0.0 and error < math.inf
     if not good and links.cross != 0:  # a side may have no value beyond its margin
@@ -167,13 +171,6 @@ def step_once(run):
     if code == at.DONE and steps_in_time(data.scene):
         average(data.scene)
     return code
-
-
-@part
-def steps_in_time(scene):
-    """Check whether the last step of a scene was one of time stepping."""
-    contacts = opened(scene).links.contacts
-    return contacts != 0 and contacts_at(contacts).tally[0].frozen == FROZEN
 
 
 @sweep
