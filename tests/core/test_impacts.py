@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import nnls
+from scipy.optimize import brentq, nnls
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
@@ -509,3 +509,36 @@ def test_a_flat_impact_misses_no_force(rtol, speed):
     floor = pg.Contact(name="floor", body="box", friction=0.5, restitution=0.5)
     run = pg.simulate(pg.Model(bodies=[box], contacts=[floor]), t_end=0.2, rtol=rtol)
     assert run.notices == ()
+
+
+@pytest.mark.parametrize(
+    ("tilt", "spin", "fall", "height"),
+    [(-0.03, 5.0, 0.71, 0.108), (-0.03, 5.0, 0.8, 0.1085)],
+)
+def test_a_cylinder_that_tips_over_its_flat_lands_on_the_other_side(tilt, spin, fall, height):
+    """Its rim's lowest point changes sides within the step; the impulse is Newton's."""
+    radius, half, step = 0.2, 0.1, 1e-2
+    shape = {"kind": "cylinder", "radius": radius, "length": 2 * half}
+    body = pg.Body(name="c", joint="free", derived=("inertia",), shape=shape)
+    floor = pg.Contact(name="floor", body="c", friction=0.0, restitution=1.0)
+    q = (0, 0, height, np.cos(tilt / 2), 0, np.sin(tilt / 2), 0)
+    run = pg.simulate(
+        pg.Model(bodies=[body], contacts=[floor]), q=q, v=(0, spin, 0, 0, 0, -fall), t_end=step,
+        step=step, method="moreau_jean", **QUIET,
+    )  # fmt: skip
+
+    def lowest(t):
+        angle = tilt + spin * t
+        way = radius * abs(np.sin(angle)) + half * np.cos(angle)
+        return height - fall * t - 0.5 * G * t * t - way
+
+    flat = -tilt / spin
+    landed = brentq(lowest, flat, step)
+    assert lowest(0.0) > 0.0
+    assert lowest(flat) > 0.0
+    angle = tilt + spin * landed
+    arm, inertia = radius * np.cos(angle) - half * np.sin(angle), (3 * radius**2 + 4 * half**2) / 12
+    push = 2 * (fall + G * landed + spin * arm) / (1 + arm**2 / inertia)
+    np.testing.assert_allclose(
+        run.v[-1], [0, spin - push * arm / inertia, 0, 0, 0, push - fall - G * step], atol=1e-6
+    )

@@ -173,3 +173,35 @@ def test_the_landing_of_a_face_does_not_depend_on_its_time_within_a_step(step):
         run = pg.simulate(tipping(0.5), estimate=False, **given)
         turns.append(np.interp(0.175, run.t, run.v[:, 2]))
     assert np.ptp(turns) < 1e-3
+
+
+ROD = {"mass": 1.0, "inertia": np.eye(3) * 0.01}
+ROD |= {"shape": {"kind": "box", "size": (0.4, 0.1, 0.1)}}
+
+
+@pytest.mark.parametrize("speed", [60.0, 45.0])
+def test_fast_balls_among_all_bodies_hit_when_their_gap_closes(speed):
+    """Elastic balls of one mass exchange their speeds.
+
+    More bodies than are paired, and two jointed rods that overlap and turn fast among them. After
+    the last impact of a step, a ball would still pass through its thickness in the rest of it.
+    """
+    lanes, span = 11, 0.02
+    ball = {"joint": "free", "derived": ("inertia",)}
+    ball |= {"shape": {"kind": "sphere", "radius": 0.05}}
+    gaps = 0.2 + 0.013 * np.arange(lanes)
+    bodies = [
+        pg.Body(name="upper", q=(0, -5, 0, 1, 0, 0, 0), v=(0, 0, 40, 0, 0, 0), joint="free", **ROD),
+        pg.Body(name="lower", parent="upper", axes=(0, 0, 1), link=(0.2, 0, 0), v=(-90.0,), **ROD),
+    ]
+    for k, gap in enumerate(gaps):
+        far, fast = gap + 2 * 0.05, (0, 0, 0, speed, 0, 0)
+        bodies.append(pg.Body(name=f"a{k}", q=(0, 3 * k, 0, 1, 0, 0, 0), v=fast, **ball))
+        bodies.append(pg.Body(name=f"b{k}", q=(far, 3 * k, 0, 1, 0, 0, 0), **ball))
+    every = pg.Contact(name="all", body="*", other="*", restitution=1.0)
+    model = pg.Model(bodies=bodies, contacts=[every], gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=span, step=0.01, method="moreau_jean", estimate=False)
+    way = speed * span
+    for k, gap in enumerate(gaps):
+        assert run[f"a{k}"][-1, 0] == pytest.approx(min(way, gap), abs=1e-9)
+        assert run[f"b{k}"][-1, 0] - 2 * 0.05 == pytest.approx(max(way, gap), abs=1e-9)
