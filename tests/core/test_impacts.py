@@ -542,3 +542,29 @@ def test_a_cylinder_that_tips_over_its_flat_lands_on_the_other_side(tilt, spin, 
     np.testing.assert_allclose(
         run.v[-1], [0, spin - push * arm / inertia, 0, 0, 0, push - fall - G * step], atol=1e-6
     )
+
+
+@pytest.mark.parametrize(
+    ("places", "size", "named"),
+    [
+        ((-0.4, 0.4), None, False),
+        ((-0.4, 0.1, 0.4), None, True),
+        ((-0.4, 0.4), (0.02, 0.4, 0.2), True),
+    ],
+)
+def test_an_impact_on_several_bodies_names_shares_that_are_not_unique(places, size, named):
+    """A bar on three balls, of which one could be left out, and a plate on two rails."""
+    shape = {"kind": "box", "size": size} if size else {"kind": "sphere", "radius": 0.1}
+    low = [
+        pg.Body(name=f"low {n}", axes=(0, 0, 1), link=(x, 0, 0), inertia=np.eye(3), shape=shape)
+        for n, x in enumerate(places)
+    ]
+    high = pg.Body(
+        name="high", joint="free", q=(0, 0, 0.15 + 1e-5, 1, 0, 0, 0), v=(0, 0, 0, 0, 0, -2.0),
+        derived=("inertia",), shape={"kind": "box", "size": (1.0, 0.6 if size else 0.1, 0.1)},
+    )  # fmt: skip
+    pairs = [pg.Contact(name=b.name, body="high", other=b.name, friction=0.0) for b in low]
+    model = pg.Model(bodies=[high, *low], contacts=pairs, gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=2e-3, step=1e-3, method="moreau_jean", **QUIET)
+    told = [x for x in run.notices if "in an impact" in x and "not unique" in x]
+    assert len(told) == named
