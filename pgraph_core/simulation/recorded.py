@@ -107,7 +107,7 @@ def result_of(record: Recording, estimate: Estimate, timing: dict[str, float]) -
         timing=timing,
         error_at=error[rows, 0],
         state_error_at=error[rows, 1:],
-        force_error_at=_of_rows(record, unsure, rows),
+        force_error_at=unsure[rows] if isinstance(rows, slice) else _of_rows(record, unsure, rows),
         header=_header(record),
         notices=(*notices(record), *estimate.notices),
         memory=record.memory or left_by(record),
@@ -146,9 +146,9 @@ def _kept(record: Recording) -> tuple[slice | Ints, Array, Frames]:
     return rows, t, out
 
 
-def _of_rows(record: Recording, values: Array, rows: slice | Ints) -> Array:
+def _of_rows(record: Recording, values: Array, rows: Ints) -> Array:
     """Return the forces of the result's frames, which time stepping averages over all between."""
-    if isinstance(rows, slice) or record.plan.method.name != "moreau_jean":
+    if record.plan.method.name != "moreau_jean":
         return values[rows]
     return means_between(record.steps.times, values, rows)
 
