@@ -178,3 +178,20 @@ def test_an_event_far_and_near_has_its_instants():
     ]
     assert [n for n, _ in found] == [n for n, _ in exact]
     np.testing.assert_allclose([t for _, t in found], [t for _, t in exact], rtol=0, atol=2e-3)
+
+
+def test_a_slider_that_a_turning_base_carries_outwards_does_not_pass_through_a_post():
+    """It moves much farther in a step than from the place where its reach was measured."""
+    base = pg.Body(name="base", axes=(0, 0, 1), inertia=np.eye(3) * 1e6, q=(4.393,), v=(24.092,))
+    slider = pg.Body(
+        name="slider", parent="base", joint="prismatic", axes=(1, 0, 0), mass=1e-3, q=(0.0059,),
+        v=(1.771,), inertia=np.eye(3) * 1e-9, shape={"kind": "sphere", "radius": 0.02},
+    )  # fmt: skip
+    shape = {"kind": "sphere", "radius": 0.03}
+    post = pg.Body(name="post", joint="weld", link=(0.813, 0, 0), shape=shape)
+    model = pg.Model(
+        bodies=[base, slider, post], contacts=[pg.Contact(name="c", body="slider", other="post")],
+        gravity=(0, 0, 0), forces=[pg.Spring(name="k", body="slider", stiffness=0.5804)],
+    )  # fmt: skip
+    run = pg.simulate(model, t_end=0.918, rtol=1e-3, estimate=False, method="dop853", frames=400)
+    assert run.contact_gap["c"].min() > -1e-6
