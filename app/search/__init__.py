@@ -284,7 +284,7 @@ class FreeNumber(FromPage):
         others = tuple(one for one in state.searching.free if one.path != self.path)
         if self.on:
             words = _paths(state.model).get(self.path)
-            path = words and _with_effect(state.model, self.path, words)
+            path = _with_effect(state.model, self.path, words) if words else None
             if path is None or len(others) >= MOST_FREE:
                 return state
             low, high = _bounds(self.path, path.present)
