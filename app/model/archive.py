@@ -202,7 +202,7 @@ def _goes_along(name: PurePosixPath) -> bool:
     inside = not name.is_absolute() and ".." not in name.parts
     return inside and name.suffix.lower().lstrip(".") in (
         *FORMATS,
-        *(suffix.lstrip(".") for suffix in READERS),
+        *(suffix.lstrip(".") for suffix in READERS if suffix != SUFFIX),  # programs stay packed
         "bin",
         "mtl",
         "png",

@@ -112,6 +112,16 @@ def test_a_format_that_is_not_read_is_named_on_the_page_too(tmp_path, name):
         assert "JSON" not in notice(told)
 
 
+def test_a_program_in_an_archive_is_refused_and_not_run(tmp_path):
+    """A xacro file that would write a file when it is read, which its name does."""
+    left = tmp_path / "left"
+    name = f"${{open('{left}', 'w').write('x')}}"
+    text = f'<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><link name="{name}"/></robot>'
+    with pytest.raises(Refusal, match="macros can execute code"):
+        unpacked(zipped({"x/bot.urdf.xacro": text}), tmp_path / "keep")
+    assert not left.exists()
+
+
 def test_an_archive_within_an_archive_is_told_to_be_unpacked(tmp_path):
     robot = zipped({"robot.urdf": '<robot name="r"><link name="a"/></robot>'})
     with pytest.raises(Refusal, match="within") as refused:
