@@ -335,9 +335,7 @@ def solve_exact(scene, n, size, last):
 
 @sweep
 def note_settled(scene, n, settled):
-    """Store whether the impulses of island n are of least norm, if it has contacts to store it.
-    Returns whether it has some.
-    """
+    """Store whether the impulses of island n are of least norm. Returns whether it has contacts."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     touches = False
