@@ -7,7 +7,7 @@ import trimesh
 import pgraph_core as pg
 from tests.pairs import touching
 
-from .test_mjcf import BALL, BALLED, BALLS, NO_MASKS, compiled, forward, mujoco, read, written
+from .mjcf_files import BALL, BALLED, BALLS, NO_MASKS, compiled, forward, mujoco, read, written
 
 
 def test_each_pair_keeps_its_friction(tmp_path):

@@ -11,19 +11,13 @@ import numpy as np
 from ..dynamics import Dynamics, model_of
 from ..errors import FileError, ModelError, Problem, choices, explained, shown
 from ..fields import GROUND
-from ..forces import OnJoint, ends_of
-from ..joints import SIZE
 from ..model import (
     Body,
     Coupling,
-    Drag,
     Gear,
     Model,
     Motion,
     Polynomial,
-    Spring,
-    Tendon,
-    Wrench,
 )
 from ..model.files import gathered, write_atomic
 from ..model.output import OF_CONTACT, OF_JOINT, OF_SUBTREE
@@ -31,19 +25,20 @@ from ..model.shape import corners_of
 from ..rotation import frame_of, matrix, quaternion_of, unit
 from ..shapes import kind_of
 from ..shapes.meshes import scales
-from ..tolerances import ROUNDING, SOLVED
-from .conversion import NO_LIMIT, Report, named, nearest_inertia, why_unphysical
+from ..tolerances import ROUNDING
+from .conversion import Report, named, nearest_inertia, why_unphysical
 from .mjcf_compiled import GREY, MINVAL
 from .mjcf_contacts import FRICTIONLESS
-from .mjcf_contacts_out import WORLD, ContactsOut, condim, geom_name
+from .mjcf_contacts_out import WORLD, condim, geom_name
+from .mjcf_forces_out import ForcesOut
 from .mjcf_keys import keyframes
 from .mjcf_parts import SENSORS, end_name
+from .mjcf_places_out import NOTHING, span
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
 INSTEAD = {"screw": "; use a cylindrical joint and a pg.Coupling"}
 MASSLESS = "without mass and inertia, also of welded bodies"
-NOTHING = (1.0, 0.0, 0.0, 0.0)
 
 
 @explained
@@ -95,26 +90,14 @@ def write_mjcf(model: Model | Dynamics, path: str | Path) -> Report:
     return writer.report
 
 
-class _Writer(ContactsOut):
+class _Writer(ForcesOut):
     def __init__(self, model: Model, path: Path):
         super().__init__(model, path.name)
         self.folder = path.parent
-        self.home = Dynamics(model).packed.home_poses
-        self.number = {name: k for k, name in enumerate(Dynamics(model).names)}
-        self.sites: dict[str, list[Tag]] = {}
-        self.taken: set[tuple[str, str]] = set()
-        self.joints = {
-            (b.name, k): self._free("joint", b.name if len(b.motions) == 1 else f"{b.name} {k + 1}")
-            for b in model.bodies for k in range(len(b.motions))
-        }  # fmt: skip
         self.assets: dict[str, Tag] = {}
         self.of_subtrees: list[tuple[Tag, str]] = []  # sensors and their bodies
         self.massless = list[str]()  # bodies that move
-        self.equalities, self.tendons = list[Tag](), list[Tag]()
-        self.lifting, self.lifted = set[str](), dict[str, float]()
-        for name, body, part in self._lifted():
-            self.lifting.add(name)
-            self.lifted[body] = self.lifted.get(body, 0.0) + part
+        self.equalities = list[Tag]()
 
     def text(self, bodies: Sequence[Body]) -> str:
         """The file."""
@@ -125,11 +108,7 @@ class _Writer(ContactsOut):
         for site in m.sites:
             self._site(site.body, site.name, site.point, unit(site.rotation))
         sensors = [*self._sensors()]
-        for f in m.forces:
-            if isinstance(f, Spring) and not f._varies:
-                self._spring(f)
-            elif isinstance(f, Tendon):
-                self._tendon(f)
+        self._passive()
         for c in m.constraints:
             self._constraint(c)
         for c in m.controls:
@@ -163,13 +142,6 @@ class _Writer(ContactsOut):
                 f"MuJoCo will reject it, because {'; and because '.join(refusals)}"
             )
         return "\n".join([*root.lines(), ""])
-
-    def _free(self, kind: str, name: str) -> str:
-        """Return the name, made unique among the elements of this kind."""
-        while (kind, name) in self.taken:
-            name += "'"
-        self.taken.add((kind, name))
-        return name
 
     # -- bodies ----------------------------------------------------------------------------------
 
@@ -289,7 +261,7 @@ class _Writer(ContactsOut):
                 joint.set(springref=body.rest[k])
             pair = body.limits[k] if body.limits else None
             if pair is not None:
-                joint.set(range=_between(*pair))
+                joint.set(range=span(*pair))
             if body.speed_limit[k]:
                 self.out(f"body '{body.name}'", "its speed_limit", acts=False)
             yield joint
@@ -343,13 +315,6 @@ class _Writer(ContactsOut):
 
     # -- loops -----------------------------------------------------------------------------------
 
-    def _site(self, body: str, name: str, place: Any, turn: Any = NOTHING) -> str:
-        name = self._free("site", name)
-        self.sites.setdefault(body, []).append(
-            Tag("site", name=name, pos=tuple(place), quat=tuple(turn))
-        )
-        return name
-
     def _constraint(self, c: Any) -> None:
         name, where = c.name, f"constraint '{c.name}'"
         active = {} if c.active else {"active": "false"}
@@ -398,158 +363,6 @@ class _Writer(ContactsOut):
             two = self._site(c.other, end_name(own, 2), other_point, turn)
             self.equalities.append(Tag(tag, name=own, site1=one, site2=two, **active))
 
-    def _spring(self, f: Spring) -> None:
-        point = self.model.body(f.body).tip_point if f.point is None else f.point
-        other = f.other_point or (0.0, 0.0, 0.0)
-        names = [
-            self._site(f.body, end_name(f.name, 1), point),
-            self._site(f.other, end_name(f.name, 2), other),
-        ]
-        rest = f.rest
-        if rest is None:
-            places = [self._world(f.body, point), self._world(f.other, other)]
-            rest = float(np.linalg.norm(places[0] - places[1]))
-        name, pull = self._free("tendon", f.name), {"stiffness": f.stiffness, "damping": f.damping}
-        limits = {"range": _between(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
-        tendon = Tag("spatial", name=name, **pull, springlength=rest, **limits)
-        self.tendons.append(tendon.add(*(Tag("site", site=name) for name in names)))
-
-    def _tendon(self, f: Tendon) -> None:
-        rest = f.rest
-        if rest is None:
-            rest = sum(x * self.model.body(name).q[k] for name, k, x in f.terms)
-        numbers = {"stiffness": f.stiffness, "damping": f.damping, "frictionloss": f.friction}
-        given: dict[str, Any] = {key: x for key, x in numbers.items() if x}
-        if f.stiffness:
-            given["springlength"] = rest
-        if f.low is not None or f.high is not None:
-            given["range"] = _between(f.low, f.high)
-        self._along(f.name, f, f"force '{f.name}'", **given)
-
-    def _along(self, name: str, part: Any, where: str, **fields: Any) -> str:
-        """Return the name of a tendon along a part's joints, or "" if one of them is a ball."""
-        name = self._free("tendon", name)
-        tag = Tag("fixed", name=name, **fields)
-        for body, k, factor in part.terms:
-            joint = self._joint(body, k)
-            if not joint:
-                self.out(where, "a sum with coordinates of a ball or free joint")
-                return ""
-            tag.add(Tag("joint", joint=joint, coef=factor))
-        self.tendons.append(tag)
-        return name
-
-    def _joint(self, body: str, coordinate: int) -> str:
-        """Return the name of the hinge or slide for a degree of freedom, or "" for a ball."""
-        first = 0
-        for k, (kind, _) in enumerate(self.model.body(body).motions):
-            if kind in ("rotate", "translate") and coordinate == first:
-                return self.joints[body, k]
-            first += SIZE[kind][1]
-        return ""
-
-    def _fluid(self) -> dict[str, float]:
-        """Return MuJoCo's fluid if every body with mass has its drag, else {}."""
-        forces = self.model.forces
-        drags = [f for f in forces if isinstance(f, Drag) and not self._still(f.body)]
-        kinds = {(f.density, f.viscosity) for f in drags}
-        bodies = {b.name: b for b in self.model.bodies if b.mass and not self._still(b.name)}
-        everywhere = sorted(f.body for f in drags) == sorted(bodies) and len(kinds) == 1
-        if everywhere and all(_own_box(f, bodies[f.body]) for f in drags):
-            density, viscosity = kinds.pop()
-            return {"density": density, "viscosity": viscosity}
-        for f in drags:
-            self.out(
-                f"force '{f.name}'", "a drag that does not apply to the inertia boxes of all bodies"
-            )
-        return {}
-
-    def _world(self, body: str, point: Any) -> np.ndarray:
-        if body == GROUND:
-            return np.array(point)
-        k = self.number[body]
-        return self.home[0][k] + self.home[1][k] @ np.array(point)
-
-    # -- forces ----------------------------------------------------------------------------------
-
-    def _actuators(self) -> Iterator[Tag]:
-        for f in self.model.forces:
-            where = f"force '{f.name}'"
-            if isinstance(f, Wrench):
-                if f.name not in self.lifting:
-                    self.out(where, "a wrench")
-            elif isinstance(f, OnJoint):
-                yield from self._actuator(f, where)
-            elif f._varies:
-                self.out(where, f"an expression in a {f.kind}")
-            elif not isinstance(f, (Spring, Tendon, Drag)):
-                self.out(where, f"a {f.kind}")
-
-    def _actuator(self, f: OnJoint, where: str) -> Iterator[Tag]:
-        """Yield the actuator of a force, gain u + bias, with u = 0 in the file or near it."""
-        gain, torque, kp, kd = f.law
-        value = getattr(f, f.INPUT)
-        if not isinstance(torque, float) or not isinstance(value, float):
-            varies = str in (type(torque), type(value))
-            self.out(where, "an expression" if varies else "a table over time")
-            return
-        low, high = f.inputs
-        given = 0.0 if value == min(max(0.0, low), high) else value
-        first = f.start or 0.0 if f.integrates else given  # initial state, which is 0 in MuJoCo
-        if given and f.integrates:
-            self.out(where, f"its input {value:g} (MuJoCo starts at control 0)")
-            given = 0.0
-        if given:
-            text = f"its input {value:g} is part of its bias: MuJoCo starts at control 0"
-            self.report.add("converted", where, text, part=f.name)
-        one = Tag("general", name=f.name)
-        if f.coefficients:
-            if not (name := self._along(f"{f.name} tendon", _Ungeared(f), where)):
-                return
-            one.set(tendon=name)
-        elif joint := self._joint(f.body, f.coordinate):
-            one.set(joint=joint)
-        else:
-            self.out(where, "a force on a ball or free joint")
-            return
-        if f.lag:
-            one.set(dyntype="filterexact", dynprm=(f.lag,))
-            if f.start is not None and f.start != given:
-                self.out(where, "what its lag starts from")
-        if f.integrates:
-            one.set(dyntype="integrator")
-            least, most = f.states
-            if np.isfinite(least) or np.isfinite(most):
-                one.set(actrange=_between(least - first, most - first))
-        if f.gear != 1.0:
-            one.set(gear=(f.gear, 0.0, 0.0, 0.0, 0.0, 0.0))
-        bias = (torque + gain * first, -kp or 0.0, -kd or 0.0)
-        one.set(gainprm=(gain,), biastype="affine", biasprm=bias)
-        if f.input_low is not None or f.input_high is not None:
-            one.set(ctrlrange=_between(low - given, high - given))
-        least, most = f.torques
-        if np.isfinite(least) or np.isfinite(most):
-            one.set(forcerange=_between(least, most))
-        yield one
-
-    def _lifted(self) -> Iterator[tuple[str, str, float]]:
-        """Yield wrenches that support a body's weight, with the body and the fraction."""
-        g = np.array(self.model.gravity)
-        for f in self.model.forces:
-            if not isinstance(f, Wrench) or f.frame != "world" or not g.any():
-                continue
-            body = self.model.body(f.body)
-            if (
-                isinstance(f.force, tuple)
-                and not f._varies
-                and body.mass
-                and f.point == body.com
-                and f.torque == (0.0, 0.0, 0.0)
-            ):
-                part = -float(np.dot(f.force, g)) / float(g @ g) / body.mass
-                if np.allclose(f.force, -part * body.mass * g):
-                    yield f.name, f.body, part
-
     # -- outputs ---------------------------------------------------------------------------------
 
     def _sensors(self) -> Iterator[Tag]:
@@ -586,28 +399,3 @@ class _Writer(ContactsOut):
             return WORLD
         carried = self._carried(self.model.body(name))
         return self.body_names[name] if carried is None else self._written(carried.name)
-
-
-class _Ungeared:
-    """The sum on which a force acts, without its gear."""
-
-    def __init__(self, f: OnJoint):
-        self.terms = tuple((name, k, x / f.gear) for name, k, x in f.terms)
-
-
-def _own_box(f: Drag, body: Body) -> bool:
-    """Check whether a drag matches MuJoCo's inertia box for its body."""
-    moments, axes = np.linalg.eigh(np.array(body.inertia))
-    edges = np.sqrt(np.maximum(moments.sum() - 2 * moments, 0.0) / body.mass * 6)
-    turn = matrix(unit(f.rotation))
-    mine = turn @ np.diag(np.array(f.size) ** 2) @ turn.T
-    box = axes @ np.diag(edges**2) @ axes.T
-    return bool(np.allclose(mine, box, rtol=1e-9, atol=1e-12)) and f.point in (None, body.com)
-
-
-def _between(low: float | None, high: float | None) -> tuple[float, float]:
-    """Return a range that MuJoCo accepts, with finite and distinct ends."""
-    least = -NO_LIMIT if low is None else max(low, -NO_LIMIT)
-    most = NO_LIMIT if high is None else min(high, NO_LIMIT)
-    apart = SOLVED * max(1.0, abs(least))
-    return (least, most) if most - least > apart else (least - apart, most + apart)

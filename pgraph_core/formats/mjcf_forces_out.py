@@ -1,0 +1,173 @@
+"""Forces in an MJCF file that is written: drives, tendons, fluid drag and lifted weights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..forces import OnJoint, ends_of
+from ..model import Body, Drag, Model, Spring, Tendon, Wrench
+from ..rotation import matrix, unit
+from .mjcf_parts import end_name
+from .mjcf_places_out import Places, span
+from .urdf_out import Tag
+
+
+class ForcesOut(Places):
+    """The forces of a model."""
+
+    def __init__(self, model: Model, name: str):
+        super().__init__(model, name)
+        self.lifting, self.lifted = set[str](), dict[str, float]()
+        for wrench, body, part in self._lifted():
+            self.lifting.add(wrench)
+            self.lifted[body] = self.lifted.get(body, 0.0) + part
+
+    def _passive(self) -> None:
+        """Write springs and tendons."""
+        for f in self.model.forces:
+            if isinstance(f, Spring) and not f._varies:
+                self._spring(f)
+            elif isinstance(f, Tendon):
+                self._tendon(f)
+
+    def _spring(self, f: Spring) -> None:
+        point = self.model.body(f.body).tip_point if f.point is None else f.point
+        other = f.other_point or (0.0, 0.0, 0.0)
+        names = [
+            self._site(f.body, end_name(f.name, 1), point),
+            self._site(f.other, end_name(f.name, 2), other),
+        ]
+        rest = f.rest
+        if rest is None:
+            places = [self._world(f.body, point), self._world(f.other, other)]
+            rest = float(np.linalg.norm(places[0] - places[1]))
+        name, pull = self._free("tendon", f.name), {"stiffness": f.stiffness, "damping": f.damping}
+        limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
+        tendon = Tag("spatial", name=name, **pull, springlength=rest, **limits)
+        self.tendons.append(tendon.add(*(Tag("site", site=name) for name in names)))
+
+    def _tendon(self, f: Tendon) -> None:
+        rest = f.rest
+        if rest is None:
+            rest = sum(x * self.model.body(name).q[k] for name, k, x in f.terms)
+        numbers = {"stiffness": f.stiffness, "damping": f.damping, "frictionloss": f.friction}
+        given: dict[str, Any] = {key: x for key, x in numbers.items() if x}
+        if f.stiffness:
+            given["springlength"] = rest
+        if f.low is not None or f.high is not None:
+            given["range"] = span(f.low, f.high)
+        self._along(f.name, f, f"force '{f.name}'", **given)
+
+    def _fluid(self) -> dict[str, float]:
+        """Return MuJoCo's fluid if every body with mass has its drag, else {}."""
+        forces = self.model.forces
+        drags = [f for f in forces if isinstance(f, Drag) and not self._still(f.body)]
+        kinds = {(f.density, f.viscosity) for f in drags}
+        bodies = {b.name: b for b in self.model.bodies if b.mass and not self._still(b.name)}
+        everywhere = sorted(f.body for f in drags) == sorted(bodies) and len(kinds) == 1
+        if everywhere and all(_own_box(f, bodies[f.body]) for f in drags):
+            density, viscosity = kinds.pop()
+            return {"density": density, "viscosity": viscosity}
+        for f in drags:
+            self.out(
+                f"force '{f.name}'", "a drag that does not apply to the inertia boxes of all bodies"
+            )
+        return {}
+
+    def _actuators(self) -> Iterator[Tag]:
+        for f in self.model.forces:
+            where = f"force '{f.name}'"
+            if isinstance(f, Wrench):
+                if f.name not in self.lifting:
+                    self.out(where, "a wrench")
+            elif isinstance(f, OnJoint):
+                yield from self._actuator(f, where)
+            elif f._varies:
+                self.out(where, f"an expression in a {f.kind}")
+            elif not isinstance(f, (Spring, Tendon, Drag)):
+                self.out(where, f"a {f.kind}")
+
+    def _actuator(self, f: OnJoint, where: str) -> Iterator[Tag]:
+        """Yield the actuator of a force, gain u + bias, with u = 0 in the file or near it."""
+        gain, torque, kp, kd = f.law
+        value = getattr(f, f.INPUT)
+        if not isinstance(torque, float) or not isinstance(value, float):
+            varies = str in (type(torque), type(value))
+            self.out(where, "an expression" if varies else "a table over time")
+            return
+        low, high = f.inputs
+        given = 0.0 if value == min(max(0.0, low), high) else value
+        first = f.start or 0.0 if f.integrates else given  # initial state, which is 0 in MuJoCo
+        if given and f.integrates:
+            self.out(where, f"its input {value:g} (MuJoCo starts at control 0)")
+            given = 0.0
+        if given:
+            text = f"its input {value:g} is part of its bias: MuJoCo starts at control 0"
+            self.report.add("converted", where, text, part=f.name)
+        one = Tag("general", name=f.name)
+        if f.coefficients:
+            if not (name := self._along(f"{f.name} tendon", _Ungeared(f), where)):
+                return
+            one.set(tendon=name)
+        elif joint := self._joint(f.body, f.coordinate):
+            one.set(joint=joint)
+        else:
+            self.out(where, "a force on a ball or free joint")
+            return
+        if f.lag:
+            one.set(dyntype="filterexact", dynprm=(f.lag,))
+            if f.start is not None and f.start != given:
+                self.out(where, "what its lag starts from")
+        if f.integrates:
+            one.set(dyntype="integrator")
+            least, most = f.states
+            if np.isfinite(least) or np.isfinite(most):
+                one.set(actrange=span(least - first, most - first))
+        if f.gear != 1.0:
+            one.set(gear=(f.gear, 0.0, 0.0, 0.0, 0.0, 0.0))
+        bias = (torque + gain * first, -kp or 0.0, -kd or 0.0)
+        one.set(gainprm=(gain,), biastype="affine", biasprm=bias)
+        if f.input_low is not None or f.input_high is not None:
+            one.set(ctrlrange=span(low - given, high - given))
+        least, most = f.torques
+        if np.isfinite(least) or np.isfinite(most):
+            one.set(forcerange=span(least, most))
+        yield one
+
+    def _lifted(self) -> Iterator[tuple[str, str, float]]:
+        """Yield wrenches that support a body's weight, with the body and the fraction."""
+        g = np.array(self.model.gravity)
+        for f in self.model.forces:
+            if not isinstance(f, Wrench) or f.frame != "world" or not g.any():
+                continue
+            body = self.model.body(f.body)
+            if (
+                isinstance(f.force, tuple)
+                and not f._varies
+                and body.mass
+                and f.point == body.com
+                and f.torque == (0.0, 0.0, 0.0)
+            ):
+                part = -float(np.dot(f.force, g)) / float(g @ g) / body.mass
+                if np.allclose(f.force, -part * body.mass * g):
+                    yield f.name, f.body, part
+
+
+class _Ungeared:
+    """The sum on which a force acts, without its gear."""
+
+    def __init__(self, f: OnJoint):
+        self.terms = tuple((name, k, x / f.gear) for name, k, x in f.terms)
+
+
+def _own_box(f: Drag, body: Body) -> bool:
+    """Check whether a drag matches MuJoCo's inertia box for its body."""
+    moments, axes = np.linalg.eigh(np.array(body.inertia))
+    edges = np.sqrt(np.maximum(moments.sum() - 2 * moments, 0.0) / body.mass * 6)
+    turn = matrix(unit(f.rotation))
+    mine = turn @ np.diag(np.array(f.size) ** 2) @ turn.T
+    box = axes @ np.diag(edges**2) @ axes.T
+    return bool(np.allclose(mine, box, rtol=1e-9, atol=1e-12)) and f.point in (None, body.com)

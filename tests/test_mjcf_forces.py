@@ -1,0 +1,270 @@
+"""Forces of MJCF files, read and written, beside MuJoCo: drives, tendons, fluid, lifted weights."""
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from tests.core.test_mjcf_of_others import differences
+
+from .mjcf_files import (
+    DYNAMIC,
+    INTEGRATED,
+    agree,
+    compiled,
+    forward,
+    loaded,
+    mujoco,
+    read,
+    texts,
+    written,
+)
+
+pytestmark = pytest.mark.quick
+
+
+def test_a_spring_is_a_tendon_with_the_same_pull(tmp_path):
+    rod = pg.Body(name="rod", joint="spherical", mass=1.0, tip=(0, 0, 1), com=(0, 0, 0.5))
+    spring = pg.Spring(name="s", body="rod", other_point=(1, 0.5, 0.3), stiffness=30.0, damping=0.7)
+    again, m = written(tmp_path, pg.Model(bodies=[rod], forces=[spring]))
+    rest = np.linalg.norm((1, 0.5, -0.7))
+    found = again.forces[0]
+    assert (found.name, found.body, found.other, found.stiffness) == ("s", "rod", "ground", 30.0)
+    np.testing.assert_allclose(found.rest, rest)
+    assert agree(again, m)
+
+
+DRIVEN = """<mujoco><compiler angle="radian"/><worldbody>
+<body><joint name="a" axis="0 1 0" ref=".3"/><geom type="capsule" size=".05 .2" mass="2"/>
+  <site name="hand" pos="0 0 .4" euler="0 .5 0"/>
+  <body pos="0 0 .4"><joint name="b" axis="0 1 0" damping=".1"/>
+    <geom type="capsule" size=".05 .2" mass="1"/>
+    <body pos="0 0 .4"><joint name="c" type="slide" axis="0 0 1" ref="-.2"/>
+      <geom type="box" size=".1 .05 .03" mass=".5"/></body></body></body></worldbody>
+<option density="300" viscosity="7"/>
+<tendon>
+  <fixed name="ab" stiffness="30" damping=".4" range="-3 4" springlength=".2">
+    <joint joint="a" coef="1.5"/><joint joint="b" coef="-.5"/></fixed>
+  <fixed name="bc"><joint joint="b" coef=".25"/><joint joint="c" coef="2"/></fixed>
+</tendon>
+<equality><tendon name="held" tendon1="ab" tendon2="bc" polycoef=".1 2 0 0 0" active="false"/>
+</equality>
+<actuator>
+  <motor name="m" joint="a" gear="3" ctrlrange="-2 2" forcerange="-1 1.5"/>
+  <position name="p" joint="a" kp="40" kv="2" gear="-2"/>
+  <velocity name="v" joint="b" kv="3" ctrlrange="-9 9"/>
+  <position name="t" tendon="bc" kp="20"/>
+  <general name="g" tendon="ab" gear=".5" gainprm="7" biastype="affine" biasprm="1 2 -.3"/>
+</actuator></mujoco>
+"""
+
+
+def test_tendons_drives_and_fluid_give_the_forces_of_mujoco(tmp_path):
+    model, report = read(tmp_path, DRIVEN)
+    assert report.loaded, report
+    shifted = [f"{e.where}: {e.text}" for e in report.of("converted") if "qpos" in e.text]
+    for text, joint, ref in zip(shifted, "ac", ("0.3", "-0.2"), strict=True):
+        assert f"'{joint}'" in text
+        assert ref in text
+    m, _ = compiled(tmp_path)
+    inputs = {"m": 1.2, "p": 0.4, "v": -2.0, "t": 0.7, "g": 0.3}
+    kinds = [type(f).__name__ for f in model.forces[:6]]
+    assert " ".join(kinds) == "Motor Servo SpeedServo Servo Actuator Tendon"
+    assert (model["ab"].low, model["ab"].high) == pytest.approx((-3.45, 3.55))
+    assert agree(model, m)
+    given = model
+    for name, u in inputs.items():
+        given = given.edit(name, **{model[name].INPUT: u})
+    assert agree(given, m, [*inputs.values()])
+    again, _ = written(tmp_path, model)
+    assert agree(again, m)
+    assert not differences(model, again)
+
+
+def test_limits_and_couplings_of_tendons_hold_in_runs(tmp_path):
+    text = """<mujoco><option gravity="0 0 0"/><worldbody>
+    <body><joint name="a" axis="0 1 0"/><geom type="capsule" size=".05 .2" mass="2"/>
+    <body pos="0 0 .4"><joint name="b" axis="0 1 0"/><geom type="capsule" size=".05 .2" mass="1"/>
+    </body></body></worldbody><tendon><fixed name="t" limited="true" range="-.2 .3">
+    <joint joint="a" coef="1"/><joint joint="b" coef=".5"/></fixed></tendon>
+    <equality><tendon name="held" tendon1="t" active="false"/></equality>
+    <actuator><motor name="m" joint="b" ctrlrange="-3 3"/></actuator></mujoco>"""
+    model = loaded(tmp_path, text)
+    stepper = pg.Stepper(model)
+    lengths = []
+    for k in range(600):
+        assert stepper.step(inputs={"m": 1.0 if k < 300 else -3.0}).ok
+        lengths.append(stepper.q[0] + 0.5 * stepper.q[1])
+    assert max(lengths) == pytest.approx(0.3, abs=1e-4)
+    assert min(lengths) == pytest.approx(-0.2, abs=1e-4)
+    held = model.edit("held", active=True)
+    run = pg.simulate(held, t_end=0.5, inputs={"m": pg.Table(t=[0, 0.5], value=[0, 1])})
+    assert run.status.ok
+    assert np.abs(run.q @ (1, 0.5)).max() < 1e-9 < 0.1 < np.ptp(run.q[:, 1])
+    assert run.header["inputs"]["m"]["value"] == (0, 1)
+    for call, fact in (
+        (lambda: pg.simulate(model, inputs={"m": 4.0}), "'m'.*-3 to 3"),
+        (lambda: pg.Stepper(model, inputs={"n": 0.0}), "'n'"),
+        (lambda: pg.simulate(model.replace(forces=[]), forces=[model["t"]]), "'t', low"),
+        (lambda: pg.simulate(model, method="dop853", t_end=0.1), "moreau_jean"),
+    ):
+        with pytest.raises(pg.InputError, match=fact):
+            call()
+
+
+def test_a_filter_is_a_lag_and_an_integrator_the_integral_of_the_input(tmp_path):
+    model = loaded(tmp_path, DYNAMIC.format('dyntype="filter" dynprm=".2"'))
+    assert model["m"].lag == 0.2
+    x = lambda t: 1.5 * (t**2 / 2 - 0.2 * t + 0.04 * (1 - np.exp(-t / 0.2)))  # noqa: E731
+    run = pg.simulate(model, t_end=1.0, inputs={"m": 1.0}, frames=11)
+    np.testing.assert_allclose(run.q[:, 0], x(run.t), atol=1e-9)
+    stepper = pg.Stepper(model, step=1e-3)
+    for n in (300, 200):  # the same again changes nothing
+        stepper.step(inputs={"m": 1.0}, n=n)
+    assert stepper.q[0] == pytest.approx(x(0.5), abs=1e-9)
+    assert written(tmp_path, model)[0].forces == model.forces
+
+    model = loaded(tmp_path, INTEGRATED)
+    run = pg.simulate(model, t_end=1.0, inputs={"m": 1.0}, frames=11)  # 0.6 from t = 0.6 on
+    np.testing.assert_allclose(run.vdot[:, 0], 1.5 * np.minimum(run.t, 0.6), atol=1e-13)
+    stepper = pg.Stepper(model, step=1e-3)
+    for u, n in ((2.0, 400), (-1.0, 200)):  # 0.6 from t = 0.3 on
+        stepper.step(inputs={"m": u}, n=n)
+    assert stepper.vdot[0] == pytest.approx(1.5 * 0.4, abs=1e-12)
+    assert written(tmp_path, model)[0].forces == model.forces
+    m, data = compiled(tmp_path)
+    m.opt.timestep, data.ctrl[0] = 1e-4, 1.0
+    mujoco.mj_step(m, data, 10_000)
+    assert run.q[-1, 0] == pytest.approx(data.qpos[0], abs=2e-4)  # its steps of first order
+
+
+@pytest.mark.parametrize("t_start", [0.0, 5.0])
+def test_drives_with_a_memory_start_with_the_run(t_start):
+    body = pg.Body(name="a", joint="prismatic", axes=(1, 0, 0), mass=1.0)
+    table = pg.Table(t=[0, 4, 6, 10], value=[3, 3, 3, 3])
+    ramp = pg.Table(t=[0, 10], value=[0, 10])
+    lag, integral = {"lag": 0.5}, {"integrates": True, "start": 1.0}
+    for given, torque, expected in (
+        ({**lag, "start": 1.0}, 3.0, lambda s: 3 - 2 * np.exp(-2 * s)),
+        ({**lag, "start": 1.0}, table, lambda s: 3 - 2 * np.exp(-2 * s)),
+        (lag, 3.0, lambda s: 3 + 0 * s),
+        (integral, 3.0, lambda s: 1 + 3 * s),
+        ({**lag, "start": 0.0}, ramp,
+         lambda s: t_start + s - 0.5 + (0.5 - t_start) * np.exp(-2 * s)),
+        (integral, ramp, lambda s: 1 + t_start * s + s**2 / 2),
+    ):  # fmt: skip
+        drive = pg.Motor(name="m", body="a", torque=torque, **given)
+        model = pg.Model(bodies=[body], gravity=(0, 0, 0), forces=[drive])
+        for inputs in (None, {"m": torque} if drive.start is not None else None):
+            run = pg.simulate(model, t_start=t_start, t_end=t_start + 1, inputs=inputs, frames=5)
+            np.testing.assert_allclose(run.vdot[:, 0], expected(run.t - t_start), atol=1e-12)
+
+
+LIMITED = """<mujoco><worldbody><body><joint name="x" type="slide" actuatorfrcrange="-3 3"/>
+<geom size=".1" mass="2"/><body><joint name="y" type="slide" axis="0 1 0" actuatorfrcrange="-9 9"/>
+<geom size=".1" mass="1"/></body></body></worldbody><tendon>
+<fixed name="one" actuatorfrcrange="-7 5"><joint joint="x" coef="2"/></fixed>
+<fixed name="two"><joint joint="x" coef="1"/><joint joint="y" coef="1"/></fixed></tendon>
+<actuator><motor name="m" {}/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("motor", "torques"),
+    [
+        ('tendon="one"', (-1.5, 1.5)),  # the joint's limit over the tendon's coefficient
+        ('tendon="one" gear=".1"', (-7.0, 5.0)),
+        ('tendon="two" forcerange="-2 2"', (-2.0, 2.0)),  # never beyond what the joints take
+        *((f'tendon="two"{more}', None) for more in (' forcerange="-4 4"', "")),
+    ],
+)
+def test_limits_of_joints_and_tendons_bound_their_drives(tmp_path, motor, torques):
+    model, report = read(tmp_path, LIMITED.format(motor))
+    assert report.loaded == (torques is not None) == ("'m'" not in texts(report, "left out"))
+    assert torques is None or model["m"].torques == pytest.approx(torques)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "value"),
+    [(1.0, 2.0, 1.5), (1.0, 2.0, 1.0), (-1.0, 1.0, 0.5), (-3.0, -1.0, -2.0)],
+)
+def test_a_written_drive_starts_at_its_input(tmp_path, low, high, value):
+    """MuJoCo starts at control 0, or the nearest that its range has."""
+    arm = pg.Body(name="arm", tip=(1, 0, 0))
+    motor = pg.Motor(name="motor", body="arm", torque=value, input_low=low, input_high=high)
+    pg.write_mjcf(pg.Model(bodies=[arm], forces=[motor]), tmp_path / "arm.xml")
+    m, data = forward(tmp_path)
+    assert data.actuator_force[0] == pytest.approx(value, rel=1e-12)
+    assert np.ptp(m.actuator_ctrlrange[0]) == pytest.approx(high - low)
+
+
+SWINGS = """<mujoco><option actuatorgroupdisable="1"/><worldbody>
+<body name="a"><joint name="j" type="slide" axis="1 0 0" range="-1 1" margin="{margin}"/>
+  <geom size=".1" mass="2" contype="0" conaffinity="0"/></body>
+<body name="b" gravcomp=".5"><joint name="k" axis="0 1 0"/>
+  <geom size=".1" pos=".3 0 0" mass="1" contype="0" conaffinity="0"/></body></worldbody>
+<actuator><motor name="off" joint="k" group="1"/><motor name="on" joint="k" group="2"/></actuator>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(("margin", "limits"), [(0.3, (-0.7, 0.7)), (1.5, (-1, 1)), (0, (-1, 1))])
+def test_margins_move_the_ends_of_limits_and_disabled_actuators_are_left_out(
+    tmp_path, margin, limits
+):
+    model, report = read(tmp_path, SWINGS.format(margin=margin))
+    assert model.body("a").limits == (limits,)
+    assert report.loaded == (margin <= 1)  # the disabled one does not act in MuJoCo either
+    assert [f.name for f in model.forces if isinstance(f, pg.Motor)] == ["on"]
+    assert "'off'" in texts(report, "left out")
+    assert "gravcomp" in texts(report, "converted")
+
+
+DRIFTING = """<mujoco><compiler angle="radian"/>
+<option density="9" viscosity=".1" gravity="0 0 -9"/>
+<worldbody><geom name="far" type="plane" size="1 1 1" contype="0" conaffinity="0"/>
+<body name="still" mocap="true"><geom size=".1"/></body>
+<body name="a" gravcomp="1"><joint name="x" axis="0 1 0" range="-1 1" {}/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".05"/></body>
+<body name="b" pos="0 1 0"><joint name="y" axis="0 1 0"/><geom size=".1" pos=".1 0 0"/></body>
+<body name="c" pos="0 3 0"><joint type="ball"/><geom size=".1" pos=".1 0 0"/></body></worldbody>
+<tendon><fixed name="idle"><joint joint="x" coef="1"/></fixed></tendon>
+<keyframe><key name="far" qpos="1.25 0 1 0 0 0"/></keyframe></mujoco>"""
+
+
+def test_fluid_and_keyframes_beyond_limits_stay_through_a_file_and_idle_parts_are_named(tmp_path):
+    model, report = read(tmp_path, DRIFTING.format(""))
+    assert all(part in texts(report, "left out") for part in ("tendon 'idle'", "geom 'far'"))
+    assert "key 'far'" in texts(report, "warning")
+    assert report.loaded
+    assert model.scenario("far").q["a"] == (1.25,)
+    again, m = written(tmp_path, model)
+    assert again.scenario("far").q["a"] == (1.25,)
+    assert (m.opt.density, m.opt.viscosity) == (9.0, 0.1)
+    assert m.key("far").qpos[0] == 1.25
+    run = pg.simulate(model, scenario="far", t_end=0.01)
+    assert any("limit" in text and "0.25" in text for text in run.notices)
+
+
+@pytest.mark.parametrize("lifted", [False, True])
+def test_gravcomp_by_actuators_acts_only_where_there_are_some(tmp_path, lifted):
+    """MuJoCo adds it to what actuators give, and leaves that out where there are none."""
+    text = DRIFTING.format('actuatorgravcomp="true"')
+    if lifted:
+        text = text.replace("</mujoco>", '<actuator><motor joint="y"/></actuator></mujoco>')
+    model, report = read(tmp_path, text)
+    assert report.loaded
+    assert ("actuatorgravcomp" in texts(report, "left out")) != lifted
+    m, data = forward(tmp_path)
+    run = pg.simulate(model, t_end=1e-3)
+    np.testing.assert_allclose(run.vdot[0, 0], data.qacc[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("clamped", ["enable", "disable"])
+def test_control_ranges_bound_unless_the_file_switches_them_off(tmp_path, clamped):
+    model, report = read(
+        tmp_path,
+        f"""<mujoco><option><flag clampctrl="{clamped}"/></option><worldbody><body name="a">
+<joint name="j"/><geom size=".1" pos=".3 0 0"/></body></worldbody>
+<actuator><motor name="m" joint="j" ctrlrange="-1 1"/></actuator></mujoco>""",
+    )
+    (motor,) = model.forces
+    assert (motor.input_high == 1.0) == (clamped == "enable")
+    assert ("clampctrl" in str(report)) == (clamped == "disable")
