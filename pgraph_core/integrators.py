@@ -52,6 +52,9 @@ class Method(NamedTuple):
     stable: bool = False  # True if stable beyond this limit, where oscillations are inaccurate
     implicit: bool = False  # True if it solves equations
     jacobian: bool = False  # whether it does so with the Jacobian of v'
+    # True if a step takes impulses, so that the forces of a frame are means since the last one. The
+    # scene must have some: contacts, limits or friction of joints, whose dampers are implicit
+    time_stepping: bool = False
 
     @property
     def kernel(self) -> Any:
@@ -85,12 +88,22 @@ class Method(NamedTuple):
     @property
     def starts(self) -> bool:
         """Return True if a step requires v' at its start."""
-        return self.name != "moreau_jean"
+        return not self.time_stepping
+
+    @property
+    def explicit(self) -> bool:
+        """Return True if a step follows from slopes alone, without equations or impulses."""
+        return not (self.implicit or self.time_stepping)
+
+    @property
+    def plain(self) -> bool:
+        """Return True if an explicit method has no error by which to choose its steps."""
+        return self.explicit and not self.adaptive
 
     @property
     def eventful(self) -> bool:
         """Return True if the method supports event location within a step."""
-        return self.starts and not self.implicit
+        return self.explicit
 
     @property
     def evaluations(self) -> int:
@@ -276,7 +289,7 @@ METHODS = {
         ),
         Method(
             "moreau_jean", 1, euler(), "rigid contacts, joint limits and impacts, many at once",
-            "moreau.moreau_jean", limit=2.0, damped=SEMI_IMPLICIT,
+            "moreau.moreau_jean", limit=2.0, damped=SEMI_IMPLICIT, time_stepping=True,
         ),
     )
 }  # fmt: skip
@@ -291,13 +304,14 @@ def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Me
     """
     if name not in METHODS:
         raise InputError(Problem("simulate", "method", no_method(name, ("auto", *METHODS))))
-    if impulses and name != "moreau_jean" and not METHODS[name].eventful:
+    method = METHODS[name]
+    if impulses and not (method.time_stepping or method.eventful):
         text = f"{name} cannot take impulses: the scene has rigid contacts or joint limits, and it "
         text += "has no dense output to find them on; use 'moreau_jean', 'auto', or from event to "
         text += f"event {choices(m.name for m in METHODS.values() if m.eventful)}"
         raise InputError(Problem("simulate", "method", text))
-    if name == "moreau_jean" and not touching:
-        text = "moreau_jean is for impulses, and no contact, limit or joint friction acts here; "
+    if method.time_stepping and not touching:
+        text = f"{name} is for impulses, and no contact, limit or joint friction acts here; "
         text += "use 'auto', or 'semi_implicit_euler', which also takes fixed steps of order 1"
         raise InputError(Problem("simulate", "method", text))
-    return METHODS[name]
+    return method

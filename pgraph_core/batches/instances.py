@@ -33,7 +33,6 @@ from ..simulation.loop import Outcome
 from ..simulation.stepper import ADDRESSES, Stepper
 
 WORD = 8  # bytes
-IN_LANES = ("rk4", "semi_implicit_euler")
 # speeds of joints times steps between two looks at Ctrl+C: some 10 ms of a tree, and 0.2 s of a
 # heap. It is no time, because each part chooses the instances that fit into lanes, which round in
 # another way
@@ -255,7 +254,7 @@ def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
         np.isfinite(row["low"]) or np.isfinite(row["high"]) or row["terms"]
         for row in _servo_rows(stepper).values()
     )
-    if not JIT or stepper.method not in IN_LANES or bounded or branches:
+    if not (JIT and stepper.recording.plan.method.plain) or bounded or branches:
         return False
     _, places = _const_places(stepper)
     always = sum(a.size for a in stepper.recording.steps.given)

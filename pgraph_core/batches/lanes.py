@@ -32,7 +32,8 @@ def on_feet(stepper: Stepper) -> bool:
     inputs.
     """
     scene = stepper.recording.scene
-    if not JIT or stepper.method != "moreau_jean" or scene.touching is None or scene.active[0]:
+    stepped = JIT and stepper.recording.plan.method.time_stepping
+    if not stepped or scene.touching is None or scene.active[0]:
         return False
     contacts, rows = scene.touching.contacts, scene.packed.rows
     may, shapes, tally = contacts.candidates, contacts.geometry.shapes, scene.touching.tally

@@ -22,7 +22,7 @@ from ..engine.records import CHOSEN, GIVEN, STEP_CONTROL, offsets, table
 from ..engine.stepping import crossings
 from ..errors import InputError, Problem, choices
 from ..forces import spring
-from ..integrators import METHODS
+from ..integrators import METHODS, RK4
 from ..mechanism import Mechanism
 from ..model import Force
 from ..simulation.options import Options
@@ -182,7 +182,8 @@ def _aligned(address: int) -> int:
 
 BASE = 1 << 21  # [bytes] address of images: above the stack and the constants of the kernels
 # methods of a figure
-SMOOTH, TOUCHING = ("rk4", "semi_implicit_euler", "dopri5", "dop853"), ("moreau_jean",)
+SMOOTH = RK4.name, *(m.name for m in METHODS.values() if m.explicit and m is not RK4)
+TOUCHING = tuple(m.name for m in METHODS.values() if m.time_stepping)
 LOADS, CORNERS = offset_of(SCENE, "loads", "spring"), offset_of(RUN, "corners")
 MOST_LIVE_STEPS = 100_000_000  # limit on the steps of a reader's run
 
@@ -375,7 +376,7 @@ def _kernels(method: str) -> Mapping[int, str]:
     """Return {address: name} of the compiled kernels that runs call by address."""
     names = [motion.acceleration, motion.projection, motion.record, motion.constrain]
     names += [METHODS[method].kernel, crossings.cross]
-    if method == "moreau_jean":
+    if METHODS[method].time_stepping:
         from ..engine.contact import approach, contacts
         from ..engine.gait import walking
 

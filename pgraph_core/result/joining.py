@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, Problem, explained
+from ..integrators import METHODS
 from .exports import ARRAYS
 from .records import KINDS, OF_CONSTRAINTS, OF_DRIVES, ContactRecord, Named
 from .result import Result
@@ -123,7 +124,8 @@ def _of_means(runs: Sequence[Result]) -> list[slice]:
     With time stepping, the forces of a frame are means since the previous one, so those of a shared
     frame are taken from the earlier run.
     """
-    before = [r.header.get("method") == "moreau_jean" for r in runs[:-1]]
+    stepped = {method.name for method in METHODS.values() if method.time_stepping}
+    before = [r.header.get("method") in stepped for r in runs[:-1]]
     ends = [None if own else -1 for own in before]
     return [slice(int(a), b) for a, b in zip((False, *before), (*ends, None))]
 

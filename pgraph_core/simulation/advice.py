@@ -52,8 +52,8 @@ def _advice(record: Running, left: bool) -> Advice:
     plan, diverged = record.plan, float("nan")
     span = float(plan.times[-1] - plan.times[0])
     forces, active = (plan.drives, plan.loads), record.active
-    explicit = plan.method.name == "moreau_jean"
-    pilot = None if explicit or not record.whole else _pilot(record)
+    stepped = plan.method.time_stepping
+    pilot = None if stepped or not record.whole else _pilot(record)
     along = () if left else _recorded(record)
     if pilot is not None:
         along, diverged = pilot
@@ -61,7 +61,7 @@ def _advice(record: Running, left: bool) -> Advice:
     best, fastest = None, -1.0
     for q, v in states:
         here = Rate(record.mech, forces, active, (q.copy(), v.copy()), span)
-        rate = here.explicit() if explicit else here.exact()
+        rate = here.explicit() if stepped else here.exact()
         if rate > fastest:
             best, fastest = here, rate
     assert best is not None, "a run has a first state"
@@ -131,7 +131,7 @@ def too_wide(record: Running) -> Iterator[str]:
     """Yield a notice about fixed steps that are too large, for the fastest rate that they met."""
     plan, step = record.plan, float(record.plan.step or 0.0)
     (_, widest, rate, at, _), method = advice(record), plan.method
-    if method.name == "moreau_jean":
+    if method.time_stepping:
         yield f"{STIFF} lambda*dt = {rate * step:.3g}; give steps below {widest:.2g} s"
         return
     if not at.swings():

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..contact.tables import Tables
     from .event_scene import ContactPoint
 
+STEPPED = MOREAU_JEAN.name  # for every contact, limit and friction of a joint
 MANY_RADIANS = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 
 

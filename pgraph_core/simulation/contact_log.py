@@ -100,7 +100,7 @@ def contacts_of(
     if plan.way is not None:
         frames, changes = _untouched(mech, tables, frames[0])
     t, pushes, pairs, missed = frames
-    impulses, up = plan.method.name == "moreau_jean", np.array(mech.model.ground_normal)
+    impulses, up = plan.method.time_stepping, np.array(mech.model.ground_normal)
     width = float(np.max(plan.width, initial=0.0)) if impulses else 0.0
     names = [pair.name for pair in tables.touches]
     means = pairs["mean_torque"], pairs["mean_force"]

@@ -171,7 +171,7 @@ def forces_apart(record: Recording, finer: Recording, n: int) -> Array:
         return np.zeros(n)
     i, j = shared(record, finer, n)
     found = [x.out.pairs["mean_force"] for x in (record, finer)]
-    if record.plan.method.name == "moreau_jean":
+    if record.plan.method.time_stepping:
         times = record.steps.times, finer.steps.times
         found = [means_between(*given) for given in zip(times, found, (i, j))]
         for force in found:

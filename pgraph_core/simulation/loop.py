@@ -236,11 +236,12 @@ class Steps:
         `tally` (1,) is the tally of the contacts, and `pairs` are the forces of contacts.
         """
         from ..engine.contact.contacts import FROZEN
-        from ..engine.stepping.moreau import moreau_jean
 
         before = tally.copy(), self.counters_table.copy()
         first = self.plan.width[0] if self.tolerance is None else self.times[1] - self.times[0]
-        moreau_jean(self.address, min(float(first), float(self.error["widest"]) or np.inf))
+        self.plan.method.kernel(
+            self.address, min(float(first), float(self.error["widest"]) or np.inf)
+        )
         hit = tally["cuts"][0] > before[0]["cuts"][0]
         tally[:], self.counters_table[:] = before
         pairs["mean_force"], pairs["mean_torque"] = pairs["force"], pairs["torque"]

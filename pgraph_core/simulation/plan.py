@@ -29,7 +29,7 @@ from ..packing.signals import begun_from
 from ..portable import array_of
 from ..result.records import Memory
 from ..tolerances import EPS, SOLVED
-from .choice import event_driven, given_step, method_for
+from .choice import STEPPED, event_driven, given_step, method_for
 from .conditions import ConditionOf, conditions_of
 from .kinks import corners, kinks_of
 from .kinks import told as told_of
@@ -145,7 +145,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     if declared is not None and _may_wait(plan, declared, o.method):
         way = Way(**{one.name: getattr(plan, one.name) for one in fields(Way)})
         bare = _on_a_way(mech, bare, rate, o, span)
-        if bare.method.name != "moreau_jean":  # the same method takes them from the start
+        if not bare.method.time_stepping:  # the same method takes them from the start
             plan = replace(bare, way=way, declared=declared)
     elif plan.refused is not None:
         raise plan.refused
@@ -200,7 +200,7 @@ def _may_wait(plan: RunPlan, declared: Tables, asked: str | None) -> bool:
     Contacts must be included if the requested method or other elements require them.
     """
     wanted = plan.tau is not None or declared.tendons
-    return not (wanted or plan.method.name == asked == "moreau_jean")
+    return not (wanted or (plan.method.time_stepping and plan.method.name == asked))
 
 
 def _on_a_way(
@@ -284,15 +284,15 @@ def _with_method(mech: Mechanism, plan: RunPlan, rate: Rate, o: Options) -> tupl
     refused, contacts, points = None, plan.contacts, plan.contact_points
     try:
         method, why = method_for(rate, plan, o)
-        if contacts is not None and plan.impulses and method.name != "moreau_jean":
+        if contacts is not None and plan.impulses and not method.time_stepping:
             contacts, points = event_driven(mech, contacts, plan.loads)
             why = f"{why}, from event to event of contacts and limits"
     except InputError as problem:
         if not plan.impulses:
             raise
-        refused, o = problem, o.changed(rtol=None, atol=0.0, method="moreau_jean")
+        refused, o = problem, o.changed(rtol=None, atol=0.0, method=STEPPED)
         method, why = method_for(rate, plan, o)
-    if method.name == "moreau_jean":
+    if method.time_stepping:
         contacts = stepped_tables(mech.packed, contacts, plan.drives)
     plan = replace(
         plan, method=method, contacts=contacts, contact_points=points, refused=refused, why=why,

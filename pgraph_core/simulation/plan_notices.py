@@ -26,7 +26,7 @@ def too_wide(plan: RunPlan, rate: Rate) -> bool:
         return False
     if rate() * step <= limit:
         return False
-    return plan.method.name != "moreau_jean" or rate.explicit() * step > limit
+    return not plan.method.time_stepping or rate.explicit() * step > limit
 
 
 def hard(mech: Mechanism, plan: RunPlan) -> list[str]:

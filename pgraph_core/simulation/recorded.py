@@ -148,7 +148,7 @@ def _kept(record: Recording) -> tuple[slice | Ints, Array, Frames]:
 
 def _of_rows(record: Recording, values: Array, rows: Ints) -> Array:
     """Return the forces of the result's frames, which time stepping averages over all between."""
-    if record.plan.method.name != "moreau_jean":
+    if not record.plan.method.time_stepping:
         return values[rows]
     return means_between(record.steps.times, values, rows)
 

@@ -139,7 +139,7 @@ class Recording(Running):
     def _empty_frames(self, n: int) -> Frames:
         nb = self.mech.nb if self.plan.contacts else 0
         blocks, touches = len(self.scene.active) - 1, self.plan.touches
-        means = self.plan.method.name == "moreau_jean" and self.scene.touching is not None
+        means = self.plan.method.time_stepping and self.scene.touching is not None
         return empty_frames(n, self.size, blocks, nb, touches, means=means)
 
     def _scene(self) -> Scene:
@@ -320,7 +320,7 @@ class Recording(Running):
             self.bound()
         if touched and self.scene.touching is not None:
             self._changes = [self.scene.touching.begin_log(self.start)]
-        stepped = self.events is None and plan.method.name == "moreau_jean" and len(plan.times) > 1
+        stepped = self.events is None and plan.method.time_stepping and len(plan.times) > 1
         stepped = stepped and not touched
         if stepped and self.user is None and self.scene.touching is not None and self.ended.ok:
             self.steps.rehearse(self.scene.touching.tally_table, self.scene.touching.pairs)

@@ -327,7 +327,7 @@ class Carried:
             return monitor(t, y[:nq].copy(), y[nq:n].copy())
 
         here, begin, width = value(t, y), value(since, old), t - since
-        if record.plan.method.name == "moreau_jean":
+        if record.plan.method.time_stepping:
             parts = [run.last_part for run in self._runs]
             before = parts[0].rates
             if parts[0].width < record.steps.clock["old_width"]:

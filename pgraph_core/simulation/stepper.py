@@ -27,6 +27,7 @@ from ..portable import ReadOnly, put_back
 from ..result import Result, Status
 from ..result.records import Memory
 from ..tolerances import SOLVED
+from .choice import STEPPED
 from .continuing import state_of
 from .inputs import Inputs
 from .loop import Outcome, paced
@@ -490,10 +491,10 @@ class Stepper(Readings):
         options = self._options.changed(t_start=t, t_end=t + self._width, memory=memory)
         plan = with_contacts(plan_of(mech, options, tau, q, v))
         if plan.contact_points and options.method is None:
-            plan = with_contacts(plan_of(mech, options.changed(method="moreau_jean"), tau, q, v))
+            plan = with_contacts(plan_of(mech, options.changed(method=STEPPED), tau, q, v))
         elif plan.contact_points:
             text = f"{options.method} is event-driven for rigid contacts and limits, which a "
-            text += "Stepper does not support; choose 'moreau_jean', or use simulate"
+            text += f"Stepper does not support; choose '{STEPPED}', or use simulate"
             raise InputError(Problem("Stepper", "method", text))
         vars(self).update(method=plan.method.name)
         state = with_state(mech, plan.start, q, v, t)

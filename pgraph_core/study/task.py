@@ -111,7 +111,7 @@ def methods_of(call: str, given: Any, *, impulses: bool, suited: bool) -> tuple[
         return tuple(
             name
             for name, method in METHODS.items()
-            if (impulses and method.eventful) or (name == "moreau_jean") == impulses
+            if (impulses and method.eventful) or method.time_stepping == impulses
         )
     names = (given,) if isinstance(given, str) else tuple(given)
     if not names:
