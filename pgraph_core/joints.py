@@ -50,6 +50,11 @@ class Motion(NamedTuple):
         """The way along the axis of a screw [m/rad]."""
         return self.pitch / math.tau
 
+    @property
+    def facts(self) -> Kind:
+        """The properties of its kind."""
+        return KINDS[self.kind]
+
 
 BALL = Motion("ball", Z)
 
@@ -69,10 +74,37 @@ class Kind(NamedTuple):
     columns: Callable[[Motion, Array, Any], Array]  # the same to H (6, nv), eqs. (6), (7)
     # the same to the derivative of H in the only coordinate, if H is not constant
     bends: Callable[[Motion, Array, Any], Array] = lambda motion, home, q: np.zeros((6, 1))
+    turns: bool = False  # the body turns, on a curve if its track says so
+    travels: bool = False  # its origin moves in the axes before the motion
     directed: bool = False  # about or along an axis
     tracked: bool = False  # along the track of its body
     pitch: float = 0.0  # the usual way in a turn [m], if it has one
     reach: float | None = None  # None: it takes no limits
+
+    @property
+    def single(self) -> bool:
+        """Return True if there is one coordinate."""
+        return len(self.q) == 1
+
+    @property
+    def attitude(self) -> bool:
+        """Return True if a quaternion ends q, with the angular velocity at the beginning of v."""
+        return self.q[-4:] == ("1",) * 4
+
+    @property
+    def alone(self) -> bool:
+        """Return True if it has all six freedoms, so that a joint has no other motion."""
+        return len(self.v) == 6
+
+    @property
+    def flat(self) -> bool:
+        """Return True if every point stays in a plane, which an axis determines."""
+        return self.directed and self.turns != self.travels
+
+    @property
+    def pivots(self) -> bool:
+        """Return True if it is about a fixed axis, so that a whole turn changes nothing."""
+        return self.flat and self.turns
 
 
 def _column(angular: Array, linear: Array) -> Array:
@@ -106,6 +138,7 @@ KINDS: dict[MotionKind, Kind] = {
         rotation=lambda motion, home, q: rodrigues(motion.along(home), q[0]),
         displacement=lambda motion, home, q: NONE,
         columns=lambda motion, home, q: _column(motion.along(home), NONE),
+        turns=True,
         directed=True,
         reach=math.pi,
     ),
@@ -118,6 +151,8 @@ KINDS: dict[MotionKind, Kind] = {
         columns=lambda motion, home, q: _column(
             motion.along(home), motion.way * motion.along(home)
         ),
+        turns=True,
+        travels=True,
         directed=True,
         pitch=0.01,
         reach=math.pi,
@@ -129,6 +164,7 @@ KINDS: dict[MotionKind, Kind] = {
         rotation=lambda motion, home, q: ONE,
         displacement=lambda motion, home, q: motion.along(home) * q[0],
         columns=lambda motion, home, q: _column(NONE, motion.along(home)),
+        travels=True,
         directed=True,
         reach=1.0,
     ),
@@ -139,6 +175,7 @@ KINDS: dict[MotionKind, Kind] = {
         rotation=lambda motion, home, q: matrix(list(q)),
         displacement=lambda motion, home, q: NONE,
         columns=lambda motion, home, q: np.vstack((ONE, 0 * ONE)),
+        turns=True,
     ),
     "free": Kind(
         ("m",) * 3 + ("1",) * 4,
@@ -147,6 +184,8 @@ KINDS: dict[MotionKind, Kind] = {
         rotation=lambda motion, home, q: matrix(list(q[3:])),
         displacement=lambda motion, home, q: np.asarray(q[:3]),
         columns=lambda motion, home, q: np.eye(6),
+        turns=True,
+        travels=True,
     ),
     "curve": Kind(
         ("rad",),  # or a length, as its track says: see `units_of`
@@ -156,12 +195,15 @@ KINDS: dict[MotionKind, Kind] = {
         displacement=lambda motion, home, q: home @ motion.track.at(q[0])[0],
         columns=lambda motion, home, q: _turned(motion.track.slope(q[0]), home),
         bends=lambda motion, home, q: _turned(motion.track.bend(q[0]), home),
+        turns=True,
+        travels=True,
         tracked=True,
         reach=1.0,
     ),
 }
 SIZE = {kind: (len(k.q), len(k.v)) for kind, k in KINDS.items()}  # (nq, nv) of a motion
-AXIAL = tuple(kind for kind, k in KINDS.items() if len(k.q) == 1)  # kinds with one coordinate
+AXIAL = tuple(kind for kind, k in KINDS.items() if k.single)  # kinds with one coordinate
+COMBINED = tuple(kind for kind, k in KINDS.items() if not k.alone)  # kinds that joints combine
 DIRECTED = tuple(kind for kind, k in KINDS.items() if k.directed)
 PITCHED = tuple(kind for kind, k in KINDS.items() if k.pitch)
 TRACKED = tuple(kind for kind, k in KINDS.items() if k.tracked)
@@ -210,6 +252,11 @@ def nq(motions: tuple[Motion, ...]) -> int:
 def nv(motions: tuple[Motion, ...]) -> int:
     """Return the number of degrees of freedom in a joint."""
     return sum(SIZE[m.kind][1] for m in motions)
+
+
+def floats(motions: tuple[Motion, ...]) -> bool:
+    """Check whether q of a joint is a place and an attitude, with all six freedoms."""
+    return any(m.facts.alone for m in motions)
 
 
 def restrains(motions: tuple[Motion, ...]) -> bool:
@@ -308,7 +355,7 @@ def joint_problems(
     found: list[Finding] = []
     if joint != "compound" and _kinds(motions) != _kinds(DEFAULT[joint]):
         found.append(("motions", f"do not match a {joint} joint; use joint 'compound'"))
-    if any(m.kind == "free" for m in motions) and len(motions) > 1:
+    if floats(motions) and len(motions) > 1:
         found.append(
             (
                 "motions",

@@ -8,7 +8,7 @@ import pgraph_app
 import pgraph_core
 import pgraph_peers
 
-PACKAGES = tuple(Path(p.__file__).parent for p in (pgraph_core, pgraph_app, pgraph_peers))
+PACKAGES = tuple(Path(str(p.__file__)).parent for p in (pgraph_core, pgraph_app, pgraph_peers))
 
 
 def sources() -> Iterator[tuple[str, ast.Module]]:

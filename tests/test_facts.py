@@ -1,11 +1,18 @@
-"""Code asks a method for facts, and names methods only where it chooses one."""
+"""Code asks a method or a kind of motion for facts, and names it only where it chooses one."""
 
 from pgraph_core.integrators import METHODS
+from pgraph_core.joints import KINDS
 
 from .comparisons import compared, sources
 
 # choices of a method, and programs that have methods of their own
 CHOOSE = "pgraph_core/integrators.py", "pgraph_core/simulation/choice.py", "pgraph_peers/"
+# the word is not a kind of motion there: tags of files, a base of URDF, the form of a field; peers
+# translate models for other programs
+WORDS = (
+    "pgraph_core/mesh_files.py", "pgraph_core/formats/urdf.py", "pgraph_app/constraints/parts.py",
+    "pgraph_peers/",
+)  # fmt: skip
 
 
 def test_nobody_asks_which_method_it_is():
@@ -14,5 +21,15 @@ def test_nobody_asks_which_method_it_is():
         f"{name}:{line}: {method}"
         for name, tree in sources() if not name.startswith(CHOOSE)
         for line, method in compared(tree, METHODS)
+    ]  # fmt: skip
+    assert found == []
+
+
+def test_nobody_asks_which_motion_it_is():
+    """An entry of KINDS in `joints` states the facts: turns, travels, directed, single, ..."""
+    found = [
+        f"{name}:{line}: {kind}"
+        for name, tree in sources() if not name.startswith(WORDS)
+        for line, kind in compared(tree, KINDS)
     ]  # fmt: skip
     assert found == []

@@ -10,7 +10,7 @@ import pgraph_core as pg
 from pgraph_core.model.constraint import AtPoints
 
 GROUND, EVERY = "ground", "*"
-SAG = {"rotate": 0.05, "translate": 0.005}  # [rad], [m] under the weight that a servo holds
+SAG = 0.05, 0.005  # [rad], [m] under the weight that a servo holds
 QUICK = 10.0  # [rad/s] bandwidth of a servo without gravity
 
 
@@ -19,7 +19,7 @@ def gains(model: pg.Model, name: str) -> dict[str, float]:
 
     The weight moves it by SAG at most, at its full lever; the damping is critical.
     """
-    kind = next((m.kind for m in model.body(name).sequence), "")
+    kind = next((m.facts for m in model.body(name).sequence), None)
     top, (places, turns) = pg.Topology.of(model), pg.home_poses(model)
     at, mass, lever, inertia = top.names.index(name), 0.0, 0.0, 0.0
     for k in carried(model, top, at + 1):
@@ -28,10 +28,13 @@ def gains(model: pg.Model, name: str) -> dict[str, float]:
         reach = float(np.linalg.norm(centre - places[at]))
         mass, lever = mass + one.mass, lever + one.mass * reach
         inertia += one.mass * reach**2 + float(np.linalg.norm(one.inertia, 2))
-    load, moved = (lever, inertia) if kind == "rotate" else (mass, mass)
-    if kind not in SAG or moved == 0:
-        return {"kp": 10.0, "kd": 1.0}
-    kp = max(math.hypot(*model.gravity) * load / SAG[kind], moved * QUICK**2)
+    usual = {"kp": 10.0, "kd": 1.0}
+    if kind is None or not kind.flat:
+        return usual
+    load, moved, sag = (lever, inertia, SAG[0]) if kind.turns else (mass, mass, SAG[1])
+    if moved == 0:
+        return usual
+    kp = max(math.hypot(*model.gravity) * load / sag, moved * QUICK**2)
     return {"kp": float(f"{kp:.2g}"), "kd": float(f"{2 * math.sqrt(kp * moved):.2g}")}
 
 
@@ -42,15 +45,15 @@ def carried(model: pg.Model, top: pg.Topology, at: int) -> list[int]:
     loops if it is removed. If only the outer side has contact with the ground, such as a leg, the
     inner side is returned. If both sides have contact, the heavier side is returned.
     """
-    joints = [model.body(name).joint for name in top.names]
+    free = [model.body(name).floats for name in top.names]
     number = {GROUND: 0} | {name: k for k, name in enumerate(top.names, 1)}
     ties = [(k, int(parent)) for k, parent in enumerate(top.parent, 1)
-            if k != at and joints[k - 1] != "free"]  # fmt: skip
+            if k != at and not free[k - 1]]  # fmt: skip
     ties += [(number[c.body], number[c.other])
              for c in model.constraints if c.active and isinstance(c, AtPoints)]  # fmt: skip
     floating: set[int] = set()
     for k, parent in enumerate(top.parent, 1):
-        if parent in floating or (parent == 0 and joints[k - 1] == "free"):
+        if parent in floating or (parent == 0 and free[k - 1]):
             floating.add(k)
     for contact in model.contacts:
         if contact.active and GROUND in contact.pair:

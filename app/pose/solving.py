@@ -107,7 +107,7 @@ def _of_joint(
             label = "on track" if motion.track else label
             near = 2 * math.pi * round(float(x[0]) / (2 * math.pi)) if turns and not limit else 0.0
             low, high = (near - far if low is None else low), (near + far if high is None else high)
-            whole = near if motion.kind == "rotate" else 0.0
+            whole = near if motion.facts.pivots else 0.0
             yield label, float(x[0]), low, high, whole, "rad" if turns else "m"
             continue
         for axis, value in zip("xyz", rotation_vector(np.asarray(x[-4:]))):

@@ -15,7 +15,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import About, about
-from pgraph_core.joints import DEFAULT, KINDS, PER_MOTION, TRACKED, JointKind, units_of
+from pgraph_core.joints import COMBINED, DEFAULT, PER_MOTION, TRACKED, JointKind, units_of
 from pgraph_core.model.shape import mass_properties_of
 from pgraph_core.rotation import matrix, multiply, unit
 from pgraph_core.shapes import KINDS as SHAPES
@@ -39,7 +39,6 @@ Content = Any  # nested tuples of numbers, formulas and None
 
 DERIVED = ("mass", "com", "inertia", "tip")
 ALL = "all"  # stands for all of these
-MOTIONS = tuple(kind for kind in KINDS if kind != "free")  # kinds that may be combined in a joint
 NO_SHAPE = "none"
 SLENDER = 0.1  # radius of a new shape over its length
 LEAST = 0.05  # least length of a new shape [m]
@@ -376,7 +375,7 @@ def mended(body: pg.Body, field: str, change: dict[str, Any]) -> dict[str, Any] 
             return {"inertia": possible(value)}
         case "rotation" if not any(isinstance(x, str) for x in value) and math.hypot(*value) > 0:
             return {"rotation": unit(value)}
-        case "q" if body.joint in ("spherical", "free"):
+        case "q" if [m.facts.attitude for m in body.sequence] == [True]:
             *place, w, x, y, z = value
             if not any(isinstance(x, str) for x in value) and math.hypot(w, x, y, z) > 0:
                 return {"q": (*place, *unit((w, x, y, z)))}
@@ -440,8 +439,8 @@ def _motions(body: pg.Body, entries: Sequence[Entry]) -> tuple[Any, ...]:
         i = index[0] if index else len(motions)  # without: one more
         if not text:
             del motions[i : i + 1]
-        elif text not in MOTIONS:
-            raise Refusal(f"must be one of {', '.join(MOTIONS)}")
+        elif text not in COMBINED:
+            raise Refusal(f"must be one of {', '.join(COMBINED)}")
         elif i < len(motions):
             motions[i] = (text, motions[i][1])
         else:

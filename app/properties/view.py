@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.joints import AXIAL, slides
+from pgraph_core.joints import AXIAL, COMBINED, KINDS, slides
 
 from ..core.cells import (
     WXYZ,
@@ -29,7 +29,6 @@ from . import Client, State, track_cells
 from .body_cells import (
     ALL,
     DERIVED,
-    MOTIONS,
     NO_SHAPE,
     SHAPES,
     held,
@@ -211,9 +210,9 @@ class _Form:
         for i, (kind, _) in enumerate(body.motions):
             out = button("×", "", "take this motion out", field="motions", index=[i], text="")
             row = field("motions", f"Motion {i + 1}", [cell((i,), kind)], kind="choice",
-                        options=[(m, m) for m in MOTIONS], buttons=[out])  # fmt: skip
+                        options=[(m, m) for m in COMBINED], buttons=[out])  # fmt: skip
             found.append(row)
-            if kind != "ball":
+            if KINDS[kind].directed:
                 found.append(self._axis(axis, axis, ""))
                 axis += 1
         more = button("+ motion", "", "one more motion", field="motions",

@@ -202,7 +202,7 @@ def measures(run: Run) -> dict[str, Measure]:
     }
     if run.ended:
         found["ended"] = Measure(run.ended)
-    free = [k for k, name in enumerate(result.mechanism.names) if model.body(name).joint == "free"]
+    free = [k for k, name in enumerate(result.mechanism.names) if model.body(name).floats]
     if free and span > 0:
         way = np.diff(np.asarray(result.body_pose)[:, free[0], :3], axis=0)
         way -= np.outer(way @ (up := np.asarray(GRID[model.up][1])), up)

@@ -252,7 +252,7 @@ def travelled(state: State) -> np.ndarray:
     Nobody knows how far a live run will go: over the ground, if a body is free.
     """
     if state.live is not None:
-        free = any(body.joint == "free" for body in state.model.bodies)
+        free = any(body.floats for body in state.model.bodies)
         return free * (1.0 - np.array(GRID[state.model.up][1]))
     if state.run is None or state.pose is not None:
         return np.zeros(3)

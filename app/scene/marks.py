@@ -23,7 +23,7 @@ Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in i
 LONGEST = 0.8  # length of the arrow of the usual largest force over the model's size
 MOST_VALUES, LEAST_VALUE = 5, 0.02  # forces with a number, the least as a part of the largest
 SITE = 0.09  # length of an axis of a site's frame over the body's size
-TURNING = ("revolute", "universal", "spherical", "ball", "point")  # joints and constraints
+TURNING = ("revolute", "universal", "ball", "point")  # constraints that fix a point
 BRACKET = 0.15  # size of a pivot's bracket on the ground, relative to the body
 THIN = 1e-3  # least thickness of a flat ellipsoid, relative to its largest semi-axis
 
@@ -76,7 +76,7 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
         ("forces", "forces", held),
         ("cones", "friction cones", touching and any(_friction(model, c) for c in model.contacts)),
         ("footprints", "footprints", any(len(c.points) == 1 for c in model.contacts)),
-        ("follow", "camera follows", any(body.joint == "free" for body in model.bodies)),
+        ("follow", "camera follows", any(body.floats for body in model.bodies)),
     ]
     return tuple((what, label) for what, label, there in found if there and model.bodies)
 
@@ -256,13 +256,18 @@ def joinings(
     )
 
 
+def _turns(body: pg.Body) -> bool:
+    """Check whether the joint of a body lets it turn about a point."""
+    return bool(body.sequence) and not any(m.facts.travels for m in body.sequence)
+
+
 def _pivots(model: pg.Model) -> list[pg.Body | pg.Constraint]:
     """Return the joints and constraints that fix a point of a body to the ground and let it rotate.
 
     The feet of free bodies are excluded, because they stand on the ground without a bearing.
     """
-    joints = [b for b in model.bodies if b.parent == GROUND and b.joint in TURNING]
-    if any(b.joint == "free" for b in model.bodies):
+    joints = [b for b in model.bodies if b.parent == GROUND and _turns(b)]
+    if any(b.floats for b in model.bodies):
         return [*joints]
     held = [c for c in model.constraints if c.kind in TURNING and c.pair[1] == GROUND]
     return [*joints, *(c for c in held if c.active)]

@@ -19,7 +19,7 @@ from .urdf_out import Tag
 def keyframes(model: Model, children: Mapping[str, Sequence[Body]]) -> Iterator[Tag]:
     """Yield keyframes for the initial state, if it is not q = 0 at rest, and for scenarios."""
     start = Scenario(name=INITIAL)
-    moved = any(any(b.v) or (b.joint != "free" and any(_away(b.q, b))) for b in model.bodies)
+    moved = any(any(b.v) or (not b.floats and any(_away(b.q, b))) for b in model.bodies)
     taken: set[str] = set()
     for s in ((start,) if moved else ()) + tuple(model.scenarios):
         if s is not start and not (s.q or s.v):
@@ -44,24 +44,24 @@ def _in_order(children: Mapping[str, Sequence[Body]]) -> Iterator[Body]:
 def _state(body: Body, q: Any, v: Any, qpos: list[float], qvel: list[float]) -> None:
     """Write the coordinates of a joint into `qpos` and `qvel` in MuJoCo's convention."""
     i = j = 0
-    for kind, _ in body.motions:
-        if kind in ("rotate", "translate"):
+    for kind in (m.facts for m in body.sequence):
+        if kind.single:
             qpos.append(q[i])
             qvel.append(v[j])
             i, j = i + 1, j + 1
             continue
-        if kind == "free":
+        if kind.travels:
             qpos += (np.array(q[:3]) + np.array(body.link)).tolist()
             qvel += v[3:6]
             i += 3
         turn, home = unit(q[i : i + 4]), unit(body.rotation)
         w, x, y, z = home
-        qpos += multiply(turn, home) if kind == "free" else multiply(
+        qpos += multiply(turn, home) if kind.travels else multiply(
             (w, -x, -y, -z), multiply(turn, home)
         )  # fmt: skip
         own = matrix(turn) @ matrix(home)
         qvel += (own.T @ np.array(v[j : j + 3])).tolist()
-        i, j = i + 4, j + (6 if kind == "free" else 3)
+        i, j = i + 4, j + len(kind.v)
 
 
 def _away(q: Sequence[float], body: Body) -> Iterator[bool]:

@@ -36,7 +36,7 @@ from .mjcf_parts import SENSORS, end_name
 from .mjcf_places_out import NOTHING, span
 from .urdf_out import Placed, Tag
 
-KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
+WORDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
 INSTEAD = {"screw": "; use a cylindrical joint and a pg.Coupling"}
 MASSLESS = "without mass and inertia, also of welded bodies"
 
@@ -73,11 +73,11 @@ def write_mjcf(model: Model | Dynamics, path: str | Path) -> Report:
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))
-    inside = [b for b in model.bodies if b.joint == "free" and b.parent != GROUND]
+    inside = [b for b in model.bodies if b.floats and b.parent != GROUND]
     if inside:
         text = "is free below another body; MJCF has free joints at the ground only"
         raise ModelError([Problem(f"body '{b.name}'", "joint", text) for b in inside])
-    if unknown := [(b, m.kind) for b in model.bodies for m in b.sequence if m.kind not in KINDS]:
+    if unknown := [(b, m.kind) for b in model.bodies for m in b.sequence if m.kind not in WORDS]:
         texts = [
             f"is a {kind}, which MJCF does not have{INSTEAD.get(kind, '')}" for _, kind in unknown
         ]
@@ -158,7 +158,7 @@ class _Writer(ForcesOut):
             chain.append(next_)
         last = chain[-1]
         place, turn = np.array(body.link), tuple(unit(body.rotation))
-        if body.joint == "free":
+        if body.floats:
             k = self.number[body.name]
             place, turn = self.home[0][k], quaternion_of(self.home[1][k])
         shift = sum((np.array(b.link) for b in chain[1:]), np.zeros(3))
@@ -233,28 +233,30 @@ class _Writer(ForcesOut):
         if (
             not empty
             or len(children) != 1
-            or body.joint in ("weld", "free")
+            or not body.motions
+            or body.floats
             or body.name in self.sites
         ):
             return None
         child = children[0]
         same = abs(unit(child.rotation)[0]) == 1.0
-        return child if same and child.joint not in ("weld", "free") else None
+        return child if same and child.motions and not child.floats else None
 
     def _joints(self, body: Body, pivot: np.ndarray) -> Iterator[Tag]:
-        for k, (kind, axis) in enumerate(body.motions):
-            joint = Tag("joint", name=self.joints[body.name, k], type=KINDS[kind])
-            if kind == "rotate" or kind == "ball":
+        for k, motion in enumerate(body.sequence):
+            kind = motion.facts
+            joint = Tag("joint", name=self.joints[body.name, k], type=WORDS[motion.kind])
+            if not kind.travels:
                 joint.set(pos=pivot)
-            if kind in ("rotate", "translate"):
-                joint.set(axis=axis)
+            if kind.directed:
+                joint.set(axis=motion.axis)
             for name, value in (
                 ("damping", body.damping[k]), ("armature", body.armature[k]),
                 ("frictionloss", body.friction[k]), ("stiffness", body.stiffness[k]),
             ):  # fmt: skip
                 if value:
                     joint.set(**{name: value})
-            if body.friction[k] and kind in ("ball", "free"):
+            if body.friction[k] and kind.attitude:
                 text = "its friction is about the axes of the body in MuJoCo, not of the parent"
                 self.report.add("converted", f"body '{body.name}'", text, part=body.name)
             if body.stiffness[k] and body.rest[k]:

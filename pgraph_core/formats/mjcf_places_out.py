@@ -8,7 +8,7 @@ import numpy as np
 
 from ..dynamics import Dynamics
 from ..fields import GROUND
-from ..joints import SIZE
+from ..joints import KINDS, SIZE
 from ..model import Model
 from ..tolerances import SOLVED
 from .conversion import NO_LIMIT
@@ -51,7 +51,7 @@ class Places(ContactsOut):
         """Return the name of the hinge or slide for a degree of freedom, or "" for a ball."""
         first = 0
         for k, (kind, _) in enumerate(self.model.body(body).motions):
-            if kind in ("rotate", "translate") and coordinate == first:
+            if KINDS[kind].single and coordinate == first:
                 return self.joints[body, k]
             first += SIZE[kind][1]
         return ""

@@ -14,6 +14,7 @@ import numpy as np
 from ..dynamics import Dynamics, model_of
 from ..errors import FileError, ModelError, Problem, choices, counted, explained
 from ..fields import GROUND
+from ..joints import KINDS
 from ..model import Actuator, Body, Constraint, Gear, Model, Motor, Shape
 from ..model.files import gathered, write_atomic
 from ..rotation import frame_of, quaternion_of, rotate, unit, unit_vector
@@ -23,7 +24,7 @@ from .urdf import LOOPS, WORLD
 
 GREY = (0.5, 0.5, 0.5)  # colour of transparent shapes without a colour of their own
 
-TYPES = {"rotate": "revolute", "translate": "prismatic"}
+TYPES = {"rotate": "revolute", "translate": "prismatic", "free": "floating"}
 TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
 
 
@@ -59,7 +60,7 @@ def write_urdf(model: Model | Dynamics, path: str | Path) -> Report:
     found = [
         Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not support")
         for b in model.bodies
-        for kind in sorted({kind for kind, _ in b.motions} - {*TYPES, "free"})
+        for kind in sorted({kind for kind, _ in b.motions} - {*TYPES})
     ]
     if found:
         raise ModelError(found)
@@ -196,7 +197,7 @@ class _Writer:
             if k == 0:
                 joint.add(Tag("origin", xyz=body.link, rpy=rpy_of(body.rotation)))
             joint.add(Tag("parent", link=parent), Tag("child", link=child))
-            if kind in TYPES:
+            if kind is not None and KINDS[kind].directed:
                 joint.add(Tag("axis", xyz=axis), *self._physics(body, k, last))
             if not last:
                 tags.append(Tag("link", name=child))
@@ -299,7 +300,7 @@ class _Writer:
         if model.gravity != (0.0, 0.0, -9.81):
             text = f"gravity {model.gravity}; programs that read URDF assume (0, 0, -9.81)"
             self.report.add("left out", "model", text, acts=True)
-        begun = [b.name for b in model.bodies if any(b.v) or (b.joint != "free" and any(b.q))]
+        begun = [b.name for b in model.bodies if any(b.v) or (not b.floats and any(b.q))]
         if begun:
             text = (
                 f"the initial state of {choices(begun, 6)}: the robot is written with q = 0 at rest"
@@ -363,13 +364,10 @@ def _plain(motor: Motor) -> bool:
 
 
 def _type(body: Body, k: int) -> str:
-    kind = body.motions[k][0] if body.motions else None
-    if kind is None:
+    if not body.motions:
         return "fixed"
-    if kind == "free":
-        return "floating"
-    bounded = body.limits and body.limits[k]
-    return "continuous" if kind == "rotate" and not bounded else TYPES[kind]
+    motion, bounded = body.sequence[k], body.limits and body.limits[k]
+    return "continuous" if motion.facts.pivots and not bounded else TYPES[motion.kind]
 
 
 def rpy_of(rotation: Sequence[float]) -> tuple[float, float, float]:

@@ -57,7 +57,7 @@ def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
         raise _refused(gait, f"needs gravity that pulls down along y; it is {model.gravity}")
     q0 = np.zeros(mech.nq)
     root = model.bodies[mech.topology.row[0]]
-    if root.joint != "free" or facts("transmits")[mech.packed.system.rows[1, at.KIND]]:
+    if not root.floats or facts("transmits")[mech.packed.system.rows[1, at.KIND]]:
         raise _refused(gait, f"needs a trunk that is free; the joint of '{root.name}' is not")
     q0[3] = 1.0
     position, _ = mech.poses(q0)
@@ -111,7 +111,7 @@ def _leg(mech: Mechanism, gait: Gait, fall: Footfall, position: Array) -> _Leg:
     chain = [paw]
     while len(chain) < 4 and chain[-1].parent != "ground":
         chain.append(model.body(chain[-1].parent))
-    axes = [tuple(m.axis for m in body.sequence if m.kind == "rotate") for body in chain[:3]]
+    axes = [tuple(m.axis for m in body.sequence if m.facts.pivots) for body in chain[:3]]
     fine = len(chain) == 4 and axes[:2] == [(Z,), (Z,)] and axes[2] in ((Z,), (X, Z))
     if not fine:
         text = "three hinges about z, of which the hip's may follow a hinge about x"

@@ -105,7 +105,7 @@ class Body(Described):
         help="direction in the body's axes at q = 0; any length",
     )  # fmt: skip
     motions: tuple[tuple[MotionKind, Vec3], ...] = field(
-        f"({' | '.join(repr(kind) for kind in joints.KINDS if kind != 'free')}, [x, y, z]) pairs "
+        f"({' | '.join(repr(kind) for kind in joints.COMBINED)}, [x, y, z]) pairs "
         "of a compound joint",
         converter=_motions_in, default=(), role="joint",
     )  # fmt: skip
@@ -279,7 +279,7 @@ class Body(Described):
             found.append(("rotation", text))
         for name in PER_MOTION:
             found += physics_problems(name, getattr(self, name), self.sequence)
-        if self.joint == "free" and any(self.armature) and self.parent != GROUND:
+        if self.floats and any(self.armature) and self.parent != GROUND:
             text = f"of a free joint needs the parent 'ground', got {shown(self.armature)} on "
             text += f"'{self.parent}'; use joint='compound' with three 'translate' motions and a "
             found.append(("armature", text + "'ball', one armature each"))
@@ -343,6 +343,11 @@ class Body(Described):
             Motion(kind, axis, pitch, self.track if kind in TRACKED else None)
             for (kind, axis), pitch in pairs
         )
+
+    @property
+    def floats(self) -> bool:
+        """True if q of its joint is a place and an attitude, with all six degrees of freedom."""
+        return joints.floats(self.sequence)
 
     @cached_property
     def tip_point(self) -> tuple[float, float, float]:
@@ -488,7 +493,7 @@ def _finite(x: Any) -> bool:
 
 def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None:
     for name, rest in (("q", joints.home(motions)), ("v", (0.0,) * joints.nv(motions))):
-        given, free = listed(data.get(name, ())), any(m.kind == "free" for m in motions)
+        given, free = listed(data.get(name, ())), joints.floats(motions)
         if isinstance(given, Mapping) or (free and given not in ((), None)):
             data[name], problem = joints.joined(name, given, rest, free)
             refuse([(name, problem)] if problem else [])

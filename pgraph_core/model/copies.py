@@ -311,17 +311,15 @@ class Mirror:
         found: list[float] = []
         for m in motions:
             part = x[len(found) : len(found) + SIZE[m.kind][field == "v"]]
-            match m.kind, field:
-                case "ball", "q":
-                    found += self.quaternion(part)
-                case "ball", _:
-                    found += self.axial(part)
-                case "free", "q":
-                    found += (*self.point(part[:3]), *self.quaternion(part[3:]))
-                case "free", _:
-                    found += (*self.axial(part[:3]), *self.point(part[3:]))
-                case _:
-                    found.extend(map(float, part))
+            travels = m.facts.travels
+            if m.facts.single:
+                found.extend(map(float, part))
+            elif field == "q":
+                found += (*self.point(part[:3]),) if travels else ()
+                found += self.quaternion(part[-4:])
+            else:
+                found += self.axial(part[:3])
+                found += self.point(part[3:]) if travels else ()
         return tuple(found)
 
     def keeps(self, body: Body, coordinate: int) -> bool:
@@ -360,7 +358,7 @@ class Mirror:
     def body(self, body: Body) -> Body:
         """Return the reflected row with its original parent and name."""
         motions = tuple(
-            (m.kind, self.point(m.axis) if m.kind == "translate" else self.axial(m.axis))
+            (m.kind, self.axial(m.axis) if m.facts.turns else self.point(m.axis))
             if m.kind in DIRECTED else (m.kind, m.axis)
             for m in body.sequence
         )  # fmt: skip

@@ -114,7 +114,7 @@ class Description(World):
     @cached_property
     def linked(self) -> tuple[Body, ...]:
         """The free bodies with a link, to which q adds a place."""
-        return tuple(body for body in self.bodies if body.joint == "free" and any(body.link))
+        return tuple(body for body in self.bodies if body.floats and any(body.link))
 
     @cached_property
     def rated(self) -> tuple[Body, ...]:

@@ -95,7 +95,7 @@ def _units(model: Any) -> Iterator[str]:
         yield f"body '{name}': {text}"
         return
     for body in model.bodies:
-        if body.dof == 1 and body.sequence[0].kind == "rotate" and in_degrees(body.q[0]):
+        if body.dof == 1 and body.sequence[0].facts.pivots and in_degrees(body.q[0]):
             yield f"body '{body.name}': {several_turns(body.q[0])}"
             return
 
@@ -105,7 +105,7 @@ def limits_in_degrees(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
     for body in bodies:
         for motion, pair in zip(body.sequence, body.limits):
             ends = [x for x in pair or () if x is not None]
-            if motion.kind == "rotate" and MOST_ANGLE <= max(map(abs, ends), default=0.0) < 1e4:
+            if motion.facts.pivots and MOST_ANGLE <= max(map(abs, ends), default=0.0) < 1e4:
                 text = f"limits of {shown(pair)} would be several turns; angles are in rad, not in"
                 yield body.name, f"{text} degrees"
                 break
@@ -180,7 +180,7 @@ def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
         where = f"force '{f.name}'"
         if isinstance(f, Servo) and isinstance(f.target, float) and in_degrees(f.target):
             motions = by_name[f.body].sequence
-            if len(motions) == 1 and motions[0].kind == "rotate" and f.gear == 1.0:
+            if len(motions) == 1 and motions[0].facts.pivots and f.gear == 1.0:
                 yield f"{where}: {several_turns(f.target, 'target')}"
         if f._idle:
             yield f"{where}: it has no effect, since {f._idle}"
@@ -203,11 +203,12 @@ def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
     if len(body.sequence) != 1:
         return ""
     motion = body.sequence[0]
+    kind = motion.facts
     if isinstance(f, Torsion):
         axis = f.axis or (0.0, 0.0, 1.0)
         product = math.hypot(*axis) * math.hypot(*motion.axis)
         across = abs(_dot(axis, motion.axis)) < SOLVED * product
-        if motion.kind == "translate" or (motion.kind == "rotate" and not flipped and across):
+        if not kind.turns or (kind.directed and not flipped and across):
             return f"the joint of '{body.name}' does not turn about its axis {shown(axis)}"
         return ""
     own, other = f.point, f.other_point or (0.0, 0.0, 0.0)
@@ -217,9 +218,8 @@ def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
     arm = tuple(a - b for a, b in zip(other, body.link))  # from the joint, in the parent's axes
     turned = body.rotation[0] ** 2 < (1 - SOLVED) * sum(x * x for x in body.rotation)
     on_axis = _along(own, motion.axis) or (not turned and _along(arm, motion.axis))
-    fixed = motion.kind == "rotate" and on_axis
-    fixed |= motion.kind in ("rotate", "ball") and (not any(own) or math.hypot(*arm) < SOLVED)
-    if not fixed:
+    at_origin = not any(own) or math.hypot(*arm) < SOLVED
+    if kind.travels or not (at_origin or (kind.directed and on_axis)):
         return ""
     text = f"the joint of '{body.name}' turns about one of its ends, so that its length is constant"
     return f"{text}; give point and other_point, or use pg.Torsion"

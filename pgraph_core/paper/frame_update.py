@@ -23,7 +23,6 @@ from ..rotation import Array, matrix, multiply, rodrigues, unit
 from ..topology import Ints, Topology
 from . import bodies_of, q_slices, v_slices
 
-COVERED = ("rotate", "translate", "ball", "free")  # motions of the paper
 CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # factors that conjugate a quaternion
 
 
@@ -257,7 +256,7 @@ def frame_update_trace(
     q, q_next = _position(model, "q", q), _position(model, "q_next", q_next)
     for body in model.bodies:
         for m in body.sequence:
-            if m.kind not in COVERED:
+            if m.facts.single and not m.facts.flat:
                 text = f"has a {m.kind}, which the update of the paper does not cover"
                 raise refusal("frame_update_trace", "model", f"body '{body.name}' {text}")
     start, step = frame_vectors(model, q), increments(model, q, q_next)

@@ -84,19 +84,19 @@ def _hub(body: Any, radius: float) -> tuple[Piece, ...]:
     """Return the joint of a body: a pin along its axis, a sleeve or a ball."""
     if not body.sequence:
         return ()
-    kind, axis, edge = body.sequence[-1].kind, body.sequence[-1].axis, 2 * radius
+    motion, edge = body.sequence[-1], 2 * radius
     along, solid, long = np.eye(3), "sphere", edge
-    if kind in ("rotate", "translate"):
-        along = frame_of(np.asarray(axis) / np.linalg.norm(axis))
-        solid, long = ("cylinder", edge) if kind == "rotate" else ("box", 2 * edge)
-    color = None if body.joint == "free" else RUBBER
+    if motion.facts.directed:
+        along = frame_of(np.asarray(motion.axis) / np.linalg.norm(motion.axis))
+        solid, long = ("cylinder", edge) if motion.facts.turns else ("box", 2 * edge)
+    color = None if body.floats else RUBBER
     return (Piece(solid, (edge, edge, long), (0.0, 0.0, 0.0), along, color=color),)
 
 
 def _pin(body: Any, own: Sequence[Piece]) -> tuple[Piece, ...]:
     """Return the joint of a body with plain shapes that are as slender as links, or nothing."""
     sizes = np.array([piece.size for piece in own])
-    if not own or body.joint == "free" or sizes.min() > 2 * SLENDER * sizes.max():
+    if not own or body.floats or sizes.min() > 2 * SLENDER * sizes.max():
         return ()
     return _hub(body, float(PROUD * sizes.min() / 2))
 

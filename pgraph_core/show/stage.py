@@ -123,7 +123,6 @@ class Framing(NamedTuple):
 
 
 FRAMING = Framing()
-PLANAR = ("rotate", "translate")  # motions about and along one axis
 
 
 class Viewpoint(NamedTuple):
@@ -162,15 +161,15 @@ def start(up: str, bodies: Sequence[Any], turns: np.ndarray) -> np.ndarray:
 def plane_of_motion(bodies: Sequence[Any], turns: np.ndarray) -> np.ndarray | None:
     """Return the (3,) normal of the plane in which joints of one axis move all bodies, or None."""
     moves = [(body.sequence, turn) for body, turn in zip(bodies, turns) if body.sequence]
-    if any(len(motions) > 1 or motions[0].kind not in PLANAR for motions, _ in moves):
+    if any(len(motions) > 1 or not motions[0].facts.flat for motions, _ in moves):
         return None
-    axes = [(motions[0].kind, turn @ np.asarray(motions[0].axis)) for motions, turn in moves]
-    normal = next((axis for kind, axis in axes if kind == "rotate"), None)
+    axes = [(motions[0].facts.turns, turn @ np.asarray(motions[0].axis)) for motions, turn in moves]
+    normal = next((axis for turns, axis in axes if turns), None)
     if normal is None:
         return None
     off = [
-        np.linalg.norm(np.cross(axis, normal)) if kind == "rotate" else abs(axis @ normal)
-        for kind, axis in axes
+        np.linalg.norm(np.cross(axis, normal)) if turns else abs(axis @ normal)
+        for turns, axis in axes
     ]
     return normal if max(off) < FRAMING.lean else None
 

@@ -78,7 +78,7 @@ def degrees(record: Running) -> Iterator[str]:
     home = mech.home()[0]
     for name, joint in mech.joints.items():
         k = joint.q.start
-        hinge = [m.kind for m in mech.model.body(name).sequence] == ["rotate"]
+        hinge = [m.facts.pivots for m in mech.model.body(name).sequence] == [True]
         if hinge and in_degrees(float(q[k])) and q[k] != home[k]:
             yield f"q of '{name}': {several_turns(float(q[k]))}"
 

@@ -405,6 +405,17 @@ def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, tip):
     assert box.size[2] == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("motions", [["curve"], ["curve", "rotate"], ["rotate", "curve"]])
+def test_a_curve_in_a_compound_joint_has_no_axis_on_the_form(motions):
+    track = pg.Track(points=[(0, 0, 0), (1, 0, 0.5)])
+    pairs = [(kind, (0, 1, 0)) for kind in motions]
+    body = pg.Body(name="a", joint="compound", motions=pairs, track=track)
+    groups = properties(begun(pg.Model(bodies=[body])), ("a",), Display())["groups"]
+    fields = [f["field"] for group in groups for f in group["fields"]]
+    found = [name for name in fields if name in ("motions", "axes")]
+    assert found == [x for kind in motions for x in ("motions", *["axes"] * (kind == "rotate"))]
+
+
 def test_a_compound_joint_gets_motions_one_by_one_and_limits_are_left_open(state):
     limited = state
     for entry, limits in ((((0, 0), "-1"), ((-1.0, None),)), (((0, 1), "1"), ((-1.0, 1.0),))):

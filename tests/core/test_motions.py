@@ -1,5 +1,6 @@
 """Kinds of motion: their facts agree with the description, and no other file asks for a kind."""
 
+import math
 import re
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pgraph_core as pg
 from pgraph_core.engine.motions import MOTIONS
 from pgraph_core.engine.motions.contract import Motion
 from pgraph_core.joints import CODES, KINDS
+from pgraph_core.joints import Motion as Joint
 
 CORE = Path(pg.__file__).parent
 
@@ -18,9 +20,31 @@ def test_facts_of_motions_are_those_of_the_description():
     for kind, facts in KINDS.items():
         one = MOTIONS[int(CODES[kind])]
         assert (one.coordinates, one.freedoms) == (len(facts.q), len(facts.v)), kind
-        assert one.attitude == (facts.q[-4:] == ("1",) * 4), kind
+        assert one.attitude == facts.attitude, kind
         assert one.angle == (facts.q == ("rad",)), kind
+        assert one.travels == facts.travels, kind
+        assert one.turns == (facts.turns and facts.directed), kind
         assert not one.inert, kind
+
+
+def test_a_kind_turns_travels_and_pivots_as_its_geometry_says():
+    """A pivot is where a whole turn changes nothing, which a screw and a slide are not."""
+    track, rng = (
+        pg.Track(points=[(0, 0, 0), (1, 0, 0.5), (1, 1, 0)], up=(0, 0, 1)),
+        np.random.default_rng(0),
+    )
+    for kind, facts in KINDS.items():
+        motion = Joint(kind, (0.6, 0.0, 0.8), 0.1, track if facts.tracked else None)
+        q = np.array(facts.home) + 0.1 * rng.random(len(facts.q))
+        there, back = (facts.rotation(motion, np.eye(3), x) for x in (q, np.array(facts.home)))
+        moved = facts.displacement(motion, np.eye(3), q)
+        assert (not np.array_equal(there, back)) == facts.turns, kind
+        assert moved.any() == facts.travels, kind
+        if facts.single and not facts.tracked:
+            around = q + math.tau
+            same = np.allclose(facts.rotation(motion, np.eye(3), around), there, atol=1e-12)
+            same &= np.allclose(facts.displacement(motion, np.eye(3), around), moved, atol=1e-12)
+            assert same == facts.pivots, kind
 
 
 def test_every_motion_answers_every_question():
