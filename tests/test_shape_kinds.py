@@ -13,8 +13,8 @@ import pgraph_core as pg
 import pgraph_peers
 from pgraph_core.model.shape import corners_of
 from pgraph_core.rotation import unit
-from pgraph_core.shapes import KINDS, SIZES, kind_of
-from pgraph_core.shapes.contract import Kind
+from pgraph_core.shapes import KINDS, SIZES, Sized, kind_of, picture_of
+from pgraph_core.shapes.contract import Geom, Kind, Picture, Primitive, Surface
 from pgraph_core.shapes.rays import Ray
 from pgraph_core.show import notebook, shapes
 
@@ -65,6 +65,20 @@ def test_every_kind_has_a_sample():
     assert {fields["kind"] for fields in SAMPLES} == set(KINDS)
 
 
+@pytest.mark.parametrize("contract", [Kind, Sized, Geom, Picture, Surface, Primitive])
+def test_a_kind_that_lacks_an_answer_is_refused_when_it_is_made(contract):
+    """All kinds are made on import, so that no run meets an answer that is missing."""
+    missing = contract.__abstractmethods__
+    assert missing
+    with pytest.raises(TypeError) as refused:
+        type("Lacking", (contract,), {"name": "lacking"})()
+    assert all(name in str(refused.value) for name in missing)
+
+
+def test_a_kind_that_edges_do_not_make_says_where_its_shapes_are_from():
+    assert all(isinstance(kind, Sized) != bool(kind.elsewhere) for kind in KINDS.values())
+
+
 def test_a_shape_is_made_by_the_name_of_its_kind_and_its_sizes_in_order(shape):
     kind = kind_of(shape)
     sizes = [getattr(shape, name) for name in kind.needs]
@@ -87,7 +101,7 @@ def test_the_box_of_a_shape_encloses_tightly_what_is_drawn(shape, piece):
     size = np.ptp(own, axis=0)
     given = (corners_of(shape) - piece.position) @ piece.rotation
     outline = (notebook.outline(piece) - piece.position) @ piece.rotation
-    for found in (kind_of(piece).bounds(piece), given, outline):
+    for found in (picture_of(piece).bounds(piece), given, outline):
         room = np.stack((own.min(axis=0) - found.min(axis=0), found.max(axis=0) - own.max(axis=0)))
         assert (room >= -ROUND * size).all()
         if (
@@ -111,21 +125,21 @@ def test_the_hull_of_the_rounds_of_a_solid_has_its_box(shape):
 
 
 def test_rays_meet_what_is_drawn(piece):
-    kind = kind_of(piece)
+    kind = picture_of(piece)
     middle, rng = kind.bounds(piece).mean(axis=0), np.random.default_rng(1)
     size = float(np.ptp(kind.bounds(piece), axis=0).max())
     for way in rng.normal(size=(20, 3)):
         ray = Ray(middle - 20.0 * way, way / np.linalg.norm(way), 0.0)
         exact = [hit.far for hit in kind.meetings(piece, ray)]
-        drawn = [hit.far for hit in Kind.meetings(kind, piece, ray)]
+        drawn = [hit.far for hit in Picture.meetings(kind, piece, ray)]
         assert bool(exact) == bool(drawn)
         if exact:
             assert min(exact) == pytest.approx(min(drawn), abs=ROUND * size)
 
 
 def test_marks_of_a_piece_are_within_its_box(piece):
-    low, high = kind_of(piece).bounds(piece)
-    for place, what, _ in kind_of(piece).marks(piece):
+    low, high = picture_of(piece).bounds(piece)
+    for place, what, _ in picture_of(piece).marks(piece):
         assert what
         assert (low - 1e-12 <= place).all()
         assert (place <= high + 1e-12).all()
@@ -150,7 +164,7 @@ def test_the_mirror_image_of_a_shape_reaches_as_far_as_the_shape_in_the_mirror(s
 
 def test_a_shape_that_fits_the_box_of_another_has_its_edges(shape):
     kind = kind_of(shape)
-    if not kind.elsewhere:
+    if isinstance(kind, Sized):
         fields = kind.fitted(kind.edges(shape))
         assert set(fields) == set(kind.needs)
         again = pg.Shape(kind=kind.name, **fields)
@@ -159,7 +173,7 @@ def test_a_shape_that_fits_the_box_of_another_has_its_edges(shape):
 
 def test_a_geom_of_mujoco_is_the_shape_it_was(shape):
     kind = kind_of(shape)
-    if kind.geom >= 0 and (found := kind.mjcf(shape)):
+    if isinstance(kind, Geom) and (found := kind.mjcf(shape)):
         _, size = found
         fields = kind.of_mjcf(*(*size, 0.0, 0.0)[:3])
         assert set(fields) == set(kind.needs)

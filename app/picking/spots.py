@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pgraph_core.shapes import kind_of
+from pgraph_core.shapes import picture_of
 from pgraph_core.shapes.contract import Piece
 from pgraph_core.shapes.rays import Hit, Ray
 from pgraph_core.show import shapes
@@ -65,7 +65,7 @@ def _far(hit: Hit) -> float:
 def _in_reach(look: Look, ray: Ray) -> bool:
     """Check whether a ray with its tolerance may hit a piece of a body."""
     for piece in look.pieces:
-        low, high = kind_of(piece).bounds(piece)
+        low, high = picture_of(piece).bounds(piece)
         radius = float(np.linalg.norm(high - low)) / 2
         middle = np.asarray(piece.position) + piece.rotation @ ((low + high) / 2)
         arm = middle - ray.origin
@@ -116,7 +116,7 @@ def candidates(state: State, look: Look, k: int, joints: bool) -> Iterator[Candi
     """Yield corners, midpoints, ends and centres of pieces, then joints, tip and centre of mass."""
     body, joint = look.body, MEANT if joints else INSIDE
     for piece in look.pieces:
-        for point, what, inside in kind_of(piece).marks(piece):
+        for point, what, inside in picture_of(piece).marks(piece):
             place = np.asarray(piece.position) + piece.rotation @ point
             yield place, what, INSIDE if inside else SEEN
     yield np.zeros(3), "origin", joint
@@ -140,7 +140,7 @@ def _clean(v: np.ndarray) -> tuple[float, float, float]:
 def met(piece: Piece, ray: Ray) -> Hit | None:
     """Find the first intersection of a ray with a piece, in the axes of its body."""
     own = ray.seen_from(np.asarray(piece.position), piece.rotation)
-    hit = min(kind_of(piece).meetings(piece, own), default=None, key=_far)
+    hit = min(picture_of(piece).meetings(piece, own), default=None, key=_far)
     if hit is None:
         return None
     return hit._replace(direction=piece.rotation @ hit.direction)

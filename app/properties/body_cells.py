@@ -19,7 +19,7 @@ from pgraph_core.joints import COMBINED, DEFAULT, PER_MOTION, TRACKED, JointKind
 from pgraph_core.model.shape import mass_properties_of
 from pgraph_core.rotation import matrix, multiply, unit
 from pgraph_core.shapes import KINDS as SHAPES
-from pgraph_core.shapes import kind_of
+from pgraph_core.shapes import Sized, kind_of
 
 from ..core.cells import (
     Display,
@@ -227,13 +227,15 @@ def _between_its_ends(
 ) -> dict[str, Any]:
     """Extend `change` so that a capsule from joint to tip keeps its ends when its radius
     changes."""
-    radius, edges = change.get("radius"), kind_of(shape).edges(shape)
-    if not isinstance(radius, float) or not isinstance(kept.get("length"), float) or edges is None:
+    radius, kind = change.get("radius"), kind_of(shape)
+    if not isinstance(radius, float) or not isinstance(kept.get("length"), float):
         return change
-    width, whole = 2 * radius, edges[2]
+    if not isinstance(kind, Sized):
+        return change
+    width, whole = 2 * radius, kind.edges(shape)[2]
     spans = math.isclose(whole, float(np.linalg.norm(end_of(body))), rel_tol=1e-9)
     fits = spans and 0 < width < whole
-    return change | kind_of(shape).fitted((width, width, whole)) if fits else change
+    return change | kind.fitted((width, width, whole)) if fits else change
 
 
 def _with_shapes(body: pg.Body, at: int, shape: Any) -> dict[str, Any]:
@@ -392,7 +394,7 @@ def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
     if kind not in SHAPES:
         raise Refusal(f"must be one of {', '.join((NO_SHAPE, *SHAPES))}")
     own = SHAPES[kind]
-    if own.elsewhere:
+    if not isinstance(own, Sized):
         raise Refusal(own.elsewhere)
     length, radius, position, rotation = extent(body)
     edges = (2 * radius, 2 * radius, length)

@@ -9,6 +9,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.joints import AXIAL, COMBINED, KINDS, slides
+from pgraph_core.shapes import Sized
 
 from ..core.cells import (
     WXYZ,
@@ -291,7 +292,8 @@ class _Form:
         shape = shapes[at] if at < len(shapes) else None
         kind = NO_SHAPE if shape is None else shape.kind
         kinds = [(NO_SHAPE, NO_SHAPE.capitalize())]
-        kinds += [(k, k.capitalize()) for k, x in SHAPES.items() if not x.elsewhere or kind == k]
+        made = (k for k, x in SHAPES.items() if isinstance(x, Sized) or kind == k)
+        kinds += [(k, k.capitalize()) for k in made]
         upload = {"upload": True, "help": "visual shapes and collision shapes"}
         if not at:
             kinds.append(("file", "Mesh file …"))  # STL, OBJ, PLY, OFF or GLB, 10 MB at most

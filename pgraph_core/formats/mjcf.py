@@ -23,7 +23,7 @@ from ..mesh_files import FORMATS
 from ..model import Body, Contact, Force, Model
 from ..model.files import kept_mesh
 from ..rotation import matrix, multiply, unit
-from ..shapes import KINDS
+from ..shapes import KINDS, Geom
 from .conversion import (
     Folders,
     MeshSize,
@@ -478,6 +478,7 @@ class _Reader:
         return self._of_file(file, acts), np.zeros(3), NO_TURN
 
 
-SOLIDS = {kind.geom: kind for kind in KINDS.values() if kind.geom >= 0}  # by MuJoCo's number
+# by MuJoCo's number
+SOLIDS = {kind.geom: kind for kind in KINDS.values() if isinstance(kind, Geom)}
 NO_TURN = (1.0, 0.0, 0.0, 0.0)
 NO_MASS = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3}

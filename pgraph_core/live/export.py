@@ -29,7 +29,7 @@ from ..model.settings import STEP
 from ..numbering import children_of
 from ..result import Result
 from ..result.columns import coordinates
-from ..shapes import kind_of
+from ..shapes import picture_of
 from ..shapes.contract import Piece
 from ..show import model_html, shapes
 from ..show.bodies import Track, looks
@@ -266,7 +266,7 @@ class _Drawing:
                     "position": piece.position, "rotation": piece.rotation.ravel(),
                     "color": piece.color or look.color, "opacity": piece.opacity, "follows": [],
                 }  # fmt: skip
-                if kind_of(piece).faceted:
+                if picture_of(piece).faceted:
                     solid = shapes.mesh([Piece(
                         piece.kind, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), np.eye(3), piece.file
                     )])  # fmt: skip

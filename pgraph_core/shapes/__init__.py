@@ -10,7 +10,9 @@ from .boxes import Box
 from .boxes import box as box
 from .capsules import Capsule
 from .capsules import capsule as capsule
-from .contract import Kind
+from .contract import Geom as Geom
+from .contract import Kind, Picture
+from .contract import Sized as Sized
 from .cylinders import Cylinder
 from .cylinders import cylinder as cylinder
 from .ellipsoids import Ellipsoid
@@ -31,9 +33,15 @@ KINDS: dict[str, Kind] = {
     one.name: one
     for one in (Box(), Sphere(), Ellipsoid(), Cylinder(), Capsule(), Mesh(), Heightfield())
 }
+PICTURES = {name: one for name, one in KINDS.items() if isinstance(one, Picture)}
 SIZES = tuple(sorted({name for kind in KINDS.values() for name in (*kind.needs, *kind.may)}))
 
 
 def kind_of(shape: Any) -> Kind:
-    """Return the kind of a shape or of a drawn piece."""
+    """Return the kind of a shape."""
     return KINDS[shape.kind]
+
+
+def picture_of(piece: Any) -> Picture:
+    """Return the kind of a drawn piece."""
+    return PICTURES[piece.kind]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..engine.records import BOX
 from ..errors import needed
-from .contract import Element, Form, Mark, Piece, Primitive, Size, Volume
+from .contract import Element, Form, Geom, Mark, Piece, Primitive, Size, Volume
 from .rays import Hit, Ray, box_hits
 from .solid import Solid
 
@@ -24,7 +24,7 @@ def box(size: Sequence[float]) -> Solid:
     return Solid(BOX, corners * np.asarray(size, float) / 2, rings)
 
 
-class Box(Primitive):
+class Box(Primitive, Geom):
     name = "box"
     needs = ("size",)
     attributes = ("size",)

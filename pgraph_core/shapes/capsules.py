@@ -10,7 +10,7 @@ import numpy as np
 
 from ..engine.records import CAPSULE
 from ..errors import needed
-from .contract import Element, Form, Mark, Piece, Primitive, Size, Volume, around
+from .contract import Element, Form, Geom, Mark, Piece, Primitive, Size, Volume, around
 from .rays import Hit, Ray, cone_hits, ellipsoid_hits
 from .round import BALL, Segment, far_radius, revolved, turned
 from .solid import Array, Solid
@@ -22,7 +22,7 @@ def capsule(radius: float, length: float) -> Solid:
     return Solid(CAPSULE, ends, (), np.array(((0, 1, -1, -1),)), radius, length / 2)
 
 
-class Capsule(Primitive):
+class Capsule(Primitive, Geom):
     name = "capsule"
     needs = ("radius", "length")
     may = ("end_radius",)

@@ -7,6 +7,7 @@ whose z axis capsules and cylinders lie.
 from __future__ import annotations
 
 import itertools
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -56,11 +57,11 @@ class Element(NamedTuple):
     height: float = 0.0
 
 
-class Kind:
-    """A kind of shape. A kind overrides the answers that differ from those here.
+class Kind(ABC):
+    """A kind of shape. A kind gives the abstract answers, and others that differ from those here.
 
-    By default a shape has the volume and the picture of its `surface`, is symmetric about its
-    coordinate planes, and files of other programs have no element for it.
+    By default a shape is symmetric about its coordinate planes, and files of other programs have no
+    element for it.
     """
 
     name: str
@@ -69,11 +70,8 @@ class Kind:
     cells: tuple[str, ...] = ()  # the numbers that tell its size, if not all that it needs
     edged = False  # its size is given along three axes
     rolls = ""  # "sphere" or "disc": what it is for a rolling constraint
-    elsewhere = ""  # source of its shapes if sizes typed on the page do not make them
+    elsewhere = ""  # source of its shapes, if edges typed on the page do not make them
     attributes: tuple[str, ...] = ()  # the attributes of its element in URDF
-    geom = -1  # number of its type in MuJoCo
-    faceted = True  # drawn as triangles
-    tall = 1.0  # height of the unit solid that many pieces share
 
     @property
     def one(self) -> str:
@@ -94,10 +92,6 @@ class Kind:
         """Return the fields among `may` that this shape may have."""
         return self.may
 
-    def fitted(self, edges: Sequence[float]) -> dict[str, Any]:
-        """Return the fields `needs` of a shape that fills about a box with these edges [m]."""
-        raise NotImplementedError
-
     def edges(self, shape: Any) -> Size | None:
         """Return the edges of the shape's box [m], or None if they are not among its fields."""
         return None
@@ -115,25 +109,20 @@ class Kind:
 
     # -- geometry --------------------------------------------------------------------------------
 
-    def surface(self, shape: Any) -> tuple[Array, Array]:
-        """Return (vertices (n, 3), triangles (m, 3)) of its closed surface [m]."""
-        raise NotImplementedError
-
+    @abstractmethod
     def volume(self, shape: Any, unit: str = "m") -> Volume:
         """Return its volume, centre, and inertia about it at density 1.
 
         `unit` is that of its file. Raises ModelError, FileError.
         """
-        return enclosed(*self.surface(shape))
 
+    @abstractmethod
     def corners(self, shape: Any) -> Array:
         """Return points (n, 3) whose bounding box encloses the shape tightly [m]."""
-        edges = self.edges(shape)
-        return self.surface(shape)[0] if edges is None else around(np.array(edges) / 2)
 
+    @abstractmethod
     def solids(self, shape: Any) -> tuple[Solid, ...]:
         """Return the solids by which it touches. Raises FileError, ModelError, MissingPackage."""
-        raise NotImplementedError
 
     def excess(self, shape: Any) -> float:
         """Return the volume of what touches over that of the shape, if nobody asked for more."""
@@ -149,25 +138,50 @@ class Kind:
         """Return (type, size) of its geom in MJCF, or None if MuJoCo has no such shape."""
         return None
 
-    def of_mjcf(self, x: float, y: float, z: float) -> dict[str, Any]:
-        """Return the fields `needs` of a geom of this size."""
-        raise NotImplementedError
-
     # -- pictures --------------------------------------------------------------------------------
 
     def form(self, shape: Any) -> Form:
         """Return what it is drawn as."""
         return Form(self.name, file=shape)
 
+
+class Sized(Kind):
+    """A kind of shape whose sizes follow from the edges of its box."""
+
+    @abstractmethod
+    def fitted(self, edges: Sequence[float]) -> dict[str, Any]:
+        """Return the fields `needs` of a shape that fills about a box with these edges [m]."""
+
+    @abstractmethod
+    def edges(self, shape: Any) -> Size: ...
+
+    def corners(self, shape: Any) -> Array:
+        return around(np.array(self.edges(shape)) / 2)
+
+
+class Geom(ABC):
+    """A kind of shape that is a geom of MuJoCo."""
+
+    geom: int  # number of its type
+
+    @abstractmethod
+    def of_mjcf(self, x: float, y: float, z: float) -> dict[str, Any]:
+        """Return the fields `needs` of a geom of this size."""
+
+
+class Picture(ABC):
+    """A kind of drawn piece."""
+
+    faceted = True  # drawn as triangles
+    tall = 1.0  # height of the unit solid that many pieces share
+
+    @abstractmethod
     def drawn(self, piece: Piece, many: bool = False) -> Any:
         """Return a trimesh in the axes of the piece, with fewer faces for one of `many`."""
-        vertices, faces = self.surface(piece.file)
-        return needed("trimesh").Trimesh(vertices, faces, process=False)
 
+    @abstractmethod
     def bounds(self, piece: Piece) -> Array:
         """Return the minimum and maximum corners of a piece along its own axes [m], (2, 3)."""
-        corners = self.corners(piece.file)
-        return np.stack((corners.min(axis=0), corners.max(axis=0)))
 
     def outline(self, piece: Piece) -> Array:
         """Return points (n, 3) in its axes whose convex hull is the piece or its box [m]."""
@@ -184,14 +198,36 @@ class Kind:
         return triangle_hits(np.asarray(solid.vertices)[np.asarray(solid.faces)], ray)
 
 
-class Primitive(Kind):
+class Surface(Kind, Picture):
+    """A kind of shape that is measured and drawn by its closed surface."""
+
+    @abstractmethod
+    def surface(self, shape: Any) -> tuple[Array, Array]:
+        """Return (vertices (n, 3), triangles (m, 3)) of its closed surface [m]."""
+
+    def volume(self, shape: Any, unit: str = "m") -> Volume:
+        return enclosed(*self.surface(shape))
+
+    def corners(self, shape: Any) -> Array:
+        return self.surface(shape)[0]
+
+    def drawn(self, piece: Piece, many: bool = False) -> Any:
+        vertices, faces = self.surface(piece.file)
+        return needed("trimesh").Trimesh(vertices, faces, process=False)
+
+    def bounds(self, piece: Piece) -> Array:
+        corners = self.corners(piece.file)
+        return np.stack((corners.min(axis=0), corners.max(axis=0)))
+
+
+class Primitive(Sized, Picture):
     """A kind of shape that is drawn as a solid of its own, scaled to the size of the piece."""
 
     faceted = False
 
+    @abstractmethod
     def primitive(self, size: Size, taper: float, many: bool) -> Any:
         """Return a trimesh centred at the origin."""
-        raise NotImplementedError
 
     def drawn(self, piece: Piece, many: bool = False) -> Any:
         return _primitive(self, piece.size, piece.taper, many).copy()

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..engine.records import CYLINDER
 from ..errors import needed
-from .contract import Element, Form, Mark, Piece, Primitive, Size, Volume, around
+from .contract import Element, Form, Geom, Mark, Piece, Primitive, Size, Volume, around
 from .hulls import hull
 from .rays import Hit, Ray, cone_hits, disc_hits
 from .round import RING, Segment, far_radius, revolved, turned
@@ -50,7 +50,7 @@ def frustum(radius: float, end: float, length: float) -> Solid:
     return hull(np.concatenate((near, far)))
 
 
-class Cylinder(Primitive):
+class Cylinder(Primitive, Geom):
     name = "cylinder"
     needs = ("radius", "length")
     may = ("end_radius",)

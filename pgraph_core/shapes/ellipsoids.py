@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..engine.records import ELLIPSOID
-from .contract import Form, Kind, Size, Volume
+from .contract import Form, Geom, Size, Sized, Volume
 from .solid import Solid
 
 
@@ -19,7 +19,7 @@ def ellipsoid(radii: Sequence[float]) -> Solid:
     return Solid(ELLIPSOID, np.zeros((0, 3)), radii=(x, y, z))
 
 
-class Ellipsoid(Kind):
+class Ellipsoid(Sized, Geom):
     name = "ellipsoid"
     needs = ("radii",)
     geom = 4

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..engine.records import HEIGHTFIELD
-from .contract import Kind, Piece, Size
+from .contract import Piece, Size, Surface
 from .solid import Array, Solid
 
 # as from `Solid.edges_between`, those around the top first
@@ -49,7 +49,7 @@ def heightfield(size: Sequence[float], heights: Any) -> Solid:
     return Field(HEIGHTFIELD, nodes, rings, _PRISM_EDGES, columns=columns, depth=depth)
 
 
-class Heightfield(Kind):
+class Heightfield(Surface):
     name = "heightfield"
     needs = ("size", "heights")
     cells = ("size",)
@@ -76,9 +76,6 @@ class Heightfield(Kind):
     def edges(self, shape: Any) -> Size:
         x, y, depth = shape.size
         return x, y, depth + float(np.ptp(shape.heights))
-
-    def corners(self, shape: Any) -> Array:
-        return self.surface(shape)[0]
 
     def bounds(self, piece: Piece) -> Array:
         heights, (x, y, depth) = np.array(piece.file.heights), piece.file.size

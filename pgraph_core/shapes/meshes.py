@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import ModelError, PgraphError, Problem, needed
 from ..mesh_files import Scale, load_mesh
-from .contract import Element, Form, Kind, Piece, Size, Volume
+from .contract import Element, Form, Kind, Picture, Piece, Size, Volume
 from .hulls import hull
 from .solid import Array, Solid
 
@@ -21,7 +21,7 @@ MOST_HULLS = 64
 HULL_CORNERS = 32  # limit on the corners of a part
 
 
-class Mesh(Kind):
+class Mesh(Kind, Picture):
     name = "mesh"
     needs = ("file",)
     cells = ("scale",)

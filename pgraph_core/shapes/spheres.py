@@ -10,7 +10,7 @@ import numpy as np
 
 from ..engine.records import SPHERE
 from ..errors import needed
-from .contract import Element, Form, Mark, Piece, Primitive, Size, Volume
+from .contract import Element, Form, Geom, Mark, Piece, Primitive, Size, Volume
 from .rays import Hit, Ray, ellipsoid_hits
 from .round import BALL
 from .solid import Array, Solid
@@ -21,7 +21,7 @@ def sphere(radius: float) -> Solid:
     return Solid(SPHERE, np.zeros((1, 3)), radius=radius)
 
 
-class Sphere(Primitive):
+class Sphere(Primitive, Geom):
     name = "sphere"
     needs = ("radius",)
     rolls = "sphere"

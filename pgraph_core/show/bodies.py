@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..shapes import kind_of
+from ..shapes import picture_of
 from . import shapes
 
 MOMENTS = 40  # number of frames that pictures must contain
@@ -64,7 +64,7 @@ def looks(
 def corners(pieces: Sequence[shapes.Piece]) -> np.ndarray:
     """Return the corners of bounding boxes around pieces, (n, 3), in body axes [m]."""
     which = np.array([*itertools.product((0, 1), repeat=3)])
-    found = [p.position + kind_of(p).bounds(p)[which, range(3)] @ p.rotation.T for p in pieces]
+    found = [p.position + picture_of(p).bounds(p)[which, range(3)] @ p.rotation.T for p in pieces]
     return np.concatenate(found) if found else np.zeros((1, 3))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import counted, needed
 from ..numbering import canonical, children_of
-from ..shapes import kind_of
+from ..shapes import picture_of
 from ..shapes.contract import Piece
 from . import bodies, shapes, stage
 from .digraph import digraph_svg
@@ -166,7 +166,7 @@ def _shape(
 
 def outline(piece: Piece) -> np.ndarray:
     """Return points (n, 3) in body axes whose convex hull is the piece or its bounding box."""
-    return piece.position + kind_of(piece).outline(piece) @ piece.rotation.T
+    return piece.position + picture_of(piece).outline(piece) @ piece.rotation.T
 
 
 def hull(points: np.ndarray) -> list[tuple[float, float]]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import needed
 from ..rotation import frame_of
-from ..shapes import KINDS, kind_of
+from ..shapes import PICTURES, kind_of, picture_of
 from ..shapes.contract import Color, Piece
 from ..shapes.meshes import fault_of
 
@@ -151,15 +151,15 @@ def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
     Meshes are not scaled to unit size. Round solids have a quarter of the faces of a single body,
     because there are many of them and each is small in the view.
     """
-    tall = KINDS[kind].tall
+    tall = PICTURES[kind].tall
     piece = Piece(kind, (1.0, 1.0, tall), (0.0, 0.0, 0.0), np.eye(3), file, taper=taper)
-    solid = KINDS[kind].drawn(piece, many=True)
+    solid = PICTURES[kind].drawn(piece, many=True)
     solid.apply_scale([1.0, 1.0, 1.0 / tall])
     return solid
 
 
 def _solid(part: Piece) -> Any:
-    solid = kind_of(part).drawn(part)
+    solid = picture_of(part).drawn(part)
     placed = np.eye(4)
     placed[:3, :3], placed[:3, 3] = part.rotation, part.position
     solid.apply_transform(placed)
