@@ -153,6 +153,10 @@ class Contact(Acting):
             return self.name
         return f"{self.name}[{body if not most else other if not many else f'{body}, {other}'}]"
 
+    def has_touch(self, name: str) -> bool:
+        """Check whether a pair of bodies of this contact has this name in results."""
+        return name == self.name or name.startswith(f"{self.name}[")
+
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
         return {} if self.points else {"body": self.other}
 

@@ -41,19 +41,6 @@ class Status(Enum):
         return self in (Status.DONE, Status.STOPPED)
 
 
-def energy_drift(parts: Array) -> tuple[float, float]:
-    """Find the largest |E - E0 - work + dissipation| relative to the range of the energies, and
-    that range [J], of `parts` (4, n): kinetic and potential energy, work and dissipation.
-    """
-    if parts.shape[1] < 2:
-        return 0.0, 0.0
-    ledger = parts[0] + parts[1] - parts[2] + parts[3]
-    worst = float(np.abs(ledger - ledger[0]).max())
-    highest = parts.max(axis=1)
-    scale = float(max((highest - parts.min(axis=1)).max(), highest[0]))
-    return worst / scale if scale > 0 else worst, scale
-
-
 # -- contacts and limits ---------------------------------------------------------------------------
 
 

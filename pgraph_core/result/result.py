@@ -21,6 +21,7 @@ from ..errors import InputError, Problem, choices, counted, explained, guarded
 from ..packing import Array
 from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly
+from .balance import energy_drift, is_of_balance, of_balance
 from .bodies import ALL, OF_POINTS, acting, body_motion, body_poses, of_point
 from .columns import (
     OF_BODIES,
@@ -50,7 +51,6 @@ from .records import (
     Named,
     Status,
     UserEvent,
-    energy_drift,
 )
 from .slopes import slope_along
 
@@ -156,6 +156,8 @@ class Result(Exports, EqualByFields, Portable):
     def __post_init__(self) -> None:
         """Make the arrays read-only, because a run does not change."""
         own, joints = vars(self), self.mechanism.joints
+        if MORE not in own:
+            own[MORE] = own.pop("notices"), tuple
         for name in ARRAYS:
             own[name] = read_only(name, own[name], joints)
         for forces in (self.constraint_force, self.drive_force):
@@ -214,12 +216,17 @@ class Result(Exports, EqualByFields, Portable):
     def add_when_read(self, more: Callable[[], tuple[str, ...]]) -> None:
         """Let `more` find more warnings when they are first read, which costs as much as a run."""
         own = vars(self)
-        own[MORE] = own.pop("notices"), more
+        own[MORE] = own[MORE][0], more
 
     def _all_notices(self) -> tuple[str, ...]:
+        """Return the given notices and those found now.
+
+        Notices about the energy balance of the parts that this run is made of are left out.
+        """
         own = vars(self)
         first, more = own[MORE]
-        found = (*first, *more())
+        given = [text for text in first if not is_of_balance(text)]
+        found = (*given, *more(), *of_balance(self))
         own[MORE] = found, tuple
         return found
 

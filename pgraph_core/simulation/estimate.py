@@ -35,7 +35,7 @@ from .finer import (
 )
 from .recorded import Estimate
 from .recording import Recording
-from .remarks import passed_over, unbalanced, unsure_forces
+from .remarks import passed_over, unsure_forces
 from .run_plan import RunPlan
 
 if TYPE_CHECKING:
@@ -116,7 +116,6 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     told = _notices(record, plan.times, error, sizes)
     if tables is not None and not told:
         told = unsure_forces(record, plan.times, forces)
-    told += unbalanced(record, n)
     if record.plan.method.implicit:
         told += passed_over(record, float(error[-1, 0]))
     return Estimate(error, forces, told)

@@ -19,7 +19,6 @@ from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
 from ..packing import Array, Ints, row_of_velocity
 from ..packing.forces import acting_on
 from ..packing.signals import limits_of
-from ..result.records import energy_drift
 from ..tolerances import EPS, NAMED, NOTABLE, SOLVED, VISIBLE
 from .rates import fastest_rate, fastest_swings
 from .run_plan import RunPlan
@@ -461,34 +460,7 @@ def sticking(t: Array, v: Array, braking: Array, creep: float) -> Any:
     return np.array(speeds) == 0.0
 
 
-# -- energies and vibrations ----------------------------------------------------------------------
-
-
-def unbalanced(record: Running, n: int) -> tuple[str, ...]:
-    """Return a message about energies that miss the work done, or that contacts increase.
-
-    Steps suit the motion alone. For a prescribed motion, the largest step is used regardless of the
-    required power, so forces that start and end within a step are missed.
-    """
-    parts = record.out.energies[:n].T
-    drift, scale = energy_drift(parts)
-    if not scale > SOLVED * np.abs(parts).max():
-        return ()
-    tables = record.plan.contacts
-    yields = tables is not None and not tables.rigid
-    if yields and (gain := _given_by_contacts(record, n)) > VISIBLE * scale:
-        return (
-            f"the dissipation decreases by {gain:.3g} J, {100 * gain / scale:.2g} % of the range "
-            "of the energies, although contacts only take energy: the steps do not resolve the "
-            "contacts; give a smaller step",
-        )
-    if drift <= VISIBLE:
-        return ()
-    return (
-        f"the energy balance of the run is violated by {100 * drift:.2g} % of their range: "
-        "the steps are too large for the power of the forces, or skip a force; give "
-        f"{'a step' if record.plan.step is None else 'a smaller step'}",
-    )
+# -- forces and vibrations -------------------------------------------------------------------------
 
 
 def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
@@ -507,18 +479,6 @@ def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
         f"the error of contact and limit forces is about {worst:.2g} N or N m, {share} "
         f"from t = {t[int((error > NAMED * peak).argmax())]:.4g} s on; use a smaller step or rtol",
     )
-
-
-def _given_by_contacts(record: Running, n: int) -> float:
-    """Compute the largest decrease of the dissipation since a frame with open contacts [J].
-
-    The dissipation includes the energy that compliant contacts store, none where they are open.
-    """
-    lost, gaps = record.out.energies[:n, 3], record.out.pairs["gap"][:n]
-    if not gaps.size:
-        return 0.0
-    most = np.maximum.accumulate(np.where((gaps < 0.0).any(axis=1), -np.inf, lost))
-    return float((most - lost).max(initial=0.0))
 
 
 def passed_over(record: Running, error: float) -> tuple[str, ...]:

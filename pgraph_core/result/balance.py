@@ -1,0 +1,73 @@
+"""The energy balance of a run: E - E(0) = work - dissipation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..packing import Array
+from ..tolerances import SOLVED, VISIBLE
+
+VIOLATED = "the energy balance of the run is violated by"  # beginnings of the notices
+DECREASES = "the dissipation decreases by"
+
+
+def energy_drift(parts: Array) -> tuple[float, float]:
+    """Find the largest |E - E0 - work + dissipation| relative to the range of the energies, and
+    that range [J], of `parts` (4, n): kinetic and potential energy, work and dissipation.
+    """
+    if parts.shape[1] < 2:
+        return 0.0, 0.0
+    ledger = parts[0] + parts[1] - parts[2] + parts[3]
+    worst = float(np.abs(ledger - ledger[0]).max())
+    highest = parts.max(axis=1)
+    scale = float(max((highest - parts.min(axis=1)).max(), highest[0]))
+    return worst / scale if scale > 0 else worst, scale
+
+
+def is_of_balance(notice: str) -> bool:
+    """Check whether a notice is one of those about the energy balance."""
+    return notice.startswith((VIOLATED, DECREASES))
+
+
+def of_balance(run: Any) -> Iterator[str]:
+    """Yield a notice about energies that miss the work done, or that contacts increase.
+
+    Steps suit the motion alone. For a prescribed motion, the largest step is used regardless of the
+    required power, so forces that start and end within a step are missed.
+    """
+    energies = run.kinetic_energy, run.potential_energy, run.work, run.dissipation
+    parts = np.array(energies)
+    drift, scale = energy_drift(parts)
+    if not scale > SOLVED * np.abs(parts).max():
+        return
+    if (gain := _given_by_contacts(run)) > VISIBLE * scale:
+        yield (
+            f"{DECREASES} {gain:.3g} J, {100 * gain / scale:.2g} % of the range of the energies, "
+            "although contacts only take energy: the steps do not resolve the contacts; give a "
+            "smaller step"
+        )
+    elif drift > VISIBLE:
+        given = run.header.get("step") is not None
+        yield (
+            f"{VIOLATED} {100 * drift:.2g} % of their range: the steps are too large for the power "
+            f"of the forces, or skip a force; give {'a smaller step' if given else 'a step'}"
+        )
+
+
+def _given_by_contacts(run: Any) -> float:
+    """Compute the largest decrease of the dissipation since a frame with open contacts [J].
+
+    The dissipation includes the energy that compliant contacts store, none where they are open.
+    Impulses of rigid contacts and of limits do not resolve an impact, so it is 0 with them.
+    """
+    yielding = [c for c in run.model.contacts if c.law != "complementarity"]
+    if not yielding or not (gaps := run.contacts.gap) or run.contacts.limit:
+        return 0.0
+    if any(not any(c.has_touch(name) for c in yielding) for name in gaps):
+        return 0.0
+    closed = np.any([gap < 0.0 for gap in gaps.values()], axis=0)
+    most = np.maximum.accumulate(np.where(closed, -np.inf, run.dissipation))
+    return float((most - run.dissipation).max(initial=0.0))
