@@ -352,6 +352,7 @@ FILES: list[tuple[bytes, str, *tuple[str, ...]]] = [  # content, place in the fi
     (b'{"schema_version": 99, "later": 1}', "schema_version", "99", "9"),
     (b'{"schema_version": "1"}', "schema_version", "'1'", ">= 1"),
     (b'{"bodies": [{"name": "a", "mass": 1, "mass": 2}]}', "", "'mass'", "twice", "'a'"),
+    (b'{"bodies": [{"mass": 1, "mass": 2}]}', "", "'mass'", "twice"),
     (b"\x89PNG\r\n\x1a\n\x00", "", "UTF-8", "byte 0"),
     (b'{"name": "\xff"}', "", "UTF-8", "byte 10"),
     (b"[" * 200_000, "", "100 levels"),

@@ -275,6 +275,26 @@ def test_a_spring_is_a_warning_where_it_has_no_torque(point, other):
     assert bool(model.doubts) == bool(np.abs(pulls).max() < 1e-12)
 
 
+@pytest.mark.parametrize("axis", np.eye(3).tolist())
+def test_a_new_line_is_along_the_way_from_its_other_body(axis):
+    """Wherever that body is."""
+    base = pg.Body(name="base", joint="weld", link=(3, 4, 5))
+    arm = pg.Body(name="arm", parent="base", tip=axis)
+    assert pg.Line.begun(pg.Model(bodies=[base, arm]), "arm", "base") == {"other_axis": tuple(axis)}
+
+
+@pytest.mark.parametrize("shape", [
+    None, {"kind": "box", "size": (1, 1, 1)}, {"kind": "cylinder", "radius": 0.2, "length": 0.1},
+    {"kind": "sphere", "radius": 0.2},
+])  # fmt: skip
+def test_a_new_rolling_body_has_a_radius(shape):
+    ball = pg.Body(name="ball", joint="free", mass=1.0, shape=shape)
+    model = pg.Model(bodies=[ball])
+    new = pg.Rolling(name="new", body="ball", **pg.Rolling.begun(model, "ball", "ground"))
+    assert (new.radius is None) == (shape is not None and shape["kind"] == "sphere")
+    assert model.add(new).constraints == (new,)
+
+
 @pytest.mark.parametrize("kind", sorted(pg.Constraint.KINDS.keys() - {"rolling"}))  # to the ground
 def test_a_new_constraint_does_not_move_its_bodies(kind):
     """The fields that its class gives it hold where the bodies are."""

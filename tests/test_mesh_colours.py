@@ -215,3 +215,17 @@ def test_a_mesh_in_millimetres_is_told_by_the_size_of_the_robot(tmp_path, link, 
     told = [e.part for e in report.of("warning") if "part.stl" in e.text]
     assert told == (["arm"] if unit == "mm" else [])
     assert np.all(np.isfinite(shape.position))
+
+
+@pytest.mark.parametrize(("length", "told"), [(3e-4, False), (0.3, False), (300.0, True)])
+def test_a_mesh_in_millimetres_is_told_in_mjcf_by_the_largest_size_of_the_robot(
+    tmp_path, length, told
+):
+    """Its joints are 0.5 m apart; the ball at its end says nothing about its size."""
+    pytest.importorskip("mujoco")
+    trimesh.creation.box((length / 3, length, length / 3)).export(tmp_path / "part.stl")
+    (tmp_path / "bot.xml").write_text("""<mujoco><asset><mesh file="part.stl"/></asset><worldbody>
+<body><joint/><geom size=".1" mass="1"/><geom type="mesh" mesh="part" mass="0"/>
+<body pos=".5 0 0"><joint/><geom size=".0001" mass="1"/></body></body></worldbody></mujoco>""")
+    _, report = pg.read_mjcf(tmp_path / "bot.xml")
+    assert any("millimetres" in entry.text for entry in report.of("warning")) == told

@@ -75,6 +75,13 @@ def test_hinges_at_several_places_are_bodies_in_between(tmp_path):
     assert agree(model, m)
 
 
+def test_the_state_of_a_joint_of_three_motions_is_written_in_their_order(tmp_path):
+    body = pg.Body(name="a", joint="planar", q=(0.1, 0.2, 0.3), v=(1, 2, 3), **BALLED)
+    again, m = written(tmp_path, pg.Model(bodies=[body]))
+    np.testing.assert_allclose(m.key(0).qvel, body.v)
+    assert (again.body("a").q, again.body("a").v) == (body.q, body.v)
+
+
 def test_loops_hold_in_mujoco_as_here(tmp_path):
     model = pg.Model.load(pgraph_models.path("four_bar"))
     model = model.replace(gravity=(2.0, -5.0, -9.81))

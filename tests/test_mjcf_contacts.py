@@ -60,8 +60,11 @@ def test_margins_in_which_mujoco_pushes_are_reported(tmp_path, margin, gap, pair
 
 
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
-def test_the_cone_of_friction_is_round(tmp_path, cone):
+@pytest.mark.parametrize("smooth", ["", '<geom type="plane" size="1 1 1" condim="1"/>'])
+def test_the_cone_of_friction_is_round(tmp_path, cone, smooth):
+    """Also where other pairs have no friction."""
     text = BALLS.format("").replace("<mujoco>", f'<mujoco><option cone="{cone}"/>')
+    text = text.replace("<worldbody>", f"<worldbody>{smooth}")
     _, report = read(tmp_path, text)
     assert ("pyramid" in str(report)) == (cone == "pyramidal")
 

@@ -268,3 +268,11 @@ def test_control_ranges_bound_unless_the_file_switches_them_off(tmp_path, clampe
     (motor,) = model.forces
     assert (motor.input_high == 1.0) == (clamped == "enable")
     assert ("clampctrl" in str(report)) == (clamped == "disable")
+
+
+@pytest.mark.parametrize(("low", "high"), [(-3, 1), (0, 2), (-3, 0), (-3, -1)])
+def test_a_limit_that_leaves_no_force_forwards_is_left_out(tmp_path, low, high):
+    text = DYNAMIC.format(f'forcerange="{low} {high}"')
+    model, report = read(tmp_path, text)
+    assert ("no force forwards" in texts(report, "left out")) == (high <= 0)
+    assert model["m"].torques == ((low, high) if high > 0 else (-np.inf, np.inf))

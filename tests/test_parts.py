@@ -125,6 +125,45 @@ def test_a_cut_joint_leaves_a_constraint_of_its_kind(joint, kind):
     assert [(c.name, c.kind, c.point) for c in model.constraints] == [("cut", kind, (0, 0, 1))]
 
 
+@pytest.mark.parametrize("axes", [None, ((1, 0, 0), (0, 0, 1))])
+def test_a_loop_is_cut_at_a_cross_whose_axes_are_the_usual_ones(axes):
+    """Others do not say which of them the second parent has."""
+    model = pg.Model.serial(3).edit("3", joint="universal", **({"axes": axes} if axes else {}))
+    if axes is None:
+        assert model.edit("3", parent=("2", "ground")).constraints[0].kind == "universal"
+        return
+    with pytest.raises(pg.ModelError, match=r"'3', axes.*other_axis"):
+        model.edit("3", parent=("2", "ground"))
+
+
+@pytest.mark.parametrize("length", [11, 12, 13])
+def test_a_cycle_of_parents_is_named_whole_up_to_twelve_bodies(length):
+    names = [f"b{k}" for k in range(length)]
+    with pytest.raises(pg.ModelError) as refused:
+        pg.Model(bodies=[pg.Body(name=x, parent=y) for x, y in zip(names, names[1:] + names[:1])])
+    way = [*names, "b0"] if length <= 12 else [*names[:12], "..."]
+    assert f": {' -> '.join(way)};" in str(refused.value)
+
+
+def test_a_copy_with_another_joint_has_none_of_the_old_one():
+    old = pg.Body(name="a", mass=2.0, q=0.3, v=1.0, limits=(-1, 1), damping=0.5)
+    assert old.model_copy(update={"joint": "spherical"}) == pg.Body(
+        name="a", mass=2.0, joint="spherical"
+    )
+
+
+@pytest.mark.parametrize(("force", "stays"), [
+    (pg.Motor(name="f", coefficients={"a": (1, 0, 0)}), True),
+    (pg.SpeedServo(name="f", coefficients={"a": (1, 0, 0)}, kd=1.0), True),
+    (pg.Servo(name="f", coefficients={"a": (1, 0, 0)}, kp=1.0), False),
+    (pg.Tendon(name="f", coefficients={"a": (1, 0, 0)}, stiffness=1.0), False),
+])  # fmt: skip
+def test_forces_of_speeds_alone_stay_where_a_joint_becomes_a_ball(force, stays):
+    """A ball has speeds about its axes, but no angles."""
+    model = pg.Model(bodies=[pg.Body(name="a", joint="planar")], forces=[force])
+    assert model.edit("a", joint="spherical").forces == ((force,) if stays else ())
+
+
 ARM = pg.Body(name="arm", mass=1.2, axes=(0, 1, 0))
 SPRING = pg.Spring(name="s", body="arm", stiffness=5.0)
 

@@ -1,9 +1,11 @@
 """Several shapes per body, and the fields that follow from them."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 import pgraph_core as pg
 from pgraph_core.show import shapes
@@ -142,3 +144,30 @@ def test_a_copy_of_a_shape_is_validated_where_a_body_takes_it():
     bad = ball.unchecked_copy({"rotation": (0.0, 0.0, 0.0, 0.0)})
     with pytest.raises(pg.ModelError, match="rotation"):
         pg.Body(name="a", shape=bad)
+
+
+@pytest.mark.parametrize(("scale", "refused"), [
+    (0, True), (-1, True), ((2, 0, 1), True), ((0, 0, 0), True), ((2, -1, 1), False), (3, False),
+])  # fmt: skip
+def test_no_factor_of_a_mesh_is_zero_but_three_may_mirror_it(scale, refused):
+    fields: Any = {"kind": "mesh", "file": "a.stl", "scale": scale}
+    if not refused:
+        assert pg.Shape(**fields).scale == scale
+        return
+    with pytest.raises(pg.ModelError, match="scale"):
+        pg.Shape(**fields)
+
+
+@pytest.mark.parametrize("kinds", ["box", "mesh", "mesh box", "box box"])
+def test_a_mass_that_contradicts_its_shapes_is_refused_unless_a_file_may_have_changed(
+    kinds, tmp_path
+):
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "a.stl")
+    own: Any = {"box": {"size": (1, 1, 1)}, "mesh": {"file": str(tmp_path / "a.stl")}}
+    given = [{"kind": kind, **own[kind]} for kind in kinds.split()]
+    fields: Any = {"name": "a", "shapes": given, "density": 1.0, "derived": ("mass",), "mass": 7.0}
+    if "mesh" in kinds:
+        assert pg.Body(**fields).mass == pytest.approx(len(given))
+        return
+    with pytest.raises(pg.ModelError, match="mass: follows from the shapes"):
+        pg.Body(**fields)

@@ -9,7 +9,7 @@ import pgraph_core as pg
 from pgraph_app.picking import GROUND, Spot
 from pgraph_app.picking.spots import Ray, met, spot
 from pgraph_app.picking.view import measured
-from pgraph_app.scene import marks
+from pgraph_app.scene import View, marks
 from pgraph_core.show import shapes
 
 from .store import ME, after, begun, do, notice
@@ -119,6 +119,15 @@ def test_the_ground_is_met_where_something_may_touch_it(boxes):
 def click(state, at):
     o, d = (tuple(v.tolist()) for v in at[:2])
     return after(state, do.ClickSpot(ME, o, d, at.slack))
+
+
+def test_a_double_click_selects_the_body_that_it_meets_and_frames_it(boxes):
+    model = boxes.model.add(pg.Contact(name="c", body="a"))
+    for at, name in (((1.0, 0.0, 0.0), "b"), ((0.1, 0.0, 0.0), "a"), ((9.0, 9.0, 0.0), None)):
+        begin, way, slack = towards(at, (0.1, 0.2, 1))
+        now = after(begun(model), do.FrameSpot(ME, tuple(begin), tuple(way), slack))
+        assert now.clients[ME].selection == name
+        assert now.clients[ME].asked == View(ME, "fit")
 
 
 def test_a_body_s_tip_and_axis_are_taken_from_a_click_as_one_undo_step(boxes):

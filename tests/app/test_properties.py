@@ -181,6 +181,12 @@ def test_a_mesh_file_becomes_the_shape_and_gives_the_mass(upload):
     assert opened.model.body("2").shape.kind == "mesh"
 
 
+@pytest.mark.parametrize(("edges", "told"), [((1, 1, 4), False), ((1, 1, 6), True)])
+def test_a_mesh_that_is_long_along_any_edge_may_be_in_millimetres(upload, edges, told):
+    solid = trimesh.creation.box(edges).export(file_type="stl")
+    assert ("millimetres" in notice(upload("a.stl", solid))) == told
+
+
 @pytest.mark.parametrize(
     ("name", "content", "part"),
     [("broken.stl", b"solid nothing here", "broken.stl"), ("../../etc/x.obj", b"v 0 0", "x.obj")],

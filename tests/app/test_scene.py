@@ -203,7 +203,9 @@ def test_the_gizmo_shows_while_it_is_dragged_and_is_one_undo_step_when_let_go(qu
         moved = (old[0] + 0.01 * k, old[1], old[2])
         state = after(state, do.Gripped(ME, "left_femur", "link", moved, False))
         assert state.model is quadruped.model
-        assert state.clients[ME].grip.vector == pytest.approx(moved)
+        grip = state.clients[ME].grip
+        assert (grip.body, grip.what) == ("left_femur", "link")
+        assert grip.vector == pytest.approx(moved)
     assert not np.allclose(poses(state)[0], quadruped.derived.positions)
     shown = poses(state)[0]
     done = after(state, do.Gripped(ME, "left_femur", "link", moved, True))
@@ -389,6 +391,9 @@ def test_an_angle_without_limits_is_shown_and_set_within_its_turn():
         assert shown["low"] <= shown["value"] <= shown["high"]
         assert pose(state, "1", 0, 0.5, serial=1).pose.q == pytest.approx([whole + 0.5])
         assert pose(state, "1", 0, 30.0, serial=1).pose.q == pytest.approx([30.0])
+        for half in (math.pi, -math.pi):
+            found = pose(state, "1", 0, f"{half!r} rad", serial=1).pose.q
+            assert found == pytest.approx([whole + half])
     limited = pg.Model.serial(1).edit("1", q=7.0, limits=(0.0, 9.0))
     assert joints(begun(limited), "1")["rows"][0]["shown"] == 7.0
 
@@ -464,15 +469,16 @@ def test_a_pull_is_towards_the_mouse_is_damped_and_has_a_bound(quadruped):
 
 
 @pytest.mark.parametrize(("typed", "angle"), [(31.0, 30.0), (38.0, 38.0), (-44.0, -45.0)])
-def test_the_gizmo_turns_a_body_about_an_axis_and_goes_to_notches(typed, angle):
-    """About the parent's y, from an orientation that is turned about x already."""
-    first = (math.cos(0.2), math.sin(0.2), 0.0, 0.0)
+@pytest.mark.parametrize("axis", [(0, 1, 0), (2 / 3, -1 / 3, 2 / 3)])
+@pytest.mark.parametrize("first", [(1.0, 0.0, 0.0, 0.0), (0.8, 0.4, -0.2, 0.4)])
+def test_the_gizmo_turns_a_body_about_an_axis_and_goes_to_notches(typed, angle, axis, first):
+    """About an axis of the parent, from an orientation that may be turned already."""
     state = begun(pg.Model(bodies=(pg.Body(name="a", rotation=first, tip=(1, 0, 0), mass=1.0),)))
 
     def turned(degrees):
         half = math.radians(degrees) / 2
-        y = np.array([math.cos(half), 0.0, math.sin(half), 0.0])
-        return shapes.times(y[None], np.array([first]))[0]
+        turn = np.array([math.cos(half), *(math.sin(half) * np.array(axis))])
+        return shapes.times(turn[None], np.array([first]))[0]
 
     now = after(state, do.Gripped(ME, "a", "rotation", tuple(turned(typed).tolist()), True))
     found, wanted = np.asarray(now.model.body("a").rotation), turned(angle)

@@ -44,6 +44,14 @@ def falling(height):
     return pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), q=(height,))
 
 
+@pytest.mark.parametrize(("depth", "told"), [(1e-2, True), (1e-5, True), (1e-7, False)])
+def test_a_start_below_the_ground_is_moved_onto_it_and_told(depth, told):
+    done = run(touching(falling(-depth)), t_end=0.1, method="dop853", rtol=1e-8)
+    assert done.q[0, 0] == pytest.approx(0.0, abs=1e-12)
+    found = [text for text in done.notices if "initial state was changed" in text]
+    assert [f"{depth:.3g}" in text for text in found] == [True] * told
+
+
 @pytest.mark.parametrize(
     ("e", "way"),
     [(0.5, WAYS["rk4"]), (0.8, WAYS["rk4"]), (0.95, WAYS["rk4"]),
