@@ -117,3 +117,28 @@ def test_pairs_name_geoms_that_are_written(tmp_path):
     pg.write_mjcf(pg.Model(bodies=[one, two], contacts=[touch]), tmp_path / "a.xml")
     (contact,) = pg.load(tmp_path / "a.xml").contacts
     assert {contact.body, contact.other} == {"a", "b"}
+
+
+def test_rolling_and_spinning_friction_of_the_ground_are_those_of_its_contacts(tmp_path):
+    ball = pg.Body(
+        name="b",
+        joint="free",
+        link=(0, 0, 1),
+        inertia=np.eye(3),
+        shape={"kind": "sphere", "radius": 0.1},
+    )
+    other = ball.model_copy(update={"name": "o"})
+    contacts = [
+        pg.Contact(name="as the ground", body="b"),
+        pg.Contact(name="own", body="o", rolling_friction=0.0, spinning_friction=0.07),
+    ]
+    ground = pg.Ground(friction=0.3, rolling_friction=0.02, spinning_friction=0.03)
+    model = pg.Model(bodies=[ball, other], contacts=contacts, ground=ground)
+    again, _ = written(tmp_path, model)
+    found = {
+        c.body: tuple(c.frictions(again.ground))
+        for c in again.contacts
+        if c.active and c.other == "ground"
+    }
+    expected = {c.body: tuple(c.frictions(ground)) for c in contacts}
+    assert found == expected

@@ -63,8 +63,9 @@ class ContactsOut:
             (b.name, k) for b in model.bodies if b.name in paired for k in _touching(b)
         }
 
-    def out(self, where: str, text: str, *, acts: bool = True) -> None:
-        self.report.add("left out", where, f"{text}, which is not written to MJCF", acts=acts)
+    def out(self, where: str, text: str, *, acts: bool = True, part: str = "") -> None:
+        text = f"{text}, which is not written to MJCF"
+        self.report.add("left out", where, text, acts=acts, part=part)
 
     def _law(self, name: str) -> Law:
         """Return the friction of a body's geoms. MuJoCo takes the larger of two that touch."""
@@ -92,14 +93,32 @@ class ContactsOut:
         return True
 
     def _friction(self, c: Contact) -> Law:
-        return Law(
-            c.frictions(self.model.ground).kinetic,
-            c.spinning_friction or 0.0,
-            c.rolling_friction or 0.0,
-        )
+        found = c.frictions(self.model.ground)
+        return Law(found.kinetic, found.spinning, found.rolling)
+
+    def _unsaid(self) -> None:
+        """Report numbers of the contacts that act, their own or the ground's, without a word in
+        MJCF."""
+        ground, told = self.model.ground, dict[tuple[str, str], None]()
+        for c in (c for c in self.model.contacts if c.active):
+            friction, unsaid = c.frictions(ground), dict[str, float | None]()
+            if friction.static > friction.kinetic:
+                unsaid["static_friction"] = friction.static
+            if c.law != "complementarity":
+                unsaid |= {"stiffness": c.stiffness, "damping": c.damping}
+            back = ground.restitution if c.restitution is None else c.restitution
+            if back and unsaid.get("damping") is None:  # a given one takes its place
+                unsaid["restitution"] = back
+            for field, value in unsaid.items():
+                if value is not None:
+                    own = getattr(c, field) is not None
+                    told[c.name if own else "", f"its {field} {value:g}"] = None
+        for name, text in told:
+            self.out(f"contact '{name}'" if name else GROUND, text, part=name)
 
     def _excluded(self, bodies: Sequence[Body]) -> Iterator[Tag]:
         """Yield exclusions for pairs of bodies that would touch in MuJoCo but do not touch here."""
+        self._unsaid()
         solid = [b.name for b in bodies if b.touching]
         for c in (*self.floor.values(), *self.touch):
             if c.points:

@@ -34,7 +34,7 @@ from .mjcf_forces_out import ForcesOut
 from .mjcf_keys import keyframes
 from .mjcf_parts import SENSORS, end_name
 from .mjcf_places_out import NOTHING, span
-from .urdf_out import Placed, Tag
+from .urdf_out import Placed, Tag, tell_taper
 
 WORDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
 INSTEAD = {"screw": "; use a cylindrical joint and a pg.Coupling"}
@@ -264,9 +264,14 @@ class _Writer(ForcesOut):
             pair = body.limits[k] if body.limits else None
             if pair is not None:
                 joint.set(range=span(*pair))
-            if body.speed_limit[k]:
-                self.out(f"body '{body.name}'", "its speed_limit", acts=False)
+                self._unsaid_of(body, "limit_restitution", k)
+            self._unsaid_of(body, "speed_limit", k, acts=False)
             yield joint
+
+    def _unsaid_of(self, body: Body, field: str, k: int, *, acts: bool = True) -> None:
+        """Report a number of a motion that MJCF has no word for, unless it is 0."""
+        if value := getattr(body, field)[k]:
+            self.out(f"body '{body.name}'", f"its {field} {value:g}", acts=acts, part=body.name)
 
     # -- shapes ----------------------------------------------------------------------------------
 
@@ -285,6 +290,10 @@ class _Writer(ForcesOut):
                 of = f" of {Path(shape.file).suffix}" if shape.file else ""
                 self.out(f"body '{body.name}'", f"a {shape.kind}{of}", acts=acts)
                 continue
+            if shape.hull == "parts" and acts:
+                text = "a mesh touches by its convex hull in MuJoCo, not by its hull 'parts'"
+                self.report.add("left out", f"body '{body.name}'", text, acts=True, part=body.name)
+            tell_taper(self.report, body.name, shape)
             geom.set(type=found[0])
             geom.set(**({"mesh": self._asset(shape)} if shape.file else {"size": found[1]}))
             if shape.role == "visual":

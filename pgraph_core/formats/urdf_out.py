@@ -14,7 +14,7 @@ import numpy as np
 from ..dynamics import Dynamics, model_of
 from ..errors import FileError, ModelError, Problem, choices, counted, explained
 from ..fields import GROUND
-from ..joints import KINDS
+from ..joints import KINDS, home
 from ..model import Actuator, Body, Constraint, Gear, Model, Motor, Shape
 from ..model.files import gathered, write_atomic
 from ..rotation import frame_of, quaternion_of, rotate, unit, unit_vector
@@ -238,6 +238,8 @@ class _Writer:
         parts = kind_of(shape).urdf(shape, drawn=tag == "visual")
         if not parts:
             self._out(f"body '{name}'", f"a {shape.kind}", name, acts=tag == "collision")
+        else:
+            tell_taper(self.report, name, shape)
         tags: list[Tag] = []
         for solid, attributes, z in parts:
             place = np.array(shape.position) + rotate(shape.rotation, (0.0, 0.0, z))
@@ -281,9 +283,10 @@ class _Writer:
         model = self.model
         for body in model.bodies:
             where = f"body '{body.name}'"
-            for field in ("stiffness", "armature"):
-                if any(getattr(body, field)):
-                    self._out(where, f"the joint's {field}", body.name)
+            for field in _unsaid(body):
+                if any(values := getattr(body, field)):
+                    text = ", ".join(f"{x:g}" for x in values)
+                    self._out(where, f"the joint's {field} {text}", body.name)
             for shape in body.shapes:
                 for field in ("surface_velocity", "surface_spin"):
                     if any(getattr(shape, field)):
@@ -300,7 +303,7 @@ class _Writer:
         if model.gravity != (0.0, 0.0, -9.81):
             text = f"gravity {model.gravity}; programs that read URDF assume (0, 0, -9.81)"
             self.report.add("left out", "model", text, acts=True)
-        begun = [b.name for b in model.bodies if any(b.v) or (not b.floats and any(b.q))]
+        begun = [b.name for b in model.bodies if any(b.v) or b.q != home(b.sequence)]
         if begun:
             text = (
                 f"the initial state of {choices(begun, 6)}: the robot is written with q = 0 at rest"
@@ -315,6 +318,24 @@ class _Writer:
         """Report a part that cannot be written."""
         text = f"{what}, which URDF does not support"
         self.report.add("left out", where, text, acts=acts, part=part)
+
+
+def _unsaid(body: Body) -> Iterator[str]:
+    """Yield the fields of a joint that act and that URDF has no word for."""
+    yield from ("stiffness", "armature")
+    if any(body.stiffness):
+        yield "rest"
+    if body.limits:
+        yield "limit_restitution"
+    if body.floats:  # <dynamics> is of joints with an axis
+        yield from ("damping", "friction")
+
+
+def tell_taper(report: Report, body: str, shape: Shape) -> None:
+    """Report a drawn shape that is written with one radius although it has another at its end."""
+    if shape.end_radius is not None:
+        text = f"a {shape.kind} is drawn without its end_radius {shape.end_radius:g}"
+        report.add("left out", f"body '{body}'", text, part=body)
 
 
 # -- what a constraint means in numbers ------------------------------------------------------------
