@@ -154,10 +154,6 @@ class ContactEvents:
             budget = last - int(steps.counters["steps"])
         return at.RUNNING
 
-    def due(self) -> bool:
-        """Check whether phases of points end at the event that has been located."""
-        return bool(self.scene.over().any())
-
     def impulse(self, t: float) -> None:
         """Apply impulses at all touching points as constraints switch, and update the phases."""
         self._observe(t)

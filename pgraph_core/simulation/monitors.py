@@ -10,11 +10,10 @@ import numpy as np
 
 from ..dynamics.arguments import of_state
 from ..engine.compiler.address import address_of_function
-from ..engine.records import ASLEEP
+from ..engine.records import ASLEEP, WATCHED
 from ..errors import refusal, shown
 from ..packing import Array, Ints
 from ..result.records import UserEvent
-from ..tolerances import SOLVED
 
 if TYPE_CHECKING:
     from .conditions import Condition, ConditionOf, UnderWay
@@ -98,8 +97,6 @@ def monitors_of(events: Any, size: tuple[int, int]) -> tuple[FunctionMonitor, ..
 
 def room_for(monitors: int, others: int = 0) -> Array:
     """Allocate the array `watched` of event kernels, with the columns of user events last."""
-    from ..engine.contact.points import WATCHED
-
     found = np.zeros((WATCHED.total, others + monitors))
     found[WATCHED.nearest] = np.inf
     return found
@@ -121,8 +118,6 @@ class Watch:
         self.log: list[UserEvent] = []
         self.counts = [0] * len(self.monitors)  # events so far
         self.called: list[int] = []
-        self._values = np.zeros(len(self.monitors))  # the values of the last call
-        self._largest = np.zeros(len(self.monitors))  # magnitude of a value so far
         self._function, self.address = None, 0
         own = [i for i, c in enumerate(conditions) if c.given.called]
         self._call_too([*own, *range(self.waiting, len(self.monitors))])
@@ -169,21 +164,13 @@ class Watch:
         found = _array(values, len(self.monitors))
         try:
             for i in self.called:
-                found[i] = self._values[i] = self.monitors[i](t, *state)
-            np.maximum(self._largest, np.abs(self._values), out=self._largest)
+                found[i] = self.monitors[i](t, *state)
         except BaseException as error:  # none may pass through compiled steps
             self.error = self.error or error
             found[self.called] = 1.0
 
-    def at_zero(self) -> list[int]:
-        """Return the indices of the events whose last values are zero, up to SOLVED."""
-        zero = np.abs(self._values) <= SOLVED * self._largest
-        return [i for i in self.called if i >= self.waiting and zero[i]]
-
     def fired(self, watched: Array) -> list[int]:
         """Return the indices of the monitors that have crossed zero."""
-        from ..engine.contact.points import WATCHED
-
         count = len(self.monitors)
         return np.flatnonzero(watched[WATCHED.now, watched.shape[1] - count :] < 0.0).tolist()
 

@@ -45,7 +45,6 @@ KEPT_NUMBERS = 32_768  # numbers in the frames of a run, for which a mechanism k
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 NO_CHANGES = table(PHASE_CHANGE, 0)
 WATCHING = "the method that detects contacts"
-NO_MONITORS = np.zeros((8, 0))  # ROWS of contact.points, which most runs do not import
 
 
 class Recording(Running):
@@ -181,7 +180,7 @@ class Recording(Running):
 
             steps.guarded_by(approach=address_of(bound_step))
         if not points:
-            watched = NO_MONITORS if watch is None else room_for(len(watch.monitors))
+            watched = room_for(0 if watch is None else len(watch.monitors))
             steps.join(self.scene.address, links, watched, *wanted)
             steps.forget_sides(woken)
             return
@@ -390,9 +389,6 @@ class Recording(Running):
         fired = watch.fired(self.steps.watched)
         if fired and fired[0] < watch.waiting:
             self.switching.meet(t, [i for i in fired if i < watch.waiting])
-        if self.events is not None and self.events.due():
-            # values turn where phases change: rounding hides their side until they have left zero
-            self.steps.forget_sides(watch.at_zero())
         nq, nv = self.mech.nq, self.mech.nv
         self._last = watch.note(t, fired, self.q[:nq], self.v[:nv])
         if self._last is not None:

@@ -194,3 +194,15 @@ def test_frames_hold_the_impulses_on_both_sides_of_a_switch(at, condition):
     assert len(run.t) == 13
     assert balanced(run, run.contact_force["floor"][:, 3:], "b")
     assert run.force_error < 1e-6
+
+
+def test_a_step_that_ends_at_an_event_and_a_frame_keeps_its_impulses():
+    """The ball is hit again and again before the frame, at whose time a value is zero."""
+    at, mass = 0.19603424374036973, 2.0
+    model = bouncing(restitution=0.5, mass=mass)
+    run = pg.simulate(
+        model, t_end=4 * at, frames=5, method="moreau_jean", events=lambda t, q, v: t - at,
+        estimate=False,
+    )  # fmt: skip
+    assert [e.t for e in run.user_events] == pytest.approx([at], abs=1e-15)
+    assert balanced(run, run.contact_force["floor"][:, 3:], "b", mass)

@@ -310,3 +310,51 @@ def test_events_are_zeros_where_a_run_goes_on_with_limits(given, push, speed, le
     assert "began" in run.header
     assert all(abs(event.q[0] - level) < 1e-8 for event in run.user_events)
     assert (np.diff([event.t for event in run.user_events]) > 1e-6).all()
+
+
+def wheels_beside(ball_at, restitution=0.0):
+    """A falling ball beside two wheels that a clutch joins, at 0.7 and -0.5 rad/s."""
+    bodies = [
+        pg.Body(
+            name="ball", joint="free", q=(0, 0, ball_at, 1, 0, 0, 0), mass=1.0,
+            inertia=(0.004,) * 3, shape={"kind": "sphere", "radius": 0.1},
+        ),
+        *(
+            pg.Body(name=name, link=(5, i, 0), inertia=(1, 1, 1), v=(v,))
+            for i, (name, v) in enumerate({"a": 0.7, "b": -0.5}.items())
+        ),
+    ]  # fmt: skip
+    clutch = pg.Velocity(
+        name="clutch", body="a", coefficients={"a": (1,), "b": (-1,)}, active=False
+    )
+    floor = pg.Contact(name="floor", body="ball", restitution=restitution)
+    return pg.Model(bodies=bodies, constraints=[clutch], contacts=[floor])
+
+
+@pytest.mark.parametrize("start", [0.0, 1.3])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"rtol": 1e-9}, {"method": "rk4", "step": 2e-3}, {"method": "dop853", "step": 3e-3},
+        {"method": "moreau_jean", "step": 2e-3},
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("of", ["frame", "impact", "none"])
+def test_an_event_a_switch_and_a_frame_or_an_impact_at_one_time(of, given, start):
+    """Each acts once, whichever of them rounding puts first. Impacts are located to 1e-14 s."""
+    rng = np.random.default_rng(7)
+    for _ in range(4):
+        height, length, frames = rng.uniform(0.02, 0.2), rng.uniform(0.4, 0.55), 101
+        at = start + {
+            "frame": length * 0.96, "impact": math.sqrt(2 * height / G), "none": 0.3 * length,
+        }[of]  # fmt: skip
+        times = np.linspace(start, start + length, frames)
+        at = float(times[96]) if of == "frame" else at
+        run = pg.simulate(
+            wheels_beside(0.1 + height, rng.choice([0.0, 0.5])), t_start=start,
+            t_end=start + length, frames=frames, switches=((at, "clutch", True),), estimate=False,
+            events=[lambda t, q, v, at=at: t - at, lambda t, q, v: q[2] - 50.0], **given,
+        )  # fmt: skip
+        assert [abs(e.t - at) < 1e-13 for e in run.user_events] == [True]
+        angle = np.where(run.t < at, 0.7 * (run.t - start), 0.7 * (at - start) + 0.1 * (run.t - at))
+        assert run.q[:, 7] == pytest.approx(angle, abs=1e-12)

@@ -36,7 +36,7 @@ from ..constraints.constraints import (
 )
 from ..motion import RECORD, call_acceleration, call_record
 from ..motions import travels
-from ..records import STANCE, SWING, columns
+from ..records import STANCE, SWING, WATCHED
 from ..rows import kind_of, link_of, origin_of, parent_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
@@ -51,10 +51,6 @@ INSTANT = 4 * EPS  # width of a bracket that counts as an instant, relative to t
 TRIALS = 80
 FORCE_TOLERANCE = RANK  # rounding of contact forces relative to the largest one
 NEARLY = 0.02  # plausible error of the cubic relative to the motion of a gap in a step
-# rows of `watched`: at a step's start, the bracket, now, then the least distance of a user's event
-# from zero, its time [s], 1 where it has come near zero at the end of a part, and the time in the
-# step since which its sign is known
-WATCHED = columns("start", "low", "high", "now", "nearest", "when", "nears", "since")
 NOTHING = 1.0  # value of an unused monitor
 BELOW = sys.float_info.min  # stand-in for a value of zero, which counts as reached
 

@@ -17,7 +17,6 @@ from ..contact.points import (
     INSTANT,
     NOTHING,
     TRIALS,
-    WATCHED,
     accepted,
     bracket_of,
     dip_of_gap,
@@ -27,11 +26,19 @@ from ..contact.points import (
     start,
 )
 from ..motion import PROJECTION, call_projection
-from ..records import ASLEEP, ONCE, REACHED
+from ..records import ASLEEP, ONCE, REACHED, WATCHED
 from .control.clock import jump_to, shorten_last_step
 from .control.guard import fire, note_looked
 from .crossings import beside, vertex
-from .looks import EVENT, keep_values, look, phases_watched, step_again, values_of_events
+from .looks import (
+    EVENT,
+    keep_values,
+    look,
+    phases_watched,
+    step_again,
+    time_within,
+    values_of_events,
+)
 from .measured import steps_in_time
 from .run import LOOK_BACK
 from .state import copied, size_of_state
@@ -77,9 +84,23 @@ def begin_part(run):
         start(opened_events(data.scene).contact, data.control[0].guard.turning)
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
-        if values[i] != 0.0:
-            signs[i] = 1 if values[i] > 0.0 else -1
+        if signs[i] != 0 or left_zero(run, i):
+            signs[i] = sign_of(values[i])
         watched[WATCHED.start, first + i] = abs(values[i])
+
+
+@part
+def left_zero(run, i):
+    """Check whether the value of event i is not zero, or again far enough from its last zero."""
+    data = opened_run(run)
+    n = data.watched.shape[1] - data.signs.shape[0] + i
+    return abs(data.values[i]) > data.watched[WATCHED.zero, n]
+
+
+@part
+def sign_of(x):
+    """Return the sign of a number, 0 for zero."""
+    return 0 if x == 0.0 else (1 if x > 0.0 else -1)
 
 
 @sweep
@@ -92,8 +113,8 @@ def begin_events(run):
     values_of_events(run, data.control[0].clock.old_time, q, v)
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
-        if signs[i] == 0 and values[i] != 0.0:
-            signs[i] = 1 if values[i] > 0.0 else -1
+        if signs[i] == 0 and left_zero(run, i):
+            signs[i] = sign_of(values[i])
         watched[WATCHED.start, first + i] = abs(values[i])
 
 
@@ -108,21 +129,24 @@ def undecided(signs):
 
 @sweep
 def take_sides(run, low, width):
-    """Set the signs of events that are exactly zero at `low` to those just after it."""
+    """Set the signs of events that are zero at `low` to those with which they leave zero."""
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
         watched[WATCHED.since, first + i] = -1.0
+    if not undecided(signs):
+        return
     w = SOLVED * width
     while w < width and undecided(signs):
         look(run, low, w)
         for i in range(signs.shape[0]):
-            if signs[i] == 0 and values[i] != 0.0:
-                signs[i] = 1 if values[i] > 0.0 else -1
+            if signs[i] == 0 and left_zero(run, i):
+                signs[i] = sign_of(values[i])
                 watched[WATCHED.start, first + i] = abs(values[i])
                 watched[WATCHED.since, first + i] = low + w
         w *= WIDER
+    look(run, low, 0.0)
 
 
 # -- location -------------------------------------------------------------------------------------
@@ -361,7 +385,8 @@ def clear_of_zero(run, low, end):
 
 @sweep
 def turn_beyond(run, w):
-    """Keep how far beyond zero events at a time w after the start of the last step will turn back.
+    """Keep the rates of events at a time w after the start of the last step, and how far beyond
+    zero those that happen there will turn back.
 
     It is the minimum of a parabola through three values close to w.
     """
@@ -379,6 +404,7 @@ def turn_beyond(run, w):
     look(run, begin, end - begin)
     for i in range(signs.shape[0]):
         n, side = first + i, watched[WATCHED.start, first + i]
+        watched[WATCHED.rate, n] = (values[i] - watched[WATCHED.low, n]) / (end - begin)
         y = (side * watched[WATCHED.low, n], side * watched[WATCHED.high, n], side * values[i])
         _, least = vertex((0.0, 0.5, 1.0), y)
         if -least < watched[WATCHED.nearest, n] and least < 0.0:
@@ -392,11 +418,12 @@ def turn_beyond(run, w):
 def reached(run, low, end):
     """Check whether the first event in the interval from `low` is accepted, and its time.
 
-    An event occurs before `end`, or at `low` if this is 0, where zero is only touched. A value that
+    An event occurs before `end`, or at `low` if this is 0, where zero is only touched. An event
+    whose value comes to zero immediately afterwards, by its rate, is at the same time. A value that
     stays zero counts again when it has left it.
     """
     data = opened_run(run)
-    signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
+    signs, wanted, watched = data.signs, data.wanted, data.watched
     first = watched.shape[1] - signs.shape[0]
     w = 0.0
     if end > 0.0:
@@ -406,15 +433,20 @@ def reached(run, low, end):
             turn_beyond(run, low + w)
             look(run, low, w)
     keep_values(run, WATCHED.high)
+    instant = SOLVED * data.control[0].clock.old_width if end > 0.0 else 0.0
     for i in range(signs.shape[0]):
-        watched[WATCHED.start, first + i] = abs(values[i])
-        if end == 0.0 or watched[WATCHED.now, first + i] >= 0.0:
+        n, value = first + i, watched[WATCHED.high, first + i]
+        watched[WATCHED.start, n] = abs(value)
+        if wanted[i] == ASLEEP or signs[i] == 0:
             continue
-        watched[WATCHED.nears, first + i] = 0.0
-        if signs[i] * wanted[i] > 0:
-            watched[WATCHED.now, first + i] = NOTHING
-        side = watched[WATCHED.high, first + i]
-        signs[i] = 0 if side == 0.0 else (1 if side > 0.0 else -1)
+        zero = instant * abs(watched[WATCHED.rate, n])
+        soon = abs(value) <= zero and signs[i] * watched[WATCHED.rate, n] < 0.0
+        if end == 0.0 or not (watched[WATCHED.now, n] < 0.0 or soon):
+            continue
+        watched[WATCHED.nears, n] = 0.0
+        watched[WATCHED.now, n] = NOTHING if signs[i] * wanted[i] > 0 else -BELOW
+        watched[WATCHED.zero, n] = zero
+        signs[i] = 0 if abs(value) <= zero else sign_of(value)
     return over(watched, WATCHED.now), low + w
 
 
@@ -487,18 +519,18 @@ def look_back(run):
         begin_events(run)
     note_looked(guard)
     n = 1
-    low = 0.0
-    while n <= parts:
+    low, taken = 0.0, clock.old_width
+    while n <= parts and guard.fired == 0:
         end = next_look(run, low, n, parts)
         counts, low = looked_at(run, low, end)
         if counts:
+            taken = low
             copied(stages, at.TRIAL, at.Y, stages.shape[1])
-            jump_to(clock, clock.old_time + low)
+            jump_to(clock, time_within(clock, low))
             if parts == 1 and guard.carried != 0:  # duals repeat it, without rounding of time
                 shorten_last_step(clock, low)
             fire(guard, REACHED)
-            return
-        if low >= clock.old_width * n / parts:
+        elif low >= clock.old_width * n / parts:
             n += 1
     if clock.repeated == 1 and steps_in_time(data.scene):
-        step_again(run, clock.old_width)
+        step_again(run, taken)

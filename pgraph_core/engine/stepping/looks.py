@@ -10,12 +10,11 @@ from ..contact.phases import opened_events
 from ..contact.points import (
     BELOW,
     NOTHING,
-    WATCHED,
     call_observe,
     watch,
 )
 from ..motion import opened
-from ..records import ASLEEP
+from ..records import ASLEEP, WATCHED
 from ..tree.moving import normalise_all
 from .control.clock import note_repeated, set_time
 from .explicit import dense_output
@@ -34,6 +33,8 @@ def state_within(run, w):
     h = control.clock.old_width
     if w >= h:
         copied(stages, at.Y, at.TRIAL, stages.shape[1])
+    elif w <= 0.0:
+        copied(stages, at.Y_OLD, at.TRIAL, stages.shape[1])
     elif data.tableau.dense.shape[0] > 0:
         dense_output(run, w / h)
     else:
@@ -66,6 +67,12 @@ def step_again(run, w):
 
 
 @part
+def time_within(clock, w):
+    """Return the time of the state at a time w after the start of the last step [s]."""
+    return clock.old_time + w if w < clock.old_width else clock.time
+
+
+@part
 def phases_watched(run):
     """Check whether contact points are monitored."""
     data = opened_run(run)
@@ -81,7 +88,7 @@ def look(run, low, w):
     nq, nv = size_of_state(run)
     q = stages[at.TRIAL, :nq]
     v = stages[at.TRIAL, nq : nq + nv]
-    t = control.clock.old_time + low + w
+    t = time_within(control.clock, low + w)
     if phases_watched(run):
         contact = opened_events(data.scene).contact
         vdot = stages[at.OBSERVED, nq : nq + nv]

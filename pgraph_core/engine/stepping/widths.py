@@ -248,8 +248,7 @@ def next_width(run):
     clip_stages(clock, math.inf)
     if error.widths == GIVEN:
         left = error.widest - ends.done
-        end = ends.origin + (ends.taken + 1) * error.widest
-        stop = times[clock.frame] if ends.left == 1 else end
+        stop = given_end(run)
     else:
         stop = times[clock.last - 1 if data.tableau.dense.shape[0] > 0 else clock.frame]
         left = stop - t
@@ -311,6 +310,17 @@ def given_start(control):
     return ends.origin + ends.taken * control.error.widest + ends.done
 
 
+@part
+def given_end(run):
+    """Compute the end of the next given step [s]. The last one before a frame ends at the frame."""
+    data = opened_run(run)
+    control = data.control[0]
+    ends = control.ends
+    if ends.left == 1:
+        return data.times[control.clock.frame]
+    return ends.origin + (ends.taken + 1) * control.error.widest
+
+
 @sweep
 def next_interval(run, i):
     """Begin the given steps after frame i, counted from the last change in step size."""
@@ -329,10 +339,9 @@ def step_taken(run):
     """Count a fixed step, or record the completed part if it was shortened."""
     control = opened_run(run).control[0]
     clock, ends = control.clock, control.ends
-    left = control.error.widest - ends.done
-    gone = clock.time - clock.old_time if control.guard.fired != 0 else clock.old_width
-    if left - gone > nearby(clock.time):
-        add_part(ends, gone)
+    if given_end(run) - clock.time > nearby(clock.time):
+        fired = control.guard.fired != 0
+        add_part(ends, clock.time - clock.old_time if fired else clock.old_width)
         return
     count_steps(ends, 1)
     if ends.left == 0:
