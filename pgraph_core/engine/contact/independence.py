@@ -2,7 +2,8 @@
 
 A block with at least as many exclusive joints as rows is independent of all others. Without it,
 others have more exclusive joints. If all blocks of an island can be removed in this way, its rows
-are independent. The friction of the joints of a chain is an example, from its tip to its base.
+are independent. The friction of the joints of a chain is an example, from its tip to its base. An
+island with more rows than joints, such as a box on four points, has no independent rows.
 """
 
 from ...tolerances import NOTABLE
@@ -21,10 +22,13 @@ def unique(scene, n):
     slots, where = data.space.slots, data.space.where
     islands = contacts_at(data.links.contacts).islands
     kept, first, end = islands.slope, islands.first[n], islands.first[n + 1]
+    rows, joints = 0, 0
     for j in range(first, end):
-        kept[islands.blocks[j], SCRATCH.bound] = 1.0
-        count(slots, where, islands.blocks[j], 1)
-    left, before = end - first, 0
+        i = islands.blocks[j]
+        kept[i, SCRATCH.bound] = 1.0
+        rows += size_of(data.blocks.blocks_i, i)
+        joints += count(slots, where, i, 1)
+    left, before = end - first, end - first if rows > joints else 0
     while left != before and left > 0:
         before = left
         for j in range(end - 1, first - 1, -1):
@@ -41,9 +45,14 @@ def unique(scene, n):
 
 @part
 def count(slots, where, i, change):
-    """Change the number of blocks at each joint of block i."""
+    """Change the number of blocks at each joint of block i. Return how many joints had none."""
+    new = 0
     for s in range(joints_of(slots, i)):
-        where[joint_of(slots, i, s)] += change
+        k = joint_of(slots, i, s)
+        if where[k] == 0:
+            new += 1
+        where[k] += change
+    return new
 
 
 @part
