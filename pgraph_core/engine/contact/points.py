@@ -5,7 +5,6 @@ negative when a phase ends. Times within a step are relative to the start of the
 """
 
 import math
-import sys
 
 from ...tolerances import EPS, SOLVED
 from .. import layout as at
@@ -38,6 +37,8 @@ from ..motion import RECORD, call_acceleration, call_record
 from ..motions import travels
 from ..records import STANCE, SWING, WATCHED
 from ..rows import kind_of, link_of, origin_of, parent_of
+from ..stepping.bracket import BELOW, NOTHING
+from ..stepping.minima import cubic_vertex
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
 from ..vec import add, add_scaled, dot, load, scale, set_xyz, sub, xyz
@@ -47,12 +48,8 @@ from .phases import RANK, opened_events, slides, slip_direction, tangential
 OBSERVE = i8(i8, f8, F1, F1, F1, F1)
 call_observe = caller(OBSERVE)
 GAP_ROUNDING = 2 * EPS  # rounding of a gap relative to the coordinates whose difference it is
-INSTANT = 4 * EPS  # width of a bracket that counts as an instant, relative to the step
-TRIALS = 80
 FORCE_TOLERANCE = RANK  # rounding of contact forces relative to the largest one
 NEARLY = 0.02  # plausible error of the cubic relative to the motion of a gap in a step
-NOTHING = 1.0  # value of an unused monitor
-BELOW = sys.float_info.min  # stand-in for a value of zero, which counts as reached
 
 
 @kernel(OBSERVE, nogil=True, later=True)
@@ -299,15 +296,6 @@ def watch(contact, row, w):
         watched[row, 3 * s + 2] = c
 
 
-@part
-def over(watched, row):
-    """Check whether a phase has ended."""
-    found = False
-    for n in range(watched.shape[1]):
-        found = found or watched[row, n] < 0.0
-    return found
-
-
 @sweep
 def start(contact, h):
     """Store the start of a step for phases that begin with it, and the limit on slow slip."""
@@ -362,57 +350,5 @@ def dip_of_gap(contact, s, h):
     if points[s].phase != SWING or not (a < 0.0 < b):
         return h
     before = points[s].start
-    rise = points[s].gap - before
-    square = 3.0 * rise - 2.0 * a - b
-    cube = a + b - 2.0 * rise
-    x = -a / (square + math.sqrt(max(square * square - 3.0 * cube * a, 0.0)))
-    if 0.0 < x < 1.0 and before + x * (a + x * (square + x * cube)) < NEARLY * (b - a):
-        return x * h
-    return h
-
-
-@sweep
-def urgent(watched, width, sides):
-    """Compute the step size from `lo` to the first zero by the secant rule, weighed by `sides`."""
-    best = width
-    for n in range(watched.shape[1]):
-        low = watched[WATCHED.low, n]
-        high = watched[WATCHED.high, n]
-        if high < 0.0:
-            low = max(low, 0.0) * sides[0]
-            high = high * sides[1]
-            best = min(best, width * low / (low - high))
-    return best
-
-
-@part
-def copy_row(watched, a, b):
-    for n in range(watched.shape[1]):
-        watched[b, n] = watched[a, n]
-
-
-@sweep
-def bracket_of(watched, end):
-    """Return (lo, hi, both secant weights, end moved last), a bracket around the end of a phase."""
-    copy_row(watched, WATCHED.start, WATCHED.low)
-    copy_row(watched, WATCHED.now, WATCHED.high)
-    return 0.0, end, 1.0, 1.0, 0
-
-
-@sweep
-def next_try(watched, bracket, n, h):
-    """Return the next step size to examine in a step of h: secants, a third bisections."""
-    lo, hi, _, _, _ = bracket
-    w = 0.5 * (lo + hi) if n % 3 == 2 else lo + urgent(watched, hi - lo, bracket[2:4])
-    return min(max(w, lo + 0.3 * INSTANT * h), hi - 0.3 * INSTANT * h)
-
-
-@sweep
-def narrowed(watched, bracket, w, ended):
-    """Return the bracket narrowed by an evaluation at w, whose values are in row NOW."""
-    lo, hi, low, high, last = bracket
-    if ended:
-        copy_row(watched, WATCHED.now, WATCHED.high)
-        return lo, w, 0.5 * low if last == 1 else 1.0, 1.0, 1
-    copy_row(watched, WATCHED.now, WATCHED.low)
-    return w, hi, 1.0, 0.5 * high if last == -1 else 1.0, -1
+    x, least = cubic_vertex(points[s].gap - before, a, b)
+    return x * h if 0.0 < x < 1.0 and before + least < NEARLY * (b - a) else h

@@ -16,47 +16,43 @@ from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
 from ..motion import opened
 from ..records import CHOSEN
-from ..signals import (
-    HELD_FROM,
-    NEAREST,
-    SIDE,
-    WHEN,
-)
+from ..signals import HELD_FROM
+from .bracket import ROUNDED, locating
 from .control.ends import end_pieces, pass_piece, release_sides, set_clear, set_least
 from .margins import (
     BEGIN_MARGIN,
     CHANGED,
     CLEAR,
-    END_MARGIN,
-    MARGIN_CHANGE,
     RESTS,
-    ROUNDED,
     SHORTEST,
-    TRIALS,
+    SIDES,
     UNDECIDED,
     any_changed,
     has_changed,
     instant,
-    jumps,
+    is_jump,
     keep,
-    margin_of,
+    note_near_side,
     release,
     rests,
     see,
     sides,
     step_to,
     take_sides,
+    watch_sides,
 )
-from .measured import (
-    hold,
-)
-from .ranges import SPAN, bend, judged, look_ahead
+from .measured import hold
+from .minima import turning
+from .ranges import bend, judged, look_ahead
 from .sliding import begins_to_slide, slide
 from .state import STEP
 
 MOST_INTERVALS = 256  # parts of a step: for a margin that is at its bound all the way
 RATELESS = math.sqrt(ROUNDED)  # fraction of a step below which a start at zero rate is rounding
 GROWTH = 16  # factor for the smallest width while branches alternate
+
+located = locating(SIDES)
+turn_beyond = turning(SIDES, is_jump, note_near_side)
 
 
 @kernel(STEP, nogil=True, later=True)
@@ -94,7 +90,10 @@ def cross(run, h):
         calm(control)
         end_pieces(ends)
         return h
-    return ended(run, h, located(run, code, h, begin, end))
+    for i in range(0, code.shape[0], 2):
+        code[i + 1, BEGIN_MARGIN] = abs(code[i + 1, BEGIN_MARGIN])
+    watch_sides(code)
+    return ended(run, h, begin + located(run, code.T, begin, end - begin, instant(control, h)))
 
 
 @sweep
@@ -110,12 +109,6 @@ def leaves(run, code, begin, end):
             found = found or (has_changed(code, i) and not rests(code, i))
     step_to(run, code, end)
     return found
-
-
-# -- bounds ---------------------------------------------------------------------------------------
-
-
-# -- location -------------------------------------------------------------------------------------
 
 
 @sweep
@@ -146,59 +139,6 @@ def first_change(run, code, h):
 
 
 @sweep
-def located(run, code, h, begin, end):
-    """Compute the width at which the first comparison has changed, between begin and end.
-
-    Secants [Illinois, Dowell and Jarratt 1971] and bisection end where margins that have changed
-    are zero up to rounding.
-    """
-    for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD_FROM:
-            code[i + 1, END_MARGIN] = margin_of(code, i)
-            code[i + 1, MARGIN_CHANGE] = abs(code[i + 1, END_MARGIN] - code[i + 1, BEGIN_MARGIN])
-    low, high, last = begin, end, end
-    left, right, apart = 1.0, 1.0, instant(opened_run(run).control[0], h)
-    for n in range(TRIALS):
-        if high - low <= apart or (last == high and reached(code)):
-            break
-        w = high
-        for i in range(0, code.shape[0], 2):
-            if code[i, 0] >= HELD_FROM and code[i + 1, SIDE] * code[i + 1, END_MARGIN] >= 0.0:
-                a, b = left * abs(code[i + 1, BEGIN_MARGIN]), right * abs(code[i + 1, END_MARGIN])
-                w = min(w, low + (high - low) * (a / (a + b) if a + b > 0.0 else 0.0))
-        w += 0.5 * apart
-        if n % 4 == 3 or not low < w < high:
-            w = 0.5 * (low + high)
-        step_to(run, code, w)
-        last = w
-        if any_changed(code):
-            for i in range(0, code.shape[0], 2):
-                if code[i, 0] >= HELD_FROM:
-                    code[i + 1, END_MARGIN] = margin_of(code, i)
-            left, right = (0.5 * left if high < end else 1.0), 1.0
-            high = w
-        else:
-            keep(code)
-            left, right = 1.0, (0.5 * right if low > begin else 1.0)
-            low = w
-    return high
-
-
-@sweep
-def reached(code):
-    """Check whether every margin that has changed its sign is zero up to rounding."""
-    found = True
-    for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD_FROM and has_changed(code, i):
-            least = ROUNDED * max(code[i + 1, MARGIN_CHANGE], sides(code, i))
-            found = found and abs(margin_of(code, i)) <= least
-    return found
-
-
-# -- steps ----------------------------------------------------------------------------------------
-
-
-@sweep
 def ended(run, h, w):
     """End the step at width w, or later if both branches lead back to the threshold immediately.
     Returns its width.
@@ -224,69 +164,13 @@ def ended(run, h, w):
         set_least(ends, min(GROWTH * least, most))
     else:
         calm(control)
-        turn_beyond(run, code, h, w)
+        turn_beyond(run, code.T, h, w)
     step_to(run, code, w)
     release_sides(ends)
     return w
-
-
-@sweep
-def turn_beyond(run, code, h, w):
-    """Keep how far beyond zero a jump that occurs at width w would turn back if nothing changed.
-
-    It is the minimum of a parabola through three values of the margin close to w.
-    """
-    begin, end = beside(w, h)
-    jump = False
-    for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD_FROM:
-            now = jumps(code, i) and has_changed(code, i)
-            code[i + 1, MARGIN_CHANGE] = -code[i + 1, SIDE] if now else 0.0
-            jump = jump or now
-    if not jump:
-        return
-    if begin < w:
-        step_to(run, code, begin)
-    keep(code)
-    step_to(run, code, 0.5 * (begin + end))
-    for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD_FROM:
-            code[i + 1, END_MARGIN] = margin_of(code, i)
-    step_to(run, code, end)
-    for i in range(0, code.shape[0], 2):
-        if code[i, 0] >= HELD_FROM and code[i + 1, MARGIN_CHANGE] != 0.0:
-            side = code[i + 1, MARGIN_CHANGE]
-            y = (
-                side * code[i + 1, BEGIN_MARGIN],
-                side * code[i + 1, END_MARGIN],
-                side * margin_of(code, i),
-            )
-            _, least = vertex((0.0, 0.5, 1.0), y)
-            if -least < code[i, NEAREST] and least < 0.0:
-                code[i, NEAREST], code[i, WHEN] = -least, opened_run(run).control[0].clock.time + w
-
-
-@part
-def beside(w, h):
-    """Compute (begin, end) of a part of a step that ends or begins at w, for second differences."""
-    return (w - SPAN * h, w) if 2.0 * w > h else (w, w + SPAN * h)
-
-
-@part
-def vertex(x, y):
-    """Return the minimum (x, y) of a parabola through three points, or (-1, inf) if it has none."""
-    slope = (y[1] - y[0]) / (x[1] - x[0])
-    curve = ((y[2] - y[1]) / (x[2] - x[1]) - slope) / (x[2] - x[0])
-    if not curve > 0.0:
-        return -1.0, math.inf
-    least = 0.5 * (x[0] + x[1] - slope / curve)
-    return least, y[0] + (least - x[0]) * (slope + curve * (least - x[1]))
 
 
 @part
 def calm(control):
     """Make steps narrower again after one that was not the least."""
     set_least(control.ends, control.ends.shut / GROWTH)
-
-
-# -- sliding --------------------------------------------------------------------------------------

@@ -12,24 +12,24 @@ from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import f8, u8, void
 from ..contact.phases import opened_events
-from ..contact.points import (
-    BELOW,
-    INSTANT,
-    NOTHING,
-    TRIALS,
-    accepted,
-    bracket_of,
-    dip_of_gap,
-    narrowed,
-    next_try,
-    over,
-    start,
-)
+from ..contact.points import accepted, dip_of_gap, start
 from ..motion import PROJECTION, call_projection
 from ..records import ASLEEP, ONCE, REACHED, WATCHED
+from .bracket import (
+    BELOW,
+    NOTHING,
+    ROUNDED,
+    TRIALS,
+    Margins,
+    locating,
+    narrowed_by,
+    next_try,
+    over,
+    secant,
+    whole,
+)
 from .control.clock import jump_to, shorten_last_step
 from .control.guard import fire, note_looked
-from .crossings import beside, vertex
 from .looks import (
     EVENT,
     keep_values,
@@ -39,10 +39,11 @@ from .looks import (
     time_within,
     values_of_events,
 )
+from .margins import instant
 from .measured import steps_in_time
+from .minima import beside, convex_bound, is_inside, narrowed_least, next_least, turning
 from .run import LOOK_BACK
 from .state import copied, size_of_state
-from .widths import GOLDEN
 
 # of a user's functions: time, and the addresses of q, v and their values
 _call_user = caller(void(f8, u8, u8, u8))
@@ -69,10 +70,52 @@ def user_events(scene, t, q, v, values):
         _call_user(address, (t, q.ctypes.data, v.ctypes.data, values.ctypes.data))
 
 
-# -- the state within the last step ---------------------------------------------------------------
+# -- margins --------------------------------------------------------------------------------------
 
 
-# -- monitors -------------------------------------------------------------------------------------
+@part
+def no_rounding(margins, n):
+    """Return zero: how far a value of a user is rounded is not known, and it may stay zero."""
+    return 0.0
+
+
+@part
+def has_counted(run, margins, n):
+    """Check whether margin n is that of a user event that has happened and counts."""
+    data = opened_run(run)
+    i = n - (margins.shape[1] - data.signs.shape[0])
+    return i >= 0 and margins[WATCHED.now, n] < 0.0 and data.signs[i] * data.wanted[i] <= 0
+
+
+@part
+def note_near(run, margins, n, near, w):
+    """Keep how near to zero a user event comes at a time w after the start of the last step."""
+    if near < margins[WATCHED.nearest, n]:
+        margins[WATCHED.nearest, n] = near
+        margins[WATCHED.when, n] = opened_run(run).control[0].clock.old_time + w
+
+
+EVENTS = Margins(
+    first=0,
+    step=1,
+    low=WATCHED.low,
+    high=WATCHED.high,
+    now=WATCHED.now,
+    look=look,
+    rounding=no_rounding,
+)
+located = locating(EVENTS)
+turn_beyond = turning(EVENTS, has_counted, note_near)
+
+
+@sweep
+def locate(run, low, end):
+    """Return the width from `low` to the first event. Its state is in TRIAL, its number in NOW."""
+    data = opened_run(run)
+    control = data.control[0]
+    for n in range(data.watched.shape[1]):
+        data.watched[WATCHED.low, n] = data.watched[WATCHED.start, n]
+    return located(run, data.watched, low, end, instant(control, control.clock.old_width))
 
 
 @sweep
@@ -84,7 +127,7 @@ def begin_part(run):
         start(opened_events(data.scene).contact, data.control[0].guard.turning)
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
-        if signs[i] != 0 or left_zero(run, i):
+        if values[i] != 0.0 and (signs[i] != 0 or left_zero(run, i)):
             signs[i] = sign_of(values[i])
         watched[WATCHED.start, first + i] = abs(values[i])
 
@@ -128,7 +171,7 @@ def undecided(signs):
 
 
 @sweep
-def take_sides(run, low, width):
+def leave_zeros(run, low, width):
     """Set the signs of events that are zero at `low` to those with which they leave zero."""
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
@@ -156,8 +199,7 @@ def take_sides(run, low, width):
 def happened(run, low, width):
     """Return the width at which an event has occurred in the interval from `low`, or else 0."""
     data = opened_run(run)
-    look(run, low, width)
-    if over(data.watched, WATCHED.now):
+    if look(run, low, width):
         return width
     first = width
     if phases_watched(run):
@@ -183,43 +225,19 @@ def least_gap(run, low, s, w, widths):
     data = opened_run(run)
     points = opened_events(data.scene).contact.points
     width, otherwise = widths
-    begin, end = 0.0, width
-    falls, rises = points[s].start_rate, points[s].gap_rate
-    for n in range(DIPS):
-        look(run, low, w)
-        if over(data.watched, WATCHED.now):
+    falls, rises = -points[s].start_rate, points[s].gap_rate
+    bracket, ends = whole(0.0, width), (falls, -rises)
+    for _ in range(TRIALS):
+        if look(run, low, w):
             return w
         rate = points[s].gap_rate
-        if rate < 0.0:
-            begin, falls = w, rate
-        else:
-            end, rises = w, rate
-        if points[s].gap > max(-falls, rises) * (end - begin):
+        falls, rises = (falls, rate) if rate > 0.0 else (-rate, rises)
+        bracket, ends = narrowed_by(bracket, ends, w, -rate)
+        left = bracket.end - bracket.begin
+        if points[s].gap > max(falls, rises) * left or left <= ROUNDED * width:
             break
-        w = begin - falls * (end - begin) / (rises - falls) if n % 3 < 2 else 0.5 * (begin + end)
-        if not begin < w < end:
-            break
+        w = next_try(bracket, secant(bracket, ends[0], ends[1]), ROUNDED * width)
     return otherwise
-
-
-@sweep
-def locate(run, low, end):
-    """Return the width from `low` to the first event. Its state is in TRIAL, its number in NOW."""
-    data = opened_run(run)
-    watched, h = data.watched, data.control[0].clock.old_width
-    bracket = bracket_of(watched, end)
-    ended = True
-    for n in range(TRIALS):
-        width = bracket[1] - bracket[0]
-        if width <= INSTANT * h:
-            break
-        w = next_try(watched, bracket, n, h)
-        look(run, low, w)
-        ended = over(watched, WATCHED.now)
-        bracket = narrowed(watched, bracket, w, ended)
-    if not ended:
-        look(run, low, bracket[1])
-    return bracket[1]
 
 
 @sweep
@@ -282,46 +300,21 @@ def least_value(run, low, width, i, y):
     is convex cannot be below the lines through the middle of a bracket and its ends.
     """
     data = opened_run(run)
-    watched, values, sign = data.watched, data.values, data.signs[i]
+    watched, sign = data.watched, data.signs[i]
     n = watched.shape[1] - data.signs.shape[0] + i
-    a, m, b = 0.0, 0.5, 1.0
-    fa, fm, fb = y
-    size = max(fa, fb)
+    x, size = (0.0, 0.5, 1.0), max(y[0], y[2])
     for k in range(DIPS):
-        if b - a < SOLVED:
+        if x[2] - x[0] < SOLVED or (is_inside(y) and convex_bound(x, y) > 0.0):
             break
-        if fm < fa and fm < fb:
-            left, right = (fa - fm) / (m - a), (fb - fm) / (b - m)
-            if min(fm - right * (m - a), fm - left * (b - m)) > 0.0:
-                break
-            w, _ = vertex((a, m, b), (fa, fm, fb))
-            if k % 2 == 1 or not abs(w - m) > SOLVED * SOLVED:
-                w = m - GOLDEN * (m - a) if m - a > b - m else m + GOLDEN * (b - m)
-        elif fa <= fb:
-            b, fb = m, fm
-            w = a + GOLDEN * (b - a)
-        else:
-            a, fa = m, fm
-            w = b - GOLDEN * (b - a)
+        x, y, w = next_least(x, y, k)
         look(run, low, w * width)
-        value = sign * values[i]
+        value = sign * data.values[i]
         if value < 0.0:
-            return a * width, w * width
-        if not a < m < b or value < fm:
-            if a < m < w:
-                a, fa = m, fm
-            elif w < m < b:
-                b, fb = m, fm
-            m, fm = w, value
-        elif w < m:
-            a, fa = w, value
-        else:
-            b, fb = w, value
-    if b - a < SOLVED and (2.0 * fm <= max(fa, fb) or fm <= SOLVED * size):
-        return touched(run, low, b * width, i)  # from where on it rises
-    if fm < watched[WATCHED.nearest, n]:
-        watched[WATCHED.nearest, n] = fm
-        watched[WATCHED.when, n] = data.control[0].clock.old_time + low + m * width
+            return x[0] * width, w * width
+        x, y = narrowed_least(x, y, w, value)
+    if x[2] - x[0] < SOLVED and (2.0 * y[1] <= max(y[0], y[2]) or y[1] <= SOLVED * size):
+        return touched(run, low, x[2] * width, i)  # from where on it rises
+    note_near(run, watched, n, y[1], low + x[1] * width)
     return -1.0, -1.0
 
 
@@ -373,8 +366,7 @@ def clear_of_zero(run, low, end):
         if clear:
             break
         end *= 0.5
-        look(run, low, end)
-        if not over(watched, WATCHED.now):
+        if not look(run, low, end):
             for n in range(watched.shape[1] - count, watched.shape[1]):
                 watched[WATCHED.start, n] = watched[WATCHED.now, n]
             low += end
@@ -384,34 +376,17 @@ def clear_of_zero(run, low, end):
 
 
 @sweep
-def turn_beyond(run, w):
-    """Keep the rates of events at a time w after the start of the last step, and how far beyond
-    zero those that happen there will turn back.
-
-    It is the minimum of a parabola through three values close to w.
-    """
+def note_rates(run, w):
+    """Keep the rates of events at a time w after the start of the last step."""
     data = opened_run(run)
-    signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
-    first = watched.shape[1] - signs.shape[0]
-    for i in range(signs.shape[0]):
-        counts = watched[WATCHED.now, first + i] < 0.0 and signs[i] * wanted[i] <= 0
-        watched[WATCHED.start, first + i] = signs[i] if counts else 0.0
+    watched, first = data.watched, data.watched.shape[1] - data.signs.shape[0]
     begin, end = beside(w, data.control[0].clock.old_width)
     look(run, begin, 0.0)
     keep_values(run, WATCHED.low)
-    look(run, begin, 0.5 * (end - begin))
-    keep_values(run, WATCHED.high)
     look(run, begin, end - begin)
-    for i in range(signs.shape[0]):
-        n, side = first + i, watched[WATCHED.start, first + i]
-        watched[WATCHED.rate, n] = (values[i] - watched[WATCHED.low, n]) / (end - begin)
-        y = (side * watched[WATCHED.low, n], side * watched[WATCHED.high, n], side * values[i])
-        _, least = vertex((0.0, 0.5, 1.0), y)
-        if -least < watched[WATCHED.nearest, n] and least < 0.0:
-            watched[WATCHED.nearest, n], watched[WATCHED.when, n] = (
-                -least,
-                data.control[0].clock.old_time + w,
-            )
+    for i in range(data.signs.shape[0]):
+        low = watched[WATCHED.low, first + i]
+        watched[WATCHED.rate, first + i] = (data.values[i] - low) / (end - begin)
 
 
 @sweep
@@ -430,16 +405,17 @@ def reached(run, low, end):
         low, end = clear_of_zero(run, low, end)
         w = locate(run, low, end)
         if data.links.events != 0:
-            turn_beyond(run, low + w)
+            turn_beyond(run, watched, data.control[0].clock.old_width, low + w)
+            note_rates(run, low + w)
             look(run, low, w)
     keep_values(run, WATCHED.high)
-    instant = SOLVED * data.control[0].clock.old_width if end > 0.0 else 0.0
+    moment = SOLVED * data.control[0].clock.old_width
     for i in range(signs.shape[0]):
         n, value = first + i, watched[WATCHED.high, first + i]
         watched[WATCHED.start, n] = abs(value)
         if wanted[i] == ASLEEP or signs[i] == 0:
             continue
-        zero = instant * abs(watched[WATCHED.rate, n])
+        zero = moment * abs(watched[WATCHED.rate, n])
         soon = abs(value) <= zero and signs[i] * watched[WATCHED.rate, n] < 0.0
         if end == 0.0 or not (watched[WATCHED.now, n] < 0.0 or soon):
             continue
@@ -479,7 +455,7 @@ def looked_at(run, low, end):
     halves = 1
     if data.links.events != 0:
         halves = 2
-        take_sides(run, low, end - low)
+        leave_zeros(run, low, end - low)
     keep_values(run, WATCHED.low)
     begin = low
     for k in range(halves):

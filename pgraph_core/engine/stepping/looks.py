@@ -7,15 +7,11 @@ from ..compiler.jit import part, sweep
 from ..compiler.kinds import F1, f8, i8, void
 from ..contact.contacts import contacts_at, recall_impulses
 from ..contact.phases import opened_events
-from ..contact.points import (
-    BELOW,
-    NOTHING,
-    call_observe,
-    watch,
-)
+from ..contact.points import call_observe, watch
 from ..motion import opened
 from ..records import ASLEEP, WATCHED
 from ..tree.moving import normalise_all
+from .bracket import BELOW, NOTHING, over
 from .control.clock import note_repeated, set_time
 from .explicit import dense_output
 from .state import call_step, copied, onto_constraints, size_of_state
@@ -81,7 +77,10 @@ def phases_watched(run):
 
 @sweep
 def look(run, low, w):
-    """Evaluate the monitors at a time low + w after the start of the last step, into row NOW."""
+    """Evaluate the monitors at a time low + w after the start of the last step, into row NOW.
+
+    Returns whether one is below zero.
+    """
     data = opened_run(run)
     control, counters, stages = data.control[0], data.counters[0], data.stages
     state_within(run, low + w)
@@ -98,6 +97,7 @@ def look(run, low, w):
     if data.links.events != 0:
         values_of_events(run, t, q, v)
         watch_events(run, low + w)
+    return over(data.watched, WATCHED.now)
 
 
 @sweep

@@ -7,6 +7,7 @@ from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import part, sweep
 from ..edges import DEEPEST, compared
+from ..motion import opened
 from ..signals import (
     ABS,
     AT_MOST,
@@ -17,8 +18,10 @@ from ..signals import (
     REST,
     SIDE,
     SUB,
+    WHEN,
     evaluate,
 )
+from .bracket import BELOW, NOTHING, ROUNDED, Margins
 from .control.ends import hold_sides
 from .measured import (
     LENGTH_RATE,
@@ -27,14 +30,13 @@ from .measured import (
 from .state import call_step, size_of_state
 
 # of a second row: of a coordinate or velocity, what bends its way; the value, or the margin, where
-# a part begins; the margin where a part ends, and how much it changes
-BENDING, BEGIN_MARGIN, END_MARGIN, MARGIN_CHANGE = 1, 2, 7, 8
+# a part begins; the margin where a bracket ends and where it was looked at last, positive while the
+# comparison keeps its result
+BENDING, BEGIN_MARGIN, END_MARGIN, NOW_MARGIN = 1, 2, 7, 8
 LOWEST_RATE, HIGHEST_RATE = 5, 6  # range of the rate
 OLD_RATE = 6  # column in the row of a length: rate at the start of an interval
 CLEAR, CHANGED, UNDECIDED, RESTS = 0, 1, 2, 3
 SHORTEST = 1.0 / (1 << DEEPEST)  # part of a step: what changes twice within it changes nothing
-TRIALS = 80  # bisections alone need 52
-ROUNDED = 4 * EPS  # width of an instant, relative to the step or the time
 
 
 @sweep
@@ -149,6 +151,62 @@ def step_to(run, code, w):
     """Take the step with width w into CANDIDATE and evaluate the program there."""
     call_step(opened_run(run).links.step, (run, w))
     see(run, code, at.CANDIDATE, opened_run(run).control[0].clock.time + w)
+
+
+@sweep
+def watch_sides(code):
+    """Fill NOW_MARGIN from the state that was evaluated last. Returns whether any has changed."""
+    found = False
+    for i in range(0, code.shape[0], 2):
+        code[i + 1, NOW_MARGIN] = NOTHING
+        if code[i, 0] >= HELD_FROM and abs(code[i + 1, SIDE]) == 1.0:
+            size, changed = abs(margin_of(code, i)), has_changed(code, i)
+            code[i + 1, NOW_MARGIN] = -max(size, BELOW) if changed else size
+            found = found or changed
+    return found
+
+
+@sweep
+def look_at_sides(run, low, w):
+    """Take the step of width low + w, fill NOW_MARGIN and return whether any has changed."""
+    code = opened(opened_run(run).scene).loads.signals[0]
+    step_to(run, code, low + w)
+    return watch_sides(code)
+
+
+# A program on its side is a table of margins, of which each second one is that of an instruction.
+
+
+@part
+def rounding_of_sides(margins, n):
+    """Return the rounding of the margin of a comparison."""
+    return ROUNDED * sides(margins.T, n - 1)
+
+
+@part
+def is_jump(run, margins, n):
+    """Check whether the comparison with margin n has changed, and a value jumps with it."""
+    code, i = margins.T, n - 1
+    return code[i, 0] >= HELD_FROM and jumps(code, i) and has_changed(code, i)
+
+
+@part
+def note_near_side(run, margins, n, near, w):
+    """Keep how near to zero margin n comes at width w of the step."""
+    code, i = margins.T, n - 1
+    if near < code[i, NEAREST]:
+        code[i, NEAREST], code[i, WHEN] = near, opened_run(run).control[0].clock.time + w
+
+
+SIDES = Margins(
+    first=1,
+    step=2,
+    low=BEGIN_MARGIN,
+    high=END_MARGIN,
+    now=NOW_MARGIN,
+    look=look_at_sides,
+    rounding=rounding_of_sides,
+)
 
 
 @part

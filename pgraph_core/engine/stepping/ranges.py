@@ -6,7 +6,7 @@ step, which are bounded by the states and rates at both ends.
 
 import math
 
-from ...tolerances import ROUNDING, step_of_differences
+from ...tolerances import ROUNDING
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import part, sweep
@@ -66,9 +66,9 @@ from .measured import (
     TOUCH,
     width_of_touch,
 )
+from .minima import SPAN
 from .state import rate_of, size_of_state
 
-SPAN = 2.0 * step_of_differences(3)  # fraction of a step; three values give a rate and a curvature
 STEPS_AHEAD = 16  # steps of this way within which nothing can change: later ones need no look
 
 

@@ -9,11 +9,11 @@ from ..records import CHOSEN
 from ..signals import (
     SIDE,
 )
+from .bracket import ROUNDED, TRIALS, narrowed_by, next_try, secant, whole
 from .control.clock import try_width
 from .control.ends import leave_margin, slide_along
 from .margins import (
     SHORTEST,
-    TRIALS,
     blend,
     has_changed,
     instant,
@@ -78,19 +78,13 @@ def kept_on(run, code, i, w):
     if below < 0.0:
         beyond(run, code, i, 0.0, w)
         return 0.0
-    low, high, least = 0.0, 1.0, ROUNDING * (below - above)
-    share = 0.0
+    bracket, ends, share = whole(0.0, 1.0), (below, above), 0.0
     for _ in range(TRIALS):
-        share = low + (high - low) * below / (below - above)
+        share = next_try(bracket, secant(bracket, ends[0], ends[1]), ROUNDED)
         found = beyond(run, code, i, share, w)
-        if abs(found) <= least or not low < share < high:
+        bracket, ends = narrowed_by(bracket, ends, share, found)
+        if abs(found) <= ROUNDING * (below - above) or bracket.end - bracket.begin <= ROUNDED:
             break
-        if found > 0.0:
-            above = 0.5 * above if low > 0.0 else above
-            low, below = share, found
-        else:
-            below = 0.5 * below if high < 1.0 else below
-            high, above = share, found
     return share
 
 
