@@ -26,7 +26,7 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
-from ..tolerances import COINCIDENT, SOLVED, VISIBLE
+from ..tolerances import COINCIDENT, NOTABLE, SOLVED, VISIBLE
 from .contact_log import COUNTED, named
 from .event_scene import INSTEAD, EventScene, Impact
 from .loop import Outcome, Steps
@@ -91,6 +91,7 @@ class ContactEvents:
         self.stuck = max(1e-8, 100 * self.steps.blurred) * self.speed
         span = float(np.ptp(self.plan.times))
         own = self.speed / gravity if gravity else span
+        self._change_of_speed = self.speed / own  # typical acceleration [m/s²]
         self.steps.scale(own)
         self._same_time, self._unresolved = COINCIDENT * min(span, own), COINCIDENT * max(span, own)
         self._first_phases(t, np.maximum(f["rounding"], SOLVED * self._fine * sizes))
@@ -350,11 +351,16 @@ class ContactEvents:
         return bool((excess > slack).any()) or self._change_rates(t)
 
     def _change_rates(self, t: float) -> bool:
-        """Update the direction of incipient slip, and close open points that would penetrate."""
+        """Update the direction of incipient slip, and close open points that would penetrate.
+
+        A point that cannot stay where it is begins to slide. If the rows of stances and constraints
+        depend on each other, no forces may give all of them the accelerations that they need.
+        """
         scene, f = self.scene, self.scene.points
         starting = self._still() & self._sliding()
         resting = self._resting & (scene.phase == SWING)
-        if not (starting | resting).any():
+        held = (scene.phase == STANCE) & (f["limit"] == 0)
+        if not (starting | resting | held).any():
             return False
         self._accelerations(t)
         rates = np.abs(np.column_stack((f["normal_acceleration"], f["tangential_acceleration"])))
@@ -364,6 +370,12 @@ class ContactEvents:
         for s in falls:
             self._close(s, ACCEPTANCE)
         if falls:
+            return True
+        drift = np.where(held, np.linalg.norm(f["tangential_acceleration"], axis=1), 0.0)
+        if drift[s := int(np.argmax(drift))] > NOTABLE * max(size, self._change_of_speed):
+            f["slip_direction"][s] = f["tangential_acceleration"][s] / drift[s]
+            self._set(s, SLIP)
+            self.causes[s] = f"no forces hold it: it accelerates by {drift[s]:.4g} m/s²"
             return True
         moved = 0.0
         for s in np.flatnonzero(starting).tolist():
