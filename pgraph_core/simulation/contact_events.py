@@ -61,6 +61,8 @@ class ContactEvents:
         self.seconds = 0.0  # spent on events
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=ENDLESS)
+        self._struck: tuple[float, set[int]] = -np.inf, set()  # the last impact: time and points
+        self._in_turn = 0  # impacts that follow others at the same time
         self._fell = set[int]()  # open points that would penetrate, of the event being settled
         self._contradictions = 0  # events after which no phases were consistent
         self._resting = np.zeros(
@@ -444,9 +446,29 @@ class ContactEvents:
             point = scene.contact_points[found.loose]
             name = named(point.pair, (point.body, GROUND))
             self.ended.notices.append(COUNTED["loose"].format(loose_time=t, loose_name=name))
+        self._note_order(t, set(hits))
         scene.strike(self.v, self.steps.ledger)
         self.tally["impacts"] += 1
         self._after_impact(t, touching.tolist(), found, before, rest)
+
+    def _note_order(self, t: float, hits: set[int]) -> None:
+        """Add a notice if impacts follow others at the same time, where their order decides."""
+        last, before = self._struck
+        if not hits:
+            return
+        self._struck = t, hits
+        slow = max(-self.scene.points["gap_rate"][list(hits)]) < VISIBLE * self.speed
+        if not before or t - last > self._same_time or hits == before or slow:
+            return
+        self._in_turn += 1
+        if self._in_turn == 1:
+            one, other = (
+                self.scene.contact_points[min(x)].name for x in (before, hits - before or hits)
+            )
+            self.ended.notices.append(
+                f"t = {t:.9g} s: {one} and {other} hit in turn at one time. The motion afterwards "
+                "depends on the order of such impacts, which rounding decides"
+            )
 
     def _bounces(self, t: float, touching: Ints) -> tuple[Array, dict[int, float]]:
         """Return the restitution of each touching point, and the end times of bounces to rest."""

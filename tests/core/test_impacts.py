@@ -568,3 +568,18 @@ def test_an_impact_on_several_bodies_names_shares_that_are_not_unique(places, si
     run = pg.simulate(model, t_end=2e-3, step=1e-3, method="moreau_jean", **QUIET)
     told = [x for x in run.notices if "in an impact" in x and "not unique" in x]
     assert len(told) == named
+
+
+@pytest.mark.parametrize(("apart", "told"), [(3e-10, True), (1e-3, False)])
+def test_impacts_in_turn_at_one_time_are_told(apart, told):
+    """A foot lands and bounces into the stop below its load, which is so far from it then."""
+    speed = -(0.1 - apart) / np.sqrt(2 * 0.5 / G)
+    foot = pg.Body(name="foot", joint="prismatic", axes=((0, 0, 1),), mass=1.0, q=(0.5,))
+    load = pg.Body(
+        name="load", parent="foot", joint="prismatic", axes=((0, 0, 1),), mass=2.0, q=(0.1,),
+        v=(speed,), limits=((0.0, 1.0),), limit_restitution=(0.2,),
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="foot", points=((0, 0, 0),), restitution=0.4)
+    model = pg.Model(bodies=[foot, load], contacts=[floor])
+    run = pg.simulate(model, t_end=0.4, method="dop853", rtol=1e-9, estimate=False)
+    assert any("in turn" in text and "load" in text for text in run.notices) == told
