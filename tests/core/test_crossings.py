@@ -62,6 +62,21 @@ def test_a_threshold_is_met_wherever_in_a_step_it_lies(way):
         assert abs(run.q[-1, 0] - (3.0 - 0.1 * (3.0 - a) ** 2)) < 1e-10
 
 
+@pytest.mark.parametrize("way", ["default", "dop853", "radau5", "rk4", "gauss6"])
+def test_a_change_on_a_bent_way_takes_few_steps(way):
+    """Ten looks at most: secants gain half their digits again with each."""
+    for a in np.linspace(0.3, 0.8, 6):
+        laws = f"if(q.m > {a}, -0.2, 0)", "0*q.m"
+        models = [mass(law, stiffness=(1.0,)) for law in laws]
+        meets, free = (
+            pg.simulate(x, t_end=1.4, frames=2, estimate=False, **WAYS[way]) for x in models
+        )
+        counts = [run.counters["evaluations"] for run in (meets, free)]
+        each = counts[1] / free.counters["steps"]
+        steps = meets.counters["steps"] - free.counters["steps"]
+        assert counts[0] - counts[1] <= (10 + 3 + steps) * each  # 3 for what lies beyond
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_a_speed_and_a_moving_bound_are_met(way):
     run = pg.simulate(mass("if(v.m < 0.5, 0, -0.1)"), t_end=9.0, frames=2, **WAYS[way])

@@ -185,6 +185,43 @@ def test_zeros_of_any_shape_are_one_event(shape, place, options):
     assert abs(run.user_events[0].t - place) < 1e-8
 
 
+SHARP = {
+    "line": lambda x: x,
+    "kink": lambda x: min(x, 0.01 * x),
+    "cube": lambda x: x**3,
+    "jump": lambda x: 1 if x > 0.0 else -1,
+}
+
+
+@pytest.mark.parametrize("far", [0.0, 100.0])
+@pytest.mark.parametrize("shape", SHARP)
+def test_an_event_of_any_shape_is_located_to_rounding_in_few_looks(shape, far):
+    """Secants alone are slow at kinks and flat zeros, and bisections need 52 looks.
+
+    Where the time is large, an instant is what rounding leaves of the time, not of the step.
+    """
+    body = pg.Body(name="a", mass=1.0, joint="prismatic", axes=(0, 0, 1), q=far, v=1.0)
+    model = pg.Mechanism(pg.Model(bodies=[body], gravity=(0, 0, 0)))
+    given = {"method": "rk4", "step": 1e-2, "t_start": far, "frames": 2, "estimate": False}
+    bisections, behind, others = 52, 12, 20
+    for place in np.linspace(0.1, 0.19, 4) + 0.003:
+        met = far + place
+        looks = [0, 0]
+
+        def event(t, q, v, met=met, looks=looks):
+            looks[0] += 1
+            return SHARP[shape](q[0] - met)
+
+        def never(t, q, v, looks=looks):
+            looks[1] += 1
+            return 1.0
+
+        run = pg.simulate(model, t_end=far + 0.25, events=event, **given)
+        pg.simulate(model, t_end=far + 0.25, events=never, **given)
+        assert abs(run.user_events[0].q[0] - met) <= 8 * np.finfo(float).eps * max(1.0, met)
+        assert looks[0] - looks[1] <= 2 * (bisections + behind) + others  # it is sought twice
+
+
 @pytest.mark.parametrize("method", ["rk4", "dop853", "radau5", "gauss6"])
 @pytest.mark.parametrize("later", [0.355, 0.363, 0.39])
 def test_a_touch_before_another_event_in_its_step_is_found(later, method):
