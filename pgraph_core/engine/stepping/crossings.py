@@ -27,7 +27,6 @@ from .margins import (
     SHORTEST,
     SIDES,
     UNDECIDED,
-    any_changed,
     has_changed,
     instant,
     is_jump,
@@ -127,7 +126,7 @@ def first_change(run, code, h):
         if found == UNDECIDED and share > SHORTEST and looks < MOST_INTERVALS:
             share *= 0.5
         else:
-            if found == CHANGED or (found == UNDECIDED and any_changed(code)):
+            if found == CHANGED or (found == UNDECIDED and watch_sides(code)):
                 return begin, end
             keep(code)
             begin = end

@@ -95,15 +95,7 @@ def note_near(run, margins, n, near, w):
         margins[WATCHED.when, n] = opened_run(run).control[0].clock.old_time + w
 
 
-EVENTS = Margins(
-    first=0,
-    step=1,
-    low=WATCHED.low,
-    high=WATCHED.high,
-    now=WATCHED.now,
-    look=look,
-    rounding=no_rounding,
-)
+EVENTS = Margins(0, 1, WATCHED.low, WATCHED.high, WATCHED.now, look, no_rounding)
 located = locating(EVENTS)
 turn_beyond = turning(EVENTS, has_counted, note_near)
 

@@ -138,15 +138,6 @@ def jumps(code, i):
 
 
 @sweep
-def any_changed(code):
-    """Check whether a comparison has changed."""
-    found = False
-    for i in range(0, code.shape[0], 2):
-        found = found or (code[i, 0] >= HELD_FROM and has_changed(code, i))
-    return found
-
-
-@sweep
 def step_to(run, code, w):
     """Take the step with width w into CANDIDATE and evaluate the program there."""
     call_step(opened_run(run).links.step, (run, w))
@@ -198,15 +189,7 @@ def note_near_side(run, margins, n, near, w):
         code[i, NEAREST], code[i, WHEN] = near, opened_run(run).control[0].clock.time + w
 
 
-SIDES = Margins(
-    first=1,
-    step=2,
-    low=BEGIN_MARGIN,
-    high=END_MARGIN,
-    now=NOW_MARGIN,
-    look=look_at_sides,
-    rounding=rounding_of_sides,
-)
+SIDES = Margins(1, 2, BEGIN_MARGIN, END_MARGIN, NOW_MARGIN, look_at_sides, rounding_of_sides)
 
 
 @part
