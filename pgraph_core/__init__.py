@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .forces import Bushing as Bushing
     from .forces import Lines as Lines
     from .forces import Strut as Strut
+    from .forces import Via as Via
     from .formats import load as load
     from .formats.conversion import Report as Report
     from .formats.mjcf import read_mjcf as read_mjcf

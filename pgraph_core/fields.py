@@ -584,6 +584,8 @@ class Described(Frozen):
 class Acting(Described):
     """A part acting on `body` and, if given, on `other`."""
 
+    PLACES: ClassVar[tuple[str, ...]] = ()  # fields that hold points of further bodies
+
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
         """Return the fields of the same part with `other` for the ground as `body`, or {}.
 
@@ -601,7 +603,13 @@ class Acting(Described):
     @property
     def touches(self) -> tuple[str, ...]:
         """Return the names of the bodies on which the part acts, excluding the ground."""
-        return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
+        names = (*self.pair, *(place.body for place in self._places))
+        return tuple(name for name in dict.fromkeys(names) if name != GROUND)
+
+    @property
+    def _places(self) -> tuple[Any, ...]:
+        """Return its points of further bodies, in order."""
+        return tuple(place for name in self.PLACES for place in getattr(self, name))
 
 
 class OfKinds(Acting):

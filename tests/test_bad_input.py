@@ -167,6 +167,14 @@ ROWS = [
     force("wrench", "force", "2 times", "1 value", force={"t": [0, 1], "value": [[0, 0, 1]]}),
     force("spring", "other", "'arm'", "itself", other="arm"),
     force("spring", "ks", "did you mean stiffness", ks=1),
+    force("spring", "via", "point 1", "'leg'", "ground, arm, ball, puck", via=[
+        {"body": "leg", "point": [0, 0, 0]}]),
+    force("spring", "via", "point 1 of via", "point 2 of via", "[1.0, 0.0, 0.0]", "'ball'", via=[
+        {"body": "ball", "point": [1, 0, 0]}, {"body": "ball", "point": [1, 0, 0]}]),
+    force("spring", "via", "'arm'", "constant", "ground", other="arm", via=[
+        {"body": "arm", "point": [1, 0, 0.5]}]),
+    force("spring", "via", "point", "missing", "three", via=[{"body": "ball"}]),
+    force("spring", "high", "via", "Strut", high=2, via=[{"body": "ball", "point": [0, 0, 0]}]),
     force("torsion", "axis", "zero", "[0.0, 0.0, 0.0]", axis=[0, 0, 0]),
     force("motor", "gear", "zero", gear=0),
     force("motor", "torque_low", "torque_limit", "2", torque_low=2, torque_limit=1),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -173,11 +174,8 @@ def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
             found = turn.T @ (p + R @ np.asarray(model.point_of(item)) - place)
             return tuple(float(x) + 0.0 for x in found)
         case (pg.Distance(), "length") | (pg.Spring(), "rest"):
-            (p, R), (o, turn) = at[item.body], at[item.other]
-            point = item.point or implied(model, item, "point", at)
-            other = item.other_point or (0.0, 0.0, 0.0)
-            here, there = p + R @ np.asarray(point), o + turn @ np.asarray(other)
-            return float(np.linalg.norm(here - there))
+            there = _along(model, item, at)
+            return sum(float(np.linalg.norm(a - b)) for a, b in pairwise(there))
         case pg.Contact(), "restitution":
             return model.ground.restitution
         case pg.Contact(), _ if field in FRICTIONS:
@@ -187,6 +185,14 @@ def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
         case _, "rotation":
             return (1.0, 0.0, 0.0, 0.0)
     return None
+
+
+def _along(model: pg.Model, item: Item, at: Places) -> list[np.ndarray]:
+    """Return the world positions [m] of all points of a force or distance, from end to end."""
+    point = item.point or implied(model, item, "point", at)
+    path = [(item.body, point), *((x.body, x.point) for x in item._places)]
+    path.append((item.other, item.other_point or (0.0, 0.0, 0.0)))
+    return [at[name][0] + at[name][1] @ np.asarray(x) for name, x in path]
 
 
 def knots(value: Any) -> str:
@@ -356,6 +362,8 @@ def _typed(
             return {**data, "points": _points(model, item, data, index, text, display)}
         case "coefficients":
             return _coefficients(model, data, index, text)
+        case _ if field in getattr(item, "PLACES", ()):
+            return {**data, field: _path(model, item, data[field], index, text, display, at)}
         case _ if form == "rows":
             return {**data, field: rows_of(getattr(item, field), text)}
     if not text.strip():
@@ -433,6 +441,36 @@ def _points(
         tip = model.body(item.body).tip_point if item.body != EVERY else (0.0, 0.0, 0.0)
         return (*points, tip)
     return tuple(p for i, p in enumerate(points) if i != index[0])
+
+
+def _path(
+    model: pg.Model,
+    item: Item,
+    old: Any,
+    index: tuple[int, ...],
+    text: str,
+    display: Display,
+    at: Places,
+) -> tuple[Any, ...]:
+    """Return the points of a path after a number was typed, or a point was added or removed.
+
+    A new point is in the middle of the last span, so that the path is as it was.
+    """
+    places = [dict(_dict(place)) for place in old]
+    if not index:
+        name = text.strip()
+        if name not in at:
+            raise Refusal(f"no body is named '{name}'")
+        (p, R), (*_, a, b) = at[name], _along(model, item, at)
+        point = tuple(float(x) + 0.0 for x in R.T @ (0.5 * (a + b) - p))
+        return (*places, {"body": name, "point": point})
+    if index[0] >= len(places):
+        raise Refusal("no longer has this point")
+    if len(index) == 1:
+        return tuple(place for i, place in enumerate(places) if i != index[0])
+    point = replaced(tuple(places[index[0]]["point"]), index[1:], content(text, "length", display))
+    places[index[0]]["point"] = point
+    return tuple(places)
 
 
 def _coefficients(

@@ -144,7 +144,7 @@ def between(item: Any) -> str:
     names = {parts.EVERY: "all bodies"}
     first, other = (names.get(name) or name for name in item.pair)
     alone = "other" not in type(item).model_fields or isinstance(item, pg.Skate)
-    return first if alone else f"{first}, {other}"
+    return first if alone else ", ".join((first, *(place.body for place in item._places), other))
 
 
 def _limits(state: State, page: Client) -> list[Payload]:
@@ -229,6 +229,8 @@ def _field(
             return _coefficients(item, cells)
         case "points":
             return _points(item, cells, display)
+        case _ if name in getattr(item, "PLACES", ()):
+            return _path(item, name, cells, display)
         case "torque" | "target" | "speed" | "input" if isinstance(item, OnJoint):
             shows = about(item, name)
             found = [field("feedback", "", [], buttons=[FEEDBACK])] if name == item.INPUT else []
@@ -360,6 +362,21 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
                    index=[], text="add")]  # fmt: skip
     said = "" if item.points else "the body's shape touches"
     return [*found, field("points", "Points", [], buttons=more, note=said)]
+
+
+def _path(item: Any, name: str, cells: Any, display: Display) -> list[Payload]:
+    """Return a row for each point of a path, named after its body."""
+    shows = about(item, name)
+    found = [
+        field(name, f"{i + 1}. {place.body}",
+              [cell((i, j), shown(x, "length", display)) for j, x in enumerate(row["point"])],
+              unit=display.length, help=f"point of '{place.body}', in its axes", pick="point",
+              buttons=[button("×", "", "take this point out", field=name, index=[i], text="")])
+        for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name])))
+    ]  # fmt: skip
+    more = field(name, "+ via", [cell((), "")], kind="names", options=[parts.GROUND],
+                 help=shows.help)  # fmt: skip
+    return [*found, more]
 
 
 def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:

@@ -21,8 +21,8 @@ LISTS = (*PARTS, "parameters")  # lists of a model whose rows have names
 GONE = "The row has been deleted, so the typed value was not used."
 MOVED = "Rows were added or removed after this was typed. Check its row, then press Enter again."
 PLACED = {  # fields whose cells are in rows without names
-    "points", "coefficients", "steps", "motions", "axes", "q", "v", "constraints", "contacts",
-    *PER_MOTION,
+    "points", "via", "coefficients", "steps", "motions", "axes", "q", "v", "constraints",
+    "contacts", *PER_MOTION,
 }  # fmt: skip
 
 
@@ -70,6 +70,7 @@ def places(rows: Rows, model: pg.Model) -> tuple[object, ...]:
         [(len(body.shapes), len(body.motions)) for body in model.bodies],
         [len(contact.points) for contact in model.contacts],
         [len(getattr(x, "coefficients", ())) for x in (*model.constraints, *model.forces)],
+        [len(x._places) for x in model.forces],
         [(len(s.switches), len(s.forces)) for s in model.scenarios],
         len(model.ground.steps),
     )

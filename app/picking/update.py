@@ -190,6 +190,9 @@ def _owner(state: State, aim: Aim) -> str | None:
             item = parts.item_of(state.model, aim.part, aim.name)
         except Refusal:
             return None
+        if aim.field in getattr(item, "PLACES", ()):
+            places = getattr(item, aim.field)
+            return places[aim.index[0]].body if aim.index[0] < len(places) else None
         return getattr(item, "other" if aim.field.startswith("other_") else "body", None)
     body = aim.bodies[0] if aim.bodies else ""
     if body not in state.derived.number:

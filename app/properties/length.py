@@ -106,11 +106,23 @@ def _points_moved(model: pg.Model, moved: dict[str, tuple[np.ndarray, np.ndarray
             points, at = getattr(item, "points", ()), moved.get(getattr(item, "body", ""))
             if at is not None and any(_at(p, at[0]) for p in points):
                 change["points"] = tuple(_tuple(at[1]) if _at(p, at[0]) else p for p in points)
+            for field in item.PLACES:
+                places = tuple(_moved(place, moved) for place in getattr(item, field))
+                if places != getattr(item, field):
+                    change[field] = places
             any_moved = any_moved or bool(change)
             items.append({**model.cells(item, part), **change} if change else item)  # type: ignore[arg-type]
         if any_moved:
             model = model.replace(**{part: tuple(items)})
     return model
+
+
+def _moved(place: Any, moved: dict[str, tuple[np.ndarray, np.ndarray]]) -> Any:
+    """Return the point of a path, moved if it was at an old tip."""
+    at = moved.get(place.body)
+    if at is None or not _at(place.point, at[0]):
+        return place
+    return place.unchecked_copy({"point": _tuple(at[1])})
 
 
 def _at(point: Any, end: np.ndarray) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import GROUND
-from pgraph_core.forces import BetweenPoints
+from pgraph_core.forces import BetweenPoints, spans_of
 from pgraph_core.rotation import frame_of
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
@@ -82,10 +82,9 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
 
 
 def _joined(model: pg.Model) -> bool:
-    kinds = {f.kind for s in (model, *model.scenarios) for f in s.forces}
-    return bool(kinds & {"spring", "wrench"}) or any(
-        c.kind == "distance" for c in model.constraints
-    )
+    forces = (f for s in (model, *model.scenarios) for f in s.forces)
+    drawn = any(isinstance(f, (BetweenPoints, pg.Wrench)) for f in forces)
+    return drawn or any(c.kind == "distance" for c in model.constraints)
 
 
 def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
@@ -242,15 +241,20 @@ def joinings(
 ) -> tuple[Joining, Joining, Joining]:
     """Return springs, rods (distance constraints) and brackets of pivots on the ground."""
     model = state.model
-    pairs = [
-        (f, f.point or model.body(f.body).tip_point)
+    springs = [
+        span
         for f in forces_of(state)
-        if isinstance(f, BetweenPoints)
+        if isinstance(f, BetweenPoints) and f.body in model.row
+        for span in spans_of(f, model.body(f.body))
     ]
-    rods = [(c, model.point_of(c)) for c in model.constraints if c.kind == "distance" and c.active]
+    rods = [
+        ((c.body, model.point_of(c)), (c.other, c.other_point))
+        for c in model.constraints
+        if c.kind == "distance" and c.active
+    ]
     grain = state.derived.grain
     return (
-        _between(state, pairs, positions, R, 0.07 * grain),
+        _between(state, springs, positions, R, 0.07 * grain),
         _between(state, rods, positions, R, 0.025 * grain),
         pivots(state),
     )
@@ -299,14 +303,12 @@ def pivots(state: State) -> Joining:
 
 
 def _between(
-    state: State, parts: list[tuple[Any, Any]], positions: np.ndarray, R: np.ndarray, wide: float
+    state: State, spans: list[Any], positions: np.ndarray, R: np.ndarray, wide: float
 ) -> Joining:
-    number, ends = state.derived.number, []
-    for part, point in parts:
-        if part.body in number and (part.other == GROUND or part.other in number):
-            other = part.other_point or (0.0, 0.0, 0.0)
-            ends.append((_at(number[part.body], point, positions, R),
-                         _at(number.get(part.other, 0), other, positions, R)))  # fmt: skip
+    number, ends = {GROUND: 0, **state.derived.number}, []
+    for span in spans:
+        if all(name in number for name, _ in span):
+            ends.append([_at(number[name], point, positions, R) for name, point in span])
     between = np.array(ends).reshape(-1, 2, 3)
     a, b = between.transpose(1, 0, 2)
     length = np.maximum(np.linalg.norm(b - a, axis=1), 1e-9)

@@ -20,7 +20,7 @@ from ..engine.tree import slopes as kernels
 from ..errors import InputError, Problem, shown
 from ..fields import GROUND
 from ..forces import LOADS, ends_of
-from ..forces.spring import points_of
+from ..forces.path import points_of
 from ..joints import SIZE
 from ..model import Contact, Force, Spring, Tendon
 from ..packing import Array, Drives, Ints, Loads
@@ -350,7 +350,7 @@ def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
     """
     if len(loads.signals[1]):
         return differences_in_v(v, of)
-    linear = all(kind.linear(table) for kind, (table, _) in zip(LOADS, loads))
+    linear = all(kind.linear(table) for kind, (table, *_) in zip(LOADS, loads))
     h = 1.0 if linear else EPS ** (1 / 3) * max(1.0, float(np.abs(v).max(initial=0.0)))
     return np.array([of(v + h * e) - of(v - h * e) for e in np.eye(len(v))]).T / (2 * h)
 

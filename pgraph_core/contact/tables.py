@@ -28,7 +28,7 @@ from ..engine.records import (
 )
 from ..errors import ModelError, PgraphError, Problem
 from ..fields import EVERY, GROUND
-from ..forces.spring import points_of
+from ..forces.path import points_of
 from ..model import Body, Contact, Model, Shape, Spring, Tendon
 from ..model.contact import PAIRED
 from ..packing import Array, Drives, Ints, System, home_of, point_in_row, row_of_velocity

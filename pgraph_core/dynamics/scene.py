@@ -259,7 +259,7 @@ def empty_frames(
 
 def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:
     """Copy the drives and loads, so that expression values are written to separate arrays."""
-    own = ((table, knots.copy()) for table, knots in loads[:-1])
+    own = ((table, knots.copy(), vias) for table, knots, vias in loads[:-1])
     loads = Loads(*own, tuple(array.copy() for array in loads.signals))
     return drives._replace(table=drives.table.copy(), knots=drives.knots.copy()), loads
 

@@ -10,6 +10,7 @@ from collections import namedtuple
 from typing import Any, NamedTuple
 
 from ..forces import LOADS as KINDS_OF_LOADS
+from ..forces import VIA
 from .compiler.address import stored
 from .compiler.kinds import (
     C2,
@@ -111,7 +112,8 @@ class Drives(NamedTuple):
 
 
 class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signals"])):
-    """Forces between two bodies or on one body, as (table, knots) for each kind by name.
+    """Forces between two bodies or on one body, as (table, knots, via points) for each kind by
+    name.
 
     The last member is (code, targets, states) of the expressions in them, in the drives and in the
     controls.
@@ -122,7 +124,7 @@ class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signal
     @property
     def number(self) -> int:
         """Return the number of loads and expressions."""
-        return sum(len(table) for table, _ in self[:-1]) + len(self.signals[0])
+        return sum(len(table) for table, *_ in self[:-1]) + len(self.signals[0])
 
 
 class Blocks(NamedTuple):
@@ -418,7 +420,10 @@ class Run(NamedTuple):
 
 
 DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8, F2)
-LOADS = named(Loads, *(group(array_of(one.row), F2) for one in KINDS_OF_LOADS), group(F2, I2, I2))
+LOADS = named(
+    Loads, *(group(array_of(one.row), F2, array_of(VIA)) for one in KINDS_OF_LOADS),
+    group(F2, I2, I2),
+)  # fmt: skip
 BLOCKS = named(Blocks, I2, F2, I2, F1, F2, I1)
 SPACE = named(
     Workspace, F2, I2, F2, F2, F2, F2, F2, F2, array_of(WATCH), array_of(DIP), F2, F2, I1, F2

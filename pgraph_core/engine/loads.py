@@ -28,19 +28,23 @@ def apply(work, k, p, torque, force):
         add_bias(work, k, scale(-1.0, add_cross(torque, arm, force)), scale(-1.0, force))
 
 
+@part
+def onto_row(work, k, body, p, torque, force):
+    """Subtract a wrench at p from the bias force of row k."""
+    apply(work, k, p, torque, force)
+
+
 def _applying(kind):
-    law = kind.law
+    exert = kind.action.onto(onto_row)
 
     @sweep
     def all_of(own, work, linear, t):
         """Apply the loads of one kind. Returns the powers supplied and dissipated [W]."""
-        table, knots = own
+        table, knots, vias = own
         put_in = 0.0
         dissipated = 0.0
         for i in range(table.shape[0]):
-            p, torque, force, end, more, lost = law(table[i], knots, work, linear, t)
-            apply(work, table[i].row_a, p, torque, force)
-            apply(work, table[i].row_b, end, scale(-1.0, torque), scale(-1.0, force))
+            more, lost = exert(table[i], knots, vias, work, linear, t, work)
             put_in += more
             dissipated += lost
         return put_in, dissipated
@@ -48,42 +52,41 @@ def _applying(kind):
     return all_of
 
 
+@part
+def onto_body(to, k, b, p, torque, force):
+    """Add a wrench at p to the wrench on body b at its origin."""
+    bodies_i, bodies_f, work, external = to
+    if b > 0:
+        k = carrier_of(bodies_i, b)
+        origin = add(origin_of(work, k), mul(rotation_of(work, k), offset_of(bodies_f, b)))
+        accumulate(external, b - 1, 0, add_cross(torque, sub(p, origin), force))
+        accumulate(external, b - 1, 3, force)
+
+
 def _collecting(kind):
-    law = kind.law
+    exert = kind.action.onto(onto_body)
 
     @sweep
     def all_of(own, bodies_i, bodies_f, work, linear, t, external):
         """Add the loads of one kind to `external` (nb, 6)."""
-        table, knots = own
+        table, knots, vias = own
+        to = bodies_i, bodies_f, work, external
         for i in range(table.shape[0]):
-            p, torque, force, end, _, _ = law(table[i], knots, work, linear, t)
-            collect(table[i].body_a, bodies_i, bodies_f, work, p, 1.0, torque, force, external)
-            collect(table[i].body_b, bodies_i, bodies_f, work, end, -1.0, torque, force, external)
+            exert(table[i], knots, vias, work, linear, t, to)
 
     return all_of
 
 
-@part
-def collect(b, bodies_i, bodies_f, work, p, sign, torque, force, external):
-    """Add a wrench at p, times a sign, to the wrench on body b at its origin."""
-    if b > 0:
-        k = carrier_of(bodies_i, b)
-        origin = add(origin_of(work, k), mul(rotation_of(work, k), offset_of(bodies_f, b)))
-        moment = add_cross(torque, sub(p, origin), force)
-        accumulate(external, b - 1, 0, scale(sign, moment))
-        accumulate(external, b - 1, 3, scale(sign, force))
-
-
 def _storing(kind):
-    energy = kind.energy
+    energy = kind.action.energy
 
     @sweep
     def all_of(own, work):
         """Return the energy of the loads of one kind [J]."""
-        table, knots = own
+        table, knots, vias = own
         total = 0.0
         for i in range(table.shape[0]):
-            total += energy(table[i], knots, work)
+            total += energy(table[i], knots, vias, work)
         return total
 
     return all_of
@@ -150,7 +153,7 @@ def _stores(n):
     if n == len(LOADS):
         return part(lambda loads, work: 0.0)
     rest = _stores(n + 1)
-    if LOADS[n].energy is None:
+    if LOADS[n].action.energy is None:
         return rest
     first = _storing(LOADS[n])
 

@@ -7,6 +7,7 @@ it here. Signs and angles are in docs/description.md.
 
 # isort: off
 # in the order in which kinds are listed; the first one stands for no known kind
+from .base import VIA as VIA
 from .base import Between as Between
 from .base import Force as Force
 from .base import Load as Load
@@ -20,9 +21,12 @@ from .joint import Servo as Servo
 from .joint import SpeedServo as SpeedServo
 from .tendon import Tendon as Tendon
 from .wrench import Wrench as Wrench
-from .spring import BetweenPoints as BetweenPoints
+from .path import BetweenPoints as BetweenPoints
+from .path import Via as Via
+from .path import path_of as path_of
+from .path import points_of as points_of
+from .path import spans_of as spans_of
 from .spring import Spring as Spring
-from .spring import points_of as points_of
 from .torsion import Torsion as Torsion
 from .drag import Drag as Drag
 from .bushing import Bushing as Bushing

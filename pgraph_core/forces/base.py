@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from ..curves import Table, VectorTable
 from ..engine.compiler.jit import part
-from ..engine.records import INTEGER, record
+from ..engine.records import INTEGER, REAL, record
+from ..engine.vec import scale
 from ..errors import shown
 from ..fields import (
     GROUND,
@@ -176,7 +177,10 @@ HEADER = {
     "body_b": INTEGER,
     "first_knot": INTEGER,
     "knots": INTEGER,
+    "first_via": INTEGER,  # its points between the first and the last one
+    "vias": INTEGER,
 }
+VIA = record(row=INTEGER, body=INTEGER, point=(REAL, 3))  # home axes of the row
 
 
 def row(**fields: Any) -> np.dtype[Any]:
@@ -191,20 +195,69 @@ def _always(table: Any) -> bool:
     return True
 
 
+class Action(NamedTuple):
+    """The wrenches and the energy of a kind of load.
+
+    `onto(push)` returns the function `exert(one, knots, vias, work, linear, t, to)`, which returns
+    the powers (put in, lost) [W]. For each of its wrenches it calls `push(to, k, body, p, torque,
+    force)`: torque and force [N m, N] on a body and its row k at p, world axes. `energy(one, knots,
+    vias, work)` returns the stored energy [J]. A kind that stores none has None.
+    """
+
+    onto: Callable[[Any], Any]
+    energy: Any = None
+
+
+def opposed(push: Any) -> Any:
+    """Return the function that pushes a wrench on A at p, and the opposite one on B at q."""
+
+    @part
+    def both(to, a, body_a, p, b, body_b, q, torque, force):
+        push(to, a, body_a, p, torque, force)
+        push(to, b, body_b, q, scale(-1.0, torque), scale(-1.0, force))
+
+    return both
+
+
+def on_pair(law: Any, energy: Any = None) -> Action:
+    """Return the wrenches of a law between two bodies.
+
+    `law(one, knots, work, linear, t)` returns (p, torque, force, end, power put in, power lost):
+    torque and force on A at p, the opposite on B at `end`. `energy(one, knots, work)` returns the
+    stored energy.
+    """
+
+    def onto(push):
+        both = opposed(push)
+
+        @part
+        def exert(one, knots, vias, work, linear, t, to):
+            p, torque, force, end, put_in, lost = law(one, knots, work, linear, t)
+            both(to, one.row_a, one.body_a, p, one.row_b, one.body_b, end, torque, force)
+            return put_in, lost
+
+        return exert
+
+    if energy is None:
+        return Action(onto)
+
+    @part
+    def stored(one, knots, vias, work):
+        return energy(one, knots, work)
+
+    return Action(onto, stored)
+
+
 class Load(NamedTuple):
     """A kind of force on bodies, in kernel form.
 
     `pack(f, one, at)` writes the numbers of a force into its row, and returns its knots or None.
-    `law(one, knots, work, linear, t)` returns (p, torque, force, end, power put in, power lost):
-    torque and force [N m, N] on A at p, the opposite on B at `end`, world axes, powers in W.
-    `energy(one, knots, work)` returns the stored energy [J].
     """
 
     part: type[OnBody]
     row: np.dtype[Any]
     pack: Callable[[Any, Any, Places], Array | None]
-    law: Any
-    energy: Any = None
+    action: Action
     columns: int = 1  # number of columns of its knots
     linear: Callable[[Any], bool] = _always  # whether the loads of a table are linear in speeds
 

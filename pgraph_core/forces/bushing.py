@@ -21,7 +21,7 @@ from ..rotation import matrix as turn_of
 from ..rotation import unit
 from ..tolerances import EPS, TINY
 from ..units import M, N, S
-from .base import KIND, Between, Load, Places, row
+from .base import KIND, Between, Load, Places, on_pair, row
 
 Row6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
@@ -192,4 +192,4 @@ ROW = row(
     stiffness=(REAL, 36),  # row-major, of displacements and then of turns
     damping=(REAL, 36),
 )
-LOAD = Load(Bushing, ROW, pack, law, energy)
+LOAD = Load(Bushing, ROW, pack, on_pair(law, energy))

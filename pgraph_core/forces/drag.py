@@ -16,7 +16,7 @@ from ..fields import Number, Quat, Vec3, field, maybe_vector, quaternion, refuse
 from ..rotation import matrix as turn_of
 from ..rotation import unit
 from ..units import KG, PA, M, S
-from .base import KIND, Load, OnBody, Places, row
+from .base import KIND, Load, OnBody, Places, on_pair, row
 
 
 class Drag(OnBody):
@@ -118,4 +118,4 @@ ROW = row(
     density=REAL,  # density of the fluid [kg/m³]
     viscosity=REAL,  # [Pa s]
 )
-LOAD = Load(Drag, ROW, pack, law, linear=linear)
+LOAD = Load(Drag, ROW, pack, on_pair(law), linear=linear)

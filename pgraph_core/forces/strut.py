@@ -10,11 +10,10 @@ from pydantic import model_validator
 
 from ..engine.compiler.jit import part
 from ..engine.records import INTEGER, REAL
-from ..engine.vec import scale
 from ..fields import Frozen, Number, Numbers, field, refuse, several
 from ..units import M, N, S
 from .base import KIND, Array, Load, Places, row
-from .spring import BetweenPoints, length_of, line_of, pack_points
+from .path import BetweenPoints, on_path, pack_points
 
 STOP = 2  # knots of the stop
 
@@ -131,24 +130,21 @@ def integral_of(line, knots, first, end, x):
 
 
 @part
-def law(one, knots, work, linear, t):
-    """Compute the pull of spring and damper minus the push of the stop, along the line."""
-    p, end, d, length, rate = line_of(one, work, linear)
+def pull(one, knots, length, rate, t):
+    """Compute the pull of spring and damper minus the push of the stop."""
     first = one.first_knot
     middle = first + one.springs
     stop = first + one.knots - STOP
     damping = value_of(one.damper, knots, middle, stop, rate)
     elastic = one.bump_stiffness * above(one.bump_length - length, knots[stop])
     push = above(elastic * (1.0 - one.bump_damping * rate), knots[stop + 1])
-    pull = value_of(one.spring, knots, first, middle, length) + damping - push
-    lost = (damping - push + elastic) * rate
-    return p, (0.0, 0.0, 0.0), scale(-pull, d), end, 0.0, lost
+    tension = value_of(one.spring, knots, first, middle, length) + damping - push
+    return tension, 0.0, (damping - push + elastic) * rate
 
 
 @part
-def energy(one, knots, work):
+def energy(one, knots, length):
     """Return the spring's energy, integrated from its first knot, plus the energy in the stop."""
-    length = length_of(one, work)
     first = one.first_knot
     deep = max(one.bump_length - length, 0.0)
     stored = integral_of(one.spring, knots, first, first + one.springs, length)
@@ -173,4 +169,4 @@ ROW = row(
 )
 # knots: where a table bends, by how much its slope changes, and the least and most that it adds for
 # that; then of the stop, where it engages and where it would pull
-LOAD = Load(Strut, ROW, pack, law, energy, columns=4, linear=linear)
+LOAD = Load(Strut, ROW, pack, on_path(pull, energy), columns=4, linear=linear)

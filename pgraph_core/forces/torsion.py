@@ -24,7 +24,18 @@ from ..fields import (
 )
 from ..rotation import normals_of, unit_vector
 from ..units import RAD, J, S
-from .base import KIND, Array, Load, Places, Sprung, number_or_law, pack_rates, rates_of, row
+from .base import (
+    KIND,
+    Array,
+    Load,
+    Places,
+    Sprung,
+    number_or_law,
+    on_pair,
+    pack_rates,
+    rates_of,
+    row,
+)
 
 
 class Torsion(Sprung):
@@ -114,4 +125,4 @@ ROW = row(
     damping=REAL,  # [N m s/rad]
     rest=REAL,  # [rad]
 )
-LOAD = Load(Torsion, ROW, pack, law, energy, columns=len(Torsion.VARIES))
+LOAD = Load(Torsion, ROW, pack, on_pair(law, energy), columns=len(Torsion.VARIES))

@@ -14,7 +14,7 @@ from ..engine.rows import point_of, point_velocity, rotation_of, spin_of
 from ..engine.vec import add_scaled, dot, load, mul, sub, xyz
 from ..fields import Entries3, Vec3, field, maybe_vector
 from ..units import J, M, N
-from .base import KIND, Array, Load, OnBody, Places, row, vector_over_time
+from .base import KIND, Array, Load, OnBody, Places, on_pair, row, vector_over_time
 
 
 class Wrench(OnBody):
@@ -101,4 +101,4 @@ def law(one, knots, work, linear, t):
 
 
 # knots: time [s], torque, force
-LOAD = Load(Wrench, row(in_body=INTEGER, point_a=(REAL, 3)), pack, law, columns=7)
+LOAD = Load(Wrench, row(in_body=INTEGER, point_a=(REAL, 3)), pack, on_pair(law), columns=7)

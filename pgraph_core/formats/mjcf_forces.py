@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import choices, needed, shown
 from ..fields import GROUND
+from ..forces import Via
 from ..forces.bushing import Bushing
 from ..model import Actuator, Drag, Force, Motor, Servo, SpeedServo, Spring, Tendon, Wrench
 from ..rotation import unit
@@ -202,7 +203,7 @@ class Forces:
         return True
 
     def _tendons(self) -> Iterator[Force]:
-        """Yield the active tendons, both those along joints and straight ones between two sites."""
+        """Yield the active tendons, both those along joints and those from site to site."""
         m = self.m
         for t in range(m.ntendon):
             name = m.tendon(t).name or f"tendon {t + 1}"
@@ -230,7 +231,7 @@ class Forces:
                 self.reader.left_out("tendon", name, "a tendon with a slack range of its spring")
                 continue
             sums = self._along_joints(t)
-            made = self._straight(t, name) if sums is None else self._tendon(t, name, sums)
+            made = self._over_sites(t, name) if sums is None else self._tendon(t, name, sums)
             if made is not None:
                 yield made
 
@@ -260,29 +261,41 @@ class Forces:
         found = {"low": low, "high": high}
         return {key: end for key, end in found.items() if abs(end) < NO_LIMIT}
 
-    def _straight(self, t: int, name: str) -> Spring | None:
-        """Create a spring for a straight tendon between two sites."""
+    def _over_sites(self, t: int, name: str) -> Spring | None:
+        """Create a spring for a tendon from site to site."""
         m, first = self.m, int(self.m.tendon_adr[t])
-        straight = m.tendon_num[t] == 2 and all(m.wrap_type[first : first + 2] == SITE)
-        if not straight or m.tendon_frictionloss[t]:
-            text = "a tendon with friction" if straight else "a tendon around corners"
-            self.reader.left_out("tendon", name, f"{text}, from site to site")
+        parts = slice(first, first + int(m.tendon_num[t]))
+        sites = all(m.wrap_type[parts] == SITE)
+        if not sites or m.tendon_frictionloss[t]:
+            text = "with friction, from site to site" if sites else "with pulleys or around geoms"
+            self.reader.left_out("tendon", name, f"a tendon {text}")
             return None
-        ends: list[tuple[str, tuple[float, ...]]] = []
-        for site in m.wrap_objid[first : first + 2]:
+        places: list[tuple[str, tuple[float, ...]]] = []
+        for site in m.wrap_objid[parts]:
             b = int(m.site_bodyid[site])
             place = m.site_pos[site] - self.reader.pivot[b]
-            ends.append((self.reader.names[b], tuple(place.tolist())))
-        if ends[0][0] == GROUND:
-            ends.reverse()
-        (body, point), (other, other_point) = ends
-        if body == other:
+            one = (self.reader.names[b], tuple(place.tolist()))
+            places += [one] if one not in places[-1:] else []
+        if len({body for body, _ in places}) == 1:
             return None
+        if places[0][0] == GROUND:
+            places.reverse()
+        (body, point), *via, (other, other_point) = places
+        if body == GROUND:
+            self.reader.left_out("tendon", name, "a tendon with both ends on the ground")
+            return None
+        ends = {k: end for k, end in self._ends(t, name).items() if k == "high" or end > 0}
+        if via and ends:
+            text = (
+                "limits of a tendon over more than two sites, which act here if they are straight"
+            )
+            self.reader.left_out("tendon", name, text)
+            ends = {}
         return Spring(
             name=name, body=body, other=other, point=point, other_point=other_point,
+            via=[Via(body=name, point=place) for name, place in via],
             stiffness=float(m.tendon_stiffness[t]), damping=float(m.tendon_damping[t]),
-            rest=float(m.tendon_lengthspring[t, 0]),
-            **{key: end for key, end in self._ends(t, name).items() if key == "high" or end > 0},
+            rest=float(m.tendon_lengthspring[t, 0]), **ends,
         )  # fmt: skip
 
     def _actuator(self, a: int, name: str) -> Force | None:

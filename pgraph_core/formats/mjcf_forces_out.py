@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..forces import OnJoint, ends_of
+from ..forces import OnJoint, ends_of, path_of
 from ..model import Body, Drag, Model, Spring, Tendon, Wrench
 from ..rotation import matrix, unit
 from .mjcf_parts import end_name
@@ -34,16 +35,15 @@ class ForcesOut(Places):
                 self._tendon(f)
 
     def _spring(self, f: Spring) -> None:
-        point = self.model.body(f.body).tip_point if f.point is None else f.point
-        other = f.other_point or (0.0, 0.0, 0.0)
+        path = path_of(f, self.model.body(f.body))
         names = [
-            self._site(f.body, end_name(f.name, 1), point),
-            self._site(f.other, end_name(f.name, 2), other),
+            self._site(body, end_name(f.name, k), place)
+            for k, (body, place) in enumerate(path, start=1)
         ]
         rest = f.rest
         if rest is None:
-            places = [self._world(f.body, point), self._world(f.other, other)]
-            rest = float(np.linalg.norm(places[0] - places[1]))
+            places = [self._world(*one) for one in path]
+            rest = sum(float(np.linalg.norm(a - b)) for a, b in pairwise(places))
         name, pull = self._free("tendon", f.name), {"stiffness": f.stiffness, "damping": f.damping}
         limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
         tendon = Tag("spatial", name=name, **pull, springlength=rest, **limits)

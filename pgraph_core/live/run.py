@@ -249,11 +249,11 @@ class LiveRun:
         packed = scene.packed
         kept = scene._kept
         # one spring more than the scene has, for the mouse: the struct does not count it
-        springs, knots = kept.loads.spring
+        springs, *others = kept.loads.spring
         own = len(springs)
         self._pull = table(spring.ROW, own + 1)
         self._pull[:own] = springs
-        kept = kept._replace(loads=kept.loads._replace(spring=(self._pull[:own], knots)))
+        kept = kept._replace(loads=kept.loads._replace(spring=(self._pull[:own], *others)))
         roots = {"scene": Root(SCENE, kept), "run": Root(RUN, steps._kept)}
         if scene.touching is not None:
             roots["contacts"] = Root(CONTACTS, scene.touching._kept)

@@ -8,7 +8,7 @@ from typing import Any
 from .. import joints, words
 from ..errors import MOST_TOLD, Problem, choices, counted, shown
 from ..fields import EVERY, GROUND, Described, OfSums, name_problem
-from ..forces import Force, OnJoint, Tendon, ends_of
+from ..forces import BetweenPoints, Force, OnJoint, Tendon, ends_of, spans_of
 from ..joints import quaternion_problems
 from ..shapes import KINDS, kind_of
 from .body import Body
@@ -114,7 +114,7 @@ def pair_problems(
             found.append(Problem(where, field, text))
         elif text := unknown(name, bodies, *others):
             found.append(Problem(where, field, text))
-    if body == other and body not in anyone:
+    if body == other and body not in anyone and not part._places:
         text = f"a body cannot be {_TIED[part.word()]} itself, got '{body}' twice"
         found.append(Problem(where, "other", text))
     return found
@@ -228,7 +228,7 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
             found += sum_problems(f, where, bodies, springs)
             continue
         if not isinstance(f, OnJoint):
-            found += pair_problems(f, where, bodies)
+            found += pair_problems(f, where, bodies) + path_problems(f, where, bodies)
             continue
         if text := unknown(f.body, bodies):
             found.append(Problem(where, "body", text))
@@ -242,6 +242,27 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
         elif springs and not _has_position(body, f.coordinate):
             text = "kp of a servo requires a rotate or translate motion, not a ball joint"
             found.append(Problem(where, "kp", text))
+    return found
+
+
+def path_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
+    """Check a path for unknown bodies, for spans without a length and for a constant length."""
+    found = list[Problem]()
+    for field in f.PLACES:
+        for k, place in enumerate(getattr(f, field), start=1):
+            if text := unknown(place.body, bodies, GROUND):
+                found.append(Problem(where, field, f"point {k}: {text}"))
+    body = bodies.get(f.body)
+    if found or not isinstance(f, BetweenPoints) or not f.via or body is None:
+        return found
+    if {via.body for via in f.via} == {f.body} == {f.other}:
+        text = f"all its points are on '{f.body}', so that its length is constant; put one of them "
+        return [Problem(where, "via", f"{text}on another body or on the ground")]
+    for k, ((one, a), (two, b)) in enumerate(spans_of(f, body)):
+        if one == two and tuple(a) == tuple(b):
+            names = ["point", *(f"point {n + 1} of via" for n in range(len(f.via))), "other_point"]
+            text = f"{names[k]} and {names[k + 1]} are the same point {shown(tuple(a))} of '{one}'"
+            found.append(Problem(where, "via", f"{text}; take one of them out or move it"))
     return found
 
 

@@ -147,7 +147,7 @@ class _Copy:
                     f"{part.word()} '{part.name}' was not copied: it has no mirror image"
                 )
                 return None
-            copy = copy.unchecked_copy(change)
+            copy = renamed(copy.unchecked_copy(change), self.names)  # points of the original
         return copy
 
     def _shared(self, part: Contact | Force) -> bool:
@@ -234,6 +234,8 @@ class _Copy:
     def _in_reach(self, part: Constraint | Contact | Force) -> bool:
         """Check whether positions on bodies that stay are in the frame of the reflection."""
         own = (*self.names, self.root.parent)
+        if any(place.body not in own for place in part._places):
+            return False
         placed = "point" in type(part).model_fields or getattr(part, "points", ())
         if part.body not in own and placed:
             return False
@@ -339,6 +341,8 @@ class Mirror:
             role, value = facts(info).role, getattr(part, name)
             if role in of_role and value is not None:
                 found[name] = self.value(value, of_role[role])
+            elif role == "parts" and isinstance(value, tuple):
+                found[name] = tuple(x.unchecked_copy(self.fields(x)) for x in value)
         return found
 
     def tensor(self, rows: Sequence[Sequence[float]]) -> Any:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from .. import joints, words
 from ..errors import ModelError, Problem, nearest
-from ..fields import Described, OfKinds, OfSums, fields_of, listed
+from ..fields import Described, Frozen, OfKinds, OfSums, fields_of, listed
 from ..forces import Force, OnJoint, Tendon
 from ..rotation import multiply, rotate
 from ..signals import signals_in, with_names
@@ -22,7 +22,7 @@ from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
 
 NAMING = ("parent", "body", "other", "at")  # fields that name bodies
-T = TypeVar("T", bound=Described)
+T = TypeVar("T", bound=Frozen)
 
 
 def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
@@ -206,6 +206,10 @@ def renamed(part: T, names: Mapping[str, str]) -> T:
     update: dict[str, Any] = {field: names[name] for field, name in old.items() if name in names}
     if isinstance(part, OfSums) and not names.keys().isdisjoint(part.coefficients):
         update["coefficients"] = {names.get(k, k): x for k, x in part.coefficients.items()}
+    for field in getattr(part, "PLACES", ()):
+        places = getattr(part, field)
+        if any(place.body in names for place in places):
+            update[field] = tuple(renamed(place, names) for place in places)
     if isinstance(part, (Force, Constraint, Contact, Control)):
         update |= renamed_in(part, names, "q", "v")
     return part.unchecked_copy(update) if update else part

@@ -107,7 +107,8 @@ def _of_kinds(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, type[
 
 def _without_new(kind: type[Frozen], data: dict[str, Any]) -> dict[str, Any]:
     """Return the fields of a part, without default values in fields that schema 1 lacks."""
-    new = {k: info.default for k, info in kind.model_fields.items() if facts(info).since > 1}
+    fields = {k: info.default for k, info in kind.model_fields.items() if facts(info).since > 1}
+    new = {k: [] if x == () else x for k, x in fields.items()}  # JSON has no tuples
     return {k: x for k, x in data.items() if k not in new or x != new[k]}
 
 

@@ -47,9 +47,18 @@ def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
     """
     bodies = {body.name: body for body in parts["bodies"]}
 
+    def grounds(name: str) -> bool:
+        return name not in bodies and is_ground(name)
+
     def renamed(part: Any, fields: Sequence[str]) -> Any:
         named = {x: getattr(part, x) for x in fields if x in type(part).model_fields}
-        new = {x: GROUND for x, name in named.items() if name not in bodies and is_ground(name)}
+        new: dict[str, Any] = {x: GROUND for x, name in named.items() if grounds(name)}
+        for x in getattr(part, "PLACES", ()):
+            if any(grounds(place.body) and place.body != GROUND for place in getattr(part, x)):
+                new[x] = tuple(
+                    place.unchecked_copy({"body": GROUND}) if grounds(place.body) else place
+                    for place in getattr(part, x)
+                )
         now = {**named, **new}
         other = now.get("other", GROUND)
         if now.get("body") == GROUND and (other in bodies or other == EVERY):

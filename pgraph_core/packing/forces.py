@@ -16,16 +16,16 @@ from .. import joints
 from ..engine.records import CREEP, JOINT_FORCE, rows_of, table
 from ..engine.signals import DRIVE
 from ..fields import GROUND, OfSums
-from ..forces import LOADS, Load, OnBody, OnJoint
+from ..forces import LOADS, VIA, Load, OnBody, OnJoint
 from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates, point_in_row
 from .signals import NO_SIGNALS, limits_of, values_of_targets
 
 
-def empty(kind: Load) -> tuple[Any, Array]:
-    """Return an empty (table, knots) pair for a kind without loads."""
-    return table(kind.row, 0), np.zeros((0, kind.columns))
+def empty(kind: Load) -> tuple[Any, Array, Any]:
+    """Return empty (table, knots, via points) for a kind without loads."""
+    return table(kind.row, 0), np.zeros((0, kind.columns)), table(VIA, 0)
 
 
 NO_LOADS = Loads(*map(empty, LOADS), NO_SIGNALS)
@@ -80,10 +80,10 @@ def loads(
     return Loads(*tables, NO_SIGNALS)
 
 
-def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array]:
-    """Return (table, knots) for all loads of one kind."""
-    found, (_, none) = table(kind.row, len(ours)), empty(kind)
-    knots = [none]
+def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array, Any]:
+    """Return (table, knots, via points) for all loads of one kind."""
+    found, (_, none, _) = table(kind.row, len(ours)), empty(kind)
+    knots, places = [none], list[tuple[int, int, Array]]()
     for one, f in zip(found, ours):
         one["body_a"], one["body_b"] = (at.number(name) for name in f.pair)
         one["row_a"], one["row_b"] = (at.packed.row_of(int(one[x])) for x in ("body_a", "body_b"))
@@ -91,7 +91,11 @@ def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array]:
         own = none if own is None else own
         one["first_knot"], one["knots"] = sum(map(len, knots)), len(own)
         knots.append(own)
-    return found, np.concatenate(knots)
+        one["first_via"], one["vias"] = len(places), len(f._places)
+        for via in f._places:
+            body = at.number(via.body)
+            places.append((at.packed.row_of(body), body, at.in_row(via.body, via.point)))
+    return found, np.concatenate(knots), rows_of(VIA, places)
 
 
 # -- drives --------------------------------------------------------------------------------
@@ -303,7 +307,7 @@ def times_at_bounds(row: Any, knots: Array) -> Array:
 
 def bends_of_loads(loads: Loads) -> Array:
     """Return the times in ascending order at which the slope in a wrench table changes [s]."""
-    table, knots = loads.wrench
+    table, knots, _ = loads.wrench
     return _times_of_tables(knots[:, 0], table["first_knot"], table["knots"])
 
 

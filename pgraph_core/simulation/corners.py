@@ -13,6 +13,10 @@ from ..packing import Array
 from ..tolerances import VISIBLE
 from .recording import Recording, scene_of
 
+SPAN = np.dtype([
+    ("body_a", int), ("row_a", int), ("point_a", float, 3), ("row_b", int), ("point_b", float, 3),
+])  # fmt: skip
+
 
 class Corners:
     """Discontinuities of forces, at zero length of springs and struts and at half a turn of
@@ -31,9 +35,12 @@ class Corners:
         stops = strut["bump_length"] * strut["bump_stiffness"]
         turns = bushing["stiffness"].reshape(-1, 6, 6)[:, 3:].any(axis=(1, 2))
         stiff = (spring["stiffness"] > 0.0) | (spring["knots"] > 0)
+        # a path with via points has a tension where a span has no length
+        stiff &= (spring["rest"] != 0.0) | (spring["vias"] > 0)
+        presses = (pulls != 0.0) | (stops != 0.0) | (strut["vias"] > 0)
         found = [
-            ("spring", spring[stiff & (spring["rest"] != 0.0)], self._lengths),
-            ("strut", strut[(pulls != 0.0) | (stops != 0.0)], self._lengths),
+            ("spring", _spans(loads.spring, stiff), self._lengths),
+            ("strut", _spans(loads.strut, presses), self._lengths),
             ("torsion", torsion, self._twists),
             ("bushing", bushing[turns], self._turns),
         ]
@@ -108,3 +115,16 @@ class Corners:
 
         turn = Rotation.from_matrix(other.transpose(0, 2, 1) @ mine).as_rotvec()
         return turn, np.pi - np.linalg.norm(turn, axis=1)
+
+
+def _spans(own: Any, chosen: Array) -> Array:
+    """Return the straight spans of chosen loads along paths, as records of their two ends."""
+    table, _, vias = own
+    found = []
+    for one in table[chosen]:
+        inside = vias[one["first_via"] : one["first_via"] + one["vias"]]
+        rows = [one["row_a"], *inside["row"], one["row_b"]]
+        points = [one["point_a"], *inside["point"], one["point_b"]]
+        ends = zip(rows, points, rows[1:], points[1:])
+        found += [(one["body_a"], a, p, b, q) for a, p, b, q in ends]
+    return np.array(found, SPAN)

@@ -19,7 +19,7 @@ from ..dynamics.arguments import (
     stretched,
 )
 from ..errors import InputError, Problem, choices, nearest_first, shown
-from ..forces import BetweenPoints, Force, OnJoint, points_of
+from ..forces import BetweenPoints, Force, OnJoint, spans_of
 from ..mechanism import Mechanism
 from ..model import Control, Scenario
 from ..packing import Array
@@ -198,7 +198,7 @@ def placed_twice(mech: Mechanism, q: Array) -> list[str]:
 
 
 def directionless(mech: Mechanism, forces: Sequence[Force], q: Array) -> list[str]:
-    """Return a notice for each spring and strut whose ends coincide at the start.
+    """Return a notice for each spring and strut with a span whose ends coincide at the start.
 
     A spring without a rest length does not need a direction, because its force is proportional to
     the distance vector.
@@ -207,18 +207,29 @@ def directionless(mech: Mechanism, forces: Sequence[Force], q: Array) -> list[st
     for f in forces:
         if isinstance(f, BetweenPoints) and _coincide(mech, f, q[: mech.nq]):
             rest = getattr(f, "rest", np.inf)
-            if rest != 0.0 and not (rest is None and _coincide(mech, f, mech.home()[0])):
-                text = "its ends coincide at the start, so it has no direction and exerts no "
-                found.append(f"{f.kind} '{f.name}': {text}force; move one of them")
+            if f.via:
+                text = (
+                    "two points of its path coincide at the start, so their span has no direction"
+                )
+            elif rest != 0.0 and not (rest is None and _coincide(mech, f, mech.home()[0])):
+                text = "its ends coincide at the start, so it has no direction and exerts no force"
+            else:
+                continue
+            found.append(f"{f.kind} '{f.name}': {text}; move one of them")
     return found
 
 
 def _coincide(mech: Mechanism, f: BetweenPoints, q: Array) -> bool:
-    """Check whether the distance of a force's points is not more than rounding."""
-    points = points_of(f, mech.model.body(f.body))
-    poses = [mech.pose(q, name) for name in (f.body, f.other)]
-    a, b = (place + turn @ np.asarray(x) for (place, turn), x in zip(poses, points))
-    return bool(np.abs(a - b).max() <= ROUNDING * max(np.abs(a).max(), np.abs(b).max()))
+    """Check whether the length of one of a force's spans is not more than rounding."""
+
+    def at(name: str, point: Any) -> Array:
+        place, turn = mech.pose(q, name)
+        return place + turn @ np.asarray(point)
+
+    ends = ((at(*one), at(*two)) for one, two in spans_of(f, mech.model.body(f.body)))
+    return any(
+        np.abs(a - b).max() <= ROUNDING * max(np.abs(a).max(), np.abs(b).max()) for a, b in ends
+    )
 
 
 def torques_or_drives(

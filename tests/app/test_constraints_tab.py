@@ -13,7 +13,11 @@ from pgraph_app.constraints.parts import added, knots, table_of
 from pgraph_app.constraints.view import constraints, form
 from pgraph_app.core.cells import Display
 from pgraph_app.digraph.view import digraph
+from pgraph_app.picking import Aim, Spot
+from pgraph_app.picking.update import in_axes_of
 from pgraph_app.plots import Signal, curves, of_scene, unit
+from pgraph_app.scene import marks
+from pgraph_core.show import shapes
 
 from .store import ME, OTHER, after, answered, begun, built_in, do, notice, reply
 
@@ -208,6 +212,50 @@ def test_a_drive_that_gets_a_second_body_keeps_its_own(kind, coordinate):
     (drive,) = state.model.forces
     row = tuple(float(i == coordinate) for i in range(2))
     assert (drive.body, dict(drive.coefficients)) == ("2", {"2": row, "3": (1.0,)})
+
+
+def pulls(state):
+    """The length of the path that the page shows [m]."""
+    d = state.derived
+    springs, _, _ = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))
+    return np.linalg.norm(springs.ends[:, 0] - springs.ends[:, 1], axis=1).sum()
+
+
+@pytest.mark.parametrize("kind", ["spring", "strut"])
+def test_via_points_are_added_typed_drawn_and_taken_out(state, kind):
+    state = add(state, "forces", kind, "3", "1")
+    length = pulls(state)
+    for name in ("2", "2", "ground"):
+        state = edit(state, "forces", kind, "via", ((), name))
+        assert pulls(state) == pytest.approx(length, rel=1e-12)  # the path is as it was
+    state = edit(state, "forces", kind, "via", ((0,), ""))
+    state = edit(state, "forces", kind, "via", ((1, 0), "200 mm"), ((1, 2), "0.5"))
+    one, two = state.model.forces[0].via
+    assert (one.body, two.body) == ("2", "ground")
+    assert (two.point[0], two.point[2]) == (0.2, 0.5)
+    (line,) = next(x for x in shown(state)["lists"] if x["part"] == "forces")["items"]
+    assert line["between"] == "3, 2, ground, 1"
+    d = state.derived
+    ends = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))[0].ends
+    assert len(ends) == 3
+    np.testing.assert_allclose(ends[1:, 0], ends[:-1, 1])
+    np.testing.assert_allclose(ends[1, 1], two.point)
+    if kind == "spring":
+        at = parts.places(d.names, d.positions, d.wxyz)
+        rest = parts.implied(state.model, state.model.forces[0], "rest", at)
+        assert rest == pytest.approx(pulls(state))
+    refused = edit(state, "forces", kind, "via", ((), "nobody"))
+    assert refused.model is state.model
+    assert "nobody" in reply(refused)
+    state = edit(state, "forces", kind, "via", ((0,), ""))
+    assert [x.body for x in state.model.forces[0].via] == ["ground"]
+
+
+def test_a_picked_via_point_is_in_the_axes_of_its_own_body(state):
+    state = edit(add(state, "forces", "spring", "3", "1"), "forces", "spring", "via", ((), "2"))
+    aim = Aim("point", "via", (0,), part="forces", name="spring")
+    found = in_axes_of(state, aim, Spot("2", (0.1, 0.2, 0.3), (0.0, 0.0, 1.0), ""))
+    assert found == (0.1, 0.2, 0.3)
 
 
 @pytest.mark.parametrize(("name", "body"), [("slider_crank", "crank"), ("four_bar", "left crank")])

@@ -109,7 +109,11 @@ def _coordinates(
 def _force(f: Force, model: Model, s: Scale) -> Force:
     """Rescale a force. In a mixed sum, the coefficients of sliding coordinates are rescaled too."""
     if not isinstance(f, OfSums):
-        return f.unchecked_copy(s.fields(f))
+        places = {
+            name: tuple(x.unchecked_copy(s.fields(x)) for x in getattr(f, name))
+            for name in f.PLACES
+        }
+        return f.unchecked_copy({**s.fields(f), **places})
     bodies = {name: model.body(name) for name, _, _ in f.terms}
     slides = {(name, k): _slides(bodies[name], k) for name, k, _ in f.terms}
     all_slide = all(slides.values())

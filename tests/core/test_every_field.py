@@ -25,6 +25,7 @@ def arm(name="r", **fields):
 ARMS = arm(), arm("k", parent="r", link=(0.5, 0, 0), axes=(0.6, 0.8, 0), q=(0.3,), v=(3.0,))
 SUM = {"r": [1.0], "k": [0.7]}
 PLACED = {"body": "k", "point": (0.2, 0.1, 0), "other_point": (0.1, 0, -0.6)}
+VIA = [{"body": "r", "point": (0.3, 0.1, 0.2)}, {"body": "ground", "point": (0.4, -0.2, 0.3)}]
 LATE = {"lag": 0.05, "start": 0.1, "torque_limit": 50.0, "gear": 1.7, "torque": 0.3}
 PARTS = {
     "motor": pg.Motor(name="x", body="r", torque=2.0),
@@ -47,6 +48,7 @@ PARTS = {
     "spring": pg.Spring(name="x", **PLACED, stiffness=40.0),
     "idle spring": pg.Spring(name="x", **PLACED, rest=0.2),
     "full spring": pg.Spring(name="x", **PLACED, stiffness=40.0, damping=1.5, rest=0.3),
+    "spring over points": pg.Spring(name="x", **PLACED, stiffness=40.0, damping=1.5, via=VIA),
     "torsion": pg.Torsion(name="x", body="k", other="r", axis=(0.6, 0.8, 0), stiffness=3.0),
     "full torsion": pg.Torsion(
         name="x", body="k", axis=(0.5, 0.8, 0.1), stiffness=3.0, damping=0.2, rest=0.4

@@ -29,7 +29,19 @@ def forces(s):
         pg.Spring(name="g", body=a, stiffness=40, other_point=(1, 2, 3)),
         pg.Torsion(name="t", body=a, other=b, **own),
         pg.Torsion(name="t2", body=a, stiffness=9),
+        pg.Spring(name="p", body=a, other=b, stiffness=9, damping=0.7, rest=0.2, via=through(s)),
     )
+
+
+def through(s):
+    """Points on a body in the middle, on the ground, and on the first body."""
+    names = s.topology.names
+    places = (
+        (names[len(names) // 2], (0.3, 0.1, -0.2)),
+        ("ground", (1, 2, 3)),
+        (names[0], (1, 0, 1)),
+    )
+    return [{"body": name, "point": point} for name, point in places]
 
 
 @pytest.mark.parametrize("seed", range(8, 11))
@@ -54,7 +66,7 @@ def test_torsion_springs_measure_hinges_and_springs_are_relaxed_at_home():
     assert load_of(op, spring).energy == pytest.approx(0.0, abs=1e-30)
 
 
-@pytest.mark.parametrize("which", range(6))
+@pytest.mark.parametrize("which", range(7))
 def test_the_first_acceleration_of_a_run_is_that_of_the_dense_load(which):
     s = random_case(9)
     force = forces(s)[which]

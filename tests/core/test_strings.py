@@ -146,6 +146,35 @@ def test_limits_of_tendons_between_sites_are_read_and_written(tmp_path: Path):
     assert any("margin" in str(e) for e in report.of("converted"))
 
 
+OVER_SITES = STRING.partition("<tendon>")[0] + """<tendon>
+<spatial name="rope" stiffness="20" damping=".3" springlength=".4"><site site="nail"/><site site="s"/>
+<site site="t"/></spatial>
+<spatial name="back" stiffness="30"><site site="t"/><site site="nail"/><site site="s"/></spatial>
+<spatial name="limited" stiffness="2" limited="true" range="0 9"><site site="t"/><site site="nail"/>
+<site site="s"/></spatial>
+</tendon></mujoco>"""  # fmt: skip  # noqa: E501
+
+
+def test_tendons_over_several_sites_are_read_and_written(tmp_path: Path):
+    mujoco: Any = pytest.importorskip("mujoco")
+    from tests.core.test_mjcf_of_others import errors_of  # it needs mujoco too
+
+    model, report = read(tmp_path, OVER_SITES)
+    rope, back, limited = (f for f in model.forces if isinstance(f, pg.Spring))
+    assert (rope.body, [x.body for x in rope.via], rope.other) == ("b", ["a"], "ground")
+    assert (back.body, [x.body for x in back.via], back.other) == ("b", ["ground"], "a")
+    assert (rope.stiffness, rope.damping, rope.rest) == (20.0, 0.3, 0.4)
+    assert limited.high is None
+    assert any("limited" in str(e) for e in report.of("left out"))
+    assert pg.write_mjcf(model, tmp_path / "again.xml").loaded
+    again, _ = pg.read_mjcf(tmp_path / "again.xml")
+    assert [f.via for f in again.forces] == [f.via for f in model.forces]
+    rng = np.random.default_rng(3)
+    for name in ("arm.xml", "again.xml"):
+        m = mujoco.MjModel.from_xml_path(str(tmp_path / name))
+        assert max(errors_of(model, m, rng).values()) < 1e-12
+
+
 def test_a_ball_on_a_string_rests_as_in_mujoco(tmp_path: Path):
     """MuJoCo's soft limit gives way by about g timeconst², twice that is the tolerance."""
     mujoco: Any = pytest.importorskip("mujoco")

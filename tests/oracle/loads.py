@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,19 +46,24 @@ def _at(value: Any, t: float) -> Array:
 
 def _spring(op: Operators, f: Any, _: float) -> Load:
     tip = op.bodies[op.topology.number(f.body) - 1].tip_point
-    ends = ((f.body, f.point or tip), (f.other, f.other_point or (0.0, 0.0, 0.0)))
-    (x_a, J_a), (x_b, J_b) = (_end(op, name, np.array(point)) for name, point in ends)
-    length = float(np.linalg.norm(x_a - x_b))
-    along = unit_vector(x_a - x_b) @ (J_a - J_b)[3:]
-    rest = _length_at_home(op, ends) if f.rest is None else f.rest
+    via = [(one.body, one.point) for one in f.via]
+    path = [(f.body, f.point or tip), *via, (f.other, f.other_point or (0.0, 0.0, 0.0))]
+    length, along = 0.0, np.zeros(op.nv)
+    for (a, x), (b, y) in itertools.pairwise(path):
+        (x_a, J_a), (x_b, J_b) = _end(op, a, np.array(x)), _end(op, b, np.array(y))
+        length += float(np.linalg.norm(x_a - x_b))
+        along += unit_vector(x_a - x_b) @ (J_a - J_b)[3:]
+    rest = _length_at_home(op, path) if f.rest is None else f.rest
     return _law(f, length - rest, along, op.speeds)
 
 
-def _length_at_home(op: Operators, ends: Any) -> float:
+def _length_at_home(op: Operators, path: Any) -> float:
     position, rotation = home_poses(op.model)
-    numbers = [op.topology.number(name) - 1 for name, _ in ends]
-    a, b = (position[k] + rotation[k] @ x if k >= 0 else x for k, (_, x) in zip(numbers, ends))
-    return float(np.linalg.norm(a - b))
+    numbers = [op.topology.number(name) - 1 for name, _ in path]
+    places = [
+        position[k] + rotation[k] @ x if k >= 0 else np.array(x) for k, (_, x) in zip(numbers, path)
+    ]
+    return sum(float(np.linalg.norm(a - b)) for a, b in itertools.pairwise(places))
 
 
 def _end(op: Operators, name: str, point: Array) -> tuple[Array, Array]:

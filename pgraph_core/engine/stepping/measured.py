@@ -9,7 +9,7 @@ stepping that of the last step.
 
 import math
 
-from ...forces.spring import line_of
+from ...forces.path import measured as measured_path
 from ...tolerances import TINY
 from .. import layout as at
 from ..arrays import CONTACTS, TAU
@@ -154,11 +154,10 @@ def observe(scene, code, t, q, v):
             if what == TOUCH:
                 code[i, MEASURE.value] = gap_ahead(scene, code[i, GAP_RANGE])
                 continue
-            line = line_of(data.loads.strut[0][n], work, data.space.linear)
-            code[i, MEASURE.value], code[i, LENGTH_RATE] = (
-                line[3] if what == OF_LENGTH else line[4],
-                line[4],
-            )
+            struts, _, vias = data.loads.strut
+            length, rate = measured_path(struts[n], vias, work, data.space.linear)
+            code[i, MEASURE.value] = length if what == OF_LENGTH else rate
+            code[i, LENGTH_RATE] = rate
 
 
 @sweep

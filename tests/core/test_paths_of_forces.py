@@ -1,0 +1,270 @@
+"""Forces over via points: laws of energy and momentum, closed forms, derivatives and files."""
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.dynamics.scene import load_wrenches
+from pgraph_core.simulation.paths import Path
+
+from .rescaling import rescaled
+from .test_gradients import difference
+from .trees import moved
+
+CALM = {"method": "dop853", "rtol": 1e-11, "estimate": False}
+TABLE = pg.Lines(x=(0.5, 2.0, 3.0), value=(-4.0, 10.0, 40.0))
+LAWS = {
+    "spring": {"stiffness": 12.0, "rest": 0.5},
+    "strut": {"spring": TABLE, "bump_length": 2.5, "bump_stiffness": 30.0},
+}
+
+
+def via(*places):
+    return [{"body": name, "point": point} for name, point in places]
+
+
+INSIDE = via(("b", (0.2, 0.1, -0.1)), ("c", (-0.1, 0.3, 0.2)), ("a", (0.0, 0.2, 1.0)))
+ALSO_GROUND = [*INSIDE, *via(("ground", (0.5, -1.0, 0.3)))]
+
+
+def over(points, kind="spring", **fields):
+    """A spring or strut from body a over via points to body c."""
+    given = {"name": "s", "body": "a", "other": "c", "via": points, **LAWS[kind], **fields}
+    return pg.Force(kind=kind, **{"point": (0.1, 0.2, 0.3), "other_point": (0.2, 0, 0.1), **given})
+
+
+def floating(*forces):
+    """Three free bodies without gravity."""
+    starts = {
+        "a": ((0, 0, 0), (0.1, 0.2, 0.1, 0.3, -0.4, 0.2)),
+        "b": ((1, 0.3, 0.2), (0.2, -0.1, 0.4, -0.1, 0.2, 0.1)),
+        "c": ((0.2, 1.3, -0.4), (-0.3, 0.1, 0.2, 0.1, 0.1, -0.2)),
+    }
+    bodies = [
+        pg.Body(name=name, joint="free", mass=1.5, inertia=(0.2, 0.3, 0.4), q=(*place, 1, 0, 0, 0),
+                v=speed)
+        for name, (place, speed) in starts.items()
+    ]  # fmt: skip
+    return pg.Model(bodies=bodies, forces=forces, gravity=(0, 0, 0))
+
+
+def chain(*forces):
+    """Three bodies on a hinge, a ball and a universal joint, away from q = 0."""
+    joints = ("a", "ground", "revolute"), ("b", "a", "spherical"), ("c", "b", "universal")
+    bodies = [
+        pg.Body(name=n, parent=p, joint=j, mass=1.0, inertia=(1, 1, 1), link=(0.3, 0.5, 0.2))
+        for n, p, j in joints
+    ]
+    model = pg.Model(bodies=bodies, forces=forces, gravity=(0, 0, 0))
+    q = moved(model, pg.Mechanism(model).home()[0], np.linspace(0.2, 0.7, 6))
+    return model.edit("a", q=q[:1]).edit("b", q=q[1:5]).edit("c", q=q[5:])
+
+
+def rope(**fields):
+    """A block on a line through x, and a rope to it over a pulley without mass at the origin."""
+    block = pg.Body(name="a", joint="prismatic", axes=((1, 0, 0),), mass=2.0, q=(1.4,))
+    ends = {"point": (0, 0, 0), "other_point": (0, -3.0, 0)}
+    given = {"stiffness": 50.0, "rest": 4.0} | fields
+    force = pg.Spring(name="s", body="a", **ends, via=via(("ground", (0, 0, 0))), **given)
+    return pg.Model(bodies=[block], forces=[force], gravity=(0, 0, 0))
+
+
+def torque_of(mech, q):
+    return mech.mass_matrix(q) @ mech.forward_dynamics(q, np.zeros(mech.nv))
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("points", [INSIDE, ALSO_GROUND, ALSO_GROUND[2:]], ids=[3, 4, 2])
+@pytest.mark.parametrize("kind", LAWS)
+@pytest.mark.parametrize("scene", [floating, chain])
+def test_the_force_is_the_slope_of_the_energy(scene, kind, points):
+    model = scene(over(points, kind))
+    mech = pg.Mechanism(model)
+    q, still = mech.home()[0], np.zeros(mech.nv)
+
+    def energy(step):
+        return mech.energy(moved(model, q, step), still)[1]
+
+    slope = [difference(lambda x, e=e: energy(x * e), 1e-3) for e in np.eye(mech.nv)]
+    tau = torque_of(mech, q)
+    assert np.abs(tau).max() > 1.0
+    np.testing.assert_allclose(tau, -np.array(slope), rtol=0, atol=1e-8 * np.abs(tau).max())
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_free_bodies_keep_energy_and_momentum(kind):
+    run = pg.simulate(floating(over(INSIDE, kind)), t_end=2.0, **CALM)
+    scale = run.kinetic_energy.max()
+    assert np.ptp(run.kinetic_energy + run.potential_energy) < 1e-8 * scale
+    assert np.ptp(run.kinetic_energy) > 0.1 * scale
+    momentum = run.mechanism.momentum(run.q, run.v)
+    assert np.ptp(momentum, axis=0).max() < 1e-9
+
+
+@pytest.mark.quick
+def test_wrenches_of_a_path_inside_a_system_add_up_to_zero():
+    model = floating(over(INSIDE, damping=2.0))
+    mech = pg.Mechanism(model)
+    q, v = mech.home()
+    (wrenches,) = load_wrenches(mech.packed, model.forces, np.zeros(1), q[None], v[None])
+    places = np.array([mech.pose(q, name)[0] for name in mech.names])
+    forces = wrenches[:, 3:]
+    moments = wrenches[:, :3] + np.cross(places, forces)
+    assert np.abs(forces).max() > 1.0
+    np.testing.assert_allclose(forces.sum(axis=0), 0.0, atol=1e-13)
+    np.testing.assert_allclose(moments.sum(axis=0), 0.0, atol=1e-13)
+
+
+@pytest.mark.quick
+def test_points_along_a_straight_line_of_one_body_change_nothing():
+    ends = np.array([0.1, 0.2, 0.3]), np.array([0.7, -0.4, 0.5])
+    between = via(*(("a", tuple(ends[0] + s * (ends[1] - ends[0]))) for s in (0.3, 0.55, 1.0)))
+    long = floating(over(between, damping=2.0, rest=1.0))
+    short = floating(
+        over((), damping=2.0, point=ends[1], rest=1.0 - np.linalg.norm(np.diff(ends, axis=0)))
+    )
+    one, two = map(pg.Mechanism, (long, short))
+    q, v = one.home()
+    assert one.energy(q, v) == pytest.approx(two.energy(q, v), abs=1e-13)
+    found, expected = one.forward_dynamics(q, v), two.forward_dynamics(q, v)
+    assert np.abs(expected).max() > 1.0
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("scene", [floating, chain])
+def test_a_path_read_from_its_other_end_pulls_alike(scene):
+    given = over(ALSO_GROUND, damping=2.0)
+    ends = {"body": "c", "other": "a", "point": given.other_point, "other_point": given.point}
+    one, two = scene(given), scene(over(ALSO_GROUND[::-1], damping=2.0, **ends))
+    q, v = pg.Mechanism(one).home()
+    v = np.linspace(-1.0, 1.0, len(v))
+    found, expected = (pg.Mechanism(x).forward_dynamics(q, v) for x in (one, two))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_rope_over_a_pulley_swings_at_the_frequency_of_its_spring():
+    """The rope is x + 3 m long, so that m x'' = -k (x - 1)."""
+    t = 1.7
+    run = pg.simulate(rope(), t_end=t, **CALM)
+    assert run.q[-1, 0] == pytest.approx(1.0 + 0.4 * np.cos(5.0 * t), abs=1e-9)
+
+
+def test_a_rope_with_both_ends_on_a_load_lifts_twice_its_tension():
+    load = pg.Body(name="load", joint="prismatic", axes=((0, 0, 1),), mass=3.0, q=(-1.0,))
+    ends = {"body": "load", "other": "load", "point": (0, 0, 0), "other_point": (0.2, 0, 0)}
+    points = via(("ground", (0, 0, 0)), ("ground", (0.2, 0, 0)))
+    force = pg.Spring(name="s", **ends, via=points, stiffness=100.0, rest=2.0)
+    mech = pg.Mechanism(pg.Model(bodies=[load], forces=[force], gravity=(0, 0, 0)))
+    x = -1.3  # two falls of 1.3 m and 0.2 m between the points of the ground
+    tension = 100.0 * (2 * 1.3 + 0.2 - 2.0)
+    assert mech.forward_dynamics([x], [0.0])[0] == pytest.approx(2 * tension / 3.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "path", ["forces.s.stiffness", "forces.s.via.0.point.1", "forces.s.rest", "forces.s.point.2"]
+)
+def test_runs_have_derivatives_by_numbers_of_a_path(path):
+    model = floating(over(ALSO_GROUND, damping=0.5))
+    how = {"method": "rk4", "step": 2e-3, "t_end": 0.4, "estimate": False, "frames": 3}
+    run = pg.simulate(model, wrt=path, **how)
+    now = pg.simulate(model, **how)
+    assert (run.q == now.q).all()
+    given = Path(model, path)
+
+    def state(change):
+        end = pg.simulate(given.set(model, given.present + change), **how)
+        return np.hstack((end.q, end.v))
+
+    expected = difference(state, 2e-4)
+    assert np.abs(expected).max() > 1e-3
+    found = run.sensitivity(path)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
+def test_instances_in_lanes_move_as_single_runs(method):
+    model = chain(over(ALSO_GROUND, damping=0.5))
+    batch = pg.BatchStepper(model, 5, method=method, step=1e-3)
+    v = np.linspace(-0.5, 0.5, 5)[:, None] * np.ones(6)
+    batch.reset(batch.q, v)
+    batch.step(n=100)
+    for n in range(5):
+        run = pg.simulate(model, v=v[n], t_end=0.1, method=method, step=1e-3, estimate=False)
+        np.testing.assert_allclose(batch.q[n], run.q[-1], rtol=0, atol=1e-12)
+
+
+def test_in_other_units_it_is_the_same_motion():
+    model = chain(over(ALSO_GROUND, damping=0.5))
+    scaled = rescaled(model, length=3.0, mass=5.0, time=0.5)
+    how = {"method": "rk4", "estimate": False}
+    one = pg.simulate(model, t_end=0.2, step=1e-3, **how)
+    two = pg.simulate(scaled, t_end=0.1, step=5e-4, **how)
+    np.testing.assert_allclose(two.q, one.q, rtol=1e-10)
+
+
+def test_a_bend_of_a_strut_is_met_at_the_length_of_its_whole_path():
+    """The table bends at 4 m, which the rope over the pulley has at x = 1 m."""
+    block = rope().bodies[0].unchecked_copy({"q": (0.7,), "v": (0.0,)})
+    given = rope().forces[0]
+    bent = pg.Lines(x=(0.0, 4.0, 8.0), value=(-40.0, 0.0, 1600.0))  # 10 N/m, then 400 N/m
+    strut = pg.Strut(name="s", body="a", point=given.point, other_point=given.other_point,
+                     via=given.via, spring=bent)  # fmt: skip
+    model = pg.Model(bodies=[block], forces=[strut], gravity=(0, 0, 0))
+    slow, fast = np.sqrt(10.0 / 2.0), np.sqrt(400.0 / 2.0)
+    t = np.pi / 2 / slow + np.pi / fast  # back at 1 m, at the speed with which it came
+    run = pg.simulate(model, t_end=t, **CALM)
+    assert run.q[-1, 0] == pytest.approx(1.0, abs=1e-7)
+    assert run.v[-1, 0] == pytest.approx(-0.3 * slow, abs=1e-7)
+
+
+def test_a_span_that_loses_its_length_is_told_with_derivatives():
+    run = pg.simulate(rope(rest=0.0), wrt="forces.s.stiffness", method="rk4", step=1e-3, t_end=1.0,
+                      estimate=False)  # fmt: skip
+    assert any("length of 0" in text for text in run.notices)
+    start = rope().edit("a", q=(0.0,))
+    notices = pg.simulate(start, t_end=0.01, method="rk4", step=1e-3).notices
+    assert any("'s'" in text and "coincide" in text for text in notices)
+
+
+# -- the description -------------------------------------------------------------------------------
+
+
+def test_files_hold_via_points_and_older_versions_refuse_them():
+    model = floating(over(ALSO_GROUND))
+    assert '"schema_version": 9' in model.to_json()
+    assert pg.Model.from_json(model.to_json()) == model
+    assert "via" not in floating(over(())).to_json()
+    assert '"schema_version": 1' in pg.Model(bodies=[pg.Body(name="a", mass=1)], forces=[
+        pg.Spring(name="s", body="a", stiffness=1.0)]).to_json()  # fmt: skip
+
+
+def test_via_points_follow_their_bodies():
+    model = floating(over(ALSO_GROUND))
+    named = model.edit("b", name="new").forces[0]
+    assert [place.body for place in named.via] == ["new", "c", "a", "ground"]
+    assert model.remove("b").forces == ()
+    sole = floating(over(ALSO_GROUND), pg.Spring(name="t", body="a", stiffness=1.0))
+    assert [f.name for f in sole.remove("b").forces] == ["t"]
+
+
+def test_a_mirrored_branch_has_the_mirror_images_of_its_via_points():
+    trunk = pg.Body(name="trunk", joint="fixed", mass=1.0)
+    leg = pg.Body(name="left leg", parent="trunk", link=(0, 0.3, 0), mass=1.0, tip=(0, 0, -1))
+    points = via(("trunk", (0.1, 0.4, -0.2)), ("left leg", (0.2, 0.1, -0.3)))
+    muscle = pg.Spring(name="left", body="left leg", other="trunk", via=points, stiffness=9.0)
+    model = pg.Model(bodies=[trunk, leg], forces=[muscle]).mirror("left leg", plane="y")
+    copy = model.part("right", "force")
+    assert (copy.body, copy.other) == ("right leg", "trunk")
+    assert [(x.body, x.point) for x in copy.via] == [
+        ("trunk", (0.1, -0.4, -0.2)), ("right leg", (0.2, -0.1, -0.3)),
+    ]  # fmt: skip
+
+
+def test_a_parameter_moves_a_via_point():
+    point = {"body": "ground", "point": (0, "=2*h", 0)}
+    given = {"kind": "spring", "name": "s", "body": "a", "stiffness": 1.0, "via": [point]}
+    model = pg.Model(bodies=[pg.Body(name="a", mass=1.0)], parameters={"h": 0.5}, forces=[given])
+    assert model.forces[0].via[0].point == (0.0, 1.0, 0.0)
+    again = pg.Model.from_json(model.to_json()).edit("h", 0.75)
+    assert again.forces[0].via[0].point == (0.0, 1.5, 0.0)
