@@ -32,7 +32,8 @@ from .drag import Drag as Drag
 from .bushing import Bushing as Bushing
 from .strut import Lines as Lines
 from .strut import Strut as Strut
-from . import bushing, drag, spring, strut, torsion, wrench
+from .rope import Rope as Rope
+from . import bushing, drag, rope, spring, strut, torsion, wrench
 
 # kinds of force on bodies, in the order of their tables
-LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, strut.LOAD)
+LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, strut.LOAD, rope.LOAD)
