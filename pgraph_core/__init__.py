@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from .errors import Problem as Problem
     from .forces import Bushing as Bushing
     from .forces import Lines as Lines
-    from .forces import Rope as Rope
     from .forces import Strut as Strut
     from .forces import Via as Via
     from .formats import load as load

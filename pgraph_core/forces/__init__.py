@@ -32,8 +32,7 @@ from .drag import Drag as Drag
 from .bushing import Bushing as Bushing
 from .strut import Lines as Lines
 from .strut import Strut as Strut
-from .rope import Rope as Rope
-from . import bushing, drag, rope, spring, strut, torsion, wrench
+from . import bushing, drag, spring, strut, torsion, wrench
 
 # kinds of force on bodies, in the order of their tables
-LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, strut.LOAD, rope.LOAD)
+LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, strut.LOAD)
