@@ -250,7 +250,7 @@ def joinings(
     rods = [
         ((c.body, model.point_of(c)), (c.other, c.other_point))
         for c in model.constraints
-        if c.kind == "distance" and c.active
+        if isinstance(c, pg.Distance) and c.active
     ]
     grain = state.derived.grain
     return (

@@ -117,7 +117,7 @@ class Corners:
         return turn, np.pi - np.linalg.norm(turn, axis=1)
 
 
-def _spans(own: Any, chosen: Array) -> Array:
+def _spans(own: Any, chosen: Array) -> Any:
     """Return the straight spans of chosen loads along paths, as records of their two ends."""
     table, _, vias = own
     found = []
