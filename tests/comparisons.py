@@ -8,14 +8,15 @@ import pgraph_app
 import pgraph_core
 import pgraph_peers
 
-PACKAGES = tuple(Path(str(p.__file__)).parent for p in (pgraph_core, pgraph_app, pgraph_peers))
+PACKAGES = pgraph_core, pgraph_app, pgraph_peers
 
 
 def sources() -> Iterator[tuple[str, ast.Module]]:
-    """Yield (path in the repository, parsed source) of each module of the packages."""
+    """Yield (path from the name of its package, parsed source) of each module of the packages."""
     for package in PACKAGES:
-        for path in sorted(package.rglob("*.py")):
-            name = path.relative_to(package.parent).as_posix()
+        folder = Path(str(package.__file__)).parent
+        for path in sorted(folder.rglob("*.py")):
+            name = f"{package.__name__}/{path.relative_to(folder).as_posix()}"
             yield name, ast.parse(path.read_text(encoding="utf-8"))
 
 

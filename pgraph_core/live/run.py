@@ -69,9 +69,9 @@ class Image:
 
     def place(self, array: Any) -> int:
         """Return the address of the first entry in an array."""
-        if array.nbytes == 0:
-            return self.base
         k, address = self._span_of(array), _address(array)
+        if array.nbytes == 0 and (k < 0 or not address < self._ends[k]):
+            return self.base  # it is not the empty begin of another array
         assert address + array.nbytes <= self._ends[k], "not in the image"
         return self._places[k] + address - self._begins[k]
 

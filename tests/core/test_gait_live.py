@@ -96,7 +96,7 @@ def test_a_gait_walks_on_all_laws(law: str, step: float):
     run = pg.simulate(mech, scenario="trot", t_end=1.2, method="rk4", step=step, estimate=False)
     rigid = pg.simulate(mechanism(), scenario="trot", t_end=1.2, estimate=False)
     # soft friction of a light paw that bears the weight is stiffer: it slips at 0.03 m/s
-    assert all("do not resolve" in text for text in run.notices)
+    assert all("do not resolve" in text or "energy balance" in text for text in run.notices)
     assert run.q[-1, 0] == pytest.approx(rigid.q[-1, 0], abs=0.03)
     assert {"swing", "stance"} <= set(run.phases["left_hind_foot"])
 
