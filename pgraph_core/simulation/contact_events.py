@@ -62,7 +62,7 @@ class ContactEvents:
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=ENDLESS)
         self._struck: tuple[float, set[int]] = -np.inf, set()  # the last impact: time and points
-        self._in_turn = 0  # impacts that follow others at the same time
+        self._in_turn = False  # whether an impact has followed another one at the same time
         self._fell = set[int]()  # open points that would penetrate, of the event being settled
         self._contradictions = 0  # events after which no phases were consistent
         self._resting = np.zeros(
@@ -93,7 +93,7 @@ class ContactEvents:
         self.stuck = max(1e-8, 100 * self.steps.blurred) * self.speed
         span = float(np.ptp(self.plan.times))
         own = self.speed / gravity if gravity else span
-        self._change_of_speed = self.speed / own  # typical acceleration [m/s²]
+        self._acceleration = self.speed / own  # typical of the run [m/s²]
         self.steps.scale(own)
         self._same_time, self._unresolved = COINCIDENT * min(span, own), COINCIDENT * max(span, own)
         self._first_phases(t, np.maximum(f["rounding"], SOLVED * self._fine * sizes))
@@ -374,7 +374,7 @@ class ContactEvents:
         if falls:
             return True
         drift = np.where(held, np.linalg.norm(f["tangential_acceleration"], axis=1), 0.0)
-        if drift[s := int(np.argmax(drift))] > NOTABLE * max(size, self._change_of_speed):
+        if drift[s := int(np.argmax(drift))] > NOTABLE * max(size, self._acceleration):
             f["slip_direction"][s] = f["tangential_acceleration"][s] / drift[s]
             self._set(s, SLIP)
             self.causes[s] = f"no forces hold it: it accelerates by {drift[s]:.4g} m/s²"
@@ -460,15 +460,14 @@ class ContactEvents:
         slow = max(-self.scene.points["gap_rate"][list(hits)]) < VISIBLE * self.speed
         if not before or t - last > self._same_time or hits == before or slow:
             return
-        self._in_turn += 1
-        if self._in_turn == 1:
-            one, other = (
-                self.scene.contact_points[min(x)].name for x in (before, hits - before or hits)
-            )
+        if not self._in_turn:
+            struck = min(before), min(hits - before or hits)
+            one, other = (self.scene.contact_points[s].name for s in struck)
             self.ended.notices.append(
                 f"t = {t:.9g} s: {one} and {other} hit in turn at one time. The motion afterwards "
                 "depends on the order of such impacts, which rounding decides"
             )
+        self._in_turn = True
 
     def _bounces(self, t: float, touching: Ints) -> tuple[Array, dict[int, float]]:
         """Return the restitution of each touching point, and the end times of bounces to rest."""
