@@ -157,6 +157,9 @@ def own_fields(item: Any) -> tuple[str, ...]:
         return (*first, *(name for name in left if name not in first))
     if isinstance(item, pg.Output):
         return tuple(n for n in names if n != "coordinate" or item.kind in OF_JOINT)
+    if places := getattr(item, "PLACES", ()):  # a path ends at the other point
+        first = names[: names.index("other_point")]
+        return (*first, *places, *(n for n in names if n not in (*first, *places)))
     sums = isinstance(item, (pg.Velocity, pg.Coupling, pg.Tendon))
     return tuple(n for n in names if n != "body" or not sums)
 

@@ -53,6 +53,7 @@ USUAL = (
     ("forces", "spring"), ("limits", "limits"),
 )  # fmt: skip
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
+NO_BODY = ("", "choose a body")  # of a list that adds one
 DRAWN = 120  # points of a drawn curve, two or three pixels apart
 Q_OF_T = {
     "sine": ("mean [{}]", "amplitude [{}]", "frequency [rad/s]", "phase [rad]"),
@@ -344,7 +345,7 @@ def _coefficients(item: Any, cells: Any) -> list[Payload]:
                               text=name)])
         for i, (name, row) in enumerate(cells["coefficients"].items())
     ]  # fmt: skip
-    more = field("coefficients", "+ body", [cell((), "")], kind="names", options=[])
+    more = field("coefficients", "+ body", [cell((), "")], kind="names", options=[NO_BODY])
     return [*found, more]
 
 
@@ -374,7 +375,7 @@ def _path(item: Any, name: str, cells: Any, display: Display) -> list[Payload]:
               buttons=[button("×", "", "take this point out", field=name, index=[i], text="")])
         for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name])))
     ]  # fmt: skip
-    more = field(name, "+ via", [cell((), "")], kind="names", options=[parts.GROUND],
+    more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, parts.GROUND],
                  help=shows.help)  # fmt: skip
     return [*found, more]
 

@@ -534,3 +534,17 @@ def test_undo_withdraws_what_an_edit_changed_besides(state):
     for event in (do.Undo, do.Redo):
         removed = after(removed, event(ME))
         assert removed.clients[ME].notice.withdrawn
+
+
+@pytest.mark.parametrize("kind", [pg.Spring, pg.Strut])
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_a_form_lists_points_in_the_order_of_the_path(kind, count):
+    via = tuple(pg.Via(body="1", point=(0.1 * i, 0.0, 0.0)) for i in range(count))
+    free = {"stiffness": 10.0} if kind is pg.Spring else {"bump_stiffness": 1.0, "bump_length": 0.1}
+    rope = kind(name="rope", body="2", other_point=(1.0, 0.0, 0.0), via=via, **free)
+    model = pg.Model.serial(2).model_copy(update={"forces": (rope,)})
+    rows = form(begun(model), Display(), "forces", rope)[0]["fields"]
+    points = [row["label"] for row in rows if row["field"] in ("point", "via", "other_point")]
+    between = [f"{i + 1}. 1" for i in range(count)]
+    assert points == ["Point", *between, "+ via", "Other point"]
+    assert next(row for row in rows if row["label"] == "+ via")["cells"][0]["value"] == ""
