@@ -426,7 +426,8 @@ class Recording(Running):
             self.ended, self.switching = Outcome(), Switching(self)
             if self.carried is not None:
                 self.carried.take_plan(self.plan)
-            self._prepare(*(x.copy() for x in self.began))
+            again = self.given if self.coarser is None else self.began  # begin() tells of moves
+            self._prepare(*(x.copy() for x in again))
             return self.begin()
         if refused is not None:
             text = f"t = {t:.6g} s: bodies come close, and the run continues with"

@@ -8,6 +8,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..refusals import assert_names
+
 pytestmark = pytest.mark.quick
 
 SLIDER = pg.Body("a", joint="prismatic", axes=(1, 0, 0), mass=1.0)
@@ -121,3 +123,26 @@ def test_a_drag_has_derivatives_where_the_body_is_at_rest_along_an_edge():
     found = run.sensitivity("forces.d.density")[-1, 0]
     assert found == pytest.approx(slope * k / 50.0, rel=1e-8)
     assert not run.notices
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-3}])
+def test_a_mechanism_moved_at_the_start_is_said_with_and_without_a_contact(options):
+    """The start of another body on the ground, or of a joint on its stop, changes nothing in it."""
+    a = pg.Body("a", axes=(0, 1, 0), mass=1, com=(0.2, 0, 0), inertia=(0.02,) * 3, q=1.2, v=1)
+    b = pg.Body("b", "a", link=(0.4, 0, 0), axes=(0, 1, 0), mass=1, inertia=(0.02,) * 3, q=-0.9)
+    gear = pg.Gear(name="g", body="b", other="a", ratio=0.5)
+    ball = pg.Body(
+        "r", joint="prismatic", axes=(0, 0, 1), q=0.1, link=(5, 0, 0),
+        shape=pg.Shape(kind="sphere", radius=0.1),
+    )  # fmt: skip
+    alone = pg.Model([a, b, ball], constraints=[gear])
+    others = [
+        alone.add(pg.Contact(name="c", body="r")), alone.edit("r", limits=((0.1, 1),)),
+        alone.edit("b", limits=((-1, 0),)),  # beyond which the gear moves it
+    ]  # fmt: skip
+    start = pg.simulate(alone, t_end=0.01, estimate=False, **options)
+    (said,) = start.notices
+    assert_names(said, "start", "moved", "'b'", f"{abs(start['b'][0] + 0.9):.3g} rad")
+    for model in others:
+        run = pg.simulate(model, t_end=0.01, estimate=False, **options)
+        assert said in run.notices
