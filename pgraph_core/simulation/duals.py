@@ -34,6 +34,9 @@ MOST_ROWS = 3000  # limit for derivatives, whose laws form one dense system
 GAP = (CONTACT.fields or {})["gap"][1] // 8  # word of a contact point
 
 
+State = tuple[Array, Array]  # q and v, with the states of controls
+
+
 class Part(NamedTuple):
     """A sub-step of time stepping."""
 
@@ -158,21 +161,31 @@ class RunOfDuals:
         self._run.stages[at.CANDIDATE] = self._run.stages[at.Y]
         forget(self._run.control["clock"])
 
-    def switch(self, t: float, steps: Any, late: Array, before: Any, after: Any) -> None:
-        """Project the state onto other constraints at t, whose derivatives are `late`."""
+    def switch(
+        self, t: float, old: State, new: State, late: Array, before: Any, after: Any
+    ) -> None:
+        """Project the state `old` onto other constraints at t, whose derivatives are `late`.
+
+        The primal run is in the state `new` after that. As there, the impulse changes the old
+        velocities at the new positions.
+        """
         from ..engine.stepping import duals
 
-        y, n = self._run.stages[at.Y], len(steps.q) + len(steps.v)
+        y, nq, n = self._run.stages[at.Y], len(new[0]), len(new[0]) + len(new[1])
         if len(late):
             y[:, 1 : 1 + len(late)] += np.outer(before, late)
-        self._scene.space.vectors[FACTORED] = 0.0
-        y[:n, 0] = np.concatenate((steps.q, steps.v))
         if self._scene.blocks.active[0]:
-            duals.place_of_duals(self.address, t, ASSEMBLY_ROUNDS)
+            y[:n, 0] = np.concatenate(old)
+            v = y[nq:n].copy()
+            for _ in range(2):  # the first time for the positions
+                y[nq:n] = v
+                self._scene.space.vectors[FACTORED] = 0.0
+                duals.place_of_duals(self.address, t, ASSEMBLY_ROUNDS)
             y[n:, 1:] = np.nan  # derivative of the energy lost in the impulse
-        y[:n, 0] = np.concatenate((steps.q, steps.v))
+        y[:n, 0] = np.concatenate(new)
         if len(late):
             y[:, 1 : 1 + len(late)] -= np.outer(after, late)
+        self._scene.space.vectors[FACTORED] = 0.0
         self._run.stages[at.CANDIDATE] = y
         forget(self._run.control["clock"])
 

@@ -29,7 +29,7 @@ from ..result.records import Derivatives
 from ..result.result import read_only
 from ..tolerances import EPS, NOTABLE, VISIBLE
 from .corners import Corners
-from .duals import Parts, RunOfDuals
+from .duals import Parts, RunOfDuals, State
 from .options import Options
 from .recorded import NO_ESTIMATE, result_of
 from .recording import Recording, scene_of
@@ -295,8 +295,8 @@ class Carried:
         record.steps.guarded_by(carried=0)
         self._ended.append(f"at t = {t:.6g} s derivatives end: {why}")
 
-    def switch(self, record: Recording, t: float, late: Lateness | None) -> None:
-        """Differentiate a switch of constraints at t, after the primal run.
+    def switch(self, record: Recording, t: float, old: State, late: Lateness | None) -> None:
+        """Differentiate a switch of constraints at t in the state `old`, after the primal run.
 
         `late` are the derivatives of t, if it depends on the state.
         """
@@ -304,7 +304,7 @@ class Carried:
         after = rates(record, t) if late else None
         for run, k in zip(self._runs, range(0, len(self.slopes), self._most)):
             times = late.times[k : k + self._most] if late else NO_TIMES
-            run.switch(t, record.steps, times, late and late.rates, after)
+            run.switch(t, old, (record.q, record.v), times, late and late.rates, after)
 
     def lateness(self, record: Recording, t: float, condition: Any) -> Lateness:
         """Return the derivatives of the time t at which a condition becomes true. Raises

@@ -167,6 +167,7 @@ class Switching:
         self._end_stretch()
         self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
         before, booked = self._energy(), steps.ledger.copy()
+        old = record.q.copy(), record.v.copy()
         try:
             hold_here(scene, change, record.q)
             scene.switch(change.active)
@@ -180,7 +181,7 @@ class Switching:
             carried.keep_late([*change.on.tolist(), *change.off.tolist()], late)
             now = scene.blocks.blocks_f[:, : at.PULL]
             if np.array_equal(places, now, equal_nan=True):
-                carried.switch(record, change.t, late)
+                carried.switch(record, change.t, old, late)
             else:
                 carried.stop(
                     record,
