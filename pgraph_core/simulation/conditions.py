@@ -48,6 +48,12 @@ class ConditionOf(NamedTuple):
         return self.when.force is not None and self.place[0] == "contact"
 
     @property
+    def reads_force(self) -> bool:
+        """Return True if it monitors the force of a contact or a constraint."""
+        of_force = self.when.holds is not None and len(measured_rows(self.place.code)) > 0
+        return self.when.force is not None or of_force
+
+    @property
     def margin(self) -> float:
         """The gap below which the watched contact must be active [m]."""
         return max(self.limit[0] * self.limit[1], 0.0) if self.when.gap is not None else 0.0

@@ -312,20 +312,27 @@ class Recording(Running):
             self.switching.begin()
         if self.events is not None and self.ended.ok:
             self.events.begin(self.start)
+        stepped = self.events is None and plan.method.time_stepping and len(plan.times) > 1
+        stepped = stepped and not touched
         if self.watch is not None and self.ended.ok:
+            if stepped and any(given.reads_force for given in plan.conditions):
+                self._rehearse()
             self._begin_watching(self.watch)
         if plan.contacts is not None or plan.contact_points:
             self._hold_touches(touched)
             self.bound()
         if touched and self.scene.touching is not None:
             self._changes = [self.scene.touching.begin_log(self.start)]
-        stepped = self.events is None and plan.method.time_stepping and len(plan.times) > 1
-        stepped = stepped and not touched
-        if stepped and self.user is None and self.scene.touching is not None and self.ended.ok:
-            self.steps.rehearse(self.scene.touching.tally_table, self.scene.touching.pairs)
+        if stepped and self.user is None:
+            self._rehearse()
         if self.carried is not None and self.ended.ok:
             self.carried.join(self, self.given)
         return self.ended.ok
+
+    def _rehearse(self) -> None:
+        """Compute the forces of the first step of time stepping, for frame 0 and conditions."""
+        if self.scene.touching is not None and self.ended.ok:
+            self.steps.rehearse(self.scene.touching.tally_table, self.scene.touching.pairs)
 
     def _begin_watching(self, watch: Watch) -> None:
         """Check events at the start, and switch constraints whose conditions are already true."""

@@ -6,7 +6,7 @@ import pytest
 import pgraph_core as pg
 
 from ..nights import combined
-from ..worlds import ball, on_ground
+from ..worlds import ball, box, on_ground
 
 SETTINGS = [{}, {"method": "rk4", "step": 1e-2}, {"method": "radau5", "rtol": 1e-9}]
 
@@ -151,6 +151,32 @@ def test_the_force_of_a_contact_switches_a_latch():
     weight = -np.asarray(model.gravity) @ (0.0, 0.0, 1.0)
     np.testing.assert_allclose(event.t, (12.0 - weight) / 10.0, rtol=0, atol=1e-3)
     np.testing.assert_allclose(run.q[-1, 0], 0.1, rtol=0, atol=1e-9)
+
+
+def torque(t, q, v):
+    return np.zeros(len(v))
+
+
+@pytest.mark.parametrize("options", [{}, {"tau": torque}, {"rtol": 1e-8}])
+@pytest.mark.parametrize(
+    ("when", "t"),
+    [
+        ({"force": "floor", "above": 3.0}, 0.0),
+        ({"holds": "=force.floor[3] > 9"}, 0.0),
+        ({"holds": "=force.floor[1] > -3"}, 1.0 / (0.5 * 9.81)),
+    ],
+)
+def test_a_force_that_acts_from_the_start_is_known_to_conditions(when, t, options):
+    """A box slides with friction of mu m g until it stops."""
+    sliding = box("b", (0, 0, 0.05), (0.4, 0.3, 0.1), mass=1.0, v=(0, 0, 0, 1, 0, 0))
+    latch = pg.Plane(name="latch", body="b", point=(0, 0, 0), other_axis=(1, 0, 0), active=False)
+    model = on_ground(sliding, friction=0.5).replace(constraints=[latch])
+    switches = [{"constraint": "latch", "active": True, "when": {**when, "once": True}}]
+    run = pg.simulate(model, t_end=0.3, switches=switches, **options)
+    (event,) = [event for event in run.events if event.contact == "latch"]
+    assert event.t == pytest.approx(t, abs=1e-3)
+    told = any("switched at the start" in text for text in run.notices)
+    assert told == (t == 0.0)
 
 
 def test_a_condition_that_holds_at_the_start_is_reported():
