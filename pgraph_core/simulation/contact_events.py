@@ -549,6 +549,18 @@ class ContactEvents:
 
     # -- the record ------------------------------------------------------------------------------
 
+    def pushes(self, rows: Any) -> Array:
+        """Return the forces (n, points and pairs, 3) at these frames [N], those of limits [N m, N]
+        in the first entry."""
+        frames, points = self.scene.frames[rows], self.scene.contact_points
+        own = frames["force"].copy()
+        limits = [s for s, point in enumerate(points) if point.limit is not None]
+        own[:, limits] = 0.0
+        own[:, limits, 0] = frames["normal_force"][:, limits]
+        pairs = [point.pair for point in points]
+        whole = [own[:, np.isin(pairs, name)].sum(axis=1) for name in dict.fromkeys(pairs)]
+        return np.concatenate((own, np.stack(whole, axis=1)), axis=1)
+
     def record(
         self, soft: ContactRecord, states: tuple[Array, Array, Array], rows: Any
     ) -> ContactRecord:

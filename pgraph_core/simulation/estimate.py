@@ -79,7 +79,8 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
     off = apart(record, finer, n)
     turned, slid, size = ranges_of_motion(mech.packed, record.out.q[:n])
-    forces = np.zeros(n) if tables is None else forces_apart(record, finer, n)
+    touched = record.out.pairs.size or record.events or finer.out.pairs.size or finer.events
+    forces = forces_apart(record, finer, n) if touched else np.zeros(n)
     record.ended.notices += undecided(record, finer, max(turned, slid), off, grazes)
     if record.carried is not None and finer.carried is not None:
         record.ended.notices += record.carried.unlike(
@@ -91,7 +92,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         third = _again(record, offset_plan(finer_plan(plan, n), ahead, 1), carries=False)
         if not isinstance(third, str):
             off = np.maximum(off, apart(record, third, n))
-            if tables is not None:
+            if touched:
                 forces = np.maximum(forces, forces_apart(record, third, n))
     error = off[:, 1:].copy()
     np.maximum(off[:, 0], off[:, 1], out=error[:, 0])
@@ -114,7 +115,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     # what is rounding no step and no tolerance makes smaller
     sizes = np.maximum(sizes, ROUNDING / (EPS * VISIBLE) * rounding[-1])
     told = _notices(record, plan.times, error, sizes)
-    if tables is not None and not told:
+    if touched and not told:
         told = unsure_forces(record, plan.times, forces)
     if record.plan.method.implicit:
         told += passed_over(record, float(error[-1, 0]))

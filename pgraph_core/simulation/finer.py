@@ -167,19 +167,33 @@ def forces_apart(record: Recording, finer: Recording, n: int) -> Array:
 
     With time stepping, forces are means between the times that both runs recorded.
     """
-    if not record.out.pairs.size or not finer.out.pairs.size:
-        return np.zeros(n)
     i, j = shared(record, finer, n)
-    found = [x.out.pairs["mean_force"] for x in (record, finer)]
-    if record.plan.method.time_stepping:
+    off = _means_apart(record, finer, i, j)
+    if record.events is not None or finer.events is not None:  # one may have touched nothing
+        given = (record.events, i), (finer.events, j)
+        found = [0.0 if events is None else events.pushes(rows) for events, rows in given]
+        off = np.maximum(off, np.linalg.norm(found[0] - found[1], axis=2).max(axis=1))
+    return off[np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)]
+
+
+def _means_apart(record: Recording, finer: Recording, i: Ints, j: Ints) -> Array:
+    """Find the largest difference (k,) of forces in `pairs`, at frames i and j of the runs."""
+    runs, known = (record, finer), [x.out.pairs for x in (record, finer) if x.out.pairs.size]
+    if not known:
+        return np.zeros(len(i))
+    none = (known[0].shape[1], 3)  # of a run that touches nothing
+    found = [
+        x.out.pairs["mean_force"] if x.out.pairs.size else np.zeros((x.steps.recorded, *none))
+        for x in runs
+    ]
+    if any(x.plan.method.time_stepping for x in runs):
         times = record.steps.times, finer.steps.times
         found = [means_between(*given) for given in zip(times, found, (i, j))]
         for force in found:
             force[0] = 0.0  # that of an instant, in steps of different width
     else:
         found = [force[k] for force, k in zip(found, (i, j))]
-    off = np.linalg.norm(found[0] - found[1], axis=2).max(axis=1)
-    return off[np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)]
+    return np.linalg.norm(found[0] - found[1], axis=2).max(axis=1)
 
 
 # -- events that a finer run has and the run has not -----------------------------------------------

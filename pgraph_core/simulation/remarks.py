@@ -467,6 +467,8 @@ def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
     """Return a message about errors (n,) of contact and limit forces that are a notable part of
     their peak."""
     peak = float(np.abs(record.out.pairs["mean_force"][: len(t)]).max(initial=0.0))
+    if record.events is not None:
+        peak = max(peak, float(np.abs(record.events.pushes(slice(len(t)))).max(initial=0.0)))
     if not error.max(initial=0.0) > NAMED * peak:
         return ()
     worst = float(error.max())

@@ -41,6 +41,36 @@ def test_the_error_of_mean_forces_covers_the_time_of_an_impact():
     assert 0.1 < run.force_error / error < 10.0
 
 
+def swinging(stop):
+    """A pendulum on a base that rests on the ground, or on the limit of its joint."""
+    base = pg.Body(
+        name="b", joint="prismatic", axes=((0, 0, 1),), mass=3.0,
+        limits=((0.0, None),) if stop else None,
+    )  # fmt: skip
+    rod = pg.Body(
+        name="rod", parent="b", axes=((0, 1, 0),), mass=1.0, com=(0, 0, -0.5), q=(2.0,),
+        inertia=(0.01,) * 3,
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="b", points=((0, 0, 0),))
+    return pg.Model(bodies=[base, rod], contacts=[] if stop else [floor])
+
+
+@pytest.mark.parametrize("stop", [False, True])
+@pytest.mark.parametrize("options", [{"rtol": 1e-4}, {"method": "rk4", "step": 0.05}])
+def test_the_error_of_forces_from_event_to_event_is_that_against_an_exact_run(stop, options):
+    def pushes(run):
+        return next(iter(run.contacts.limit.values())) if stop else force(run)[:, 2]
+
+    call = {"t_end": 1.0, "frames": 51}
+    exact = pg.simulate(swinging(stop), rtol=1e-11, estimate=False, **call)
+    run = pg.simulate(swinging(stop), **call, **options)
+    error = np.abs(pushes(run) - pushes(exact))
+    peak = np.abs(pushes(exact)).max()
+    assert 0.3 < run.force_error / error.max() < 3.0
+    assert run.force_error_at.argmax() == pytest.approx(error.argmax(), abs=2)
+    assert run.relative_force_error == pytest.approx(run.force_error / peak, rel=0.05)
+
+
 def test_the_error_of_forces_is_kept_in_files(tmp_path):
     run = pg.simulate(on_ground(ball(place=(0, 0, 0.2)), law="soft"), t_end=0.3, rtol=1e-6)
     run.save(tmp_path / "run.npz")
