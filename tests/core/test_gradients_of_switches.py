@@ -83,6 +83,9 @@ CHANGED = {
 }
 
 
+PATHS = ["bodies.a2.mass", "bodies.b.com.2", "q.a2", "v.b", "constraints.c"]
+
+
 @pytest.mark.parametrize(("kind", "path", "friction"), combined(SWITCHED, PATHS, [0.0, 0.05]))
 def test_a_constraint_switched_on_has_the_derivatives_of_differences(kind, path, friction):
     """The impulse depends on the inertias at the positions, which meet the constraint then."""
