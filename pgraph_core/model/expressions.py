@@ -71,6 +71,7 @@ class Known:
         self.bodies, self.parameters, self._exerting = bodies, parameters, exerting
         self._lost = lost
         self.drives = {f.name: f for f in forces if isinstance(f, OnJoint)}
+        self._kinds = {f.name: f.own_kind() for f in forces}
         self.outputs = {o.name: o for o in outputs}
         self.controls = {c.name: c for c in controls}
 
@@ -151,6 +152,10 @@ class Known:
         known = self.of("force")
         if name not in known:
             do = nearest_name(name, known) if known else "the model has none"
+            if name in self._kinds:
+                do = f"it is a {self._kinds[name]}, whose force no expression reads"
+            if name in self.drives:
+                do = f"write {written('f', name)} for the torque or force of a drive"
             raise Unreadable(node.column, f"no contact or constraint is named {shown(name)}; {do}")
         if all(name in names for names in self._exerting):
             text = f"a contact and a constraint are both named {shown(name)}; rename one"
@@ -186,12 +191,13 @@ class Known:
             tree = parsed(text)
             for node in walk(tree):
                 self._check(node, of_time)
+            found = dim_of(tree, self.dim)  # names of signals come first
+            for node in walk(tree):
                 if at_once and node.op == "signal" and node.signal[0] == "force":
                     force = written("force", node.signal[1])
                     loop = f"an algebraic loop: {force} -> {at_once} -> {force}, which follows"
                     do = "from all forces; read it in a control with samples"
                     raise Unreadable(node.column, f"{loop} {do}")
-            found = dim_of(tree, self.dim)
         except Unreadable as error:
             return f"{shown(text)}: {error}"
         if found is None or wanted is None or fits(found, wanted):
