@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import GROUND
-from pgraph_core.forces import BetweenPoints, spans_of
+from pgraph_core.forces import BetweenPoints, lines_of
 from pgraph_core.rotation import frame_of
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
@@ -240,22 +241,22 @@ def joinings(
     state: State, positions: np.ndarray, R: np.ndarray
 ) -> tuple[Joining, Joining, Joining]:
     """Return springs, rods (distance constraints) and brackets of pivots on the ground."""
-    model = state.model
-    springs = [
-        span
-        for f in forces_of(state)
-        if isinstance(f, BetweenPoints) and f.body in model.row
-        for span in spans_of(f, model.body(f.body))
-    ]
+    model, number = state.model, {GROUND: 0, **state.derived.number}
+    coils, threads = [], []
+    at, turn = _places(number, positions, R)
+    for f in forces_of(state):
+        if isinstance(f, BetweenPoints) and all(name in number for name in (*f.pair, *f.touches)):
+            for line, bent in lines_of(f, model.body(f.body), at, turn):
+                (threads if bent else coils).extend(itertools.pairwise(line))
     rods = [
-        ((c.body, model.point_of(c)), (c.other, c.other_point))
+        (at(c.body, model.point_of(c)), at(c.other, c.other_point))
         for c in model.constraints
         if isinstance(c, pg.Distance) and c.active
     ]
     grain = state.derived.grain
     return (
-        _between(state, springs, positions, R, 0.07 * grain),
-        _between(state, rods, positions, R, 0.025 * grain),
+        _between(coils, 0.07 * grain),
+        _between([*rods, *threads], 0.025 * grain),
         pivots(state),
     )
 
@@ -302,20 +303,25 @@ def pivots(state: State) -> Joining:
     return Joining(between, between.mean(axis=1), wxyz, np.full((len(ends), 3), size))
 
 
-def _between(
-    state: State, spans: list[Any], positions: np.ndarray, R: np.ndarray, wide: float
-) -> Joining:
-    number, ends = {GROUND: 0, **state.derived.number}, []
-    for span in spans:
-        if all(name in number for name, _ in span):
-            ends.append([_at(number[name], point, positions, R) for name, point in span])
-    between = np.array(ends).reshape(-1, 2, 3)
+def _between(spans: Sequence[tuple[np.ndarray, np.ndarray]], wide: float) -> Joining:
+    """Return marks of a width along spans from point to point, world axes [m]."""
+    between = np.array(spans).reshape(-1, 2, 3)
     a, b = between.transpose(1, 0, 2)
     length = np.maximum(np.linalg.norm(b - a, axis=1), 1e-9)
     turns = [frame_of(way) if long > 1e-9 else np.eye(3)
              for way, long in zip((b - a) / length[:, None], length)]  # fmt: skip
     size = np.stack((np.full(len(a), wide), np.full(len(a), wide), length), axis=1)
     return Joining(between, (a + b) / 2, shapes.to_wxyz(np.array(turns).reshape(-1, 3, 3)), size)
+
+
+def _places(
+    number: Mapping[str, int], positions: np.ndarray, R: np.ndarray
+) -> tuple[Callable[[str, Any], np.ndarray], Callable[[str], np.ndarray]]:
+    """Return functions of a body's name: a point of it in world axes, and its orientation."""
+    return (
+        lambda name, point: _at(number[name], point, positions, R),
+        lambda name: np.eye(3) if number[name] == 0 else R[number[name] - 1],
+    )
 
 
 def _at(number: int, point: Any, positions: np.ndarray, R: np.ndarray) -> np.ndarray:

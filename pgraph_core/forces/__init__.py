@@ -23,9 +23,10 @@ from .tendon import Tendon as Tendon
 from .wrench import Wrench as Wrench
 from .path import BetweenPoints as BetweenPoints
 from .path import Via as Via
+from .path import legs_of as legs_of
+from .path import lines_of as lines_of
 from .path import path_of as path_of
 from .path import points_of as points_of
-from .path import spans_of as spans_of
 from .spring import Spring as Spring
 from .torsion import Torsion as Torsion
 from .drag import Drag as Drag

@@ -26,6 +26,7 @@ from ..fields import (
     listed,
     refuse,
 )
+from .obstacles import OBSTACLE
 
 KIND = "the name of a kind of force"
 Array = npt.NDArray[np.float64]
@@ -180,7 +181,8 @@ HEADER = {
     "first_via": INTEGER,  # its points between the first and the last one
     "vias": INTEGER,
 }
-VIA = record(row=INTEGER, body=INTEGER, point=(REAL, 3))  # home axes of the row
+# a point of a path, or the centre of an obstacle in it; home axes of the row
+VIA = record(row=INTEGER, body=INTEGER, point=(REAL, 3), **OBSTACLE)
 
 
 def row(**fields: Any) -> np.dtype[Any]:

@@ -6,30 +6,81 @@ friction. Its kind defines the tension from the length of the path and its rate.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
-from typing import Any, ClassVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from ..engine.compiler.jit import part
-from ..engine.rows import point_of, point_velocity
-from ..engine.vec import dot, scale, sub, xyz
-from ..fields import AtPoint, Frozen, Text, Vec3, field, maybe_vector, parts_of, vector
+from ..engine.rows import point_of, point_velocity, rotation_of
+from ..engine.vec import add, dot, mul, scale, sub, xyz
+from ..errors import shown
+from ..fields import (
+    AtPoint,
+    Frozen,
+    Number,
+    Text,
+    Vec3,
+    field,
+    maybe_vector,
+    parts_of,
+    refuse,
+    refuse_no_direction,
+    vector,
+)
+from ..rotation import Array
 from ..tolerances import TINY
 from ..units import M
 from .base import Action, Between, Places, opposed
+from .obstacles import POINT, Past, around, past_obstacle
+
+Place = tuple[str, Sequence[float]]  # a body and a point in its axes [m]
 
 
 class Via(Frozen):
-    """A point of a body through which a path leads."""
+    """A point of a body through which a path leads, or a round obstacle on which it lies.
+
+    With a `radius`, `point` is the centre of a sphere, or with an `axis` that of a cylinder. The
+    path touches it without friction, on its shorter side or on that of the point `side`, and leaves
+    it where it is straight without it.
+    """
+
+    FOLLOWERS: ClassVar[dict[str, tuple[str, ...]]] = {"radius": ("axis", "side")}
 
     body: Text = field("the name of a body, or 'ground'", label="Body")
     point: Vec3 = field(
         "three finite numbers in the axes of its `body` [m]",
         converter=vector, dim=M, role="point", help="in the axes of its body",
     )  # fmt: skip
+    radius: Number | None = field(
+        "a length > 0 [m], or None for a point",
+        default=None, gt=0, dim=M, since=9, help="radius of an obstacle; default: a point",
+    )  # fmt: skip
+    axis: Vec3 | None = field(
+        "a direction in the axes of its `body`, or None for a sphere",
+        converter=maybe_vector, default=None, role="direction", since=9,
+        help="axis of a cylinder, in the axes of its body; default: a sphere",
+    )  # fmt: skip
+    side: Vec3 | None = field(
+        "three finite numbers in the axes of its `body` [m], or None for the shorter side",
+        converter=maybe_vector, default=None, dim=M, role="point", since=9,
+        help="point on whose side the path lies; default: the shorter side",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _round(self) -> Self:
+        refuse_no_direction(axis=self.axis)
+        given = [name for name in ("axis", "side") if getattr(self, name) is not None]
+        if self.radius is None and given:
+            text = "belongs to an obstacle; give its radius [m], such as radius=0.02, or leave it"
+            refuse([(given[0], f"{text} out for a point")])
+        if self.side is not None and self.side == self.point:
+            text = "must not be the centre of the obstacle; give a point on the side on which the "
+            refuse([("side", f"{text}path lies, got {shown(self.side)}")])
+        return self
 
 
 class BetweenPoints(AtPoint, Between):
@@ -46,10 +97,20 @@ class BetweenPoints(AtPoint, Between):
         help="in the axes of the second body; default: its origin",
     )  # fmt: skip
     via: tuple[Via, ...] = field(
-        "a list of points {'body': name, 'point': [x, y, z]} [m] between both ends, in their order",
+        "a list of points {'body': name, 'point': [x, y, z]} [m] between both ends, in their "
+        "order, with a 'radius' [m] for an obstacle",
         converter=parts_of(Via), default=(), role="parts", since=9,
-        help="points between both ends through which it passes without friction",
+        help="points between both ends, or round obstacles, which it passes without friction",
     )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _apart(self) -> Self:
+        round_ = [via.radius is not None for via in self.via]
+        for k, pair in enumerate(itertools.pairwise(round_), start=1):
+            if all(pair):
+                text = f"points {k} and {k + 1} are obstacles that follow each other; put a point "
+                refuse([("via", f"{text}without a radius between them, through which it passes")])
+        return self
 
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
         ends = {"point": self.other_point or (0.0, 0.0, 0.0), "other_point": self.point}
@@ -64,26 +125,57 @@ def points_of(f: BetweenPoints, body: Any) -> tuple[Sequence[float], Sequence[fl
     return f.point or body.tip_point, f.other_point or (0.0, 0.0, 0.0)
 
 
-def path_of(f: BetweenPoints, body: Any) -> list[tuple[str, Sequence[float]]]:
+def path_of(f: BetweenPoints, body: Any) -> list[Place]:
     """Return (body, point in its axes [m]) of all points of a path in order."""
     own, other = points_of(f, body)
     return [(f.body, own), *((via.body, via.point) for via in f.via), (f.other, other)]
 
 
-def spans_of(
-    f: BetweenPoints, body: Any
-) -> Iterator[tuple[tuple[str, Sequence[float]], tuple[str, Sequence[float]]]]:
-    """Yield the (body, point) at both ends of each span of a path."""
-    return pairwise(path_of(f, body))
+def legs_of(f: BetweenPoints, body: Any) -> Iterator[tuple[Place, Via | None, Place]]:
+    """Yield (point, obstacle or None, next point) of a path, with points as in `path_of`."""
+    start, past = path_of(f, body)[0], None
+    for via, place in zip((*f.via, None), path_of(f, body)[1:]):
+        if via is not None and via.radius is not None:
+            past = via
+        else:
+            yield start, past, place
+            start, past = place, None
 
 
 def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
     """Write both ends into the row, and return the length of the path in the initial state [m]."""
     own, other = points_of(f, at.body(f.body))
     one["point_a"], one["point_b"] = at.in_row(f.body, own), at.in_row(f.other, other)
-    places = [at.at_start(*place) for place in path_of(f, at.body(f.body))]
-    first, *others = (float(np.linalg.norm(a - b)) for a, b in pairwise(places))
+    first, *others = (
+        float(np.linalg.norm(at.at_start(*p) - at.at_start(*q)))
+        if via is None
+        else _past(via, at.at_start, at.turn_at_start, p, q)[0].length
+        for p, via, q in legs_of(f, at.body(f.body))
+    )
     return sum(others, first)
+
+
+def lines_of(
+    f: BetweenPoints, body: Any, at: Callable[..., Array], turn: Callable[[str], Array]
+) -> Iterator[tuple[Array, bool]]:
+    """Yield the lines (n, 3) of a path, and whether each lies on an obstacle.
+
+    `at(body, point)` returns a point in world axes [m], and `turn(body)` an orientation (3, 3).
+    """
+    for p, via, q in legs_of(f, body):
+        if via is None or (found := _past(via, at, turn, p, q))[0].free:
+            yield np.array([at(*p), at(*q)]), False
+        else:
+            past, centre = found
+            yield np.array([at(*p), centre + past.first]), False
+            yield centre + past.arc, True
+            yield np.array([centre + past.last, at(*q)]), False
+
+
+def _past(via: Via, at: Any, turn: Any, p: Place, q: Place) -> tuple[Past, Array]:
+    """Return the path from p to q past an obstacle, relative to its centre, and the centre."""
+    centre = at(via.body, via.point)
+    return past_obstacle(via, turn(via.body), at(*p) - centre, at(*q) - centre), centre
 
 
 @part
@@ -102,7 +194,7 @@ def first_of(one, work):
 
 @part
 def next_of(one, vias, n, work):
-    """Return (row, body, point) at the end of span n: a via point or, after the last one, B."""
+    """Return (row, body, point) of the via point n or, after the last one, of B."""
     if n == one.vias:
         return one.row_b, one.body_b, point_of(xyz(one.point_b), work, one.row_b)
     via = vias[one.first_via + n]
@@ -110,20 +202,68 @@ def next_of(one, vias, n, work):
 
 
 @part
-def span(work, linear, a, p, b, q):
-    """Return (unit vector from q to p, length, rate) of the span from p on row a to q on row b."""
-    d, length = along(p, q)
-    u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, q))
-    return d, length, dot(d, u)
+def is_obstacle(one, vias, n):
+    """Check whether element n of a path between its ends is an obstacle."""
+    return n < one.vias and vias[one.first_via + n].shape != POINT
 
 
 @part
-def with_the_rest(one, vias, work, linear, b, q, length, rate):
-    """Return the length and rate of the first span, which ends at q on row b, plus the others'."""
-    for n in range(1, one.vias + 1):
-        a, p = b, q
-        b, _, q = next_of(one, vias, n, work)
-        _, more, faster = span(work, linear, a, p, b, q)
+def end_of(one, vias, n, work):
+    """Return (number, row, body, point) of the point at the end of a leg with element n."""
+    last = n + 1 if is_obstacle(one, vias, n) else n
+    b, body, q = next_of(one, vias, last, work)
+    return last, b, body, q
+
+
+@part
+def past(via, work, p, q):
+    """Return `around` from p to q, with points in world coordinates."""
+    c = point_of(xyz(via.point), work, via.row)
+    turn = rotation_of(work, via.row)
+    axis, side = mul(turn, xyz(via.axis)), mul(turn, xyz(via.side))
+    free, length, start, first, last, stop = around(
+        via.shape, via.sided, via.radius, axis, side, sub(p, c), sub(q, c)
+    )
+    return free, length, start, add(c, first), add(c, last), stop
+
+
+@part
+def rate_of(work, linear, d, a, p, b, q):
+    """Return the rate of a span from p on row a to q on row b, with unit vector d from q to p."""
+    return dot(d, sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, q)))
+
+
+@part
+def span(work, linear, a, p, b, q):
+    """Return (unit vector from q to p, length, rate) of the span from p on row a to q on row b."""
+    d, length = along(p, q)
+    return d, length, rate_of(work, linear, d, a, p, b, q)
+
+
+@part
+def leg(one, vias, n, work, linear, a, p):
+    """Return the part of a path from p on row a to the next point, past element n if it is round.
+
+    It is given as (number of the point, its row, body and place, length, rate, unit vector from its
+    end to its start, for a straight one).
+    """
+    end, b, body, q = end_of(one, vias, n, work)
+    if end == n:
+        d, length, rate = span(work, linear, a, p, b, q)
+        return end, b, body, q, length, rate, d
+    via = vias[one.first_via + n]
+    _, length, start, first, last, stop = past(via, work, p, q)
+    d = scale(-1.0, start)
+    rate = rate_of(work, linear, d, a, p, via.row, first)
+    rate += rate_of(work, linear, scale(-1.0, stop), via.row, last, b, q)
+    return end, b, body, q, length, rate, d
+
+
+@part
+def with_the_rest(one, vias, work, linear, n, b, q, length, rate):
+    """Return length and rate of a path up to its point n, at q on row b, plus those of the rest."""
+    while n < one.vias:
+        n, b, _, q, more, faster, _ = leg(one, vias, n + 1, work, linear, b, q)
         length += more
         rate += faster
     return length, rate
@@ -132,20 +272,28 @@ def with_the_rest(one, vias, work, linear, b, q, length, rate):
 @part
 def measured(one, vias, work, linear):
     """Return the length of a path and its rate."""
-    b, _, q = next_of(one, vias, 0, work)
-    _, length, rate = span(work, linear, one.row_a, first_of(one, work), b, q)
-    return with_the_rest(one, vias, work, linear, b, q, length, rate)
+    first = first_of(one, work)
+    n, b, _, q, length, rate, _ = leg(one, vias, 0, work, linear, one.row_a, first)
+    return with_the_rest(one, vias, work, linear, n, b, q, length, rate)
+
+
+@part
+def leg_length(one, vias, n, work, p):
+    """Return (number of the next point, its place, length of the way to it) as `leg`."""
+    end, _, _, q = end_of(one, vias, n, work)
+    if end == n:
+        _, length = along(p, q)
+    else:
+        _, length, _, _, _, _ = past(vias[one.first_via + n], work, p, q)
+    return end, q, length
 
 
 @part
 def length_of(one, vias, work):
     """Return the length of a path."""
-    _, _, q = next_of(one, vias, 0, work)
-    _, length = along(first_of(one, work), q)
-    for n in range(1, one.vias + 1):
-        p = q
-        _, _, q = next_of(one, vias, n, work)
-        _, more = along(p, q)
+    n, q, length = leg_length(one, vias, 0, work, first_of(one, work))
+    while n < one.vias:
+        n, q, more = leg_length(one, vias, n + 1, work, q)
         length += more
     return length
 
@@ -161,19 +309,29 @@ def on_path(pull: Any, energy: Any) -> Action:
         both = opposed(push)
 
         @part
+        def draw(to, one, vias, n, work, a, body_a, p, b, body_b, q, d, tension):
+            """Pull the ends of a leg, and the obstacle between them, towards each other."""
+            none = (0.0, 0.0, 0.0)
+            if is_obstacle(one, vias, n):
+                via = vias[one.first_via + n]
+                _, _, start, first, last, stop = past(via, work, p, q)
+                both(to, a, body_a, p, via.row, via.body, first, none, scale(tension, start))
+                both(to, via.row, via.body, last, b, body_b, q, none, scale(tension, stop))
+            else:
+                both(to, a, body_a, p, b, body_b, q, none, scale(-tension, d))
+
+        @part
         def exert(one, knots, vias, work, linear, t, to):
             a, body_a, p = one.row_a, one.body_a, first_of(one, work)
-            b, body_b, q = next_of(one, vias, 0, work)
-            d, length, rate = span(work, linear, a, p, b, q)
-            length, rate = with_the_rest(one, vias, work, linear, b, q, length, rate)
+            n, b, body_b, q, length, rate, d = leg(one, vias, 0, work, linear, a, p)
+            length, rate = with_the_rest(one, vias, work, linear, n, b, q, length, rate)
             tension, put_in, lost = pull(one, knots, length, rate, t)
-            none = (0.0, 0.0, 0.0)
-            both(to, a, body_a, p, b, body_b, q, none, scale(-tension, d))
-            for n in range(1, one.vias + 1):
-                a, body_a, p = b, body_b, q
-                b, body_b, q = next_of(one, vias, n, work)
+            draw(to, one, vias, 0, work, a, body_a, p, b, body_b, q, d, tension)
+            while n < one.vias:
+                a, body_a, p, begun = b, body_b, q, n + 1
+                n, b, body_b, q = end_of(one, vias, begun, work)
                 d, _ = along(p, q)
-                both(to, a, body_a, p, b, body_b, q, none, scale(-tension, d))
+                draw(to, one, vias, begun, work, a, body_a, p, b, body_b, q, d, tension)
             return put_in, lost
 
         return exert

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -14,13 +14,13 @@ from ..fields import GROUND
 from ..forces import Via
 from ..forces.bushing import Bushing
 from ..model import Actuator, Drag, Force, Motor, Servo, SpeedServo, Spring, Tendon, Wrench
-from ..rotation import unit
+from ..rotation import matrix, unit
 from .conversion import NO_LIMIT, unused
 from .mjcf_compiled import BALL, FREE, MINVAL, Reading
 
 Array = np.ndarray
 TENDON = 3  # mjtEq
-ALONG_JOINT, SITE = 1, 3  # mjtWrap
+ALONG_JOINT, PULLEY, SITE, SPHERE, CYLINDER = range(1, 6)  # mjtWrap
 ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: (joint, joint in parent), tendon
 INTEGRATOR, FILTERS = 1, (2, 3)  # mjtDyn: integrator, (filter, filterexact)
 GROUPS = 31  # number of actuator groups that MuJoCo can switch off, 0 to 30
@@ -262,26 +262,22 @@ class Forces:
         return {key: end for key, end in found.items() if abs(end) < NO_LIMIT}
 
     def _over_sites(self, t: int, name: str) -> Spring | None:
-        """Create a spring for a tendon from site to site."""
+        """Create a spring for a tendon over sites and around geoms."""
         m, first = self.m, int(self.m.tendon_adr[t])
-        parts = slice(first, first + int(m.tendon_num[t]))
-        sites = all(m.wrap_type[parts] == SITE)
-        if not sites or m.tendon_frictionloss[t]:
-            text = "with friction, from site to site" if sites else "with pulleys or around geoms"
-            self.reader.left_out("tendon", name, f"a tendon {text}")
+        parts = range(first, first + int(m.tendon_num[t]))
+        if text := self._unlike_path(t, parts):
+            self.reader.left_out("tendon", name, text)
             return None
-        places: list[tuple[str, tuple[float, ...]]] = []
-        for site in m.wrap_objid[parts]:
-            b = int(m.site_bodyid[site])
-            place = m.site_pos[site] - self.reader.pivot[b]
-            one = (self.reader.names[b], tuple(place.tolist()))
+        places = list[Via]()
+        for w in parts:
+            one = self._site(w) if m.wrap_type[w] == SITE else self._obstacle(w)
             places += [one] if one not in places[-1:] else []
-        if len({body for body, _ in places}) == 1:
+        if len({place.body for place in places}) == 1:
             return None
-        if places[0][0] == GROUND:
+        if places[0].body == GROUND:
             places.reverse()
-        (body, point), *via, (other, other_point) = places
-        if body == GROUND:
+        start, *via, end = places
+        if start.body == GROUND:
             self.reader.left_out("tendon", name, "a tendon with both ends on the ground")
             return None
         ends = {k: end for k, end in self._ends(t, name).items() if k == "high" or end > 0}
@@ -292,11 +288,54 @@ class Forces:
             self.reader.left_out("tendon", name, text)
             ends = {}
         return Spring(
-            name=name, body=body, other=other, point=point, other_point=other_point,
-            via=[Via(body=name, point=place) for name, place in via],
-            stiffness=float(m.tendon_stiffness[t]), damping=float(m.tendon_damping[t]),
+            name=name, body=start.body, other=end.body, point=start.point, other_point=end.point,
+            via=via, stiffness=float(m.tendon_stiffness[t]), damping=float(m.tendon_damping[t]),
             rest=float(m.tendon_lengthspring[t, 0]), **ends,
         )  # fmt: skip
+
+    def _unlike_path(self, t: int, parts: Sequence[int]) -> str:
+        """Return a text about what a spring along a path cannot be of a tendon, or ""."""
+        m = self.m
+        if m.tendon_frictionloss[t]:
+            return "a tendon with friction, over sites or around geoms"
+        if any(m.wrap_type[w] == PULLEY for w in parts):
+            return "a tendon with pulleys"
+        around = [w for w in parts if m.wrap_type[w] != SITE]
+        if any(self._inside(w) for w in around):
+            return "a tendon inside a geom, with its sidesite in it"
+        sides = [int(m.wrap_prm[w]) for w in around]
+        bodies = (m.geom_bodyid[m.wrap_objid[w]] for w in around)
+        if any(s >= 0 and m.site_bodyid[s] != b for s, b in zip(sides, bodies)):
+            return "a tendon around a geom whose sidesite is on another body"
+        return ""
+
+    def _site(self, w: int) -> Via:
+        site = int(self.m.wrap_objid[w])
+        return self._via(self.m.site_bodyid[site], self.m.site_pos[site])
+
+    def _via(self, b: int, place: Any, **fields: Any) -> Via:
+        point = tuple((place - self.reader.pivot[b]).tolist())
+        return Via(body=self.reader.names[b], point=point, **fields)
+
+    def _obstacle(self, w: int) -> Via:
+        """Create an obstacle for the sphere or cylinder around which a tendon goes."""
+        m, g, side = self.m, int(self.m.wrap_objid[w]), int(self.m.wrap_prm[w])
+        b = int(m.geom_bodyid[g])
+        given: dict[str, Any] = {"radius": float(m.geom_size[g, 0])}
+        if m.wrap_type[w] == CYLINDER:
+            given["axis"] = tuple(matrix(m.geom_quat[g])[:, 2].tolist())
+        if side >= 0:
+            given["side"] = self._via(b, m.site_pos[side]).point
+        return self._via(b, m.geom_pos[g], **given)
+
+    def _inside(self, w: int) -> bool:
+        """Check whether a sidesite lies in its geom, so that the tendon goes through it."""
+        m, g, side = self.m, int(self.m.wrap_objid[w]), int(self.m.wrap_prm[w])
+        if side < 0:
+            return False
+        apart = matrix(m.geom_quat[g]).T @ (m.site_pos[side] - m.geom_pos[g])
+        across = apart[: 2 if m.wrap_type[w] == CYLINDER else 3]
+        return bool(np.linalg.norm(across) < m.geom_size[g, 0])
 
     def _actuator(self, a: int, name: str) -> Force | None:
         """Return the force of an actuator, gear x (gain u + b0 + b1 length + b2 rate)."""

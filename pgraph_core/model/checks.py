@@ -8,7 +8,7 @@ from typing import Any
 from .. import joints, words
 from ..errors import MOST_TOLD, Problem, choices, counted, shown
 from ..fields import EVERY, GROUND, Described, OfSums, name_problem
-from ..forces import BetweenPoints, Force, OnJoint, Tendon, ends_of, spans_of
+from ..forces import BetweenPoints, Force, OnJoint, Tendon, ends_of, legs_of
 from ..joints import quaternion_problems
 from ..shapes import KINDS, kind_of
 from .body import Body
@@ -258,9 +258,10 @@ def path_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
     if {via.body for via in f.via} == {f.body} == {f.other}:
         text = f"all its points are on '{f.body}', so that its length is constant; put one of them "
         return [Problem(where, "via", f"{text}on another body or on the ground")]
-    for k, ((one, a), (two, b)) in enumerate(spans_of(f, body)):
-        if one == two and tuple(a) == tuple(b):
-            names = ["point", *(f"point {n + 1} of via" for n in range(len(f.via))), "other_point"]
+    points = [k for k, via in enumerate(f.via, start=1) if via.radius is None]
+    names = ["point", *(f"point {k} of via" for k in points), "other_point"]
+    for k, ((one, a), past, (two, b)) in enumerate(legs_of(f, body)):
+        if past is None and one == two and tuple(a) == tuple(b):
             text = f"{names[k]} and {names[k + 1]} are the same point {shown(tuple(a))} of '{one}'"
             found.append(Problem(where, "via", f"{text}; take one of them out or move it"))
     return found

@@ -17,6 +17,7 @@ from ..engine.records import CREEP, JOINT_FORCE, rows_of, table
 from ..engine.signals import DRIVE
 from ..fields import GROUND, OfSums
 from ..forces import LOADS, VIA, Load, OnBody, OnJoint
+from ..forces.obstacles import obstacle_of
 from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates, point_in_row
@@ -83,7 +84,7 @@ def loads(
 def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array, Any]:
     """Return (table, knots, via points) for all loads of one kind."""
     found, (_, none, _) = table(kind.row, len(ours)), empty(kind)
-    knots, places = [none], list[tuple[int, int, Array]]()
+    knots, places = [none], list[tuple[Any, ...]]()
     for one, f in zip(found, ours):
         one["body_a"], one["body_b"] = (at.number(name) for name in f.pair)
         one["row_a"], one["row_b"] = (at.packed.row_of(int(one[x])) for x in ("body_a", "body_b"))
@@ -92,10 +93,15 @@ def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array, 
         one["first_knot"], one["knots"] = sum(map(len, knots)), len(own)
         knots.append(own)
         one["first_via"], one["vias"] = len(places), len(f._places)
-        for via in f._places:
-            body = at.number(via.body)
-            places.append((at.packed.row_of(body), body, at.in_row(via.body, via.point)))
+        places += (_packed_via(via, at) for via in f._places)
     return found, np.concatenate(knots), rows_of(VIA, places)
+
+
+def _packed_via(via: Any, at: Placed) -> tuple[Any, ...]:
+    """Return the fields of VIA for a point or an obstacle."""
+    body, home, given = at.number(via.body), at.home(via.body), obstacle_of(via)
+    given |= {name: home @ given[name] for name in ("axis", "side")}
+    return at.packed.row_of(body), body, at.in_row(via.body, via.point), *given.values()
 
 
 # -- drives --------------------------------------------------------------------------------

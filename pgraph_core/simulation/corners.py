@@ -9,6 +9,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine import motion
+from ..forces.obstacles import POINT
 from ..packing import Array
 from ..tolerances import VISIBLE
 from .recording import Recording, scene_of
@@ -125,6 +126,7 @@ def _spans(own: Any, chosen: Array) -> Any:
         inside = vias[one["first_via"] : one["first_via"] + one["vias"]]
         rows = [one["row_a"], *inside["row"], one["row_b"]]
         points = [one["point_a"], *inside["point"], one["point_b"]]
-        ends = zip(rows, points, rows[1:], points[1:])
-        found += [(one["body_a"], a, p, b, q) for a, p, b, q in ends]
+        round_ = [False, *(inside["shape"] != POINT), False]
+        ends = zip(rows, points, rows[1:], points[1:], round_, round_[1:])
+        found += [(one["body_a"], a, p, b, q) for a, p, b, q, *past in ends if not any(past)]
     return np.array(found, SPAN)

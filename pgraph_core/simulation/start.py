@@ -19,7 +19,7 @@ from ..dynamics.arguments import (
     stretched,
 )
 from ..errors import InputError, Problem, choices, nearest_first, shown
-from ..forces import BetweenPoints, Force, OnJoint, spans_of
+from ..forces import BetweenPoints, Force, OnJoint, legs_of
 from ..mechanism import Mechanism
 from ..model import Control, Scenario
 from ..packing import Array
@@ -226,7 +226,8 @@ def _coincide(mech: Mechanism, f: BetweenPoints, q: Array) -> bool:
         place, turn = mech.pose(q, name)
         return place + turn @ np.asarray(point)
 
-    ends = ((at(*one), at(*two)) for one, two in spans_of(f, mech.model.body(f.body)))
+    legs = legs_of(f, mech.model.body(f.body))
+    ends = ((at(*one), at(*two)) for one, past, two in legs if past is None)
     return any(
         np.abs(a - b).max() <= ROUNDING * max(np.abs(a).max(), np.abs(b).max()) for a, b in ends
     )

@@ -1,0 +1,204 @@
+"""Round obstacles on which paths lie: spheres and cylinders between two points.
+
+The shortest path past a cylinder is a straight line on its unrolled surface: with the length l of
+its projection along the axis, and the distance h of its ends along the axis, it is √(l² + h²) long.
+A sphere is a cylinder about the normal of the plane through its centre and both ends. The
+projection has two tangents and an arc, about which its ends turn by the sweep. A path whose arc
+would be negative does not touch the obstacle.
+
+The length of a shortest path does not change with the tangent points, so that its rate and the
+forces of its tension follow from the material points there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..engine.compiler.elementary import atan2
+from ..engine.compiler.jit import kernel, part, sweep
+from ..engine.compiler.kinds import F1, f8, i8, read
+from ..engine.compiler.masks import both, chosen, larger, more, most
+from ..engine.records import INTEGER, REAL
+from ..engine.vec import add_scaled, cross, dot, load3, scale, store3, sub
+from ..rotation import Array, unit_vector
+from ..tolerances import EPS, TINY
+
+POINT, SPHERE, CYLINDER = range(3)
+SHORTER, BESIDE = range(2)  # the way on the shorter side, or that on the side of a point
+TURN = 2.0 * math.pi
+DRAWN = 0.2  # rad between drawn points of an arc: chords within 0.5 % of the radius
+NONE = np.zeros(3)
+
+OBSTACLE = {
+    "shape": INTEGER,  # POINT: none
+    "sided": INTEGER,  # SHORTER or BESIDE
+    "radius": REAL,
+    "axis": (REAL, 3),  # of a cylinder, home axes of the row
+    "side": (REAL, 3),  # from the centre to the point on whose side the path lies, the same axes
+}
+
+
+@part
+def picked(mask, a, b):
+    """Return vector a where the mask is set, or else b."""
+    return chosen(mask, a[0], b[0]), chosen(mask, a[1], b[1]), chosen(mask, a[2], b[2])
+
+
+@part
+def unit(x):
+    return scale(1.0 / math.sqrt(dot(x, x) + TINY), x)
+
+
+@part
+def normal_of_plane(a, b, side):
+    """Return the unit normal of the plane of two vectors.
+
+    If they are parallel, the plane contains `side`, or else any direction.
+    """
+    n = cross(a, b)
+    flat = most(dot(n, n), EPS * EPS * dot(a, a) * dot(b, b))
+    n = picked(flat, cross(a, side), n)
+    flat = most(dot(n, n), EPS * EPS * dot(a, a) * dot(side, side))
+    across = picked(most(abs(a[0]), abs(a[1])), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    return unit(picked(flat, cross(a, across), n))
+
+
+@part
+def tangent(p, u, turns, radius):
+    """Return (length of the tangent from p to the circle about u, unit vector to its point there).
+
+    The path turns about u with the right hand if `turns` is 1, with the left hand if it is -1. A
+    point inside the circle is moved outwards onto it.
+    """
+    square = dot(p, p)
+    reach = math.sqrt(larger(square - radius * radius, 0.0) + TINY)
+    far = math.sqrt(larger(square, radius * radius))
+    out = unit(p)
+    to_it = add_scaled(scale(radius / far, out), turns * reach / far, cross(u, out))
+    return reach, to_it
+
+
+@part
+def turning(p, q, u, sided, side):
+    """Return 1 if a path from p to q turns about u with the right hand, or else -1.
+
+    It takes the shorter side, unless `side` lies in the angle opposite to that between p and q.
+    """
+    across = dot(u, cross(p, q))
+    shorter = chosen(most(0.0, across), 1.0, -1.0)
+    if sided == SHORTER:
+        return shorter
+    beyond_p, beyond_q = dot(u, cross(p, side)), dot(u, cross(side, q))
+    behind = both(more(0.0, shorter * beyond_p), more(0.0, shorter * beyond_q))
+    return chosen(behind, -shorter, shorter)
+
+
+@sweep
+def around(shape, sided, radius, axis, side, a, b):
+    """Return the shortest path from a to b past an obstacle at the origin.
+
+    It is given as (whether it is free of the obstacle, length, unit direction at the start, first
+    and last point on the obstacle, unit direction at the end). Both points of a free path are its
+    middle.
+    """
+    u = normal_of_plane(a, b, side) if shape == SPHERE else axis
+    begin, end = dot(u, a), dot(u, b)
+    p, q = add_scaled(a, -begin, u), add_scaled(b, -end, u)
+    turns = turning(p, q, u, sided, side)
+    reach_p, from_p = tangent(p, u, turns, radius)
+    reach_q, from_q = tangent(q, u, -turns, radius)
+    swept = turns * atan2(dot(u, cross(p, q)), dot(p, q))
+    swept = chosen(most(0.0, swept), swept, swept + TURN)
+    arc = swept - atan2(reach_p, radius) - atan2(reach_q, radius)
+    flat = reach_p + radius * arc + reach_q
+    rise = end - begin
+    length = math.sqrt(flat * flat + rise * rise + TINY)
+    ascent = rise / (flat + TINY)
+    first = add_scaled(scale(radius, from_p), begin + ascent * reach_p, u)
+    last = add_scaled(scale(radius, from_q), end - ascent * reach_q, u)
+    along, up = turns * flat / length, rise / length
+    start = add_scaled(scale(along, cross(u, from_p)), up, u)
+    stop = add_scaled(scale(along, cross(u, from_q)), up, u)
+    apart = sub(b, a)
+    straight = math.sqrt(dot(apart, apart) + TINY)
+    ahead, middle = scale(1.0 / straight, apart), add_scaled(a, 0.5, apart)
+    free = most(arc, 0.0)
+    return (
+        free,
+        chosen(free, straight, length),
+        picked(free, ahead, start),
+        picked(free, middle, first),
+        picked(free, middle, last),
+        picked(free, ahead, stop),
+    )
+
+
+@kernel(f8(i8, i8, f8, *[read(F1)] * 4, F1))
+def path_around(shape, sided, radius, axis, side, a, b, out):
+    """Compute `around` for vectors (3,) into `out` (13,), except whether the path is free.
+
+    Returns 1 if it is free of the obstacle, or else 0.
+    """
+    axis, side, a, b = load3(axis, 0), load3(side, 0), load3(a, 0), load3(b, 0)
+    free, length, start, first, last, stop = around(shape, sided, radius, axis, side, a, b)
+    out[0] = length
+    store3(out, 1, start)
+    store3(out, 4, first)
+    store3(out, 7, last)
+    store3(out, 10, stop)
+    return free
+
+
+class Past(NamedTuple):
+    """The shortest path between two points past an obstacle, in the axes of the points [m]."""
+
+    length: float
+    free: bool  # it does not touch the obstacle
+    first: Array  # (3,) points at which it touches the obstacle, or its middle
+    last: Array
+    arc: Array  # (n, 3) points along the obstacle from the first to the last
+
+
+def past_obstacle(via: Any, turn: Array, a: Array, b: Array) -> Past:
+    """Return the path from a to b [m], relative to the centre of an obstacle.
+
+    `turn` (3, 3) is the orientation of its body.
+    """
+    given = obstacle_of(via)
+    axis, side = turn @ given["axis"], turn @ given["side"]
+    out = np.empty(13)
+    a, b = np.ascontiguousarray(a, float), np.ascontiguousarray(b, float)
+    free = path_around(given["shape"], given["sided"], via.radius, axis, side, a, b, out)
+    length, (start, first, last, _) = float(out[0]), out[1:].reshape(4, 3)
+    if free:
+        return Past(length, True, first, last, first[None])
+    along = length - float(np.linalg.norm(first - a) + np.linalg.norm(last - b))
+    return Past(length, False, first, last, _arc(via.radius, axis, start, first, along))
+
+
+def _arc(radius: float, axis: Array, start: Array, first: Array, length: float) -> Array:
+    """Return points of a helix of a length, from `first` in direction `start`."""
+    u = axis if axis.any() else np.cross(first, start) / radius
+    ahead, out = start - (u @ start) * u, first - (u @ first) * u
+    flat = float(np.linalg.norm(ahead))
+    angle = length * flat / radius
+    s = np.linspace(0.0, 1.0, 2 + int(angle / DRAWN))[:, None]
+    circle = np.cos(s * angle) * out + np.sin(s * angle) * radius / flat * ahead
+    return circle + (u @ first + s * length * (u @ start)) * u
+
+
+def obstacle_of(via: Any) -> dict[str, Any]:
+    """Return the numbers of an obstacle, or of a point, in the axes of its body."""
+    if via.radius is None:
+        return {"shape": POINT, "sided": SHORTER, "radius": 0.0, "axis": NONE, "side": NONE}
+    side = NONE if via.side is None else np.subtract(via.side, via.point)
+    return {
+        "shape": SPHERE if via.axis is None else CYLINDER,
+        "sided": SHORTER if via.side is None else BESIDE,
+        "radius": via.radius,
+        "axis": NONE if via.axis is None else unit_vector(via.axis),
+        "side": side,
+    }
