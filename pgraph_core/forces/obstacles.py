@@ -3,8 +3,8 @@
 The shortest path past a cylinder is a straight line on its unrolled surface: with the length l of
 its projection along the axis, and the distance h of its ends along the axis, it is √(l² + h²) long.
 A sphere is a cylinder about the normal of the plane through its centre and both ends. The
-projection has two tangents and an arc, about which its ends turn by the sweep. A path whose arc
-would be negative does not touch the obstacle.
+projection has two tangents and an arc. A path whose arc would be negative does not touch the
+obstacle, nor does one with an end inside it.
 
 The length of a shortest path does not change with the tangent points, so that its rate and the
 forces of its tension follow from the material points there.
@@ -20,11 +20,11 @@ import numpy as np
 from ..engine.compiler.elementary import atan2
 from ..engine.compiler.jit import kernel, part, sweep
 from ..engine.compiler.kinds import F1, f8, i8, read
-from ..engine.compiler.masks import both, chosen, larger, more, most
+from ..engine.compiler.masks import both, chosen, either, larger, more, most
 from ..engine.records import INTEGER, REAL
 from ..engine.vec import add_scaled, cross, dot, load3, scale, store3, sub
 from ..rotation import Array, unit_vector
-from ..tolerances import EPS, TINY
+from ..tolerances import EPS, SOLVED, TINY
 
 POINT, SPHERE, CYLINDER = range(3)
 SHORTER, BESIDE = range(2)  # the way on the shorter side, or that on the side of a point
@@ -68,7 +68,8 @@ def normal_of_plane(a, b, side):
 
 @part
 def tangent(p, u, turns, radius):
-    """Return (length of the tangent from p to the circle about u, unit vector to its point there).
+    """Return (length of the tangent from p to a circle about u, unit vector to its point there,
+    angle from p to that vector).
 
     The path turns about u with the right hand if `turns` is 1, with the left hand if it is -1. A
     point inside the circle is moved outwards onto it.
@@ -78,7 +79,13 @@ def tangent(p, u, turns, radius):
     far = math.sqrt(larger(square, radius * radius))
     out = unit(p)
     to_it = add_scaled(scale(radius / far, out), turns * reach / far, cross(u, out))
-    return reach, to_it
+    return reach, to_it, atan2(reach / far, radius / far)
+
+
+@part
+def is_inside(p, radius):
+    """Check whether a point is inside the circle, and not on it but for rounding."""
+    return more(radius * radius * (1.0 - SOLVED), dot(p, p))
 
 
 @part
@@ -108,11 +115,11 @@ def around(shape, sided, radius, axis, side, a, b):
     begin, end = dot(u, a), dot(u, b)
     p, q = add_scaled(a, -begin, u), add_scaled(b, -end, u)
     turns = turning(p, q, u, sided, side)
-    reach_p, from_p = tangent(p, u, turns, radius)
-    reach_q, from_q = tangent(q, u, -turns, radius)
+    reach_p, from_p, ahead_p = tangent(p, u, turns, radius)
+    reach_q, from_q, ahead_q = tangent(q, u, -turns, radius)
     swept = turns * atan2(dot(u, cross(p, q)), dot(p, q))
     swept = chosen(most(0.0, swept), swept, swept + TURN)
-    arc = swept - atan2(reach_p, radius) - atan2(reach_q, radius)
+    arc = swept - ahead_p - ahead_q
     flat = reach_p + radius * arc + reach_q
     rise = end - begin
     length = math.sqrt(flat * flat + rise * rise + TINY)
@@ -125,7 +132,7 @@ def around(shape, sided, radius, axis, side, a, b):
     apart = sub(b, a)
     straight = math.sqrt(dot(apart, apart) + TINY)
     ahead, middle = scale(1.0 / straight, apart), add_scaled(a, 0.5, apart)
-    free = most(arc, 0.0)
+    free = either(most(arc, 0.0), either(is_inside(p, radius), is_inside(q, radius)))
     return (
         free,
         chosen(free, straight, length),

@@ -5,6 +5,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.dynamics.scene import load_wrenches
+from pgraph_core.forces import lines_of
 from pgraph_core.simulation.paths import Path
 
 from .rescaling import rescaled
@@ -25,6 +26,36 @@ def via(*places):
 
 INSIDE = via(("b", (0.2, 0.1, -0.1)), ("c", (-0.1, 0.3, 0.2)), ("a", (0.0, 0.2, 1.0)))
 ALSO_GROUND = [*INSIDE, *via(("ground", (0.5, -1.0, 0.3)))]
+
+# past a sphere on a body and a cylinder on the ground, which the path touches in the scene
+PAST = {
+    "floating": [
+        {"body": "b", "point": (-0.75, 0.5, -0.2), "radius": 0.25},
+        {"body": "a", "point": (0.4, 1.2, 0.6)},
+        {"body": "ground", "point": (0.4, 1.3, 0.15), "radius": 0.2, "axis": (1.0, 0.2, 0.0),
+         "side": (0.35, 2.0, 0.15)},
+    ],
+    "chain": [
+        {"body": "b", "point": (0.1, 0.3, 0.2), "radius": 0.25},
+        {"body": "c", "point": (-0.1, 0.6, 0.2)},
+        {"body": "ground", "point": (0.3, 0.1, 0.0), "radius": 0.3, "axis": (0.0, -0.5, -0.5),
+         "side": (0.8, 0.4, 0.1)},
+        {"body": "a", "point": (0.0, 0.2, 1.0)},
+    ],
+}  # fmt: skip
+
+
+def past(scene):
+    """Return elements of a path that the force of a scene leads around."""
+    return PAST[scene.__name__]
+
+
+def around(model, q):
+    """Return for each line of a path whether it lies on an obstacle, and its points."""
+    mech, (f,) = pg.Mechanism(model), model.forces
+    pose = {"ground": (np.zeros(3), np.eye(3)), **{n: mech.pose(q, n) for n in mech.names}}
+    at = lambda name, point: pose[name][0] + pose[name][1] @ np.array(point)  # noqa: E731
+    return [(on, line) for line, on in lines_of(f, model.body(f.body), at, lambda n: pose[n][1])]
 
 
 def over(points, kind="spring", **fields):
@@ -74,12 +105,17 @@ def torque_of(mech, q):
 
 
 @pytest.mark.quick
-@pytest.mark.parametrize("points", [INSIDE, ALSO_GROUND, ALSO_GROUND[2:]], ids=[3, 4, 2])
+@pytest.mark.parametrize(
+    "points", [INSIDE, ALSO_GROUND, ALSO_GROUND[2:], past], ids=[3, 4, 2, "past"]
+)
 @pytest.mark.parametrize("kind", LAWS)
 @pytest.mark.parametrize("scene", [floating, chain])
 def test_the_force_is_the_slope_of_the_energy(scene, kind, points):
+    points = past(scene) if points is past else points
     model = scene(over(points, kind))
     mech = pg.Mechanism(model)
+    if points is PAST[scene.__name__]:
+        assert sum(on for on, _ in around(model, mech.home()[0])) == 2
     q, still = mech.home()[0], np.zeros(mech.nv)
 
     def energy(step):
@@ -91,9 +127,10 @@ def test_the_force_is_the_slope_of_the_energy(scene, kind, points):
     np.testing.assert_allclose(tau, -np.array(slope), rtol=0, atol=1e-8 * np.abs(tau).max())
 
 
+@pytest.mark.parametrize("points", [INSIDE, PAST["floating"][:1]], ids=["points", "sphere"])
 @pytest.mark.parametrize("kind", LAWS)
-def test_free_bodies_keep_energy_and_momentum(kind):
-    run = pg.simulate(floating(over(INSIDE, kind)), t_end=2.0, **CALM)
+def test_free_bodies_keep_energy_and_momentum(kind, points):
+    run = pg.simulate(floating(over(points, kind)), t_end=2.0, **CALM)
     scale = run.kinetic_energy.max()
     assert np.ptp(run.kinetic_energy + run.potential_energy) < 1e-8 * scale
     assert np.ptp(run.kinetic_energy) > 0.1 * scale
@@ -102,8 +139,9 @@ def test_free_bodies_keep_energy_and_momentum(kind):
 
 
 @pytest.mark.quick
-def test_wrenches_of_a_path_inside_a_system_add_up_to_zero():
-    model = floating(over(INSIDE, damping=2.0))
+@pytest.mark.parametrize("points", [INSIDE, PAST["floating"][:1]], ids=["points", "sphere"])
+def test_wrenches_of_a_path_inside_a_system_add_up_to_zero(points):
+    model = floating(over(points, damping=2.0))
     mech = pg.Mechanism(model)
     q, v = mech.home()
     (wrenches,) = load_wrenches(mech.packed, model.forces, np.zeros(1), q[None], v[None])
@@ -133,10 +171,12 @@ def test_points_along_a_straight_line_of_one_body_change_nothing():
 
 @pytest.mark.quick
 @pytest.mark.parametrize("scene", [floating, chain])
-def test_a_path_read_from_its_other_end_pulls_alike(scene):
-    given = over(ALSO_GROUND, damping=2.0)
+@pytest.mark.parametrize("which", ["points", "past"])
+def test_a_path_read_from_its_other_end_pulls_alike(scene, which):
+    points = past(scene) if which == "past" else ALSO_GROUND
+    given = over(points, damping=2.0)
     ends = {"body": "c", "other": "a", "point": given.other_point, "other_point": given.point}
-    one, two = scene(given), scene(over(ALSO_GROUND[::-1], damping=2.0, **ends))
+    one, two = scene(given), scene(over(points[::-1], damping=2.0, **ends))
     q, v = pg.Mechanism(one).home()
     v = np.linspace(-1.0, 1.0, len(v))
     found, expected = (pg.Mechanism(x).forward_dynamics(q, v) for x in (one, two))
@@ -162,10 +202,12 @@ def test_a_rope_with_both_ends_on_a_load_lifts_twice_its_tension():
 
 
 @pytest.mark.parametrize(
-    "path", ["forces.s.stiffness", "forces.s.via.0.point.1", "forces.s.rest", "forces.s.point.2"]
-)
+    "path", ["forces.s.stiffness", "forces.s.via.0.point.1", "forces.s.rest", "forces.s.point.2",
+             "forces.s.via.0.radius", "forces.s.via.2.axis.2"],
+)  # fmt: skip
 def test_runs_have_derivatives_by_numbers_of_a_path(path):
-    model = floating(over(ALSO_GROUND, damping=0.5))
+    is_round = path.endswith(("radius", "axis.2"))
+    model = floating(over(PAST["floating"] if is_round else ALSO_GROUND, damping=0.5))
     how = {"method": "rk4", "step": 2e-3, "t_end": 0.4, "estimate": False, "frames": 3}
     run = pg.simulate(model, wrt=path, **how)
     now = pg.simulate(model, **how)
@@ -183,8 +225,9 @@ def test_runs_have_derivatives_by_numbers_of_a_path(path):
 
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
-def test_instances_in_lanes_move_as_single_runs(method):
-    model = chain(over(ALSO_GROUND, damping=0.5))
+@pytest.mark.parametrize("points", [ALSO_GROUND, PAST["chain"]], ids=["points", "past"])
+def test_instances_in_lanes_move_as_single_runs(method, points):
+    model = chain(over(points, damping=0.5))
     batch = pg.BatchStepper(model, 5, method=method, step=1e-3)
     v = np.linspace(-0.5, 0.5, 5)[:, None] * np.ones(6)
     batch.reset(batch.q, v)
@@ -194,8 +237,9 @@ def test_instances_in_lanes_move_as_single_runs(method):
         np.testing.assert_allclose(batch.q[n], run.q[-1], rtol=0, atol=1e-12)
 
 
-def test_in_other_units_it_is_the_same_motion():
-    model = chain(over(ALSO_GROUND, damping=0.5))
+@pytest.mark.parametrize("points", [ALSO_GROUND, PAST["chain"]], ids=["points", "past"])
+def test_in_other_units_it_is_the_same_motion(points):
+    model = chain(over(points, damping=0.5))
     scaled = rescaled(model, length=3.0, mass=5.0, time=0.5)
     how = {"method": "rk4", "estimate": False}
     one = pg.simulate(model, t_end=0.2, step=1e-3, **how)
@@ -225,6 +269,72 @@ def test_a_span_that_loses_its_length_is_told_with_derivatives():
     start = rope().edit("a", q=(0.0,))
     notices = pg.simulate(start, t_end=0.01, method="rk4", step=1e-3).notices
     assert any("'s'" in text and "coincide" in text for text in notices)
+
+
+# -- round obstacles ---
+
+
+def rope_past(x, y, radius, rise=0.0, **fields):
+    """A block at x of a line at y = -1, and a rope to it from (-1, y) past a cylinder about z."""
+    block = pg.Body(
+        name="a", joint="prismatic", axes=((1, 0, 0),), mass=2.0, q=(x,), link=(0, -1, 0)
+    )
+    post = {
+        "body": "ground",
+        "point": (0, 0, 5.0),
+        "radius": radius,
+        "axis": (0, 0, -2.0),
+        **fields,
+    }
+    rope = pg.Spring(name="s", body="a", point=(0, 0, rise), other_point=(-1.0, y, 0), via=[post],
+                     stiffness=50.0, rest=1.0)  # fmt: skip
+    return pg.Mechanism(pg.Model(bodies=[block], forces=[rope], gravity=(0, 0, 0)))
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("rise", [0.0, 0.7])
+@pytest.mark.parametrize("x", [0.8, 1.4])
+def test_a_rope_past_a_post_is_two_tangents_and_an_arc(x, rise):
+    """Its ends are at angles a and b of the post, and its tangents reach acos(r/d) of them."""
+    radius, y = 0.5, -1.0
+    mech = rope_past(x, y, radius, rise, side=(0, 2.0, 0))
+    p, q = np.array((x, -1.0)), np.array((-1.0, y))
+    far = np.hypot(*p), np.hypot(*q)
+    swept = (np.arctan2(q[1], q[0]) - np.arctan2(p[1], p[0])) % (2 * np.pi)
+    arc = swept - np.arccos(radius / far[0]) - np.arccos(radius / far[1])
+    assert arc > 1.0
+    flat = radius * arc + sum(np.sqrt(np.square(far) - radius**2))
+    stretch = np.hypot(flat, rise) - 1.0
+    home = mech.home()
+    assert mech.energy(*home)[1] == pytest.approx(25.0 * stretch**2, rel=1e-13)
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("x", [-0.6, -0.2, 0.3, 0.9])
+@pytest.mark.parametrize("axis", [(0, 0, 1.0), None], ids=["cylinder", "sphere"])
+def test_a_rope_leaves_an_obstacle_where_it_is_straight(axis, x):
+    """The line from (-1, 0.4) to (x, -1) is |0.4 x - 1| / straight from the origin."""
+    mech = rope_past(x, 0.4, 0.5, axis=axis, point=(0, 0, 0))
+    length = 1.0 + np.sqrt(mech.energy(*mech.home())[1] / 25.0)
+    straight = np.hypot(x + 1.0, 1.4)
+    if abs(0.4 * x - 1.0) / straight >= 0.5:
+        assert length == pytest.approx(straight, rel=1e-13)
+    else:
+        assert length > straight * (1.0 + 1e-4)
+
+
+@pytest.mark.quick
+def test_a_rope_around_half_a_post_presses_on_it_with_twice_its_tension():
+    """Both falls hang down, so that a post on a spring of its own sinks by 2 T / k."""
+    post = pg.Body(name="post", joint="prismatic", axes=((0, 1, 0),), mass=1.0)
+    left, right = (-0.3, -2.0, 0.0), (0.3, -2.0, 0.0)
+    rope = pg.Spring(name="s", body="post", other="ground", point=left, other_point=right, rest=1.0,
+                     stiffness=7.0, via=[{"body": "post", "point": (0, 0, 0), "radius": 0.3,
+                                          "axis": (0, 0, 1)}])  # fmt: skip
+    mech = pg.Mechanism(pg.Model(bodies=[post], forces=[rope], gravity=(0, 0, 0)))
+    tension = 7.0 * (2.0 + np.pi * 0.3 + 2.0 - 1.0)
+    # the fall on the post itself pulls its end up, so that one tension is left
+    assert mech.forward_dynamics([0.0], [0.0])[0] == pytest.approx(-tension, rel=1e-12)
 
 
 # -- the description -------------------------------------------------------------------------------
