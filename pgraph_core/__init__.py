@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from .model import Contact as Contact
     from .model import Control as Control
     from .model import Coupling as Coupling
+    from .model import Curve as Curve
     from .model import Cylindrical as Cylindrical
     from .model import Distance as Distance
     from .model import Drag as Drag
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
     from .model import Polynomial as Polynomial
     from .model import Prismatic as Prismatic
     from .model import Revolute as Revolute
+    from .model import Relation as Relation
     from .model import Rolling as Rolling
     from .model import Sampled as Sampled
     from .model import Scenario as Scenario

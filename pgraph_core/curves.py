@@ -90,11 +90,14 @@ class Sine(Frozen):
 
 
 class Polynomial(Frozen):
-    """The polynomial c0 + c1 t + c2 t^2 + c3 t^3. For example, (0, 2) is a rotation at 2 rad/s."""
+    """The polynomial c0 + c1 t + c2 t^2 + ... For example, (0, 2) is a rotation at 2 rad/s.
+
+    A motion over time t is of degree 3 or less, and a relation to a coordinate of degree 1 to 7.
+    """
 
     kind: Literal["polynomial"] = Field(default="polynomial", description="'polynomial'")
-    coefficients: Annotated[Numbers, Field(min_length=1, max_length=4)] = field(
-        "one to four finite numbers, that of t^0 first", converter=several
+    coefficients: Annotated[Numbers, Field(min_length=1, max_length=8)] = field(
+        "one to eight finite numbers, that of t^0 first", converter=several
     )
 
 
@@ -107,7 +110,7 @@ def _which(value: Any) -> str | None:
     return type(value).__name__.lower() if isinstance(value, (Table, Sine, Polynomial)) else None
 
 
-Curve = Annotated[
+OverTime = Annotated[
     Annotated[Table, Tag("table")]
     | Annotated[Sine, Tag("sine")]
     | Annotated[Polynomial, Tag("polynomial")]

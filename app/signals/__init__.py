@@ -102,7 +102,7 @@ class Vocabulary:
             if self._item is None and not compares(tree):
                 return "must compare, as in q.arm > 0.5", ""
             now = at_once(self._item, self._field)
-            problem = self._known.problem(text, self.wanted, of_time=self._of_time, at_once=now)
+            problem = self._known.problem(text, self.wanted, only=variable_of(self._item), at_once=now)
             problem = problem or looped(self._model, self._item, self._field, text)
             return problem.removeprefix(f"{shown(text)}: "), "" if problem else self._value(tree)
         except ValueError as error:

@@ -23,6 +23,7 @@ from ..packing.forces import NO_LOADS
 from ..rotation import multiply, unit
 from ..tolerances import NOTABLE, SOLVED
 
+COORDINATES = (at.T_COORD, at.T_VELOCITY, at.T_RELATION)  # types of rows on joint coordinates
 LENGTH, ANGLE, SLIP, COORDINATE = "translation", "rotation", "slip", "coordinate"
 
 # Degrees of freedom below which no solver makes threads: OpenBLAS's triangular one does for any
@@ -187,11 +188,14 @@ class Rows:
         """Compute the Jacobian (rows, nv) of block i after the kernel has located it."""
         blocks = self.scene.blocks
         table = blocks.blocks_i[i]
-        if table[at.B_TYPE] in (at.T_COORD, at.T_VELOCITY):
+        if table[at.B_TYPE] in COORDINATES:
             jac = np.zeros((1, self.nv))
             first = table[at.B_TERM]
-            for n in range(first, first + table[at.B_TERMS]):
-                jac[0, blocks.terms_i[n, 0]] += blocks.terms_f[n]
+            factors = blocks.terms_f[first : first + table[at.B_TERMS]]
+            if table[at.B_TYPE] == at.T_RELATION:
+                factors = 1.0, -self.scene.space.place[i, at.PLACE_SLOPE]
+            for n, x in enumerate(factors, start=first):
+                jac[0, blocks.terms_i[n, 0]] += x
             return jac
         place, part = self.scene.space.place[i], slice(0, 3) if _turns(table) else slice(3, 6)
         mine = self._point_jacobian(int(table[at.B_A]), place[at.PLACE_P : at.PLACE_P + 3])
@@ -259,9 +263,9 @@ def _turns(table: Ints) -> bool:
 def _groups(c: Constraint, kind: int, first: int, directions: Array) -> Iterator[Group]:
     """Group the rows of one block by type."""
     size = len(directions)
-    if kind in (at.T_COORD, at.T_VELOCITY):
+    if kind in COORDINATES:
         none = np.zeros((size, 3))
-        yield Group(c, COORDINATE, slice(first, first + size), none, kind == at.T_COORD)
+        yield Group(c, COORDINATE, slice(first, first + size), none, kind != at.T_VELOCITY)
         return
     norms = np.linalg.norm(directions, axis=1, keepdims=True)
     units = directions / np.where(norms > 0, norms, 1.0)

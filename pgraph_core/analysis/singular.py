@@ -22,7 +22,7 @@ from ..engine.arrays import FACTORED, FACTORS
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
 from ..tolerances import FAINT, NAMED, NEARBY, NOTABLE
-from .rows import Rows, axis_name
+from .rows import COORDINATES, Rows, axis_name
 
 ROWS_LISTED = 4
 TOO_LOW = "its error estimate may be too low"  # part of warnings about the estimate
@@ -96,7 +96,7 @@ def _name(scene: Scene, row: tuple[str, int, int]) -> str:
 
 
 def _direction(kind: int, d: Array) -> str:
-    if kind in (at.T_COORD, at.T_VELOCITY):
+    if kind in COORDINATES:
         return "coordinate"
     what = "rotation about" if kind == at.T_ALIGN else "translation along"
     return f"{what} {axis_name(d / (float(np.linalg.norm(d)) or 1.0))}"

@@ -22,10 +22,10 @@ from .constraints.blocks import (
     residual,
     residual_velocity,
     size_of,
-    terms_of,
     type_of,
 )
 from .constraints.constraints import located
+from .constraints.coordinates import coefficient, terms_of
 from .layout import T_ALIGN, T_TURN
 from .motion import call_acceleration
 from .motions import column, nv_of
@@ -62,7 +62,7 @@ def add_path(data, i, k, p, sign, turned):
 def set_jacobian(scene, m, turned):
     """Compute Jᵀ (nv, m) of the active rows, after `located`."""
     data = opened(scene)
-    blocks_i, _, terms_i, terms_f, _, active = data.blocks
+    blocks_i, terms_i, active = data.blocks.blocks_i, data.blocks.terms_i, data.blocks.active
     place = data.space.place
     for j in range(turned.shape[0]):
         for r in range(m):
@@ -73,7 +73,8 @@ def set_jacobian(scene, m, turned):
         if along_coordinates(kind):
             begin, end = terms_of(blocks_i, i)
             for x in range(begin, end):
-                turned[terms_i[x, 0], first_of(data.space.slots, i)] += terms_f[x]
+                size = coefficient(data.blocks, place, i, x)
+                turned[terms_i[x, 0], first_of(data.space.slots, i)] += size
             continue
         a, b = ends_of(blocks_i, i)
         add_path(data, i, a, place_a(place, i), 1.0, turned)
@@ -153,7 +154,7 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
         wanted[j] = tau[j]
         largest = max(largest, abs(tau[j]), abs(passive[j]))
     outboard(rows, const, work, q, v)
-    m = located(scene, v, True)
+    m = located(scene, q, v, True)
     residual(blocks, work, space, 0.0, q, row)
     for r in range(m):
         if not abs(row[r]) <= SOLVED * length:

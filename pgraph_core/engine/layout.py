@@ -34,7 +34,7 @@ CONST = 32
 # The track of a curve has two rows for each piece, and an end. The first row has the coordinate
 # where the piece begins [rad, m] and the displacement, the other one a quaternion of any length.
 # Both are polynomials of degree 7 in the way from there, the coefficients of each power together.
-TRACK_AT = 0
+TRACK_AT = PIECE_AT = 0  # of every function in pieces
 TRACK_PLACE = 1  # 24, eight vectors
 TRACK_RATE = 25  # first row: 1 / period of a closed curve, or 0 [1/rad, 1/m]
 TRACK_TURN = 0  # 32 in the other row, eight quaternions
@@ -134,23 +134,29 @@ T_CONTACT = (
 T_SPAN = 11  # unilateral sign(VALUE) |x_A - x_B| - VALUE ≥ 0, with AIM the speed at which it may
 # close in this step [m/s]
 T_FRICTION = 12  # dry friction of Σ coefficient v: at most VALUE [N m, N], AIM an impulse in a part
+T_RELATION = 13  # q = f(q') of two coordinates, with f by `curves`
 T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds
 
 # terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients
 
-# curves: float64 (nk, 5): time of a knot [s], then c0, c1, c2, c3 of c0 + c1 s + c2 s² + c3 s³ from
+# curves: float64 (nk, 10): time of a knot [s], then c0, c1, c2, c3 of c0 + c1 s + c2 s² + c3 s³ from
 # there on, s = t - knot; the first piece holds for all times before it and the last one for all
 # after it, which are constants where they bound a table. With B_KNOTS = SINE the only row is mean,
 # amplitude, frequency [rad/s], phase: mean + amplitude sin(frequency t + phase)
 SINE = -1
 # With B_KNOTS < SINE the rows are a program of time, of -1 - B_KNOTS instructions, as in
-# `signals.py`, of which the last one is the value
+# `signals.py`, of which the last one is the value. The function of a relation is such a program, of
+# q' in place of the time, or pieces and their end, with polynomials of degree 7 and 1 / period
+PIECE_POWERS = 1  # 8; the value at the end is in the first one of its row
+PIECE_RATE = 9
+KNOT = 10
 
 # active: int64 (nb + 1,): the number of active blocks, then their indices
 
 # of `Workspace.place` and `Workspace.slots`
 PLACE_P, PLACE_D, PLACE_Q = 0, 3, 12  # 3 on A, 9, 3 on B
 PLACE = 15
+PLACE_VALUE, PLACE_SLOPE, PLACE_BEND = 0, 1, 2  # f, f' and f'' of a relation now
 SLOTS, FIRST, SLOT = 0, 1, 2
 
 # load_knots: float64 (nk, 7): time [s], torque 3, force 3

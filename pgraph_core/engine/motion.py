@@ -182,7 +182,7 @@ def residuals(scene, t, q, v, gap, speed):
     """Compute g and g' of the active blocks, leaving their positions in the workspace."""
     data = opened(scene)
     outboard(data.rows, data.const, data.work, q, v)
-    located(scene, v, True)
+    located(scene, q, v, True)
     residual(data.blocks, data.work, data.space, t, q, gap)
     residual_velocity(data.blocks, data.work, data.space, t, v, speed)
 

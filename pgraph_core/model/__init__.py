@@ -6,6 +6,7 @@ from ..curves import Polynomial as Polynomial
 from ..curves import Sine as Sine
 from ..curves import Table as Table
 from ..curves import VectorTable as VectorTable
+from ..functions import Curve as Curve
 from ..forces import Actuator as Actuator
 from ..forces import Drag as Drag
 from ..forces import Force as Force
@@ -30,6 +31,7 @@ from .constraint import Plane as Plane
 from .constraint import Point as Point
 from .constraint import Prismatic as Prismatic
 from .constraint import Revolute as Revolute
+from .constraint import Relation as Relation
 from .constraint import Rolling as Rolling
 from .constraint import Skate as Skate
 from .constraint import Universal as Universal

@@ -12,7 +12,7 @@ from ..forces import BetweenPoints, Force, OnJoint, Tendon, ends_of, legs_of
 from ..joints import quaternion_problems
 from ..shapes import KINDS, kind_of
 from .body import Body
-from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
+from .constraint import Constraint, Coupling, OfOne, OfTwo, Rolling, Sum
 from .contact import Contact
 from .control import Control
 from .expressions import Known, drives_read, expression_problems, loop_problems
@@ -137,11 +137,11 @@ def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Pro
 
 
 def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
-    """Check the coordinates of gears and motions, and the radius of rolling bodies."""
+    """Check the coordinates of gears, relations and motions, and the radius of rolling bodies."""
     found, asked = [], []
-    if isinstance(c, (Gear, Motion)):
+    if isinstance(c, OfOne):
         asked.append(("coordinate", c.body, c.coordinate))
-    if isinstance(c, Gear):
+    if isinstance(c, OfTwo):
         asked.append(("other_coordinate", c.other, c.other_coordinate))
     for field, name, k in asked:
         body = bodies.get(name)

@@ -12,7 +12,8 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import model_validator
 
-from ..curves import Curve
+from ..curves import OverTime, Polynomial
+from ..errors import shown
 from ..fields import (
     GROUND,
     AtPoint,
@@ -32,6 +33,7 @@ from ..fields import (
     refuse_no_direction,
     vector,
 )
+from ..functions import Function, problems_of
 from ..rotation import normals_of, unit_vector
 from ..shapes import kind_of
 from ..tolerances import NOTABLE
@@ -40,18 +42,19 @@ from .poses import poses
 
 KIND = (
     "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
-    "orientation, gear, motion, rolling, skate, velocity, coupling"
+    "orientation, gear, relation, motion, rolling, skate, velocity, coupling"
 )
 
 
-_followed: Callable[[Curve | str | Mapping[str, Any]], Curve] = listed
+_over_time: Callable[[OverTime | str | Mapping[str, Any]], OverTime] = listed
+_function: Callable[[Function | str | Mapping[str, Any]], Function] = listed
 
 
 class Constraint(OfKinds):
     """A constraint on `body` relative to another body or the ground. See the class for each kind.
 
     The kinds: Point, Weld, Revolute, Prismatic, Cylindrical, Universal, Distance, Line, Plane,
-    Orientation, Gear, Motion, Rolling, Skate, Velocity, Coupling.
+    Orientation, Gear, Relation, Motion, Rolling, Skate, Velocity, Coupling.
     """
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
@@ -344,24 +347,38 @@ class OfOne(InJoints):
     )  # fmt: skip
 
 
-class Gear(OfOne):
+class OfTwo(OfOne):
+    """A constraint by which the coordinate of one joint follows that of another joint."""
+
+    FOLLOWS: ClassVar[str] = ""  # what needs a second body
+
+    other: Text = field("the name of a body", default=GROUND, label="Other")
+    other_coordinate: Whole = field(
+        "the index of a degree of freedom of the joint of `other`, starting at 0",
+        default=0, ge=0, le=5, label="Other's",
+        help="index of the degree of freedom of the second joint",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _two_joints(self) -> Self:
+        if self.other == GROUND:
+            text = f"a {self.kind} needs a second body, whose joint it follows, got 'ground'"
+            refuse([("other", text)])
+        return self
+
+
+class Gear(OfTwo):
     """A gear with q of the joint of `body` = ratio x q of the joint of `other` + offset."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "one joint follows another: q = ratio × q + offset"
 
     kind: Literal["gear"] = field(KIND, default="gear")
-    other: Text = field("the name of a body", default=GROUND, label="Other")
     ratio: Number = field(
         "a finite number: q of `body` is ratio x q of `other` + offset",
         default=1.0, dim=NONE, help="q of the body = ratio × q of the other + offset",
     )  # fmt: skip
     offset: Number = field("a finite number [rad, m]", default=0.0, dim=Q)
-    other_coordinate: Whole = field(
-        "the index of a degree of freedom of the joint of `other`, starting at 0",
-        default=0, ge=0, le=5, label="Other's",
-        help="index of the degree of freedom of the second joint",
-    )  # fmt: skip
 
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
@@ -369,19 +386,57 @@ class Gear(OfOne):
         return {"offset": first - second}
 
     @model_validator(mode="after")
-    def _two_joints(self) -> Self:
+    def _turns(self) -> Self:
         if self.ratio == 0:
             text = "must not be zero; use kind 'motion' to hold a joint, got 0"
             refuse([("ratio", text)])
-        if self.other == GROUND:
-            text = "a gear needs a second body, whose joint it follows, got 'ground'"
-            refuse([("other", text)])
         return self
 
     def _blocks(self, e: Any) -> list[Any]:
         own = e.coordinate(self.body, self.coordinate)
         other = e.coordinate(self.other, self.other_coordinate, -self.ratio)
         return [e.sum_of_q((own, other), self.offset)]
+
+
+class Relation(OfTwo):
+    """A relation with q of the joint of `body` = f(q of the joint of `other`), f a smooth curve.
+
+    The curve is given by points (`Curve`), by a polynomial, or by an expression of the other
+    coordinate, which is called q or, with its body, q.NAME.
+
+    Examples
+    --------
+    >>> import pgraph_core as pg
+    >>> lift = pg.Relation(name="lift", body="follower", other="cam", curve="=0.02*(1-cos(q.cam))")
+    """
+
+    SINCE: ClassVar[int] = 9
+    ROWS: ClassVar[int] = 1
+    ABOUT: ClassVar[str] = "one joint follows a curve over another: q = f(q)"
+
+    kind: Literal["relation"] = field(KIND, default="relation")
+    curve: Function = field(
+        "an expression of the other coordinate such as '=0.02*(1-cos(q))', points such as {'x': "
+        "[...], 'value': [...], 'kind': 'natural', 'clamped', 'periodic' or 'quintic'}, or {'kind':"
+        " 'polynomial', 'coefficients': [...]} [rad, m]",
+        converter=_function, dim=Q, over=Q, label="Follows",
+        help="joint coordinate as a function of the other one",
+    )  # fmt: skip
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        value, x = (_first_q(model, name) for name in (body, other))
+        return {"curve": {"x": (x, x + 1.0), "value": (value, value + 1.0)}}
+
+    @model_validator(mode="after")
+    def _smooth(self) -> Self:
+        refuse([("curve", text) for text in problems_of(self.curve)])
+        return self
+
+    def _blocks(self, e: Any) -> list[Any]:
+        own = e.coordinate(self.body, self.coordinate)
+        other = e.coordinate(self.other, self.other_coordinate, 0.0)
+        return [e.related(own, other, self.curve)]
 
 
 class Motion(OfOne):
@@ -391,10 +446,10 @@ class Motion(OfOne):
     ABOUT: ClassVar[str] = "a joint follows a function of time with the force that this needs"
 
     kind: Literal["motion"] = field(KIND, default="motion")
-    q_of_t: Curve = field(
+    q_of_t: OverTime = field(
         "an expression of t such as '=0.5*sin(2*t)', a table over time {'t': [...], 'value': "
         "[...]}, or {'kind': 'sine' or 'polynomial', ...} [rad, m]",
-        converter=_followed, dim=Q, label="Follows", help="joint coordinate as a function of time",
+        converter=_over_time, dim=Q, label="Follows", help="joint coordinate as a function of time",
     )  # fmt: skip
     interpolation: Literal["spline", "monotone"] = field(
         "'spline' (smooth, may overshoot) or 'monotone' (stays between neighbouring values)",
@@ -406,6 +461,13 @@ class Motion(OfOne):
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
         start = _first_q(model, body)
         return {"q_of_t": {"kind": "polynomial", "coefficients": (start, 0.0)}}
+
+    @model_validator(mode="after")
+    def _cubic(self) -> Self:
+        if isinstance(self.q_of_t, Polynomial) and len(c := self.q_of_t.coefficients) > 4:
+            text = f"a polynomial over time has one to four coefficients, got {shown(list(c))}"
+            refuse([("q_of_t", text)])
+        return self
 
     def _blocks(self, e: Any) -> list[Any]:
         own = e.coordinate(self.body, self.coordinate)

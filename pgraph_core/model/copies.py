@@ -13,8 +13,7 @@ from ..joints import DIRECTED, SIZE, Motion
 from ..rotation import multiply
 from ..shapes import kind_of
 from .body import Body, Shape
-from .constraint import Constraint, Gear
-from .constraint import Motion as PrescribedMotion
+from .constraint import Constraint, OfOne, OfTwo
 from .contact import Contact
 from .editing import free_name, renamed
 from .expressions import (
@@ -251,9 +250,9 @@ class _Copy:
         used: list[tuple[str, int]] = []
         if isinstance(part, OfSums):
             used = [(k, i) for k, i, _ in part.terms]
-        elif isinstance(part, (Gear, PrescribedMotion)):
+        elif isinstance(part, OfOne):
             used = [(part.body, part.coordinate)]
-            if isinstance(part, Gear):
+            if isinstance(part, OfTwo):
                 used.append((part.other, part.other_coordinate))
         if isinstance(part, (Contact, Force)):
             read = read_by(part, self.outputs)

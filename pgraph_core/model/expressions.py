@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from typing import Any
+from typing import Any, NamedTuple
 
 from .. import joints
 from ..errors import Problem, choices, nearest_name, shown
@@ -16,7 +16,7 @@ from ..signals.grammar import walk
 from ..signals.meaning import CONSTANTS, TIME, constant, dim_of, fits, places_of, unit
 from ..units import RAD, Dim, M, N, Q, S
 from .body import Body
-from .constraint import Motion
+from .constraint import Motion, OfOne, Relation
 from .control import PID, Control
 from .output import OF_JOINT, OF_LOAD, Output
 
@@ -53,6 +53,25 @@ def renamed_in(part: Described, names: Mapping[str, str], *groups: str) -> dict[
             old = found.get(name, getattr(part, name))
             found[name] = new if k is None else (*old[:k], new, *old[k + 1 :])
     return found
+
+
+class Variable(NamedTuple):
+    """The only variable of an expression, and a refusal of all others."""
+
+    name: str
+    signal: tuple[str, str, int] | None  # the same by its full name
+    refusal: str
+
+
+def variable_of(part: Described | None) -> Variable | None:
+    """Return the only variable of the expressions in a part, or None if they have several."""
+    if isinstance(part, Motion):
+        return Variable(TIME, None, "a prescribed motion may only depend on t")
+    if isinstance(part, Relation):
+        signal = "q", part.other, part.other_coordinate
+        full = written("q", part.other, part.other_coordinate or None)
+        return Variable("q", signal, f"a relation may only depend on {full}, in short q")
+    return None
 
 
 class Known:
@@ -181,16 +200,16 @@ class Known:
         return self._of_joint(node, output.at, output.coordinate, output.kind == OF_JOINT[1])
 
     def problem(
-        self, text: str, wanted: Dim | None, *, of_time: bool = False, at_once: str = ""
+        self, text: str, wanted: Dim | None, *, only: Variable | None = None, at_once: str = ""
     ) -> str:
         """Return the reason why an expression is invalid in a field of dimension `wanted`, or "".
 
-        `at_once` is the part that follows from it at the same instant, "" if it acts later.
+        `only` is its only variable. `at_once` is the part that follows from it at the same instant, "" if it acts later.
         """
         try:
             tree = parsed(text)
             for node in walk(tree):
-                self._check(node, of_time)
+                self._check(node, only)
             found = dim_of(tree, self.dim)  # names of signals come first
             for node in walk(tree):
                 if at_once and node.op == "signal" and node.signal[0] == "force":
@@ -204,15 +223,18 @@ class Known:
             return ""
         return f"{shown(text)} gives {unit(found)}, not {unit(wanted)}; give it a factor"
 
-    def _check(self, node: Node, of_time: bool) -> None:
-        name, known = node.signal[1], [*self.parameters, TIME, *CONSTANTS]
+    def _check(self, node: Node, only: Variable | None) -> None:
+        variable = only.name if only else TIME
+        name, known = node.signal[1], [*self.parameters, variable, *CONSTANTS]
         if node.op == "name" and name not in known:
+            if only and name == TIME:
+                raise Unreadable(node.column, only.refusal)
             hint = nearest_name(name, known)
             if name in self.bodies:
                 hint = f"write q.{name} for its coordinate, v.{name} for its rate"
             raise Unreadable(node.column, f"unknown name {shown(name)}; {hint}")
-        if node.op == "signal" and of_time:
-            raise Unreadable(node.column, "a prescribed motion may only depend on t")
+        if node.op == "signal" and only and node.signal != only.signal:
+            raise Unreadable(node.column, only.refusal)
         if node.op == "table":
             try:
                 places = [float(constant(x, self.parameters)) for x in places_of(node)]
@@ -237,7 +259,7 @@ def expression_problems(parts: Iterable[Described], known: Known, of: str = "") 
             where = f"{of}{part.word()} {shown(getattr(part, 'name', ''))}"
             dim = wanted(part, name, known.bodies)
             now = at_once(part, name)
-            if problem := known.problem(text, dim, of_time=isinstance(part, Motion), at_once=now):
+            if problem := known.problem(text, dim, only=variable_of(part), at_once=now):
                 found.append(Problem(where, name, problem))
         if isinstance(part, PID) and not found and (problem := _error_problem(part, known)):
             found.append(Problem(f"{part.word()} {shown(part.name)}", "setpoint", problem))
@@ -272,7 +294,7 @@ def wanted(part: Described, name: str, bodies: Bodies) -> Dim | None:
         return None  # its gain has any unit
     if not dim.coordinate:
         return dim
-    terms = [(part.body, part.coordinate)] if isinstance(part, Motion) else ()
+    terms = [(part.body, part.coordinate)] if isinstance(part, OfOne) else ()
     terms = [(body, k) for body, k, _ in part.terms] if isinstance(part, OfSums) else terms
     found = set[Dim]()
     for body, k in terms:

@@ -29,7 +29,7 @@ from .constraint import Constraint
 from .contact import Contact
 from .control import Control
 from .output import OF_CONTACT, OF_SUBTREE
-from .parameters import CURVE, Formula, holds_formula, inlined, texts_in
+from .parameters import CURVES, Formula, holds_formula, inlined, texts_in
 from .scenario import Scenario
 from .settings import STEP
 from .shape import Shape
@@ -126,7 +126,8 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
     parts += (own := own + [(Contact, x) for x in data["contacts"]])
     for kind, part in own:
         texts = texts_in(part) if holds_formula(part) else ()
-        if isinstance(part.get(CURVE), str) or any(varies(x, named) for x in texts):
+        bare = any(isinstance(part.get(key), str) for key in CURVES)
+        if bare or any(varies(x, named) for x in texts):
             yield getattr(kind, "VARIES_SINCE", EXPRESSIONS)
     if any(holds_formula(f) for scenario in data["scenarios"] for f in scenario["forces"]):
         yield EXPRESSIONS

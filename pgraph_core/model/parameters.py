@@ -33,7 +33,7 @@ LONGEST_NAME = 60
 USABLE = re.compile(r"[^\W\d]\w*")  # a name of the grammar
 MOST_LISTS = 10  # limit on nested lists with formulas, more than any field has
 
-CURVE = "q_of_t"  # a field that takes no number: '=...' in it is an expression, constant or not
+CURVES = ("q_of_t", "curve")  # fields without a number: '=...' is an expression, even a constant
 
 TRACK = "track"  # a field with functions of q, which are no formulas
 
@@ -237,7 +237,7 @@ def formulas_in(
         return
     elif isinstance(value, Mapping):
         for key, x in value.items():
-            if key not in TEXT and not (key == CURVE and isinstance(x, str)):
+            if key not in TEXT and not (key in CURVES and isinstance(x, str)):
                 yield from formulas_in(x, (*path, str(key)), parameters)
     elif isinstance(value, (list, tuple)):
         for i, x in enumerate(value):

@@ -12,15 +12,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..curves import Polynomial
 from ..engine import layout as at
 from ..errors import ModelError, Problem
-from ..model import Constraint, Model, Polynomial, Rolling, Sine, Table
+from ..functions import Curve, Function
+from ..model import Constraint, Model, Rolling, Sine, Table
 from ..model.constraint import AtPoints
 from ..rotation import normals_of, unit_vector
 from ..topology import Topology
 from . import Array, Ints, System, home_of, joint_coordinates, point_in_row, row_of_velocity
 from .forces import terms_of
-from .programs import of_time
+from .programs import of_coordinate, of_time
 
 Term = tuple[int, int, float]  # index into v, into q or -1, coefficient
 
@@ -168,6 +170,15 @@ class Endpoints:
         knots = at.SINE if isinstance(q, Sine) else None
         return Block(at.T_COORD, 1, self.scaled(), (own,), curve(q, interpolation), knots)
 
+    def related(self, own: Term, other: Term, function: Function) -> Block:
+        """Create a block in which a coordinate follows a function of another one."""
+        values, terms = self.scaled(), (own, other)
+        if isinstance(function, Curve):
+            return Block(at.T_RELATION, 1, values, terms, pieces(function))
+        given = function.coefficients if isinstance(function, Polynomial) else function
+        rows = tuple(map(tuple, of_coordinate(given, self.model.parameters).tolist()))
+        return Block(at.T_RELATION, 1, values, terms, rows, at.SINE - len(rows) // 2)
+
     def refuse(self, field: str, text: str) -> ModelError:
         """Create an error about this constraint."""
         return ModelError(Problem(f"constraint '{self.c.name}'", field, text))
@@ -194,6 +205,18 @@ def curve(q_of_t: Table | Sine | Polynomial, interpolation: str) -> tuple[tuple[
             return (first, *((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
 
 
+def pieces(function: Curve) -> tuple[tuple[float, ...], ...]:
+    """Return the rows for `curves` of a curve through points."""
+    places, powers, end = function.pieces
+    found = np.zeros((len(places), at.KNOT))
+    found[:, at.PIECE_AT] = places
+    found[:-1, at.PIECE_POWERS : at.PIECE_POWERS + len(powers)] = powers.T
+    found[-1, at.PIECE_POWERS] = end
+    if function.kind == "periodic":
+        found[0, at.PIECE_RATE] = 1.0 / (places[-1] - places[0])
+    return tuple(map(tuple, found.tolist()))
+
+
 # -- all constraints of a model ------------------------------------------------------------
 
 
@@ -206,7 +229,7 @@ class Blocks(NamedTuple):
     blocks_f: Array  # (nb, 40)
     terms_i: Ints  # (nt, 2)
     terms_f: Array  # (nt,)
-    curves: Array  # (nk, 5)
+    curves: Array  # (nk, 10)
 
 
 def blocks_of(ends: Endpoints) -> list[Block]:
@@ -228,11 +251,12 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
         for c, items in zip(model.constraints, found)
         for block in items
     ]
+    knots = [(*x, *(0.0,) * (at.KNOT - len(x))) for block in flat for x in block.curve]
     return Blocks(
         tuple(c.name for c in model.constraints),
         np.array(_starts([len(items) for items in found]), dtype=np.int64),
         *block_arrays(flat),
-        np.array([knot for block in flat for knot in block.curve]).reshape(-1, 5),
+        np.array(knots).reshape(-1, at.KNOT),
     )
 
 
@@ -277,7 +301,7 @@ def with_blocks(blocks: Blocks, ints: Ints, floats: Array, terms_i: Ints, terms_
     )
 
 
-NO_BLOCKS = Blocks((), np.zeros(1, np.int64), *block_arrays(()), np.zeros((0, 5)))
+NO_BLOCKS = Blocks((), np.zeros(1, np.int64), *block_arrays(()), np.zeros((0, at.KNOT)))
 
 
 def values_of(

@@ -458,10 +458,29 @@ def edges_moved(code: Array) -> list[int]:
     return np.flatnonzero(found).tolist()
 
 
+def of_coordinate(function: str | Sequence[float], parameters: Mapping[str, float]) -> Array:
+    """Return the program of a coordinate in place of the time, for an expression or coefficients.
+
+    Its last instruction is the value.
+    """
+    program = Program(parameters, lambda *signal: (kernels.TIME,))
+    if isinstance(function, str):
+        return _ending(program, program.of(parsed(function)))
+    x = program.put(kernels.TIME)
+    found = program.apart(function[-1])
+    for c in function[-2::-1]:
+        found = program.put(kernels.ADD, program.put(kernels.MUL, found, x), program.apart(c))
+    return _ending(program, found)
+
+
 def of_time(text: str, parameters: Mapping[str, float]) -> Array:
     """Return the program for a prescribed motion. Its last instruction is the value."""
     program = Program(parameters)
-    last = program.of(parsed(text))
+    return _ending(program, program.of(parsed(text)))
+
+
+def _ending(program: Program, last: Operand) -> Array:
+    """Return the code of a program whose last instruction is this one."""
     if last != len(program.rows) - 1:  # a constant that stands before others
         program.rows.append((float(kernels.ADD), float(last), float(program.number(0.0)), 0.0, 0.0))
     return program.code()

@@ -8,18 +8,15 @@ both its ends. With u = v_A(p) - v_B(p) of the two bodies' material points
     g'' = d · (v'_A - v'_B) + d · e + u · (s × d)    g'' = t · (ω'_A - ω'_B) + t' · (ω_A - ω_B)
 
 Here e is the velocity of p relative to the bodies, and s is the angular velocity of d. Both depend
-on the type of the block. A coordinate row is Σ c q, or Σ c v, that follows a number or a curve over
-time.
+on the type of the block. Coordinate rows are in `coordinates`.
 """
 
 import math
 
 from .. import layout as at
-from ..compiler.elementary import cos, sin
 from ..compiler.jit import part
 from ..compiler.masks import chosen, more
 from ..layout import (
-    SINE,
     T_ALIGN,
     T_BLADE,
     T_CONTACT,
@@ -29,6 +26,7 @@ from ..layout import (
     T_LIMIT,
     T_PIN,
     T_POINT,
+    T_RELATION,
     T_ROUND,
     T_SPAN,
     T_TURN,
@@ -44,9 +42,9 @@ from ..rows import (
     spin_of,
     vector,
 )
-from ..signals import differentiate, evaluate
 from ..tree.kinematics import linear_velocity
 from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, store, store3, sub
+from .coordinates import bending, follower_of, followed, relate, speed_along, total
 
 # -- columns of a block, of where it acts, and of the joints that it moves ------------------------
 
@@ -64,13 +62,6 @@ joints_of, _ = number(at.SLOTS)  # number of joints on a block's paths
 def ends_of(blocks_i, i):
     """Return the tree rows of bodies A and B, 0 for the ground."""
     return blocks_i[i, at.B_A], blocks_i[i, at.B_B]
-
-
-@part
-def terms_of(blocks_i, i):
-    """Return the first and the end index of the terms in a coordinate row."""
-    first = blocks_i[i, at.B_TERM]
-    return first, first + blocks_i[i, at.B_TERMS]
 
 
 @part
@@ -110,7 +101,8 @@ def velocities(rows, const, work, v, linear):
 @part
 def along_coordinates(kind):
     """Check whether a block constrains coordinates instead of bodies."""
-    return kind == T_COORD or kind == T_VELOCITY or kind == T_LIMIT or kind == T_FRICTION
+    sums = kind == T_COORD or kind == T_VELOCITY or kind == T_LIMIT or kind == T_FRICTION
+    return sums or kind == T_RELATION
 
 
 @part
@@ -206,12 +198,14 @@ def to_contact(blocks_i, blocks_f, i, work):
 
 
 @part
-def locate(blocks, work, place):
-    """Compute positions and directions of the active blocks, except coordinate rows."""
+def locate(blocks, work, q, place):
+    """Compute positions and directions of the active blocks, and the functions of relations."""
     blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
     for j in range(1, active[0] + 1):
         i = active[j]
         kind = type_of(blocks_i, i)
+        if kind == T_RELATION:
+            relate(blocks, i, q, place)
         if along_coordinates(kind):
             continue
         if kind == T_CONTACT or kind == T_TURN:
@@ -269,52 +263,11 @@ def row_direction(blocks_i, blocks_f, i, r, work):
 
 
 @part
-def followed(blocks_i, blocks_f, curves, i, t, order):
-    """Compute the curve of a coordinate row, or its first or second time derivative."""
-    count = blocks_i[i, at.B_KNOTS]
-    k = blocks_i[i, at.B_CURVE]
-    if count == 0:
-        return value_of(blocks_f, i) if order == 0 else 0.0
-    if count == SINE:
-        rate = curves[k, 2]
-        angle = rate * t + curves[k, 3]
-        if order == 0:
-            return curves[k, 0] + curves[k, 1] * sin(angle)
-        if order == 1:
-            return curves[k, 1] * rate * cos(angle)
-        return -curves[k, 1] * rate * rate * sin(angle)
-    if count < SINE:
-        evaluate(curves, k, -1 - count, t, curves[k], curves[k])
-        if order > 0:
-            differentiate(curves, k, -1 - count)
-        return curves[k + 2 * (-1 - count) - 1, order]
-    last = k + count - 1
-    while k < last and t >= curves[k + 1, 0]:
-        k += 1
-    s = t - curves[k, 0]
-    if order == 0:
-        return curves[k, 1] + s * (curves[k, 2] + s * (curves[k, 3] + s * curves[k, 4]))
-    if order == 1:
-        return curves[k, 2] + s * (2.0 * curves[k, 3] + s * 3.0 * curves[k, 4])
-    return 2.0 * curves[k, 3] + s * 6.0 * curves[k, 4]
-
-
-@part
 def prescribes(blocks, i):
     """Check whether a block prescribes a motion, so that its forces do work."""
     kind, follows = type_of(blocks.blocks_i, i), blocks.blocks_i[i, at.B_KNOTS] != 0
     runs = kind == T_VELOCITY and (follows or value_of(blocks.blocks_f, i) != 0.0)
     return runs or (kind == T_COORD and follows)
-
-
-@part
-def total(blocks_i, terms_i, terms_f, i, column, x):
-    """Return Σ c x for a coordinate row over entries of q or v."""
-    sum_ = 0.0
-    first, end = terms_of(blocks_i, i)
-    for n in range(first, end):
-        sum_ += terms_f[n] * x[terms_i[n, column]]
-    return sum_
 
 
 @part
@@ -343,6 +296,8 @@ def residual(blocks, work, space, t, q, out):
         elif kind == T_COORD or kind == T_LIMIT:
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 1, q)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, 0)
+        elif kind == T_RELATION:
+            out[at_r] = q[follower_of(blocks, i, 1)] - place[i, at.PLACE_VALUE]
 
 
 @part
@@ -359,7 +314,7 @@ def residual_velocity(blocks, work, space, t, v, out):
     For contacts, this is the relative velocity of the surfaces, which may move relative to their
     bodies.
     """
-    blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
+    blocks_i, blocks_f, _, _, curves, active = blocks
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -368,8 +323,9 @@ def residual_velocity(blocks, work, space, t, v, out):
         a, b = ends_of(blocks_i, i)
         if along_coordinates(kind):
             order = 0 if kind == T_VELOCITY else 1
-            out[at_r] = total(blocks_i, terms_i, terms_f, i, 0, v)
-            out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
+            out[at_r] = speed_along(blocks, place, i, v)
+            if kind != T_RELATION:
+                out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
             continue
         if kind == T_ALIGN or kind == T_TURN:
             u = sub(spin_of(work, a), spin_of(work, b))
@@ -440,9 +396,9 @@ def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
 
 
 @part
-def residual_acceleration(blocks, work, space, t, vdot, out):
+def residual_acceleration(blocks, work, space, t, v, vdot, out):
     """Compute g'' = J v' + J' v for the active blocks. Gravity's offset cancels."""
-    blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
+    blocks_i, blocks_f, _, _, curves, active = blocks
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -451,14 +407,17 @@ def residual_acceleration(blocks, work, space, t, vdot, out):
         a, b = ends_of(blocks_i, i)
         if along_coordinates(kind):
             order = 2 if kind == T_COORD else 1
-            out[at_r] = total(blocks_i, terms_i, terms_f, i, 0, vdot)
-            out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
+            out[at_r] = speed_along(blocks, place, i, vdot)
+            if kind == T_RELATION:
+                out[at_r] -= bending(blocks, place, i, v)
+            else:
+                out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
         else:
             block_acceleration(blocks_i, blocks_f, i, work, linear, place, out, at_r)
 
 
 @part
-def turning_acceleration(blocks, work, space, out):
+def turning_acceleration(blocks, work, space, v, out):
     """Compute J' v of the active blocks, after `accelerate` with v' = 0 and no gravity.
 
     Zero for a bound on a length, whose permitted speed includes it, and for a contact point whose
@@ -471,7 +430,9 @@ def turning_acceleration(blocks, work, space, out):
         at_r = first_of(space.slots, i)
         still = along_coordinates(kind) or kind == T_TURN or kind == T_SPAN
         still = still or (kind == T_CONTACT and blocks_f[i, at.ROUND] < 0.0)
-        if still:
+        if kind == T_RELATION:
+            out[at_r] = -bending(blocks, space.place, i, v)
+        elif still:
             for r in range(size_of(blocks_i, i)):
                 out[at_r + r] = 0.0
         else:

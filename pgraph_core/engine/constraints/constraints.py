@@ -49,12 +49,11 @@ from .blocks import (
     residual_acceleration,
     residual_velocity,
     size_of,
-    terms_of,
-    total,
     turns_with_speed,
     type_of,
     velocities,
 )
+from .coordinates import coefficient, speed_along, terms_of
 from .paths import carry, carry_coordinates, pivots, spread
 from .proximal import along_nulls, factor_proximal, solve_proximal
 
@@ -178,7 +177,7 @@ def respond(rows, const, blocks, work, space):
 
 
 @sweep
-def located(scene, v, moving):
+def located(scene, q, v, moving):
     """Compute origins and positions of the active blocks from the frames. Returns the rows.
 
     If `moving` is True, velocities of body origins are also computed.
@@ -188,7 +187,7 @@ def located(scene, v, moving):
     positions(rows, work)
     if moving:
         velocities(rows, const, work, v, space.linear)
-    locate(blocks, work, space.place)
+    locate(blocks, work, q, space.place)
     return number_rows(blocks, space.slots)
 
 
@@ -218,9 +217,9 @@ def impose(scene, t, q, v, vdot):
     rows, const, blocks = data.rows, data.const, data.blocks
     work, space, gains = data.work, data.space, data.gains
     vectors = space.vectors
-    m = located(scene, v, gains[0] > 0.0 or turns_with_speed(blocks))
+    m = located(scene, q, v, gains[0] > 0.0 or turns_with_speed(blocks))
     rhs = vectors[RHS]
-    residual_acceleration(blocks, work, space, t, vdot, rhs)
+    residual_acceleration(blocks, work, space, t, v, vdot, rhs)
     if gains[0] > 0.0:
         other = vectors[RESIDUAL]
         speeds(scene, t, v, RESIDUAL)
@@ -244,14 +243,13 @@ def impose(scene, t, q, v, vdot):
 @part
 def driven_power(blocks, space, v):
     """Return λ Σ c v of the rows that prescribe motions, which is their power [W]."""
-    blocks_i, terms_i = blocks.blocks_i, blocks.terms_i
-    terms_f, active = blocks.terms_f, blocks.active
+    active = blocks.active
     power = 0.0
     for j in range(1, active[0] + 1):
         i = active[j]
         if prescribes(blocks, i):
             lam = space.vectors[LAMBDA, first_of(space.slots, i)]
-            power += lam * total(blocks_i, terms_i, terms_f, i, 0, v)
+            power += lam * speed_along(blocks, space.place, i, v)
     return power
 
 
@@ -272,7 +270,7 @@ def drift(rows, const, blocks, work, space, t, q, v, out):
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
     m = number_rows(blocks, space.slots)
-    locate(blocks, work, space.place)
+    locate(blocks, work, q, space.place)
     residual(blocks, work, space, t, q, vectors[RESIDUAL])
     out[0] = largest(vectors[RESIDUAL], m)
     residual_velocity(blocks, work, space, t, v, vectors[RESIDUAL])
@@ -312,7 +310,7 @@ def along_joint(rows, work, k):
 def add_wrenches(rows, blocks, work, space, count, out, column):
     """Add the wrenches of the first `count` active blocks to `out`, from `column` on."""
     blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
-    terms_f, active = blocks.terms_f, blocks.active
+    active = blocks.active
     slots, place, vectors = space.slots, space.place, space.vectors
     for j in range(1, count + 1):
         i = active[j]
@@ -321,7 +319,8 @@ def add_wrenches(rows, blocks, work, space, count, out, column):
         if along_coordinates(kind):
             if nv_of(kind_of(rows, a)) == 1:
                 moment, force = along_joint(rows, work, a)
-                x, share = vectors[LAMBDA, first_of(slots, i)], terms_f[terms_of(blocks_i, i)[0]]
+                x = vectors[LAMBDA, first_of(slots, i)]
+                share = coefficient(blocks, place, i, terms_of(blocks_i, i)[0])
                 accumulate(out, i, column, scale(share, scale(x, moment)))
                 accumulate(out, i, column + 3, scale(share, scale(x, force)))
             continue
@@ -370,7 +369,7 @@ def settle(scene, t, q, v):
     if known == 0.0 or not moved < NEAR_FACTORS:
         return False
     frames(rows, const, work, q, v)
-    m = located(scene, v, True)
+    m = located(scene, q, v, True)
     rounding = NO_GAP * extent(rows, blocks, work)
     enough = 0.0 if carries(q) else rounding
     speeds(scene, t, v, RHS)
@@ -438,7 +437,7 @@ def project(scene, t, q, v, rounds):
     for taken in range(1, rounds + 1):
         outboard(rows, const, work, q, v)
         inboard(rows, const, work, zero)
-        m = located(scene, v, True)
+        m = located(scene, q, v, True)
         mu, count = delassus(rows, const, blocks, work, space, m)
         speeds(scene, t, v, RHS)
         correct(scene, mu, count, m, 0.0)
@@ -457,7 +456,7 @@ def project(scene, t, q, v, rounds):
     if gap <= LOOP_CLOSED * size:
         return taken
     frames(rows, const, work, q, v)  # beside a mechanism that is a point every gap is large
-    located(scene, v, False)
+    located(scene, q, v, False)
     gaps(scene, t, q, RHS)
     return taken if largest(vectors[RHS], m) <= LOOP_CLOSED * gap else -1
 

@@ -38,7 +38,8 @@ from ..vec import (
     store,
     sub,
 )
-from .blocks import along, ends_of, place_a, place_b, size_of, terms_of, type_of
+from .blocks import along, ends_of, place_a, place_b, size_of, type_of
+from .coordinates import coefficient, terms_of
 
 
 @part
@@ -137,7 +138,7 @@ def past_joint(rows, work, k, moment, force, reach, y, slots, i, slot):
 @part
 def carry_coordinates(rows, const, blocks, i, work, space):
     """Compute Y of a coordinate row: unit torques on its terms, reactions on the parents."""
-    blocks_i, terms_i, terms_f = blocks.blocks_i, blocks.terms_i, blocks.terms_f
+    blocks_i, terms_i = blocks.blocks_i, blocks.terms_i
     y, slots, whole = space.y, space.slots, space.carried
     none = (0.0, 0.0, 0.0)
     slot = 0
@@ -146,7 +147,8 @@ def carry_coordinates(rows, const, blocks, i, work, space):
         for n in range(first, end):
             column = terms_i[n, 0] - v_of(rows, k)
             if 0 <= column < nv_of(kind_of(rows, k)):
-                push(rows, const, work, k, column, terms_f[n], whole)
+                size = coefficient(blocks, space.place, i, n)
+                push(rows, const, work, k, column, size, whole)
         if not reaches(whole, k):
             continue
         moment, force = alone(load(whole, k, 0)), alone(load(whole, k, 3))

@@ -16,7 +16,8 @@ from ...tolerances import COINCIDENT, ROUNDING
 from .. import layout as at
 from ..arrays import opened
 from ..compiler.jit import part, sweep
-from ..constraints.blocks import point_velocity, total, type_of, velocities
+from ..constraints.blocks import point_velocity, type_of, velocities
+from ..constraints.coordinates import total
 from ..records import CYLINDER, POINTS, RIGID
 from ..tree.kinematics import frames, positions
 from ..tree.moving import advance

@@ -96,8 +96,8 @@ def event_acceleration(scene, t, q, v, tau, vdot, flow):
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
     m = number_rows(blocks, space.slots)
-    locate(blocks, work, space.place)
-    residual_acceleration(blocks, work, space, t, vdot, vectors[RHS])
+    locate(blocks, work, q, space.place)
+    residual_acceleration(blocks, work, space, t, v, vdot, vectors[RHS])
     for r in range(m):
         vectors[RHS, r] = -vectors[RHS, r]
     unit_responses(rows, const, blocks, work, space)

@@ -33,6 +33,7 @@ from ..constraints.constraints import (
     respond,
     unit_responses,
 )
+from ..constraints.coordinates import coefficient
 from ..motion import RECORD, call_acceleration, call_record
 from ..motions import travels
 from ..records import STANCE, SWING, WATCHED
@@ -96,7 +97,7 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
     observed = with_active(blocks, every)
     slots, place, vectors, linear = space.slots, space.place, space.vectors, space.linear
     number_rows(observed, slots)
-    locate(observed, work, place)
+    locate(observed, work, q, place)
     residual(observed, work, space, t, q, vectors[RESIDUAL])
     residual_velocity(observed, work, space, t, v, vectors[RESIDUAL_RATE])
     for s in range(points.shape[0]):
@@ -137,7 +138,7 @@ def path_length(rows, const, work, k, p, n):
 def point_force(rows, blocks, work, space, contact, s):
     """Compute the force at a closed point from λ and its components, about the axis for a limit."""
     points = contact.points
-    blocks_i, terms_f = blocks.blocks_i, blocks.terms_f
+    blocks_i = blocks.blocks_i
     slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
     slid = slides(points[s].phase)
     i = points[s].slide_block if slid else points[s].held_block
@@ -145,7 +146,7 @@ def point_force(rows, blocks, work, space, contact, s):
     if points[s].limit == 1:
         points[s].normal_force = lam[r]
         moment, force = along_joint(rows, work, blocks_i[i, at.B_A])
-        size = terms_f[blocks_i[i, at.B_TERM]] * lam[r]
+        size = coefficient(blocks, place, i, blocks_i[i, at.B_TERM]) * lam[r]
         set_xyz(points[s].force, scale(size, add(moment, force)))
         return
     force = (0.0, 0.0, 0.0)
@@ -195,8 +196,8 @@ def point_accelerations(scene, t, q, v, vdot, flow):
     velocities(rows, const, work, v, space.linear)
     observed = with_active(blocks, every)
     number_rows(observed, slots)
-    locate(observed, work, place)
-    residual_acceleration(observed, work, space, t, vdot, vectors[RESIDUAL])
+    locate(observed, work, q, place)
+    residual_acceleration(observed, work, space, t, v, vdot, vectors[RESIDUAL])
     for s in range(points.shape[0]):
         i = points[s].slide_block
         r = first_of(slots, i)
@@ -221,7 +222,7 @@ def impulse_rows(scene, t, q, v):
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
     m = number_rows(blocks, space.slots)
-    locate(blocks, work, space.place)
+    locate(blocks, work, q, space.place)
     unit_responses(rows, const, blocks, work, space)
     couplings(blocks, space)
     residual_velocity(blocks, work, space, t, v, vectors[RHS])

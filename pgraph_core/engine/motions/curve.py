@@ -10,8 +10,7 @@ import math
 
 from .. import layout as at
 from ..compiler.jit import part, sweep
-from ..compiler.masks import chosen, larger, more, most, smaller
-from ..compiler.tables import entry
+from ..pieces import located, polynomial
 from ..rows import (
     axis_of,
     bend_of,
@@ -38,66 +37,10 @@ from .axial import add_motion, along, column, through, unit_wrench
 from .contract import Single
 
 
-@part
-def piece_at(const, first, pieces, x):
-    """Return the row of the last piece that begins at or before x, or of the first one."""
-    last = pieces - 1
-    found = 0.0 * more(x, x)  # a number of the kind of x
-    step = 1
-    while 2 * step <= last:
-        step *= 2
-    while step > 0:
-        ahead = smaller(found + step, last + 0.0)
-        begin = entry(const, first + 2.0 * ahead, at.TRACK_AT)
-        found = chosen(most(begin, x), ahead, found)
-        step //= 2
-    return first + 2.0 * found
-
-
-@part
-def located(const, first, rows, q):
-    """Return (row of the piece with q, way from its beginning, way beyond the track).
-
-    The way beyond it is that past the ends of an open curve.
-    """
-    start = const[first, at.TRACK_AT]
-    periods = math.floor((q - start) * const[first, at.TRACK_RATE]) * 1.0
-    x = q - periods * (const[first + rows - 1, at.TRACK_AT] - start)
-    i = piece_at(const, first, rows // 2, x)
-    begin = entry(const, i, at.TRACK_AT)
-    way = x - begin
-    # at an end, the way is chosen, whose derivative is that of q
-    inside = smaller(entry(const, i + 2.0, at.TRACK_AT) - begin, larger(0.0, way))
-    return i, inside, way - inside
-
-
-@part
-def polynomial(const, i, s, beyond, c, apart):
-    """Return value and three derivatives at s of the number whose coefficients are `apart`.
-
-    Beyond the track, the second derivative is constant.
-    """
-    value = entry(const, i, c + 7 * apart)
-    slope = 7.0 * value
-    bend = 6.0 * slope
-    third = 5.0 * bend
-    for n in range(6, -1, -1):
-        a = entry(const, i, c + n * apart)
-        value = value * s + a
-        if n > 0:
-            slope = slope * s + n * a
-        if n > 1:
-            bend = bend * s + n * (n - 1) * a
-        if n > 2:
-            third = third * s + n * (n - 1) * (n - 2) * a
-    value = value + beyond * (slope + 0.5 * beyond * bend)
-    return value, slope + beyond * bend, bend, third
-
-
 @sweep
 def displacements(const, first, rows, q):
     """Return x, x', x'' and x''' in home axes."""
-    i, s, beyond = located(const, first, rows, q)
+    i, s, beyond, _ = located(const, first, rows // 2, 2.0, at.TRACK_RATE, q)
     a = polynomial(const, i, s, beyond, at.TRACK_PLACE, 3)
     b = polynomial(const, i, s, beyond, at.TRACK_PLACE + 1, 3)
     c = polynomial(const, i, s, beyond, at.TRACK_PLACE + 2, 3)
@@ -107,7 +50,7 @@ def displacements(const, first, rows, q):
 @sweep
 def quaternions(const, first, rows, q):
     """Return p, p', p'' and p''' in home axes."""
-    i, s, beyond = located(const, first, rows, q)
+    i, s, beyond, _ = located(const, first, rows // 2, 2.0, at.TRACK_RATE, q)
     i = i + 1.0
     a = polynomial(const, i, s, beyond, at.TRACK_TURN, 4)
     b = polynomial(const, i, s, beyond, at.TRACK_TURN + 1, 4)

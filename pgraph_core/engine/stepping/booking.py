@@ -8,6 +8,7 @@ from ..arrays import BEFORE, EFFECT, LAMBDA, RHS
 from ..compiler.jit import part, sweep
 from ..compiler.masks import both, either, more, most
 from ..constraints.blocks import along, ends_of, first_of, place_a, place_b, type_of
+from ..constraints.coordinates import coefficient
 from ..contact.closing import log_depth, smaller_size, thinner
 from ..contact.contacts import (
     SLIDING,
@@ -140,9 +141,11 @@ def book_limit(scene, i, n, t, w, h):
         force = math.copysign(lam / h, one[at.VALUE])
     else:
         term = blocks.blocks_i[i, at.B_TERM]
-        force = blocks.terms_f[term] * lam / h  # on the first joint that it bounds
+        # on the first joint that it bounds
+        force = coefficient(blocks, data.space.place, i, term) * lam / h
         for k in range(term, term + blocks.blocks_i[i, at.B_TERMS]):
-            contacts.limit_tau[blocks.terms_i[k, 0]] += blocks.terms_f[k] * lam / h
+            share = coefficient(blocks, data.space.place, i, k)
+            contacts.limit_tau[blocks.terms_i[k, 0]] += share * lam / h
     if kind == at.T_FRICTION:
         one[at.HELD] = lam * one[at.VALUE] / one[at.AIM]
         return

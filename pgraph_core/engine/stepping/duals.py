@@ -354,13 +354,13 @@ def frame_onto_constraints(run, numbers, t, row):
     take_factors(scene, given, state[:nq], state[nq : nq + nv], m)
     q, v, step = data.stages[row, :nq], data.stages[row, nq : nq + nv], own.space.vectors[EFFECT]
     frames(own.rows, own.const, own.work, q, v)
-    located(scene, v, False)
+    located(scene, q, v, False)
     gaps(scene, t, q, RHS)
     corrected(scene, count, m)
     advance(own.rows, q, step, 1.0)
     take_values(run, numbers, row, row)
     frames(own.rows, own.const, own.work, q, v)
-    located(scene, v, True)
+    located(scene, q, v, True)
     speeds(scene, t, v, RHS)
     corrected(scene, count, m)
     for j in range(nv):

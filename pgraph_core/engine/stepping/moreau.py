@@ -515,7 +515,7 @@ def solve_part(run, own, q, v, vdot):
     goes_on = which == MIDPOINT
     while blocks.active[0] > 0:
         m = number_rows(blocks, space.slots)
-        set_velocities(scene, t, t + w, w, v, vdot, m)
+        set_velocities(scene, t, t + w, w, q, v, vdot, m)
         unspread(rows, const, work, space.vectors[SPEEDS])
         if not goes_on:
             unit_responses(rows, const, blocks, work, space)

@@ -122,7 +122,7 @@ def part_of_duals(run, numbers, carried, done, h, w, first, which):
         space.vectors[EFFECT, k] = 0.0
     if own.blocks.active[0] > 0:
         m = number_rows(own.blocks, space.slots)
-        set_velocities(scene, t, t + w, width, v, vdot, m)
+        set_velocities(scene, t, t + w, width, q, v, vdot, m)
         if late and first > 1:
             follow_width(run, t + w, h, m)
         unit_responses(own.rows, own.const, own.blocks, own.work, space)

@@ -27,17 +27,18 @@ from ..tree.kinematics import accelerate as accelerate_rows
 
 
 @sweep
-def set_velocities(scene, t, end, h, v, vdot, m):
+def set_velocities(scene, t, end, h, q, v, vdot, m):
     """Write the speeds of the m active rows at t into BEFORE, and those with v + h v' at the time
     `end` into RHS, less the prescribed ones.
 
-    The rotation of rows is that at the velocities MEAN, which the last evaluation of v' used.
+    The rows are those at q. They turn with the velocities MEAN, which the last evaluation of v'
+    used.
     """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors, linear = space.vectors, space.linear
     mean = vectors[MEAN, : v.shape[0]]
-    locate(blocks, work, space.place)
+    locate(blocks, work, q, space.place)
     velocities(rows, const, work, mean, linear)
     turned(rows, const, blocks, work, space, h, mean, m)
     turn_rates(rows, const, work, v)
@@ -62,7 +63,7 @@ def turned(rows, const, blocks, work, space, h, v, m):
     for j in range(v.shape[0]):
         vectors[ZERO, j] = 0.0
     accelerate_rows(rows, const, work, v, vectors[ZERO])
-    turning_acceleration(blocks, work, space, vectors[TURNED])
+    turning_acceleration(blocks, work, space, v, vectors[TURNED])
     for r in range(m):
         vectors[TURNED, r] *= 0.5 * h
 

@@ -1,0 +1,148 @@
+"""Functions of one coordinate, which another one follows in a relation."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from itertools import pairwise
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Discriminator, Tag, model_validator
+
+from .curves import Polynomial
+from .errors import shown
+from .fields import Expression, Frozen, Numbers, field, refuse, several
+from .signals import parsed
+from .signals.grammar import COMPARISONS, walk
+from .tolerances import NOTABLE
+
+Array = NDArray[np.float64]
+Ends = Literal["natural", "clamped", "periodic", "quintic"]
+
+
+class Pieces(NamedTuple):
+    """Polynomials of which each holds between two neighbouring places, and the value at the end."""
+
+    places: Array  # (n + 1,)
+    powers: Array  # (degree + 1, n) that of power 0 first, of the way from the first place
+    end: float
+
+
+class Curve(Frozen):
+    """A smooth function through points, for a relation between two coordinates.
+
+    A "natural" curve is a cubic spline that does not bend at its ends. A "clamped" one has no slope
+    there. A "quintic" one is a spline of degree 5 with neither slope nor bend at its ends, as a cam
+    with dwells, and between two points the 3-4-5 polynomial. Beyond its ends such a curve is a
+    straight line, so that only the bend of a clamped one jumps there. A "periodic" cubic spline
+    repeats its slope and its bend beyond its ends, and rises in each period by the same value.
+
+    Examples
+    --------
+    >>> import pgraph_core as pg
+    >>> rise = pg.Curve(x=(0, 1.57, 3.14), value=(0, 0.012, 0.02), kind="quintic")
+    """
+
+    x: Numbers = field("two or more ascending coordinates [rad, m]", converter=several)
+    value: Numbers = field("one finite number per coordinate [rad, m]", converter=several)
+    kind: Ends = field("one of natural, clamped, periodic, quintic", default="natural")
+
+    @model_validator(mode="after")
+    def _knots(self) -> Self:
+        refuse(self._problems()[:1])  # the others follow from it
+        return self
+
+    def _problems(self) -> list[tuple[str, str]]:
+        x, value = self.x, self.value
+        if len(x) != len(value):
+            sizes = f"{len(x)} coordinates and {len(value)} values"
+            return [("value", f"needs one value per coordinate, got {sizes}")]
+        least = 3 if self.kind == "periodic" else 2
+        if len(x) < least:
+            text = f"{self.kind} curve needs {least} or more points, got {len(x)}"
+            do = "; two are a straight line, which is a gear" if len(x) == 2 else ""
+            return [("x", f"a {text}{do}")]
+        if not all(a < b for a, b in pairwise(x)):
+            return [("x", f"the coordinates must ascend, got {shown(list(x))}")]
+        for a, b in pairwise(x):
+            if b - a <= NOTABLE * (x[-1] - x[0]):
+                text = f"two coordinates are only {b - a:.3g} apart, {NOTABLE:g} of the range or"
+                return [("x", f"{text} less, near {a:.6g}; leave one out")]
+        if not np.isfinite(self.pieces.powers).all():
+            return [("value", "the slopes between its points are too large for numbers")]
+        return []
+
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """The coordinates between which the points lie, or None for a periodic curve."""
+        return None if self.kind == "periodic" else (self.x[0], self.x[-1])
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The polynomials between the points, and a straight line beyond each end of an open curve."""
+        with np.errstate(all="ignore"):
+            powers, places, end = self._powers(), np.array(self.x), self.value[-1]
+            if self.kind == "periodic":
+                return Pieces(places, powers, end)
+            width, span = places[-1] - places[-2], places[-1] - places[0]
+            degrees = np.arange(1, len(powers))
+            slope = float(degrees @ (powers[1:, -1] * width ** (degrees - 1)))
+            first, last = np.zeros((2, len(powers)))
+            first[:2] = self.value[0] - span * powers[1, 0], powers[1, 0]
+            last[:2] = end, slope if self.kind == "natural" else 0.0
+            places = np.concatenate(([places[0] - span], places, [places[-1] + span]))
+            powers = np.column_stack((first, powers, last))
+            return Pieces(places, powers, end + span * float(last[1]))
+
+    def _powers(self) -> Array:
+        from scipy.interpolate import CubicSpline, make_interp_spline
+
+        x, value = np.array(self.x), np.array(self.value)
+        if self.kind == "quintic":
+            rest = [(1, 0.0), (2, 0.0)]
+            spline = make_interp_spline(x, value, k=5, bc_type=(rest, rest))
+            return np.array([spline(x[:-1], nu=k) / math.factorial(k) for k in range(6)])
+        if self.kind != "periodic":
+            return np.array(CubicSpline(x, value, bc_type=self.kind).c[::-1])
+        rise = (value[-1] - value[0]) / (x[-1] - x[0])
+        apart = value - value[0] - rise * (x - x[0])
+        apart[-1] = apart[0]  # equal but for rounding
+        found = np.array(CubicSpline(x, apart, bc_type="periodic").c[::-1])
+        found[0] = value[:-1]
+        found[1] += rise
+        return found
+
+
+def _which(value: Any) -> str | None:
+    """Return the tag of a function: an object, a mapping, or an expression '=...'."""
+    if isinstance(value, str):
+        return "expression"
+    if isinstance(value, dict):
+        return "polynomial" if value.get("kind") == "polynomial" else "curve"
+    return type(value).__name__.lower() if isinstance(value, (Curve, Polynomial)) else None
+
+
+Function = Annotated[
+    Annotated[Curve, Tag("curve")]
+    | Annotated[Polynomial, Tag("polynomial")]
+    | Annotated[Expression, Tag("expression")],
+    Discriminator(_which),
+]
+
+
+SHARP = (*COMPARISONS, "and", "or", "not", "if", "min", "max", "abs", "table")
+
+
+def problems_of(function: Function) -> list[str]:
+    """Return why a function is none of a relation, which needs a slope everywhere."""
+    if isinstance(function, Polynomial) and not any(function.coefficients[1:]):
+        text = "a polynomial of a relation is of degree 1 to 7; use kind 'motion' to hold a joint, got "
+        return [f"{text}{shown(list(function.coefficients))}"]
+    sharp = [n.op for n in walk(parsed(function)) if n.op in SHARP] if isinstance(function, str) else []
+    if sharp:
+        text = "has a corner or a jump, where a relation would need an impulse; write it without "
+        text += "comparisons, if, min, max, abs and table, as with smoothstep, or give points"
+        return [f"{shown(function)} {text}"]
+    return []
