@@ -73,8 +73,8 @@ if TYPE_CHECKING:
     from .model import Point as Point
     from .model import Polynomial as Polynomial
     from .model import Prismatic as Prismatic
-    from .model import Revolute as Revolute
     from .model import Relation as Relation
+    from .model import Revolute as Revolute
     from .model import Rolling as Rolling
     from .model import Sampled as Sampled
     from .model import Scenario as Scenario

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,18 +70,24 @@ class Curve(Frozen):
             if b - a <= NOTABLE * (x[-1] - x[0]):
                 text = f"two coordinates are only {b - a:.3g} apart, {NOTABLE:g} of the range or"
                 return [("x", f"{text} less, near {a:.6g}; leave one out")]
-        if not np.isfinite(self.pieces.powers).all():
+        if not self._is_finite():
             return [("value", "the slopes between its points are too large for numbers")]
         return []
 
+    def _is_finite(self) -> bool:
+        try:
+            return bool(np.isfinite(self.pieces.powers).all())
+        except ValueError:  # by SciPy, of its own equations
+            return False
+
     @property
     def ends(self) -> tuple[float, float] | None:
-        """The coordinates between which the points lie, or None for a periodic curve."""
-        return None if self.kind == "periodic" else (self.x[0], self.x[-1])
+        """The coordinates beyond which the curve is an assumption, None if it repeats or rests."""
+        return None if self.kind in ("periodic", "quintic") else (self.x[0], self.x[-1])
 
     @cached_property
     def pieces(self) -> Pieces:
-        """The polynomials between the points, and a straight line beyond each end of an open curve."""
+        """The polynomials between the points, and a straight line past each end if it is open."""
         with np.errstate(all="ignore"):
             powers, places, end = self._powers(), np.array(self.x), self.value[-1]
             if self.kind == "periodic":
@@ -95,6 +101,12 @@ class Curve(Frozen):
             places = np.concatenate(([places[0] - span], places, [places[-1] + span]))
             powers = np.column_stack((first, powers, last))
             return Pieces(places, powers, end + span * float(last[1]))
+
+    def values(self, x: Array) -> Array:
+        """Return the values at coordinates (n,) between the points."""
+        places, powers, _ = self.pieces
+        piece = np.clip(np.searchsorted(places, x, "right") - 1, 0, len(places) - 2)
+        return np.polynomial.polynomial.polyval(x - places[piece], powers[:, piece], tensor=False)
 
     def _powers(self) -> Array:
         from scipy.interpolate import CubicSpline, make_interp_spline
@@ -120,7 +132,8 @@ def _which(value: Any) -> str | None:
     if isinstance(value, str):
         return "expression"
     if isinstance(value, dict):
-        return "polynomial" if value.get("kind") == "polynomial" else "curve"
+        kind = value.get("kind", "natural")
+        return kind if kind == "polynomial" else "curve" if kind in get_args(Ends) else None
     return type(value).__name__.lower() if isinstance(value, (Curve, Polynomial)) else None
 
 
@@ -138,9 +151,11 @@ SHARP = (*COMPARISONS, "and", "or", "not", "if", "min", "max", "abs", "table")
 def problems_of(function: Function) -> list[str]:
     """Return why a function is none of a relation, which needs a slope everywhere."""
     if isinstance(function, Polynomial) and not any(function.coefficients[1:]):
-        text = "a polynomial of a relation is of degree 1 to 7; use kind 'motion' to hold a joint, got "
-        return [f"{text}{shown(list(function.coefficients))}"]
-    sharp = [n.op for n in walk(parsed(function)) if n.op in SHARP] if isinstance(function, str) else []
+        text = "a polynomial of a relation is of degree 1 to 7; use kind 'motion' to hold a joint"
+        return [f"{text}, got {shown(list(function.coefficients))}"]
+    sharp = (
+        [n.op for n in walk(parsed(function)) if n.op in SHARP] if isinstance(function, str) else []
+    )
     if sharp:
         text = "has a corner or a jump, where a relation would need an impulse; write it without "
         text += "comparisons, if, min, max, abs and table, as with smoothstep, or give points"

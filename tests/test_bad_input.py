@@ -60,6 +60,20 @@ def constraint(kind: str, *told: Any, **fields: Any) -> Any:
     return made
 
 
+def relation(*told: Any, **fields: Any) -> Any:
+    model, expected = constraint("relation", *told, **{"other": "slide", **fields})
+    model["bodies"] = [*model["bodies"], {"name": "slide", "joint": "prismatic"}]
+    return model, expected
+
+
+def points(x: Any, value: Any = None, **more: Any) -> Any:
+    return {"x": x, "value": [0.0 for _ in x] if value is None else value, **more}
+
+
+def powers(*c: float) -> Any:
+    return {"kind": "polynomial", "coefficients": list(c)}
+
+
 def force(kind: str, *told: Any, **fields: Any) -> Any:
     return part("forces", *told, kind=kind, **fields)
 
@@ -139,6 +153,36 @@ ROWS = [
         "gear", ("ratio", "zero", "'motion'", "got 0"), ("coordinate", *HINGE),
         ("other_coordinate", *NO_ANGLE), other="puck", coordinate=1, ratio=0,
     ),
+    relation("curve", "missing", "'x'", "periodic", "polynomial"),
+    relation("other", "'ground'", "second body", curve="=q", other="ground"),
+    relation("other", "'arm'", "itself", curve="=q", other="arm"),
+    relation("other", "'leg'", "arm, ball, puck", curve="=q", other="leg"),
+    relation("coordinate", *HINGE, curve="=q", coordinate=1),
+    relation("other_coordinate", *NO_ANGLE, curve="=q", other="puck", other_coordinate=4),
+    relation("curve", "3.0", "expression", curve=3.0),
+    relation("curve", "'cubic'", "'natural'", "'periodic'", curve=points([0, 1], kind="cubic")),
+    relation("curve", "ascend", "[0.0, 2.0, 1.0]", curve=points([0, 2, 1])),
+    relation("curve", "2 or more points", "got 1", curve=points([0])),
+    relation("curve", "natural", "got 0", curve=points([])),
+    relation("curve", "3 or more", "got 2", "gear", curve=points([0, 1], kind="periodic")),
+    relation("curve", "2 coordinates and 1 values", curve={"x": [0, 1], "value": [0]}),
+    relation("curve", "leave one out", "1e-11", curve=points([0, 1e-11, 1])),
+    relation("curve", "too large", curve=points([0, 1e-160, 2e-160], value=[0, 1e300, 0])),
+    relation("curve", "degree 1 to 7", "'motion'", "[0.3]", curve=powers(0.3)),
+    relation("curve", "degree 1 to 7", "[1.0, 0.0]", curve=powers(1, 0)),
+    relation("curve", "one to eight", "7, 8]", curve=powers(*range(9))),
+    *(
+        relation("curve", repr(f"={text}"), "corner", "smoothstep", curve=f"={text}")
+        for text in ("abs(q)", "max(q, 1)", "if(q > 1, q, 1)", "q > 0", "table(q, 0, 1, 2, 3)")
+    ),
+    relation("curve", "q.slide", "in short q", "column 6", curve="=sin(t)"),
+    relation("curve", "q.slide", "in short q", curve="=q.arm"),
+    relation("curve", "q.slide", "in short q", curve="=v.slide"),
+    relation("curve", "q.slide", "in short q", curve="=q.puck[1]"),
+    relation("curve", "'speed'", "q", curve="=speed*q"),
+    relation("curve", "m^2", "not rad", curve="=q.slide^2"),
+    relation("curve", "not a valid expression", "'=sin('", curve="=sin("),
+    constraint("motion", "q_of_t", "one to four", "5.0", q_of_t=powers(1, 2, 3, 4, 5)),
     constraint("motion", "q_of_t", "missing", "table", "'sine'", "'polynomial'"),
     constraint("motion", "other", "'motion'", "'ball'", other="ball", q_of_t={"kind": "sine"}),
     constraint("motion", "q_of_t", "'cosine'", "'sine'", q_of_t={"kind": "cosine"}),

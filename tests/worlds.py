@@ -38,6 +38,7 @@ NEEDS: dict[str, dict[str, Any]] = {
     "line": {"axis": (0, 0, 1)},
     "plane": {"axis": (0, 0, 1)},
     "gear": {"other": "1"},
+    "relation": {"other": "1", "curve": "=q"},
     "motion": {"q_of_t": {"kind": "sine"}},
     "rolling": {"radius": 1.0},
     "skate": {"axis": (0, 0, 1)},
@@ -65,6 +66,7 @@ WHOLE: dict[type, dict[str, Any]] = {
     pg.VectorTable: {"t": (0,), "value": ((0, 0, 0),)},
     pg.Sine: {},
     pg.Polynomial: {"coefficients": (1,)},
+    pg.Curve: {"x": (0, 1), "value": (0, 1)},
     **{part.KINDS[kind]: {"name": "x", "body": "2", **NEEDS.get(kind, {})} for part, kind in KINDS},
 }
 

@@ -90,6 +90,7 @@ CELLS = {  # cells of a form that are a part of a field, or choose how it is giv
     "sine": About("Sine", "", "mean + amplitude sin(frequency t + phase)"),
     "polynomial": About("Polynomial", "", "c0 + c1 t + c2 t² + c3 t³"),
     "expression": About("Expression", "", "of t and parameters: =0.3*sin(2*t)"),
+    "function": About("Curve is", "", "how the curve is given"),
     "table": About("Table", "", "t q; t q; ... a smooth curve through these"),
     "torque_over": About("Torque is", "", "constant, or linear between times"),
     "force_over": About("Force is", "", "constant, or linear between times"),

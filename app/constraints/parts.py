@@ -18,7 +18,7 @@ from pgraph_core.joints import SIZE
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.expressions import Known
 from pgraph_core.rotation import matrix
-from pgraph_core.signals import is_expression, parsed, written
+from pgraph_core.signals import is_expression, parsed, with_names, written
 from pgraph_core.signals.meaning import dim_of
 from pgraph_core.units import NONE, UNITS
 
@@ -44,6 +44,7 @@ Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, r
 
 FLAG = ("no", "yes")  # texts of false and true in a form
 CURVES = ("polynomial", "sine", "table", "expression")
+FUNCTIONS = ("natural", "clamped", "periodic", "quintic", "polynomial", "expression")
 FRICTIONS = ("friction", "static_friction", "rolling_friction", "spinning_friction")
 KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outputs": "kind",
               "controls": "kind"}  # fmt: skip
@@ -278,6 +279,8 @@ def on_joint(
     at the current position of that joint, unless they are expressions.
     """
     data = {**data, **changes}
+    if isinstance(item, pg.Relation) and "other" in changes and isinstance(item.curve, str):
+        data["curve"] = with_names(item.curve, {item.other: changes["other"]}, ("q",))
     body: str = data.get("body", "")
     if body not in model.row or not {"body", "coordinate"} & changes.keys():
         return data
@@ -334,6 +337,10 @@ def _typed(
             return on_joint(model, item, data, {field: whole(text, *bounds)})
         case _ if form == "flag":
             return {**data, field: text == FLAG[True]}
+        case "function":
+            return {**data, "curve": _refunctioned(item.curve, text)}
+        case "curve" if isinstance(item, pg.Relation):
+            return {**data, "curve": _function_of(model, item, text)}
         case "curve":
             return {**data, "q_of_t": _curve(item.q_of_t, text)}
         case "table" | "expression":
@@ -379,10 +386,69 @@ def _typed(
 
 def _moved_by(model: pg.Model, item: pg.Motion, text: str, rate: bool = False) -> float:
     """Return a coordinate, or a rate, in SI units unless it is typed as 30 deg or 1500 rpm."""
-    slides = (
-        dict(enumerate(degrees(model.body(item.body)))).get(item.coordinate, ("", ""))[1] == "m"
-    )
+    slides = unit_of_coordinate(model, item.body, item.coordinate) == "m"
     return quantity(text, "length" if slides else "angle", Display(), rate)
+
+
+def unit_of_coordinate(model: pg.Model, body: str, coordinate: int) -> str:
+    """Return the unit of a coordinate of a joint, or "" if there is none."""
+    joint = degrees(model.body(body)) if body in model.row else []
+    return joint[coordinate][1] if coordinate < len(joint) else ""
+
+
+def ends_of(item: pg.Relation) -> tuple[tuple[str, int], tuple[str, int]]:
+    """Return (body, coordinate) of what a relation follows, and of what it moves."""
+    return (item.other, item.other_coordinate), (item.body, item.coordinate)
+
+
+def function_kind(curve: pg.Curve | pg.Polynomial | str) -> str:
+    """Return the kind of the curve of a relation, one of `FUNCTIONS`."""
+    return "expression" if isinstance(curve, str) else curve.kind
+
+
+def function(curve: pg.Curve | pg.Polynomial | str) -> str:
+    """Format the curve of a relation as text, with semicolons between its points."""
+    if isinstance(curve, pg.Polynomial):
+        return " ".join(f"{x:.12g}" for x in curve.coefficients)
+    if isinstance(curve, pg.Curve):
+        return "; ".join(f"{x:.12g} {y:.12g}" for x, y in zip(curve.x, curve.value))
+    return curve
+
+
+def _function_of(model: pg.Model, item: pg.Relation, text: str) -> Any:
+    """Parse the curve of a relation from the text of `function`. Raises Refusal."""
+    if is_expression(text):
+        return text.strip()
+    if isinstance(item.curve, pg.Polynomial):
+        powers = tuple(map(number, text.replace(",", " ").split()))
+        return {"kind": "polynomial", "coefficients": powers}
+    rows = [row.replace(",", " ").split() for row in re.split("[;\\n]", text) if row.strip()]
+    if any(len(row) != 2 for row in rows):
+        raise Refusal("must be rows 'x value; x value; ...', as 0 0; 90deg 12mm; 180deg 20mm")
+    slides = [unit_of_coordinate(model, *end) == "m" for end in ends_of(item)]
+    columns = [
+        tuple(quantity(x, "length" if slide else "angle", Display()) for x in column)
+        for slide, column in zip(slides, zip(*rows))
+    ]
+    kind = item.curve.kind if isinstance(item.curve, pg.Curve) else "natural"
+    return {**dict(zip(("x", "value"), columns)), "kind": kind}
+
+
+def _refunctioned(old: Any, kind: str) -> Any:
+    """Return a curve of another kind, with the same points if both have points."""
+    if kind not in FUNCTIONS:
+        raise Refusal(f"must be one of {', '.join(FUNCTIONS)}")
+    if kind == function_kind(old):
+        return old
+    if kind == "expression":
+        return "=q"
+    if kind == "polynomial":
+        return {"kind": kind, "coefficients": (0.0, 1.0)}
+    points = isinstance(old, pg.Curve)
+    x, value = (old.x, old.value) if points else ((0.0, 1.0), (0.0, 1.0))
+    if kind == "periodic" and len(x) == 2:
+        x, value = (x[0], 0.5 * (x[0] + x[1]), x[1]), (value[0], value[1], value[0])
+    return {"x": x, "value": value, "kind": kind}
 
 
 def _dict(value: Any) -> dict[str, Any]:

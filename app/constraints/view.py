@@ -10,6 +10,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.forces import OnJoint
 from pgraph_core.joints import slides
+from pgraph_core.model.constraint import OfTwo
 
 from ..core.cells import (
     Display,
@@ -55,6 +56,19 @@ USUAL = (
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
 NO_BODY = ("", "choose a body")  # of a list that adds one
 DRAWN = 120  # points of a drawn curve, two or three pixels apart
+FUNCTIONS = {  # how the text of each kind of curve is written
+    **{
+        kind: f"x value; x value; ... [{{x}}] [{{value}}], or with units: 0 0; 90deg 12mm; {text}"
+        for kind, text in (
+            ("natural", "goes on as straight lines"),
+            ("clamped", "without slope at its ends"),
+            ("periodic", "repeats its slope"),
+            ("quintic", "rests beyond its ends"),
+        )
+    },
+    "polynomial": "c0 c1 c2 ... up to c7, of c0 + c1 x + c2 x² + ... [{x}] [{value}]",
+    "expression": "=... of q, the coordinate of the other body: =0.02*(1-cos(q))",
+}
 Q_OF_T = {
     "sine": ("mean [{}]", "amplitude [{}]", "frequency [rad/s]", "phase [rad]"),
     "polynomial": ("c0 [{}]", "c1 [{}/s]", "c2 [{}/s²]", "c3 [{}/s³]"),
@@ -224,6 +238,8 @@ def _field(
             return [_name_field(model, part, item, name)]
         case "q_of_t":
             return _curve(model, item)
+        case "curve":
+            return _function(model, item)
         case "interpolation" if not isinstance(item.q_of_t, pg.Table):
             return []
         case "coefficients":
@@ -265,8 +281,7 @@ def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
                      options=[parts.GROUND, *sites])  # fmt: skip
     extra = []
     if name == "other":
-        gear = getattr(item, "kind", "") == "gear"
-        extra = [] if gear else [parts.GROUND]
+        extra = [] if isinstance(item, OfTwo) else [parts.GROUND]
     if part == "contacts":
         extra.append(parts.EVERY)
     if part == "sites":
@@ -326,13 +341,30 @@ def _curve(model: pg.Model, item: pg.Motion) -> list[Payload]:
     return [*found, field(kind, shows.label, row, help=shows.help, columns=2, note=shows.help)]
 
 
-def _drawn(item: pg.Motion) -> Payload | None:
-    """Return the curve through the knots of a prescribed motion and the range of its values."""
-    if not isinstance(item.q_of_t, pg.Table) or len(item.q_of_t.t) < 2:
+def _function(model: pg.Model, item: pg.Relation) -> list[Payload]:
+    """Return fields for the kind and the text of the curve of a relation."""
+    kind, shows = parts.function_kind(item.curve), about(item, "curve")
+    x, value = (parts.unit_of_coordinate(model, *end) for end in parts.ends_of(item))
+    note = FUNCTIONS[kind].format(x=x or "rad, m", value=value or "rad, m")
+    one = cell((), parts.function(item.curve))
+    return [choice("function", CELLS["function"].label, kind, parts.FUNCTIONS,
+                   help=CELLS["function"].help),
+            field("curve", shows.label, [one], help=shows.help, kind="text", note=note,
+                  curve=_drawn(item), expression=True)]  # fmt: skip
+
+
+def _drawn(item: pg.Motion | pg.Relation) -> Payload | None:
+    """Return the curve through the knots of a motion or a relation, and the range of its values."""
+    if isinstance(item, pg.Relation):
+        if not isinstance(item.curve, pg.Curve):
+            return None
+        knots, values = np.array(item.curve.x), item.curve.values
+    elif not isinstance(item.q_of_t, pg.Table) or len(item.q_of_t.t) < 2:
         return None
-    knots = np.array(item.q_of_t.t)
+    else:
+        knots, values = np.array(item.q_of_t.t), item.q_of_t.spline(item.interpolation)
     t = np.unique([*np.linspace(knots[0], knots[-1], DRAWN), *knots])
-    value = item.q_of_t.spline(item.interpolation)(t)
+    value = values(t)
     low, high = value.min(), value.max()
     return {"t": t.tolist(), "value": value.tolist(), "range": f"from {low:.4g} to {high:.4g}"}
 

@@ -14,7 +14,14 @@ from pydantic import Field
 import pgraph_core as pg
 from pgraph_core import joints
 from pgraph_core.errors import shown
-from pgraph_core.model.expressions import SIGNALS_OF, Known, at_once, loop_problems, wanted
+from pgraph_core.model.expressions import (
+    SIGNALS_OF,
+    Known,
+    at_once,
+    loop_problems,
+    variable_of,
+    wanted,
+)
 from pgraph_core.model.output import OF_JOINT
 from pgraph_core.model.parameters import evaluated
 from pgraph_core.paper import bodies_of, q_slices, v_slices
@@ -77,8 +84,8 @@ class Vocabulary:
     def __init__(self, model: pg.Model, moment: Moment, item: Any, field: str, varies: bool):
         self._known, self._model, self._field = known_of(model), model, field
         self._moment, self._item, self._varies = moment, item, varies
-        self._of_time = isinstance(item, pg.Motion)
-        field = "q_of_t" if self._of_time else field
+        self._only = variable_of(item)
+        field = "q_of_t" if isinstance(item, pg.Motion) else field
         if item is not None and field in type(item).model_fields:
             self.wanted: Dim | None = wanted(item, field, self._known.bodies)
         else:
@@ -102,7 +109,7 @@ class Vocabulary:
             if self._item is None and not compares(tree):
                 return "must compare, as in q.arm > 0.5", ""
             now = at_once(self._item, self._field)
-            problem = self._known.problem(text, self.wanted, only=variable_of(self._item), at_once=now)
+            problem = self._known.problem(text, self.wanted, only=self._only, at_once=now)
             problem = problem or looped(self._model, self._item, self._field, text)
             return problem.removeprefix(f"{shown(text)}: "), "" if problem else self._value(tree)
         except ValueError as error:
@@ -111,6 +118,9 @@ class Vocabulary:
     def _value(self, tree: Node) -> str:
         """Return the present value of an expression as text."""
         parameters = {TIME: self._moment.t, **self._known.parameters}
+        if self._only and self._only.signal:
+            full = Node("signal", signal=self._only.signal)
+            parameters = {self._only.name: self._read(full), **parameters}
         try:
             found = constant(tree, parameters, self._read)
         except (ArithmeticError, ValueError) as error:
@@ -165,9 +175,13 @@ class Vocabulary:
     def _names(self) -> Iterator[tuple[str, str]]:
         """Yield (group, name) for all that an expression in the cell may use."""
         known = self._known
-        if self._varies and not self._of_time:
+        signal = self._only.signal if self._only else None
+        if signal is not None:
+            yield signal[:2]
+        elif self._varies and self._only is None:
             yield from _measured(known)
-        named = [*([TIME] if self._varies else []), *known.parameters, *CONSTANTS]
+        timed = self._varies and signal is None
+        named = [*([TIME] if timed else []), *known.parameters, *CONSTANTS]
         yield from (("", name) for name in dict.fromkeys(named))
         yield from (("(", name) for name in FUNCTIONS)
 

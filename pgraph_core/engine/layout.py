@@ -139,10 +139,10 @@ T_TURN = 10  # resistance to turning at a contact point: torques along DIR, with
 
 # terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients
 
-# curves: float64 (nk, 10): time of a knot [s], then c0, c1, c2, c3 of c0 + c1 s + c2 s² + c3 s³ from
-# there on, s = t - knot; the first piece holds for all times before it and the last one for all
-# after it, which are constants where they bound a table. With B_KNOTS = SINE the only row is mean,
-# amplitude, frequency [rad/s], phase: mean + amplitude sin(frequency t + phase)
+# curves: float64 (nk, 10): time of a knot [s], then c0, c1, c2, c3 of c0 + c1 s + c2 s² + c3 s³
+# from there on, s = t - knot; the first piece holds for all times before it and the last one for
+# all after it, which are constants where they bound a table. With B_KNOTS = SINE the only row is
+# mean, amplitude, frequency [rad/s], phase: mean + amplitude sin(frequency t + phase)
 SINE = -1
 # With B_KNOTS < SINE the rows are a program of time, of -1 - B_KNOTS instructions, as in
 # `signals.py`, of which the last one is the value. The function of a relation is such a program, of

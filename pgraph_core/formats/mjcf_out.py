@@ -14,11 +14,12 @@ from ..fields import GROUND
 from ..model import (
     Body,
     Coupling,
-    Gear,
     Model,
     Motion,
     Polynomial,
+    Relation,
 )
+from ..model.constraint import OfTwo
 from ..model.files import gathered, write_atomic
 from ..model.output import OF_CONTACT, OF_JOINT, OF_SUBTREE
 from ..model.shape import corners_of
@@ -330,13 +331,19 @@ class _Writer(ForcesOut):
         name, where = c.name, f"constraint '{c.name}'"
         active = {} if c.active else {"active": "false"}
         match c:
-            case Gear():
+            case OfTwo():
+                curve = c.curve if isinstance(c, Relation) else (c.offset, c.ratio)
+                curve = curve.coefficients if isinstance(curve, Polynomial) else curve
+                if not isinstance(curve, tuple) or len(curve) > 5:
+                    text = "a relation that is no polynomial of degree 4 or less"
+                    self.out(where, text, acts=c.active)
+                    return
                 mine = self._joint(c.body, c.coordinate)
                 other = self._joint(c.other, c.other_coordinate)
                 if not (mine and other):
-                    self.out(where, "a gear of a ball or free joint", acts=c.active)
+                    self.out(where, f"a {c.kind} of a ball or free joint", acts=c.active)
                     return
-                curve = (c.offset, c.ratio, 0.0, 0.0, 0.0)
+                curve = (*curve, *(0.0,) * (5 - len(curve)))
                 tag = Tag("joint", name=name, joint1=mine, joint2=other, polycoef=curve, **active)
                 self.equalities.append(tag)
                 return

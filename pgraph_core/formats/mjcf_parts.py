@@ -14,6 +14,8 @@ from ..model import (
     Gear,
     Motion,
     Output,
+    Polynomial,
+    Relation,
     Scenario,
     Site,
 )
@@ -70,14 +72,16 @@ class Parts(Forces):
         follower, leader = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
         body, coordinate = self.reader.place_of_joint[follower]
         active = bool(m.eq_active0[e])
-        if np.any(data[2:5]) and leader >= 0:
-            text = "a joint that follows another by a curve, not by a line"
-            self.reader.left_out("joint", name, text, acts=active)
-            return None
-        if leader < 0 or data[1] == 0:
+        if leader < 0 or not np.any(data[1:5]):
             held = {"kind": "polynomial", "coefficients": [float(data[0])]}
             return Motion(name=name, body=body, coordinate=coordinate, q_of_t=held, active=active)
         other, k = self.reader.place_of_joint[leader]
+        if np.any(data[2:5]):
+            powers = Polynomial(coefficients=np.trim_zeros(data[:5], "b"))
+            return Relation(
+                name=name, body=body, coordinate=coordinate, other=other, other_coordinate=k,
+                curve=powers, active=active,
+            )  # fmt: skip
         return Gear(
             name=name, body=body, coordinate=coordinate, other=other, other_coordinate=k,
             ratio=float(data[1]), offset=float(data[0]), active=active,

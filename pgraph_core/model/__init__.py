@@ -6,7 +6,6 @@ from ..curves import Polynomial as Polynomial
 from ..curves import Sine as Sine
 from ..curves import Table as Table
 from ..curves import VectorTable as VectorTable
-from ..functions import Curve as Curve
 from ..forces import Actuator as Actuator
 from ..forces import Drag as Drag
 from ..forces import Force as Force
@@ -17,6 +16,7 @@ from ..forces import Spring as Spring
 from ..forces import Tendon as Tendon
 from ..forces import Torsion as Torsion
 from ..forces import Wrench as Wrench
+from ..functions import Curve as Curve
 from .body import Body as Body
 from .body import Shape as Shape
 from .constraint import Constraint as Constraint
@@ -30,8 +30,8 @@ from .constraint import Orientation as Orientation
 from .constraint import Plane as Plane
 from .constraint import Point as Point
 from .constraint import Prismatic as Prismatic
-from .constraint import Revolute as Revolute
 from .constraint import Relation as Relation
+from .constraint import Revolute as Revolute
 from .constraint import Rolling as Rolling
 from .constraint import Skate as Skate
 from .constraint import Universal as Universal

@@ -12,11 +12,12 @@ from pydantic import ValidationError
 from ..errors import ModelError, Problem, choices, counted, explained, nearest_first, shown
 from ..fields import Vec3, field, listed, parts_of
 from ..forces import Force, ends_of
+from ..functions import Curve
 from ..sentences import in_our_words
 from . import files
 from .body import Body
 from .checks import PARTS, model_problems
-from .constraint import AtPoints, Constraint, Rolling, Skate
+from .constraint import AtPoints, Constraint, Relation, Rolling, Skate
 from .contact import Contact
 from .control import Control
 from .doubts import doubts
@@ -125,6 +126,15 @@ class Description(World):
     def following(self) -> tuple[Body, ...]:
         """The bodies that follow a track with two ends."""
         return tuple(body for body in self.bodies if body.track and not body.track.closed)
+
+    @cached_property
+    def relating(self) -> tuple[Relation, ...]:
+        """The relations by points whose curve begins and ends, and does not rest there."""
+        return tuple(
+            c
+            for c in self.constraints
+            if isinstance(c, Relation) and isinstance(c.curve, Curve) and c.curve.ends
+        )
 
     @cached_property
     def rubbing(self) -> tuple[Contact, ...]:

@@ -204,7 +204,8 @@ class Known:
     ) -> str:
         """Return the reason why an expression is invalid in a field of dimension `wanted`, or "".
 
-        `only` is its only variable. `at_once` is the part that follows from it at the same instant, "" if it acts later.
+        `only` is its only variable. `at_once` is the part that follows from it at the same instant,
+        "" if it acts later.
         """
         try:
             tree = parsed(text)

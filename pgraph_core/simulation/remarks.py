@@ -14,9 +14,10 @@ from ..engine import motion
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import CREEP
 from ..errors import InputError, choices
+from ..functions import Curve
 from ..joints import SIZE
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
-from ..packing import Array, Ints, row_of_velocity
+from ..packing import Array, Ints, joint_coordinates, row_of_velocity
 from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..tolerances import EPS, NAMED, NOTABLE, SOLVED, VISIBLE
@@ -334,6 +335,32 @@ def off_track(record: Running) -> Iterator[str]:
             f"'{name}' is past the end of its track at t = {record.steps.times[i]:.6g} s: the "
             f"track goes from {low:.6g} to {high:.6g} {unit}, and is continued with "
             "constant second derivatives; make it longer, or hold the body by a spring"
+        )
+
+
+def off_curve(record: Running) -> Iterator[str]:
+    """Yield a notice about the first relation that goes past an end of its curve, in the frames."""
+    mech, n, first = record.mech, record.steps.recorded, None
+    held = {mech.model.constraints[i].name for i in record.plan.ever.tolist()}
+    for c in mech.model.relating if n else ():
+        if c.name not in held:
+            continue
+        assert isinstance(c.curve, Curve), "it has points"
+        assert c.curve.ends is not None, "it has ends"
+        low, high = c.curve.ends
+        number = mech.topology.number(c.other)
+        at = joint_coordinates(mech.packed.system, number)[c.other_coordinate][1]
+        slack = NOTABLE * (high - low)
+        beyond = (record.out.q[:n, at] < low - slack) | (record.out.q[:n, at] > high + slack)
+        i = int(np.argmax(beyond)) if beyond.any() else n
+        if i < (n if first is None else first[0]):
+            first = i, c, low, high
+    if first is not None:
+        i, c, low, high = first
+        yield (
+            f"relation '{c.name}' is past an end of its curve at t = {record.steps.times[i]:.6g} s:"
+            f" the points go from {low:.6g} to {high:.6g}, and a straight line goes on; give more "
+            "points, or kind='periodic' or 'quintic' if the curve repeats or rests there"
         )
 
 

@@ -15,11 +15,17 @@ from .trees import moved, random_case, random_model, random_state, scaled_error
 EPS = 1e-4  # rad, m: central differences of order 4 are good to EPS^4 and rounding / EPS
 ROWS = {
     "point": 3, "weld": 6, "revolute": 5, "prismatic": 5, "cylindrical": 4, "universal": 4,
-    "distance": 1, "line": 2, "plane": 1, "orientation": 3, "gear": 1, "motion": 1, "rolling": 3,
-    "skate": 1, "velocity": 1, "disc": 3,
+    "distance": 1, "line": 2, "plane": 1, "orientation": 3, "gear": 1, "relation": 1, "motion": 1,
+    "rolling": 3, "skate": 1, "velocity": 1, "disc": 3,
 }  # fmt: skip
 ROLLING = ("rolling", "disc")
 SCALAR = ("revolute", "prismatic", "universal", "cylindrical", "planar")
+IN_JOINTS = ("gear", "relation", "motion")
+RELATIONS = (
+    pg.Polynomial(coefficients=(0.1, 0.2, -0.3, 0.4, 0.05)),
+    pg.Curve(x=(-0.8, 0.1, 0.5, 1.2), value=(0.2, 0.4, -0.3, 0.9), kind="periodic"),
+    pg.Curve(x=(-0.8, 0.1, 0.5, 1.2), value=(0.2, 0.4, -0.3, 0.9), kind="quintic"),
+)
 CURVES = (
     pg.Sine(mean=0.1, amplitude=0.4, frequency=3.0, phase=0.2),
     pg.Polynomial(coefficients=(0.1, 0.2, -0.3, 0.4)),
@@ -29,10 +35,10 @@ CURVES = (
 
 def case(kind, seed):
     rng = np.random.default_rng(seed)
-    kinds = SCALAR if kind in ("gear", "motion") else (*SCALAR, "spherical", "free")
+    kinds = SCALAR if kind in IN_JOINTS else (*SCALAR, "spherical", "free")
     model = random_model(rng, 5, kinds, roots=2)
     a, b = rng.choice(5, 2, replace=False)
-    alone = kind in ("motion", "velocity") or (seed % 2 and kind != "gear")
+    alone = kind in ("motion", "velocity") or (seed % 2 and kind not in ("gear", "relation"))
     fields = {"body": f"b{a}", "other": "ground" if alone else f"b{b}"}
     takes = pg.Constraint.KINDS["rolling" if kind == "disc" else kind].model_fields
     for name in ("point", "other_point", "axis", "other_axis"):
@@ -46,6 +52,8 @@ def case(kind, seed):
         fields["radius"] = 0.7
     if kind == "gear":
         fields |= {"ratio": -1.7, "offset": 0.3}
+    if kind == "relation":
+        fields |= {"curve": RELATIONS[seed % 3]}
     if kind == "motion":
         fields["q_of_t"] = CURVES[seed % 3]
     if kind == "velocity":
@@ -86,9 +94,7 @@ def test_jacobian_and_drift_are_the_derivatives_of_the_residual(kind, seed):
     np.testing.assert_allclose(rows.drift + moving, bent, atol=1e-9 * size * (1 + size))
 
 
-@pytest.mark.parametrize(
-    "kind", [k for k in ROWS if k not in ("gear", "motion", "rolling", "disc")]
-)
+@pytest.mark.parametrize("kind", [k for k in ROWS if k not in (*IN_JOINTS, "rolling", "disc")])
 def test_omitted_points_and_axes_hold_in_the_initial_state(kind):
     s, c = case(kind, 3)
     if kind not in ("distance", "velocity"):

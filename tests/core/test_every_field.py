@@ -70,6 +70,21 @@ PARTS = {
     "distance": pg.Distance(name="x", **PLACED),
     "plane": pg.Plane(name="x", body="k", point=(0.3, 0, 0), other_axis=(0.1, 0.2, 0.9)),
     "gear": pg.Gear(name="x", body="k", other="r", ratio=1.0, offset=-0.1),
+    "polynomial relation": pg.Relation(
+        name="x", body="k", other="r", curve=pg.Polynomial(coefficients=(-0.1, 0.8, 0.3))
+    ),
+    "periodic relation": pg.Relation(
+        name="x",
+        body="k",
+        other="r",
+        curve=pg.Curve(x=(-0.2, 0.1, 0.4, 1.1), value=(0.0, 0.1, 0.5, 1.4), kind="periodic"),
+    ),
+    "quintic relation": pg.Relation(
+        name="x",
+        body="k",
+        other="r",
+        curve=pg.Curve(x=(-0.2, 0.1, 0.4, 1.1), value=(0.0, 0.1, 0.5, 1.4), kind="quintic"),
+    ),
     "pid": pg.PID(name="x", signal="=q.r", setpoint=1.0, filter=0.05),
     "full pid": pg.PID(
         name="x", signal="=q.r", setpoint=1.0, kp=3.0, ki=2.0, kd=0.1, filter=0.05, start=0.2
@@ -89,7 +104,7 @@ def made(name):
     if isinstance(part, (pg.PID, pg.Filter, pg.State)):
         drive = pg.Motor(name="drive", body="r", torque="=x.x")
         return pg.Model(bodies=bodies, controls=[part], forces=[drive])
-    laws = (pg.Coupling, pg.Velocity, pg.Motion, pg.Distance, pg.Plane, pg.Gear)
+    laws = (pg.Coupling, pg.Velocity, pg.Motion, pg.Distance, pg.Plane, pg.Gear, pg.Relation)
     kind = "constraints" if isinstance(part, laws) else "forces"
     return pg.Model(bodies=bodies, **{kind: [part]})
 

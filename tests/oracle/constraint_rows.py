@@ -12,10 +12,10 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
 from pgraph_core import joints
-from pgraph_core.model import Constraint, Polynomial, Sine, Table
+from pgraph_core.model import Constraint, Curve, Polynomial, Sine, Table
 from pgraph_core.paper import Operators, v_slices
 from pgraph_core.rotation import Array, unit_vector
 
@@ -285,6 +285,36 @@ def _gear(p: _Pair) -> Rows:
     return Rows(zero + own - ratio * driver - (c.offset or 0.0), J, zero, zero, wrench)
 
 
+def _relation(p: _Pair) -> Rows:
+    c, zero = p.c, np.zeros(1)
+    own, factors = p.coordinate(c.body, c.coordinate, 1.0)
+    x, ones = p.coordinate(c.other, c.other_coordinate, 1.0)
+    f, slope, bend = related(c.curve, x)
+    J, wrench = p.coordinates({c.body: factors, c.other: -slope * ones})
+    rate = float(p.coordinates({c.other: ones})[0][0] @ p.op.speeds)
+    return Rows(zero + own - f, J, zero - bend * rate**2, zero, wrench)
+
+
+def related(curve: Curve | Polynomial, x: float) -> tuple[float, float, float]:
+    """Return f, f' and f'' of a periodic or quintic spline, or of a polynomial."""
+    if isinstance(curve, Polynomial):
+        f = np.polynomial.Polynomial(curve.coefficients)
+        return float(f(x)), float(f.deriv(1)(x)), float(f.deriv(2)(x))
+    places, value = np.array(curve.x), np.array(curve.value)
+    if curve.kind == "quintic":
+        if not places[0] <= x <= places[-1]:
+            return float(value[0] if x < places[0] else value[-1]), 0.0, 0.0
+        rest = [(1, 0.0), (2, 0.0)]
+        spline = make_interp_spline(places, value, k=5, bc_type=(rest, rest))
+        return float(spline(x)), float(spline(x, 1)), float(spline(x, 2))
+    assert curve.kind == "periodic"
+    rise = (value[-1] - value[0]) / (places[-1] - places[0])
+    rest = value - rise * places
+    rest[-1] = rest[0]
+    spline = CubicSpline(places, rest, bc_type="periodic")
+    return float(spline(x) + rise * x), float(spline(x, 1) + rise), float(spline(x, 2))
+
+
 def _motion(p: _Pair) -> Rows:
     own, factors = p.coordinate(p.c.body, p.c.coordinate, 1.0)
     J, wrench = p.coordinates({p.c.body: factors})
@@ -329,6 +359,7 @@ _KINDS: dict[str, Callable[[_Pair], Rows]] = {
     "plane": lambda p: p.held(p.axes()[1]),
     "orientation": _upright,
     "gear": _gear,
+    "relation": _relation,
     "motion": _motion,
     "rolling": _rolling,
     "skate": _skate,

@@ -44,7 +44,7 @@ from ..rows import (
 )
 from ..tree.kinematics import linear_velocity
 from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, store, store3, sub
-from .coordinates import bending, follower_of, followed, relate, speed_along, total
+from .coordinates import bending, followed, follower_of, relate, speed_along, total
 
 # -- columns of a block, of where it acts, and of the joints that it moves ------------------------
 

@@ -27,7 +27,7 @@ def followed(blocks_i, blocks_f, curves, i, t, order):
     count = blocks_i[i, at.B_KNOTS]
     k = blocks_i[i, at.B_CURVE]
     if count == 0:
-        return value_of(blocks_f, i) if order == 0 else 0.0
+        return blocks_f[i, at.VALUE] if order == 0 else 0.0
     if count == SINE:
         rate = curves[k, 2]
         angle = rate * t + curves[k, 3]
