@@ -23,7 +23,7 @@ PARTS = {
     "Sites and outputs": (pg.Site, pg.Output),
     "Points of paths": (pg.Via,),
     "Functions of time and of state": (
-        pg.Table, pg.VectorTable, pg.Sine, pg.Polynomial, pg.Lines,
+        pg.Table, pg.VectorTable, pg.Sine, pg.Polynomial, pg.Curve, pg.Lines,
     ),
     "Scenarios": (pg.Scenario, pg.Switch, pg.Gait, pg.Footfall, pg.Gains),
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""The form of a relation: points with units, polynomials and expressions of the other coordinate."""
+"""The form of a relation: points with units, polynomials, expressions of the other coordinate."""
 
 import math
 
@@ -92,7 +92,7 @@ def test_completions_are_the_other_coordinate_and_the_value_is_of_now():
     model = related("=0.1*q").model
     q = {"cam": (0.3,), "follower": (0.1,), "other cam": (0.0,)}
     words = Vocabulary(model, Moment(0.0, q, q), model.constraints[0], "curve", True)
-    assert [word.text for word in words.hint(1, "=c", 2).words][0] == "q.cam"
+    assert words.hint(1, "=c", 2).words[0].text == "q.cam"
     assert not any(word.text.startswith("v") for word in words.hint(1, "=v", 2).words)
     assert words.hint(1, "=2*q", 4).value.startswith("0.6")
     assert "q.cam" in words.hint(1, "=q.follower", 11).problem
