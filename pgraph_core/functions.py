@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Container
 from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
@@ -14,7 +15,7 @@ from pydantic import Discriminator, Tag, model_validator
 from .curves import Polynomial
 from .errors import shown
 from .fields import Expression, Frozen, Numbers, field, refuse, several
-from .signals import parsed
+from .signals import Node, parsed
 from .signals.grammar import COMPARISONS, walk
 from .tolerances import NOTABLE
 
@@ -143,6 +144,30 @@ Function = Annotated[
     | Annotated[Expression, Tag("expression")],
     Discriminator(_which),
 ]
+
+
+def corners_of(
+    function: Function, x: Node, parameters: Container[str] = ()
+) -> list[tuple[Node, Node]]:
+    """Return the pairs of trees that are equal where the second derivative jumps at a coordinate x.
+
+    These are the ends of a clamped curve, and those of each smoothstep in an expression. A
+    parameter that is called q is the parameter.
+    """
+    if isinstance(function, str):
+        tree = parsed(function)
+        tree = tree if "q" in parameters else _with_coordinate(tree, x)
+        return [(n.args[0], end) for n in walk(tree) if n.op == "smoothstep" for end in n.args[1:]]
+    if isinstance(function, Polynomial) or function.kind != "clamped":
+        return []
+    return [(x, Node("number", value=end)) for end in (function.x[0], function.x[-1])]
+
+
+def _with_coordinate(node: Node, x: Node) -> Node:
+    """Return a tree with x in place of q, its short name."""
+    if node.op == "name" and node.signal[1] == "q":
+        return x
+    return node._replace(args=tuple(_with_coordinate(arg, x) for arg in node.args))
 
 
 SHARP = (*COMPARISONS, "and", "or", "not", "if", "min", "max", "abs", "table")

@@ -33,9 +33,10 @@ from ..fields import (
     refuse_no_direction,
     vector,
 )
-from ..functions import Function, problems_of
+from ..functions import Function, corners_of, problems_of
 from ..rotation import normals_of, unit_vector
 from ..shapes import kind_of
+from ..signals import Node
 from ..tolerances import NOTABLE
 from ..units import NONE, M, Q, S
 from .poses import poses
@@ -432,6 +433,11 @@ class Relation(OfTwo):
     def _smooth(self) -> Self:
         refuse([("curve", text) for text in problems_of(self.curve)])
         return self
+
+    @property
+    def has_corners(self) -> bool:
+        """Whether the second derivative of the curve jumps somewhere."""
+        return bool(corners_of(self.curve, Node("signal")))
 
     def _blocks(self, e: Any) -> list[Any]:
         own = e.coordinate(self.body, self.coordinate)

@@ -137,6 +137,11 @@ class Description(World):
         )
 
     @cached_property
+    def bending(self) -> tuple[Relation, ...]:
+        """The relations whose second derivative jumps somewhere."""
+        return tuple(c for c in self.constraints if isinstance(c, Relation) and c.has_corners)
+
+    @cached_property
     def rubbing(self) -> tuple[Contact, ...]:
         """The contacts with an expression as friction."""
         return tuple(c for c in self.contacts if c._varies)

@@ -251,15 +251,15 @@ class Packed:
 
         If `states` is True, the friction of contacts and the control states are included even if
         they are not used by forces. Expressions may name further drives, `named`. Steps end where
-        comparisons in `watched` change, with `bent` where a force has a bend, and with `touching`
-        where soft and penalty contacts touch.
+        comparisons in `watched` change, with `bent` where a force or a relation has a bend, and
+        with `touching` where soft and penalty contacts touch.
         """
         found = NO_LOADS
         if on_bodies(forces):
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
         rubbing = self.model.rubbing if states else ()
         acts = any(f._varies for f in forces) or rubbing or (states and self.model.controls)
-        bent = bent and any(f._bends for f in forces)
+        bent = bent and (bool(self.model.bending) or any(f._bends for f in forces))
         if not (acts or watched or bent or touching):
             return found
         places = Places(self.model, self.topology, self.system)

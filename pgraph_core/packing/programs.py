@@ -25,7 +25,8 @@ from ..engine.stepping.measured import (
 from ..fields import EMPTY
 from ..forces import OnJoint, Strut
 from ..forces.strut import bends
-from ..model import Control, Force
+from ..functions import corners_of
+from ..model import Control, Force, Relation
 from ..model.control import STATE
 from ..signals import Node, parsed
 from ..signals.grammar import COMPARISONS, walk
@@ -300,6 +301,12 @@ class Program:
             damped = self.put(kernels.MUL, self.apart(f.bump_damping), speed)
             place = self.put(kernels.NUMBER, BEND, knot + 1, number=1.0)
             self.end_steps(place, damped, place)
+
+    def watch_relation(self, c: Relation) -> None:
+        """Let steps end where the second derivative of a relation jumps."""
+        x = Node("signal", signal=("q", c.other, c.other_coordinate))
+        for ends in corners_of(c.curve, x, self._parameters):
+            self.end_steps(*map(self.of, ends))
 
     def watch_touches(self) -> None:
         """Let steps end where soft and penalty contacts touch."""

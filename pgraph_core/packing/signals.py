@@ -114,8 +114,8 @@ def signals(
 ) -> tuple[Array, Ints, Ints]:
     """Return (code, targets, states) for all expressions in these forces, for their drives and
     loads, in the friction of contacts and in the controls. Steps end at changes of the conditions
-    in `watched`. If `bent` is set, they also end at bounds and bends of forces, and if `touching`
-    is set, where soft and penalty contacts touch.
+    in `watched`. If `bent` is set, they also end at bounds and bends of forces and where the second
+    derivative of a relation jumps, and if `touching` is set, where soft and penalty contacts touch.
     """
     controls = {c.name: c for c in model.controls}
     known = (*known_forces(model), *named, *forces)
@@ -155,6 +155,8 @@ def signals(
         for n, f in enumerate(f for f in forces if isinstance(f, Strut)):
             if f._bends:
                 program.watch_strut(f, n, int(loads.strut[0]["first_knot"][n]))
+        for c in model.bending:
+            program.watch_relation(c)
     if touching:
         program.watch_touches()
     return program.code(), owners, own
