@@ -95,6 +95,15 @@ def cross(run, h):
     return ended(run, h, begin + located(run, code.T, begin, end - begin, instant(control, h)))
 
 
+@part
+def any_jumps(run, code):
+    """Check whether a comparison has changed with which a value jumps."""
+    found = False
+    for i in range(0, code.shape[0], 2):
+        found = found or is_jump(run, code.T, i + 1)
+    return found
+
+
 @sweep
 def leaves(run, code, begin, end):
     """Check whether a comparison that is at its threshold at both ends of a part leaves it between.
@@ -163,7 +172,8 @@ def ended(run, h, w):
         set_least(ends, min(GROWTH * least, most))
     else:
         calm(control)
-        turn_beyond(run, code.T, h, w)
+        if any_jumps(run, code):
+            turn_beyond(run, code.T, h, w)
     step_to(run, code, w)
     release_sides(ends)
     return w

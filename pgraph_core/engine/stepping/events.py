@@ -101,16 +101,6 @@ turn_beyond = turning(EVENTS, has_counted, note_near)
 
 
 @sweep
-def locate(run, low, end):
-    """Return the width from `low` to the first event. Its state is in TRIAL, its number in NOW."""
-    data = opened_run(run)
-    control = data.control[0]
-    for n in range(data.watched.shape[1]):
-        data.watched[WATCHED.low, n] = data.watched[WATCHED.start, n]
-    return located(run, data.watched, low, end, instant(control, control.clock.old_width))
-
-
-@sweep
 def begin_part(run):
     """Start the next part of the step from the last evaluation."""
     data = opened_run(run)
@@ -232,34 +222,53 @@ def least_gap(run, low, s, w, widths):
     return otherwise
 
 
+@part
+def three_values(run, i):
+    """Return the values of event i at the start of a part, in its middle and at its end, which are
+    in rows WATCHED.low and WATCHED.high and were looked at last, positive on its side of zero."""
+    data = opened_run(run)
+    watched = data.watched
+    sign = data.signs[i] if data.wanted[i] != ASLEEP else 0
+    n = watched.shape[1] - data.signs.shape[0] + i
+    return sign * watched[WATCHED.low, n], sign * watched[WATCHED.high, n], sign * data.values[i]
+
+
 @sweep
-def dip(run, low, width, i):
-    """Find the point after `low` at which event i touches zero without crossing it.
+def may_dip(run, i):
+    """Check whether `three_values` of event i let it touch zero between them without crossing it.
 
-    Rows WATCHED.low and WATCHED.high hold the values at its start and middle. Return the widths
-    that bracket the event. Both widths are equal if zero is only touched, and -1 if there is no
-    event. How near it came is kept then.
-
-    A value has a minimum inside if it falls at the start and rises at the end. A value that is zero
-    up to SOLVED at an end has its minimum there: it comes near zero at the end of one part, which
-    row WATCHED.nears keeps, and rises in the next one.
+    How near it came at the end is kept then: a value that is zero up to SOLVED at an end has its
+    minimum there. It comes near zero at the end of one part, which row WATCHED.nears keeps, and
+    rises in the next one.
     """
     data = opened_run(run)
-    watched, values = data.watched, data.values
-    sign = data.signs[i] if data.wanted[i] != ASLEEP else 0
+    watched = data.watched
     n = watched.shape[1] - data.signs.shape[0] + i
     nears = watched[WATCHED.nears, n] > 0.0
     watched[WATCHED.nears, n] = 0.0
-    y = (sign * watched[WATCHED.low, n], sign * watched[WATCHED.high, n], sign * values[i])
+    y = three_values(run, i)
     if not (y[0] > 0.0 and y[1] > 0.0 and y[2] > 0.0):
-        return -1.0, -1.0
+        return False
     tiny = SOLVED * max(y[0], max(y[1], y[2]))
     if y[2] <= tiny:
         watched[WATCHED.nears, n] = 1.0
     if y[0] <= tiny and not nears:  # the zero of the event before
-        return -1.0, -1.0
-    if min(y[0], min(y[1], y[2])) > STEEPER * max(abs(y[1] - y[0]), abs(y[2] - y[1])):
-        return -1.0, -1.0
+        return False
+    return min(y[0], min(y[1], y[2])) <= STEEPER * max(abs(y[1] - y[0]), abs(y[2] - y[1]))
+
+
+@sweep
+def dip(run, low, width, i):
+    """Find the point after `low` at which event i touches zero without crossing it.
+
+    Return the widths that bracket the event. Both widths are equal if zero is only touched, and -1
+    if there is no event. How near it came is kept then. A value has a minimum inside if it falls at
+    the start and rises at the end.
+    """
+    data = opened_run(run)
+    values, sign = data.values, data.signs[i]
+    y = three_values(run, i)
+    tiny = SOLVED * max(y[0], max(y[1], y[2]))
     look(run, low, SOLVED * width)
     falls = sign * values[i] < y[0]
     if y[0] <= tiny and not falls:
@@ -311,40 +320,6 @@ def least_value(run, low, width, i, y):
 
 
 @sweep
-def dipped(run, low, end):
-    """Compute (start, width) of an interval in which a user event has occurred and is reversed at
-    the end.
-
-    The width is 0 if zero is only touched, and -1 if there is no event.
-    """
-    data = opened_run(run)
-    watched, count = data.watched, data.signs.shape[0]
-    middle = 0.5 * (low + end)
-    for i in range(count):
-        first, last = dip(run, low, end - low, i)
-        if last >= 0.0 and watched[WATCHED.now, watched.shape[1] - count + i] < 0.0:
-            return low + first, last - first
-        look(run, middle, end - middle)  # the same call as in `looked_at` gives equal bits
-    return low, -1.0
-
-
-@sweep
-def dipped_before(run, low, begin, found):
-    """Return `dipped` from `low` to the event that is within the width `found` from `begin`."""
-    end = begin + locate(run, begin, found)
-    look(run, low, 0.0)
-    keep_values(run, WATCHED.low)
-    middle = 0.5 * (low + end)
-    look(run, low, middle - low)
-    keep_values(run, WATCHED.high)
-    look(run, middle, end - middle)
-    first, width = dipped(run, low, end)
-    if width < 0.0:
-        look(run, begin, found)
-    return first, width
-
-
-@sweep
 def clear_of_zero(run, low, end):
     """Compute (low, end) of a part in which an event happens, starting clearly before the event.
 
@@ -368,48 +343,89 @@ def clear_of_zero(run, low, end):
 
 
 @sweep
-def note_rates(run, w):
-    """Keep the rates of events at a time w after the start of the last step."""
+def locate(run, low, end):
+    """Compute (start, width) of a part at whose end is the first event in the interval from `low`.
+
+    The state of the event is in TRIAL, its number in NOW.
+    """
     data = opened_run(run)
-    watched, first = data.watched, data.watched.shape[1] - data.signs.shape[0]
-    begin, end = beside(w, data.control[0].clock.old_width)
-    look(run, begin, 0.0)
-    keep_values(run, WATCHED.low)
-    look(run, begin, end - begin)
-    for i in range(data.signs.shape[0]):
-        low = watched[WATCHED.low, first + i]
-        watched[WATCHED.rate, first + i] = (data.values[i] - low) / (end - begin)
+    control = data.control[0]
+    low, end = clear_of_zero(run, low, end)
+    for n in range(data.watched.shape[1]):
+        data.watched[WATCHED.low, n] = data.watched[WATCHED.start, n]
+    return low, located(run, data.watched, low, end, instant(control, control.clock.old_width))
 
 
 @sweep
-def reached(run, low, end):
-    """Check whether the first event in the interval from `low` is accepted, and its time.
+def dipped(run, low, begin, width):
+    """Return `locate` for a user event that occurs and is reversed after `low`, before the end of
+    the part from `begin`, which was looked at last.
 
-    An event occurs before `end`, or at `low` if this is 0, where zero is only touched. An event
-    whose value comes to zero immediately afterwards, by its rate, is at the same time. A value that
-    stays zero counts again when it has left it.
+    The width is 0 if zero is only touched, and -1 if there is no event.
+    """
+    data = opened_run(run)
+    watched, count = data.watched, data.signs.shape[0]
+    span = begin + width - low
+    for i in range(count):
+        if may_dip(run, i):
+            first, last = dip(run, low, span, i)
+            if last >= 0.0 and watched[WATCHED.now, watched.shape[1] - count + i] < 0.0:
+                low += first
+                return locate(run, low, last - first) if last > first else (low, 0.0)
+            look(run, begin, width)
+    return low, -1.0
+
+
+@sweep
+def dipped_before(run, low, begin, width):
+    """Return `dipped` from `low` to the event that was located at a width from `begin`, or the
+    latter if there is no other one."""
+    look(run, low, 0.0)
+    keep_values(run, WATCHED.low)
+    look(run, low, 0.5 * (begin + width - low))
+    keep_values(run, WATCHED.high)
+    look(run, begin, width)
+    first, found = dipped(run, low, begin, width)
+    return (first, found) if found >= 0.0 else (begin, width)
+
+
+@sweep
+def keep_rates(run, w):
+    """Keep the rates of margins at a time w after the start of the last step, after
+    `turn_beyond`."""
+    data = opened_run(run)
+    watched = data.watched
+    begin, end = beside(w, data.control[0].clock.old_width)
+    for n in range(watched.shape[1]):
+        rise = watched[WATCHED.now, n] - watched[WATCHED.low, n]
+        watched[WATCHED.rate, n] = rise / (end - begin)
+
+
+@sweep
+def reached(run, low, w):
+    """Check whether the event that was located at a width w from `low` is accepted, and its time.
+
+    The width is 0 where zero is only touched. An event whose value comes to zero immediately
+    afterwards, by its rate, is at the same time. A value that stays zero counts again when it has
+    left it.
     """
     data = opened_run(run)
     signs, wanted, watched = data.signs, data.wanted, data.watched
     first = watched.shape[1] - signs.shape[0]
-    w = 0.0
-    if end > 0.0:
-        low, end = clear_of_zero(run, low, end)
-        w = locate(run, low, end)
-        if data.links.events != 0:
-            turn_beyond(run, watched, data.control[0].clock.old_width, low + w)
-            note_rates(run, low + w)
-            look(run, low, w)
+    h = data.control[0].clock.old_width
+    if w > 0.0 and data.links.events != 0:
+        turn_beyond(run, watched, h, low + w)
+        keep_rates(run, low + w)
+        look(run, low, w)
     keep_values(run, WATCHED.high)
-    moment = SOLVED * data.control[0].clock.old_width
     for i in range(signs.shape[0]):
         n, value = first + i, watched[WATCHED.high, first + i]
         watched[WATCHED.start, n] = abs(value)
         if wanted[i] == ASLEEP or signs[i] == 0:
             continue
-        zero = moment * abs(watched[WATCHED.rate, n])
-        soon = abs(value) <= zero and signs[i] * watched[WATCHED.rate, n] < 0.0
-        if end == 0.0 or not (watched[WATCHED.now, n] < 0.0 or soon):
+        zero = SOLVED * h * abs(watched[WATCHED.rate, n])
+        soon = abs(value) <= zero and watched[WATCHED.rate, n] < 0.0
+        if w == 0.0 or not (watched[WATCHED.now, n] < 0.0 or soon):
             continue
         watched[WATCHED.nears, n] = 0.0
         watched[WATCHED.now, n] = NOTHING if signs[i] * wanted[i] > 0 else -BELOW
@@ -454,11 +470,10 @@ def looked_at(run, low, end):
         stop = end if k == halves - 1 else 0.5 * (low + end)
         found = happened(run, begin, stop - begin)
         if found > 0.0:
+            begin, width = locate(run, begin, found)
             if data.links.events != 0:
-                first, width = dipped_before(run, low, begin, found)
-                if width >= 0.0:
-                    return reached(run, first, width)
-            return reached(run, begin, found)
+                begin, width = dipped_before(run, low, begin, width)
+            return reached(run, begin, width)
         if phases_watched(run):
             accepted(opened_events(data.scene).contact)
         begin_part(run)
@@ -466,9 +481,9 @@ def looked_at(run, low, end):
             keep_values(run, WATCHED.high)
             begin = stop
     if halves == 2:
-        begin, width = dipped(run, low, end)
+        first, width = dipped(run, low, begin, end - begin)
         if width >= 0.0:
-            return reached(run, begin, width)
+            return reached(run, first, width)
     return False, end
 
 

@@ -97,7 +97,7 @@ def beside(w, h):
 def turning(known: Margins, counts: Any, note: Any) -> Callable[..., Any]:
     """Return the function that keeps how far beyond zero margins of a table turn back.
 
-    counts(run, margins, n) checks whether a margin that has just changed is watched, and note(run,
+    counts(run, margins, n) checks whether a margin has just changed and is watched, and note(run,
     margins, n, near, w) keeps what is near.
     """
     first, step, low_row, high_row, now_row, look, _ = known
@@ -106,26 +106,21 @@ def turning(known: Margins, counts: Any, note: Any) -> Callable[..., Any]:
     def turn_beyond(run, margins, h, w):
         """Keep how far beyond zero what changes at width w of h would turn back if nothing changed.
 
-        It is the minimum of a parabola through three values of the margin close to w. A bracket
-        between infinite margins has none.
+        It is the minimum of a parabola through three values of the margin `beside` w. Rows `low`
+        and `now` get all margins at the begin and the end of that part.
         """
-        some = False
         for n in range(first, margins.shape[1], step):
-            margins[low_row, n] = math.inf
-            if counts(run, margins, n):
-                margins[low_row, n], some = 0.0, True
-        if not some:
-            return
+            margins[high_row, n] = 0.0 if counts(run, margins, n) else math.inf
         begin, end = beside(w, h)
         look(run, begin, 0.0)
         for n in range(first, margins.shape[1], step):
-            margins[low_row, n] += margins[now_row, n]
+            margins[low_row, n] = margins[now_row, n]
         look(run, begin, 0.5 * (end - begin))
         for n in range(first, margins.shape[1], step):
-            margins[high_row, n] = margins[now_row, n]
+            margins[high_row, n] += margins[now_row, n]
         look(run, begin, end - begin)
         for n in range(first, margins.shape[1], step):
-            if margins[low_row, n] < math.inf:
+            if margins[high_row, n] < math.inf:
                 y = (margins[low_row, n], margins[high_row, n], margins[now_row, n])
                 _, least = vertex((0.0, 0.5, 1.0), y)
                 if least < 0.0:
