@@ -365,10 +365,10 @@ def dipped(run, low, begin, width):
     """
     data = opened_run(run)
     watched, count = data.watched, data.signs.shape[0]
-    span = begin + width - low
+    whole_width = begin + width - low
     for i in range(count):
         if may_dip(run, i):
-            first, last = dip(run, low, span, i)
+            first, last = dip(run, low, whole_width, i)
             if last >= 0.0 and watched[WATCHED.now, watched.shape[1] - count + i] < 0.0:
                 low += first
                 return locate(run, low, last - first) if last > first else (low, 0.0)
