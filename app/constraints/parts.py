@@ -509,6 +509,10 @@ def _points(
     return tuple(p for i, p in enumerate(points) if i != index[0])
 
 
+# fields of a point of a path, and the numbers of their first cells
+COLUMNS = {"point": 0, "radius": 3, "axis": 4, "side": 7}
+
+
 def _path(
     model: pg.Model,
     item: Item,
@@ -534,8 +538,17 @@ def _path(
         raise Refusal("no longer has this point")
     if len(index) == 1:
         return tuple(place for i, place in enumerate(places) if i != index[0])
-    point = replaced(tuple(places[index[0]]["point"]), index[1:], content(text, "length", display))
-    places[index[0]]["point"] = point
+    place, column = places[index[0]], index[1]
+    key = next(key for key, first in reversed(COLUMNS.items()) if column >= first)
+    of = "number" if key == "axis" else "length"
+    if not text.strip() and key != "point":
+        gone = COLUMNS.keys() - {"point"} if key == "radius" else {key}
+        place |= dict.fromkeys(gone)
+    elif key == "radius":
+        place["radius"] = content(text, of, display)
+    else:
+        old = tuple(place.get(key) or (0.0, 0.0, 0.0))
+        place[key] = replaced(old, (column - COLUMNS[key],), content(text, of, display))
     return tuple(places)
 
 

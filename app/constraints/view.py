@@ -399,17 +399,33 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
 
 def _path(item: Any, name: str, cells: Any, display: Display) -> list[Payload]:
     """Return a row for each point of a path, named after its body."""
-    shows = about(item, name)
-    found = [
-        field(name, f"{i + 1}. {place.body}",
-              [cell((i, j), shown(x, "length", display)) for j, x in enumerate(row["point"])],
-              unit=display.length, help=f"point of '{place.body}', in its axes", pick="point",
-              buttons=[button("×", "", "take this point out", field=name, index=[i], text="")])
-        for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name])))
-    ]  # fmt: skip
+    shows, found = about(item, name), list[Payload]()
+    for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name]))):
+        for key, first in parts.COLUMNS.items():
+            if key in ("point", "radius") or place.radius is not None:
+                found.append(_of_place(name, i, key, first, place, row.get(key), display))
     more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, parts.GROUND],
                  help=shows.help)  # fmt: skip
     return [*found, more]
+
+
+def _of_place(
+    name: str, i: int, key: str, first: int, place: Any, value: Any, display: Display
+) -> Payload:
+    """Return the row of a point of a path, or of its radius, axis or side as an obstacle."""
+    shows, quantity = about(place, key), "number" if key == "axis" else "length"
+    numbers = [value] if key == "radius" else value or ("", "", "")
+    row = [
+        cell((i, first + j), "" if x is None else shown(x, quantity, display))
+        for j, x in enumerate(numbers)
+    ]
+    unit, pick = "" if key == "axis" else display.length, "" if key == "radius" else key
+    if key != "point":
+        pick = "axis" if key == "axis" else pick and "point"
+        return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
+    out = button("×", "", "take this point out", field=name, index=[i], text="")
+    return field(name, f"{i + 1}. {place.body}", row, unit=unit, pick="point", buttons=[out],
+                 help=f"point of '{place.body}', in its axes")  # fmt: skip
 
 
 def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:

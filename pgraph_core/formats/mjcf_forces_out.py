@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..forces import OnJoint, ends_of, path_of
+from ..forces import OnJoint, Via, ends_of, length_at, path_of
 from ..model import Body, Drag, Model, Spring, Tendon, Wrench
-from ..rotation import matrix, unit
+from ..rotation import frame_of, matrix, quaternion_of, unit, unit_vector
 from .mjcf_parts import end_name
 from .mjcf_places_out import Places, span
 from .urdf_out import Tag
@@ -35,19 +34,35 @@ class ForcesOut(Places):
                 self._tendon(f)
 
     def _spring(self, f: Spring) -> None:
-        path = path_of(f, self.model.body(f.body))
-        names = [
-            self._site(body, end_name(f.name, k), place)
-            for k, (body, place) in enumerate(path, start=1)
+        body = self.model.body(f.body)
+        start, *_, end = path_of(f, body)
+        places = [(None, start), *((via, (via.body, via.point)) for via in f.via), (None, end)]
+        elements = [
+            self._element(end_name(f.name, k), via, *place)
+            for k, (via, place) in enumerate(places, start=1)
         ]
-        rest = f.rest
-        if rest is None:
-            places = [self._world(*one) for one in path]
-            rest = sum(float(np.linalg.norm(a - b)) for a, b in pairwise(places))
+        rest = length_at(f, body, self._world, self._turn) if f.rest is None else f.rest
         name, pull = self._free("tendon", f.name), {"stiffness": f.stiffness, "damping": f.damping}
         limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
         tendon = Tag("spatial", name=name, **pull, springlength=rest, **limits)
-        self.tendons.append(tendon.add(*(Tag("site", site=name) for name in names)))
+        self.tendons.append(tendon.add(*elements))
+
+    def _element(self, name: str, via: Via | None, body: str, point: Any) -> Tag:
+        """Return the element of a tendon for a point, or for an obstacle with its geom."""
+        if via is None or via.radius is None:
+            return Tag("site", site=self._site(body, name, point))
+        geom = Tag("geom", name=self._free("geom", name), pos=tuple(point))
+        if via.axis is None:
+            geom.set(type="sphere", size=via.radius)
+        else:
+            turn = quaternion_of(frame_of(unit_vector(via.axis)))
+            geom.set(type="cylinder", size=(via.radius, via.radius), quat=turn)
+        geom.set(contype=0, conaffinity=0)
+        self.sites.setdefault(body, []).append(geom)
+        tag = Tag("geom", geom=geom.attributes["name"])
+        if via.side is not None:
+            tag.set(sidesite=self._site(body, f"{name} side", outside(via)))
+        return tag
 
     def _tendon(self, f: Tendon) -> None:
         rest = f.rest
@@ -171,3 +186,15 @@ def _own_box(f: Drag, body: Body) -> bool:
     mine = turn @ np.diag(np.array(f.size) ** 2) @ turn.T
     box = axes @ np.diag(edges**2) @ axes.T
     return bool(np.allclose(mine, box, rtol=1e-9, atol=1e-12)) and f.point in (None, body.com)
+
+
+def outside(via: Via) -> tuple[float, ...]:
+    """Return the side of an obstacle as a point outside, since MuJoCo goes through it otherwise."""
+    assert via.side is not None, "it lies on the side of a point"
+    assert via.radius is not None, "it is round"
+    apart = np.subtract(via.side, via.point)
+    if via.axis is not None:
+        u = unit_vector(via.axis)
+        apart = apart - (u @ apart) * u
+    far = float(np.linalg.norm(apart))
+    return tuple((np.array(via.point) + apart * max(1.0, 2.0 * via.radius / far)).tolist())

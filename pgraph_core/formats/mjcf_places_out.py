@@ -75,6 +75,9 @@ class Places(ContactsOut):
         k = self.number[body]
         return self.home[0][k] + self.home[1][k] @ np.array(point)
 
+    def _turn(self, body: str) -> np.ndarray:
+        return np.eye(3) if body == GROUND else np.asarray(self.home[1][self.number[body]])
+
 
 def span(low: float | None, high: float | None) -> tuple[float, float]:
     """Return a range that MuJoCo accepts, with finite and distinct ends."""

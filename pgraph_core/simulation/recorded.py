@@ -27,7 +27,16 @@ from ..result.records import (
 from .advice import too_wide
 from .continuing import left_by
 from .means import means_between
-from .remarks import beyond_limits, creeping, off_curve, off_track, too_fast, touching, turns_unseen
+from .remarks import (
+    beyond_limits,
+    creeping,
+    off_curve,
+    off_track,
+    pierced,
+    too_fast,
+    touching,
+    turns_unseen,
+)
 
 if TYPE_CHECKING:
     from .recording import Recording
@@ -202,6 +211,8 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += off_track(record)
     if model.relating:
         found += off_curve(record)
+    if model.bent:
+        found += pierced(record)
     if record.user is not None:
         found += record.user.notices()
     if record.carried is not None:
