@@ -276,3 +276,53 @@ def test_a_limit_that_leaves_no_force_forwards_is_left_out(tmp_path, low, high):
     model, report = read(tmp_path, text)
     assert ("no force forwards" in texts(report, "left out")) == (high <= 0)
     assert model["m"].torques == ((low, high) if high > 0 else (-np.inf, np.inf))
+
+
+WRAPPED = """<mujoco><option gravity="0 0 -9.81"/><worldbody><site name="hook" pos="{hook}"/>
+<body><joint type="hinge" axis="{axis}" pos=".01 .02 0"/>
+  <inertial mass="1" pos=".05 0 0" diaginertia=".01 .012 .014"/>
+  <geom name="post" type="{kind}" size="{size}" pos="{place}" quat="{turn}" contype="0"
+   conaffinity="0" mass="0"/>{site}
+  <body pos="0 -.15 .05"><joint axis="0 0 1"/><joint axis="1 0 0"/>
+    <inertial mass=".7" pos="0 -.1 0" diaginertia=".01 .012 .014"/><site name="end" pos="{end}"/>
+</body></body></worldbody><tendon><spatial name="rope" stiffness="200" damping="3"
+ springlength=".1"><site site="hook"/><geom geom="post"{side}/><site site="end"/></spatial></tendon>
+</mujoco>"""
+
+
+def wrapped(rng, kind, sided):
+    """Return a chain of two bodies with a tendon past a geom of the first one."""
+    text = lambda x: " ".join(f"{y:.6f}" for y in np.atleast_1d(x))  # noqa: E731
+    radius, place = rng.uniform(0.02, 0.08), rng.uniform(-0.03, 0.03, 3)
+    aside = rng.normal(size=3)
+    turn = rng.normal(size=4)
+    far = place + 20.0 * aside / np.linalg.norm(aside)  # outside in every projection but few
+    return WRAPPED.format(
+        kind=kind, size=text((radius, 0.1) if kind == "cylinder" else radius), place=text(place),
+        hook=text((rng.uniform(-0.3, 0.3), 0.25, rng.uniform(-0.3, 0.3))), turn=text(turn),
+        axis=text(rng.normal(size=3)),
+        end=text((rng.uniform(-0.1, 0.1), -0.2, rng.uniform(-0.1, 0.1))),
+        site=f'<site name="side" pos="{text(far)}"/>' if sided else "",
+        side=' sidesite="side"' if sided else "",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("sided", [False, True], ids=["shorter", "side"])
+@pytest.mark.parametrize("kind", ["sphere", "cylinder"])
+def test_tendons_around_geoms_pull_as_in_mujoco(tmp_path, kind, sided):
+    rng, touching = np.random.default_rng(5), 0
+    for _ in range(12):
+        xml = wrapped(rng, kind, sided)
+        m = mujoco.MjModel.from_xml_string(xml)
+        model = loaded(tmp_path, xml)
+        again, out = written(tmp_path, model)
+        for one, peer in ((model, m), (again, out)):
+            mech, data = pg.Mechanism(one), mujoco.MjData(peer)
+            for q in rng.uniform(-1.0, 1.0, (4, 3)):
+                data.qpos, data.qvel = q, rng.uniform(-2.0, 2.0, 3)
+                mujoco.mj_forward(peer, data)
+                touching += data.ten_wrapnum[0] > 2
+                found = mech.forward_dynamics(q, data.qvel)
+                scale = np.abs(data.qacc).max()
+                np.testing.assert_allclose(found, data.qacc, rtol=0, atol=1e-9 * scale)
+    assert touching > 10

@@ -545,6 +545,32 @@ def test_a_form_lists_points_in_the_order_of_the_path(kind, count):
     model = pg.Model.serial(2).model_copy(update={"forces": (rope,)})
     rows = form(begun(model), Display(), "forces", rope)[0]["fields"]
     points = [row["label"] for row in rows if row["field"] in ("point", "via", "other_point")]
-    between = [f"{i + 1}. 1" for i in range(count)]
+    between = [label for i in range(count) for label in (f"{i + 1}. 1", "Radius")]
     assert points == ["Point", *between, "+ via", "Other point"]
     assert next(row for row in rows if row["label"] == "+ via")["cells"][0]["value"] == ""
+
+
+def test_a_point_of_a_path_becomes_an_obstacle_with_an_axis_and_a_side():
+    via = (pg.Via(body="1", point=(0.1, 0.0, 0.0)), pg.Via(body="ground", point=(0.5, 0.0, 0.0)))
+    rope = pg.Spring(name="rope", body="2", other_point=(1.0, 0.0, 0.0), via=via, stiffness=10.0)
+    state = begun(pg.Model.serial(2).model_copy(update={"forces": (rope,)}))
+
+    def typed(*entries):
+        return edit(state, "forces", "rope", "via", *entries)
+
+    def labels():
+        rows = form(state, Display(), "forces", state.model.forces[0])[0]["fields"]
+        return [row["label"] for row in rows if row["field"] == "via"][:5]
+
+    assert labels() == ["1. 1", "Radius", "2. ground", "Radius", "+ via"]
+    state = typed(((0, 3), "0.05"))
+    assert state.model.forces[0].via[0].radius == 0.05
+    assert labels() == ["1. 1", "Radius", "Axis", "Side", "2. ground"]
+    state = typed(((0, 4), "0"), ((0, 5), "0"), ((0, 6), "1"))
+    state = typed(((0, 7), "0.1"), ((0, 8), "0.2"), ((0, 9), "0"))
+    found = state.model.forces[0].via[0]
+    assert (found.axis, found.side) == ((0.0, 0.0, 1.0), (0.1, 0.2, 0.0))
+    state = typed(((0, 7), ""))
+    assert state.model.forces[0].via[0].side is None
+    state = typed(((0, 3), ""))
+    assert state.model.forces[0].via == via
