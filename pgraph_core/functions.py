@@ -107,7 +107,10 @@ class Curve(Frozen):
         """Return the values at coordinates (n,) between the points."""
         places, powers, _ = self.pieces
         piece = np.clip(np.searchsorted(places, x, "right") - 1, 0, len(places) - 2)
-        return np.polynomial.polynomial.polyval(x - places[piece], powers[:, piece], tensor=False)
+        found = np.zeros(len(x))
+        for c in powers[::-1, piece]:
+            found = found * (x - places[piece]) + c
+        return found
 
     def _powers(self) -> Array:
         from scipy.interpolate import CubicSpline, make_interp_spline

@@ -14,12 +14,12 @@ from ..fields import GROUND
 from ..model import (
     Body,
     Coupling,
+    Gear,
     Model,
     Motion,
     Polynomial,
     Relation,
 )
-from ..model.constraint import OfTwo
 from ..model.files import gathered, write_atomic
 from ..model.output import OF_CONTACT, OF_JOINT, OF_SUBTREE
 from ..model.shape import corners_of
@@ -331,8 +331,8 @@ class _Writer(ForcesOut):
         name, where = c.name, f"constraint '{c.name}'"
         active = {} if c.active else {"active": "false"}
         match c:
-            case OfTwo():
-                curve = c.curve if isinstance(c, Relation) else (c.offset, c.ratio)
+            case Gear() | Relation():
+                curve = (c.offset, c.ratio) if isinstance(c, Gear) else c.curve
                 curve = curve.coefficients if isinstance(curve, Polynomial) else curve
                 if not isinstance(curve, tuple) or len(curve) > 5:
                     text = "a relation that is no polynomial of degree 4 or less"
