@@ -57,7 +57,7 @@ class ForcesOut(Places):
         else:
             turn = quaternion_of(frame_of(unit_vector(via.axis)))
             geom.set(type="cylinder", size=(via.radius, via.radius), quat=turn)
-        geom.set(contype=0, conaffinity=0)
+        geom.set(contype="0", conaffinity="0")
         self.sites.setdefault(body, []).append(geom)
         tag = Tag("geom", geom=geom.attributes["name"])
         if via.side is not None:
