@@ -197,14 +197,6 @@ def _arc(radius: float, axis: Array, start: Array, first: Array, length: float) 
     return circle + (u @ first + s * length * (u @ start)) * u
 
 
-def is_within(via: Any, turn: Array, a: Array) -> bool:
-    """Check whether a point a [m], relative to the centre of an obstacle, is inside it."""
-    if via.axis is not None:
-        u = turn @ unit_vector(via.axis)
-        a = a - (u @ a) * u
-    return bool(a @ a < via.radius**2 * (1.0 - SOLVED))
-
-
 def obstacle_of(via: Any) -> dict[str, Any]:
     """Return the numbers of an obstacle, or of a point, in the axes of its body."""
     if via.radius is None:

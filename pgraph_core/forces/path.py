@@ -35,7 +35,7 @@ from ..rotation import Array
 from ..tolerances import TINY
 from ..units import M
 from .base import Action, Between, Places, opposed
-from .obstacles import POINT, Past, around, is_within, past_obstacle
+from .obstacles import POINT, Past, around, past_obstacle
 
 Place = tuple[str, Sequence[float]]  # a body and a point in its axes [m]
 
@@ -146,18 +146,11 @@ def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
     """Write both ends into the row, and return the length of the path in the initial state [m]."""
     own, other = points_of(f, at.body(f.body))
     one["point_a"], one["point_b"] = at.in_row(f.body, own), at.in_row(f.other, other)
-    return length_at(f, at.body(f.body), at.at_start, at.turn_at_start)
-
-
-def length_at(
-    f: BetweenPoints, body: Any, at: Callable[..., Array], turn: Callable[[str], Array]
-) -> float:
-    """Return the length of a path [m], for functions as in `lines_of`."""
     first, *others = (
-        float(np.linalg.norm(at(*p) - at(*q)))
+        float(np.linalg.norm(at.at_start(*p) - at.at_start(*q)))
         if via is None
-        else _past(via, at, turn, p, q)[0].length
-        for p, via, q in legs_of(f, body)
+        else _past(via, at.at_start, at.turn_at_start, p, q)[0].length
+        for p, via, q in legs_of(f, at.body(f.body))
     )
     return sum(others, first)
 
@@ -177,20 +170,6 @@ def lines_of(
             yield np.array([at(*p), centre + past.first]), False
             yield centre + past.arc, True
             yield np.array([centre + past.last, at(*q)]), False
-
-
-def inside(
-    f: BetweenPoints, body: Any, at: Callable[..., Array], turn: Callable[[str], Array]
-) -> Iterator[tuple[Via, str]]:
-    """Yield (obstacle, body) of each point of a path that is inside an obstacle beside it.
-
-    The functions are those of `lines_of`.
-    """
-    for p, via, q in legs_of(f, body):
-        for name, point in (p, q) if via is not None else ():
-            assert via is not None, "it has ends"
-            if is_within(via, turn(via.body), at(name, point) - at(via.body, via.point)):
-                yield via, name
 
 
 def _past(via: Via, at: Any, turn: Any, p: Place, q: Place) -> tuple[Past, Array]:

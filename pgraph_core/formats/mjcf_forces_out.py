@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..forces import OnJoint, Via, ends_of, length_at, path_of
+from ..forces import OnJoint, Via, ends_of, path_of
 from ..model import Body, Drag, Model, Spring, Tendon, Wrench
 from ..rotation import frame_of, matrix, quaternion_of, unit, unit_vector
 from .mjcf_parts import end_name
@@ -41,10 +41,9 @@ class ForcesOut(Places):
             self._element(end_name(f.name, k), via, *place)
             for k, (via, place) in enumerate(places, start=1)
         ]
-        rest = length_at(f, body, self._world, self._turn) if f.rest is None else f.rest
         name, pull = self._free("tendon", f.name), {"stiffness": f.stiffness, "damping": f.damping}
         limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
-        tendon = Tag("spatial", name=name, **pull, springlength=rest, **limits)
+        tendon = Tag("spatial", name=name, **pull, springlength=self.rests[f.name], **limits)
         self.tendons.append(tendon.add(*elements))
 
     def _element(self, name: str, via: Via | None, body: str, point: Any) -> Tag:

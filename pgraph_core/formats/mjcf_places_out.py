@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..dynamics import Dynamics
-from ..fields import GROUND
 from ..joints import KINDS, SIZE
-from ..model import Model
+from ..model import Model, Spring
 from ..tolerances import SOLVED
 from .conversion import NO_LIMIT
 from .mjcf_contacts_out import ContactsOut
@@ -23,8 +20,13 @@ class Places(ContactsOut):
 
     def __init__(self, model: Model, name: str):
         super().__init__(model, name)
-        self.home = Dynamics(model).packed.home_poses
-        self.number = {name: k for k, name in enumerate(Dynamics(model).names)}
+        dynamics = Dynamics(model)
+        packed = dynamics.packed
+        self.home = packed.home_poses
+        self.number = {name: k for k, name in enumerate(dynamics.names)}
+        springs = tuple(f for f in model.forces if isinstance(f, Spring))
+        rests = packed.loads(springs).spring[0]["rest"].tolist()
+        self.rests = dict(zip((f.name for f in springs), rests))
         self.sites: dict[str, list[Tag]] = {}
         self.taken: set[tuple[str, str]] = set()
         self.joints = {
@@ -68,15 +70,6 @@ class Places(ContactsOut):
             tag.add(Tag("joint", joint=joint, coef=factor))
         self.tendons.append(tag)
         return name
-
-    def _world(self, body: str, point: Any) -> np.ndarray:
-        if body == GROUND:
-            return np.array(point)
-        k = self.number[body]
-        return self.home[0][k] + self.home[1][k] @ np.array(point)
-
-    def _turn(self, body: str) -> np.ndarray:
-        return np.eye(3) if body == GROUND else np.asarray(self.home[1][self.number[body]])
 
 
 def span(low: float | None, high: float | None) -> tuple[float, float]:

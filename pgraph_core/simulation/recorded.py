@@ -27,12 +27,12 @@ from ..result.records import (
 from .advice import too_wide
 from .continuing import left_by
 from .means import means_between
+from .pierced import pierced
 from .remarks import (
     beyond_limits,
     creeping,
     off_curve,
     off_track,
-    pierced,
     too_fast,
     touching,
     turns_unseen,

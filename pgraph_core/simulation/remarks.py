@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,6 @@ from ..engine import motion
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import CREEP
 from ..errors import InputError, choices
-from ..forces import BetweenPoints, Via, inside
 from ..functions import Curve
 from ..joints import SIZE
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
@@ -363,37 +362,6 @@ def off_curve(record: Running) -> Iterator[str]:
             f" the points go from {low:.6g} to {high:.6g}, and a straight line goes on; give more "
             "points, or kind='periodic' or 'quintic' if the curve repeats or rests there"
         )
-
-
-def pierced(record: Running) -> Iterator[str]:
-    """Yield a notice about the first path with a point inside an obstacle, in the frames."""
-    mech = record.mech
-    for i in range(record.steps.recorded):
-        for f, via, name in within(mech, mech.model.bent, record.out.q[i, : mech.nq]):
-            yield (
-                f"{f.kind} '{f.name}': its point on '{name}' is inside the obstacle of radius "
-                f"{via.radius:.6g} m on '{via.body}' at t = {record.steps.times[i]:.6g} s, and the "
-                "path jumps to the straight line; move the point outside"
-            )
-            return
-
-
-def within(
-    mech: Any, forces: Iterable[BetweenPoints], q: Array
-) -> Iterator[tuple[BetweenPoints, Via, str]]:
-    """Yield (force, obstacle, body) of points of paths that are inside an obstacle at q."""
-    number = mech.topology.number
-    place, turn = mech.poses(q)
-
-    def turned(name: str) -> Array:
-        return turn[number(name) - 1] if number(name) else np.eye(3)
-
-    def at(name: str, point: Any) -> Array:
-        origin = place[number(name) - 1] if number(name) else np.zeros(3)
-        return origin + turned(name) @ np.asarray(point)
-
-    for f in forces:
-        yield from ((f, *found) for found in inside(f, mech.model.body(f.body), at, turned))
 
 
 def creeping(record: Running) -> Iterator[str]:
