@@ -63,12 +63,18 @@ def _problems(
     for field, about in items.items():
         ours = [pair for item in about for pair in item.get("ctx", {}).get("problems", ())]
         if ours:
-            found |= {Problem(where, field or inner, text): None for inner, text in ours}
+            found |= {_of_validator(where, field, inner, text): None for inner, text in ours}
         else:  # the most specific of a union's errors
             found_in = (_of_whole(item, data.get(field, item.get("input"))) for item in about)
             _, text = max((_sentence(x, kind.model_fields) for x in found_in), key=lambda s: s[0])
             found[Problem(where, field, text)] = None
     return list(found)
+
+
+def _of_validator(where: str, field: str, inner: str, text: str) -> Problem:
+    """Return the problem that a validator found, by the name of its field in a nested part."""
+    named = not field or not inner or inner in text
+    return Problem(where, field or inner, text if named else f"{inner}: {text}")
 
 
 def _of_whole(item: Any, value: Any) -> Any:

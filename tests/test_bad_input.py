@@ -218,6 +218,17 @@ ROWS = [
     force("spring", "via", "'arm'", "constant", "ground", other="arm", via=[
         {"body": "arm", "point": [1, 0, 0.5]}]),
     force("spring", "via", "point", "missing", "three", via=[{"body": "ball"}]),
+    force("spring", "via", "axis", "obstacle", "radius", via=[
+        {"body": "ball", "point": [0, 0, 0], "axis": [0, 0, 1]}]),
+    force("spring", "via", "radius", "> 0", "-1", via=[
+        {"body": "ball", "point": [0, 0, 0], "radius": -1}]),
+    force("spring", "via", "axis", "zero", "[0.0, 0.0, 0.0]", via=[
+        {"body": "ball", "point": [0, 0, 0], "radius": 1, "axis": [0, 0, 0]}]),
+    force("spring", "via", "side", "centre", "[0.0, 0.0, 0.0]", via=[
+        {"body": "ball", "point": [0, 0, 0], "radius": 1, "side": [0, 0, 0]}]),
+    force("spring", "via", "points 1 and 2", "obstacles", "between", via=[
+        {"body": "ball", "point": [0, 0, 0], "radius": 1},
+        {"body": "arm", "point": [0, 0, 0], "radius": 1}]),
     force("spring", "high", "via", "Strut", high=2, via=[{"body": "ball", "point": [0, 0, 0]}]),
     force("torsion", "axis", "zero", "[0.0, 0.0, 0.0]", axis=[0, 0, 0]),
     force("motor", "gear", "zero", gear=0),

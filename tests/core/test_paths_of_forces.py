@@ -30,7 +30,7 @@ ALSO_GROUND = [*INSIDE, *via(("ground", (0.5, -1.0, 0.3)))]
 # past a sphere on a body and a cylinder on the ground, which the path touches in the scene
 PAST = {
     "floating": [
-        {"body": "b", "point": (-0.75, 0.5, -0.2), "radius": 0.25},
+        {"body": "b", "point": (-0.72, 0.45, 0.25), "radius": 0.25},
         {"body": "a", "point": (0.4, 1.2, 0.6)},
         {"body": "ground", "point": (0.4, 1.3, 0.15), "radius": 0.2, "axis": (1.0, 0.2, 0.0),
          "side": (0.35, 2.0, 0.15)},
@@ -121,7 +121,7 @@ def test_the_force_is_the_slope_of_the_energy(scene, kind, points):
     def energy(step):
         return mech.energy(moved(model, q, step), still)[1]
 
-    slope = [difference(lambda x, e=e: energy(x * e), 1e-3) for e in np.eye(mech.nv)]
+    slope = [difference(lambda x, e=e: energy(x * e), 5e-4) for e in np.eye(mech.nv)]
     tau = torque_of(mech, q)
     assert np.abs(tau).max() > 1.0
     np.testing.assert_allclose(tau, -np.array(slope), rtol=0, atol=1e-8 * np.abs(tau).max())
@@ -208,7 +208,8 @@ def test_a_rope_with_both_ends_on_a_load_lifts_twice_its_tension():
 def test_runs_have_derivatives_by_numbers_of_a_path(path):
     is_round = path.endswith(("radius", "axis.2"))
     model = floating(over(PAST["floating"] if is_round else ALSO_GROUND, damping=0.5))
-    how = {"method": "rk4", "step": 2e-3, "t_end": 0.4, "estimate": False, "frames": 3}
+    t_end = 0.06 if is_round else 0.4  # while it lies on its obstacles
+    how = {"method": "rk4", "step": 2e-3, "t_end": t_end, "estimate": False, "frames": 3}
     run = pg.simulate(model, wrt=path, **how)
     now = pg.simulate(model, **how)
     assert (run.q == now.q).all()
@@ -218,7 +219,7 @@ def test_runs_have_derivatives_by_numbers_of_a_path(path):
         end = pg.simulate(given.set(model, given.present + change), **how)
         return np.hstack((end.q, end.v))
 
-    expected = difference(state, 2e-4)
+    expected = difference(state, 2e-5 if is_round else 2e-4)
     assert np.abs(expected).max() > 1e-3
     found = run.sensitivity(path)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
@@ -330,11 +331,20 @@ def test_a_rope_around_half_a_post_presses_on_it_with_twice_its_tension():
     left, right = (-0.3, -2.0, 0.0), (0.3, -2.0, 0.0)
     rope = pg.Spring(name="s", body="post", other="ground", point=left, other_point=right, rest=1.0,
                      stiffness=7.0, via=[{"body": "post", "point": (0, 0, 0), "radius": 0.3,
-                                          "axis": (0, 0, 1)}])  # fmt: skip
+                                          "axis": (0, 0, 1), "side": (0, 1, 0)}])  # fmt: skip
     mech = pg.Mechanism(pg.Model(bodies=[post], forces=[rope], gravity=(0, 0, 0)))
     tension = 7.0 * (2.0 + np.pi * 0.3 + 2.0 - 1.0)
     # the fall on the post itself pulls its end up, so that one tension is left
     assert mech.forward_dynamics([0.0], [0.0])[0] == pytest.approx(-tension, rel=1e-12)
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("x", [0.3, 0.9])
+def test_a_point_inside_an_obstacle_is_told(x):
+    mech = rope_past(x, 0.9, 1.2, point=(0, 0, 5.0))
+    notices = pg.simulate(mech, t_end=1e-3, method="rk4", step=1e-3).notices
+    told = [text for text in notices if "'s'" in text and "1.2 m" in text]
+    assert len(told) == (np.hypot(x, 1.0) < 1.2)
 
 
 # -- the description -------------------------------------------------------------------------------
