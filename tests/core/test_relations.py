@@ -173,18 +173,18 @@ def test_elliptic_gears_transmit_by_their_radii_over_several_turns(given):
     points = pg.Curve(x=x, value=value, kind="periodic")
     curve = points if given == "points" else f"=q + 2*atan({e}*sin(q)/(1 - {e}*cos(q)))"
     wheel = pg.Relation(name="wheel", body="b", other="a", curve=curve)
-    run = pg.simulate(rotors(wheel, v=(5.0,)), t_end=8.0, rtol=1e-11, frames=101)
+    run = pg.simulate(rotors(wheel, v=(5.0,)), t_end=20.0, rtol=1e-11, frames=101)
     turned, (first, second) = run.q[:, 0], run.v.T
     assert turned[-1] > 4 * np.pi
     known = (1.0 - e**2) / (1.0 + e**2 - 2.0 * e * np.cos(turned))
-    error = 1e-12 if given == "expression" else 0.2 * x[1] ** 3  # of the spline
+    error = 1e-10 if given == "expression" else 0.2 * x[1] ** 3  # of the spline
     assert second / first == pytest.approx(known, abs=error)
     assert run.q[:, 1] == pytest.approx(ellipse(turned, e), abs=max(error, 1e-11))
     energy = 0.5 * (0.3 * first**2 + 0.7 * second**2)
     assert energy == pytest.approx(np.full(101, energy[0]), rel=1e-9)
 
 
-@pytest.mark.parametrize("options", [{}, {"method": "moreau_jean", "step": 1e-3}])
+@pytest.mark.parametrize("options", [{"rtol": 1e-10}, {"method": "moreau_jean", "step": 1e-3}])
 def test_a_relation_within_a_loop(options):
     """A crank lifts a table by a relation and moves a slider by a rod, whose place is known."""
     crank, rod = 0.3, 1.0
@@ -193,12 +193,12 @@ def test_a_relation_within_a_loop(options):
                 inertia=0.1 * np.eye(3)),
         pg.Body(name="slider", joint="prismatic", axes=[(1, 0, 0)], mass=0.5, q=(crank + rod,)),
         pg.Body(name="table", joint="prismatic", axes=[(0, 0, 1)], mass=0.4, link=(0, 2, 0),
-                q=(1.3**2,), limits=[(-9, 9)] if options else None),
+                q=(1.3**2,), limits=[(-9, 9)] if "method" in options else None),
     )  # fmt: skip
     ties = (
         pg.Distance(name="rod", body="crank", other="slider", point=(crank, 0, 0),
                     other_point=(0, 0, 0), length=rod),
-        pg.Relation(name="lift", body="table", other="slider", curve="=q.slider^2"),
+        pg.Relation(name="lift", body="table", other="slider", curve="=q^2"),
     )  # fmt: skip
     run = pg.simulate(pg.Model(bodies=bodies, constraints=ties), t_end=2.0, **options)
     assert run.status.ok, run.message
@@ -207,7 +207,7 @@ def test_a_relation_within_a_loop(options):
     assert x == pytest.approx(place, abs=1e-12)
     assert z == pytest.approx(x**2, abs=1e-12)
     energy = run.energy
-    assert np.ptp(energy) < (1e-4 if options else 1e-8) * np.abs(energy).max()
+    assert np.ptp(energy) < (1e-4 if "method" in options else 1e-9) * np.abs(energy).max()
 
 
 def test_time_stepping_is_of_second_order():
@@ -221,18 +221,21 @@ def test_time_stepping_is_of_second_order():
     assert 3.5 < errors[0] / errors[1] < 4.5
 
 
-@pytest.mark.parametrize("restitution", [0.0, 1.0])
-def test_a_limit_of_the_follower_stops_or_returns_the_cam(restitution):
-    """At the limit the impulse j of the limit acts on both: p = (I + m f'²) θ' is reversed or 0."""
-    model = cam(limits=[(-1.0, 0.1)], limit_restitution=restitution, damping=0.0)
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_limit_of_the_follower_stops_the_cam_too(restitution):
+    """Without gravity all energy is kinetic. What is lost is booked."""
+    model = cam(limits=[(-1.0, 0.1)], limit_restitution=restitution)
     model = model.replace(gravity=(0.0, 0.0, 0.0))
-    run = pg.simulate(model, t_end=1.0, method="moreau_jean", step=1e-3)
+    run = pg.simulate(model, t_end=1.0, method="moreau_jean", step=1e-3, estimate=False)
     assert run.status.ok, run.message
     assert run.q[:, 1].max() < 0.1 + 1e-6
-    kinetic = run.kinetic_energy
-    assert kinetic[-1] == pytest.approx(restitution * kinetic[0], abs=2e-5 * kinetic[0])
-    lost = run.dissipation[-1]
-    assert lost == pytest.approx((1.0 - restitution) * kinetic[0], abs=2e-5 * kinetic[0])
+    assert run.energy + run.dissipation == pytest.approx(run.energy[0], abs=1e-5 * run.energy[0])
+    if restitution == 0.0:
+        assert np.abs(run.v[-1]).max() < 1e-9
+    else:
+        assert run.v[-1, 0] < 0.0
+        slope = AMPLITUDE * np.sin(run.q[-1, 0])
+        assert run.v[-1, 1] == pytest.approx(slope * run.v[-1, 0], abs=1e-9)
 
 
 POINTS = pg.Curve(x=(-0.5, 0.4, 1.0, 2.0, 4.0), value=(0.1, 0.0, 0.15, 0.3, 0.2))
@@ -254,7 +257,8 @@ def test_derivatives_are_those_of_differences(curve, paths, method):
     last = lambda m: pg.simulate(m, t_end=0.7, method=method, frames=2, **options).q[-1]  # noqa: E731
     run = pg.simulate(model, t_end=0.7, method=method, wrt=paths, frames=2, **options)
     for path in paths:
-        present, h = Path(model, path, "test").present, 1e-3
+        # a step of time stepping has other knots of a spline where the knots are moved farther
+        present, h = Path(model, path, "test").present, 1e-5 if method == "moreau_jean" else 1e-3
         ends = [last(model.edit(path, present + k * h)) for k in (-2, -1, 1, 2)]
         slope = np.array([1.0, -8.0, 8.0, -1.0]) @ ends / (12.0 * h)
         found = run.derivatives[path][-1, :2]
@@ -278,7 +282,7 @@ def test_a_run_names_a_relation_past_the_end_of_its_points():
     notices = {}
     for kind in ("natural", "periodic", "quintic"):
         curve = pg.Curve(x=(-0.5, 0.4, 1.0, 2.0), value=(0.1, 0.0, 0.15, 0.3), kind=kind)
-        run = pg.simulate(cam(curve), t_end=2.0, estimate=False)
+        run = pg.simulate(cam(curve, speed=12.0), t_end=1.0, estimate=False)
         assert np.abs(run.q[:, 0]).max() > 2.0
         notices[kind] = [text for text in run.notices if "'lift' is past an end" in text]
     assert [len(notices[kind]) for kind in notices] == [1, 0, 0]
@@ -312,7 +316,10 @@ XML = """<mujoco><option timestep="1e-4"/><worldbody>
 
 
 def test_a_polynomial_of_degree_four_moves_as_that_of_mujoco(tmp_path):
-    """MuJoCo leaves J' v out of its rows, so accelerations are compared at rest."""
+    """MuJoCo leaves J' v out of its rows, so accelerations are compared at rest.
+
+    Its rows are soft, J q'' = -R f, which is taken out of its accelerations.
+    """
     mujoco = pytest.importorskip("mujoco")
     text = XML.format(" ".join(map(str, POWERS)))
     (tmp_path / "in.xml").write_text(text)
@@ -332,8 +339,13 @@ def test_a_polynomial_of_degree_four_moves_as_that_of_mujoco(tmp_path):
         q = np.array([angle, f(angle)])
         data.qpos[:] = m.qpos0 + q
         mujoco.mj_forward(m, data)
+        M, J = np.zeros((2, 2)), data.efc_J.reshape(-1, 2)[:1]
+        mujoco.mj_fullM(m, data, M)
+        respond = np.linalg.solve(M, J.T)
+        known = data.qacc - (respond @ np.linalg.solve(J @ respond, J @ data.qacc[:, None]))[:, 0]
         vdot, _ = mech.constrained_dynamics(q, np.zeros(2))
-        assert vdot == pytest.approx(data.qacc, rel=5e-4, abs=5e-4 * np.abs(vdot).max())
+        assert vdot == pytest.approx(known, abs=1e-9 * np.abs(vdot).max())
+        assert vdot == pytest.approx(data.qacc, abs=5e-3 * np.abs(vdot).max())
 
 
 def test_relations_that_mjcf_cannot_write_are_told(tmp_path):
