@@ -243,6 +243,10 @@ class Packed:
         kept = self._driven
         return kept[2] if kept is not None and kept[1] is drives else bends(drives)
 
+    def bend(self, forces: tuple[Force, ...]) -> bool:
+        """Check whether one of these forces, or a relation, bends where the motion passes."""
+        return bool(self.model.bending) or any(f._bends for f in forces)
+
     def loads(
         self, forces: tuple[Force, ...], *, states: bool = False, named: tuple[Force, ...] = (),
         watched: Sequence[str] = (), bent: bool = False, touching: bool = False,
@@ -259,7 +263,7 @@ class Packed:
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
         rubbing = self.model.rubbing if states else ()
         acts = any(f._varies for f in forces) or rubbing or (states and self.model.controls)
-        bent = bent and (bool(self.model.bending) or any(f._bends for f in forces))
+        bent = bent and self.bend(forces)
         if not (acts or watched or bent or touching):
             return found
         places = Places(self.model, self.topology, self.system)

@@ -166,7 +166,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     notices = (*lost(mech.model.lost), *edits, *mech.model.doubts)
     plan = replace(plan, header=header, notices=notices, idle=_idle(mech, given))
     forces = _forces(mech, o, given, span[0], extra)
-    if plan.method.order > 1 and (plan.yields or any(f._bends for f in forces)):
+    if plan.method.order > 1 and (plan.yields or mech.packed.bend(forces)):
         plan = replace(plan, loads=_loads(mech, forces, plan.conditions, True, plan.yields))
     return plan, rated or rate.found is not None
 

@@ -352,3 +352,22 @@ def test_relations_that_mjcf_cannot_write_are_told(tmp_path):
     for curve in (pg.Polynomial(coefficients=(0, 0, 0, 0, 0, 1)), "=sin(q)", POINTS):
         report = pg.write_mjcf(cam(curve), tmp_path / "out.xml")
         assert any("polynomial of degree 4" in e.text for e in report.of("left out"))
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        pg.Curve(x=(0.3, 1.5), value=(0.0, 0.15), kind="clamped"),
+        "=0.15*smoothstep(q.cam, 0.3, 1.5)",
+    ],
+)
+def test_steps_end_where_the_second_derivative_jumps(curve):
+    """A method of order 4 keeps its order, as within a piece."""
+    model = cam(curve, speed=6.0)
+    exact = pg.simulate(model, t_end=0.4, method="dop853", rtol=1e-13).q[-1]
+    errors = [
+        np.abs(pg.simulate(model, t_end=0.4, method="rk4", step=h).q[-1] - exact).max()
+        for h in (2e-3, 1e-3)
+    ]
+    assert errors[1] < 1e-8
+    assert errors[0] / errors[1] > 8.0
