@@ -11,6 +11,7 @@ CHOOSE = "pgraph_core/integrators.py", "pgraph_core/simulation/choice.py", "pgra
 # translate models for other programs
 WORDS = (
     "pgraph_core/mesh_files.py", "pgraph_core/formats/urdf.py", "pgraph_app/constraints/parts.py",
+    "pgraph_app/constraints/view.py",
     "pgraph_peers/",
 )  # fmt: skip
 

@@ -42,8 +42,8 @@ from .opened import Opened, follows, opened
 from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
-USUAL_DURATION = 10.0  # default duration of the motion [s]
 PICTURES = 60  # recorded pictures a second
+USUAL_PICTURES = 10 * PICTURES  # of a motion without a scenario or a duration
 MOST_PICTURES = 3000
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
 DIGITS = 6  # digits of the numbers of the drawing
@@ -53,7 +53,7 @@ def recorded(model: Model, scenario: str | None = None, t_end: float | None = No
     """Return the run for a figure, by a scenario or freely. Raises InputError."""
     mech = Mechanism(model)
     given = model.scenario(scenario) if scenario is not None else None
-    end = t_end or (given.t_end if given else USUAL_DURATION)
+    end = t_end or (given.t_end if given else USUAL_PICTURES / PICTURES)
     step = (given.step if given else None) or STEP
     asked: dict[str, Any] = {"estimate": False}
     if methods_of(mech, Setup(scenario, step)) == TOUCHING:
