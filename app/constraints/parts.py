@@ -90,7 +90,7 @@ def known_of(model: pg.Model) -> Known:
     bodies = {b.name: b for b in model.bodies}
     exerting = [c.name for c in model.constraints], [c.name for c in model.contacts]
     known = model.outputs, model.controls, model.parameters, model.forces
-    return Known(bodies, *known, exerting)
+    return Known(bodies, *known, exerting, constraints=model.constraints)
 
 
 # -- making ------------------------------------------------------------------------------------

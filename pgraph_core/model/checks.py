@@ -390,7 +390,7 @@ def reference_problems(
         *loop_problems(controls, forces, ""),
         *varying_problems(
             (constraints, contacts, forces, controls), scenarios,
-            Known(bodies, outputs, controls, parameters, forces, names, lost),
+            Known(bodies, outputs, controls, parameters, forces, names, lost, constraints),
         ),
         *(
             problem for s in scenarios if s.forces

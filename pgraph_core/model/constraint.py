@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import model_validator
 
+from .. import joints
 from ..curves import OverTime, Polynomial
 from ..errors import shown
 from ..fields import (
@@ -73,6 +74,10 @@ class Constraint(OfKinds):
     def __init__(self, /, **data: Any):
         """Create a constraint of the given kind. Raises ModelError."""
         super().__init__(**data)
+
+    def pulls(self, bodies: Mapping[str, Any]) -> bool:
+        """Return False if its wrench on `bodies`, by name or None, never has a force."""
+        return True
 
 
 # -- between places of bodies ----------------------------------------------------------------------
@@ -323,6 +328,9 @@ class Orientation(ToOther):
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
         return {"body": self.other}
 
+    def pulls(self, bodies: Mapping[str, Any]) -> bool:
+        return False
+
     def _blocks(self, e: Any) -> list[Any]:
         return [e.turned_as_at_home()]
 
@@ -332,6 +340,16 @@ class Orientation(ToOther):
 
 class InJoints(Constraint):
     """A constraint on joint coordinates, not on positions between bodies."""
+
+    # () -> the body and degree of freedom along which its wrench is given
+    _first: ClassVar[Callable[..., tuple[str, int]]]
+
+    def pulls(self, bodies: Mapping[str, Any]) -> bool:
+        name, k = self._first()
+        body = bodies.get(name)
+        units = [joints.units_of(m)[1] for m in body.sequence] if body is not None else []
+        along = [(unit, len(own)) for own in units for unit in own]
+        return along[k] == ("m", 1) if k < len(along) else True
 
 
 def _first_q(model: Any, name: str) -> float:
@@ -346,6 +364,9 @@ class OfOne(InJoints):
         "the index of a degree of freedom of the joint of `body`, starting at 0",
         default=0, ge=0, le=5, help="index of the joint degree of freedom, starting at 0",
     )  # fmt: skip
+
+    def _first(self) -> tuple[str, int]:
+        return self.body, self.coordinate
 
 
 class OfTwo(OfOne):
@@ -535,6 +556,10 @@ class Skate(AtPoint, ToOther):
 
 class Sum(OnSum, InJoints):
     """A constraint on the sum of `coefficients` x joint coordinates."""
+
+    def _first(self) -> tuple[str, int]:
+        name, k, _ = self.terms[0]
+        return name, k
 
 
 class Velocity(Sum):

@@ -16,7 +16,7 @@ from ..signals.grammar import walk
 from ..signals.meaning import CONSTANTS, TIME, constant, dim_of, fits, places_of, unit
 from ..units import RAD, Dim, M, N, Q, S
 from .body import Body
-from .constraint import Motion, OfOne, Relation
+from .constraint import Constraint, Motion, OfOne, Relation
 from .control import PID, Control
 from .output import OF_JOINT, OF_LOAD, Output
 
@@ -81,6 +81,7 @@ class Known:
         self, bodies: Bodies, outputs: Sequence[Output], controls: Sequence[Control],
         parameters: Mapping[str, float], forces: Sequence[Force],
         exerting: tuple[Sequence[str], Sequence[str]] = ((), ()), lost: Collection[str] = (),
+        constraints: Sequence[Constraint] = (),
     ):  # fmt: skip
         """Collect the names.
 
@@ -90,6 +91,7 @@ class Known:
         self.bodies, self.parameters, self._exerting = bodies, parameters, exerting
         self._lost = lost
         self.drives = {f.name: f for f in forces if isinstance(f, OnJoint)}
+        self._torques = {c.name: c for c in constraints if not c.pulls(bodies)}
         self._kinds = {f.name: f.own_kind() for f in forces}
         self.outputs = {o.name: o for o in outputs}
         self.controls = {c.name: c for c in controls}
@@ -179,6 +181,8 @@ class Known:
         if all(name in names for names in self._exerting):
             text = f"a contact and a constraint are both named {shown(name)}; rename one"
             raise Unreadable(node.column, text)
+        if name in self._torques:
+            raise Unreadable(node.column, without_force(self._torques[name]))
         if k > 3:
             text = f"the force of {shown(name)} has its size, 0, and entries from 1 to 3 along x, y"
             raise Unreadable(node.column, f"{text} and z, got {k}")
@@ -244,6 +248,13 @@ class Known:
                 raise Unreadable(node.column, text) from None
             if any(not a < b for a, b in itertools.pairwise(places)):
                 raise Unreadable(node.column, f"the places of a table must ascend, got {places}")
+
+
+def without_force(constraint: Constraint) -> str:
+    """Return the reason why nothing reads the force of a constraint that has a torque only."""
+    text = f"constraint {shown(constraint.name)} of kind {constraint.kind} has a torque and no "
+    text += "force here, and conditions and samples read forces only; read a coordinate, q.NAME or "
+    return f"{text}v.NAME, or the torque of a motor or servo, f.NAME"
 
 
 def kinds_of(body: Body) -> list[Dim]:

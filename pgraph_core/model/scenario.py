@@ -33,6 +33,7 @@ from ..signals.meaning import compares
 from ..units import S
 from .body import Body
 from .constraint import Constraint
+from .expressions import without_force
 from .settings import ADAPTIVE, AUTO, OF, Settings, no_tolerance
 
 Positive = Annotated[Number, Field(gt=0)]
@@ -354,7 +355,8 @@ def condition_problems(
         listed = s.constraints
         on = {c.name for c in constraints if (c.active if listed is None else c.name in listed)}
         for switch in s.switches:
-            text = _unknown(switch, known, refused) or _never(switch, s.switches, on, bodies, known)
+            text = _unknown(switch, known, refused) or forceless(switch, constraints, bodies)
+            text = text or _never(switch, s.switches, on, bodies, known)
             if text:
                 found.append(Problem(f"scenario '{s.name}'", "switches", text))
         if text := _endless(s.switches):
@@ -375,6 +377,13 @@ def _unknown(switch: Switch, known: Known, refused: bool) -> str:
     there = known[what]
     do = f"choose one of {choices(there)}" if there else f"the model has no {what} to wait for"
     return f"of '{switch.constraint}': no {what} is called '{name}'; {do}"
+
+
+def forceless(switch: Switch, constraints: Sequence[Constraint], bodies: Bodies) -> str:
+    """Return the reason why a condition on the force of a constraint reads nothing, or ""."""
+    name = switch.when.force if switch.when is not None else None
+    found = [c for c in constraints if c.name == name and not c.pulls(bodies)]
+    return f"of '{switch.constraint}': {without_force(found[0])}" if found else ""
 
 
 def _never(

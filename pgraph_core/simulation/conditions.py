@@ -18,6 +18,7 @@ from ..errors import choices, refusal, shown
 from ..mechanism import Mechanism
 from ..model import Force, Switch, When
 from ..model.expressions import Known
+from ..model.scenario import forceless
 from ..packing import Array
 from ..packing.programs import Program, measured_rows
 from ..packing.signals import Places, known_forces
@@ -81,7 +82,7 @@ def conditions_of(
 ) -> tuple[ConditionOf, ...]:
     """Return the switches that wait for conditions, by watched numbers. Raises InputError."""
     names = [c.name for c in mech.model.constraints]
-    found = []
+    bodies, found = {b.name: b for b in mech.model.bodies}, []
     for s in switches:
         if s.when is None:
             continue
@@ -95,6 +96,8 @@ def conditions_of(
         if name not in known:
             text = f"of '{s.constraint}': no {what} is named {name!r}; "
             text += f"choose one of {choices(tuple(known))}" if known else f"there is no {what}"
+            raise refusal("simulate", "switches", text)
+        if text := forceless(s, mech.model.constraints, bodies):
             raise refusal("simulate", "switches", text)
         found.append(ConditionOf(number, s.active, s.when, known[name], contacts))
     return tuple(found)
@@ -122,7 +125,8 @@ def _comparison(mech: Mechanism, text: str, forces: Sequence[Force]) -> Comparis
     model, packed = mech.model, mech.packed
     bodies = {b.name: b for b in model.bodies}
     names = [c.name for c in model.constraints], [c.name for c in model.contacts]
-    known = Known(bodies, model.outputs, model.controls, model.parameters, forces, names)
+    parts = model.outputs, model.controls, model.parameters, forces
+    known = Known(bodies, *parts, names, constraints=model.constraints)
     if problem := known.problem(text, None):  # problem of a switch given in the call
         raise refusal("simulate", "switches", problem)
     places, controls = Places(model, packed.topology, packed.system), known.controls

@@ -6,6 +6,7 @@ import pytest
 import pgraph_core as pg
 
 from ..nights import combined
+from ..refusals import assert_names
 from ..worlds import ball, box, on_ground
 
 SETTINGS = [{}, {"method": "rk4", "step": 1e-2}, {"method": "radau5", "rtol": 1e-9}]
@@ -307,3 +308,85 @@ def test_a_landing_switches_a_latch():
     g = -np.asarray(model.gravity) @ (0.0, 0.0, 1.0)
     np.testing.assert_allclose(event.t, np.sqrt(1.0 / g), rtol=0, atol=2e-3)
     np.testing.assert_allclose(run.q[-1, 0], 0.1, rtol=0, atol=1e-4)
+
+
+# -- constraints that have a torque and no force ---------------------------------------------------
+
+TURNS, SLIDES, BALL = (
+    {"axes": [(0, 0, 1)], "inertia": (0.1, 0.1, 0.2)},
+    {"joint": "prismatic", "axes": [(1, 0, 0)], "mass": 1.0},
+    {"joint": "spherical", "inertia": (0.1, 0.1, 0.2)},
+)
+CLUTCHES = {
+    "velocity": lambda: pg.Velocity(name="c", coefficients={"a": [1], "b": [-1]}),
+    "coupling": lambda: pg.Coupling(name="c", coefficients={"a": [1], "b": [-1]}),
+    "gear": lambda: pg.Gear(name="c", body="a", other="b"),
+    "motion": lambda: pg.Motion(name="c", body="a", q_of_t="=0.1*t"),
+}
+
+
+def pair(kind, joint, *switches, **parts):
+    inertia = {"inertia": (0.25, 0.25, 0.5)} if joint is TURNS else {}
+    return pg.Model(
+        bodies=[pg.Body(name="a", **{**joint, **inertia}), pg.Body(name="b", **joint)],
+        constraints=[CLUTCHES[kind]()], gravity=(0, 0, 0),
+        scenarios=[pg.Scenario(name="s", switches=switches)], **parts,
+    )  # fmt: skip
+
+
+WHEN = [{"force": "c", "above": 4.0}, {"holds": "=force.c > 4"}]
+
+
+@pytest.mark.parametrize("kind", CLUTCHES)
+@pytest.mark.parametrize("when", WHEN)
+def test_a_condition_on_a_force_that_is_a_torque_is_refused(kind, when):
+    switch = pg.Switch(constraint="c", active=False, when=when)
+    with pytest.raises(pg.ModelError) as error:
+        pair(kind, TURNS, switch)
+    assert_names(str(error.value), "'c'", kind, "torque", "f.NAME", "q.NAME")
+    with pytest.raises(pg.InputError) as error:
+        pg.simulate(pair(kind, TURNS), t_end=0.1, switches=[switch])
+    assert_names(str(error.value), "'c'", kind, "torque", "f.NAME")
+
+
+def test_an_orientation_has_no_force_to_sample():
+    body = pg.Body(name="a", joint="free", inertia=(0.1, 0.1, 0.2))
+    sample = pg.Sampled(name="x", update="=force.c", sample=0.1)
+    with pytest.raises(pg.ModelError) as error:
+        pg.Model([body], constraints=[pg.Orientation(name="c", body="a")], controls=[sample])
+    assert_names(str(error.value), "'c'", "orientation", "torque")
+
+
+@pytest.mark.parametrize("kind", ["velocity", "coupling", "gear"])
+def test_a_clutch_of_sliders_opens_at_its_force(kind):
+    """Two masses of 1 kg: half of the force of the drive is in the clutch, 4 N at 0.8 s."""
+    drive = pg.Motor(name="drive", body="a", torque="=10*t")
+    switch = pg.Switch(constraint="c", active=False, when=WHEN[0])
+    model = pair(kind, SLIDES, switch, forces=[drive])
+    run = pg.simulate(model, scenario="s", t_end=1.0, rtol=1e-10, estimate=False)
+    assert [event.t for event in run.events] == pytest.approx([0.8], abs=1e-9)
+
+
+def test_a_clutch_of_hinges_opens_at_the_torque_of_its_drive():
+    """The advice of the refusal: 4 N m of the clutch are 14 N m of the drive, at 1.4 s."""
+    drive = pg.Motor(name="drive", body="a", torque="=10*t")
+    switch = pg.Switch(constraint="c", active=False, when={"holds": "=f.drive > 14"})
+    model = pair("velocity", TURNS, switch, forces=[drive])
+    run = pg.simulate(model, scenario="s", t_end=2.0, rtol=1e-10, estimate=False, frames=101)
+    assert [event.t for event in run.events] == pytest.approx([1.4], abs=1e-9)
+    held = run.t < 1.39
+    wrench = run.constraint_force["c"][held]
+    assert abs(wrench[:, 2]) == pytest.approx(20 / 7 * run.t[held], abs=1e-9)
+    assert not wrench[:, 3:].any()
+
+
+@pytest.mark.parametrize("joint", [TURNS, SLIDES, BALL])
+def test_which_constraints_have_forces_follows_from_their_wrenches(joint):
+    """As recorded, for each kind of motion."""
+    dof = 3 if joint is BALL else 1
+    clutch = pg.Velocity(name="c", coefficients={"a": [1] * dof, "b": [-1] * dof})
+    bodies = [pg.Body(name="a", **joint), pg.Body(name="b", **joint)]
+    model = pg.Model(bodies=bodies, constraints=[clutch], gravity=(0, 0, 0))
+    run = pg.simulate(model, tau=np.eye(2 * dof)[0], t_end=0.1, estimate=False)
+    pulls = clutch.pulls({body.name: body for body in bodies})
+    assert pulls == bool(run.constraint_force["c"][:, 3:].any())
