@@ -37,7 +37,7 @@ def bend(page: Any) -> None:
     cells = pose_of_all(page)
     until(lambda: cells.count() == 3, "all joints")
     cells.first.click()
-    for angle, key in (("-1", "Tab"), ("0.7", "Tab"), ("1.3", "Enter")):
+    for angle, key in (("-1 rad", "Tab"), ("0.7 rad", "Tab"), ("1.3 rad", "Enter")):
         page.keyboard.type(angle)
         page.keyboard.press(key)
     page.wait_for_function("() => Math.abs(pgraph.latest.joints.rows[2].value - 1.3) < 1e-9")
