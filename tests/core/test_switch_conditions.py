@@ -180,6 +180,26 @@ def test_a_force_that_acts_from_the_start_is_known_to_conditions(when, t, option
     assert told == (t == 0.0)
 
 
+@pytest.mark.parametrize("holds", ["=t > 0.00551", "=force.latch > 5 and t > 5e-4"])
+def test_looks_within_a_step_leave_no_residual_of_contacts(holds):
+    """A look after 1e-12 s, in which weight has no notable impulse, is not a step of the run."""
+    one, other = (
+        pg.Body(
+            name=name, joint="prismatic", axes=((0, 0, 1),), mass=1.0, q=(q,), link=(x, 0, 0),
+            shape={"kind": "sphere", "radius": 0.1},
+        )
+        for name, q, x in (("b", 1.0, 0.0), ("rests", 0.1, 1.0))
+    )  # fmt: skip
+    latch = pg.Plane(name="latch", body="b", point=(0, 0, 0), other_axis=(0, 0, 1))
+    model = pg.Model(
+        bodies=[one, other], constraints=[latch], contacts=[pg.Contact(name="floor", body="rests")]
+    )
+    switches = [{"constraint": "latch", "active": False, "when": {"holds": holds}}]
+    run = pg.simulate(model, t_end=0.01, switches=switches, estimate=False)
+    assert not [text for text in run.notices if "did not converge" in text]
+    assert run.contacts.residual.max() < 1e-9
+
+
 def test_a_condition_that_holds_at_the_start_is_reported():
     switch = pg.Switch(constraint="latch", active=True, when={"coordinate": "b", "above": 0.5})
     run = pg.simulate(slider(q=0.7, v=1.0), t_end=1.0, switches=[switch])

@@ -34,7 +34,96 @@ def state_within(run, w):
     elif data.tableau.dense.shape[0] > 0:
         dense_output(run, w / h)
     else:
+        try_step(run, w)
+
+
+@part
+def log_of(tally):
+    """Return what the steps of a run have noted about contacts, for `put_back`."""
+    most = (
+        tally.residual,
+        tally.strayed,
+        tally.depth,
+        tally.complementarity,
+        tally.cone,
+        tally.penetration,
+        tally.force,
+    )
+    counts = (
+        tally.fallbacks,
+        tally.calmed,
+        tally.overflows,
+        tally.cuts,
+        tally.crowded,
+        tally.chains,
+        tally.loose,
+        tally.passed,
+    )
+    worst = (
+        tally.worst,
+        tally.worst_pair,
+        tally.worst_time,
+        tally.deepest,
+        tally.deepest_pair,
+        tally.deepest_time,
+        tally.deepest_depth,
+    )
+    firsts = (
+        tally.crowded_time,
+        tally.chain_time,
+        tally.loose_pair,
+        tally.loose_time,
+        tally.passed_pair,
+        tally.passed_time,
+    )
+    return most, counts, worst, firsts
+
+
+@sweep
+def put_back(tally, log):
+    """Forget what has been noted since `log_of`."""
+    most, counts, worst, firsts = log
+    tally.residual = most[0]
+    tally.strayed = most[1]
+    tally.depth = most[2]
+    tally.complementarity = most[3]
+    tally.cone = most[4]
+    tally.penetration = most[5]
+    tally.force = most[6]
+    tally.fallbacks = counts[0]
+    tally.calmed = counts[1]
+    tally.overflows = counts[2]
+    tally.cuts = counts[3]
+    tally.crowded = counts[4]
+    tally.chains = counts[5]
+    tally.loose = counts[6]
+    tally.passed = counts[7]
+    tally.worst = worst[0]
+    tally.worst_pair = worst[1]
+    tally.worst_time = worst[2]
+    tally.deepest = worst[3]
+    tally.deepest_pair = worst[4]
+    tally.deepest_time = worst[5]
+    tally.deepest_depth = worst[6]
+    tally.crowded_time = firsts[0]
+    tally.chain_time = firsts[1]
+    tally.loose_pair = firsts[2]
+    tally.loose_time = firsts[3]
+    tally.passed_pair = firsts[4]
+    tally.passed_time = firsts[5]
+
+
+@sweep
+def try_step(run, w):
+    """Run `step_again` without a trace in the log of contacts, as the step is not taken."""
+    contacts = opened(opened_run(run).scene).links.contacts
+    if contacts == 0:
         step_again(run, w)
+        return
+    tally = contacts_at(contacts).tally[0]
+    log = log_of(tally)
+    step_again(run, w)
+    put_back(tally, log)
 
 
 @sweep
