@@ -112,13 +112,29 @@ window.pgraph = (() => {
   }
 
   // viser draws for a while after each message, and once a second at rest: with software GL every
-  // frame takes a core for a fifth of a second or more. What nobody asks for is drawn rarely.
+  // frame takes a core for a fifth of a second or more. What nobody asks for is drawn rarely, except
+  // what viser has put into the scene since the last picture, which may be long after the request
+  // where pictures are slow: it makes solids in one task, and places their instances in a later one.
   const SETTLES = 1000,
     RARELY = 16e3; // [ms] after which textures are loaded; between pictures at rest
   const NEUTRAL = 7; // of three.js: hues as they are given (Khronos PBR Neutral)
   let asked = performance.now(),
     watchedScene = null;
   const ownMaterials = []; // acts before each frame, on materials that viser may have made again
+  function contents(scene) {
+    const found = [];
+    scene.traverseVisible(({ id, geometry, material }) =>
+      found.push(id, geometry?.id, material?.version),
+    );
+    return found.join();
+  }
+  function unplaced(scene) {
+    let found = false; // instances that have not been given to the graphics processor
+    scene.traverseVisible(({ matricesTexture, colorsTexture }) => {
+      if (matricesTexture?._needsUpdate || colorsTexture?._needsUpdate) found = true;
+    });
+    return found;
+  }
   function drawChanges(scene) {
     if (!scene || scene === watchedScene) return;
     watchedScene = scene;
@@ -142,9 +158,10 @@ window.pgraph = (() => {
         }
         for (const act of ownMaterials) safely(act);
         const now = performance.now(),
-          size = `${gl.domElement.width} ${gl.domElement.height}`;
-        if (now - asked > SETTLES && now - drawn < RARELY && size === last) return;
-        [drawn, last] = [now, size];
+          holds = `${gl.domElement.width} ${gl.domElement.height} ${contents(scene)}`;
+        const due = now - asked <= SETTLES || now - drawn >= RARELY;
+        if (!due && holds === last && !unplaced(scene)) return;
+        [drawn, last] = [now, holds];
         draw.call(gl, what, camera);
         gl.info.programs.forEach(keep); // a scene that is made again does not compile its shaders again
       };

@@ -14,6 +14,7 @@ from pgraph_app.pose.update import HomePose, MoveJoint
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.run import SetRun
 from pgraph_app.scene import Show, View
+from pgraph_app.server import Server
 from pgraph_app.table import DeleteBodies
 from pgraph_core.show.stage import TOWARDS, towards
 
@@ -518,3 +519,17 @@ def test_a_touch_screen_selects_orbits_drags_and_plays(browser, page, served, co
     touched.locator("button.play").tap()
     until(lambda: served.store.state.last_run is not run, "a run")
     context.close()
+
+
+def test_instances_placed_after_the_last_picture_are_drawn(page: Any, served: Server):
+    """Viser places the instances of a solid after it is in the scene, however slow pictures are."""
+    settled(page, served)
+    page.wait_for_function("window.__viserMutable.nodeRefFromName['/pivots']")
+    page.evaluate(
+        """async () => {
+      await new Promise((done) => setTimeout(done, 2500)); // at rest: nobody asks for a picture
+      __viserMutable.nodeRefFromName['/pivots'].traverse((one) => {
+        if (one.matricesTexture) (window.placed = one.matricesTexture).enqueueUpdate(0);
+      }); }"""
+    )
+    page.wait_for_function("!placed._needsUpdate", timeout=8000)  # far less than a picture at rest
