@@ -532,4 +532,4 @@ def test_instances_placed_after_the_last_picture_are_drawn(page: Any, served: Se
         if (one.matricesTexture) (window.placed = one.matricesTexture).enqueueUpdate(0);
       }); }"""
     )
-    page.wait_for_function("!placed._needsUpdate", timeout=8000)  # far less than a picture at rest
+    page.wait_for_function("!placed._needsUpdate", timeout=14000)  # less than a picture at rest
