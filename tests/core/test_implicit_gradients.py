@@ -41,7 +41,9 @@ def constraint(kind):
 
 
 def pendulum(kind, switched=False):
-    when = {"force": "held", "above": 1e6}
+    """Two links with a constraint. Its switch is watched, and never acts."""
+    has_force = kind == "distance"  # the others have a torque only
+    when = {"force": "held", "above": 1e6} if has_force else {"holds": "=v.a > 1000"}
     switch = {"when": when, "constraint": "held", "active": False}
     return pg.Model(
         bodies=[link("a", "ground", 1.2, 1.0, (0, 0, 0)), link("b", "a", 0.7, 0.8, (0, 0, -1))],
@@ -55,7 +57,7 @@ def crossed(t, q, v):
 
 
 def watched(kind, what):
-    """The way in which a step is repeated in part: by an event, or by a switch on a force."""
+    """The way in which a step is repeated in part: by an event, or by the condition of a switch."""
     return {"events": [crossed]} if what == "event" else {"scenario": "s"} if what else {}
 
 
@@ -67,7 +69,7 @@ STEPS = [
     (kind, what)
     for kind in ("", "gear", "velocity", "distance")
     for what in ("", "event", "switch")
-    if kind or what != "switch"  # which watches the force of a constraint
+    if kind or what != "switch"  # which ends a constraint
 ]
 
 
