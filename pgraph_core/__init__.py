@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from .model import Relation as Relation
     from .model import Revolute as Revolute
     from .model import Rolling as Rolling
+    from .model import Rope as Rope
     from .model import Sampled as Sampled
     from .model import Scenario as Scenario
     from .model import Servo as Servo
@@ -98,6 +99,7 @@ if TYPE_CHECKING:
     from .model import Wrench as Wrench
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace
+    from .pulleys import Pulley as Pulley
     from .result import Result as Result
     from .result import Status as Status
     from .result.joining import joined as joined

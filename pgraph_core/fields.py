@@ -395,7 +395,7 @@ else:
             return sorted({name for name in named if not name.isupper()} | cls.model_fields.keys())
 
     FOREIGN = ("pydantic", "builtins", "abc")
-    FIRST = ("bodies", "name", "kind")  # the field that may be given without its name
+    FIRST = ("bodies", "name", "kind", "body")  # the field that may be given without its name
     BODIES = ("parent", *PAIR)  # those that may be, if all are given
 
     class _Base(Portable, BaseModel, metaclass=_Sentences):

@@ -14,6 +14,7 @@ from ..dynamics import Dynamics
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
+from ..engine.cable_places import spans_of_segment
 from ..engine.tree import dynamics
 from ..model import Constraint
 from ..model.constraint import AtPoints
@@ -197,10 +198,22 @@ class Rows:
             for n, x in enumerate(factors, start=first):
                 jac[0, blocks.terms_i[n, 0]] += x
             return jac
+        if table[at.B_TYPE] == at.T_CABLE:
+            return self._cable_jacobian(*table[[at.B_STATION, at.B_STATIONS]].tolist())
         place, part = self.scene.space.place[i], slice(0, 3) if _turns(table) else slice(3, 6)
         mine = self._point_jacobian(int(table[at.B_A]), place[at.PLACE_P : at.PLACE_P + 3])
         other = self._point_jacobian(int(table[at.B_B]), place[at.PLACE_Q : at.PLACE_Q + 3])
         return self._directions(i) @ (mine - other)[part]
+
+    def _cable_jacobian(self, first: int, count: int) -> Array:
+        """Compute the Jacobian (1, nv) of the length of a segment of a cable."""
+        stations = self.scene.blocks.stations[first : first + count]
+        spans, jac = np.zeros((count - 1, 9)), np.zeros((1, self.nv))
+        spans_of_segment(stations, self.scene.work, self.q, spans)
+        for a, b, (*ends, along) in zip(stations, stations[1:], spans.reshape(-1, 3, 3)):
+            mine, other = map(self._point_jacobian, (int(b["row"]), int(a["row"])), ends[::-1])
+            jac += along @ (mine - other)[3:]
+        return jac
 
     def _point_jacobian(self, row: int, x: Array) -> Array:
         """Compute the Jacobian (6, nv) of the material point of a row now at x in the world."""

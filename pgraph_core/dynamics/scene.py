@@ -501,7 +501,7 @@ def workspace(
 
 def path_width(rows: Ints, nv: int, blocks: Blocks) -> int:
     """Compute the maximum number of degrees of freedom on a block's two paths to the ground."""
-    if np.any(blocks.blocks_i[:, at.B_TERMS] > 0):
+    if np.any(blocks.blocks_i[:, at.B_TERMS] > 0) or len(blocks.stations):
         return nv
     depth = [0] * len(rows)
     size = facts("freedoms").tolist()

@@ -134,7 +134,8 @@ class Blocks(NamedTuple):
     blocks_f: Any  # (nb, 40)
     terms_i: Any  # (nt, 2) of coordinate rows: index into v, index into q or -1
     terms_f: Any  # (nt,) their coefficients
-    curves: Any  # (nk, 5) cubics over time
+    curves: Any  # (nk, 10) functions of time and of coordinates
+    stations: Any  # records VIA of cables
     active: Any  # (nb + 1,) the number of active blocks, then their indices
 
 
@@ -424,7 +425,7 @@ LOADS = named(
     Loads, *(group(array_of(one.row), F2, array_of(VIA)) for one in KINDS_OF_LOADS),
     group(F2, I2, I2),
 )  # fmt: skip
-BLOCKS = named(Blocks, I2, F2, I2, F1, F2, I1)
+BLOCKS = named(Blocks, I2, F2, I2, F1, F2, array_of(VIA), I1)
 SPACE = named(
     Workspace, F2, I2, F2, F2, F2, F2, F2, F2, array_of(WATCH), array_of(DIP), F2, F2, I1, F2
 )

@@ -10,6 +10,7 @@ import math
 
 from ..tolerances import EPS, PROXIMAL, ROUNDING, SOLVED
 from .arrays import opened
+from .cables import over_spans
 from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, f8, i8
 from .constraints.blocks import (
@@ -22,11 +23,12 @@ from .constraints.blocks import (
     residual,
     residual_velocity,
     size_of,
+    stations_of,
     type_of,
 )
 from .constraints.constraints import located
 from .constraints.coordinates import coefficient, terms_of
-from .layout import T_ALIGN, T_TURN
+from .layout import T_ALIGN, T_CABLE, T_TURN
 from .motion import call_acceleration
 from .motions import column, nv_of
 from .records import columns
@@ -58,10 +60,30 @@ def add_path(data, i, k, p, sign, turned):
         k = parent_of(rows, k)
 
 
+@part
+def add_span(to, vias, work, n, p, q, along):
+    """Add to a column of Jᵀ the effect of unit forces that lengthen a span."""
+    rows, const, turned, column_of_row = to
+    for sign in (-1.0, 1.0):
+        k, x = (vias[n - 1].row, p) if sign < 0.0 else (vias[n].row, q)
+        while k > 0:
+            arm = sub(x, origin_of(work, k))
+            for c in range(nv_of(kind_of(rows, k))):
+                spin, speed = column(rows, work, k, const, c)
+                speed = add(speed, cross(spin, arm))
+                turned[v_of(rows, k) + c, column_of_row] += sign * dot(along, speed)
+            k = parent_of(rows, k)
+    return 0.0
+
+
+add_spans = over_spans(add_span)
+
+
 @sweep
 def set_jacobian(scene, m, turned):
     """Compute Jᵀ (nv, m) of the active rows, after `located`."""
     data = opened(scene)
+    rows, const = data.rows, data.const
     blocks_i, terms_i, active = data.blocks.blocks_i, data.blocks.terms_i, data.blocks.active
     place = data.space.place
     for j in range(turned.shape[0]):
@@ -75,6 +97,11 @@ def set_jacobian(scene, m, turned):
             for x in range(begin, end):
                 size = coefficient(data.blocks, place, i, x)
                 turned[terms_i[x, 0], first_of(data.space.slots, i)] += size
+            continue
+        if kind == T_CABLE:
+            first, last = stations_of(blocks_i, i)
+            to = rows, const, turned, first_of(data.space.slots, i)
+            add_spans(to, data.blocks.stations, data.work, first, last)
             continue
         a, b = ends_of(blocks_i, i)
         add_path(data, i, a, place_a(place, i), 1.0, turned)

@@ -95,6 +95,7 @@ B_SIZE = 3  # number of rows, 1 to 3
 B_TERM, B_TERMS = 4, 5  # first entry and number of entries in terms
 B_CURVE, B_KNOTS = (6, 7)  # first knot, number of knots: 0 for VALUE, or a kind of curve
 B_BODY_A, B_BODY_B = 6, 7  # numbers of `body` and `other` of a span, which has no curve
+B_STATION, B_STATIONS = 6, 7  # first station and number of stations of a cable, which has none
 BLOCK_I = 8
 
 # blocks_f: float64 (nb, 40); points and directions in the home axes of their rows
@@ -135,6 +136,7 @@ T_SPAN = 11  # unilateral sign(VALUE) |x_A - x_B| - VALUE ≥ 0, with AIM the sp
 # close in this step [m/s]
 T_FRICTION = 12  # dry friction of Σ coefficient v: at most VALUE [N m, N], AIM an impulse in a part
 T_RELATION = 13  # q = f(q') of two coordinates, with f by `curves`
+T_CABLE = 15  # the length of a segment of a cable = VALUE, see `cables`
 T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds
 
 # terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients

@@ -38,13 +38,13 @@ def _applying(kind):
     exert = kind.action.onto(onto_row)
 
     @sweep
-    def all_of(own, work, linear, t):
+    def all_of(own, work, linear, q, t):
         """Apply the loads of one kind. Returns the powers supplied and dissipated [W]."""
         table, knots, vias = own
         put_in = 0.0
         dissipated = 0.0
         for i in range(table.shape[0]):
-            more, lost = exert(table[i], knots, vias, work, linear, t, work)
+            more, lost = exert(table[i], knots, vias, work, linear, q, t, work)
             put_in += more
             dissipated += lost
         return put_in, dissipated
@@ -67,12 +67,12 @@ def _collecting(kind):
     exert = kind.action.onto(onto_body)
 
     @sweep
-    def all_of(own, bodies_i, bodies_f, work, linear, t, external):
+    def all_of(own, bodies_i, bodies_f, work, linear, q, t, external):
         """Add the loads of one kind to `external` (nb, 6)."""
         table, knots, vias = own
         to = bodies_i, bodies_f, work, external
         for i in range(table.shape[0]):
-            exert(table[i], knots, vias, work, linear, t, to)
+            exert(table[i], knots, vias, work, linear, q, t, to)
 
     return all_of
 
@@ -81,12 +81,12 @@ def _storing(kind):
     energy = kind.action.energy
 
     @sweep
-    def all_of(own, work):
+    def all_of(own, work, q):
         """Return the energy of the loads of one kind [J]."""
         table, knots, vias = own
         total = 0.0
         for i in range(table.shape[0]):
-            total += energy(table[i], knots, vias, work)
+            total += energy(table[i], knots, vias, work, q)
         return total
 
     return all_of
@@ -124,13 +124,13 @@ def _puts(n):
 
 def _applies(n):
     if n == len(LOADS):
-        return part(lambda loads, work, linear, t: (0.0, 0.0))
+        return part(lambda loads, work, linear, q, t: (0.0, 0.0))
     first, rest = _applying(LOADS[n]), _applies(n + 1)
 
     @part
-    def chain(loads, work, linear, t):
-        put_in, dissipated = first(loads[n], work, linear, t)
-        more, lost = rest(loads, work, linear, t)
+    def chain(loads, work, linear, q, t):
+        put_in, dissipated = first(loads[n], work, linear, q, t)
+        more, lost = rest(loads, work, linear, q, t)
         return put_in + more, dissipated + lost
 
     return chain
@@ -138,28 +138,28 @@ def _applies(n):
 
 def _collects(n):
     if n == len(LOADS):
-        return part(lambda loads, bodies_i, bodies_f, work, linear, t, external: None)
+        return part(lambda loads, bodies_i, bodies_f, work, linear, q, t, external: None)
     first, rest = _collecting(LOADS[n]), _collects(n + 1)
 
     @part
-    def chain(loads, bodies_i, bodies_f, work, linear, t, external):
-        first(loads[n], bodies_i, bodies_f, work, linear, t, external)
-        rest(loads, bodies_i, bodies_f, work, linear, t, external)
+    def chain(loads, bodies_i, bodies_f, work, linear, q, t, external):
+        first(loads[n], bodies_i, bodies_f, work, linear, q, t, external)
+        rest(loads, bodies_i, bodies_f, work, linear, q, t, external)
 
     return chain
 
 
 def _stores(n):
     if n == len(LOADS):
-        return part(lambda loads, work: 0.0)
+        return part(lambda loads, work, q: 0.0)
     rest = _stores(n + 1)
     if LOADS[n].action.energy is None:
         return rest
     first = _storing(LOADS[n])
 
     @part
-    def chain(loads, work):
-        return first(loads[n], work) + rest(loads, work)
+    def chain(loads, work, q):
+        return first(loads[n], work, q) + rest(loads, work, q)
 
     return chain
 
@@ -177,7 +177,7 @@ elastic_loads = _stores(0)
 
 
 @sweep
-def torque_of_loads(rows, const, loads, work, linear, tau):
+def torque_of_loads(rows, const, loads, work, linear, q, tau):
     """Compute τ = Hᵀ φᵀ F of all loads at t = 0, eqs. (12), (23), after `positions` and
     `velocities`.
 
@@ -185,7 +185,7 @@ def torque_of_loads(rows, const, loads, work, linear, tau):
     """
     for k in range(rows.shape[0]):
         set_bias(work, k, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    apply_loads(loads, work, linear, 0.0)
+    apply_loads(loads, work, linear, q, 0.0)
     for k in range(rows.shape[0] - 1, 0, -1):
         moment, force = bias_of(work, k)
         project(rows, work, k, const, scale(-1.0, moment), scale(-1.0, force), tau)

@@ -126,7 +126,7 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     if count_of_loads(loads) > 0:
         positions(rows, work)
         velocities(rows, const, work, v, space.linear)
-        more, lost = apply_loads(loads, work, space.linear, t)
+        more, lost = apply_loads(loads, work, space.linear, q, t)
         put_in += more
         dissipated += lost
     flow[0] = put_in
@@ -223,7 +223,7 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
         call_contact_record(data.links.record, (scene, pushes[i], touches[i], missed[i]))
     kinetic, potential = kinetic_and_potential(rows, const, work, space.linear, v)
     energies[i, 0] = kinetic
-    energies[i, 1] = potential + elastic(drives, q) + elastic_loads(loads, work)
+    energies[i, 1] = potential + elastic(drives, q) + elastic_loads(loads, work, q)
     energies[i, 2] = ledger[at.WORK_DONE]
     energies[i, 3] = ledger[at.DISSIPATED]
     return 1 if finite(vdots[i]) and finite(energies[i]) else 0
@@ -242,7 +242,7 @@ def energies(scene, q, v):
     rows, const, drives, loads, work = data.rows, data.const, data.drives, data.loads, data.work
     outboard(rows, const, work, q, v)
     kinetic, potential = kinetic_and_potential(rows, const, work, data.space.linear, v)
-    return kinetic, potential + elastic(drives, q) + elastic_loads(loads, work)
+    return kinetic, potential + elastic(drives, q) + elastic_loads(loads, work, q)
 
 
 @kernel(void(i8, I2, F2, f8, F1, F1, F2))
@@ -254,7 +254,7 @@ def load_wrenches(scene, bodies_i, bodies_f, t, q, v, external):
     outboard(rows, const, work, q, v)
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
-    collect_loads(loads, bodies_i, bodies_f, work, space.linear, t, external)
+    collect_loads(loads, bodies_i, bodies_f, work, space.linear, q, t, external)
 
 
 @kernel(void(i8, F1, F1, F1))
@@ -275,7 +275,7 @@ def load_torque(scene, q, v, tau):
     outboard(rows, const, work, q, v)
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
-    torque_of_loads(rows, const, loads, work, space.linear, tau)
+    torque_of_loads(rows, const, loads, work, space.linear, q, tau)
 
 
 @kernel(void(I2, F1, F1, f8))

@@ -7,7 +7,7 @@ index. Columns may be overwritten by later sweeps, so names indicate which conte
 
 from . import layout as at
 from .compiler.jit import part
-from .vec import accumulate, add, add_cross, load, load6, load9, mul, store, store9, sub
+from .vec import accumulate, add, add_cross, cross, load, load6, load9, mul, store, store9, sub
 
 # -- what stands in columns: a function that reads them, then functions that write them ------------
 
@@ -291,3 +291,13 @@ def point_of(local, work, k):
 def point_velocity(work, linear, k, p):
     """Return the velocity of the material point of row k at p."""
     return add_cross(load(linear, k, 0), spin_of(work, k), sub(p, origin_of(work, k)))
+
+
+@part
+def point_acceleration(work, k, p):
+    """Return V' of row k from the sweeps, transformed to its material point at p (R6)."""
+    r = sub(p, origin_of(work, k))
+    w = spin_of(work, k)
+    alpha, linear = acceleration_of(work, k)
+    linear = add_cross(linear, alpha, r)
+    return add(linear, cross(w, cross(w, r)))

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..curves import Table, VectorTable
+from ..engine.cables import STATION
 from ..engine.compiler.jit import part
 from ..engine.records import INTEGER, REAL, record
 from ..engine.vec import scale
@@ -181,8 +182,8 @@ HEADER = {
     "first_via": INTEGER,  # its points between the first and the last one
     "vias": INTEGER,
 }
-# a point of a path, or the centre of an obstacle in it; home axes of the row
-VIA = record(row=INTEGER, body=INTEGER, point=(REAL, 3), **OBSTACLE)
+# a point of a path, the centre of an obstacle in it, or a station of a cable; home axes of the row
+VIA = record(row=INTEGER, body=INTEGER, point=(REAL, 3), **OBSTACLE, **STATION)
 
 
 def row(**fields: Any) -> np.dtype[Any]:
@@ -200,10 +201,11 @@ def _always(table: Any) -> bool:
 class Action(NamedTuple):
     """The wrenches and the energy of a kind of load.
 
-    `onto(push)` returns the function `exert(one, knots, vias, work, linear, t, to)`, which returns
-    the powers (put in, lost) [W]. For each of its wrenches it calls `push(to, k, body, p, torque,
-    force)`: torque and force [N m, N] on a body and its row k at p, world axes. `energy(one, knots,
-    vias, work)` returns the stored energy [J]. A kind that stores none has None.
+    `onto(push)` returns the function `exert(one, knots, vias, work, linear, q, t, to)`, which
+    returns the powers (put in, lost) [W]. For each of its wrenches it calls `push(to, k, body, p,
+    torque, force)`: torque and force [N m, N] on a body and its row k at p, world axes.
+    `energy(one, knots, vias, work, q)` returns the stored energy [J]. A kind that stores none has
+    None.
     """
 
     onto: Callable[[Any], Any]
@@ -233,7 +235,7 @@ def on_pair(law: Any, energy: Any = None) -> Action:
         both = opposed(push)
 
         @part
-        def exert(one, knots, vias, work, linear, t, to):
+        def exert(one, knots, vias, work, linear, q, t, to):
             p, torque, force, end, put_in, lost = law(one, knots, work, linear, t)
             both(to, one.row_a, one.body_a, p, one.row_b, one.body_b, end, torque, force)
             return put_in, lost
@@ -244,7 +246,7 @@ def on_pair(law: Any, energy: Any = None) -> Action:
         return Action(onto)
 
     @part
-    def stored(one, knots, vias, work):
+    def stored(one, knots, vias, work, q):
         return energy(one, knots, work)
 
     return Action(onto, stored)

@@ -46,6 +46,7 @@ from .control import State as State
 from .model import Model as Model
 from .output import Output as Output
 from .output import Site as Site
+from .rope import Rope as Rope
 from .scenario import Footfall as Footfall
 from .scenario import Gains as Gains
 from .scenario import Gait as Gait

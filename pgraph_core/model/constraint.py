@@ -44,7 +44,7 @@ from .poses import poses
 
 KIND = (
     "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
-    "orientation, gear, relation, motion, rolling, skate, velocity, coupling"
+    "orientation, gear, relation, motion, rolling, skate, velocity, coupling, rope"
 )
 
 
@@ -56,7 +56,7 @@ class Constraint(OfKinds):
     """A constraint on `body` relative to another body or the ground. See the class for each kind.
 
     The kinds: Point, Weld, Revolute, Prismatic, Cylindrical, Universal, Distance, Line, Plane,
-    Orientation, Gear, Relation, Motion, Rolling, Skate, Velocity, Coupling.
+    Orientation, Gear, Relation, Motion, Rolling, Skate, Velocity, Coupling, Rope.
     """
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}

@@ -15,6 +15,7 @@ from ..forces import BetweenPoints, Force, ends_of
 from ..functions import Curve
 from ..sentences import in_our_words
 from . import files
+from . import rope as rope  # a kind of constraint
 from .body import Body
 from .checks import PARTS, model_problems
 from .constraint import AtPoints, Constraint, Relation, Rolling, Skate

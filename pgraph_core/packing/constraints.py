@@ -7,6 +7,7 @@ class of each kind makes blocks of them. `blocks` packs all constraints of a mod
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -14,14 +15,18 @@ import numpy as np
 
 from ..curves import Polynomial
 from ..engine import layout as at
+from ..engine.records import table
 from ..errors import ModelError, Problem
+from ..forces import VIA
 from ..functions import Curve, Function
 from ..model import Constraint, Model, Rolling, Sine, Table
 from ..model.constraint import AtPoints
+from ..pulleys import Pulley
 from ..rotation import normals_of, unit_vector
 from ..topology import Topology
 from . import Array, Ints, System, home_of, joint_coordinates, point_in_row, row_of_velocity
-from .forces import terms_of
+from .cables import Segment, segments
+from .forces import Placed, terms_of
 from .programs import of_coordinate, of_time
 
 Term = tuple[int, int, float]  # index into v, into q or -1, coefficient
@@ -38,6 +43,7 @@ class Block(NamedTuple):
     knots: int | None = None  # B_KNOTS, None: the rows of the curve
     ends: tuple[int, int] = (0, 0)  # rows of the bodies, or (that of the first term, 0)
     bodies: tuple[int, int] | None = None  # bodies of a span, in place of a curve
+    stations: Any = None  # records VIA of a segment of a cable, in place of a curve
 
 
 class Endpoints:
@@ -52,7 +58,7 @@ class Endpoints:
         home: tuple[Array, Array],
         size: float,
     ):
-        self.c, self.model, self.packed, self.size = c, model, packed, size
+        self.c, self.model, self.packed, self.size, self.poses = c, model, packed, size, home
         self.topology = topology
         self.a, self.b = map(topology.number, c.pair)
         self.position_a, self.rotation_a = _pose(home, self.a)
@@ -179,6 +185,23 @@ class Endpoints:
         rows = tuple(map(tuple, of_coordinate(given, self.model.parameters).tolist()))
         return Block(at.T_RELATION, 1, values, terms, rows, at.SINE - len(rows) // 2)
 
+    def roped(self, through: Sequence[Pulley], closed: bool, length: float | None) -> list[Block]:
+        """Create a block for each segment of a rope, which keeps its length."""
+        at_ = Placed(self.model, self.topology, self.packed, self.poses)
+        refuse = partial(self.refuse, "through")
+        found = segments(through, closed, at_, self.model, self.packed, refuse)
+        if length is not None and len(found) > 1:
+            text = f"divides into {len(found)} segments at the wheels that it grips; leave it out, "
+            raise self.refuse("length", f"the rope {text}so that each keeps its initial length")
+        return [self._segment(one, length) for one in found]
+
+    def _segment(self, one: Segment, length: float | None) -> Block:
+        longer = 0.0 if length is None else length - one.length
+        ends = {at.PA: one.rows[0]["point"], at.PB: one.rows[-1]["point"]}
+        values = block_values({**ends, at.VALUE: one.value + longer})
+        rows = int(one.rows[0]["row"]), int(one.rows[-1]["row"])
+        return Block(at.T_CABLE, 1, values, ends=rows, stations=one.rows)
+
     def refuse(self, field: str, text: str) -> ModelError:
         """Create an error about this constraint."""
         return ModelError(Problem(f"constraint '{self.c.name}'", field, text))
@@ -230,6 +253,7 @@ class Blocks(NamedTuple):
     terms_i: Ints  # (nt, 2)
     terms_f: Array  # (nt,)
     curves: Array  # (nk, 10)
+    stations: Any  # records VIA of cables
 
 
 def blocks_of(ends: Endpoints) -> list[Block]:
@@ -257,6 +281,7 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
         np.array(_starts([len(items) for items in found]), dtype=np.int64),
         *block_arrays(flat),
         np.array(knots).reshape(-1, at.KNOT),
+        np.concatenate([NO_STATIONS, *(x.stations for x in flat if x.stations is not None)]),
     )
 
 
@@ -278,8 +303,12 @@ def block_arrays(found: Sequence[Block]) -> tuple[Ints, Array, Ints, Array]:
     terms = [term for block in found for term in block.terms]
     starts = _starts([len(b.terms) for b in found]), _starts([len(b.curve) for b in found])
     ints = []
+    station = 0
     for b, term, knot in zip(found, *starts):
         curve = knot, len(b.curve) if b.knots is None else b.knots
+        if b.stations is not None:
+            curve = station, len(b.stations)
+            station += len(b.stations)
         ints.append((b.type, *b.ends, b.rows, term, len(b.terms), *(b.bodies or curve)))
     return (
         np.array(ints, dtype=np.int64).reshape(-1, at.BLOCK_I),
@@ -301,7 +330,10 @@ def with_blocks(blocks: Blocks, ints: Ints, floats: Array, terms_i: Ints, terms_
     )
 
 
-NO_BLOCKS = Blocks((), np.zeros(1, np.int64), *block_arrays(()), np.zeros((0, at.KNOT)))
+NO_STATIONS = table(VIA, 0)
+NO_BLOCKS = Blocks(
+    (), np.zeros(1, np.int64), *block_arrays(()), np.zeros((0, at.KNOT)), NO_STATIONS
+)
 
 
 def values_of(
@@ -314,6 +346,8 @@ def values_of(
 
 def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tuple[int, int]:
     """Return the rows for the two bodies, or for the first coordinate in a coordinate block."""
+    if block.stations is not None:
+        return block.ends
     a, b = (packed.row_of(topology.number(name)) for name in c.pair)
     if block.terms:
         a = row_of_velocity(packed.rows, block.terms[0][0])

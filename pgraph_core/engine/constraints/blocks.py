@@ -14,11 +14,13 @@ on the type of the block. Coordinate rows are in `coordinates`.
 import math
 
 from .. import layout as at
+from ..cables import cable_acceleration, cable_length, cable_rate, first_span
 from ..compiler.jit import part
 from ..compiler.masks import chosen, more
 from ..layout import (
     T_ALIGN,
     T_BLADE,
+    T_CABLE,
     T_CONTACT,
     T_COORD,
     T_DISTANCE,
@@ -37,6 +39,7 @@ from ..rows import (
     number,
     origin_of,
     parent_of,
+    point_acceleration,
     point_velocity,
     rotation_of,
     spin_of,
@@ -62,6 +65,13 @@ joints_of, _ = number(at.SLOTS)  # number of joints on a block's paths
 def ends_of(blocks_i, i):
     """Return the tree rows of bodies A and B, 0 for the ground."""
     return blocks_i[i, at.B_A], blocks_i[i, at.B_B]
+
+
+@part
+def stations_of(blocks_i, i):
+    """Return the first and the last station of a cable."""
+    first = blocks_i[i, at.B_STATION]
+    return first, first + blocks_i[i, at.B_STATIONS] - 1
 
 
 @part
@@ -208,6 +218,12 @@ def locate(blocks, work, q, place):
             relate(blocks, i, q, place)
         if along_coordinates(kind):
             continue
+        if kind == T_CABLE:
+            first, last = stations_of(blocks_i, i)
+            p, ahead = first_span(blocks.stations, work, first, last)
+            set_place(place, i, p, p)
+            set_along(place, i, 0, scale(-1.0, ahead))
+            continue
         if kind == T_CONTACT or kind == T_TURN:
             p = load(blocks_f, i, at.PA)
             set_place(place, i, p, p)
@@ -273,7 +289,7 @@ def prescribes(blocks, i):
 @part
 def residual(blocks, work, space, t, q, out):
     """Compute g of the active blocks [m, rad] after `locate`, zero for velocity constraints."""
-    blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
+    blocks_i, blocks_f, terms_i, terms_f, curves, stations, active = blocks
     place, slots = space.place, space.slots
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -293,6 +309,9 @@ def residual(blocks, work, space, t, q, out):
         elif kind == T_DISTANCE:
             apart = sub(place_a(place, i), point_b(blocks_f, i, work, b))
             out[at_r] = math.sqrt(dot(apart, apart)) - value_of(blocks_f, i)
+        elif kind == T_CABLE:
+            first, last = stations_of(blocks_i, i)
+            out[at_r] = cable_length(stations, work, q, first, last) - value_of(blocks_f, i)
         elif kind == T_COORD or kind == T_LIMIT:
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 1, q)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, 0)
@@ -314,7 +333,7 @@ def residual_velocity(blocks, work, space, t, v, out):
     For contacts, this is the relative velocity of the surfaces, which may move relative to their
     bodies.
     """
-    blocks_i, blocks_f, _, _, curves, active = blocks
+    blocks_i, blocks_f, _, _, curves, stations, active = blocks
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -327,6 +346,10 @@ def residual_velocity(blocks, work, space, t, v, out):
             if kind != T_RELATION:
                 out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
             continue
+        if kind == T_CABLE:
+            first, last = stations_of(blocks_i, i)
+            out[at_r] = cable_rate(linear, stations, work, first, last)
+            continue
         if kind == T_ALIGN or kind == T_TURN:
             u = sub(spin_of(work, a), spin_of(work, b))
         else:
@@ -335,16 +358,6 @@ def residual_velocity(blocks, work, space, t, v, out):
             out[at_r + r] = dot(along(place, i, r), u)
             if kind == T_CONTACT or kind == T_TURN:
                 out[at_r + r] += blocks_f[i, at.SURFACE + r]
-
-
-@part
-def point_acceleration(work, k, p):
-    """Return V' of row k from the sweeps, transformed to its material point at p (R6)."""
-    r = sub(p, origin_of(work, k))
-    w = spin_of(work, k)
-    alpha, linear = acceleration_of(work, k)
-    linear = add_cross(linear, alpha, r)
-    return add(linear, cross(w, cross(w, r)))
 
 
 @part
@@ -398,7 +411,7 @@ def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
 @part
 def residual_acceleration(blocks, work, space, t, v, vdot, out):
     """Compute g'' = J v' + J' v for the active blocks. Gravity's offset cancels."""
-    blocks_i, blocks_f, _, _, curves, active = blocks
+    blocks_i, blocks_f, _, _, curves, stations, active = blocks
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -412,6 +425,9 @@ def residual_acceleration(blocks, work, space, t, v, vdot, out):
                 out[at_r] -= bending(blocks, place, i, v)
             else:
                 out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
+        elif kind == T_CABLE:
+            first, last = stations_of(blocks_i, i)
+            out[at_r] = cable_acceleration(stations, work, linear, first, last)
         else:
             block_acceleration(blocks_i, blocks_f, i, work, linear, place, out, at_r)
 
@@ -432,6 +448,9 @@ def turning_acceleration(blocks, work, space, v, out):
         still = still or (kind == T_CONTACT and blocks_f[i, at.ROUND] < 0.0)
         if kind == T_RELATION:
             out[at_r] = -bending(blocks, space.place, i, v)
+        elif kind == T_CABLE:
+            first, last = stations_of(blocks_i, i)
+            out[at_r] = cable_acceleration(blocks.stations, work, space.linear, first, last)
         elif still:
             for r in range(size_of(blocks_i, i)):
                 out[at_r + r] = 0.0

@@ -26,7 +26,7 @@ from ..compiler.address import stored
 from ..compiler.dual import carries, of_numbers
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
-from ..layout import T_ALIGN
+from ..layout import T_ALIGN, T_CABLE
 from ..motions import bends, is_angle, nv_of
 from ..records import FROZEN
 from ..rows import axis_of, kind_of, origin_of, slide_of
@@ -54,7 +54,7 @@ from .blocks import (
     velocities,
 )
 from .coordinates import coefficient, speed_along, terms_of
-from .paths import carry, carry_coordinates, pivots, spread
+from .paths import carry, carry_cable, carry_coordinates, pivots, spread
 from .proximal import along_nulls, factor_proximal, solve_proximal
 
 _, contacts_at = stored(CONTACTS, CONTACTS_OF_DUALS)
@@ -85,6 +85,8 @@ def unit_responses(rows, const, blocks, work, space):
         i = active[j]
         if along_coordinates(type_of(blocks_i, i)):
             carry_coordinates(rows, const, blocks, i, work, space)
+        elif type_of(blocks_i, i) == T_CABLE:
+            carry_cable(rows, blocks, i, work, space)
         else:
             carry(rows, blocks_i, i, work, space)
 

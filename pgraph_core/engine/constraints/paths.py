@@ -13,6 +13,7 @@ in a row of zeros would act as a constraint.
 """
 
 from .. import layout as at
+from ..cables import over_spans
 from ..compiler.jit import part
 from ..compiler.lane import numbers, triple
 from ..compiler.masks import any_of
@@ -38,7 +39,7 @@ from ..vec import (
     store,
     sub,
 )
-from .blocks import along, ends_of, place_a, place_b, size_of, type_of
+from .blocks import along, ends_of, place_a, place_b, size_of, stations_of, type_of
 from .coordinates import coefficient, terms_of
 
 
@@ -140,7 +141,6 @@ def carry_coordinates(rows, const, blocks, i, work, space):
     """Compute Y of a coordinate row: unit torques on its terms, reactions on the parents."""
     blocks_i, terms_i = blocks.blocks_i, blocks.terms_i
     y, slots, whole = space.y, space.slots, space.carried
-    none = (0.0, 0.0, 0.0)
     slot = 0
     for k in range(rows.shape[0] - 1, 0, -1):
         first, end = terms_of(blocks_i, i)
@@ -149,16 +149,55 @@ def carry_coordinates(rows, const, blocks, i, work, space):
             if 0 <= column < nv_of(kind_of(rows, k)):
                 size = coefficient(blocks, space.place, i, n)
                 push(rows, const, work, k, column, size, whole)
-        if not reaches(whole, k):
-            continue
-        moment, force = alone(load(whole, k, 0)), alone(load(whole, k, 3))
-        store(whole, k, 0, none)
-        store(whole, k, 3, none)
-        moment, force, slot = past_joint(rows, work, k, moment, force, 0.0, y, slots, i, slot)
-        p = feeling(rows, k)
-        if p > 0:
-            accumulate(whole, p, 0, first_of(moment))
-            accumulate(whole, p, 3, first_of(force))
+        if reaches(whole, k):
+            slot = hand_on(rows, work, k, whole, 0.0, y, slots, i, slot)
+    slots[i, at.SLOTS] = slot
+
+
+@part
+def hand_on(rows, work, k, whole, reach, y, slots, i, slot):
+    """Propagate the wrench on row k past its joint. Returns the next slot."""
+    none = (0.0, 0.0, 0.0)
+    moment, force = alone(load(whole, k, 0)), alone(load(whole, k, 3))
+    store(whole, k, 0, none)
+    store(whole, k, 3, none)
+    moment, force, slot = past_joint(rows, work, k, moment, force, reach, y, slots, i, slot)
+    p = feeling(rows, k)
+    if p > 0:
+        accumulate(whole, p, 0, first_of(moment))
+        accumulate(whole, p, 3, first_of(force))
+    return slot
+
+
+@part
+def pull_apart(to, vias, work, n, p, q, along):
+    """Add unit forces that lengthen a span. Returns the size of its coordinates."""
+    rest = (0.0, 0.0, 0.0)
+    a, b = vias[n - 1].row, vias[n].row
+    if a > 0:
+        force = scale(-1.0, along)
+        accumulate(to, a, 0, add_cross(rest, sub(p, origin_of(work, a)), force))
+        accumulate(to, a, 3, force)
+    if b > 0:
+        accumulate(to, b, 0, add_cross(rest, sub(q, origin_of(work, b)), along))
+        accumulate(to, b, 3, along)
+    return taxicab(p) + taxicab(q)
+
+
+pull_on_spans = over_spans(pull_apart)
+
+
+@part
+def carry_cable(rows, blocks, i, work, space):
+    """Compute Y of a segment of a cable, from the bodies of all its stations to the ground."""
+    y, slots, whole = space.y, space.slots, space.carried
+    first, last = stations_of(blocks.blocks_i, i)
+    reach = pull_on_spans(whole, blocks.stations, work, first, last)
+    slot = 0
+    for k in range(rows.shape[0] - 1, 0, -1):
+        if reaches(whole, k):
+            reach = max(reach, taxicab(origin_of(work, k)) + taxicab(link_of(work, k)))
+            slot = hand_on(rows, work, k, whole, reach, y, slots, i, slot)
     slots[i, at.SLOTS] = slot
 
 

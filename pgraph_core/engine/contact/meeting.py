@@ -62,14 +62,14 @@ def closed_limit(blocks, i):
 @part
 def limit_gap(blocks, i, q):
     """Return the gap of limit i [rad, m]."""
-    blocks_i, blocks_f, terms_i, terms_f, _, _ = blocks
+    blocks_i, blocks_f, terms_i, terms_f, _, _, _ = blocks
     return total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
 
 
 @part
 def limit_speeds(blocks, i, v, vdot):
     """Return the rate of limit i's gap, and its change without impulses."""
-    blocks_i, _, terms_i, terms_f, _, _ = blocks
+    blocks_i, _, terms_i, terms_f, _, _, _ = blocks
     rate = total(blocks_i, terms_i, terms_f, i, 0, v)
     return rate, total(blocks_i, terms_i, terms_f, i, 0, vdot)
 

@@ -85,7 +85,13 @@ def observe(scene, t, q, v, vdot, flow):
 def with_active(blocks, active):
     """Return the same blocks with a different active set."""
     return Blocks(
-        blocks.blocks_i, blocks.blocks_f, blocks.terms_i, blocks.terms_f, blocks.curves, active
+        blocks.blocks_i,
+        blocks.blocks_f,
+        blocks.terms_i,
+        blocks.terms_f,
+        blocks.curves,
+        blocks.stations,
+        active,
     )
 
 

@@ -58,7 +58,7 @@ def inverse_in_lanes(rows, const, drives, loads, q, v, vdot, work, passive, none
             outboard(rows, c, w, lanes(q[i]), lanes(v[i]))
             linear = w[:, at.VELOCITY : at.VELOCITY + 3]
             moving(rows, c, w, lanes(v[i]), linear)
-            torque_of_loads(rows, c, loads, w, linear, s)
+            torque_of_loads(rows, c, loads, w, linear, lanes(q[i]), s)
             for j in range(out.shape[0]):
                 out[j] -= s[j]
 

@@ -40,7 +40,7 @@ def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
     outboard(rows, const, work, q, v)
     linear = work[:, at.VELOCITY : at.VELOCITY + 3]
     moving(rows, const, work, v, linear)
-    more, lost = apply_loads(loads, work, linear, t)
+    more, lost = apply_loads(loads, work, linear, q, t)
     inboard(rows, const, work, tau)
     joint_acceleration(rows, const, work, vdot)
     return put_in + more, dissipated + lost

@@ -155,7 +155,7 @@ def observe(scene, code, t, q, v):
                 code[i, MEASURE.value] = gap_ahead(scene, code[i, GAP_RANGE])
                 continue
             struts, _, vias = data.loads.strut
-            length, rate = measured_path(struts[n], vias, work, data.space.linear)
+            length, rate = measured_path(struts[n], vias, work, data.space.linear, q)
             code[i, MEASURE.value] = length if what == OF_LENGTH else rate
             code[i, LENGTH_RATE] = rate
 

@@ -1,0 +1,86 @@
+"""Pulleys, drums and points along which a cable leads."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal, Self
+
+from pydantic import model_validator
+
+from .errors import shown
+from .fields import (
+    Described,
+    Flag,
+    Number,
+    Text,
+    Vec3,
+    field,
+    maybe_vector,
+    refuse,
+    refuse_no_direction,
+    vector,
+)
+from .units import M
+
+
+class Pulley(Described):
+    """A wheel on which a cable lies, or with radius 0 a point through which it passes.
+
+    A cable grips a wheel that turns about a hinge along its axis, so that it moves with its rim,
+    and slides over any other one without friction. `grip` states one of both. At an end of the
+    cable, a wheel is a drum on which it winds, and a point is where it is fixed.
+
+    Examples
+    --------
+    >>> import pgraph_core as pg
+    >>> pg.Pulley("sheave", radius=0.1).body
+    'sheave'
+    """
+
+    WORD: ClassVar[str] = "pulley"
+    FOLLOWERS: ClassVar[dict[str, tuple[str, ...]]] = {"radius": ("axis", "side", "grip")}
+
+    body: Text = field("the name of a body, or 'ground'", label="Body")
+    point: Vec3 = field(
+        "three finite numbers in the axes of its `body` [m]",
+        converter=vector, default=(0.0, 0.0, 0.0), dim=M, role="point",
+        help="centre of the wheel, or the point, in the axes of its body",
+    )  # fmt: skip
+    radius: Number = field(
+        "a length >= 0 [m], 0 for a point",
+        default=0.0, ge=0, dim=M, help="radius of the wheel; 0: a point",
+    )  # fmt: skip
+    axis: Vec3 | None = field(
+        "a direction in the axes of its `body`; default: the axis of its hinge",
+        converter=maybe_vector, default=None, role="direction",
+        help="axis of the wheel, in the axes of its body; default: that of its hinge",
+    )  # fmt: skip
+    side: Literal[1, -1] | None = field(
+        "1 if the cable turns about the axis by the right hand, -1 if by the left hand, or None",
+        default=None, help="1: the cable turns about the axis by the right hand, -1: by the left "
+        "hand; default: as the line through the centres bends",
+    )  # fmt: skip
+    grip: Flag | None = field(
+        "true, false or None",
+        default=None, help="whether the cable moves with the rim; default: if the wheel turns "
+        "about a hinge along its axis",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _round(self) -> Self:
+        refuse_no_direction(axis=self.axis)
+        given = [name for name in ("axis", "side", "grip") if getattr(self, name) is not None]
+        if not self.radius and given:
+            text = f"belongs to a wheel, got {shown(getattr(self, given[0]))} without a radius; "
+            refuse([(given[0], f"{text}give radius=0.05 [m] for example, or leave it out")])
+        return self
+
+
+def along(through: Any) -> Any:
+    """Return the fields of pulleys for a list whose points may be pairs (body, point)."""
+    if not isinstance(through, (list, tuple)):
+        return through
+    pairs = ((x if isinstance(x, (list, tuple)) and len(x) == 2 else None) for x in through)
+    return tuple(
+        x if pair is None else {"body": pair[0], "point": pair[1]}
+        for x, pair in zip(through, pairs)
+    )
