@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
 from .errors import shown
 from .fields import (
+    GROUND,
     Described,
     Flag,
     Number,
@@ -84,3 +87,31 @@ def along(through: Any) -> Any:
         x if pair is None else {"body": pair[0], "point": pair[1]}
         for x, pair in zip(through, pairs)
     )
+
+
+def with_body(data: Any) -> Any:
+    """Return the fields of a part along a cable with its first moving body as `body`."""
+    if not isinstance(data, dict) or not isinstance(data.get("through"), (list, tuple)):
+        return data
+    through = along(data["through"])
+    named = (x.get("body") if isinstance(x, Mapping) else getattr(x, "body", None) for x in through)
+    first = next((name for name in named if name != GROUND), None)
+    return {**data, "through": through, **({"body": first} if first else {})}
+
+
+def way_problems(through: tuple[Pulley, ...], closed: bool) -> list[tuple[str, str]]:
+    """Return what is wrong with the stations of a cable, as (field, text)."""
+    if len(through) < 2:
+        text = f"needs two or more points and wheels, got {len(through)}; a rope leads from the "
+        return [("through", f"{text}first to the last one")]
+    if closed and not all(x.radius for x in through):
+        point = next(k for k, x in enumerate(through, start=1) if not x.radius)
+        text = f"number {point} of a closed belt is a point on '{through[point - 1].body}'; give "
+        return [("through", f"{text}a wheel with a radius [m], or closed=False")]
+    for k, (a, b) in enumerate(pairwise(through), start=1):
+        if (a.body, a.point) == (b.body, b.point):
+            text = f"numbers {k} and {k + 1} are at the same point of '{a.body}'; move one of them "
+            return [("through", f"{text}or leave it out")]
+    if all(x.body == GROUND for x in through):
+        return [("through", "all its points are on the ground; put one of them on a moving body")]
+    return []

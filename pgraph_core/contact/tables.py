@@ -28,11 +28,13 @@ from ..engine.records import (
 )
 from ..errors import ModelError, PgraphError, Problem
 from ..fields import EVERY, GROUND
+from ..forces.cable import Cable, longest_of
 from ..forces.path import points_of
 from ..model import Body, Contact, Model, Shape, Spring, Tendon
 from ..model.contact import PAIRED
 from ..packing import Array, Drives, Ints, System, home_of, point_in_row, row_of_velocity
 from ..packing.constraints import (
+    NO_STATIONS,
     Block,
     Blocks,
     Term,
@@ -40,8 +42,10 @@ from ..packing.constraints import (
     block_values,
     moments_and_masses,
     radius_of_gyration,
+    stations_in,
     with_blocks,
 )
+from ..packing.forces import Placed as PlacedParts
 from ..packing.forces import acting_on, terms_of
 from ..rotation import matrix
 from ..shapes import kind_of
@@ -109,6 +113,7 @@ class Tables(NamedTuple):
     tendons: bool  # some limits bound sums of coordinates, or lengths
     hulls: tuple[tuple[float, str], ...]  # (volume over the mesh's, body) of hulls far larger
     friction_blocks: tuple[Ints, Array, Ints, Array] = block_arrays(())  # joint friction
+    stations: Any = NO_STATIONS  # records VIA of the cables among the limits
 
     def __bool__(self) -> bool:
         return bool(self.touches or self.limits or self.frictions)
@@ -124,7 +129,7 @@ class Tables(NamedTuple):
         ints, floats, terms, factors = self.limit_blocks
         scales = floats[:, (at.VALUE, at.SIZE, at.REBOUND)].tolist()
         for name, block, values in zip(self.limits, ints.tolist(), scales):
-            if block[at.B_TYPE] != at.T_SPAN:
+            if block[at.B_TYPE] == at.T_LIMIT:
                 own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
                 at_v, at_q = terms[own].T
                 yield Limit(name, block[at.B_A], at_v, at_q, factors[own], *values)
@@ -146,7 +151,7 @@ def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
     found = _Shapes(mech)
     for contact in active:
         found.add(contact)
-    return found.tables([*_limits(mech)])
+    return found.tables([*_limits(mech), *_inextensible(mech)])
 
 
 def with_friction(contacts: Tables, drives: Drives, rows: Ints) -> Tables:
@@ -280,6 +285,7 @@ class _Shapes:
             ),
             laws=laws,
             limit_blocks=block_arrays([block for _, block in limits]),
+            stations=stations_in([block for _, block in limits]),
             room=room,
             remembers=any(t.contact.law == "penalty" for t in self.touches),
             turns=bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
@@ -530,6 +536,20 @@ def _limits(mech: Packed) -> Iterator[tuple[str, Block]]:
             yield f"spring {spring.name} {side} limit", block
 
 
+def _inextensible(mech: Packed) -> Iterator[tuple[str, Block]]:
+    """Yield (name, block) for each segment of the cables that do not stretch."""
+    for f in mech.model.forces:
+        if isinstance(f, Cable) and f.stiffness is None:
+            at_ = PlacedParts(mech.model, mech.topology, mech.system, mech.home_poses)
+            found = at_.segments(f)
+            for k, one in enumerate(found, start=1):
+                name = f"cable {f.name}" + (f"[{k}]" if len(found) > 1 else "")
+                longest = longest_of(f, one)
+                values = block_values({at.VALUE: longest, at.SIZE: abs(longest)})
+                ends = int(one.rows[0]["row"]), int(one.rows[-1]["row"])
+                yield name, Block(at.T_SLACK, 1, values, ends=ends, stations=one.rows)
+
+
 def _limit(values: dict[int, float], terms: tuple[Term, ...], row: int) -> Block:
     return Block(at.T_LIMIT, 1, block_values(values), terms, ends=(row, 0))
 
@@ -564,6 +584,7 @@ def extended(blocks: Blocks, contacts: Tables) -> Blocks:
     room = contacts.room * (2 if contacts.turns else 1)  # a second block that resists turning
     for arrays in (contacts.friction_blocks, contacts.limit_blocks):
         blocks = with_blocks(blocks, *arrays)
+    blocks = blocks._replace(stations=np.concatenate((blocks.stations, contacts.stations)))
     return blocks._replace(
         blocks_i=np.vstack((blocks.blocks_i, np.zeros((room, at.BLOCK_I), np.int64))),
         blocks_f=np.vstack((blocks.blocks_f, np.zeros((room, at.BLOCK_F)))),

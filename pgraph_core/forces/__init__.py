@@ -31,9 +31,10 @@ from .spring import Spring as Spring
 from .torsion import Torsion as Torsion
 from .drag import Drag as Drag
 from .bushing import Bushing as Bushing
+from .cable import Cable as Cable
 from .strut import Lines as Lines
 from .strut import Strut as Strut
-from . import bushing, drag, spring, strut, torsion, wrench
+from . import bushing, cable, drag, spring, strut, torsion, wrench
 
 # kinds of force on bodies, in the order of their tables
-LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, strut.LOAD)
+LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, strut.LOAD, cable.LOAD)

@@ -76,6 +76,11 @@ class Force(OfKinds):
         return False
 
     @property
+    def _bounds(self) -> bool:
+        """Return True if it bounds a length or a sum of coordinates by impulses."""
+        return any(end is not None for end in ends_of(self))
+
+    @property
     def _idle(self) -> str:
         """Return the reason why the force has no effect in any motion, or ""."""
         return ""
@@ -116,6 +121,14 @@ class Places(Protocol):
         """Return the description of a body."""
         ...
 
+    def segments(self, cable: Any) -> Sequence[Any]:
+        """Return the segments of a cable between the stations that hold it."""
+        ...
+
+    def vias(self, part: Any) -> Sequence[tuple[Any, ...]]:
+        """Return the fields of VIA for each point of a row besides its two ends."""
+        ...
+
 
 class OnBody(Force):
     """A force acting on `body` itself."""
@@ -130,7 +143,7 @@ class OnBody(Force):
 
     @property
     def _idle(self) -> str:
-        if self._exerts or any(ends_of(self)):
+        if self._exerts or self._bounds:
             return ""
         return f"its {' and '.join(self.SCALES)} are 0"
 
@@ -196,6 +209,10 @@ def row(**fields: Any) -> np.dtype[Any]:
 
 def _always(table: Any) -> bool:
     return True
+
+
+def _whole(f: Any, at: Places) -> Sequence[Any]:
+    return (f,)
 
 
 class Action(NamedTuple):
@@ -264,6 +281,7 @@ class Load(NamedTuple):
     action: Action
     columns: int = 1  # number of columns of its knots
     linear: Callable[[Any], bool] = _always  # whether the loads of a table are linear in speeds
+    split: Callable[[Any, Places], Sequence[Any]] = _whole  # its rows, with the `pair` of each
 
     @property
     def kind(self) -> str:

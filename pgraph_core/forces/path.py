@@ -14,7 +14,6 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from pydantic import model_validator
 
-from ..engine.cables import EYE, cable_length, cable_rate, over_spans
 from ..engine.compiler.jit import part
 from ..engine.rows import point_of, point_velocity, rotation_of
 from ..engine.vec import add, dot, mul, scale, sub, xyz
@@ -271,18 +270,8 @@ def with_the_rest(one, vias, work, linear, n, b, q, length, rate):
 
 
 @part
-def is_cable(one, vias):
-    """Check whether a path is a segment of a cable, whose ends are stations, too."""
-    return one.vias > 0 and vias[one.first_via].shape >= EYE
-
-
-@part
-def measured(one, vias, work, linear, q):
+def measured(one, vias, work, linear):
     """Return the length of a path and its rate."""
-    if is_cable(one, vias):
-        begin, last = one.first_via, one.first_via + one.vias - 1
-        length = cable_length(vias, work, q, begin, last)
-        return length, cable_rate(linear, vias, work, begin, last)
     first = first_of(one, work)
     n, b, _, q, length, rate, _ = leg(one, vias, 0, work, linear, one.row_a, first)
     return with_the_rest(one, vias, work, linear, n, b, q, length, rate)
@@ -300,10 +289,8 @@ def leg_length(one, vias, n, work, p):
 
 
 @part
-def length_of(one, vias, work, at_q):
+def length_of(one, vias, work):
     """Return the length of a path."""
-    if is_cable(one, vias):
-        return cable_length(vias, work, at_q, one.first_via, one.first_via + one.vias - 1)
     n, q, length = leg_length(one, vias, 0, work, first_of(one, work))
     while n < one.vias:
         n, q, more = leg_length(one, vias, n + 1, work, q)
@@ -322,17 +309,6 @@ def on_path(pull: Any, energy: Any) -> Action:
         both = opposed(push)
 
         @part
-        def shorten(to_it, vias, work, n, p, q, along):
-            """Pull both ends of a span of a cable towards each other."""
-            to, tension = to_it
-            a, b = vias[n - 1], vias[n]
-            force, none = scale(tension, along), (0.0, 0.0, 0.0)
-            both(to, a.row, a.body, p, b.row, b.body, q, none, force)
-            return 0.0
-
-        shorten_spans = over_spans(shorten)
-
-        @part
         def draw(to, one, vias, n, work, a, body_a, p, b, body_b, q, d, tension):
             """Pull the ends of a leg, and the obstacle between them, towards each other."""
             none = (0.0, 0.0, 0.0)
@@ -346,12 +322,6 @@ def on_path(pull: Any, energy: Any) -> Action:
 
         @part
         def exert(one, knots, vias, work, linear, at_q, t, to):
-            if is_cable(one, vias):
-                begin, last = one.first_via, one.first_via + one.vias - 1
-                length, rate = measured(one, vias, work, linear, at_q)
-                tension, put_in, lost = pull(one, knots, length, rate, t)
-                shorten_spans((to, tension), vias, work, begin, last)
-                return put_in, lost
             a, body_a, p = one.row_a, one.body_a, first_of(one, work)
             n, b, body_b, q, length, rate, d = leg(one, vias, 0, work, linear, a, p)
             length, rate = with_the_rest(one, vias, work, linear, n, b, q, length, rate)
@@ -368,6 +338,6 @@ def on_path(pull: Any, energy: Any) -> Action:
 
     @part
     def stored(one, knots, vias, work, q):
-        return energy(one, knots, length_of(one, vias, work, q))
+        return energy(one, knots, length_of(one, vias, work))
 
     return Action(onto, stored)

@@ -7,6 +7,7 @@ from ..curves import Sine as Sine
 from ..curves import Table as Table
 from ..curves import VectorTable as VectorTable
 from ..forces import Actuator as Actuator
+from ..forces import Cable as Cable
 from ..forces import Drag as Drag
 from ..forces import Force as Force
 from ..forces import Motor as Motor

@@ -8,7 +8,7 @@ from typing import Any
 from .. import joints, words
 from ..errors import MOST_TOLD, Problem, choices, counted, shown
 from ..fields import EVERY, GROUND, Described, OfSums, name_problem
-from ..forces import BetweenPoints, Force, OnJoint, Tendon, ends_of, legs_of
+from ..forces import BetweenPoints, Force, OnJoint, Tendon, legs_of
 from ..joints import quaternion_problems
 from ..shapes import KINDS, kind_of
 from .body import Body
@@ -271,9 +271,7 @@ def late_limits(forces: Iterable[Force], of: str = "") -> list[Problem]:
     """Return problems of forces outside the model whose limits act in the whole model."""
     text = "the limits of a {0} only act if it is part of the model; add the {0} to the model"
     return [
-        Problem(f"{of}force '{f.name}'", "low", text.format(f.kind))
-        for f in forces
-        if any(end is not None for end in ends_of(f))
+        Problem(f"{of}force '{f.name}'", "low", text.format(f.kind)) for f in forces if f._bounds
     ]
 
 

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from ..errors import ModelError, Problem, choices, counted, explained, nearest_first, shown
 from ..fields import Vec3, field, listed, parts_of
-from ..forces import BetweenPoints, Force, ends_of
+from ..forces import BetweenPoints, Force
 from ..functions import Curve
 from ..sentences import in_our_words
 from . import files
@@ -109,9 +109,8 @@ class Description(World):
     @cached_property
     def limited(self) -> bool:
         """Return True if a joint, tendon or spring has limits."""
-        return any(any(body.limits) for body in self.bodies) or any(
-            end is not None for f in self.forces for end in ends_of(f)
-        )
+        bounded = (f._bounds for f in self.forces)
+        return any(any(body.limits) for body in self.bodies) or any(bounded)
 
     @cached_property
     def linked(self) -> tuple[Body, ...]:

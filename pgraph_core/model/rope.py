@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from ..fields import GROUND, Flag, Number, field, parts_of, refuse
-from ..pulleys import Pulley, along
+from ..fields import Flag, Number, field, parts_of, refuse
+from ..pulleys import Pulley, way_problems, with_body
 from ..units import M
 from .constraint import KIND, Constraint
 
@@ -61,31 +59,3 @@ class Rope(Constraint):
 
     def _blocks(self, e: Any) -> list[Any]:
         return e.roped(self.through, self.closed, self.length)
-
-
-def with_body(data: Any) -> Any:
-    """Return the fields of a part along a cable with its first moving body as `body`."""
-    if not isinstance(data, dict) or not isinstance(data.get("through"), (list, tuple)):
-        return data
-    through = along(data["through"])
-    named = (x.get("body") if isinstance(x, Mapping) else getattr(x, "body", None) for x in through)
-    first = next((name for name in named if name != GROUND), None)
-    return {**data, "through": through, **({"body": first} if first else {})}
-
-
-def way_problems(through: tuple[Pulley, ...], closed: bool) -> list[tuple[str, str]]:
-    """Return what is wrong with the stations of a cable, as (field, text)."""
-    if len(through) < 2:
-        text = f"needs two or more points and wheels, got {len(through)}; a rope leads from the "
-        return [("through", f"{text}first to the last one")]
-    if closed and not all(x.radius for x in through):
-        point = next(k for k, x in enumerate(through, start=1) if not x.radius)
-        text = f"number {point} of a closed belt is a point on '{through[point - 1].body}'; give "
-        return [("through", f"{text}a wheel with a radius [m], or closed=False")]
-    for k, (a, b) in enumerate(pairwise(through), start=1):
-        if (a.body, a.point) == (b.body, b.point):
-            text = f"numbers {k} and {k + 1} are at the same point of '{a.body}'; move one of them "
-            return [("through", f"{text}or leave it out")]
-    if all(x.body == GROUND for x in through):
-        return [("through", "all its points are on the ground; put one of them on a moving body")]
-    return []

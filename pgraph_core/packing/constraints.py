@@ -281,8 +281,13 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
         np.array(_starts([len(items) for items in found]), dtype=np.int64),
         *block_arrays(flat),
         np.array(knots).reshape(-1, at.KNOT),
-        np.concatenate([NO_STATIONS, *(x.stations for x in flat if x.stations is not None)]),
+        stations_in(flat),
     )
+
+
+def stations_in(found: Sequence[Block]) -> Any:
+    """Return the records VIA of all cables among blocks."""
+    return np.concatenate([NO_STATIONS, *(x.stations for x in found if x.stations is not None)])
 
 
 def _starts(counts: Sequence[int]) -> list[int]:
@@ -322,6 +327,7 @@ def with_blocks(blocks: Blocks, ints: Ints, floats: Array, terms_i: Ints, terms_
     """Append blocks, given as by `block_arrays`, which belong to no constraint."""
     ints = ints.copy()
     ints[:, at.B_TERM] += len(blocks.terms_i)
+    ints[ints[:, at.B_TYPE] == at.T_SLACK, at.B_STATION] += len(blocks.stations)
     return blocks._replace(
         blocks_i=np.vstack((blocks.blocks_i, ints)),
         blocks_f=np.vstack((blocks.blocks_f, floats)),

@@ -15,12 +15,15 @@ import numpy as np
 from .. import joints
 from ..engine.records import CREEP, JOINT_FORCE, rows_of, table
 from ..engine.signals import DRIVE
+from ..errors import ModelError, Problem
 from ..fields import GROUND, OfSums
 from ..forces import LOADS, VIA, Load, OnBody, OnJoint
+from ..forces.cable import Part
 from ..forces.obstacles import obstacle_of
 from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates, point_in_row
+from .cables import Segment, segments
 from .signals import NO_SIGNALS, limits_of, values_of_targets
 
 
@@ -48,6 +51,7 @@ class Placed:
     def __init__(self, model: Model, topology: Topology, packed: System, home: Sequence[Array]):
         """Store the model. `home` contains the body poses in the initial state."""
         self.body, self.number, self.packed, self._home = model.body, topology.number, packed, home
+        self._model = model
 
     def home(self, name: str) -> Array:
         """Return the home orientation of a body as a (3, 3) matrix."""
@@ -67,6 +71,20 @@ class Placed:
         """Return the orientation of a body in the initial state as a (3, 3) matrix."""
         return np.eye(3) if name == GROUND else self._home[1][self.number(name) - 1]
 
+    def segments(self, cable: Any) -> list[Segment]:
+        """Return the segments of a cable between the stations that hold it. Raises ModelError."""
+
+        def refuse(text: str) -> ModelError:
+            return ModelError(Problem(f"{cable.word()} '{cable.name}'", "through", text))
+
+        return segments(cable.through, cable.closed, self, self._model, self.packed, refuse)
+
+    def vias(self, part: Any) -> Sequence[tuple[Any, ...]]:
+        """Return the fields of VIA for each point of a row besides its two ends."""
+        if isinstance(part, Part):
+            return part.segment.rows.tolist()
+        return [_packed_via(via, self) for via in part._places]
+
 
 def loads(
     model: Model,
@@ -83,17 +101,19 @@ def loads(
 
 def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array, Any]:
     """Return (table, knots, via points) for all loads of one kind."""
-    found, (_, none, _) = table(kind.row, len(ours)), empty(kind)
+    parts = [part for f in ours for part in kind.split(f, at)]
+    found, (_, none, _) = table(kind.row, len(parts)), empty(kind)
     knots, places = [none], list[tuple[Any, ...]]()
-    for one, f in zip(found, ours):
+    for one, f in zip(found, parts):
         one["body_a"], one["body_b"] = (at.number(name) for name in f.pair)
         one["row_a"], one["row_b"] = (at.packed.row_of(int(one[x])) for x in ("body_a", "body_b"))
         own = kind.pack(f, one, at)
         own = none if own is None else own
         one["first_knot"], one["knots"] = sum(map(len, knots)), len(own)
         knots.append(own)
-        one["first_via"], one["vias"] = len(places), len(f._places)
-        places += (_packed_via(via, at) for via in f._places)
+        own = at.vias(f)
+        one["first_via"], one["vias"] = len(places), len(own)
+        places += own
     return found, np.concatenate(knots), rows_of(VIA, places)
 
 
@@ -101,7 +121,8 @@ def _packed_via(via: Any, at: Placed) -> tuple[Any, ...]:
     """Return the fields of VIA for a point or an obstacle."""
     body, home, given = at.number(via.body), at.home(via.body), obstacle_of(via)
     given |= {name: home @ given[name] for name in ("axis", "side")}
-    return at.packed.row_of(body), body, at.in_row(via.body, via.point), *given.values()
+    station = 0, 0, 0.0, 0.0
+    return at.packed.row_of(body), body, at.in_row(via.body, via.point), *given.values(), *station
 
 
 # -- drives --------------------------------------------------------------------------------

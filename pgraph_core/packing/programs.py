@@ -17,6 +17,7 @@ from ..engine.stepping.measured import (
     CONSTRAINT,
     CONTACT,
     MEASURE,
+    OF_CABLES,
     OF_INPUT,
     OF_LENGTH,
     OF_SPEED,
@@ -301,6 +302,20 @@ class Program:
             damped = self.put(kernels.MUL, self.apart(f.bump_damping), speed)
             place = self.put(kernels.NUMBER, BEND, knot + 1, number=1.0)
             self.end_steps(place, damped, place)
+
+    def watch_cable(self, n: int, one: Any) -> None:
+        """Let steps end where row n of the cables becomes slack or taut."""
+        knot, length = int(one["first_knot"]), self.put(kernels.NUMBER, OF_LENGTH, n, OF_CABLES)
+        rest = float(one["rest"])
+        place = self.put(kernels.NUMBER, BEND, knot, OF_CABLES, number=rest)
+        self.end_steps(length, place, place)
+        if one["damping"]:
+            stretch = self.put(kernels.SUB, length, self.apart(rest))
+            elastic = self.put(kernels.MUL, self.apart(float(one["stiffness"])), stretch)
+            speed = self.put(kernels.NUMBER, OF_SPEED, n, OF_CABLES)
+            damped = self.put(kernels.MUL, self.apart(float(one["damping"])), speed)
+            place = self.put(kernels.NUMBER, BEND, knot + 1, OF_CABLES, number=0.0)
+            self.end_steps(self.put(kernels.ADD, elastic, damped), place, place)
 
     def watch_relation(self, c: Relation) -> None:
         """Let steps end where the second derivative of a relation jumps."""

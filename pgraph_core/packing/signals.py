@@ -155,6 +155,8 @@ def signals(
         for n, f in enumerate(f for f in forces if isinstance(f, Strut)):
             if f._bends:
                 program.watch_strut(f, n, int(loads.strut[0]["first_knot"][n]))
+        for n, one in enumerate(loads.cable[0]):
+            program.watch_cable(n, one)
         for c in model.bending:
             program.watch_relation(c)
     if touching:

@@ -30,6 +30,7 @@ from ..layout import (
     T_POINT,
     T_RELATION,
     T_ROUND,
+    T_SLACK,
     T_SPAN,
     T_TURN,
     T_VELOCITY,
@@ -65,6 +66,18 @@ joints_of, _ = number(at.SLOTS)  # number of joints on a block's paths
 def ends_of(blocks_i, i):
     """Return the tree rows of bodies A and B, 0 for the ground."""
     return blocks_i[i, at.B_A], blocks_i[i, at.B_B]
+
+
+@part
+def of_cable(kind):
+    """Check whether a block is the length of a segment of a cable, or a bound on it."""
+    return kind == T_CABLE or kind == T_SLACK
+
+
+@part
+def lengthens(kind):
+    """Return 1 if positive multipliers of a segment of a cable lengthen it, or -1."""
+    return 1.0 if kind == T_CABLE else -1.0
 
 
 @part
@@ -118,7 +131,7 @@ def along_coordinates(kind):
 @part
 def one_sided(kind):
     """Check whether a block is unilateral: a contact, a limit, or a bound on a length."""
-    return kind == T_CONTACT or kind == T_LIMIT or kind == T_SPAN
+    return kind == T_CONTACT or kind == T_LIMIT or kind == T_SPAN or kind == T_SLACK
 
 
 @part
@@ -133,7 +146,8 @@ def slack_of(blocks_i, blocks_f, i):
     kind = type_of(blocks_i, i)
     if kind == T_CONTACT:
         return value_of(blocks_f, i)
-    return blocks_f[i, at.AIM] if kind == T_SPAN or kind == T_LIMIT else 0.0
+    bounds = kind == T_SPAN or kind == T_LIMIT or kind == T_SLACK
+    return blocks_f[i, at.AIM] if bounds else 0.0
 
 
 @part
@@ -218,11 +232,11 @@ def locate(blocks, work, q, place):
             relate(blocks, i, q, place)
         if along_coordinates(kind):
             continue
-        if kind == T_CABLE:
+        if of_cable(kind):
             first, last = stations_of(blocks_i, i)
             p, ahead = first_span(blocks.stations, work, first, last)
             set_place(place, i, p, p)
-            set_along(place, i, 0, scale(-1.0, ahead))
+            set_along(place, i, 0, scale(-lengthens(kind), ahead))
             continue
         if kind == T_CONTACT or kind == T_TURN:
             p = load(blocks_f, i, at.PA)
@@ -346,9 +360,9 @@ def residual_velocity(blocks, work, space, t, v, out):
             if kind != T_RELATION:
                 out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
             continue
-        if kind == T_CABLE:
+        if of_cable(kind):
             first, last = stations_of(blocks_i, i)
-            out[at_r] = cable_rate(linear, stations, work, first, last)
+            out[at_r] = lengthens(kind) * cable_rate(linear, stations, work, first, last)
             continue
         if kind == T_ALIGN or kind == T_TURN:
             u = sub(spin_of(work, a), spin_of(work, b))
@@ -448,9 +462,10 @@ def turning_acceleration(blocks, work, space, v, out):
         still = still or (kind == T_CONTACT and blocks_f[i, at.ROUND] < 0.0)
         if kind == T_RELATION:
             out[at_r] = -bending(blocks, space.place, i, v)
-        elif kind == T_CABLE:
+        elif of_cable(kind):
             first, last = stations_of(blocks_i, i)
-            out[at_r] = cable_acceleration(blocks.stations, work, space.linear, first, last)
+            rate = cable_acceleration(blocks.stations, work, space.linear, first, last)
+            out[at_r] = lengthens(kind) * rate
         elif still:
             for r in range(size_of(blocks_i, i)):
                 out[at_r + r] = 0.0

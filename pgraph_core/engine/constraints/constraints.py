@@ -26,7 +26,7 @@ from ..compiler.address import stored
 from ..compiler.dual import carries, of_numbers
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
-from ..layout import T_ALIGN, T_CABLE
+from ..layout import T_ALIGN
 from ..motions import bends, is_angle, nv_of
 from ..records import FROZEN
 from ..rows import axis_of, kind_of, origin_of, slide_of
@@ -42,6 +42,7 @@ from .blocks import (
     joint_of,
     joints_of,
     locate,
+    of_cable,
     place_a,
     point_a,
     prescribes,
@@ -85,7 +86,7 @@ def unit_responses(rows, const, blocks, work, space):
         i = active[j]
         if along_coordinates(type_of(blocks_i, i)):
             carry_coordinates(rows, const, blocks, i, work, space)
-        elif type_of(blocks_i, i) == T_CABLE:
+        elif of_cable(type_of(blocks_i, i)):
             carry_cable(rows, blocks, i, work, space)
         else:
             carry(rows, blocks_i, i, work, space)

@@ -39,7 +39,7 @@ from ..vec import (
     store,
     sub,
 )
-from .blocks import along, ends_of, place_a, place_b, size_of, stations_of, type_of
+from .blocks import along, ends_of, lengthens, place_a, place_b, size_of, stations_of, type_of
 from .coordinates import coefficient, terms_of
 
 
@@ -171,16 +171,17 @@ def hand_on(rows, work, k, whole, reach, y, slots, i, slot):
 
 @part
 def pull_apart(to, vias, work, n, p, q, along):
-    """Add unit forces that lengthen a span. Returns the size of its coordinates."""
-    rest = (0.0, 0.0, 0.0)
+    """Add unit forces that lengthen a span, or shorten it. Returns the size of its places."""
+    whole, sign = to
     a, b = vias[n - 1].row, vias[n].row
     if a > 0:
-        force = scale(-1.0, along)
-        accumulate(to, a, 0, add_cross(rest, sub(p, origin_of(work, a)), force))
-        accumulate(to, a, 3, force)
+        force = scale(-sign, along)
+        accumulate(whole, a, 0, cross(sub(p, origin_of(work, a)), force))
+        accumulate(whole, a, 3, force)
     if b > 0:
-        accumulate(to, b, 0, add_cross(rest, sub(q, origin_of(work, b)), along))
-        accumulate(to, b, 3, along)
+        force = scale(sign, along)
+        accumulate(whole, b, 0, cross(sub(q, origin_of(work, b)), force))
+        accumulate(whole, b, 3, force)
     return taxicab(p) + taxicab(q)
 
 
@@ -192,7 +193,8 @@ def carry_cable(rows, blocks, i, work, space):
     """Compute Y of a segment of a cable, from the bodies of all its stations to the ground."""
     y, slots, whole = space.y, space.slots, space.carried
     first, last = stations_of(blocks.blocks_i, i)
-    reach = pull_on_spans(whole, blocks.stations, work, first, last)
+    sign = lengthens(type_of(blocks.blocks_i, i))
+    reach = pull_on_spans((whole, sign), blocks.stations, work, first, last)
     slot = 0
     for k in range(rows.shape[0] - 1, 0, -1):
         if reaches(whole, k):

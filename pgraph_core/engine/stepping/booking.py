@@ -5,9 +5,18 @@ import math
 from ...tolerances import SOLVED
 from .. import layout as at
 from ..arrays import BEFORE, EFFECT, LAMBDA, RHS
+from ..cables import over_spans
 from ..compiler.jit import part, sweep
 from ..compiler.masks import both, either, more, most
-from ..constraints.blocks import along, ends_of, first_of, place_a, place_b, type_of
+from ..constraints.blocks import (
+    along,
+    ends_of,
+    first_of,
+    place_a,
+    place_b,
+    stations_of,
+    type_of,
+)
 from ..constraints.coordinates import coefficient
 from ..contact.closing import log_depth, smaller_size, thinner
 from ..contact.contacts import (
@@ -139,6 +148,10 @@ def book_limit(scene, i, n, t, w, h):
     if kind == at.T_SPAN:
         note_span(scene, i, scale(lam / h, along(data.space.place, i, 0)))
         force = math.copysign(lam / h, one[at.VALUE])
+    elif kind == at.T_SLACK:
+        force = lam / h
+        first, last = stations_of(blocks.blocks_i, i)
+        note_spans((contacts.wrenches, force), blocks.stations, data.work, first, last)
     else:
         term = blocks.blocks_i[i, at.B_TERM]
         # on the first joint that it bounds
@@ -162,6 +175,19 @@ def pushed(pair, impulse, t, w):
         pair.ended = t
         if w == 0.0:
             pair.struck = min(pair.struck, t)
+
+
+@part
+def note_tension(to, vias, work, n, p, q, along):
+    """Add the tension of a span to the wrenches on its two bodies."""
+    wrenches, tension = to
+    a, b, force = vias[n - 1], vias[n], scale(tension, along)
+    add_wrench(wrenches, work, a.body, a.row, p, force)
+    add_wrench(wrenches, work, b.body, b.row, q, scale(-1.0, force))
+    return 0.0
+
+
+note_spans = over_spans(note_tension)
 
 
 @sweep

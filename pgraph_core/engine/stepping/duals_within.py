@@ -37,7 +37,7 @@ from .moreau import (
     stiffen_drives,
 )
 from .state import copied, size_of_state
-from .unilateral import span_reaches
+from .unilateral import segment_reaches, span_reaches
 
 BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
 # entries of PART_TIMES: when a part begins, of which only the derivatives count, how wide it is,
@@ -190,6 +190,8 @@ def set_rows(scene, numbers, first, h, width, q, v):
             blocks_f[i, at.AIM] = width * blocks_f[i, at.VALUE]
         elif kind == at.T_SPAN:
             span_reaches(scene, i, h, width, v)
+        elif kind == at.T_SLACK:
+            segment_reaches(scene, i, h, width, q, v)
         elif kind == at.T_CONTACT:
             set_contact(scene, numbers, i, h)
         else:

@@ -12,12 +12,14 @@ from ..arrays import (
     carried_at,
     opened_run,
 )
+from ..cables import cable_length
 from ..compiler.dual import WIDTH, parted
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
     ends_of,
     first_of,
     span,
+    stations_of,
     type_of,
 )
 from ..contact.closing import closed_gap
@@ -54,6 +56,10 @@ def gap_of(scene, numbers, i, q):
         return limit_gap(blocks, i, q)
     if type_of(blocks.blocks_i, i) == at.T_CONTACT:
         return gap_of_point(scene, numbers, i)
+    if type_of(blocks.blocks_i, i) == at.T_SLACK:
+        first, last = stations_of(blocks.blocks_i, i)
+        length = cable_length(blocks.stations, data.work, q, first, last)
+        return blocks.blocks_f[i, at.VALUE] - length
     a, b = ends_of(blocks.blocks_i, i)
     return span(blocks.blocks_f, i, data.work, a, b)[0]
 

@@ -9,6 +9,7 @@ stepping that of the last step.
 
 import math
 
+from ...forces.cable import length_of_segment, rate_of_segment
 from ...forces.path import measured as measured_path
 from ...tolerances import TINY
 from .. import layout as at
@@ -31,9 +32,12 @@ _, contacts_at = stored(CONTACTS)
 # operands of a measured NUMBER: what is measured, plus the entry (0: its size, 1 to 3: along an
 # axis); the first block or pair; how many. `Program` writes the number of the part as the second.
 MEASURE = columns("operation", "what", "first", "count", "value")
-# the length or its rate of strut `first`, and the target (`count` 0) or torque (1) of drive `first`
+# the length or its rate of row `first` of the struts or of the cables (`count`), and the target
+# (`count` 0) or torque (1) of drive `first`
 OF_LENGTH, OF_SPEED, OF_INPUT = 1, 2, 3
-# a NUMBER at which a force bends: a bound of a drive (0: low, 1: high), or the knot of a strut
+OF_STRUTS, OF_CABLES = 0, 1
+# a NUMBER at which a force bends: a bound of a drive (0: low, 1: high), or the knot of a strut or
+# of a cable
 BOUND, BEND = -1, -2
 TOUCH = -3  # the least gap of soft and penalty contacts that are open
 CONSTRAINT, CONTACT = 4, 8
@@ -154,8 +158,13 @@ def observe(scene, code, t, q, v):
             if what == TOUCH:
                 code[i, MEASURE.value] = gap_ahead(scene, code[i, GAP_RANGE])
                 continue
-            struts, _, vias = data.loads.strut
-            length, rate = measured_path(struts[n], vias, work, data.space.linear, q)
+            if code[i, MEASURE.count] == OF_STRUTS:
+                struts, _, vias = data.loads.strut
+                length, rate = measured_path(struts[n], vias, work, data.space.linear)
+            else:
+                cables, _, stations = data.loads.cable
+                length = length_of_segment(cables[n], stations, work, q)
+                rate = rate_of_segment(cables[n], stations, work, data.space.linear)
             code[i, MEASURE.value] = length if what == OF_LENGTH else rate
             code[i, LENGTH_RATE] = rate
 
@@ -209,7 +218,7 @@ def hold_touches(scene, state):
 
 @sweep
 def hold(scene, code):
-    """Evaluate drives and struts on the side of their bounds and bends that is held by the program.
+    """Evaluate drives, struts and cables on the held side of their bounds and bends.
 
     They take min(max(x, least), most), which is `most` for any x, with its derivatives, if the
     least is infinite.
@@ -226,7 +235,8 @@ def hold(scene, code):
             continue
         n, side = int(code[k, MEASURE.first]), code[i + 1, SIDE]
         if code[k, MEASURE.what] == BEND:
-            knot = data.loads.strut[1][n]
+            struts = code[k, MEASURE.count] == OF_STRUTS
+            knot = data.loads.strut[1][n] if struts else data.loads.cable[1][n]
             knot[2] = math.inf * side if side != 0.0 else 0.0
             knot[3] = 0.0 if side > 0.0 else math.inf
         elif side > 0.0:

@@ -5,6 +5,7 @@ import math
 from ...tolerances import NOTABLE, TOUCHING
 from .. import layout as at
 from ..arrays import DINV, EFFECT, LAMBDA, PUSH, SPEEDS_AFTER
+from ..cables import cable_length, over_spans
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
     ends_of,
@@ -15,6 +16,7 @@ from ..constraints.blocks import (
     point_b,
     point_velocity,
     span,
+    stations_of,
     type_of,
     velocities,
 )
@@ -74,6 +76,10 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
     for i in range(first, first + tally.limits):
         if type_of(blocks_i, i) == at.T_SPAN:
             if w > 0.0 and span_reaches(scene, i, h, w, v):
+                append(active, i)
+            continue
+        if type_of(blocks_i, i) == at.T_SLACK:
+            if w > 0.0 and segment_reaches(scene, i, h, w, q, v):
                 append(active, i)
             continue
         if look and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
@@ -217,6 +223,38 @@ def span_reaches(scene, i, h, w, v):
 
 
 @part
+def hurrying(linear, vias, work, n, p, q, along):
+    """Return the relative speed of the two ends of a span."""
+    u = point_velocity(work, linear, vias[n - 1].row, p)
+    u = sub(point_velocity(work, linear, vias[n].row, q), u)
+    return math.sqrt(dot(u, u))
+
+
+fastest = over_spans(hurrying)
+
+
+@sweep
+def segment_reaches(scene, i, h, w, q, v):
+    """Check whether a segment of a cable may become taut within a sub-step of width w, from its
+    midpoint, of a step of width h.
+
+    Its permitted speed is that at which it is taut at the end of the sub-step. The turning of its
+    spans is in the target of its row.
+    """
+    data = opened(scene)
+    blocks, work, linear = data.blocks, data.work, data.space.linear
+    velocities(data.rows, data.const, work, v, linear)
+    first, last = stations_of(blocks.blocks_i, i)
+    longest = blocks.blocks_f[i, at.VALUE]
+    gap = longest - cable_length(blocks.stations, work, q, first, last)
+    blocks.blocks_f[i, at.ROOM] = (gap + DEPTH * abs(longest)) / h
+    blocks.blocks_f[i, at.AIM] = max(2.0 * gap / w, 0.0)
+    fast = fastest(linear, blocks.stations, work, first, last)
+    pull = contacts_at(data.links.contacts).tally[0].pull
+    return gap <= w * (fast + w * pull) + TOUCHING * abs(longest)
+
+
+@part
 def together(contacts, n, count, h):
     """Return the largest gap at which point n shares an impact of closed points between its shapes.
 
@@ -357,13 +395,18 @@ def limits_beyond(scene, first, q):
             blocks_f[i, at.AIM] = gap
             if -gap > 4.0 * closed_limit(blocks, i):
                 beyond = max(beyond, -gap)
-        elif kind == at.T_SPAN:
-            if not moved:
-                frames(data.rows, data.const, data.work, q, vectors[EFFECT])
-                positions(data.rows, data.work)
-                moved = True
+        elif (kind == at.T_SPAN or kind == at.T_SLACK) and not moved:
+            frames(data.rows, data.const, data.work, q, vectors[EFFECT])
+            positions(data.rows, data.work)
+            moved = True
+        if kind == at.T_SPAN:
             a, b = ends_of(blocks_i, i)
             gap, _, _, _ = span(blocks_f, i, data.work, a, b)
             blocks_f[i, at.AIM] = gap
             beyond = max(beyond, -gap)
+        elif kind == at.T_SLACK:
+            first_of_all, last = stations_of(blocks_i, i)
+            length = cable_length(blocks.stations, data.work, q, first_of_all, last)
+            blocks_f[i, at.AIM] = blocks_f[i, at.VALUE] - length
+            beyond = max(beyond, -blocks_f[i, at.AIM])
     return beyond

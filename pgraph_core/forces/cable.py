@@ -1,0 +1,202 @@
+"""An elastic cable over points and wheels, which only pulls."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from ..engine.cables import cable_length, cable_rate, over_spans
+from ..engine.compiler.jit import part
+from ..engine.compiler.masks import chosen, larger, more
+from ..engine.records import REAL
+from ..engine.vec import scale
+from ..fields import Flag, Number, field, parts_of, refuse
+from ..pulleys import Pulley, way_problems, with_body
+from ..units import M, N, S
+from .base import KIND, Action, Array, Load, OnBody, Places, opposed, row
+from .strut import above
+
+
+class Cable(OnBody):
+    """An elastic cable or belt that leads through points and over wheels, and only pulls.
+
+    A wheel that it grips divides it into segments, each of which has its own tension: `stiffness`
+    times its stretch, plus `damping` times the rate of that while it is taut. With `closed` it is a
+    belt, which returns to its first wheel.
+
+    Examples
+    --------
+    >>> import pgraph_core as pg
+    >>> through = [("hook", (0, 0, 0)), pg.Pulley("drum", radius=0.1, side=1)]
+    >>> pg.Cable(name="hoist", through=through, stiffness=1e5).body
+    'hook'
+    """
+
+    ABOUT: ClassVar[str] = "an elastic cable or belt over wheels and points, which only pulls"
+    PASSIVE: ClassVar[bool] = True
+    SCALES: ClassVar[tuple[str, ...]] = ("stiffness",)
+    SINCE: ClassVar[int] = 9
+    PLACES: ClassVar[tuple[str, ...]] = ("through",)
+
+    kind: Literal["cable"] = field(KIND, default="cable")
+    through: tuple[Pulley, ...] = field(
+        "a list of two or more points (body, [x, y, z]) [m] and pulleys {'body': name, 'radius': "
+        "length}, in their order",
+        converter=parts_of(Pulley), role="parts",
+        help="points and wheels along the cable, in their order",
+    )  # fmt: skip
+    closed: Flag = field(
+        "true or false", default=False, help="whether it is a belt that returns to its first wheel"
+    )
+    stiffness: Number | None = field(
+        "a number > 0 [N/m], or None if it does not stretch",
+        default=None, gt=0, dim=N / M,
+        help="stiffness of each segment between two grips; default: it does not stretch",
+    )  # fmt: skip
+    damping: Number = field(
+        "a number >= 0 [N s/m]", default=0.0, ge=0, dim=N * S / M,
+        help="damping of each segment while it is taut",
+    )  # fmt: skip
+    length: Number | None = field(
+        "a length > 0 without force [m]; default: as in the initial state",
+        default=None, gt=0, dim=M, help="length without force; default: as in the initial state",
+    )  # fmt: skip
+    tension: Number = field(
+        "a force >= 0 in the initial state [N]",
+        default=0.0, ge=0, dim=N, help="tension in the initial state",
+    )  # fmt: skip
+
+    @model_validator(mode="before")
+    @classmethod
+    def _ends(cls, data: Any) -> Any:
+        """Set `body` to the first moving body along the cable."""
+        return with_body(data)
+
+    @model_validator(mode="after")
+    def _led(self) -> Self:
+        refuse(way_problems(self.through, self.closed))
+        if self.tension and self.length is not None:
+            text = "give either `length` or the tension in the initial state, which determines it"
+            refuse([("tension", text)])
+        given = [x for x in ("damping", "tension") if getattr(self, x)]
+        if self.stiffness is None and given:
+            text = "needs a stiffness [N/m]; a cable without it does not stretch"
+            refuse([(given[0], text)])
+        return self
+
+    @property
+    def _bounds(self) -> bool:
+        return self.stiffness is None
+
+    @property
+    def _bends(self) -> bool:
+        return bool(self.stiffness)
+
+
+class Part(NamedTuple):
+    """A segment of a cable, which is a row of its table."""
+
+    cable: Cable
+    segment: Any  # a Segment of `packing.cables`
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """The bodies of its first and last station."""
+        first, *_, last = self.segment.stations
+        return first.pulley.body, last.pulley.body
+
+
+def split(f: Cable, at: Places) -> list[Part]:
+    """Return the segments of a cable."""
+    return [] if f.stiffness is None else [Part(f, segment) for segment in at.segments(f)]
+
+
+def longest_of(cable: Cable, segment: Any) -> float:
+    """Return the `cable_length` at which a segment has the given length, or the initial one."""
+    longer = 0.0 if cable.length is None else cable.length - segment.length
+    return float(segment.value + longer)
+
+
+def pack(f: Part, one: Any, at: Places) -> Array:
+    """Write the stiffness, damping and rest length, and return the knot of its bend."""
+    cable, segment = f
+    assert cable.stiffness is not None
+    one["stiffness"], one["damping"] = cable.stiffness, cable.damping
+    one["rest"] = longest_of(cable, segment) - cable.tension / cable.stiffness
+    pushing = 0.0 if cable.damping else -np.inf
+    return np.array([[0.0, 0.0, 0.0, np.inf], [0.0, 0.0, pushing, np.inf]])
+
+
+@part
+def pull(one, knots, length, rate, t):
+    """Compute the tension stiffness × stretch + damping × rate, if it is taut and this pulls."""
+    slack, pushing = knots[one.first_knot], knots[one.first_knot + 1]
+    beyond = length - one.rest
+    elastic = one.stiffness * above(beyond, slack)
+    taut = chosen(more(beyond, slack[2]), 1.0, 0.0)
+    tension = above(elastic + taut * one.damping * rate, pushing)
+    return tension, 0.0, (tension - elastic) * rate
+
+
+@part
+def ends_of_segment(one):
+    """Return the first and the last station of a segment."""
+    return one.first_via, one.first_via + one.vias - 1
+
+
+@part
+def length_of_segment(one, vias, work, q):
+    first, last = ends_of_segment(one)
+    return cable_length(vias, work, q, first, last)
+
+
+@part
+def rate_of_segment(one, vias, work, linear):
+    first, last = ends_of_segment(one)
+    return cable_rate(linear, vias, work, first, last)
+
+
+def onto(push: Any) -> Any:
+    """Return the function that applies the tension of a segment to its bodies."""
+    both = opposed(push)
+
+    @part
+    def shorten(to_it, vias, work, n, p, q, along):
+        """Pull both ends of a span towards each other."""
+        to, tension = to_it
+        a, b, none = vias[n - 1], vias[n], (0.0, 0.0, 0.0)
+        both(to, a.row, a.body, p, b.row, b.body, q, none, scale(tension, along))
+        return 0.0
+
+    shorten_spans = over_spans(shorten)
+
+    @part
+    def exert(one, knots, vias, work, linear, q, t, to):
+        first, last = ends_of_segment(one)
+        length = length_of_segment(one, vias, work, q)
+        rate = rate_of_segment(one, vias, work, linear)
+        tension, put_in, lost = pull(one, knots, length, rate, t)
+        shorten_spans((to, tension), vias, work, first, last)
+        return put_in, lost
+
+    return exert
+
+
+@part
+def stored(one, knots, vias, work, q):
+    """Return the stored energy ½ stiffness stretch²."""
+    stretch = larger(length_of_segment(one, vias, work, q) - one.rest, 0.0)
+    return 0.5 * one.stiffness * stretch * stretch
+
+
+def linear(table: Any) -> bool:
+    """Check whether no cable has a damper, which acts in taut ones only."""
+    return not table["damping"].any()
+
+
+ROW = row(stiffness=REAL, damping=REAL, rest=REAL)
+# knots: the stretch from which it pulls, and the tension below which it would push, with the least
+# and most that a run holds there
+LOAD = Load(Cable, ROW, pack, Action(onto, stored), columns=4, linear=linear, split=split)
