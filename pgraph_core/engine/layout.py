@@ -137,7 +137,7 @@ T_SPAN = 11  # unilateral sign(VALUE) |x_A - x_B| - VALUE ≥ 0, with AIM the sp
 T_FRICTION = 12  # dry friction of Σ coefficient v: at most VALUE [N m, N], AIM an impulse in a part
 T_RELATION = 13  # q = f(q') of two coordinates, with f by `curves`
 T_CABLE = 15  # the length of a segment of a cable = VALUE, see `cables`
-# unilateral VALUE - the length of a segment of a cable ≥ 0, with AIM the speed at which it may close
+# unilateral VALUE - length of a segment of a cable ≥ 0, with AIM the speed at which it may close
 T_SLACK = 16
 T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds
 

@@ -17,7 +17,7 @@ from .rows import (
     rotation_of,
     set_bias,
 )
-from .vec import accumulate, add, add_cross, mul, scale, sub
+from .vec import accumulate, add, add_cross, mul, scale, store, sub
 
 
 @part
@@ -88,6 +88,20 @@ def _storing(kind):
         for i in range(table.shape[0]):
             total += energy(table[i], knots, vias, work, q)
         return total
+
+    return all_of
+
+
+def _measuring(kind):
+    tension = kind.action.tension
+
+    @sweep
+    def all_of(own, work, linear, q, t, out, first):
+        """Write (tension, length, rate) of the loads of one kind from row `first` of `out` on."""
+        table, knots, vias = own
+        for i in range(table.shape[0]):
+            store(out, first + i, 0, tension(table[i], knots, vias, work, linear, q, t))
+        return table.shape[0]
 
     return all_of
 
@@ -164,6 +178,22 @@ def _stores(n):
     return chain
 
 
+def _measures(n):
+    if n == len(LOADS):
+        return part(lambda loads, work, linear, q, t, out, begin: None)
+    rest = _measures(n + 1)
+    if LOADS[n].action.tension is None:
+        return rest
+    first = _measuring(LOADS[n])
+
+    @part
+    def chain(loads, work, linear, q, t, out, begin):
+        count = first(loads[n], work, linear, q, t, out, begin)
+        rest(loads, work, linear, q, t, out, begin + count)
+
+    return chain
+
+
 # number of loads of all kinds
 count_of_loads = _counts(0)
 # a number into a knot of loads of one kind, which is counted from 0
@@ -172,6 +202,9 @@ put_in_knots = _puts(0)
 apply_loads = _applies(0)
 # all loads added to `external` (nb, 6), after `positions` and `velocities`
 collect_loads = _collects(0)
+# (tension, length, rate) of all loads along paths into rows of `out`, kind after kind [N, m, m/s],
+# after `positions` and `velocities`
+measure_loads = _measures(0)
 # energy of the springs between bodies [J], after `positions`
 elastic_loads = _stores(0)
 

@@ -14,7 +14,14 @@ from .compiler.kinds import F1, F2, I1, I2, array_of, f8, group, i8, plain, u8, 
 from .constraints.blocks import residual, residual_velocity, velocities
 from .constraints.constraints import drift, driven_power, impose, located, project, wrenches
 from .drives import drive, elastic
-from .loads import apply_loads, collect_loads, count_of_loads, elastic_loads, torque_of_loads
+from .loads import (
+    apply_loads,
+    collect_loads,
+    count_of_loads,
+    elastic_loads,
+    measure_loads,
+    torque_of_loads,
+)
 from .records import PAIR
 from .rows import kept_of
 from .signals import begin_states, follow_signals, put_rates, take_samples
@@ -264,6 +271,18 @@ def drive_torque(scene, q, v, tau):
     drives, given = data.drives, data.given
     follow(data, 0.0, q, v)
     drive(drives, 0.0, q, v, given, tau)
+
+
+@kernel(void(i8, f8, F1, F1, F2))
+def load_tensions(scene, t, q, v, out):
+    """Write (tension, length, rate) of all loads along paths into `out` (n, 3), by kinds."""
+    data = opened(scene)
+    work, space = data.work, data.space
+    follow(data, t, q, v)
+    outboard(data.rows, data.const, work, q, v)
+    positions(data.rows, work)
+    velocities(data.rows, data.const, work, v, space.linear)
+    measure_loads(data.loads, work, space.linear, q, t, out, 0)
 
 
 @kernel(void(i8, F1, F1, F1))

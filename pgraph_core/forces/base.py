@@ -221,12 +221,14 @@ class Action(NamedTuple):
     `onto(push)` returns the function `exert(one, knots, vias, work, linear, q, t, to)`, which
     returns the powers (put in, lost) [W]. For each of its wrenches it calls `push(to, k, body, p,
     torque, force)`: torque and force [N m, N] on a body and its row k at p, world axes.
-    `energy(one, knots, vias, work, q)` returns the stored energy [J]. A kind that stores none has
-    None.
+    `energy(one, knots, vias, work, q)` returns the stored energy [J]. `tension(one, knots, vias,
+    work, linear, q, t)` returns (tension, length, rate) of a path [N, m, m/s]. A kind without one of
+    them has None.
     """
 
     onto: Callable[[Any], Any]
     energy: Any = None
+    tension: Any = None
 
 
 def opposed(push: Any) -> Any:

@@ -185,6 +185,14 @@ def onto(push: Any) -> Any:
 
 
 @part
+def tension(one, knots, vias, work, linear, q, t):
+    """Return (tension, length, rate) of a segment."""
+    length, rate = length_of_segment(one, vias, work, q), rate_of_segment(one, vias, work, linear)
+    force, _, _ = pull(one, knots, length, rate, t)
+    return force, length, rate
+
+
+@part
 def stored(one, knots, vias, work, q):
     """Return the stored energy ½ stiffness stretch²."""
     stretch = larger(length_of_segment(one, vias, work, q) - one.rest, 0.0)
@@ -199,4 +207,4 @@ def linear(table: Any) -> bool:
 ROW = row(stiffness=REAL, damping=REAL, rest=REAL)
 # knots: the stretch from which it pulls, and the tension below which it would push, with the least
 # and most that a run holds there
-LOAD = Load(Cable, ROW, pack, Action(onto, stored), columns=4, linear=linear, split=split)
+LOAD = Load(Cable, ROW, pack, Action(onto, stored, tension), columns=4, linear=linear, split=split)

@@ -340,4 +340,10 @@ def on_path(pull: Any, energy: Any) -> Action:
     def stored(one, knots, vias, work, q):
         return energy(one, knots, length_of(one, vias, work))
 
-    return Action(onto, stored)
+    @part
+    def tension(one, knots, vias, work, linear, q, t):
+        length, rate = measured(one, vias, work, linear)
+        force, _, _ = pull(one, knots, length, rate, t)
+        return force, length, rate
+
+    return Action(onto, stored, tension)
