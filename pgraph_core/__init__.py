@@ -101,6 +101,7 @@ if TYPE_CHECKING:
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace
     from .pulleys import Pulley as Pulley
+    from .pulleys import belt as belt
     from .result import Result as Result
     from .result import Status as Status
     from .result.joining import joined as joined

@@ -148,6 +148,8 @@ KINDS = {
     "constraint_force": Kind("force of", "N", named("constraint_force", 3)),
     "constraint_torque": Kind("torque of", "N m", named("constraint_force", 0)),
     "drive_force": Kind("torque or force of", "N m, N", single("drive_force")),
+    "tension": Kind("tension of", "N", single("tension")),
+    "path_length": Kind("length of", "m", single("path_length")),
     "limit": Kind("torque or force of the", "N m, N", limit),
     "contact_force": Kind("contact force of", "N", named("contact_force", 3)),
     "contact_gap": Kind("gap of", "m", single("contact_gap")),
@@ -222,6 +224,7 @@ def of_scene(run: pg.Result) -> list[Signal]:
         if kinds.get(name) != "point":  # a point transmits no torque
             found.append(Signal("constraint_torque", name))
     found += [Signal("drive_force", name) for name in run.drive_force]
+    found += [Signal(kind, name) for name in run.tension for kind in ("tension", "path_length")]
     found += [Signal("limit", name) for name in run.contacts.limit]
     for name in run.contact_force:
         found += [Signal(kind, name) for kind in ("contact_force", "contact_gap", "contact_slip")]

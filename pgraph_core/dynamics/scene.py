@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from ..engine.arrays import (
     User,
     Workspace,
 )
+from ..engine.cable_places import spans_of_segment
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.motions import facts
 from ..engine.records import (
@@ -39,6 +41,8 @@ from ..engine.records import (
 )
 from ..engine.signals import LAW
 from ..engine.stepping.measured import measured
+from ..engine.tree import bodies
+from ..forces import OnBody
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
@@ -213,14 +217,26 @@ class Scene(Unportable):
         """
         if self._one_each:
             return dict(zip(self._one_each, wrenches))
-        return _summed(wrenches, self._spans)
+        named = (own for one in self._spans for own in _segments_of(self.blocks, *one))
+        return _summed(wrenches, named)
 
 
 def forces_of(blocks: Blocks, constraints: Ints, wrenches: Array) -> dict[str, Array]:
     """Return {name: (n, 6)} [torque, force] on `body` at `point` of these constraints, from
     wrenches (n, blocks, 6).
+
+    A rope has an entry "name[k]" for each of several segments, with the force on their first body.
     """
-    return _summed(np.ascontiguousarray(wrenches.swapaxes(0, 1)), _spans_of(blocks, constraints))
+    spans = _spans_of(blocks, constraints)
+    named = (own for one in spans for own in _segments_of(blocks, *one))
+    return _summed(np.ascontiguousarray(wrenches.swapaxes(0, 1)), named)
+
+
+def _segments_of(blocks: Blocks, name: str, first: int, end: int) -> list[tuple[str, int, int]]:
+    """Return the spans of the entries of a constraint."""
+    if end == first + 1 or blocks.blocks_i[first, at.B_TYPE] != at.T_CABLE:
+        return [(name, first, end)]
+    return [(f"{name}[{k}]", i, i + 1) for k, i in enumerate(range(first, end), start=1)]
 
 
 def _spans_of(blocks: Blocks, constraints: Ints) -> list[tuple[str, int, int]]:
@@ -229,7 +245,7 @@ def _spans_of(blocks: Blocks, constraints: Ints) -> list[tuple[str, int, int]]:
     return [(blocks.names[i], first[i], first[i + 1]) for i in constraints.tolist()]
 
 
-def _summed(wrenches: Array, spans: list[tuple[str, int, int]]) -> dict[str, Array]:
+def _summed(wrenches: Array, spans: Iterable[tuple[str, int, int]]) -> dict[str, Array]:
     return {name: wrenches[a] if b == a + 1 else wrenches[a:b].sum(axis=0) for name, a, b in spans}
 
 
@@ -466,6 +482,43 @@ def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array,
             state = (t[i], q[i], v[i], external[i])
             motion.load_wrenches(scene.address, *packed.system[2:4], *state)
     return external
+
+
+def path_tensions(
+    packed: Packed, force: OnBody, named: tuple[Force, ...], t: Array, q: Array, v: Array
+) -> Array:
+    """Return (n, rows, 3) tension, length and rate of a force along a path [N, m, m/s].
+
+    It has a row for each segment of a cable, and otherwise one. Its expressions may name drives.
+    """
+    own = packed.loads((force,), named=named)
+    scene = Scene(packed, packed.passive, own, NO_CONSTRAINTS)
+    found = np.zeros((len(t), sum(len(table) for table, *_ in own[:-1]), 3))
+    for i in range(len(t)):
+        motion.load_tensions(scene.address, t[i], q[i], v[i], found[i])
+    return found
+
+
+def segments_of(blocks: Blocks, name: str) -> list[tuple[str, int]]:
+    """Return the name and the block of each segment of a rope."""
+    k = blocks.names.index(name)
+    first, end = blocks.first[k : k + 2].tolist()
+    return [(own, i) for own, i, _ in _segments_of(blocks, name, first, end)]
+
+
+def rope_spans(packed: Packed, block: int, q: Array) -> tuple[Array, Array]:
+    """Return (n, spans, 9) first point, last point and direction of the spans of a block, and its
+    lengths (n,), at the states q (n, nq)."""
+    blocks, system = packed.blocks, packed.system
+    first, count = blocks.blocks_i[block, [at.B_STATION, at.B_STATIONS]].tolist()
+    stations = blocks.stations[first : first + count]
+    found, lengths = np.zeros((len(q), count - 1, 9)), np.zeros(len(q))
+    work = np.zeros((len(packed.rows), at.WORK))
+    position, rotation = np.empty((packed.nb, 3)), np.empty((packed.nb, 9))
+    for i in range(len(q)):
+        bodies.poses(*system[:4], q[i], np.zeros(packed.nv), work, position, rotation)
+        lengths[i] = spans_of_segment(stations, work, q[i], found[i])
+    return found, lengths
 
 
 def workspace(

@@ -222,8 +222,8 @@ class Action(NamedTuple):
     returns the powers (put in, lost) [W]. For each of its wrenches it calls `push(to, k, body, p,
     torque, force)`: torque and force [N m, N] on a body and its row k at p, world axes.
     `energy(one, knots, vias, work, q)` returns the stored energy [J]. `tension(one, knots, vias,
-    work, linear, q, t)` returns (tension, length, rate) of a path [N, m, m/s]. A kind without one of
-    them has None.
+    work, linear, q, t)` returns (tension, length, rate) of a path [N, m, m/s]. A kind has None for
+    what it lacks.
     """
 
     onto: Callable[[Any], Any]

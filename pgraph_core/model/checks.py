@@ -133,6 +133,7 @@ def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Pro
             found += sum_problems(c, where, bodies, isinstance(c, Coupling))
         else:
             found += pair_problems(c, where, bodies) or _joint_problems(c, where, bodies)
+            found += place_problems(c, where, bodies)
     return found
 
 
@@ -245,13 +246,19 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
     return found
 
 
+def place_problems(part: Constraint | Force, where: str, bodies: Bodies) -> list[Problem]:
+    """Check the points of further bodies for unknown bodies."""
+    return [
+        Problem(where, field, f"point {k}: {text}")
+        for field in part.PLACES
+        for k, place in enumerate(getattr(part, field), start=1)
+        if (text := unknown(place.body, bodies, GROUND))
+    ]
+
+
 def path_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
     """Check a path for unknown bodies, for spans without a length and for a constant length."""
-    found = list[Problem]()
-    for field in f.PLACES:
-        for k, place in enumerate(getattr(f, field), start=1):
-            if text := unknown(place.body, bodies, GROUND):
-                found.append(Problem(where, field, f"point {k}: {text}"))
+    found = place_problems(f, where, bodies)
     body = bodies.get(f.body)
     if found or not isinstance(f, BetweenPoints) or not f.via or body is None:
         return found

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..curves import Table
-from ..dynamics.scene import load_wrenches
+from ..dynamics.scene import load_wrenches, rope_spans, segments_of
 from ..dynamics.states import BodyMotion, bodies_over, turned
+from ..engine import layout as at
 from ..forces import OnJoint
-from ..model import Force, Model
+from ..model import Force, Model, Rope
 from ..model.constraint import InJoints
 from ..model.expressions import wanted
 from ..packing import Array
@@ -53,7 +54,8 @@ def outer_wrenches(run: Any, rows: slice = ALL) -> Array:
     if run.constraint_force:
         pulls = run.contacts.pull or run.constraint_force
         pulls = {name: pulls[name][rows] for name in pulls}
-        add_constraint_wrenches(run.mechanism, pulls, body_poses(run, rows), external)
+        states = body_poses(run, rows), run.q[rows]
+        add_constraint_wrenches(run.mechanism, pulls, states, external)
     return external
 
 
@@ -122,12 +124,18 @@ def all_forces(run: Any) -> tuple[Force, ...]:
 
 
 def add_constraint_wrenches(
-    mech: Mechanism, forces: Mapping[str, Array], pose: Array, out: Array
+    mech: Mechanism, forces: Mapping[str, Array], states: tuple[Array, Array], out: Array
 ) -> None:
-    """Add constraint forces as wrenches on the bodies, in world axes at origins (eq. (22))."""
+    """Add constraint forces as wrenches on the bodies, in world axes at origins (eq. (22)).
+
+    `states` are the poses of the bodies and q.
+    """
+    pose = states[0]
     position = pose[..., :3]
     for c in mech.model.constraints:
-        if c.name not in forces or isinstance(c, InJoints):
+        if isinstance(c, Rope):
+            add_rope_wrenches(mech, c.name, forces, states, out)
+        if c.name not in forces or isinstance(c, (InJoints, Rope)):
             continue
         wrench = forces[c.name]
         point = mech.model.point_of(c)
@@ -139,3 +147,24 @@ def add_constraint_wrenches(
                 arm = place - position[:, b]
                 out[:, b, :3] += signed[:, :3] + np.cross(arm, signed[:, 3:])
                 out[:, b, 3:] += signed[:, 3:]
+
+
+def add_rope_wrenches(
+    mech: Mechanism, name: str, forces: Mapping[str, Array], states: tuple[Array, Array], out: Array
+) -> None:
+    """Add the tensions of a rope as wrenches on the bodies along it."""
+    blocks, (pose, q) = mech.packed.blocks, states
+    for own, k in segments_of(blocks, name):
+        if own not in forces:
+            continue
+        spans, _ = rope_spans(mech.packed, k, q.copy())
+        tension = np.einsum("nk,nk->n", forces[own][:, 3:], spans[:, 0, 6:])
+        first, count = blocks.blocks_i[k, [at.B_STATION, at.B_STATIONS]].tolist()
+        numbers = blocks.stations["body"][first : first + count].tolist()
+        for a, b, span in zip(numbers, numbers[1:], spans.swapaxes(0, 1)):
+            force = tension[:, None] * span[:, 6:]
+            for number, place, signed in ((a, span[:, :3], force), (b, span[:, 3:6], -force)):
+                if number:
+                    arm = place - pose[:, number - 1, :3]
+                    out[:, number - 1, :3] += np.cross(arm, signed)
+                    out[:, number - 1, 3:] += signed

@@ -111,6 +111,8 @@ def _forces(run: Any) -> dict[str, Column]:
     units = units_of_drives(run.mechanism.model, all_forces(run)) if run.drive_force else {}
     for name, force in run.drive_force.items():
         found[f"drive_force.{name}"] = Column(units.get(name, "N m, N"), force)
+    found |= {f"tension.{name}": Column("N", x) for name, x in run.tension.items()}
+    found |= {f"path_length.{name}": Column("m", x) for name, x in run.path_length.items()}
     found |= {f"limit.{name}": Column("N m, N", x) for name, x in touched.limit.items()}
     return found | {f"phases.{name}": Column("", x) for name, x in touched.phases.items()}
 

@@ -315,6 +315,7 @@ class ByTouch(Named):
 KINDS = ("force", "gap", "slip", "limit", "normal", "phases", "pull")
 OF_CONSTRAINTS = ("constraint_force", "constraint")  # arguments of Named for constraints
 OF_DRIVES = ("drive_force", "motor, servo or actuator")  # and for drives
+OF_PATHS = ("tension", "spring, strut, cable or rope")  # and for paths
 ADDED = {  # contents of `Named`: the part of the model that brings each
     "contact": "Contact(body='...', other='ground')", "output": "Output('...', at='...')",
     "constraint": "Point(body='...', other='...')", OF_DRIVES[1]: "Motor('...', body='...')",

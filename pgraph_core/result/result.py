@@ -37,11 +37,13 @@ from .columns import (
 )
 from .dense import states_at
 from .exports import ARRAYS, Exports
+from .paths import Path, paths_of
 from .records import (
     NO_DERIVATIVES,
     NO_DRIVES,
     NO_FORCES,
     NOTHING,
+    OF_PATHS,
     SWING,
     ByTouch,
     ContactRecord,
@@ -577,6 +579,25 @@ class Result(Exports, EqualByFields, Portable):
         model, packed = self.mechanism.model, self.mechanism.packed
         found = values_of(model, packed, acting(self), self.t, *self._with_states())
         return Named(found, "controls", "control")
+
+    @cached_property
+    def _paths(self) -> Mapping[str, Path]:
+        """The tension and the length of every path by name."""
+        return paths_of(self)
+
+    @property
+    def tension(self) -> Mapping[str, Array]:
+        """Tensions {name: (n,)} of springs, struts, cables and ropes [N], negative if they push.
+
+        A cable or rope has an entry "name[k]" for each of several segments, k from 1.
+        """
+        return Named({name: path.tension for name, path in self._paths.items()}, *OF_PATHS)
+
+    @property
+    def path_length(self) -> Mapping[str, Array]:
+        """Lengths {name: (n,)} of springs, struts, cables and ropes [m], as in `tension`."""
+        found = {name: path.length for name, path in self._paths.items()}
+        return Named(found, "path_length", OF_PATHS[1])
 
     def _with_states(self, rows: slice = ALL) -> tuple[Array, Array]:
         """Return q and v with the control states appended, as the kernels expect them."""
