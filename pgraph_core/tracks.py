@@ -33,6 +33,14 @@ from .signals.meaning import CONSTANTS, constant
 from .tolerances import NOTABLE, SOLVED
 from .units import M
 
+# directions that halve the sphere evenly: the axes, and others along a spiral
+_TURNS = np.pi * (1.0 + 5.0**0.5) * np.arange(200)
+_HEIGHTS = (np.arange(200) + 0.5) / 200
+_ACROSS = np.sqrt(1.0 - _HEIGHTS**2)
+_DIRECTIONS = np.vstack((
+    np.eye(3), np.column_stack((_ACROSS * np.cos(_TURNS), _ACROSS * np.sin(_TURNS), _HEIGHTS)),
+))  # fmt: skip
+
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 Pairs = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2)]
@@ -181,6 +189,45 @@ class Track(Frozen):
         """Return points (count + 1, 3) of the track from its beginning to its end [m]."""
         first, last = self.pieces.x[[0, -1]].tolist()
         return self.pieces(np.linspace(first, last, count + 1))[:, :3]
+
+    @cached_property
+    def aside(self) -> Array:
+        """A direction (3,) that the curve never has, of many the one farthest from its tangents.
+
+        Past the ends of an open curve, too, by its length. It is normal to the plane of a flat one.
+        """
+        x = self.pieces.x
+        q = (x[:-1, None] + np.diff(x)[:, None] * np.linspace(0.0, 1.0, 8)).ravel()
+        tangents = self.pieces(q, nu=1)[:, :3]
+        if not self.closed:
+            way, bends = (x[-1] - x[0]) * np.linspace(0.0, 1.0, 64)[:, None], self.pieces(x, nu=2)
+            ends = [tangents[k] + s * way * bends[k, :3] for k, s in ((0, -1.0), (-1, 1.0))]
+            tangents = np.vstack((tangents, *ends))
+        lengths = np.linalg.norm(tangents, axis=1, keepdims=True)
+        tangents = (tangents / np.where(lengths > 0.0, lengths, 1.0))[lengths[:, 0] > 0.0]
+        chosen = _DIRECTIONS
+        _, sizes, ways = np.linalg.svd(tangents, full_matrices=False)
+        if sizes[1] > SOLVED * sizes[0]:  # of a straight line there is no plane
+            chosen = np.vstack((chosen, ways[2] * np.sign(ways[2, np.argmax(np.abs(ways[2]))])))
+        found: Array = chosen[np.argmin(np.abs(tangents @ chosen.T).max(axis=0))]
+        return found
+
+    def nearest(self, points: Array) -> Array:
+        """Return the coordinates (n,) at which the curve is nearest to points (n, 3).
+
+        They are beyond the ends of an open curve for points that are past them.
+        """
+        x = self.pieces.x
+        q = np.append((x[:-1, None] + np.diff(x)[:, None] * np.arange(8) / 8).ravel(), x[-1])
+        apart = np.linalg.norm(self.pieces(q)[None, :, :3] - points[:, None], axis=-1)
+        found = q[np.argmin(apart, axis=1)]
+        for _ in range(16):
+            values = np.array([self._values(s) for s in found.tolist()])[..., :3]
+            place, slope, bend = values.swapaxes(0, 1)
+            left, square = points - place, np.einsum("ij,ij->i", slope, slope)
+            below = np.maximum(square - np.einsum("ij,ij->i", left, bend), 0.5 * square)
+            found = found + np.einsum("ij,ij->i", left, slope) / below
+        return found
 
     def mirrored(self, sign: Sequence[float]) -> Track:
         """Return the mirror image that multiplies the components of vectors by `sign`."""

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 from pydantic import ValidationError
 
 from ..errors import ModelError, Problem, choices, counted, explained, nearest_first, shown
-from ..fields import Vec3, field, listed, parts_of
+from ..fields import AtPoint, Vec3, field, listed, parts_of
 from ..forces import BetweenPoints, Force, ends_of
 from ..functions import Curve
 from ..sentences import in_our_words
 from . import files
 from .body import Body
 from .checks import PARTS, model_problems
-from .constraint import AtPoints, Constraint, Relation, Rolling, Skate
+from .constraint import Constraint, Relation, Rolling
 from .contact import Contact
 from .control import Control
 from .doubts import doubts
@@ -289,7 +289,7 @@ class Description(World):
         The default is the body's tip, and the middle of its shape for rolling.
         """
         body = self.body(constraint.body)
-        if isinstance(constraint, (AtPoints, Skate)) and constraint.point is not None:
+        if isinstance(constraint, AtPoint) and constraint.point is not None:
             return constraint.point
         if isinstance(constraint, Rolling) and body.shape is not None:
             return body.shape.position

@@ -92,7 +92,7 @@ def corners(mech: Mechanism, drives: Drives, loads: Loads, active: Ints, begin: 
         for block in range(blocks.first[i], blocks.first[i + 1]):
             columns = [at.B_TYPE, at.B_CURVE, at.B_KNOTS]
             kind, first, count = blocks.blocks_i[block, columns].tolist()
-            if kind != at.T_RELATION and count > 1:
+            if kind not in (at.T_RELATION, at.T_CURVE) and count > 1:
                 found.append(blocks.curves[first : first + count, 0])
     others = any(len(x) for x in found[1:])
     times = np.unique(np.concatenate(found)) if others else found[0]
