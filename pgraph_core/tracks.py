@@ -53,6 +53,7 @@ _range: Callable[[Sequence[float] | None], tuple[float, float] | None] = listed
 FUNCTION = "a number, pairs [q, value] of a cubic spline, or an expression of q such as 'cos(q)'"
 
 
+MOST_STEPS = 32  # of a search for the nearest place: more are needed beside no smooth curve
 GIVEN = ("points", "up", "x", "y", "z", "angles", "axes", "range", "closed", "unit")
 
 
@@ -174,15 +175,15 @@ class Track(Frozen):
         turn = _twist(p, bend[3:]) - shrinks * _twist(p, rate)
         return np.concatenate((turn, bend[:3]))
 
-    def _values(self, q: float) -> tuple[Array, Array, Array]:
-        """Return x and p, (7,), and their derivatives. The second ones are constant beyond the
+    def _values(self, q: float | Array) -> tuple[Array, Array, Array]:
+        """Return x and p, (..., 7), and their derivatives. The second ones are constant beyond the
         ends."""
         first, last = self.pieces.x[[0, -1]]
         if self.closed:
             q = first + (q - first) % (last - first)
-        inside = min(max(q, first), last)
+        inside = np.clip(q, first, last)
         value, slope, bend = (self.pieces(inside, nu=k) for k in range(3))
-        beyond = q - inside
+        beyond = np.asarray(q - inside)[..., None]
         return value + beyond * (slope + 0.5 * beyond * bend), slope + beyond * bend, bend
 
     def line(self, count: int = 100) -> Array:
@@ -217,17 +218,44 @@ class Track(Frozen):
 
         They are beyond the ends of an open curve for points that are past them.
         """
+        q, places = self._samples
+        apart = np.linalg.norm(places[None] - points[:, None], axis=-1)
+        return self._descended(points, q[np.argmin(apart, axis=1)])
+
+    def around(self, point: Array, most: float) -> list[float]:
+        """Return the coordinates of all places that are nearest to a point (3,) around them, and
+        within the distance `most`."""
+        q, places = self._samples
+        apart = np.linalg.norm(places - point, axis=-1)
+        before, after = np.append(np.inf, apart[:-1]), np.append(apart[1:], np.inf)
+        start = q[(apart <= before) & (apart <= after)]
+        span, found = q[-1] - q[0], list[float]()
+        for s in self._descended(np.tile(point, (len(start), 1)), start).tolist():
+            s = float(q[0] + (s - q[0]) % span) if self.closed else s
+            ways = [abs(s - x) for x in found]
+            ways += [span - way for way in ways if self.closed]
+            if np.linalg.norm(self.at(s)[0] - point) <= most and all(w > most for w in ways):
+                found.append(s)
+        return found
+
+    @cached_property
+    def _samples(self) -> tuple[Array, Array]:
+        """Coordinates (n,) along the curve, and its places there (n, 3)."""
         x = self.pieces.x
         q = np.append((x[:-1, None] + np.diff(x)[:, None] * np.arange(8) / 8).ravel(), x[-1])
-        apart = np.linalg.norm(self.pieces(q)[None, :, :3] - points[:, None], axis=-1)
-        found = q[np.argmin(apart, axis=1)]
-        for _ in range(16):
-            values = np.array([self._values(s) for s in found.tolist()])[..., :3]
-            place, slope, bend = values.swapaxes(0, 1)
+        return q, self.pieces(q)[:, :3]
+
+    def _descended(self, points: Array, q: Array) -> Array:
+        """Return the coordinates (n,) of the nearest places around q (n,), by Newton's method."""
+        for _ in range(MOST_STEPS):
+            place, slope, bend = (x[:, :3] for x in self._values(q))
             left, square = points - place, np.einsum("ij,ij->i", slope, slope)
             below = np.maximum(square - np.einsum("ij,ij->i", left, bend), 0.5 * square)
-            found = found + np.einsum("ij,ij->i", left, slope) / below
-        return found
+            step = np.einsum("ij,ij->i", left, slope) / below
+            q = q + step
+            if not (np.abs(step) > SOLVED * np.ptp(self.pieces.x)).any():
+                break
+        return q
 
     def mirrored(self, sign: Sequence[float]) -> Track:
         """Return the mirror image that multiplies the components of vectors by `sign`."""

@@ -48,7 +48,7 @@ class CurvePoint(AtPoint, ToOther):
         "two or more points [x, y, z] in the axes of `other` [m], or {'points': [...], 'closed': "
         "true or false}, or {'x': ..., 'y': ..., 'z': ..., 'range': [first, last]} with numbers, "
         "pairs or expressions of a coordinate q, as 'cos(q)'",
-        converter=_track, label="Curve", help="curve in the axes of the second body",
+        converter=_track, role="track", label="Curve", help="curve in the axes of the second body",
     )  # fmt: skip
 
     @classmethod

@@ -20,6 +20,7 @@ from .checks import PARTS, model_problems
 from .constraint import Constraint, Relation, Rolling
 from .contact import Contact
 from .control import Control
+from .curve_point import CurvePoint
 from .doubts import doubts
 from .editing import followed_tips
 from .given import by_class, grounded, made_of, problems
@@ -141,6 +142,11 @@ class Description(World):
             for c in self.constraints
             if isinstance(c, Relation) and isinstance(c.curve, Curve) and c.curve.ends
         )
+
+    @cached_property
+    def riding(self) -> tuple[CurvePoint, ...]:
+        """The constraints that keep a point on a curve."""
+        return tuple(c for c in self.constraints if isinstance(c, CurvePoint))
 
     @cached_property
     def bending(self) -> tuple[Relation, ...]:

@@ -1,18 +1,18 @@
-"""Points that stay on a curve of another body: the place on the curve, its tangent and its bend.
+"""Points that stay on a curve of another body: the place on it, its tangent and its bend.
 
-The curve C(s) is given in the axes of the row of B, by pieces of polynomials as that of a joint. Its
-point at the place x of A's point is the nearest one, where f = C' · (x - C) = 0, so that
+The curve C(s) is in the axes of the row of B, in pieces of polynomials like that of a joint. Its
+place at the point x of A is the nearest one, where f = C' · (x - C) = 0. With the velocity u of A's
+point as B sees it,
 
     s' = C' · u / h    with    h = C' · C' - C'' · (x - C)
 
-for the velocity u of A's point as B sees it. The rows are n · (x - C) along two normals of the
-tangent t. As t turns with (t × C'') (t · u) / h, so do they; their turning about t changes no force.
+The rows are n · (x - C) along two normals of the tangent t. As t turns with (t × C'') (t · u) / h,
+so do they. How they turn about t changes no force, so they are normal to a constant direction too.
 
-Several points of a curve may be the nearest ones around them, as where it crosses itself. A block
-keeps the last s, from which the next search begins, so that a point stays on its branch. A point
-that is far from there has been put elsewhere, and is sought along the whole curve. The last steps of
-a search begin at a whole multiple of a small length, so that s does not depend on its beginning, and
-no derivatives of it enter.
+Several places may be the nearest ones around them, as where a curve crosses itself. A block keeps
+the last s, from which the next search begins, so that a point stays on its branch. A point that is
+far from there has been put elsewhere, and is sought along the whole curve. The last steps of a
+search begin at a whole multiple of a small way, so that s does not depend on where it began.
 """
 
 import math
@@ -41,7 +41,7 @@ def curve_at(curves, first, count, s):
 
 @part
 def denominator(apart, slope, bend):
-    """Return h, at least half of C' · C', with which Newton's steps do not leave for a maximum."""
+    """Return h, but at least half of C' · C', so that no step leads to the farthest place."""
     square = dot(slope, slope)
     return max(square - dot(apart, bend), 0.5 * square)
 
