@@ -25,6 +25,7 @@ from ..core.cells import (
 )
 from ..core.views import Host, Payload, Place, topic
 from ..pose.solving import degrees
+from ..properties import track_cells
 from . import (
     CELLS,
     KINDS,
