@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from .model import Control as Control
     from .model import Coupling as Coupling
     from .model import Curve as Curve
+    from .model import CurvePoint as CurvePoint
     from .model import Cylindrical as Cylindrical
     from .model import Distance as Distance
     from .model import Drag as Drag

@@ -68,7 +68,17 @@ class About(NamedTuple):
 
 
 Role = Literal[
-    "", "point", "direction", "vector", "axial", "frame", "tensor", "screw", "joint", "parts"
+    "",
+    "point",
+    "direction",
+    "vector",
+    "axial",
+    "frame",
+    "tensor",
+    "screw",
+    "joint",
+    "track",
+    "parts",
 ]
 
 
@@ -77,7 +87,8 @@ class Facts(NamedTuple):
 
     The role determines how the value changes under reflection. A `point`, `direction` or `vector`
     is reflected. An `axial` vector is reflected with the opposite sign. A `frame` is a quaternion,
-    a `tensor` has 3 by 3 numbers, a `screw` 6 by 6. A `joint` depends on the motions of a joint.
+    a `tensor` has 3 by 3 numbers, a `screw` 6 by 6. A `joint` depends on the motions of a joint. A
+    `track` is a curve.
     `parts` have their own fields. Everything else stays. A file that gives the field a value other
     than its default needs the schema version `since`.
     """

@@ -33,6 +33,14 @@ from .signals.meaning import CONSTANTS, constant
 from .tolerances import NOTABLE, SOLVED
 from .units import M
 
+# directions that halve the sphere evenly: the axes, and others along a spiral
+_TURNS = np.pi * (1.0 + 5.0**0.5) * np.arange(200)
+_HEIGHTS = (np.arange(200) + 0.5) / 200
+_ACROSS = np.sqrt(1.0 - _HEIGHTS**2)
+_DIRECTIONS = np.vstack((
+    np.eye(3), np.column_stack((_ACROSS * np.cos(_TURNS), _ACROSS * np.sin(_TURNS), _HEIGHTS)),
+))  # fmt: skip
+
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 Pairs = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2)]
@@ -45,6 +53,7 @@ _range: Callable[[Sequence[float] | None], tuple[float, float] | None] = listed
 FUNCTION = "a number, pairs [q, value] of a cubic spline, or an expression of q such as 'cos(q)'"
 
 
+MOST_STEPS = 32  # of a search for the nearest place: more are needed beside no smooth curve
 GIVEN = ("points", "up", "x", "y", "z", "angles", "axes", "range", "closed", "unit")
 
 
@@ -166,21 +175,87 @@ class Track(Frozen):
         turn = _twist(p, bend[3:]) - shrinks * _twist(p, rate)
         return np.concatenate((turn, bend[:3]))
 
-    def _values(self, q: float) -> tuple[Array, Array, Array]:
-        """Return x and p, (7,), and their derivatives. The second ones are constant beyond the
+    def _values(self, q: float | Array) -> tuple[Array, Array, Array]:
+        """Return x and p, (..., 7), and their derivatives. The second ones are constant beyond the
         ends."""
         first, last = self.pieces.x[[0, -1]]
         if self.closed:
             q = first + (q - first) % (last - first)
-        inside = min(max(q, first), last)
+        inside = np.clip(q, first, last)
         value, slope, bend = (self.pieces(inside, nu=k) for k in range(3))
-        beyond = q - inside
+        beyond = np.asarray(q - inside)[..., None]
         return value + beyond * (slope + 0.5 * beyond * bend), slope + beyond * bend, bend
 
     def line(self, count: int = 100) -> Array:
         """Return points (count + 1, 3) of the track from its beginning to its end [m]."""
         first, last = self.pieces.x[[0, -1]].tolist()
         return self.pieces(np.linspace(first, last, count + 1))[:, :3]
+
+    @cached_property
+    def aside(self) -> Array:
+        """A direction (3,) that the curve never has, of many the one farthest from its tangents.
+
+        Past the ends of an open curve, too, by its length. It is normal to the plane of a flat one.
+        """
+        x = self.pieces.x
+        q = (x[:-1, None] + np.diff(x)[:, None] * np.linspace(0.0, 1.0, 8)).ravel()
+        tangents = self.pieces(q, nu=1)[:, :3]
+        if not self.closed:
+            way, bends = (x[-1] - x[0]) * np.linspace(0.0, 1.0, 64)[:, None], self.pieces(x, nu=2)
+            ends = [tangents[k] + s * way * bends[k, :3] for k, s in ((0, -1.0), (-1, 1.0))]
+            tangents = np.vstack((tangents, *ends))
+        lengths = np.linalg.norm(tangents, axis=1, keepdims=True)
+        tangents = (tangents / np.where(lengths > 0.0, lengths, 1.0))[lengths[:, 0] > 0.0]
+        chosen = _DIRECTIONS
+        _, sizes, ways = np.linalg.svd(tangents, full_matrices=False)
+        if sizes[1] > SOLVED * sizes[0]:  # of a straight line there is no plane
+            chosen = np.vstack((chosen, ways[2] * np.sign(ways[2, np.argmax(np.abs(ways[2]))])))
+        found: Array = chosen[np.argmin(np.abs(tangents @ chosen.T).max(axis=0))]
+        return found
+
+    def nearest(self, points: Array) -> Array:
+        """Return the coordinates (n,) at which the curve is nearest to points (n, 3).
+
+        They are beyond the ends of an open curve for points that are past them.
+        """
+        q, places = self._samples
+        apart = np.linalg.norm(places[None] - points[:, None], axis=-1)
+        return self._descended(points, q[np.argmin(apart, axis=1)])
+
+    def around(self, point: Array, most: float) -> list[float]:
+        """Return the coordinates of all places that are nearest to a point (3,) around them, and
+        within the distance `most`."""
+        q, places = self._samples
+        apart = np.linalg.norm(places - point, axis=-1)
+        before, after = np.append(np.inf, apart[:-1]), np.append(apart[1:], np.inf)
+        start = q[(apart <= before) & (apart <= after)]
+        span, found = q[-1] - q[0], list[float]()
+        for s in self._descended(np.tile(point, (len(start), 1)), start).tolist():
+            s = float(q[0] + (s - q[0]) % span) if self.closed else s
+            ways = [abs(s - x) for x in found]
+            ways += [span - way for way in ways if self.closed]
+            if np.linalg.norm(self.at(s)[0] - point) <= most and all(w > most for w in ways):
+                found.append(s)
+        return found
+
+    @cached_property
+    def _samples(self) -> tuple[Array, Array]:
+        """Coordinates (n,) along the curve, and its places there (n, 3)."""
+        x = self.pieces.x
+        q = np.append((x[:-1, None] + np.diff(x)[:, None] * np.arange(8) / 8).ravel(), x[-1])
+        return q, self.pieces(q)[:, :3]
+
+    def _descended(self, points: Array, q: Array) -> Array:
+        """Return the coordinates (n,) of the nearest places around q (n,), by Newton's method."""
+        for _ in range(MOST_STEPS):
+            place, slope, bend = (x[:, :3] for x in self._values(q))
+            left, square = points - place, np.einsum("ij,ij->i", slope, slope)
+            below = np.maximum(square - np.einsum("ij,ij->i", left, bend), 0.5 * square)
+            step = np.einsum("ij,ij->i", left, slope) / below
+            q = q + step
+            if not (np.abs(step) > SOLVED * np.ptp(self.pieces.x)).any():
+                break
+        return q
 
     def mirrored(self, sign: Sequence[float]) -> Track:
         """Return the mirror image that multiplies the components of vectors by `sign`."""

@@ -36,6 +36,7 @@ def on_ground(*bodies: pg.Body, model: dict[str, Any] | None = None, **law: Any)
 NEEDS: dict[str, dict[str, Any]] = {
     "distance": {"other_point": (0, 0, 9)},
     "line": {"axis": (0, 0, 1)},
+    "curve_point": {"curve": [(0, 0, 0), (1, 0, 0)]},
     "plane": {"axis": (0, 0, 1)},
     "gear": {"other": "1"},
     "relation": {"other": "1", "curve": "=q"},

@@ -50,7 +50,8 @@ def carried(model: pg.Model, top: pg.Topology, at: int) -> list[int]:
     ties = [(k, int(parent)) for k, parent in enumerate(top.parent, 1)
             if k != at and not free[k - 1]]  # fmt: skip
     ties += [(number[c.body], number[c.other])
-             for c in model.constraints if c.active and isinstance(c, AtPoints)]  # fmt: skip
+             for c in model.constraints
+             if c.active and isinstance(c, (AtPoints, pg.CurvePoint))]  # fmt: skip
     floating: set[int] = set()
     for k, parent in enumerate(top.parent, 1):
         if parent in floating or (parent == 0 and free[k - 1]):

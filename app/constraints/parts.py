@@ -35,6 +35,7 @@ from ..core.cells import (
     whole,
 )
 from ..pose.solving import degrees
+from ..properties import track_cells
 from . import KINDS, WORD, Part, about, own_fields, takes_other, typed_as
 from .gains import EVERY, GROUND, gains
 
@@ -339,6 +340,8 @@ def _typed(
             return {**data, field: text == FLAG[True]}
         case "function":
             return {**data, "curve": _refunctioned(item.curve, text)}
+        case _ if field.startswith("track_") and isinstance(item, pg.CurvePoint):
+            return {**data, "curve": track_cells.changed(item.curve, field, text, display)}
         case "curve" if isinstance(item, pg.Relation):
             return {**data, "curve": _function_of(model, item, text)}
         case "curve":

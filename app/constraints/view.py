@@ -25,6 +25,7 @@ from ..core.cells import (
 )
 from ..core.views import Host, Payload, Place, topic
 from ..pose.solving import degrees
+from ..properties import track_cells
 from . import (
     CELLS,
     KINDS,
@@ -238,6 +239,8 @@ def _field(
             return [_name_field(model, part, item, name)]
         case "q_of_t":
             return _curve(model, item)
+        case "curve" if isinstance(item, pg.CurvePoint):
+            return _track(item, display)
         case "curve":
             return _function(model, item)
         case "interpolation" if not isinstance(item.q_of_t, pg.Table):
@@ -339,6 +342,20 @@ def _curve(model: pg.Model, item: pg.Motion) -> list[Payload]:
     row = [cell((i,), x, name) for i, (x, name) in enumerate(zip(numbers, names))]
     shows = CELLS[kind]
     return [*found, field(kind, shows.label, row, help=shows.help, columns=2, note=shows.help)]
+
+
+def _track(item: pg.CurvePoint, display: Display) -> list[Payload]:
+    """Return the rows of the curve of a point, its points or its functions."""
+    shows = about(item, "curve")
+    found = [
+        field(name, label, [cell((), text)], help=track_cells.HELP[name], kind="text",
+              unit=display.length if name == "track_points" else "", note=shows.help)
+        for name, label, text in track_cells.rows(item.curve, display)
+        if name not in ("track_up", "track_angles")
+    ]  # fmt: skip
+    closed = track_cells.FLAG[item.curve.closed]
+    return [*found, choice("track_closed", "Closed", closed, track_cells.FLAG,
+                           help="whether the end of the curve is its beginning")]  # fmt: skip
 
 
 def _function(model: pg.Model, item: pg.Relation) -> list[Payload]:

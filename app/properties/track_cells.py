@@ -12,6 +12,7 @@ import pgraph_core as pg
 from ..core.cells import Display, Refusal, content, shown
 
 FUNCTIONS = ("x", "y", "z")
+FLAG = ("no", "yes")  # texts of false and true
 HELP = {
     "track_points": "points that the curve joins, three numbers each, parted by ;",
     "track_up": "direction that z of the body keeps while x points along the curve; empty: no turn",
@@ -53,19 +54,25 @@ def _text(function: Any) -> str:
 
 def edit_of(body: pg.Body, field: str, text: str, display: Display) -> dict[str, Any]:
     """Return the track with what was typed into a row. Raises Refusal, ModelError."""
-    track, name = body.track, field.removeprefix("track_")
-    if track is None:
+    if body.track is None:
         raise Refusal("has no track; its joint is no curve")
-    match name:
+    return {"track": changed(body.track, field, text, display)}
+
+
+def changed(track: pg.Track, field: str, text: str, display: Display) -> pg.Track:
+    """Return a track with what was typed into a row. Raises Refusal, ModelError."""
+    match name := field.removeprefix("track_"):
         case "points":
             value: Any = _rows(text, 3, "length", display)
         case "up":
             value = _rows(text, 3, "number", display)[0] if text.strip() else None
+        case "closed":
+            value = text == FLAG[True]
         case "angles":
             value = tuple(_function(f, display) for f in text.split(",") if f.strip())
         case _:
             value = _function(text, display)
-    return {"track": pg.Track(**(track.model_dump(exclude_unset=True) | {name: value}))}
+    return pg.Track(**(track.model_dump(exclude_unset=True) | {name: value}))
 
 
 def _rows(text: str, count: int, quantity: Any, display: Display) -> tuple[Any, ...]:

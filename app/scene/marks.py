@@ -62,7 +62,7 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
             any(s.colour for b in model.bodies for s in b.drawn),
         ),
         ("axes", "joint axes", state.derived.dof > 0),
-        ("tracks", "tracks of curves", any(b.track for b in model.bodies)),
+        ("tracks", "tracks of curves", any(b.track for b in model.bodies) or bool(model.riding)),
         ("links", "link vectors", True),
         ("coms", "centres of mass", True),
         ("inertias", "inertia ellipsoids", any(np.any(b.inertia) for b in model.bodies)),
@@ -117,7 +117,8 @@ def axes(state: State) -> Local:
 
 
 def tracks(state: State) -> Local:
-    """Return lines along the tracks of curves, in the frames of the parents."""
+    """Return lines along the tracks of curves, in the frames of the parents, and along the curves
+    of constraints, in those of their second bodies."""
     d = state.derived
     found: dict[int, list[np.ndarray]] = defaultdict(list)
     for k, name in enumerate(d.names, 1):
@@ -126,6 +127,10 @@ def tracks(state: State) -> Local:
             turned = shapes.to_matrix(np.asarray(body.rotation))
             points = np.asarray(body.link) + body.track.line() @ turned.T
             found[d.parent[k - 1]].append(np.stack((points[:-1], points[1:]), axis=1))
+    for c in state.model.riding:
+        points = c.curve.line()
+        k = 1 + d.names.index(c.other) if c.other != GROUND else 0
+        found[k].append(np.stack((points[:-1], points[1:]), axis=1))
     return {k: np.concatenate(lines) for k, lines in found.items()}
 
 

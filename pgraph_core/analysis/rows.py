@@ -18,6 +18,7 @@ from ..engine.cable_places import spans_of_segment
 from ..engine.tree import dynamics
 from ..model import Constraint
 from ..model.constraint import AtPoints
+from ..model.curve_point import CurvePoint
 from ..packing import Array, Ints, plain
 from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
@@ -122,6 +123,7 @@ class Rows:
         """Extent of the mechanism [m], which sets the scale for rounding errors in positions."""
         tied = [c for c in self.constraints if isinstance(c, AtPoints)]
         points = [p for c in tied for p in (c.point, c.other_point) if p is not None]
+        points += [p for c in self.constraints if isinstance(c, CurvePoint) for p in c.curve.line()]
         farthest = [np.abs(x).max() for x in [self.poses[0], *map(np.array, points)] if x.size]
         return float(max(farthest, default=0.0)) or 1.0
 

@@ -92,6 +92,8 @@ class Scene(Unportable):
         own = packed.blocks if blocks is None else blocks
         if (own.blocks_i[:, at.B_KNOTS] < at.SINE).any():
             own = own._replace(curves=own.curves.copy())
+        if (own.blocks_i[:, at.B_TYPE] == at.T_CURVE).any():  # they keep where their points are
+            own = own._replace(blocks_f=own.blocks_f.copy())
         self.blocks: Blocks = _extended(own, contacts) if contacts else own
         code, targets, states = loads.signals
         if len(measured_rows(code)) or (targets[:, 1] == LAW).any():

@@ -104,6 +104,10 @@ PB = 3  # 3, point of B, in world axes if B is the ground
 DIR = 6  # 9, up to three directions fixed in B, one after the other
 AIM = 15  # 9, up to three directions fixed in A
 VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
+# of a curve, whose DIR is a direction that it never has
+WAY, KNOWN = 9, 10  # where a point was last on its curve, 1 if it is known [m, or as its functions]
+GRAIN = 11  # of which the way is a whole multiple before the last steps of its search
+REACH = 12  # distance from the curve beyond which a point is sought along all of it [m]
 FRICTION, BOUNCE = 25, 26  # Coulomb's coefficient; restitution of a contact, or of an impact now
 SIZE = 27  # scale of the gaps of a limit [rad, m]
 ROUND = 27  # radius of A about a contact point on a plane of B [m], negative if it is no ball
@@ -136,6 +140,7 @@ T_SPAN = 11  # unilateral sign(VALUE) |x_A - x_B| - VALUE ≥ 0, with AIM the sp
 # close in this step [m/s]
 T_FRICTION = 12  # dry friction of Σ coefficient v: at most VALUE [N m, N], AIM an impulse in a part
 T_RELATION = 13  # q = f(q') of two coordinates, with f by `curves`
+T_CURVE = 14  # x_A stays on a curve of B, by `curves`, along two normals of its tangent
 T_CABLE = 15  # the length of a segment of a cable = VALUE, see `cables`
 # unilateral VALUE - length of a segment of a cable ≥ 0, with AIM the speed at which it may close
 T_SLACK = 16
@@ -150,7 +155,8 @@ T_TURN = 10  # resistance to turning at a contact point: torques along DIR, with
 SINE = -1
 # With B_KNOTS < SINE the rows are a program of time, of -1 - B_KNOTS instructions, as in
 # `signals.py`, of which the last one is the value. The function of a relation is such a program, of
-# q' in place of the time, or pieces and their end, with polynomials of degree 7 and 1 / period
+# q' in place of the time, or pieces and their end, with polynomials of degree 7 and 1 / period. The
+# curve of a point has three such rows for each piece, x, y and z, and an end
 PIECE_POWERS = 1  # 8; the value at the end is in the first one of its row
 PIECE_RATE = 9
 KNOT = 10
@@ -159,6 +165,7 @@ KNOT = 10
 
 # of `Workspace.place` and `Workspace.slots`
 PLACE_P, PLACE_D, PLACE_Q = 0, 3, 12  # 3 on A, 9, 3 on B
+PLACE_TURN = 9  # 3, turning of the normals of a curve by way along its tangent [1/m]
 PLACE = 15
 PLACE_VALUE, PLACE_SLOPE, PLACE_BEND = 0, 1, 2  # f, f' and f'' of a relation now
 SLOTS, FIRST, SLOT = 0, 1, 2

@@ -44,6 +44,7 @@ from .control import Control as Control
 from .control import Filter as Filter
 from .control import Sampled as Sampled
 from .control import State as State
+from .curve_point import CurvePoint as CurvePoint
 from .model import Model as Model
 from .output import Output as Output
 from .output import Site as Site

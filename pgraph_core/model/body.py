@@ -197,7 +197,7 @@ class Body(Described):
     )  # fmt: skip
     track: Annotated[Track, Once] | None = field(
         "a track such as {'points': [[0, 0, 0], [1, 0, 0.5]]}, for a curve",
-        converter=maybe_part_of(Track), default=None, since=9,
+        converter=maybe_part_of(Track), default=None, role="track", since=9,
         help="curve that the body follows",
     )  # fmt: skip
     shape: OneShape | None = field(

@@ -43,8 +43,8 @@ from ..units import NONE, M, Q, S
 from .poses import poses
 
 KIND = (
-    "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
-    "orientation, gear, relation, motion, rolling, skate, velocity, coupling, rope"
+    "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, curve_point, "
+    "plane, orientation, gear, relation, motion, rolling, skate, velocity, coupling, rope"
 )
 
 
@@ -55,8 +55,8 @@ _function: Callable[[Function | str | Mapping[str, Any]], Function] = listed
 class Constraint(OfKinds):
     """A constraint on `body` relative to another body or the ground. See the class for each kind.
 
-    The kinds: Point, Weld, Revolute, Prismatic, Cylindrical, Universal, Distance, Line, Plane,
-    Orientation, Gear, Relation, Motion, Rolling, Skate, Velocity, Coupling, Rope.
+    The kinds: Point, Weld, Revolute, Prismatic, Cylindrical, Universal, Distance, Line, CurvePoint,
+    Plane, Orientation, Gear, Relation, Motion, Rolling, Skate, Velocity, Coupling, Rope.
     """
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}

@@ -15,6 +15,7 @@ from ..shapes import kind_of
 from .body import Body, Shape
 from .constraint import Constraint, OfOne, OfTwo
 from .contact import Contact
+from .curve_point import CurvePoint
 from .editing import free_name, renamed
 from .expressions import (
     drives_read,
@@ -240,8 +241,10 @@ class _Copy:
             return False
         if part.pair[1] in own:
             return True
-        return not isinstance(part, Between) and not any(
-            getattr(part, f, None) for f in ("other_point", "other_axis")
+        return (
+            not isinstance(part, Between)
+            and not any(getattr(part, f, None) for f in ("other_point", "other_axis"))
+            and not isinstance(part, CurvePoint)
         )
 
     def _same_coordinates(self, part: Constraint | Contact | Force | Site) -> bool:
@@ -340,6 +343,8 @@ class Mirror:
             role, value = facts(info).role, getattr(part, name)
             if role in of_role and value is not None:
                 found[name] = self.value(value, of_role[role])
+            elif role == "track" and value is not None:
+                found[name] = value.mirrored(self.sign)
             elif role == "parts" and isinstance(value, tuple):
                 found[name] = tuple(x.unchecked_copy(self.fields(x)) for x in value)
         return found
@@ -369,7 +374,6 @@ class Mirror:
             **self.fields(body),
             "motions": motions,
             "axes": tuple(axis for kind, axis in motions if kind in DIRECTED),
-            "track": body.track and body.track.mirrored(self.sign),
             "pitch": tuple(-x + 0.0 for x in body.pitch),  # a thread has a hand
             "q": self.coordinates("q", body.q, body.sequence),
             "v": self.coordinates("v", body.v, body.sequence),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 from pydantic import ValidationError
 
 from ..errors import ModelError, Problem, choices, counted, explained, nearest_first, shown
-from ..fields import Vec3, field, listed, parts_of
+from ..fields import AtPoint, Vec3, field, listed, parts_of
 from ..forces import BetweenPoints, Force
 from ..functions import Curve
 from ..sentences import in_our_words
@@ -18,9 +18,10 @@ from . import files
 from . import rope as rope  # a kind of constraint
 from .body import Body
 from .checks import PARTS, model_problems
-from .constraint import AtPoints, Constraint, Relation, Rolling, Skate
+from .constraint import Constraint, Relation, Rolling
 from .contact import Contact
 from .control import Control
+from .curve_point import CurvePoint
 from .doubts import doubts
 from .editing import followed_tips
 from .given import by_class, grounded, made_of, problems
@@ -141,6 +142,11 @@ class Description(World):
             for c in self.constraints
             if isinstance(c, Relation) and isinstance(c.curve, Curve) and c.curve.ends
         )
+
+    @cached_property
+    def riding(self) -> tuple[CurvePoint, ...]:
+        """The constraints that keep a point on a curve."""
+        return tuple(c for c in self.constraints if isinstance(c, CurvePoint))
 
     @cached_property
     def bending(self) -> tuple[Relation, ...]:
@@ -289,7 +295,7 @@ class Description(World):
         The default is the body's tip, and the middle of its shape for rolling.
         """
         body = self.body(constraint.body)
-        if isinstance(constraint, (AtPoints, Skate)) and constraint.point is not None:
+        if isinstance(constraint, AtPoint) and constraint.point is not None:
             return constraint.point
         if isinstance(constraint, Rolling) and body.shape is not None:
             return body.shape.position

@@ -23,11 +23,15 @@ from ..model import Constraint, Model, Rolling, Sine, Table
 from ..model.constraint import AtPoints
 from ..pulleys import Pulley
 from ..rotation import normals_of, unit_vector
+from ..tolerances import EPS, TOUCHING
 from ..topology import Topology
+from ..tracks import Track
 from . import Array, Ints, System, home_of, joint_coordinates, point_in_row, row_of_velocity
 from .cables import Segment, segments
 from .forces import Placed, terms_of
 from .programs import of_coordinate, of_time
+
+GRAIN = EPS**0.5  # of a way along a curve, over its length: two steps of Newton's then round
 
 Term = tuple[int, int, float]  # index into v, into q or -1, coefficient
 
@@ -201,6 +205,28 @@ class Endpoints:
         values = block_values({**ends, at.VALUE: one.value + longer})
         rows = int(one.rows[0]["row"]), int(one.rows[-1]["row"])
         return Block(at.T_CABLE, 1, values, ends=rows, stations=one.rows)
+
+    def on_curve(self, track: Track) -> Block:
+        """Create a block that keeps the point on a curve on b."""
+        x, home = track.pieces.x, home_of(self.packed, self.b)
+        powers = track.pieces.c[::-1, :, :3] @ home.T  # (8, pieces, 3)
+        powers[0] += point_in_row(self.packed, self.b, (0.0, 0.0, 0.0))
+        found = np.zeros((3 * (len(x) - 1) + 1, at.KNOT))
+        for k in range(3):
+            found[k:-1:3, at.PIECE_AT] = x[:-1]
+            found[k:-1:3, at.PIECE_POWERS : at.PIECE_RATE] = powers[:, :, k].T
+        found[-1, at.PIECE_AT] = x[-1]
+        if track.closed:
+            found[0, at.PIECE_RATE] = 1.0 / (x[-1] - x[0])
+        line = powers[0]
+        values = {
+            at.PA: point_in_row(self.packed, self.a, self.point),
+            at.PB: line[np.abs(line).max(axis=1).argmax()],  # the size of the curve
+            at.DIR: home @ track.aside,
+            at.GRAIN: GRAIN * (x[-1] - x[0]),
+            at.REACH: TOUCHING * float(np.ptp(line, axis=0).max()),
+        }
+        return Block(at.T_CURVE, 2, block_values(values), (), tuple(map(tuple, found.tolist())))
 
     def refuse(self, field: str, text: str) -> ModelError:
         """Create an error about this constraint."""

@@ -6,6 +6,7 @@ from ..contact.tables import ContactPair, Tables
 from ..fields import EVERY, GROUND
 from ..mechanism import Mechanism
 from ..model.constraint import AtPoints
+from ..model.curve_point import CurvePoint
 from ..packing import Array, Ints
 from .clearance import gaps_later
 
@@ -15,7 +16,7 @@ def fastened(mech: Mechanism, active: Ints, pair: ContactPair) -> str:
     solid = {b.name for b in mech.model.bodies if b.touching}
     for number in active.tolist():
         c = mech.model.constraints[number]
-        if not isinstance(c, AtPoints) or c.other == GROUND:
+        if not isinstance(c, (AtPoints, CurvePoint)) or c.other == GROUND:
             continue
         both = {c.body, c.other}
         if both == {pair.body, pair.other} or (pair.body == EVERY and both <= solid):

@@ -27,6 +27,7 @@ from ..result.records import (
 from .advice import too_wide
 from .continuing import left_by
 from .means import means_between
+from .on_curves import on_curves
 from .pierced import pierced
 from .remarks import (
     beyond_limits,
@@ -211,6 +212,8 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += off_track(record)
     if model.relating:
         found += off_curve(record)
+    if model.riding:
+        found += on_curves(record)
     if model.bent:
         found += pierced(record)
     if record.user is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from ..analysis.assembly import ASSEMBLY_ROUNDS
 from ..dynamics.scene import Scene
 from ..dynamics.states import differences
+from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import LAMBDA, RHS
 from ..errors import InputError, ModelError, Problem, refusal, shown
@@ -152,6 +153,8 @@ def hold_here(scene: Scene, change: Change, q: Array) -> None:
         except ModelError as error:
             raise InputError(error.problems) from None
         first = int(scene.blocks.first[i])
+        if scene.blocks.blocks_i[first, at.B_TYPE] == at.T_CURVE:
+            continue  # the curve stays, and so does what the block knows of its point
         scene.blocks.blocks_f[first : first + len(values)] = values
 
 

@@ -16,11 +16,12 @@ EPS = 1e-4  # rad, m: central differences of order 4 are good to EPS^4 and round
 ROWS = {
     "point": 3, "weld": 6, "revolute": 5, "prismatic": 5, "cylindrical": 4, "universal": 4,
     "distance": 1, "line": 2, "plane": 1, "orientation": 3, "gear": 1, "relation": 1, "motion": 1,
-    "rolling": 3, "skate": 1, "velocity": 1, "disc": 3,
+    "rolling": 3, "skate": 1, "velocity": 1, "disc": 3, "curve_point": 2,
 }  # fmt: skip
 ROLLING = ("rolling", "disc")
 SCALAR = ("revolute", "prismatic", "universal", "cylindrical", "planar")
 IN_JOINTS = ("gear", "relation", "motion")
+WITHOUT_DEFAULTS = (*IN_JOINTS, "rolling", "disc", "curve_point")
 RELATIONS = (
     pg.Polynomial(coefficients=(0.1, 0.2, -0.3, 0.4, 0.05)),
     pg.Curve(x=(-0.8, 0.1, 0.5, 1.2), value=(0.2, 0.4, -0.3, 0.9), kind="periodic"),
@@ -52,6 +53,8 @@ def case(kind, seed):
         fields["radius"] = 0.7
     if kind == "gear":
         fields |= {"ratio": -1.7, "offset": 0.3}
+    if kind == "curve_point":
+        fields |= {"curve": beside(rng, model, fields), "closed": bool(seed % 2)}
     if kind == "relation":
         fields |= {"curve": RELATIONS[seed % 3]}
     if kind == "motion":
@@ -63,6 +66,18 @@ def case(kind, seed):
     c = pg.Constraint(name="c", kind="rolling" if kind == "disc" else kind, **fields)
     model = model.replace(constraints=(c,))
     return random_state(rng, model), c
+
+
+def beside(rng, model, fields):
+    """A flat curve in a random plane that passes by the point in the initial state."""
+    tree = pg.Mechanism(model)
+    position, rotation = tree.poses(tree.home()[0])
+    a, b = (tree.topology.number(fields[name]) - 1 for name in ("body", "other"))
+    place = position[a] + rotation[a] @ fields["point"]
+    place = rotation[b].T @ (place - position[b]) if b >= 0 else place
+    across, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    flat = np.array(((-1.0, 0.3), (-0.2, 0.1), (0.7, -0.2), (1.5, 0.5), (0.8, 1.4)))
+    return place + 0.1 * rng.normal(size=3) + flat @ across[:2]
 
 
 def rows_at(s, c, q, v, t=0.0):
@@ -94,7 +109,7 @@ def test_jacobian_and_drift_are_the_derivatives_of_the_residual(kind, seed):
     np.testing.assert_allclose(rows.drift + moving, bent, atol=1e-9 * size * (1 + size))
 
 
-@pytest.mark.parametrize("kind", [k for k in ROWS if k not in (*IN_JOINTS, "rolling", "disc")])
+@pytest.mark.parametrize("kind", [k for k in ROWS if k not in WITHOUT_DEFAULTS])
 def test_omitted_points_and_axes_hold_in_the_initial_state(kind):
     s, c = case(kind, 3)
     if kind not in ("distance", "velocity"):

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.optimize import brentq
 
 from pgraph_core import joints
 from pgraph_core.model import Constraint, Curve, Polynomial, Sine, Table
@@ -347,6 +348,35 @@ def _velocity(p: _Pair) -> Rows:
     return Rows(zero, J, zero, zero + (p.c.value or 0.0), wrench)
 
 
+def _curve_point(p: _Pair) -> Rows:
+    """Rows of a flat curve through points: along its plane's normal, and along that of the curve.
+
+    The nearest place is sought by SciPy, on the spline of degree 5 over the lengths of chords.
+    """
+    c, points = p.c.curve, np.array(p.c.curve.points)
+    points = np.vstack((points, points[:1])) if c.closed else points
+    u = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    free = [(3, np.zeros(3)), (4, np.zeros(3))]
+    spline = make_interp_spline(u, points, k=5, bc_type="periodic" if c.closed else (free, free))
+    x = p.R_b.T @ (p.x_a - (p.op.position[p.b - 1] if p.b else 0.0))
+    ways = np.linspace(u[0], u[-1], 2000)
+    k = int(np.argmin(np.linalg.norm(spline(ways) - x, axis=1)))
+    place = brentq(
+        lambda s: spline(s, 1) @ (x - spline(s)), ways[max(k - 1, 0)], ways[min(k + 1, 1999)],
+        xtol=1e-15,
+    )  # fmt: skip
+    apart, slope, bend = x - spline(place), spline(place, 1), spline(place, 2)
+    t = slope / np.linalg.norm(slope)
+    normal = np.linalg.svd(np.diff(points, axis=0))[2][2]
+    n = np.array((np.cross(normal, t), normal))
+    J, v, bias = p.relative()
+    seen = p.R_b.T @ v
+    spin = np.cross(t, bend) * (t @ seen) / (slope @ slope - apart @ bend)
+    drift = n @ p.R_b.T @ bias + np.cross(spin, n) @ seen
+    d = n @ p.R_b.T
+    return Rows(n @ apart, d @ J, drift, np.zeros(2), _wrench(force=d))
+
+
 _KINDS: dict[str, Callable[[_Pair], Rows]] = {
     "point": lambda p: p.together(),
     "weld": lambda p: _together(p.together(), _upright(p)),
@@ -356,6 +386,7 @@ _KINDS: dict[str, Callable[[_Pair], Rows]] = {
     "universal": _universal,
     "distance": _distance,
     "line": lambda p: p.held(_beside(p.axes()[1])),
+    "curve_point": _curve_point,
     "plane": lambda p: p.held(p.axes()[1]),
     "orientation": _upright,
     "gear": _gear,

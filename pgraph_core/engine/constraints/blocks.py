@@ -23,6 +23,7 @@ from ..layout import (
     T_CABLE,
     T_CONTACT,
     T_COORD,
+    T_CURVE,
     T_DISTANCE,
     T_FRICTION,
     T_LIMIT,
@@ -49,6 +50,7 @@ from ..rows import (
 from ..tree.kinematics import linear_velocity
 from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, store, store3, sub
 from .coordinates import bending, followed, follower_of, relate, speed_along, total
+from .curves import curve_gap, follow_curve, turn_along
 
 # -- columns of a block, of where it acts, and of the joints that it moves ------------------------
 
@@ -254,6 +256,8 @@ def locate(blocks, work, q, place):
             set_along(place, i, 0, (1.0, 0.0, 0.0))
             set_along(place, i, 1, (0.0, 1.0, 0.0))
             set_along(place, i, 2, (0.0, 0.0, 1.0))
+        elif kind == T_CURVE:
+            follow_curve(blocks, i, work, p, place)
         elif kind == T_DISTANCE:
             apart = sub(p, point_b(blocks_f, i, work, b))
             size = math.sqrt(dot(apart, apart))
@@ -315,6 +319,10 @@ def residual(blocks, work, space, t, q, out):
         if kind == T_POINT or kind == T_PIN or kind == T_ROUND:
             apart = sub(place_a(place, i), point_b(blocks_f, i, work, b))
             for r in range(1 if kind == T_ROUND else size_of(blocks_i, i)):
+                out[at_r + r] = dot(along(place, i, r), apart)
+        elif kind == T_CURVE:
+            apart = curve_gap(blocks, i, work, place_a(place, i))
+            for r in range(size_of(blocks_i, i)):
                 out[at_r + r] = dot(along(place, i, r), apart)
         elif kind == T_ALIGN:
             for r in range(size_of(blocks_i, i)):
@@ -393,7 +401,7 @@ def rolled(blocks_i, blocks_f, i, work):
 
 
 @part
-def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
+def turning(blocks_i, blocks_f, i, work, linear, place, p, u, d):
     """Compute (e, s) for a force block with first direction d, except for `T_PIN`.
 
     The contact point of A moves by e more than the difference of V' of the two bodies at it, and
@@ -406,6 +414,8 @@ def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
     none = (0.0, 0.0, 0.0)
     if kind == T_POINT:
         return none, scale(2.0, w_b)
+    if kind == T_CURVE:
+        return none, add_scaled(turn_along(place, i, u), 2.0, w_b)
     if kind == T_BLADE:
         return none, add(w_a, w_b)
     if kind == T_CONTACT:  # a point of a ball of A stays above the same point of a plane of B
@@ -488,7 +498,7 @@ def block_acceleration(blocks_i, blocks_f, i, work, linear, place, out, at_r):
     p = place_a(place, i)
     d = along(place, i, 0)
     u = slip(blocks_i, i, work, linear, place)
-    e, s = turning(blocks_i, blocks_f, i, work, linear, p, u, d)
+    e, s = turning(blocks_i, blocks_f, i, work, linear, place, p, u, d)
     other = place_b(place, i)
     apart = sub(point_acceleration(work, a, p), point_acceleration(work, b, other))
     apart = add(apart, e)
