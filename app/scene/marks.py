@@ -6,6 +6,7 @@ import itertools
 import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from pgraph_core.forces import BetweenPoints, lines_of
 from pgraph_core.rotation import frame_of
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
+from pgraph_core.show.cables import Lying, cable_lines, cables_of
 from pgraph_core.show.stage import GRID
 
 from . import State
@@ -84,8 +86,8 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
 
 def _joined(model: pg.Model) -> bool:
     forces = (f for s in (model, *model.scenarios) for f in s.forces)
-    drawn = any(isinstance(f, (BetweenPoints, pg.Wrench)) for f in forces)
-    return drawn or any(c.kind == "distance" for c in model.constraints)
+    drawn = any(isinstance(f, (BetweenPoints, pg.Cable, pg.Wrench)) for f in forces)
+    return drawn or any(c.kind in ("distance", "rope") for c in model.constraints)
 
 
 def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
@@ -253,6 +255,9 @@ def joinings(
         if isinstance(f, BetweenPoints) and all(name in number for name in (*f.pair, *f.touches)):
             for line, bent in lines_of(f, model.body(f.body), at, turn):
                 (threads if bent else coils).extend(itertools.pairwise(line))
+    for cable in _cables(model):
+        for line in cable_lines(cable, at, turn):
+            threads.extend(itertools.pairwise(line))
     rods = [
         (at(c.body, model.point_of(c)), at(c.other, c.other_point))
         for c in model.constraints
@@ -264,6 +269,11 @@ def joinings(
         _between([*rods, *threads], 0.025 * grain),
         pivots(state),
     )
+
+
+@lru_cache(maxsize=4)
+def _cables(model: pg.Model) -> tuple[Lying, ...]:
+    return cables_of(model)
 
 
 def _turns(body: pg.Body) -> bool:

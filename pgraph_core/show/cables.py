@@ -1,0 +1,114 @@
+"""Lines of cables, ropes and belts in present poses, for pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..engine import layout as at
+from ..engine.cable_places import spans_of_segment
+from ..errors import ModelError
+from ..forces import Cable
+from ..mechanism import Mechanism
+from ..model import Model, Rope
+from ..packing import Array
+from ..packing.cables import Segment
+from ..packing.forces import Placed
+
+DRAWN = 0.2  # rad between drawn points of an arc: chords within 0.5 % of the radius
+
+
+class Lying(NamedTuple):
+    """A cable in the axes of the bodies along it."""
+
+    part: Cable | Rope
+    segments: tuple[tuple[Any, tuple[str, ...]], ...]  # records VIA, and the body of each
+
+
+def cables_of(model: Model) -> tuple[Lying, ...]:
+    """Return the cables and active ropes of a model. One that is impossible is left out."""
+    parts = [
+        *(f for f in model.forces if isinstance(f, Cable)),
+        *(c for c in model.constraints if isinstance(c, Rope) and c.active),
+    ]
+    if not parts:
+        return ()
+    packed = Mechanism(model).packed
+    places = Placed(model, packed.topology, packed.system, packed.home_poses)
+    found = list[Lying]()
+    for part in parts:
+        try:
+            own = tuple(_in_bodies(one, places) for one in places.segments(part))
+        except ModelError:
+            continue
+        found.append(Lying(part, own))
+    return tuple(found)
+
+
+def _in_bodies(one: Segment, places: Placed) -> tuple[Any, tuple[str, ...]]:
+    """Return a segment with points and axes in the axes of its bodies, in rows of its own."""
+    rows, names = one.rows.copy(), tuple(x.pulley.body for x in one.stations)
+    for k, (row, station) in enumerate(zip(rows, one.stations), start=1):
+        row["row"], row["frame"], row["coordinate"] = k, 0, 0
+        row["point"] = station.pulley.point
+        row["axis"] = places.turn_at_start(station.pulley.body).T @ station.axis
+    return rows, names
+
+
+def cable_lines(
+    cable: Lying, point: Callable[..., Array], turn: Callable[[str], Array]
+) -> Iterator[Array]:
+    """Yield the lines (n, 3) of a cable in world axes: its spans, and its arcs on wheels.
+
+    `point(body, place)` returns a point in world axes [m], and `turn(body)` an orientation (3, 3).
+    """
+    before: tuple[Any, Array, Array] | None = None  # wheel, place and direction at the last end
+    for rows, names in cable.segments:
+        spans = _spans(rows, names, point, turn)
+        for k, span in enumerate(spans):
+            a, b, along = span.reshape(3, 3)
+            wheel, name = rows[k], names[k]
+            if before is not None and wheel["radius"]:
+                yield _arc(wheel, point(name, wheel["point"]), turn(name), *before[1:], a, along)
+            yield np.array([a, b])
+            before = rows[k + 1], b, along
+    rows, names = cable.segments[0]
+    if cable.part.closed and before is not None:
+        a, _, along = _spans(rows, names, point, turn)[0].reshape(3, 3)
+        centre = point(names[0], rows[0]["point"])
+        yield _arc(rows[0], centre, turn(names[0]), *before[1:], a, along)
+
+
+def _spans(rows: Any, names: tuple[str, ...], point: Any, turn: Any) -> Array:
+    work = np.zeros((len(rows) + 1, at.WORK))
+    work[:, at.R : at.R + 9] = np.eye(3).ravel()
+    for k, name in enumerate(names, start=1):
+        work[k, at.R : at.R + 9] = turn(name).ravel()
+        work[k, at.X : at.X + 3] = point(name, (0.0, 0.0, 0.0))
+    spans = np.zeros((len(rows) - 1, 9))
+    spans_of_segment(rows, work, np.zeros(1), spans)
+    return spans
+
+
+def _arc(
+    wheel: Any, centre: Array, turn: Array, a: Array, before: Array, b: Array, after: Array
+) -> Array:
+    """Return points of the arc on a wheel from a to b, between the directions there."""
+    axis = turn @ wheel["axis"]
+    sense = float(np.sign(wheel["radius"]))
+    flat = [x - (x @ axis) * axis for x in (before, after)]
+    angle = sense * float(np.arctan2(axis @ np.cross(*flat), flat[0] @ flat[1]))
+    angle += 2.0 * np.pi * (angle < -1e-9)
+    s = np.linspace(0.0, 1.0, 2 + int(angle / DRAWN))[:, None]
+    out, rise = a - centre, (b - a) @ axis
+    along = (out @ axis) * axis
+    across = sense * np.cross(axis, out)
+    return (
+        centre
+        + along
+        + np.cos(s * angle) * (out - along)
+        + np.sin(s * angle) * across
+        + s * rise * axis
+    )
