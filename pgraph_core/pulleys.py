@@ -79,14 +79,15 @@ class Pulley(Described):
 
 
 def along(through: Any) -> Any:
-    """Return the fields of pulleys for a list whose points may be pairs (body, point)."""
-    if not isinstance(through, (list, tuple)):
-        return through
-    pairs = ((x if isinstance(x, (list, tuple)) and len(x) == 2 else None) for x in through)
-    return tuple(
-        x if pair is None else {"body": pair[0], "point": pair[1]}
-        for x, pair in zip(through, pairs)
-    )
+    """Return the fields of pulleys for a list whose points may be names or pairs (body, point)."""
+
+    def station(x: Any) -> Any:
+        if isinstance(x, str):
+            return {"body": x}
+        pair = isinstance(x, (list, tuple)) and len(x) == 2
+        return {"body": x[0], "point": x[1]} if pair else x
+
+    return tuple(map(station, through)) if isinstance(through, (list, tuple)) else through
 
 
 def with_body(data: Any) -> Any:

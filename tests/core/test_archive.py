@@ -204,6 +204,28 @@ def test_a_kernel_is_stale_where_a_file_of_its_own_has_other_code(tmp_path, monk
     assert found.bitcode("q") == b"q"
 
 
+def test_a_function_that_makes_kernels_is_part_of_the_source_of_a_force(tmp_path, monkeypatch):
+    monkeypatch.setattr(sources, "FORCES", tmp_path)
+    path = tmp_path / "pull.py"
+    hashes = set()
+    for factor in (2, 3):
+        path.write_text(
+            f"def onto(push):\n    @part\n    def exert(x):\n        return {factor} * x\n"
+        )
+        for kept in (sources.digest_of, sources.code_hash):
+            kept.cache_clear()
+        hashes.add(sources.code_hash(path))
+    path.write_text("def packed(f):\n    return 1\n")
+    for kept in (sources.digest_of, sources.code_hash):
+        kept.cache_clear()
+    alone = sources.code_hash(path)
+    path.write_text("def packed(f):\n    return 2\n")
+    for kept in (sources.digest_of, sources.code_hash):
+        kept.cache_clear()
+    assert len(hashes) == 2
+    assert sources.code_hash(path) == alone
+
+
 @fits
 @pytest.mark.nightly
 def test_without_a_usable_archive_a_run_has_the_same_bits_and_one_sentence_why(tmp_path):

@@ -92,7 +92,9 @@ def text_of(path: Path) -> str:
         return text
     lines = text.splitlines(keepends=True)
     for one in ast.parse(text).body:
-        kernel = isinstance(one, ast.FunctionDef) and one.decorator_list
+        # a function that is decorated, or that makes such functions
+        functions = [x for x in ast.walk(one) if isinstance(x, ast.FunctionDef)]
+        kernel = isinstance(one, ast.FunctionDef) and any(x.decorator_list for x in functions)
         if isinstance(one, (ast.ClassDef, ast.FunctionDef)) and not kernel:
             for k in range(one.lineno - 1, one.end_lineno or 0):
                 lines[k] = ""
