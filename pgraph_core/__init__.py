@@ -99,10 +99,10 @@ if TYPE_CHECKING:
     from .model import Velocity as Velocity
     from .model import Weld as Weld
     from .model import Wrench as Wrench
+    from .model.rope import belt as belt
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace
     from .pulleys import Pulley as Pulley
-    from .pulleys import belt as belt
     from .result import Result as Result
     from .result import Status as Status
     from .result.joining import joined as joined

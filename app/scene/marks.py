@@ -14,10 +14,10 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.fields import GROUND
 from pgraph_core.forces import BetweenPoints, lines_of
+from pgraph_core.packing.cable_lines import Lying, cable_lines, cables_of
 from pgraph_core.rotation import frame_of
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
-from pgraph_core.show.cables import Lying, cable_lines, cables_of
 from pgraph_core.show.stage import GRID
 
 from . import State
@@ -273,7 +273,7 @@ def joinings(
 
 @lru_cache(maxsize=4)
 def _cables(model: pg.Model) -> tuple[Lying, ...]:
-    return cables_of(model)
+    return cables_of(pg.Mechanism(model).packed)
 
 
 def _turns(body: pg.Body) -> bool:

@@ -11,11 +11,10 @@ from pydantic import ValidationError
 
 from ..errors import ModelError, Problem, choices, counted, explained, nearest_first, shown
 from ..fields import AtPoint, Vec3, field, listed, parts_of
-from ..forces import BetweenPoints, Force
+from ..forces import BetweenPoints, Cable, Force
 from ..functions import Curve
 from ..sentences import in_our_words
 from . import files
-from . import rope as rope  # a kind of constraint
 from .body import Body
 from .checks import PARTS, model_problems
 from .constraint import Constraint, Relation, Rolling
@@ -27,6 +26,7 @@ from .editing import followed_tips
 from .given import by_class, grounded, made_of, problems
 from .output import Output, Site
 from .parameters import Formula, inlined, resolved, still_true
+from .rope import Rope
 from .scenario import Scenario
 from .world import World
 
@@ -133,6 +133,11 @@ class Description(World):
         """The forces along a path past an obstacle."""
         paths = (f for f in self.forces if isinstance(f, BetweenPoints))
         return tuple(f for f in paths if any(via.radius is not None for via in f.via))
+
+    @cached_property
+    def cabled(self) -> bool:
+        """Return True if a cable or a rope leads over wheels or points."""
+        return any(isinstance(x, Cable | Rope) for x in (*self.forces, *self.constraints))
 
     @cached_property
     def relating(self) -> tuple[Relation, ...]:

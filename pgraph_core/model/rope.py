@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
+from ..errors import ModelError, Problem
 from ..fields import Flag, Number, field, parts_of, refuse
+from ..forces import Cable
 from ..pulleys import Pulley, way_problems, with_body
 from ..units import M
 from .constraint import KIND, Constraint
@@ -59,3 +62,44 @@ class Rope(Constraint):
 
     def _blocks(self, e: Any) -> list[Any]:
         return e.roped(self.through, self.closed, self.length)
+
+
+def belt(
+    bodies: Sequence[str],
+    radii: Sequence[float] | float,
+    *,
+    crossed: bool = False,
+    name: str = "belt",
+    **fields: Any,
+) -> Any:
+    """Return a closed belt over wheels at the origins of bodies, which it grips.
+
+    It is a `Rope`, which does not stretch, or with `stiffness` [N/m] a `Cable`. A belt over two
+    wheels may be `crossed`, so that they turn in opposite senses. Raises ModelError.
+
+    Parameters
+    ----------
+    bodies : sequence of str
+        Names of two or more bodies with hinges, in the order of the belt.
+    radii : float or sequence of float
+        Radius of every wheel [m], or one for all.
+
+    Examples
+    --------
+    >>> import pgraph_core as pg
+    >>> pg.belt(["motor", "load"], radii=(0.02, 0.06)).closed
+    True
+    """
+    names = list(bodies)
+    sizes = [radii] * len(names) if isinstance(radii, int | float) else list(radii)
+    where = "belt"
+    if len(sizes) != len(names):
+        text = f"needs one radius [m] for each of {len(names)} bodies, got {len(sizes)}"
+        raise ModelError(Problem(where, "radii", text))
+    if crossed and len(names) != 2:
+        text = f"needs two bodies, got {len(names)}; give the side of every pg.Pulley of a pg.Rope"
+        raise ModelError(Problem(where, "crossed", text))
+    sides = (1, -1) if crossed else (1,) * len(names) if len(names) == 2 else (None,) * len(names)
+    through = [Pulley(x, radius=r, side=side) for x, r, side in zip(names, sizes, sides)]
+    kind = Cable if fields.get("stiffness") is not None else Rope
+    return kind(name=name, through=through, closed=True, **fields)

@@ -28,6 +28,7 @@ from .advice import too_wide
 from .continuing import left_by
 from .means import means_between
 from .on_curves import on_curves
+from .on_wheels import on_wheels, pushing
 from .pierced import pierced
 from .remarks import (
     beyond_limits,
@@ -216,6 +217,9 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += on_curves(record)
     if model.bent:
         found += pierced(record)
+    if model.cabled:
+        found += on_wheels(record)
+        found += pushing(record)
     if record.user is not None:
         found += record.user.notices()
     if record.carried is not None:

@@ -1,4 +1,4 @@
-"""Lines of cables, ropes and belts in present poses, for pictures."""
+"""Lines of cables, ropes and belts in present poses, for pictures and notices."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from ..engine import layout as at
 from ..engine.cable_places import spans_of_segment
 from ..errors import ModelError
 from ..forces import Cable
-from ..mechanism import Mechanism
-from ..model import Model, Rope
-from ..packing import Array
-from ..packing.cables import Segment
-from ..packing.forces import Placed
+from ..model import Rope
+from . import Array
+from .cables import Segment
+from .forces import Placed
 
 DRAWN = 0.2  # rad between drawn points of an arc: chords within 0.5 % of the radius
 
@@ -27,15 +26,15 @@ class Lying(NamedTuple):
     segments: tuple[tuple[Any, tuple[str, ...]], ...]  # records VIA, and the body of each
 
 
-def cables_of(model: Model) -> tuple[Lying, ...]:
-    """Return the cables and active ropes of a model. One that is impossible is left out."""
+def cables_of(packed: Any) -> tuple[Lying, ...]:
+    """Return the cables and active ropes of a packed model, without those that are impossible."""
+    model = packed.model
     parts = [
         *(f for f in model.forces if isinstance(f, Cable)),
         *(c for c in model.constraints if isinstance(c, Rope) and c.active),
     ]
     if not parts:
         return ()
-    packed = Mechanism(model).packed
     places = Placed(model, packed.topology, packed.system, packed.home_poses)
     found = list[Lying]()
     for part in parts:
@@ -66,7 +65,7 @@ def cable_lines(
     """
     before: tuple[Any, Array, Array] | None = None  # wheel, place and direction at the last end
     for rows, names in cable.segments:
-        spans = _spans(rows, names, point, turn)
+        spans = spans_in(rows, names, point, turn)
         for k, span in enumerate(spans):
             a, b, along = span.reshape(3, 3)
             wheel, name = rows[k], names[k]
@@ -76,12 +75,13 @@ def cable_lines(
             before = rows[k + 1], b, along
     rows, names = cable.segments[0]
     if cable.part.closed and before is not None:
-        a, _, along = _spans(rows, names, point, turn)[0].reshape(3, 3)
+        a, _, along = spans_in(rows, names, point, turn)[0].reshape(3, 3)
         centre = point(names[0], rows[0]["point"])
         yield _arc(rows[0], centre, turn(names[0]), *before[1:], a, along)
 
 
-def _spans(rows: Any, names: tuple[str, ...], point: Any, turn: Any) -> Array:
+def spans_in(rows: Any, names: tuple[str, ...], point: Any, turn: Any) -> Array:
+    """Return the spans (n, 9) of a segment: first point, last point and direction."""
     work = np.zeros((len(rows) + 1, at.WORK))
     work[:, at.R : at.R + 9] = np.eye(3).ravel()
     for k, name in enumerate(names, start=1):
