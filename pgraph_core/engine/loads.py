@@ -194,6 +194,24 @@ def _measures(n):
     return chain
 
 
+def _tension_at(n):
+    if n == len(LOADS):
+        return part(lambda loads, work, linear, q, t, i: 0.0 * t)
+    rest = _tension_at(n + 1)
+    tension = LOADS[n].action.tension
+    if tension is None:
+        return rest
+
+    @part
+    def chain(loads, work, linear, q, t, i):
+        table, knots, vias = loads[n]
+        if i < table.shape[0]:
+            return tension(table[i], knots, vias, work, linear, q, t)[0]
+        return rest(loads, work, linear, q, t, i - table.shape[0])
+
+    return chain
+
+
 # number of loads of all kinds
 count_of_loads = _counts(0)
 # a number into a knot of loads of one kind, which is counted from 0
@@ -205,6 +223,8 @@ collect_loads = _collects(0)
 # (tension, length, rate) of all loads along paths into rows of `out`, kind after kind [N, m, m/s],
 # after `positions` and `velocities`
 measure_loads = _measures(0)
+# the tension in row i of them [N]
+tension_of_load = _tension_at(0)
 # energy of the springs between bodies [J], after `positions`
 elastic_loads = _stores(0)
 
