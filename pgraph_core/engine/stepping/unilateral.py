@@ -61,7 +61,7 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
 
     If requested, return whether an impact may occur within this sub-step of width w, in a step of
     width h of which `left` remained before. If constraints are active, the way to a limit that
-    rebounds depends on their impulses (`limit_on_the_way`), and it is only appended if it is closed.
+    rebounds depends on their impulses (`limit_on_the_way`), so it is only appended if closed.
     """
     look = mode == ASK
     data = opened(scene)
@@ -85,9 +85,9 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
             arrival = limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot)
             if arrival == 0.0 or (arrival < w and not led):
                 return True
-        if limit_reaches(blocks, i, h, w, left, mode == REMAINDER, q, v, vdot):
-            if not (led and blocks.blocks_f[i, at.AIM] != 0.0):
-                append(active, i)
+        reaches = limit_reaches(blocks, i, h, w, left, mode == REMAINDER, q, v, vdot)
+        if reaches and not (led and blocks.blocks_f[i, at.AIM] != 0.0):
+            append(active, i)
     if laws.shape[0] == 0:
         return False
     velocities(data.rows, data.const, data.work, v, data.space.linear)
