@@ -101,7 +101,7 @@ from .unilateral import (
 REPEAT = void(i8, i8, f8, f8, f8, i8, i8)
 call_repeat = caller(REPEAT)
 
-WAITS, ACTED = 1.0, 2.0  # a switch of constraints, for the next step and in the last one
+WAITS, ACTED = 1, 2  # a switch of constraints, for the next step and in the last one
 MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
 # passes of a part: with forces at the velocity of its start, at its mean velocity, or the only one
 EXPLICIT, MIDPOINT, ONLY = 0, 1, 2

@@ -163,6 +163,12 @@ def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
     return gap + 0.5 * w * (rate - w * abs(change)) < 0.0
 
 
+@part
+def rebounds(blocks, i):
+    """Check whether block i is a limit with restitution."""
+    return type_of(blocks.blocks_i, i) == at.T_LIMIT and blocks.blocks_f[i, at.REBOUND] > 0.0
+
+
 @sweep
 def limit_on_the_way(scene, first, h, w, q, v, vdot):
     """Check whether a limit that rebounds is hit before the end of a part of width w of a step of
@@ -170,7 +176,10 @@ def limit_on_the_way(scene, first, h, w, q, v, vdot):
     data = opened(scene)
     blocks, work, change = data.blocks, data.work, data.space.vectors[SPEEDS_AFTER]
     active, tally = blocks.active, contacts_at(data.links.contacts).tally[0]
-    if tally.limits == 0:
+    found = False
+    for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        found = found or rebounds(blocks, i)
+    if not found:
         return False
     for j in range(v.shape[0]):
         change[j] = data.space.vectors[EFFECT, j]
@@ -179,7 +188,7 @@ def limit_on_the_way(scene, first, h, w, q, v, vdot):
         change[j] = vdot[j] + change[j] / w
     found = False
     for i in range(tally.first_limit, tally.first_limit + tally.limits):
-        if type_of(blocks.blocks_i, i) == at.T_LIMIT and blocks.blocks_f[i, at.REBOUND] > 0.0:
+        if rebounds(blocks, i):
             known = False
             for j in range(first, active[0] + 1):
                 known = known or active[j] == i
