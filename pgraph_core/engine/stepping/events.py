@@ -55,7 +55,7 @@ DIPS = 120  # evaluations for the minimum of an event near zero
 STEEPER = 2.0  # plausible slope of an event, relative to those between its values in a part
 EVENT_HALVINGS = 40  # halvings of a part that starts at an event
 # share of a part within which a value that only touches zero moves by 16 SOLVED of its change
-LASTING = 4.0 * math.sqrt(SOLVED)
+STANDSTILL = 4.0 * math.sqrt(SOLVED)
 WIDER = 8  # growth of the interval after an instant at which a value is and stays zero
 
 
@@ -215,7 +215,7 @@ def rests(run, low, width):
         watched[WATCHED.rest, n] = values[i] if close else math.inf
         near = near or close
     if near:
-        look(run, low, width - LASTING * width)
+        look(run, low, width - STANDSTILL * width)
     for i in range(signs.shape[0]):
         n, tiny = first + i, NOTABLE * watched[WATCHED.start, first + i]
         still = abs(values[i] - watched[WATCHED.rest, n]) <= SOLVED * watched[WATCHED.start, n]
