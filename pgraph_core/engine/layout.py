@@ -192,4 +192,9 @@ PART_BEFORE, PART_DAMPING, PART_MIDDLE = 13, 14, 15
 # of its derivatives: times, the width of the last part of the step before, slope of forces in time,
 # the state where a part begins, and the one that waits while a path is followed
 PART_TIMES, LAST_WIDTH, FORCE_SLOPE, PART_START, WAITING = 16, 17, 18, 19, 20
-STAGE = 21  # the stages of the method from here on
+AT_LIMITS = 21  # a state to be looked at, with coordinates at their closed limits
+BENT = 22  # by how much constraints change v' on the way to an impact
+# v before constraints were switched last, the time of that [s], and whether this WAITS for the next
+# step or has ACTED in the last one
+UNSWITCHED = 23
+STAGE = 24  # the stages of the method from here on

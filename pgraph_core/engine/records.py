@@ -51,10 +51,10 @@ def columns(*names: str, **widths: int) -> Any:
 
 # rows of `watched`: at a step's start, the bracket, now, then the least distance of a user's event
 # from zero, its time [s], 1 where it has come near zero at the end of a part, the time in the step
-# since which its sign is known, the rate of its margin at the event located last, and the size that
-# it has to exceed before its sign is known again
+# since which its sign is known, the rate of its margin at the event located last, the size that it
+# has to exceed before its sign is known again, and the size up to which it is zero in this part
 WATCHED = columns(
-    "start", "low", "high", "now", "nearest", "when", "nears", "since", "rate", "zero"
+    "start", "low", "high", "now", "nearest", "when", "nears", "since", "rate", "zero", "rest"
 )
 
 

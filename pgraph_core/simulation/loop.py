@@ -226,7 +226,7 @@ class Steps:
         control, counters, start = self._words
         control[:], counters[:], self._signs[:] = start, 0, 0
         self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
-        self.stages[at.WEIGHT] = 0.0
+        self.stages[at.WEIGHT] = self.stages[at.UNSWITCHED] = 0.0
 
     def rehearse(self, tally: Any, pairs: Any) -> None:
         """Take a trial step of time stepping to obtain the forces for frame 0.
@@ -300,6 +300,12 @@ class Steps:
         """Continue from the state after an event, using the last step size before the event."""
         clock.forget(self.clock)
         error.begin_again(self.error)
+
+    def note_switch(self, t: float, v: Array) -> None:
+        """Let what touches at t rebound from the velocities v, before constraints were switched."""
+        from ..engine.stepping.moreau import WAITS
+
+        self.stages[at.UNSWITCHED, len(self.q) :] = *v, t, WAITS
 
     def restart(self) -> None:
         """Continue with a changed state or changed equations, recording the last frame again."""

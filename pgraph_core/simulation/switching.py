@@ -174,6 +174,7 @@ class Switching:
             if record.events is not None:
                 record.events.impulse(change.t)
             moved = closed(mech, scene, change, record.q, record.v, steps.ledger)
+            steps.note_switch(change.t, old[1])
         except InputError as refused:
             record.ended.refuse(refused)
             return False
@@ -213,8 +214,9 @@ class Switching:
         record = self.record
         hold_here(record.scene, change, record.q)
         record.scene.switch(change.active)
-        steps = record.steps
+        steps, old = record.steps, record.v.copy()
         closed(record.mech, record.scene, change, record.q, record.v, steps.ledger)
+        steps.note_switch(float(steps.clock["time"]), old)
         steps.anew()
 
     def _energy(self) -> float:

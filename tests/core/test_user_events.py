@@ -324,10 +324,11 @@ def test_terminal_is_the_number_of_the_event_that_ends_the_run():
             pg.simulate(swinging(), t_end=1.0, events=[crossing(0.0, terminal=wrong)])
 
 
-@pytest.mark.parametrize("method", ["rk4", "dopri5"])
+@pytest.mark.parametrize("method", ["rk4", "dopri5", "moreau_jean"])
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 def test_a_zero_exactly_at_a_limit_is_one_event_for_each_hit(method, e):
-    """It reaches zero and turns there. It was two events where rounding led beyond zero."""
+    """It reaches zero and turns there. It was two events where rounding led beyond zero, and none
+    in time stepping, which takes the impact a closed gap before."""
     for limit in (0.0, 0.3, -0.7):
         body = pg.Body(
             name="a", mass=1.0, joint="prismatic", axes=(1, 0, 0), q=(limit - 0.7,), v=(1.7,),
@@ -358,6 +359,32 @@ def test_events_are_zeros_where_a_run_goes_on_with_limits(given, push, speed, le
     assert "began" in run.header
     assert all(abs(event.q[0] - level) < 1e-8 for event in run.user_events)
     assert (np.diff([event.t for event in run.user_events]) > 1e-6).all()
+
+
+@pytest.mark.parametrize("corners", [1, 4])
+@pytest.mark.parametrize("way", [0, -1, 1])
+def test_a_speed_that_friction_brings_to_rest_is_one_event(corners, way):
+    """It is at v / (μ g). Rounding about zero was hundreds of events, up to two steps late."""
+    x = 0.1 * np.array([(1, 1, -1), (-1, 1, -1), (1, -1, -1), (-1, -1, -1)])[:corners]
+    motions = [("translate", (1, 0, 0)), ("translate", (0, 0, 1))]
+    box = pg.Body(
+        name="b", joint="compound", motions=motions, mass=1.0, inertia=(0.1,) * 3,
+        q=(0.0, 0.1), v=(0.3, 0.0),
+    )  # fmt: skip
+    if corners > 1:
+        box = pg.Body(
+            name="b", joint="free", mass=1.0, inertia=(0.1,) * 3, q=(0, 0, 0.1, 1, 0, 0, 0),
+            v=(0, 0, 0, 0.3, 0, 0),
+        )  # fmt: skip
+    floor = pg.Contact(name="f", body="b", points=x, friction=0.3)
+    model = pg.Model(bodies=[box], contacts=[floor])
+    i = 0 if corners == 1 else 3
+    events = [lambda t, q, v: v[i]]
+    events[0].direction = way
+    run = pg.simulate(model, t_end=0.15, step=1e-3, events=events, estimate=corners == 1)
+    expected = [0.3 / (0.3 * 9.81)] if way < 1 else []
+    assert [event.t for event in run.user_events] == pytest.approx(expected, abs=1e-6)
+    assert not any("event" in str(notice) for notice in run.notices)
 
 
 def wheels_beside(ball_at, restitution=0.0):

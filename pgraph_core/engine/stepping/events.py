@@ -5,7 +5,9 @@ event, are evaluated along the step, on dense output or by repeating a narrower 
 event is located by secants and bisection, and the step ends there.
 """
 
-from ...tolerances import SOLVED
+import math
+
+from ...tolerances import NOTABLE, SOLVED
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.address import caller
@@ -52,6 +54,8 @@ PARTS = 4  # parts of a step with dense output that are examined separately
 DIPS = 120  # evaluations for the minimum of an event near zero
 STEEPER = 2.0  # plausible slope of an event, relative to those between its values in a part
 EVENT_HALVINGS = 40  # halvings of a part that starts at an event
+# share of a part within which a value that only touches zero moves by 16 SOLVED of its change
+STANDSTILL = 4.0 * math.sqrt(SOLVED)
 WIDER = 8  # growth of the interval after an instant at which a value is and stays zero
 
 
@@ -84,7 +88,8 @@ def has_counted(run, margins, n):
     """Check whether margin n is that of a user event that has happened and counts."""
     data = opened_run(run)
     i = n - (margins.shape[1] - data.signs.shape[0])
-    return i >= 0 and margins[WATCHED.now, n] < 0.0 and data.signs[i] * data.wanted[i] <= 0
+    crosses = margins[WATCHED.now, n] < 0.0 and margins[WATCHED.rest, n] == 0.0
+    return i >= 0 and crosses and data.signs[i] * data.wanted[i] <= 0
 
 
 @part
@@ -153,6 +158,15 @@ def undecided(signs):
 
 
 @sweep
+def any_leaves(run):
+    """Check whether an event that was zero is not zero at the last look."""
+    signs, found = opened_run(run).signs, False
+    for i in range(signs.shape[0]):
+        found = found or (signs[i] == 0 and left_zero(run, i))
+    return found
+
+
+@sweep
 def leave_zeros(run, low, width):
     """Set the signs of events that are zero at `low` to those with which they leave zero."""
     data = opened_run(run)
@@ -162,6 +176,12 @@ def leave_zeros(run, low, width):
         watched[WATCHED.since, first + i] = -1.0
     if not undecided(signs):
         return
+    look(run, low, width)
+    if not any_leaves(run):
+        look(run, low, 0.5 * width)
+        if not any_leaves(run):
+            look(run, low, 0.0)
+            return
     w = SOLVED * width
     while w < width and undecided(signs):
         look(run, low, w)
@@ -175,6 +195,35 @@ def leave_zeros(run, low, width):
 
 
 # -- location -------------------------------------------------------------------------------------
+
+
+@sweep
+def rests(run, low, width):
+    """Check whether events come to rest at zero within the part from `low` of a time step, and keep
+    up to which size they are zero in row `rest`.
+
+    The sign of such a value is rounding, or that of the tolerance of a contact's gap, and its zero
+    is where it has come to rest. The values at the end of the part are known, and are known again
+    afterwards.
+    """
+    data = opened_run(run)
+    signs, values, wanted, watched = data.signs, data.values, data.wanted, data.watched
+    first, near, found = watched.shape[1] - signs.shape[0], False, False
+    for i in range(signs.shape[0]):
+        n, awake = first + i, wanted[i] != ASLEEP and signs[i] != 0
+        close = awake and abs(values[i]) <= NOTABLE * watched[WATCHED.start, n]
+        watched[WATCHED.rest, n] = values[i] if close else math.inf
+        near = near or close
+    if near:
+        look(run, low, width - STANDSTILL * width)
+    for i in range(signs.shape[0]):
+        n, tiny = first + i, NOTABLE * watched[WATCHED.start, first + i]
+        still = abs(values[i] - watched[WATCHED.rest, n]) <= SOLVED * watched[WATCHED.start, n]
+        watched[WATCHED.rest, n] = tiny if still else 0.0
+        found = found or (still and tiny > 0.0)
+    if near:
+        look(run, low, width)
+    return found
 
 
 @sweep
@@ -310,7 +359,7 @@ def least_value(run, low, width, i, y):
         x, y, w = next_least(x, y, k)
         look(run, low, w * width)
         value = sign * data.values[i]
-        if value < 0.0:
+        if value <= 0.0:
             return x[0] * width, w * width
         x, y = narrowed_least(x, y, w, value)
     if x[2] - x[0] < SOLVED and (2.0 * y[1] <= max(y[0], y[2]) or y[1] <= SOLVED * size):
@@ -423,7 +472,7 @@ def reached(run, low, w):
         watched[WATCHED.start, n] = abs(value)
         if wanted[i] == ASLEEP or signs[i] == 0:
             continue
-        zero = SOLVED * h * abs(watched[WATCHED.rate, n])
+        zero = max(SOLVED * h * abs(watched[WATCHED.rate, n]), watched[WATCHED.rest, n])
         soon = abs(value) <= zero and watched[WATCHED.rate, n] < 0.0
         if w == 0.0 or not (watched[WATCHED.now, n] < 0.0 or soon):
             continue
@@ -460,7 +509,7 @@ def looked_at(run, low, end):
     evaluated at the minimum of a parabola through three values.
     """
     data = opened_run(run)
-    halves = 1
+    halves, steps = 1, data.links.events != 0 and steps_in_time(data.scene)
     if data.links.events != 0:
         halves = 2
         leave_zeros(run, low, end - low)
@@ -469,6 +518,9 @@ def looked_at(run, low, end):
     for k in range(halves):
         stop = end if k == halves - 1 else 0.5 * (low + end)
         found = happened(run, begin, stop - begin)
+        ends = found == 0.0 or found == stop - begin
+        if steps and ends and rests(run, begin, stop - begin):
+            found = stop - begin
         if found > 0.0:
             begin, width = locate(run, begin, found)
             if data.links.events != 0:

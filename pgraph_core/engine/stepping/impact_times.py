@@ -273,7 +273,8 @@ def follow_path(run, numbers, place):
     q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
     speed = own.space.vectors[WAY_SPEEDS, :nv]
     for j in range(nv):
-        speed[j] = v[j] + 0.5 * time * stages[at.SLOPE, nq + j]
+        slope = stages[at.SLOPE, nq + j] + opened_run(numbers).stages[at.BENT, j]
+        speed[j] = v[j] + 0.5 * time * slope
     advance(own.rows, q, speed, time)
     frames(own.rows, own.const, own.work, q, v)
     positions(own.rows, own.work)

@@ -5,7 +5,9 @@ from ..arrays import guard_at, opened_run
 from ..compiler.address import caller
 from ..compiler.jit import part, sweep
 from ..compiler.kinds import F1, f8, i8, void
+from ..constraints.blocks import type_of
 from ..contact.contacts import contacts_at, recall_impulses
+from ..contact.meeting import closed_limit, limit_gap
 from ..contact.phases import opened_events
 from ..contact.points import call_observe, watch
 from ..motion import opened
@@ -14,6 +16,7 @@ from ..tree.moving import normalise_all
 from .bracket import BELOW, NOTHING, over
 from .control.clock import note_repeated, set_time
 from .explicit import dense_output
+from .measured import steps_in_time
 from .state import call_step, copied, onto_constraints, size_of_state
 
 # scene, t, q, v; one number an event, which happens where it changes sign
@@ -194,6 +197,9 @@ def values_of_events(run, t, q, v):
     """Evaluate a user's events and the guard's conditions on coordinates."""
     data = opened_run(run)
     values = data.values
+    if steps_in_time(data.scene):
+        copy_to_limits(run, q)
+        q = data.stages[at.AT_LIMITS, : q.shape[0]]
     call_event(data.links.events, (data.scene, t, q, v, values))
     if data.control[0].guard.address != 0:
         conditions = guard_at(data.control[0].guard.address).limits
@@ -204,10 +210,29 @@ def values_of_events(run, t, q, v):
 
 
 @sweep
+def copy_to_limits(run, q):
+    """Copy q to AT_LIMITS, with coordinates on the limits that are closed at them.
+
+    Time stepping takes the impact of a limit a closed gap before it, and rests there.
+    """
+    data = opened_run(run)
+    scene, kept = opened(data.scene), data.stages[at.AT_LIMITS]
+    blocks, tally = scene.blocks, contacts_at(scene.links.contacts).tally[0]
+    for k in range(q.shape[0]):
+        kept[k] = q[k]
+    for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        single = blocks.blocks_i[i, at.B_TERMS] == 1 and type_of(blocks.blocks_i, i) == at.T_LIMIT
+        if single and abs(limit_gap(blocks, i, q)) <= 2.0 * closed_limit(blocks, i):
+            n = blocks.blocks_i[i, at.B_TERM]
+            kept[blocks.terms_i[n, 1]] = blocks.blocks_f[i, at.VALUE] / blocks.terms_f[n]
+
+
+@sweep
 def watch_events(run, w):
     """Compute the monitors of user events, positive while the values keep their sign.
 
-    Up to the time `since` after the start of the step, the sign of a value is rounding.
+    Up to the time `since` after the start of the step, the sign of a value is rounding. A value
+    that comes to rest at zero is zero up to the size in row `rest`.
     """
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
@@ -218,7 +243,7 @@ def watch_events(run, w):
             monitor = signs[i] * values[i]
             if w <= watched[WATCHED.since, first + i]:
                 monitor = abs(monitor)
-            elif monitor == 0.0:
+            elif monitor == 0.0 or abs(monitor) <= watched[WATCHED.rest, first + i]:
                 monitor = -BELOW
         watched[WATCHED.now, first + i] = monitor
 

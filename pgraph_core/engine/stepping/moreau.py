@@ -19,7 +19,7 @@ zero length. Compliant and slow contacts are only detected at the midpoint of a 
 
 import math
 
-from ...tolerances import SOLVED, TINY
+from ...tolerances import COINCIDENT, SOLVED, TINY
 from .. import layout as at
 from ..arrays import (
     BARRED,
@@ -81,16 +81,27 @@ from ..tree.spinning import SPIN, keep_gyrating, keep_spinning
 from ..vec import finite, set_xyz, store, xyz
 from .armatures import corrections, relax, soften, stiffen
 from .booking import book, note_chain
-from .row_speeds import set_velocities, turn_rates
+from .row_speeds import before_switch, set_velocities, turn_rates
 from .state import NOT_MET, copied, size_of_state
 from .state import STEP as STEP_SIGNATURE
-from .unilateral import ASK, CUT, REMAINDER, add_passed, add_unilateral, push_out
+from .unilateral import (
+    ASK,
+    CUT,
+    REMAINDER,
+    TAKE,
+    add_passed,
+    add_unilateral,
+    keep_resting,
+    limit_on_the_way,
+    push_out,
+)
 
 # runs of duals, run of numbers, finished part of the step, its width, that of the part, first block
 # or 0 to begin the step, perhaps again, and the pass
 REPEAT = void(i8, i8, f8, f8, f8, i8, i8)
 call_repeat = caller(REPEAT)
 
+WAITS, ACTED = 1, 2  # a switch of constraints, for the next step and in the last one
 MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
 # passes of a part: with forces at the velocity of its start, at its mean velocity, or the only one
 EXPLICIT, MIDPOINT, ONLY = 0, 1, 2
@@ -123,6 +134,8 @@ def moreau_jean(run, h):
     parts = 0
     w = 0.0
     stuck = False
+    if stages[at.UNSWITCHED, nq + nv + 1] == ACTED:
+        stages[at.UNSWITCHED, nq + nv + 1] = WAITS
     while True:
         left = h - done
         again = parts < MOST_PARTS and not stuck
@@ -137,7 +150,11 @@ def moreau_jean(run, h):
         else:
             break
         parts += 1
-        part_of_step(run, done, h, w, CUT)
+        if part_of_step(run, done, h, w, CUT):  # constraints lead to a limit before
+            start = stages[at.PART_BEFORE]
+            state_at(scene, 0.0, q, v, start, vdot, space.vectors[WAY_SPEEDS, :nv])
+            w = first_meeting(scene, h, w, q, v, start, vdot, space.vectors[WAY_SPEEDS, :nv])
+            part_of_step(run, done, h, w, TAKE)
         if w == left or tally.barred == 1:
             break
         stuck = w == 0.0 and not changed(stages[at.PART_BEFORE], stages[at.CANDIDATE], nq, nv)
@@ -184,8 +201,9 @@ def part_of_step(run, done, h, w, mode):
     """Advance CANDIDATE by a part of width w, from `done` on, of a step of width h.
 
     If requested, the function returns True if an impact may occur within the sub-step, without
-    changing CANDIDATE. A part without width is an impact of all that touches. The state before is
-    in PART_BEFORE.
+    changing CANDIDATE. If constraints lead to the impact of a limit, SLOPE is then v' with their
+    impulses. A part without width is an impact of all that touches. The state before is in
+    PART_BEFORE.
     """
     this = opened_run(run)
     scene, stages = this.scene, this.stages
@@ -203,6 +221,9 @@ def part_of_step(run, done, h, w, mode):
     active = blocks.active
     bilateral = active[0]
     states = data.loads.signals[2].shape[0]
+    if mode == ASK and bilateral > 0:
+        for j in range(nv):
+            stages[at.BENT, j] = 0.0
     accelerate(run, t, h, w)
     first = bilateral + 1
     if add_unilateral(scene, h, w, h - done, mode, q, v, vdot):
@@ -212,7 +233,11 @@ def part_of_step(run, done, h, w, mode):
         return True
     which = EXPLICIT if w > 0.0 else ONLY
     while True:
-        solve_part(run, (t, h, w, first, which), q, v, vdot)
+        if solve_part(run, (t, h, w, first, which), mode, q, v, vdot):
+            relax_drives(scene)
+            take_back(run, h, w)
+            active[0] = bilateral
+            return True
         repeat(run, done, h, w, first, which)
         if which != EXPLICIT:
             break
@@ -499,10 +524,11 @@ def warm_start(scene, first, m):
 
 
 @sweep
-def solve_part(run, own, q, v, vdot):
+def solve_part(run, own, mode, q, v, vdot):
     """Solve for the impulses in a pass of a part of width w, starting at t, of a step of width h.
 
     Their effect on the joints is stored in EFFECT. The second pass starts with those of the first.
+    Returns whether constraints lead to the impact of a limit within the part, if that is asked.
     """
     t, h, w, first, which = own
     this = opened_run(run)
@@ -513,8 +539,14 @@ def solve_part(run, own, q, v, vdot):
         space.vectors[EFFECT, j] = 0.0
     space.vectors[FACTORED, FACTORS.known] = 0.0  # Y is no longer that of the last factors
     goes_on = which == MIDPOINT
+    switched = which != MIDPOINT and has_switched(run, t, h)
     while blocks.active[0] > 0:
         m = number_rows(blocks, space.slots)
+        if switched:
+            unswitched = this.stages[at.UNSWITCHED, q.shape[0] : q.shape[0] + v.shape[0]]
+            before_switch(scene, t, q, v, unswitched)
+            keep_resting(scene, first)
+            switched = False
         set_velocities(scene, t, t + w, w, q, v, vdot, m)
         unspread(rows, const, work, space.vectors[SPEEDS])
         if not goes_on:
@@ -522,11 +554,41 @@ def solve_part(run, own, q, v, vdot):
             warm_start(scene, first, m)
         solve_impulses(scene, h, goes_on, which != EXPLICIT)
         this.counters[0].solver_iterations += int(report[SWEEPS_DONE] + report[STEPS_DONE])
+        asks = first > 1 and which == EXPLICIT and (mode == ASK or mode == CUT)
+        if asks and limit_on_the_way(scene, first, h, w, q, v, vdot):
+            bend_way(run, w, vdot)
+            return True
         if w == 0.0 or not add_passed(scene, first, w, q, v, vdot):
             break
         goes_on = False
         mean = space.vectors[MEAN, : v.shape[0]]
         turn_rates(rows, const, work, mean)
+    state = this.stages[at.UNSWITCHED]
+    if which != EXPLICIT and state[q.shape[0] + v.shape[0] + 1] == WAITS:
+        state[q.shape[0] + v.shape[0] + 1] = ACTED
+    return False
+
+
+@part
+def has_switched(run, t, h):
+    """Check whether constraints were switched at t, where a step of width h begins, and nothing in
+    this step has come before."""
+    data = opened_run(run)
+    row, last = data.stages[at.UNSWITCHED], data.control[0].nq + data.control[0].nv
+    return row[last + 1] == WAITS and abs(t - row[last]) <= COINCIDENT * h
+
+
+@sweep
+def bend_way(run, w, vdot):
+    """Add the change of v' by the impulses of a part of width w, whose effect is in EFFECT, to
+    v', and write it to BENT."""
+    data = opened_run(run)
+    scene, bent = opened(data.scene), data.stages[at.BENT]
+    effect = scene.space.vectors[EFFECT]
+    spread(scene.rows, scene.const, scene.work, effect)
+    for j in range(vdot.shape[0]):
+        bent[j] = effect[j] / w
+        vdot[j] += bent[j]
 
 
 @sweep

@@ -5,6 +5,7 @@ from ..arrays import (
     MEAN,
     RHS,
     SPEEDS,
+    TARGET,
     TURNED,
     ZERO,
 )
@@ -52,6 +53,23 @@ def set_velocities(scene, t, end, h, q, v, vdot, m):
     for r in range(m):
         vectors[BEFORE, r] -= vectors[TURNED, r]
         vectors[RHS, r] += vectors[TURNED, r]
+
+
+@sweep
+def before_switch(scene, t, q, v, unswitched):
+    """Write the speeds of the active rows before and after constraints were switched at t, from
+    joint velocities `unswitched` and v, into TARGET and BEFORE."""
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    vectors, linear = space.vectors, space.linear
+    locate(blocks, work, q, space.place)
+    turn_rates(rows, const, work, unswitched)
+    velocities(rows, const, work, unswitched, linear)
+    residual_velocity(blocks, work, space, t, unswitched, vectors[TARGET])
+    turn_rates(rows, const, work, v)
+    velocities(rows, const, work, v, linear)
+    residual_velocity(blocks, work, space, t, v, vectors[BEFORE])
+    turn_rates(rows, const, work, vectors[MEAN, : v.shape[0]])
 
 
 @sweep

@@ -4,7 +4,7 @@ import math
 
 from ...tolerances import NOTABLE, TOUCHING
 from .. import layout as at
-from ..arrays import DINV, EFFECT, LAMBDA, PUSH, SPEEDS_AFTER
+from ..arrays import BEFORE, DINV, EFFECT, LAMBDA, PUSH, SPEEDS_AFTER, TARGET
 from ..cables import cable_length, over_spans
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
@@ -33,6 +33,7 @@ from ..contact.contacts import (
 )
 from ..contact.islands import find_islands
 from ..contact.meeting import (
+    ARRIVED,
     closed_limit,
     limit_arrival,
     limit_gap,
@@ -51,7 +52,8 @@ RECOVER = 0.2  # part of deeper penetration that a step removes
 PUSH_SWEEPS = 30
 OPENED = 1e-3  # share of the penetration to remove below which a sweep is the last
 DRIFT = 50.0  # largest drift of a loaded contact whose gap is closed, in tolerated depths
-ASK, CUT, REMAINDER = 0, 1, 2  # a part: whether something hits in it, until it does, what is left
+# a part: whether something hits in it, until it does, what is left, and until then without a look
+ASK, CUT, REMAINDER, TAKE = 0, 1, 2, 3
 SINKING = 0.1  # penetration tolerance as a fraction of g h^2
 
 
@@ -60,11 +62,13 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
     """Append limits and touching rigid contacts to the active blocks.
 
     If requested, return whether an impact may occur within this sub-step of width w, in a step of
-    width h of which `left` remained before.
+    width h of which `left` remained before. If constraints are active, the way to a limit that
+    rebounds depends on their impulses (`limit_on_the_way`), so it is only appended if closed.
     """
     look = mode == ASK
     data = opened(scene)
     blocks = data.blocks
+    follows = blocks.active[0] > 0 and w > 0.0 and mode != REMAINDER
     contacts = contacts_at(data.links.contacts)
     blocks_i, active = blocks.blocks_i, blocks.active
     laws, tally = contacts.laws, contacts.tally[0]
@@ -82,9 +86,13 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
             if w > 0.0 and segment_reaches(scene, i, h, w, q, v):
                 append(active, i)
             continue
-        if look and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
-            return True
-        if limit_reaches(blocks, i, h, w, left, mode == REMAINDER, q, v, vdot):
+        led = follows and blocks.blocks_f[i, at.REBOUND] > 0.0
+        if look:
+            arrival = limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot)
+            if arrival == 0.0 or (arrival < w and not led):
+                return True
+        reaches = limit_reaches(blocks, i, h, w, left, mode == REMAINDER, q, v, vdot)
+        if reaches and not (led and blocks.blocks_f[i, at.AIM] != 0.0):
             append(active, i)
     if laws.shape[0] == 0:
         return False
@@ -159,6 +167,60 @@ def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
         return True
     blocks_f[i, at.AIM] = 2.0 * gap / w
     return gap + 0.5 * w * (rate - w * abs(change)) < 0.0
+
+
+@part
+def rebounds(blocks, i):
+    """Check whether block i is a limit with restitution."""
+    return type_of(blocks.blocks_i, i) == at.T_LIMIT and blocks.blocks_f[i, at.REBOUND] > 0.0
+
+
+@sweep
+def limit_on_the_way(scene, first, h, w, q, v, vdot):
+    """Check whether a limit that rebounds is hit before the end of a part of width w of a step of
+    width h, from its middle q, on the way with all impulses, whose effect is in EFFECT."""
+    data = opened(scene)
+    blocks, work, change = data.blocks, data.work, data.space.vectors[SPEEDS_AFTER]
+    active, tally = blocks.active, contacts_at(data.links.contacts).tally[0]
+    found = False
+    for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        found = found or rebounds(blocks, i)
+    if not found:
+        return False
+    for j in range(v.shape[0]):
+        change[j] = data.space.vectors[EFFECT, j]
+    spread(data.rows, data.const, work, change)
+    for j in range(v.shape[0]):
+        change[j] = vdot[j] + change[j] / w
+    found = False
+    for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        if rebounds(blocks, i):
+            known = False
+            for j in range(first, active[0] + 1):
+                known = known or active[j] == i
+            arrival = limit_arrival(blocks, i, 0.5 * w, h, w, q, v, change)
+            found = found or (not known and arrival < w * (1.0 - ARRIVED))
+    return found
+
+
+@sweep
+def keep_resting(scene, first):
+    """Let unilateral blocks rebound from their speeds before constraints were switched, in TARGET,
+    and not from those that this has given them, in BEFORE.
+
+    What rested does not rebound. Newton's restitution acts on the speed before an impact.
+    """
+    data = opened(scene)
+    blocks, slots, vectors = data.blocks, data.space.slots, data.space.vectors
+    for j in range(first, blocks.active[0] + 1):
+        i = blocks.active[j]
+        if one_sided(type_of(blocks.blocks_i, i)):
+            r = first_of(slots, i)
+            old, now = -vectors[TARGET, r], -vectors[BEFORE, r]
+            if not old > max(blocks.blocks_f[i, at.ROOM], 0.0):
+                blocks.blocks_f[i, at.BOUNCE] = 0.0
+            elif now > old:
+                blocks.blocks_f[i, at.BOUNCE] *= old / now
 
 
 @sweep
