@@ -35,12 +35,16 @@ from . import (
     Picking,
     State,
     about,
+    curves,
     own_fields,
     parts,
+    places,
     rare,
+    relations,
     typed_as,
     varies,
 )
+from .gains import EVERY, GROUND
 from .mobility import mobility_report
 from .update import allowed
 
@@ -144,7 +148,7 @@ def _bodies(item: Any) -> tuple[str, ...]:
 def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
     if name is None or name in _bodies(item):
         return True
-    everyone = isinstance(item, pg.Contact) and parts.EVERY in _bodies(item)
+    everyone = isinstance(item, pg.Contact) and EVERY in _bodies(item)
     return everyone and bool(model.body(name).touching)
 
 
@@ -156,7 +160,7 @@ def between(item: Any) -> str:
         return f"{getattr(item, item.READS)}".removeprefix("=")
     if isinstance(item, (pg.Site, pg.Output)):
         return item.body if isinstance(item, pg.Site) else item.at
-    names = {parts.EVERY: "all bodies"}
+    names = {EVERY: "all bodies"}
     first, other = (names.get(name) or name for name in item.pair)
     alone = "other" not in type(item).model_fields or isinstance(item, pg.Skate)
     return first if alone else ", ".join((first, *(place.body for place in item._places), other))
@@ -201,8 +205,8 @@ def _picking(picking: Picking | None) -> Payload | None:
     about = f"{of} on {bodies}" if picking.body else of.rstrip(",")
     text = f"{about}: click {slots[picking.slot]} in the digraph, the table or the 3D view."
     labels = {
-        parts.GROUND: "ground",
-        parts.EVERY: "every body with a shape",
+        GROUND: "ground",
+        EVERY: "every body with a shape",
         parts.ALL_ON_GROUND: "all bodies with the ground",
     }
     names = [[name, labels[name]] for name in allowed(picking)]
@@ -214,7 +218,7 @@ def _picking(picking: Picking | None) -> Payload | None:
 
 def form(state: State, display: Display, part: Part, item: Any) -> list[Payload]:
     """Return the relevant fields of a part."""
-    at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
+    at = places.at_home(state.derived.names, state.derived.positions, state.derived.wxyz)
     cells = state.model.cells(item, part)
     found, more = [field("name", "Name", [cell((), item.name)], kind="text")], []
     for name in own_fields(item):
@@ -251,7 +255,7 @@ def _field(
         case "torque" | "target" | "speed" | "input" if isinstance(item, OnJoint):
             shows = about(item, name)
             found = [field("feedback", "", [], buttons=[FEEDBACK])] if name == item.INPUT else []
-            return [field(name, shows.label, [cell((), parts.knots(cells[name]))],
+            return [field(name, shows.label, [cell((), curves.knots(cells[name]))],
                           unit=_unit(model, item, shows.unit), help=shows.help, kind="text",
                           note=OVER_TIME, expression=True), *found]  # fmt: skip
         case "coordinate" if isinstance(item, OnJoint):
@@ -265,7 +269,7 @@ def _field(
         return [choice(name, about(item, name).label, getattr(item, name), options)]
     if form == "rows":
         shows = about(item, name)
-        return [field(name, shows.label, [cell((), parts.rows(cells.get(name)))], unit=shows.unit,
+        return [field(name, shows.label, [cell((), curves.rows(cells.get(name)))], unit=shows.unit,
                       help=shows.help, kind="text", note=shows.help)]  # fmt: skip
     if form == "flag":
         shows, value = about(item, name), parts.FLAG[getattr(item, name)]
@@ -278,14 +282,14 @@ def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
     if name == "at":
         sites = [site.name for site in model.sites]
         return field(name, about(item, name).label, [cell((), item.at)], kind="names",
-                     options=[parts.GROUND, *sites])  # fmt: skip
+                     options=[GROUND, *sites])  # fmt: skip
     extra = []
     if name == "other":
-        extra = [] if isinstance(item, OfTwo) else [parts.GROUND]
+        extra = [] if isinstance(item, OfTwo) else [GROUND]
     if part == "contacts":
-        extra.append(parts.EVERY)
+        extra.append(EVERY)
     if part == "sites":
-        extra = [parts.GROUND]
+        extra = [GROUND]
     pick = button("Pick", "Pick", "click the body in the digraph, the table or 3D", slot=name)
     return field(name, about(item, name).label, [cell((), getattr(item, name))], kind="names",
                  options=extra, buttons=[pick])  # fmt: skip
@@ -296,7 +300,7 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
     shows, of = about(item, name), parts.quantity_of(model, item, name)
     value, implied = cells.get(name), False
     if value is None:
-        value, implied = parts.implied(model, item, name, at), True
+        value, implied = places.implied(model, item, name, at), True
     unit = _unit(model, item, parts.unit_of(model, item, name))
     unit = display.unit(of) if unit in ("length", "angle") else unit
     if typed_as(item, name)[0] == "vector":
@@ -323,9 +327,9 @@ def _curve(model: pg.Model, item: pg.Motion) -> list[Payload]:
     curve = item.q_of_t
     kind = curve.kind if isinstance(curve, (pg.Sine, pg.Polynomial)) else "table"
     kind = "expression" if isinstance(curve, str) else kind
-    found = [choice("curve", "Follows", kind, parts.CURVES, help=CELLS["curve"].help)]
+    found = [choice("curve", "Follows", kind, curves.KINDS, help=CELLS["curve"].help)]
     if kind in ("table", "expression"):
-        one, shows = cell((), parts.knots(curve)), CELLS[kind]
+        one, shows = cell((), curves.knots(curve)), CELLS[kind]
         return [*found, field(kind, shows.label, [one], help=shows.help, kind="text",
                               note=shows.help, curve=_drawn(item), expression=True)]  # fmt: skip
     if isinstance(curve, pg.Sine):
@@ -343,11 +347,11 @@ def _curve(model: pg.Model, item: pg.Motion) -> list[Payload]:
 
 def _function(model: pg.Model, item: pg.Relation) -> list[Payload]:
     """Return fields for the kind and the text of the curve of a relation."""
-    kind, shows = parts.function_kind(item.curve), about(item, "curve")
-    x, value = (parts.unit_of_coordinate(model, *end) for end in parts.ends_of(item))
+    kind, shows = relations.kind_of(item.curve), about(item, "curve")
+    x, value = (relations.unit_of_coordinate(model, *end) for end in relations.ends_of(item))
     note = FUNCTIONS[kind].format(x=x or "rad, m", value=value or "rad, m")
-    one = cell((), parts.function(item.curve))
-    return [choice("function", CELLS["function"].label, kind, parts.FUNCTIONS,
+    one = cell((), relations.written(item.curve))
+    return [choice("function", CELLS["function"].label, kind, relations.KINDS,
                    help=CELLS["function"].help),
             field("curve", shows.label, [one], help=shows.help, kind="text", note=note,
                   curve=_drawn(item), expression=True)]  # fmt: skip
@@ -382,7 +386,7 @@ def _coefficients(item: Any, cells: Any) -> list[Payload]:
 
 
 def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
-    if item.body == parts.EVERY:
+    if item.body == EVERY:
         return []
     found = [
         field("points", f"Point {i + 1}",
@@ -401,10 +405,10 @@ def _path(item: Any, name: str, cells: Any, display: Display) -> list[Payload]:
     """Return a row for each point of a path, named after its body."""
     shows, found = about(item, name), list[Payload]()
     for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name]))):
-        for key, first in parts.COLUMNS.items():
+        for key, first in places.COLUMNS.items():
             if key in ("point", "radius") or place.radius is not None:
                 found.append(_of_place(name, i, key, first, place, row.get(key), display))
-    more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, parts.GROUND],
+    more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help=shows.help)  # fmt: skip
     return [*found, more]
 
@@ -437,7 +441,7 @@ def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
         row = [cell((i,), x) for i, x in enumerate(cells[name])]
         unit = shows.unit.split(",")[0]
         return [field(name, shows.label, row, unit=unit, expression=True), over]
-    row = [cell((), parts.knots(cells[name]))]
+    row = [cell((), curves.knots(cells[name]))]
     text = "rows: t x y z; t x y z; ..."
     return [field(name, shows.label, row, unit=shows.unit.split(",")[0], kind="text", help=text,
                   note=text), over]  # fmt: skip
