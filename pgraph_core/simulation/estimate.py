@@ -18,7 +18,7 @@ import numpy as np
 from ..dynamics.states import ranges_of_motion, sizes_of_states
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SOFT, SWING
-from ..errors import InputError
+from ..errors import InputError, percent
 from ..packing import Array
 from ..packing.signals import states_of
 from ..tolerances import EPS, ROUNDING, SOLVED, VISIBLE
@@ -36,6 +36,7 @@ from .finer import (
 from .recorded import Estimate
 from .recording import Recording
 from .remarks import passed_over, unsure_forces
+from .remedies import more_accurate
 from .run_plan import RunPlan
 
 if TYPE_CHECKING:
@@ -161,7 +162,8 @@ def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[s
 
     Control states that do not affect any force are checked separately.
     """
-    found = _told(t, error[:, 0], sizes[0], ("the error", " rad or m", "the motion"))
+    better = more_accurate(record.plan)
+    found = _told(t, error[:, 0], sizes[0], ("the error", " rad or m", "the motion"), better)
     if found and (tables := record.plan.contacts) is not None:
         soft = tables.laws["law"] == SOFT
         if (tables.laws["friction"][soft] > 0.0).any():
@@ -171,27 +173,36 @@ def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[s
         what = f"control '{control.name}': the error of its state x.{control.name}[{k + 1}]"
         same = np.array_equal(np.isfinite(own), np.isfinite(error[:, 0]))
         until = np.isfinite(own) if same else slice(None)  # not covered by the notice on the motion
-        found += _told(t[until], own[until], size, (what, "", "its range"))
+        found += _told(t[until], own[until], size, (what, "", "its range"), better)
     return tuple(found)
 
 
-def _told(t: Array, error: Array, size: float, words: tuple[str, str, str]) -> list[str]:
-    """Return a message about an error (n,) that is large or unknown before the end of the run."""
+def _told(
+    t: Array, error: Array, size: float, words: tuple[str, str, str], better: str
+) -> list[str]:
+    """Return a message about an error (n,) that is large or unknown before the end of the run.
+
+    `better` makes it smaller.
+    """
     known, (what, unit, whole) = int(np.isfinite(error).sum()), words
     if known < len(t):
         digits = _digits(t)
+        until = (
+            f". Until t = {t[known - 1]:.{digits}g} s it is about {error[known - 1]:.2g}{unit}"
+            if known > 1  # at the start, which both share, the error is none
+            else ""
+        )
         return [
             f"{what} is not known from t = {t[known]:.{digits}g} s on, where a finer run "
-            f"diverges. Until t = {t[known - 1]:.{digits}g} s it is about "
-            f"{error[known - 1]:.2g}{unit}. This time can be extended by a smaller step or rtol, "
-            "but is always limited for chaotic motion"
+            f"diverges{until}. This time can be extended by {better}, but is always limited for "
+            "chaotic motion"
         ]
     if len(t) < 2 or error[-1] <= VISIBLE * size:
         return []
     first = t[int((error > VISIBLE * size).argmax())]
     return [
-        f"{what} is about {error[-1]:.2g}{unit}, {100 * error[-1] / size:.2g} % of {whole}, and "
-        f"above 1 % from t = {first:.{_digits(t)}g} s on; use a smaller step or rtol"
+        f"{what} is about {error[-1]:.2g}{unit}, {percent(error[-1] / size)} of {whole}, and "
+        f"above 1 % from t = {first:.{_digits(t)}g} s on; use {better}"
     ]
 
 
