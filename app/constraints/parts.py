@@ -216,7 +216,7 @@ def _typed(
         case "function":
             return {**data, "curve": relations.rekinded(item.curve, text)}
         case "curve" if isinstance(item, pg.Relation):
-            return {**data, "curve": relations.curve_of(model, item, text)}
+            return {**data, "curve": relations.curve_of(model, item, text, display)}
         case "curve":
             return {**data, "q_of_t": curves.timed(item.q_of_t, text)}
         case "table" | "expression":
@@ -227,10 +227,8 @@ def _typed(
             value = number(text) if index[0] > 1 else curves.moved_by(model, item, text)
             return {**data, "q_of_t": {**dict(curves.plain(data["q_of_t"])), key: value}}
         case "polynomial":
-            old, k = (
-                (*curves.plain(data["q_of_t"])["coefficients"], 0.0, 0.0, 0.0, 0.0)[:4],
-                index[0],
-            )
+            k = index[0]
+            old = (*curves.plain(data["q_of_t"])["coefficients"], 0.0, 0.0, 0.0, 0.0)[:4]
             value = number(text) if k > 1 else curves.moved_by(model, item, text, rate=k == 1)
             new = replaced(old, index, value)
             return {**data, "q_of_t": {"kind": "polynomial", "coefficients": new}}

@@ -8,10 +8,11 @@ from typing import Any
 import pgraph_core as pg
 from pgraph_core.signals import is_expression
 
-from ..core.cells import Display, Refusal, number, quantity
+from ..core.cells import Display, Quantity, Refusal, number, quantity
 from ..pose.solving import degrees
 
 KINDS = ("natural", "clamped", "periodic", "quintic", "polynomial", "expression")
+QUANTITIES: dict[str, Quantity] = {"rad": "angle", "m": "length", "": "number"}
 
 
 def unit_of_coordinate(model: pg.Model, body: str, coordinate: int) -> str:
@@ -25,21 +26,37 @@ def ends_of(item: pg.Relation) -> tuple[tuple[str, int], tuple[str, int]]:
     return (item.other, item.other_coordinate), (item.body, item.coordinate)
 
 
+def quantities(model: pg.Model, item: pg.Relation) -> tuple[Quantity, Quantity]:
+    """Return the quantities of what a relation follows, and of what it moves."""
+    x, value = (unit_of_coordinate(model, *end) for end in ends_of(item))
+    return QUANTITIES[x], QUANTITIES[value]
+
+
 def kind_of(curve: pg.Curve | pg.Polynomial | str) -> str:
     """Return the kind of the curve of a relation, one of `KINDS`."""
     return "expression" if isinstance(curve, str) else curve.kind
 
 
-def written(curve: pg.Curve | pg.Polynomial | str) -> str:
-    """Format the curve of a relation as text, with semicolons between its points."""
-    if isinstance(curve, pg.Polynomial):
-        return " ".join(f"{x:.12g}" for x in curve.coefficients)
-    if isinstance(curve, pg.Curve):
-        return "; ".join(f"{x:.12g} {y:.12g}" for x, y in zip(curve.x, curve.value))
-    return curve
+def written(model: pg.Model, item: pg.Relation, display: Display) -> str:
+    """Format the curve of a relation as text, with its points in the units of the page."""
+    if isinstance(item.curve, pg.Polynomial):
+        return " ".join(map(_short, item.curve.coefficients))
+    if isinstance(item.curve, pg.Curve):
+        of = quantities(model, item)
+        points = zip(item.curve.x, item.curve.value)
+        return "; ".join(
+            " ".join(_short(display.shown(x, each)) for x, each in zip(point, of))
+            for point in points
+        )
+    return item.curve
 
 
-def curve_of(model: pg.Model, item: pg.Relation, text: str) -> Any:
+def _short(x: float) -> str:
+    """Format a number in the fewest digits that give it back."""
+    return f"{x + 0.0!r}".removesuffix(".0")
+
+
+def curve_of(model: pg.Model, item: pg.Relation, text: str, display: Display) -> Any:
     """Parse the curve of a relation from the text of `written`. Raises Refusal."""
     if is_expression(text):
         return text.strip()
@@ -49,10 +66,9 @@ def curve_of(model: pg.Model, item: pg.Relation, text: str) -> Any:
     rows = [row.replace(",", " ").split() for row in re.split("[;\\n]", text) if row.strip()]
     if any(len(row) != 2 for row in rows):
         raise Refusal("must be rows 'x value; x value; ...', as 0 0; 90deg 12mm; 180deg 20mm")
-    slides = [unit_of_coordinate(model, *end) == "m" for end in ends_of(item)]
     columns = [
-        tuple(quantity(x, "length" if slide else "angle", Display()) for x in column)
-        for slide, column in zip(slides, zip(*rows))
+        tuple(quantity(x, of, display) for x in column)
+        for of, column in zip(quantities(model, item), zip(*rows))
     ]
     kind = item.curve.kind if isinstance(item.curve, pg.Curve) else "natural"
     return {**dict(zip(("x", "value"), columns)), "kind": kind}

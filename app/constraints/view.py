@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 import pgraph_core as pg
 from pgraph_core.forces import OnJoint
 from pgraph_core.joints import slides
-from pgraph_core.model.constraint import OfTwo
+from pgraph_core.model.constraint import OfOne, OfTwo
 
 from ..core.cells import (
     Display,
@@ -25,6 +23,7 @@ from ..core.cells import (
 )
 from ..core.views import Host, Payload, Place, topic
 from ..pose.solving import degrees
+from ..pose.view import moment
 from . import (
     CELLS,
     KINDS,
@@ -38,6 +37,7 @@ from . import (
     curves,
     own_fields,
     parts,
+    pictures,
     places,
     rare,
     relations,
@@ -59,10 +59,9 @@ USUAL = (
 )  # fmt: skip
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
 NO_BODY = ("", "choose a body")  # of a list that adds one
-DRAWN = 120  # points of a drawn curve, two or three pixels apart
 FUNCTIONS = {  # how the text of each kind of curve is written
     **{
-        kind: f"x value; x value; ... [{{x}}] [{{value}}], or with units: 0 0; 90deg 12mm; {text}"
+        kind: f"x value; x value; ... [{{}}] [{{}}], or with units: 0 0; 90deg 12mm; {text}"
         for kind, text in (
             ("natural", "goes on as straight lines"),
             ("clamped", "without slope at its ends"),
@@ -70,7 +69,7 @@ FUNCTIONS = {  # how the text of each kind of curve is written
             ("quintic", "rests beyond its ends"),
         )
     },
-    "polynomial": "c0 c1 c2 ... up to c7, of c0 + c1 x + c2 x² + ... [{x}] [{value}]",
+    "polynomial": "c0 c1 c2 ... up to c7, of c0 + c1 x + c2 x² + ... [{}] [{}]",
     "expression": "=... of q, the coordinate of the other body: =0.02*(1-cos(q))",
 }
 Q_OF_T = {
@@ -81,7 +80,9 @@ Q_OF_T = {
 
 def _seen(state: State, page: Client) -> tuple[Any, ...]:
     """Return the part of the client state that this tab depends on."""
-    return (page.picking, page.opened, page.listed, page.called, page.display)
+    item = pictures.open_relation(state, page)
+    window = () if item is None else pictures.window(state, item)
+    return (page.picking, page.opened, page.listed, page.called, page.display, window)
 
 
 def constraints(state: State, page: Client) -> Payload:
@@ -196,6 +197,8 @@ def _picking(picking: Picking | None) -> Payload | None:
     if picking.part == "loops":
         what = f"loop, cut at a {picking.kind} joint,"
         slots = {"body": "the body", "other": "its second parent"}
+    elif picking.part == "constraints" and issubclass(pg.Constraint.KINDS[picking.kind], OfTwo):
+        slots = {"body": "the body that follows", "other": "the body that it follows"}
     of = f"'{picking.name}'" if picking.name else f"A new {what}"
     if picking.part == "limits":
         of = "A joint limit"
@@ -223,16 +226,16 @@ def form(state: State, display: Display, part: Part, item: Any) -> list[Payload]
     found, more = [field("name", "Name", [cell((), item.name)], kind="text")], []
     for name in own_fields(item):
         here = more if rare(item, name) else found
-        here += _field(state.model, part, item, name, cells, display, at)
+        here += _field(state, part, item, name, cells, display, at)
     if isinstance(item, pg.PID):
         found.append(field("response", "", [], buttons=[RESPONSE]))
     return [group("", found), *([group("More", more, False)] if more else [])]
 
 
 def _field(
-    model: pg.Model, part: Part, item: Any, name: str, cells: Any, display: Display, at: Any
+    state: State, part: Part, item: Any, name: str, cells: Any, display: Display, at: Any
 ) -> list[Payload]:
-    kind = parts.kind_of(part, item)
+    model, kind = state.model, parts.kind_of(part, item)
     match name:
         case "kind" | "law":
             options = list(KINDS[part])
@@ -243,7 +246,7 @@ def _field(
         case "q_of_t":
             return _curve(model, item)
         case "curve":
-            return _function(model, item)
+            return _function(state, item, display)
         case "interpolation" if not isinstance(item.q_of_t, pg.Table):
             return []
         case "coefficients":
@@ -258,10 +261,8 @@ def _field(
             return [field(name, shows.label, [cell((), curves.knots(cells[name]))],
                           unit=_unit(model, item, shows.unit), help=shows.help, kind="text",
                           note=OVER_TIME, expression=True), *found]  # fmt: skip
-        case "coordinate" if isinstance(item, OnJoint):
-            shows, joint = about(item, name), degrees(model.body(item.body))
-            options = [(str(k), label) for k, (label, _) in enumerate(joint)]
-            return [choice(name, "Motion", str(item.coordinate), options, help=shows.help)]
+        case "coordinate" | "other_coordinate" if isinstance(item, (OnJoint, OfOne)):
+            return [_motion_field(model, item, name)]
         case "torque" | "force":
             return _over_time(item, name, cells)
     form, options = typed_as(item, name)
@@ -293,6 +294,15 @@ def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
     pick = button("Pick", "Pick", "click the body in the digraph, the table or 3D", slot=name)
     return field(name, about(item, name).label, [cell((), getattr(item, name))], kind="names",
                  options=extra, buttons=[pick])  # fmt: skip
+
+
+def _motion_field(model: pg.Model, item: Any, name: str) -> Payload:
+    """Return a drop-down list of the degrees of freedom of a joint."""
+    body, label = (item.body, "Motion") if name == "coordinate" else (item.other, "Its motion")
+    joint, now = degrees(model.body(body)) if body in model.row else [], getattr(item, name)
+    options = [(str(k), text) for k, (text, _) in enumerate(joint)]
+    options += [] if now < len(joint) else [(str(now), str(now))]
+    return choice(name, label, str(now), options, help=about(item, name).help)
 
 
 def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, at: Any) -> Payload:
@@ -331,7 +341,8 @@ def _curve(model: pg.Model, item: pg.Motion) -> list[Payload]:
     if kind in ("table", "expression"):
         one, shows = cell((), curves.knots(curve)), CELLS[kind]
         return [*found, field(kind, shows.label, [one], help=shows.help, kind="text",
-                              note=shows.help, curve=_drawn(item), expression=True)]  # fmt: skip
+                              note=shows.help, curve=pictures.of_motion(item),
+                              expression=True)]  # fmt: skip
     if isinstance(curve, pg.Sine):
         numbers: Sequence[float] = (curve.mean, curve.amplitude, curve.frequency, curve.phase)
     else:
@@ -345,32 +356,19 @@ def _curve(model: pg.Model, item: pg.Motion) -> list[Payload]:
     return [*found, field(kind, shows.label, row, help=shows.help, columns=2, note=shows.help)]
 
 
-def _function(model: pg.Model, item: pg.Relation) -> list[Payload]:
-    """Return fields for the kind and the text of the curve of a relation."""
+def _function(state: State, item: pg.Relation, display: Display) -> list[Payload]:
+    """Return fields for the kind and the text of the curve of a relation, with its picture."""
     kind, shows = relations.kind_of(item.curve), about(item, "curve")
-    x, value = (relations.unit_of_coordinate(model, *end) for end in relations.ends_of(item))
-    note = FUNCTIONS[kind].format(x=x or "rad, m", value=value or "rad, m")
-    one = cell((), relations.written(item.curve))
+    of = relations.quantities(state.model, item)
+    si = not isinstance(item.curve, pg.Curve)
+    units = [pictures.SI[one] if si else display.unit(one) for one in of]
+    note = FUNCTIONS[kind].format(*(unit or "rad, m" for unit in units))
+    one = cell((), relations.written(state.model, item, display))
     return [choice("function", CELLS["function"].label, kind, relations.KINDS,
                    help=CELLS["function"].help),
             field("curve", shows.label, [one], help=shows.help, kind="text", note=note,
-                  curve=_drawn(item), expression=True)]  # fmt: skip
-
-
-def _drawn(item: pg.Motion | pg.Relation) -> Payload | None:
-    """Return the curve through the knots of a motion or a relation, and the range of its values."""
-    if isinstance(item, pg.Relation):
-        if not isinstance(item.curve, pg.Curve):
-            return None
-        knots, values = np.array(item.curve.x), item.curve.values
-    elif not isinstance(item.q_of_t, pg.Table) or len(item.q_of_t.t) < 2:
-        return None
-    else:
-        knots, values = np.array(item.q_of_t.t), item.q_of_t.spline(item.interpolation)
-    t = np.unique([*np.linspace(knots[0], knots[-1], DRAWN), *knots])
-    value = values(t)
-    low, high = value.min(), value.max()
-    return {"t": t.tolist(), "value": value.tolist(), "range": f"from {low:.4g} to {high:.4g}"}
+                  curve=pictures.of_relation(state, item, display),
+                  expression=True)]  # fmt: skip
 
 
 def _coefficients(item: Any, cells: Any) -> list[Payload]:
@@ -453,5 +451,16 @@ VIEWS = (
         21,
         Host("constraints", "left", "Connections"),
         Host("part", "right", order=40),
+    ),
+    Place(
+        topic(
+            "present",
+            pictures.present,
+            "derived",
+            "posed",
+            moment,
+            page=lambda _, page: (page.opened, page.display),
+        ),
+        42,
     ),
 )

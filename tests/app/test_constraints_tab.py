@@ -352,7 +352,7 @@ def test_motions_over_time(state):
         rows = form(kerb, Display(), "constraints", motion)[0]["fields"]
         (drawn,) = [row["curve"] for row in rows if row["field"] == "table"]
         assert motion.interpolation == way
-        assert max(drawn["value"]) == pytest.approx(most, rel=0.01)
+        assert max(drawn["lines"][0]["y"]) == pytest.approx(most, rel=0.01)
     table = {"t": (0.0, 0.5), "value": (1.0, -2.5)}
     assert table_of(knots(table), 1) == table
     assert table_of("0\t1\n0.5\t-2.5\n", 1) == table  # pasted from a spreadsheet
