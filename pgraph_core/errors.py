@@ -274,6 +274,12 @@ def counted(n: int, one: str, many: str = "") -> str:
     return f"{n} {one if n == 1 else many or one + 's'}"
 
 
+def percent(share: float) -> str:
+    """Return a share as '1.1 %' or '170 %', without exponents of ten above 1."""
+    most = 100.0  # times: beyond it a number says no more
+    return f"{float(f'{100 * share:.2g}'):g} %" if share < most else f"more than {100 * most:g} %"
+
+
 def refusal(call: str, field: str, text: str) -> InputError:
     """Return the error for an invalid function argument."""
     return InputError(Problem(call, field, text))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.errors import FileError, Problem
+from pgraph_core.errors import FileError, Problem, percent
 from pgraph_core.model.files import write_atomic
 
 from .terminal import (
@@ -109,7 +109,7 @@ def _run_lines(data: dict[str, Any]) -> list[str]:
         f"method             {data['method']}, {_steps(data)}, t = {data['t']:.6g} s",
         f"error estimate     {data['accuracy']}",
         f"energy             {first:.6g} J at the start, {last:.6g} J at the end",
-        f"energy drift       {100 * data['energy_drift']:.3g} % of its range",
+        f"energy drift       {percent(data['energy_drift'])} of its range",
         f"constraint drift   {position:.3g} m, {velocity:.3g} m/s",
         f"cost               {', '.join(counters)}",
         f"time               {', '.join(timing)}",

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from typing import Any
-
-import numpy as np
 
 import pgraph_core as pg
 from pgraph_core import joints
 from pgraph_core.fields import PAIR
-from pgraph_core.forces import BetweenPoints
 from pgraph_core.joints import SIZE
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.expressions import Known
-from pgraph_core.rotation import matrix
 from pgraph_core.signals import is_expression, parsed, with_names, written
 from pgraph_core.signals.meaning import dim_of
 from pgraph_core.units import NONE, UNITS
@@ -28,25 +21,20 @@ from ..core.cells import (
     Refusal,
     content,
     number,
-    quantity,
     quantity_in,
     replaced,
     valid_name,
     whole,
 )
-from ..pose.solving import degrees
 from ..properties import track_cells
-from . import KINDS, WORD, Part, about, own_fields, takes_other, typed_as
-from .gains import EVERY, GROUND, gains
+from . import KINDS, WORD, Part, about, curves, own_fields, places, relations, takes_other, typed_as
+from .gains import GROUND, gains
+from .places import Places
 
 ALL_ON_GROUND = "* on ground"  # picked: a contact of every body with the ground
 Item = Any  # pg.Constraint | pg.Contact | pg.Force | pg.Site | pg.Output
-Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
 
 FLAG = ("no", "yes")  # texts of false and true in a form
-CURVES = ("polynomial", "sine", "table", "expression")
-FUNCTIONS = ("natural", "clamped", "periodic", "quintic", "polynomial", "expression")
-FRICTIONS = ("friction", "static_friction", "rolling_friction", "spinning_friction")
 KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outputs": "kind",
               "controls": "kind"}  # fmt: skip
 MAKE: dict[str, Any] = {
@@ -155,97 +143,7 @@ def _wide(body: pg.Body) -> tuple[Any, ...]:
 # -- reading -----------------------------------------------------------------------------------
 
 
-def places(names: Sequence[str], positions: np.ndarray, wxyz: np.ndarray) -> Places:
-    """Return the home position and rotation matrix for each body name and for the ground."""
-    ground = {GROUND: (np.zeros(3), np.eye(3))}
-    return ground | {n: (p, matrix(q)) for n, p, q in zip(names, positions, wxyz)}
-
-
-def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
-    """Return the displayed default of a missing field, or None."""
-    match item, field:
-        case pg.Constraint(), "point":
-            return model.point_of(item)
-        case BetweenPoints() | pg.Bushing(), "point":
-            return model.body(item.body).tip_point
-        case (pg.Wrench(), "point") | (BetweenPoints() | pg.Rolling(), "other_point"):
-            return (0.0, 0.0, 0.0)
-        case (pg.Constraint(), "other_point"):
-            p, R = at[item.body]
-            place, turn = at[item.pair[1]]
-            found = turn.T @ (p + R @ np.asarray(model.point_of(item)) - place)
-            return tuple(float(x) + 0.0 for x in found)
-        case (pg.Distance(), "length") | (pg.Spring(), "rest"):
-            there = _along(model, item, at)
-            return sum(float(np.linalg.norm(a - b)) for a, b in pairwise(there))
-        case pg.Contact(), "restitution":
-            return model.ground.restitution
-        case pg.Contact(), _ if field in FRICTIONS:
-            return item.frictions(model.ground)[FRICTIONS.index(field)]
-        case pg.Torsion(), "axis":
-            return (0.0, 0.0, 1.0)
-        case _, "rotation":
-            return (1.0, 0.0, 0.0, 0.0)
-    return None
-
-
-def _along(model: pg.Model, item: Item, at: Places) -> list[np.ndarray]:
-    """Return the world positions [m] of all points of a force or distance, from end to end."""
-    point = item.point or implied(model, item, "point", at)
-    path = [(item.body, point), *((x.body, x.point) for x in item._places)]
-    path.append((item.other, item.other_point or (0.0, 0.0, 0.0)))
-    return [at[name][0] + at[name][1] @ np.asarray(x) for name, x in path]
-
-
-def knots(value: Any) -> str:
-    """Format a number, or a table over time with semicolons between its rows."""
-    if not isinstance(value, (pg.Table, pg.VectorTable, dict)):
-        return value if isinstance(value, str) else f"{value!r}".removesuffix(".0")
-    data = value if isinstance(value, dict) else value.model_dump()
-    return _lines(zip(data["t"], data["value"]))
-
-
-def rows(value: Any) -> str:
-    """Format a table or matrix as text. A diagonal matrix is reduced to its diagonal."""
-    if value is None or isinstance(value, str):
-        return value or ""
-    if isinstance(value, (dict, pg.Lines)):
-        return _lines(zip(*_dict(value).values()))
-    diagonal = not any(x for i, row in enumerate(value) for k, x in enumerate(row) if i != k)
-    return _lines([[row[i] for i, row in enumerate(value)]] if diagonal else value)
-
-
-def rows_of(old: Any, text: str) -> Any:
-    """Parse the text from `rows`: a table, a matrix, or its diagonal. Raises Refusal."""
-    typed = [row.replace(",", " ").split() for row in re.split("[;\\n]", text) if row.strip()]
-    found = tuple(tuple(number(x) for x in row) for row in typed)
-    if isinstance(old, tuple):
-        return found[0] if len(found) == 1 else found
-    if any(len(row) != 2 for row in found):
-        raise Refusal("must be rows 'x value; x value; ...', each with two numbers")
-    return {"x": tuple(x for x, _ in found), "value": tuple(y for _, y in found)} if found else None
-
-
-def _lines(rows: Iterable[Iterable[Any]]) -> str:
-    return "; ".join(" ".join(f"{x:g}" for x in _flat(row)) for row in rows)
-
-
-def _flat(value: Any) -> list[float]:
-    return [y for x in value for y in (x if isinstance(x, (tuple, list)) else (x,))]
-
-
 # -- changing ----------------------------------------------------------------------------------
-
-
-def table_of(text: str, width: int) -> dict[str, Any]:
-    """Parse a table over time from the text of `knots` or from pasted rows. Raises Refusal."""
-    rows = [row for row in text.replace("\n", ";").split(";") if row.strip()]
-    found = [[number(x) for x in row.replace(",", " ").split()] for row in rows]
-    if not found or any(len(row) != 1 + width for row in found):
-        shape = "t value" if width == 1 else "t x y z"
-        raise Refusal(f"must be rows '{shape}; {shape}; ...', each with {1 + width} numbers")
-    values = [row[1] if width == 1 else tuple(row[1:]) for row in found]
-    return {"t": tuple(row[0] for row in found), "value": tuple(values)}
 
 
 def changed(
@@ -295,30 +193,8 @@ def on_joint(
             terms = [(body, data.get("coordinate", 0), 1.0)]
             if rows := data.get("coefficients"):
                 terms = [(name, k, by) for name, row in rows.items() for k, by in enumerate(row)]
-            data[field] = _moved(curve, model, terms)
+            data[field] = curves.moved(curve, model, terms)
     return data
-
-
-def _moved(curve: Any, model: pg.Model, terms: Sequence[tuple[str, int, float]]) -> Any:
-    """Return a curve of the same kind that starts at the initial value of a sum of joint
-    coordinates, if all of them have a position.
-    """
-    start = 0.0
-    for name, k, by in terms:
-        body = model.body(name)
-        place = dict(enumerate(joints.places(body.sequence))).get(k)
-        if place is None:
-            return curve
-        start += by * body.q[place]
-    gone = start - _start(curve)
-    match curve:
-        case float() | int():
-            return start
-        case pg.Sine():
-            return {**curve.model_dump(), "mean": curve.mean + gone}
-        case pg.Polynomial():
-            return {**curve.model_dump(), "coefficients": (start, *curve.coefficients[1:])}
-    return {**curve.model_dump(), "value": tuple(x + gone for x in curve.value)}
 
 
 def _typed(
@@ -339,43 +215,44 @@ def _typed(
         case _ if form == "flag":
             return {**data, field: text == FLAG[True]}
         case "function":
-            return {**data, "curve": _refunctioned(item.curve, text)}
+            return {**data, "curve": relations.rekinded(item.curve, text)}
         case _ if field.startswith("track_") and isinstance(item, pg.CurvePoint):
             return {**data, "curve": track_cells.changed(item.curve, field, text, display)}
         case "curve" if isinstance(item, pg.Relation):
-            return {**data, "curve": _function_of(model, item, text)}
+            return {**data, "curve": relations.curve_of(model, item, text, display)}
         case "curve":
-            return {**data, "q_of_t": _curve(item.q_of_t, text)}
+            return {**data, "q_of_t": curves.timed(item.q_of_t, text)}
         case "table" | "expression":
             typed = field == "expression" or is_expression(text)
-            return {**data, "q_of_t": text.strip() if typed else table_of(text, 1)}
+            return {**data, "q_of_t": text.strip() if typed else curves.table_of(text, 1)}
         case "sine":
             key = ("mean", "amplitude", "frequency", "phase")[index[0]]
-            value = number(text) if index[0] > 1 else _moved_by(model, item, text)
-            return {**data, "q_of_t": {**dict(_dict(data["q_of_t"])), key: value}}
+            value = number(text) if index[0] > 1 else curves.moved_by(model, item, text)
+            return {**data, "q_of_t": {**dict(curves.plain(data["q_of_t"])), key: value}}
         case "polynomial":
-            old = (*_dict(data["q_of_t"])["coefficients"], 0.0, 0.0, 0.0, 0.0)[:4]
-            value = number(text) if index[0] > 1 else _moved_by(model, item, text, index[0] == 1)
+            k = index[0]
+            old = (*curves.plain(data["q_of_t"])["coefficients"], 0.0, 0.0, 0.0, 0.0)[:4]
+            value = number(text) if k > 1 else curves.moved_by(model, item, text, rate=k == 1)
             new = replaced(old, index, value)
             return {**data, "q_of_t": {"kind": "polynomial", "coefficients": new}}
         case "torque_over" | "force_over":
-            return {**data, field[:-5]: _over(getattr(item, field[:-5]), text)}
+            return {**data, field[:-5]: curves.over(getattr(item, field[:-5]), text)}
         case "torque" | "force" if not index and getattr(item, "kind", "") == "wrench":
-            return {**data, field: table_of(text, 3)}
+            return {**data, field: curves.table_of(text, 3)}
         case "torque" | "target" | "speed" | "input" if not index:
             if is_expression(text):
                 return {**data, field: text.strip()}
             if ";" in text or len(text.split()) > 1:
-                return {**data, field: table_of(text, 1)}
+                return {**data, field: curves.table_of(text, 1)}
             return {**data, field: content(text, of, display)}
         case "points":
-            return {**data, "points": _points(model, item, data, index, text, display)}
+            return {**data, "points": places.points(model, item, data, index, text, display)}
         case "coefficients":
             return _coefficients(model, data, index, text)
         case _ if field in getattr(item, "PLACES", ()):
-            return {**data, field: _path(model, item, data[field], index, text, display, at)}
+            return {**data, field: places.path(model, item, data[field], index, text, display, at)}
         case _ if form == "rows":
-            return {**data, field: rows_of(getattr(item, field), text)}
+            return {**data, field: curves.rows_of(getattr(item, field), text)}
     if not text.strip():
         return {**data, field: None}
     new = content(text, of, display)
@@ -383,176 +260,8 @@ def _typed(
         data["filter"] = abs(float(new) / (10 * data["kp"])) or None  # kd needs one: a common value
     if not index:
         return {**data, field: new}
-    old = data.get(field) or implied(model, item, field, at) or (0.0, 0.0, 0.0)
+    old = data.get(field) or places.implied(model, item, field, at) or (0.0, 0.0, 0.0)
     return {**data, field: replaced(tuple(old), index, new)}
-
-
-def _moved_by(model: pg.Model, item: pg.Motion, text: str, rate: bool = False) -> float:
-    """Return a coordinate, or a rate, in SI units unless it is typed as 30 deg or 1500 rpm."""
-    slides = unit_of_coordinate(model, item.body, item.coordinate) == "m"
-    return quantity(text, "length" if slides else "angle", Display(), rate)
-
-
-def unit_of_coordinate(model: pg.Model, body: str, coordinate: int) -> str:
-    """Return the unit of a coordinate of a joint, or "" if there is none."""
-    joint = degrees(model.body(body)) if body in model.row else []
-    return joint[coordinate][1] if coordinate < len(joint) else ""
-
-
-def ends_of(item: pg.Relation) -> tuple[tuple[str, int], tuple[str, int]]:
-    """Return (body, coordinate) of what a relation follows, and of what it moves."""
-    return (item.other, item.other_coordinate), (item.body, item.coordinate)
-
-
-def function_kind(curve: pg.Curve | pg.Polynomial | str) -> str:
-    """Return the kind of the curve of a relation, one of `FUNCTIONS`."""
-    return "expression" if isinstance(curve, str) else curve.kind
-
-
-def function(curve: pg.Curve | pg.Polynomial | str) -> str:
-    """Format the curve of a relation as text, with semicolons between its points."""
-    if isinstance(curve, pg.Polynomial):
-        return " ".join(f"{x:.12g}" for x in curve.coefficients)
-    if isinstance(curve, pg.Curve):
-        return "; ".join(f"{x:.12g} {y:.12g}" for x, y in zip(curve.x, curve.value))
-    return curve
-
-
-def _function_of(model: pg.Model, item: pg.Relation, text: str) -> Any:
-    """Parse the curve of a relation from the text of `function`. Raises Refusal."""
-    if is_expression(text):
-        return text.strip()
-    if isinstance(item.curve, pg.Polynomial):
-        powers = tuple(map(number, text.replace(",", " ").split()))
-        return {"kind": "polynomial", "coefficients": powers}
-    rows = [row.replace(",", " ").split() for row in re.split("[;\\n]", text) if row.strip()]
-    if any(len(row) != 2 for row in rows):
-        raise Refusal("must be rows 'x value; x value; ...', as 0 0; 90deg 12mm; 180deg 20mm")
-    slides = [unit_of_coordinate(model, *end) == "m" for end in ends_of(item)]
-    columns = [
-        tuple(quantity(x, "length" if slide else "angle", Display()) for x in column)
-        for slide, column in zip(slides, zip(*rows))
-    ]
-    kind = item.curve.kind if isinstance(item.curve, pg.Curve) else "natural"
-    return {**dict(zip(("x", "value"), columns)), "kind": kind}
-
-
-def _refunctioned(old: Any, kind: str) -> Any:
-    """Return a curve of another kind, with the same points if both have points."""
-    if kind not in FUNCTIONS:
-        raise Refusal(f"must be one of {', '.join(FUNCTIONS)}")
-    if kind == function_kind(old):
-        return old
-    if kind == "expression":
-        return "=q"
-    if kind == "polynomial":
-        return {"kind": kind, "coefficients": (0.0, 1.0)}
-    points = isinstance(old, pg.Curve)
-    x, value = (old.x, old.value) if points else ((0.0, 1.0), (0.0, 1.0))
-    if kind == "periodic" and len(x) == 2:
-        x, value = (x[0], 0.5 * (x[0] + x[1]), x[1]), (value[0], value[1], value[0])
-    return {"x": x, "value": value, "kind": kind}
-
-
-def _dict(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else value.model_dump()
-
-
-def _curve(old: Any, kind: str) -> dict[str, Any] | str:
-    """Return a curve of another kind with the same initial value."""
-    if kind not in CURVES:
-        raise Refusal(f"must be one of {', '.join(CURVES)}")
-    start = _start(old)
-    if kind == "expression":
-        return f"={start!r} + 0*t"
-    if kind == "sine":
-        return {"kind": kind, "mean": start, "amplitude": 0.5, "frequency": 1.0, "phase": 0.0}
-    if kind == "polynomial":
-        return {"kind": kind, "coefficients": (start, 0.0)}
-    return {"t": (0.0, 1.0), "value": (start, start)}
-
-
-def _start(curve: Any) -> float:
-    """Return the initial value of a curve, or 0 for an expression."""
-    match curve:
-        case pg.Sine():
-            return curve.mean + curve.amplitude * math.sin(curve.phase)
-        case pg.Polynomial():
-            return curve.coefficients[0]
-        case str():
-            return 0.0
-        case float() | int():
-            return curve
-    return curve.value[0]
-
-
-def _over(old: Any, text: str) -> Any:
-    """Convert a constant to a table, or a table to its first value."""
-    constant = isinstance(old, tuple)
-    if text == "constant":
-        return old if constant else old.value[0]
-    return {"t": (0.0, 1.0), "value": (old, old)} if constant else old
-
-
-def _points(
-    model: pg.Model,
-    item: pg.Contact,
-    data: dict[str, Any],
-    index: tuple[int, ...],
-    text: str,
-    display: Display,
-) -> tuple[Any, ...]:
-    """Return the contact points after a number was typed, or a point was added or removed."""
-    points = tuple(data["points"])
-    if len(index) == 2:
-        return replaced(points, index, content(text, "length", display))
-    if text:
-        tip = model.body(item.body).tip_point if item.body != EVERY else (0.0, 0.0, 0.0)
-        return (*points, tip)
-    return tuple(p for i, p in enumerate(points) if i != index[0])
-
-
-# fields of a point of a path, and the numbers of their first cells
-COLUMNS = {"point": 0, "radius": 3, "axis": 4, "side": 7}
-
-
-def _path(
-    model: pg.Model,
-    item: Item,
-    old: Any,
-    index: tuple[int, ...],
-    text: str,
-    display: Display,
-    at: Places,
-) -> tuple[Any, ...]:
-    """Return the points of a path after a number was typed, or a point was added or removed.
-
-    A new point is in the middle of the last span, so that the path is as it was.
-    """
-    places = [dict(_dict(place)) for place in old]
-    if not index:
-        name = text.strip()
-        if name not in at:
-            raise Refusal(f"no body is named '{name}'")
-        (p, R), (*_, a, b) = at[name], _along(model, item, at)
-        point = tuple(float(x) + 0.0 for x in R.T @ (0.5 * (a + b) - p))
-        return (*places, {"body": name, "point": point})
-    if index[0] >= len(places):
-        raise Refusal("no longer has this point")
-    if len(index) == 1:
-        return tuple(place for i, place in enumerate(places) if i != index[0])
-    place, column = places[index[0]], index[1]
-    key = next(key for key, first in reversed(COLUMNS.items()) if column >= first)
-    of = "number" if key == "axis" else "length"
-    if not text.strip() and key != "point":
-        gone = COLUMNS.keys() - {"point"} if key == "radius" else {key}
-        place |= dict.fromkeys(gone)
-    elif key == "radius":
-        place["radius"] = content(text, of, display)
-    else:
-        old = tuple(place.get(key) or (0.0, 0.0, 0.0))
-        place[key] = replaced(old, (column - COLUMNS[key],), content(text, of, display))
-    return tuple(places)
 
 
 def _coefficients(

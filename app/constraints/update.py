@@ -12,7 +12,8 @@ from ..core.edit import attempted
 from ..core.events import Entries, FromPage, ModelEdit, Text
 from ..core.state import Notice, display_of, told, with_client
 from ..model import Found, sent
-from . import KINDS, WORD, Part, Picking, Slot, State, about, parts, takes_other
+from . import KINDS, WORD, Part, Picking, Slot, State, about, parts, places, takes_other
+from .gains import EVERY, GROUND
 
 S = TypeVar("S", bound=State)
 
@@ -30,10 +31,10 @@ class EditPart(ModelEdit):
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
         d, display = state.derived, display_of(state, self.client)
-        places = parts.places(d.names, d.positions, d.wxyz)
+        at = places.at_home(d.names, d.positions, d.wxyz)
         try:
             model = parts.changed(
-                state.model, self.part, self.name, self.field, self.entries, display, places
+                state.model, self.part, self.name, self.field, self.entries, display, at
             )
         except Refusal as refusal:
             item = parts.item_of(state.model, self.part, self.name)
@@ -154,9 +155,9 @@ def picked(state: S, client: int, body: str | None) -> S:
 def allowed(picking: Picking) -> tuple[str, ...]:
     """Return the other targets that can be picked."""
     if picking.part == "contacts":
-        named = (parts.EVERY,) if picking.slot == "body" else (parts.GROUND, parts.EVERY)
+        named = (EVERY,) if picking.slot == "body" else (GROUND, EVERY)
         return named if picking.name is not None else (*named, parts.ALL_ON_GROUND)
-    return (parts.GROUND,) if picking.slot == "other" or picking.part == "sites" else ()
+    return (GROUND,) if picking.slot == "other" or picking.part == "sites" else ()
 
 
 def _next(state: S, client: int, body: str) -> S:
@@ -172,7 +173,7 @@ def _next(state: S, client: int, body: str) -> S:
     if body == parts.ALL_ON_GROUND:
         one = replace(picking, more=())
         freed = with_client(state, client, picking=None)
-        return _made(freed, client, one, parts.EVERY, parts.GROUND)
+        return _made(freed, client, one, EVERY, GROUND)
     if picking.slot == "body" and takes_other(picking.part, picking.kind):
         return with_client(state, client, picking=replace(picking, slot="other", body=body))
     first = picking.body if picking.slot == "other" else body

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 import pgraph_core as pg
 from pgraph_core.forces import OnJoint
 from pgraph_core.joints import slides
-from pgraph_core.model.constraint import OfTwo
+from pgraph_core.model.constraint import OfOne, OfTwo
 
 from ..core.cells import (
     Display,
@@ -25,6 +23,7 @@ from ..core.cells import (
 )
 from ..core.views import Host, Payload, Place, topic
 from ..pose.solving import degrees
+from ..pose.view import moment
 from ..properties import track_cells
 from . import (
     CELLS,
@@ -36,12 +35,17 @@ from . import (
     Picking,
     State,
     about,
+    curves,
     own_fields,
     parts,
+    pictures,
+    places,
     rare,
+    relations,
     typed_as,
     varies,
 )
+from .gains import EVERY, GROUND
 from .mobility import mobility_report
 from .update import allowed
 
@@ -56,10 +60,9 @@ USUAL = (
 )  # fmt: skip
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
 NO_BODY = ("", "choose a body")  # of a list that adds one
-DRAWN = 120  # points of a drawn curve, two or three pixels apart
 FUNCTIONS = {  # how the text of each kind of curve is written
     **{
-        kind: f"x value; x value; ... [{{x}}] [{{value}}], or with units: 0 0; 90deg 12mm; {text}"
+        kind: f"x value; x value; ... [{{}}] [{{}}], or with units: 0 0; 90deg 12mm; {text}"
         for kind, text in (
             ("natural", "goes on as straight lines"),
             ("clamped", "without slope at its ends"),
@@ -67,7 +70,7 @@ FUNCTIONS = {  # how the text of each kind of curve is written
             ("quintic", "rests beyond its ends"),
         )
     },
-    "polynomial": "c0 c1 c2 ... up to c7, of c0 + c1 x + c2 x² + ... [{x}] [{value}]",
+    "polynomial": "c0 c1 c2 ... up to c7, of c0 + c1 x + c2 x² + ... [{}] [{}]",
     "expression": "=... of q, the coordinate of the other body: =0.02*(1-cos(q))",
 }
 Q_OF_T = {
@@ -78,7 +81,9 @@ Q_OF_T = {
 
 def _seen(state: State, page: Client) -> tuple[Any, ...]:
     """Return the part of the client state that this tab depends on."""
-    return (page.picking, page.opened, page.listed, page.called, page.display)
+    item = pictures.open_relation(state, page)
+    window = () if item is None else pictures.window(state, item)
+    return (page.picking, page.opened, page.listed, page.called, page.display, window)
 
 
 def constraints(state: State, page: Client) -> Payload:
@@ -145,7 +150,7 @@ def _bodies(item: Any) -> tuple[str, ...]:
 def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
     if name is None or name in _bodies(item):
         return True
-    everyone = isinstance(item, pg.Contact) and parts.EVERY in _bodies(item)
+    everyone = isinstance(item, pg.Contact) and EVERY in _bodies(item)
     return everyone and bool(model.body(name).touching)
 
 
@@ -157,7 +162,7 @@ def between(item: Any) -> str:
         return f"{getattr(item, item.READS)}".removeprefix("=")
     if isinstance(item, (pg.Site, pg.Output)):
         return item.body if isinstance(item, pg.Site) else item.at
-    names = {parts.EVERY: "all bodies"}
+    names = {EVERY: "all bodies"}
     first, other = (names.get(name) or name for name in item.pair)
     alone = "other" not in type(item).model_fields or isinstance(item, pg.Skate)
     return first if alone else ", ".join((first, *(place.body for place in item._places), other))
@@ -193,6 +198,8 @@ def _picking(picking: Picking | None) -> Payload | None:
     if picking.part == "loops":
         what = f"loop, cut at a {picking.kind} joint,"
         slots = {"body": "the body", "other": "its second parent"}
+    elif picking.part == "constraints" and issubclass(pg.Constraint.KINDS[picking.kind], OfTwo):
+        slots = {"body": "the body that follows", "other": "the body that it follows"}
     of = f"'{picking.name}'" if picking.name else f"A new {what}"
     if picking.part == "limits":
         of = "A joint limit"
@@ -202,8 +209,8 @@ def _picking(picking: Picking | None) -> Payload | None:
     about = f"{of} on {bodies}" if picking.body else of.rstrip(",")
     text = f"{about}: click {slots[picking.slot]} in the digraph, the table or the 3D view."
     labels = {
-        parts.GROUND: "ground",
-        parts.EVERY: "every body with a shape",
+        GROUND: "ground",
+        EVERY: "every body with a shape",
         parts.ALL_ON_GROUND: "all bodies with the ground",
     }
     names = [[name, labels[name]] for name in allowed(picking)]
@@ -215,21 +222,21 @@ def _picking(picking: Picking | None) -> Payload | None:
 
 def form(state: State, display: Display, part: Part, item: Any) -> list[Payload]:
     """Return the relevant fields of a part."""
-    at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
+    at = places.at_home(state.derived.names, state.derived.positions, state.derived.wxyz)
     cells = state.model.cells(item, part)
     found, more = [field("name", "Name", [cell((), item.name)], kind="text")], []
     for name in own_fields(item):
         here = more if rare(item, name) else found
-        here += _field(state.model, part, item, name, cells, display, at)
+        here += _field(state, part, item, name, cells, display, at)
     if isinstance(item, pg.PID):
         found.append(field("response", "", [], buttons=[RESPONSE]))
     return [group("", found), *([group("More", more, False)] if more else [])]
 
 
 def _field(
-    model: pg.Model, part: Part, item: Any, name: str, cells: Any, display: Display, at: Any
+    state: State, part: Part, item: Any, name: str, cells: Any, display: Display, at: Any
 ) -> list[Payload]:
-    kind = parts.kind_of(part, item)
+    model, kind = state.model, parts.kind_of(part, item)
     match name:
         case "kind" | "law":
             options = list(KINDS[part])
@@ -242,7 +249,7 @@ def _field(
         case "curve" if isinstance(item, pg.CurvePoint):
             return _track(item, display)
         case "curve":
-            return _function(model, item)
+            return _function(state, item, display)
         case "interpolation" if not isinstance(item.q_of_t, pg.Table):
             return []
         case "coefficients":
@@ -254,13 +261,11 @@ def _field(
         case "torque" | "target" | "speed" | "input" if isinstance(item, OnJoint):
             shows = about(item, name)
             found = [field("feedback", "", [], buttons=[FEEDBACK])] if name == item.INPUT else []
-            return [field(name, shows.label, [cell((), parts.knots(cells[name]))],
+            return [field(name, shows.label, [cell((), curves.knots(cells[name]))],
                           unit=_unit(model, item, shows.unit), help=shows.help, kind="text",
                           note=OVER_TIME, expression=True), *found]  # fmt: skip
-        case "coordinate" if isinstance(item, OnJoint):
-            shows, joint = about(item, name), degrees(model.body(item.body))
-            options = [(str(k), label) for k, (label, _) in enumerate(joint)]
-            return [choice(name, "Motion", str(item.coordinate), options, help=shows.help)]
+        case "coordinate" | "other_coordinate" if isinstance(item, (OnJoint, OfOne)):
+            return [_motion_field(model, item, name)]
         case "torque" | "force":
             return _over_time(item, name, cells)
     form, options = typed_as(item, name)
@@ -268,7 +273,7 @@ def _field(
         return [choice(name, about(item, name).label, getattr(item, name), options)]
     if form == "rows":
         shows = about(item, name)
-        return [field(name, shows.label, [cell((), parts.rows(cells.get(name)))], unit=shows.unit,
+        return [field(name, shows.label, [cell((), curves.rows(cells.get(name)))], unit=shows.unit,
                       help=shows.help, kind="text", note=shows.help)]  # fmt: skip
     if form == "flag":
         shows, value = about(item, name), parts.FLAG[getattr(item, name)]
@@ -281,17 +286,26 @@ def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
     if name == "at":
         sites = [site.name for site in model.sites]
         return field(name, about(item, name).label, [cell((), item.at)], kind="names",
-                     options=[parts.GROUND, *sites])  # fmt: skip
+                     options=[GROUND, *sites])  # fmt: skip
     extra = []
     if name == "other":
-        extra = [] if isinstance(item, OfTwo) else [parts.GROUND]
+        extra = [] if isinstance(item, OfTwo) else [GROUND]
     if part == "contacts":
-        extra.append(parts.EVERY)
+        extra.append(EVERY)
     if part == "sites":
-        extra = [parts.GROUND]
+        extra = [GROUND]
     pick = button("Pick", "Pick", "click the body in the digraph, the table or 3D", slot=name)
     return field(name, about(item, name).label, [cell((), getattr(item, name))], kind="names",
                  options=extra, buttons=[pick])  # fmt: skip
+
+
+def _motion_field(model: pg.Model, item: Any, name: str) -> Payload:
+    """Return a drop-down list of the degrees of freedom of a joint."""
+    body, label = (item.body, "Motion") if name == "coordinate" else (item.other, "Its motion")
+    joint, now = degrees(model.body(body)) if body in model.row else [], getattr(item, name)
+    options = [(str(k), text) for k, (text, _) in enumerate(joint)]
+    options += [] if now < len(joint) else [(str(now), str(now))]
+    return choice(name, label, str(now), options, help=about(item, name).help)
 
 
 def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, at: Any) -> Payload:
@@ -299,7 +313,7 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
     shows, of = about(item, name), parts.quantity_of(model, item, name)
     value, implied = cells.get(name), False
     if value is None:
-        value, implied = parts.implied(model, item, name, at), True
+        value, implied = places.implied(model, item, name, at), True
     unit = _unit(model, item, parts.unit_of(model, item, name))
     unit = display.unit(of) if unit in ("length", "angle") else unit
     if typed_as(item, name)[0] == "vector":
@@ -326,11 +340,12 @@ def _curve(model: pg.Model, item: pg.Motion) -> list[Payload]:
     curve = item.q_of_t
     kind = curve.kind if isinstance(curve, (pg.Sine, pg.Polynomial)) else "table"
     kind = "expression" if isinstance(curve, str) else kind
-    found = [choice("curve", "Follows", kind, parts.CURVES, help=CELLS["curve"].help)]
+    found = [choice("curve", "Follows", kind, curves.KINDS, help=CELLS["curve"].help)]
     if kind in ("table", "expression"):
-        one, shows = cell((), parts.knots(curve)), CELLS[kind]
+        one, shows = cell((), curves.knots(curve)), CELLS[kind]
         return [*found, field(kind, shows.label, [one], help=shows.help, kind="text",
-                              note=shows.help, curve=_drawn(item), expression=True)]  # fmt: skip
+                              note=shows.help, curve=pictures.of_motion(item),
+                              expression=True)]  # fmt: skip
     if isinstance(curve, pg.Sine):
         numbers: Sequence[float] = (curve.mean, curve.amplitude, curve.frequency, curve.phase)
     else:
@@ -358,32 +373,19 @@ def _track(item: pg.CurvePoint, display: Display) -> list[Payload]:
                            help="whether the end of the curve is its beginning")]  # fmt: skip
 
 
-def _function(model: pg.Model, item: pg.Relation) -> list[Payload]:
-    """Return fields for the kind and the text of the curve of a relation."""
-    kind, shows = parts.function_kind(item.curve), about(item, "curve")
-    x, value = (parts.unit_of_coordinate(model, *end) for end in parts.ends_of(item))
-    note = FUNCTIONS[kind].format(x=x or "rad, m", value=value or "rad, m")
-    one = cell((), parts.function(item.curve))
-    return [choice("function", CELLS["function"].label, kind, parts.FUNCTIONS,
+def _function(state: State, item: pg.Relation, display: Display) -> list[Payload]:
+    """Return fields for the kind and the text of the curve of a relation, with its picture."""
+    kind, shows = relations.kind_of(item.curve), about(item, "curve")
+    of = relations.quantities(state.model, item)
+    si = not isinstance(item.curve, pg.Curve)
+    units = [pictures.SI[one] if si else display.unit(one) for one in of]
+    note = FUNCTIONS[kind].format(*(unit or "rad, m" for unit in units))
+    one = cell((), relations.written(state.model, item, display))
+    return [choice("function", CELLS["function"].label, kind, relations.KINDS,
                    help=CELLS["function"].help),
             field("curve", shows.label, [one], help=shows.help, kind="text", note=note,
-                  curve=_drawn(item), expression=True)]  # fmt: skip
-
-
-def _drawn(item: pg.Motion | pg.Relation) -> Payload | None:
-    """Return the curve through the knots of a motion or a relation, and the range of its values."""
-    if isinstance(item, pg.Relation):
-        if not isinstance(item.curve, pg.Curve):
-            return None
-        knots, values = np.array(item.curve.x), item.curve.values
-    elif not isinstance(item.q_of_t, pg.Table) or len(item.q_of_t.t) < 2:
-        return None
-    else:
-        knots, values = np.array(item.q_of_t.t), item.q_of_t.spline(item.interpolation)
-    t = np.unique([*np.linspace(knots[0], knots[-1], DRAWN), *knots])
-    value = values(t)
-    low, high = value.min(), value.max()
-    return {"t": t.tolist(), "value": value.tolist(), "range": f"from {low:.4g} to {high:.4g}"}
+                  curve=pictures.of_relation(state, item, display),
+                  expression=True)]  # fmt: skip
 
 
 def _coefficients(item: Any, cells: Any) -> list[Payload]:
@@ -399,7 +401,7 @@ def _coefficients(item: Any, cells: Any) -> list[Payload]:
 
 
 def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
-    if item.body == parts.EVERY:
+    if item.body == EVERY:
         return []
     found = [
         field("points", f"Point {i + 1}",
@@ -418,10 +420,10 @@ def _path(item: Any, name: str, cells: Any, display: Display) -> list[Payload]:
     """Return a row for each point of a path, named after its body."""
     shows, found = about(item, name), list[Payload]()
     for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name]))):
-        for key, first in parts.COLUMNS.items():
+        for key, first in places.COLUMNS.items():
             if key in ("point", "radius") or place.radius is not None:
                 found.append(_of_place(name, i, key, first, place, row.get(key), display))
-    more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, parts.GROUND],
+    more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help=shows.help)  # fmt: skip
     return [*found, more]
 
@@ -454,7 +456,7 @@ def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
         row = [cell((i,), x) for i, x in enumerate(cells[name])]
         unit = shows.unit.split(",")[0]
         return [field(name, shows.label, row, unit=unit, expression=True), over]
-    row = [cell((), parts.knots(cells[name]))]
+    row = [cell((), curves.knots(cells[name]))]
     text = "rows: t x y z; t x y z; ..."
     return [field(name, shows.label, row, unit=shows.unit.split(",")[0], kind="text", help=text,
                   note=text), over]  # fmt: skip
@@ -466,5 +468,16 @@ VIEWS = (
         21,
         Host("constraints", "left", "Connections"),
         Host("part", "right", order=40),
+    ),
+    Place(
+        topic(
+            "present",
+            pictures.present,
+            "derived",
+            "posed",
+            moment,
+            page=lambda _, page: (page.opened, page.display),
+        ),
+        42,
     ),
 )

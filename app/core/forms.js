@@ -186,20 +186,40 @@ pgraph.forms = (() => {
     el.querySelector(".note").textContent = field.note;
     curve(el, field.curve);
   }
-  // The picture of a curve over time, below its row: its range stands beside it.
+  // The picture of a curve below its row, with a note of its range, or with axes and further curves over the same axis.
   function curve(el, drawn) {
     el.querySelector(":scope > .curve")?.remove();
     if (!drawn) return;
-    const { t, value, range } = drawn;
-    el.append(
-      make(
-        "div",
-        { className: "curve" },
-        pgraph.chart(`curve, ${range}`, [{ t, y: value }]),
-        make("span", { className: "muted", textContent: range }),
+    const { lines, unit, note } = drawn;
+    const charts = lines.flatMap(({ t, y, title = "", dots }) => [
+      ...(title ? [make("span", { className: "muted title", textContent: title })] : []),
+      pgraph.chart(
+        note ? `curve, ${note}` : `curve ${title}`,
+        [{ t, y }, ...(dots ? [{ ...dots, dots: true }] : [])],
+        false,
+        !note,
+        unit && ` ${unit}`,
       ),
-    );
+    ]);
+    const box = make("div", { className: "curve" }, ...charts);
+    box.append(make("span", { className: "muted now", textContent: note ?? "" }));
+    el.append(box);
+    mark(el);
   }
+  // Where the joints of the curve that is shown are now: {at: [x, y], text}, or null.
+  let present = null;
+  function mark(el = document) {
+    for (const box of el.querySelectorAll(".curve:has(.axed)")) {
+      box.querySelectorAll("svg").forEach((chart, i) => {
+        chart.pgraphMark(present && (i ? present.at.slice(0, 1) : present.at));
+      });
+      box.querySelector(".muted.now").textContent = present?.text ?? "";
+    }
+  }
+  pgraph.on("present", (now) => {
+    present = now;
+    mark();
+  });
 
   // The row's numbers are taken from the next click in the 3D view.
   function picker(box, el) {

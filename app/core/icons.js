@@ -6,18 +6,22 @@ pgraph.svg = (tag, attributes = {}, ...children) => {
   return el;
 };
 // Lines over one axis, each {t, y, style, dots}, in a picture that is as wide as its place; `zero`: the axis is in it.
-// The ends of both axes stand next to it with `axes`.
-pgraph.chart = (label, lines, zero = false, axes = zero) => {
+// The ends of both axes stand next to it with `axes`, in the `unit` of what is over it.
+// Its `pgraphMark` shows where something is now, on the axis [t] or at a point [t, y], or takes the mark away.
+pgraph.chart = (label, lines, zero = false, axes = zero, unit = " s") => {
   const W = 1000,
     H = 1000,
     all = lines.flatMap(({ y }) => y).concat(zero ? [0] : []),
     times = lines.flatMap(({ t }) => [t[0], t.at(-1)]);
-  const [low, high, first, last] = [
-    Math.min(...all),
-    Math.max(...all),
-    Math.min(...times),
-    Math.max(...times),
-  ];
+  const [bottom, top, first, last] = [
+      Math.min(...all),
+      Math.max(...all),
+      Math.min(...times),
+      Math.max(...times),
+    ],
+    // rounding is not blown up, nor what a numerical slope leaves of it
+    blur = Math.max(0, 1e-9 * Math.max(Math.abs(bottom), Math.abs(top)) - (top - bottom)),
+    [low, high] = [bottom - blur, top + blur];
   const at = (t, y) =>
     `${((W * (t - first)) / (last - first || 1)).toFixed(1)},${(0.97 * H - (0.94 * H * (y - low)) / (high - low || 1)).toFixed(1)}`;
   const line = ({ t, y, style = "", dots = false }) =>
@@ -38,17 +42,28 @@ pgraph.chart = (label, lines, zero = false, axes = zero) => {
     ...(zero ? [pgraph.svg("path", { class: "zero", d: `M${at(first, 0)}L${at(last, 0)}` })] : []),
     ...lines.map(line),
   );
-  const end = (className, x, unit = "") =>
-    pgraph.text("span", className, `${Number(x.toPrecision(3))}${unit}`);
+  picture.pgraphMark = (now) => {
+    for (const old of picture.querySelectorAll(".now")) old.remove();
+    if (!now || !(now[0] >= first && now[0] <= last)) return;
+    const [t, y] = now,
+      x = at(t, 0).split(",")[0],
+      inside = y >= low - 0.03 * (high - low) && y <= high + 0.03 * (high - low);
+    picture.append(pgraph.svg("path", { class: "now", d: `M${x},0V${H}` }));
+    if (inside) picture.append(pgraph.svg("path", { class: "now dots", d: `M${at(t, y)}h0` }));
+  };
+  // less than a point of the picture is 0
+  const digits = (x, span) => (Math.abs(x) < span / W ? 0 : Number(x.toPrecision(3)));
+  const end = (className, x, span, unit = "") =>
+    pgraph.text("span", className, `${digits(x, span)}${unit}`);
   return axes
     ? pgraph.make(
         "div",
         { className: "axed muted" },
-        end("", high),
+        end("", top, top - bottom),
         picture,
-        end("low", low),
-        end("", first),
-        end("last", last, " s"),
+        blur ? pgraph.text("span", "low", "") : end("low", bottom, top - bottom),
+        end("first", first, last - first),
+        end("last", last, last - first, unit),
       )
     : picture;
 };

@@ -11,7 +11,7 @@ from pydantic import Field
 import pgraph_core as pg
 from pgraph_core.show import shapes
 
-from ..constraints import Part, parts
+from ..constraints import Part, parts, places
 from ..core.cells import Display, Refusal
 from ..core.edit import attempted, selected
 from ..core.events import Finite, FromPage, Index, OfServer, Request, Text
@@ -161,7 +161,7 @@ def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
         if aim.part is None:
             return model.edit(of, **edit_of(model, model.body(of), aim.field, entries, Display()))
         d = state.derived
-        at = parts.places(d.names, d.positions, d.wxyz)
+        at = places.at_home(d.names, d.positions, d.wxyz)
         return parts.changed(model, aim.part, of, aim.field, entries, Display(), at)
 
     return attempted(after, client, made, f"{aim.field} of {of} picked in 3D")

@@ -94,6 +94,12 @@ def degrees(body: pg.Body) -> list[tuple[str, str]]:
     return [(found[0], found[-1]) for found in _of_joint(body, np.asarray(body.q, float), 1.0)]
 
 
+def ranges(body: pg.Body, q: np.ndarray, size: float) -> list[tuple[float, float]]:
+    """Return the ends of the slider of each degree of freedom, of a model of that size [m]."""
+    found = _of_joint(body, q, 2 * size)
+    return [(min(low, value), max(high, value)) for _, value, low, high, *_ in found]
+
+
 def _of_joint(
     body: pg.Body, q: np.ndarray, reach: float
 ) -> Iterator[tuple[str, float, float, float, float, str]]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pgraph_core.analysis.singular import TOO_LOW
+from pgraph_core.errors import percent
 from pgraph_core.integrators import METHODS
 from pgraph_core.joints import units_of
 from pgraph_core.model.settings import METHOD_NAMES
@@ -127,7 +128,7 @@ def _first_order(result: Any) -> bool:
 def drift(result: Any) -> str:
     """Return the energy drift relative to its range, such as '4.9 %', or "" if it is unknown."""
     part = float(result.energy_drift)
-    return "" if math.isnan(part) else f"{float(f'{100 * part:.2g}'):g} %"
+    return "" if math.isnan(part) else percent(part)
 
 
 def felt(run: Run) -> str:

@@ -12,7 +12,8 @@ import pgraph_core as pg
 from pgraph_core.dynamics.states import with_initial
 from pgraph_core.model.settings import settings_of
 
-from ..constraints import KINDS, parts
+from ..constraints import KINDS, parts, places
+from ..constraints.gains import GROUND
 from ..core.cells import Refusal
 from ..core.edit import attempted
 from ..core.events import Entries, FromPage, ModelEdit, OfScenario, Text
@@ -164,7 +165,7 @@ class AddDrive(EditOfScenario):
         if self.kind not in KINDS["forces"] or self.body not in state.model.row:
             return state.model
         draft = as_forces(state.model, state.model.scenario(name))
-        added, _ = parts.added(draft, "forces", self.kind, self.body, parts.GROUND)
+        added, _ = parts.added(draft, "forces", self.kind, self.body, GROUND)
         return with_forces(state.model, name, added)
 
 
@@ -179,7 +180,7 @@ class EditDrive(EditOfScenario):
 
     def changed(self, state: State, name: str) -> pg.Model:
         display, d = display_of(state, self.client), state.derived
-        at = parts.places(d.names, d.positions, d.wxyz)
+        at = places.at_home(d.names, d.positions, d.wxyz)
         draft = as_forces(state.model, state.model.scenario(name))
         new = parts.changed(draft, "forces", self.name, self.field, self.entries, display, at)
         return with_forces(state.model, name, new)

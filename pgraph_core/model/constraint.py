@@ -357,6 +357,13 @@ def _first_q(model: Any, name: str) -> float:
     return next(iter(model.body(name).q), 0.0) if name != GROUND else 0.0
 
 
+def _half_reach(model: Any, name: str) -> float:
+    """Return half of the usual reach of the first motion of a joint: a quarter turn, or 0.5 m."""
+    motions = model.body(name).sequence if name != GROUND else ()
+    reach = joints.KINDS[motions[0].kind].reach if motions else None
+    return 0.5 * (reach or 2.0)
+
+
 class OfOne(InJoints):
     """A constraint on one coordinate of the joint of `body`."""
 
@@ -448,7 +455,8 @@ class Relation(OfTwo):
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
         value, x = (_first_q(model, name) for name in (body, other))
-        return {"curve": {"x": (x, x + 1.0), "value": (value, value + 1.0)}}
+        rise, way = (_half_reach(model, name) for name in (body, other))
+        return {"curve": {"x": (x, x + way), "value": (value, value + rise)}}
 
     @model_validator(mode="after")
     def _smooth(self) -> Self:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import percent
 from ..packing import Array
 from ..tolerances import SOLVED, VISIBLE
 
@@ -17,6 +18,8 @@ DECREASES = "the dissipation decreases by"
 def energy_drift(parts: Array) -> tuple[float, float]:
     """Find the largest |E - E0 - work + dissipation| relative to the range of the energies, and
     that range [J], of `parts` (4, n): kinetic and potential energy, work and dissipation.
+
+    The range is at least SOLVED of the largest energy: bodies at rest change theirs by rounding.
     """
     if parts.shape[1] < 2:
         return 0.0, 0.0
@@ -24,6 +27,7 @@ def energy_drift(parts: Array) -> tuple[float, float]:
     worst = float(np.abs(ledger - ledger[0]).max())
     highest = parts.max(axis=1)
     scale = float(max((highest - parts.min(axis=1)).max(), highest[0]))
+    scale = max(scale, SOLVED * float(np.abs(parts).max()))
     return worst / scale if scale > 0 else worst, scale
 
 
@@ -45,15 +49,16 @@ def of_balance(run: Any) -> Iterator[str]:
         return
     if (gain := _given_by_contacts(run)) > VISIBLE * scale:
         yield (
-            f"{DECREASES} {gain:.3g} J, {100 * gain / scale:.2g} % of the range of the energies, "
+            f"{DECREASES} {gain:.3g} J, {percent(gain / scale)} of the range of the energies, "
             "although contacts only take energy: the steps do not resolve the contacts; give a "
             "smaller step"
         )
     elif drift > VISIBLE:
-        given = run.header.get("step") is not None
+        fixed = run.header.get("step") is not None
+        do = "a smaller step" if fixed else "a smaller rtol, or a step"
         yield (
-            f"{VIOLATED} {100 * drift:.2g} % of their range: the steps are too large for the power "
-            f"of the forces, or skip a force; give {'a smaller step' if given else 'a step'}"
+            f"{VIOLATED} {percent(drift)} of their range: the steps are too large for the power "
+            f"of the forces, or skip a force; give {do}"
         )
 
 

@@ -17,7 +17,7 @@ from ..dynamics.states import (
     ranges_of_motion,
     sizes_of_states,
 )
-from ..errors import InputError, Problem, choices, counted, explained, guarded
+from ..errors import InputError, Problem, choices, counted, explained, guarded, percent
 from ..packing import Array
 from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly
@@ -313,12 +313,12 @@ class Result(Exports, EqualByFields, Portable):
             return "not estimated"
         if np.isfinite(error):
             size = self._size_of_motion()
-            text = f"{error:.2g} rad or m, {100.0 * error / size:.2g} % of the motion"
+            text = f"{error:.2g} rad or m, {percent(error / size)} of the motion"
             own = self._shares_of_states()[-1:].ravel()
             if own.max(initial=0.0) <= error / size:
                 return text
             control, k, _ = states_of(self.mechanism.model)[int(np.argmax(own))]
-            share = f"{100.0 * own.max():.2g} %" if np.isfinite(own.max()) else "an unknown part"
+            share = percent(float(own.max())) if np.isfinite(own.max()) else "an unknown part"
             return f"{text}, {share} of the range of x.{control.name}[{k + 1}]"
         last = int(np.isfinite(self.error_at).sum()) - 1
         until, before = self.t[last], self.error_at[last]
@@ -537,7 +537,10 @@ class Result(Exports, EqualByFields, Portable):
 
     @cached_property
     def energy_drift(self) -> float:
-        """Maximum |E - E0 - work + dissipation|, relative to the range of the energies."""
+        """Maximum |E - E0 - work + dissipation|, relative to the range of the energies.
+
+        If nothing moves, the reference is 1e-9 of the largest energy.
+        """
         parts = self.kinetic_energy, self.potential_energy, self.work, self.dissipation
         return energy_drift(np.array(parts))[0]
 

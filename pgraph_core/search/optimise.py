@@ -583,9 +583,10 @@ class Search:
         ends = [np.array([goals.total(x), *x[goals.count :]]) for x in (best.values, finer)]
         change = ends[1] - ends[0]
         sizes = np.array([max(abs(ends[0][0]), NOTABLE), *goals.sizes])
-        said = ", ".join(f"{name}={value:.3g}" for name, value in more.items())
+        (of_steps, value), *_ = more.items()
+        said = f"{of_steps}={value:.3g}"
         told = [
-            f"a finer run, with {said}, changes {name} by {by:.2g}: give a smaller step or rtol"
+            f"a finer run, with {said}, changes {name} by {by:.2g}: give a smaller {of_steps}"
             for name, by, size in zip(names, change, sizes)
             if abs(by) > VISIBLE * size
         ]

@@ -21,6 +21,7 @@ from .compliance import fastest_contact
 from .options import Tolerance
 from .plan import NO_SUBSTEPS, NO_TIMES
 from .rates import FAST, MARGIN, STIFF, Rate, advised_step, resolving_step
+from .remedies import by_error, or_by_error
 from .running import Running
 
 RATED_STATES = 129  # number of states of a motion at which its fastest rate is evaluated
@@ -117,12 +118,13 @@ def for_failed(record: Running) -> str:
         return f"{grows}: adaptive steps end at t = {found.diverged:.6g} s"
     if not found.step < step:
         fixed = plan.contacts is not None or not record.whole  # contacts, or a stepper
-        return grows if fixed else f"{grows}; try rtol= for adaptive steps"
+        other = "" if fixed else by_error(plan)
+        return f"{grows}; try {other}" if other else grows
     cause = f"the fastest rate of the motion is {found.rate:.3g}/s"
     if found.widest < MARGIN * advised_step(plan.method, found.rate):
         return (
             f"{cause}, and it swings by forces of velocities, which {plan.method.name} makes grow: "
-            f"try a step of {found.step:.2g} s, or rtol= for adaptive steps"
+            f"try a step of {found.step:.2g} s{or_by_error(plan)}"
         )
     return f"{cause}: try a step of {found.step:.2g} s, less stiffness and damping, or radau5"
 
@@ -142,7 +144,7 @@ def too_wide(record: Running) -> Iterator[str]:
     do = "give " if method.stable else f"{method.name} requires less than {widest:.2g} s, and "
     yield (
         f"{FAST} steps of {step:.3g} s do not resolve the fastest oscillation, of {rate:.3g} "
-        f"rad/s: {do}{good:.2g} s or less for good accuracy; use such a step, or "
-        "rtol= for adaptive steps. If the oscillation is not of interest, try radau5, which steps "
+        f"rad/s: {do}{good:.2g} s or less for good accuracy; use such a "
+        f"step{or_by_error(plan)}. If the oscillation is not of interest, try radau5, which steps "
         "over it"
     )

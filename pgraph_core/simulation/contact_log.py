@@ -27,7 +27,7 @@ from ..model import Spring
 from ..packing import Array, Ints
 from ..packing.forces import acting_on, drive_forces
 from ..result.records import FREE, NOTHING, PHASES, STOP, ContactRecord, Event
-from ..tolerances import NAMED, NOTABLE, VISIBLE
+from ..tolerances import NAMED, NOTABLE, SOLVED, VISIBLE
 from .clearance import gaps_later
 from .fastened import fastened
 from .run_plan import Idle, RunPlan
@@ -170,7 +170,7 @@ def contact_notices(
     """
     if scene.touching is None:
         return []
-    tally, (t, q, gap) = scene.touching.tally, frames
+    tally, (t, q, _) = scene.touching.tally, frames
     names = [*(f"contact '{pair.name}'" for pair in tables.touches), *tables.limits]
     counts = dict(zip(tally.dtype.names, tally.item()))
     counts |= {"unlogged": unlogged, "missed": counts["worst"] > NOTABLE * counts["force"]}
@@ -183,7 +183,7 @@ def contact_notices(
     if strong and not (found and found[-1].endswith(strong)):
         found.append(strong)
     found += limits_passed(mech, tables, active, t, q)
-    found += pressed(mech, tables, gap[0])
+    found += pressed(mech, tables, frames)
     found += bounced(mech, tables, active)
     return found
 
@@ -204,10 +204,12 @@ def too_deep(
     if not share > VISIBLE:
         return []
     k, when, depth = (tally[f"deepest_{x}"].item() for x in ("pair", "time", "depth"))
-    pair, remedy = tables.touches[k], "use a smaller step, or start without overlap"
+    pair, began = tables.touches[k], -float(gaps_at_start(mech, tables, frames)[k])
+    overlaps = share * began / depth > VISIBLE
+    remedy = "start without overlap" if overlaps else "use a smaller step"
     if pair.contact.law != "complementarity":
         share, strong = share * DEEP, ""
-        remedy = stiffer(tables.laws[k], share)
+        remedy = yielding(mech, tables, k, (began, depth, share), overlaps)
     of += f" ({depth / share:.3g} m)" if size else ""
     why = driven_into(mech, tables, active, k, frames, when)
     return [
@@ -317,42 +319,75 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
             text = (
                 f"at t = {t[i]:.6g} s limit '{name}' is exceeded by up to {deepest:.3g} rad or m: "
             )
-            found.append(text + (by or "use a smaller step, or start within the limit"))
+            do = "use a smaller step" if i else "start within the limit"
+            found.append(text + (by or do))
     return found
 
 
-def stiffer(law: Any, share: float) -> str:
-    """Return advice for a soft or penalty contact that is deeper than its law allows for.
+def yielding(
+    mech: Mechanism, tables: Tables, k: int, depths: tuple[float, float, float], overlaps: bool
+) -> str:
+    """Return advice for a soft or penalty contact k that is deeper than its law allows for.
 
-    The energy of a depth d grows as d^2.5 or d², and faster than the force.
+    It starts at the first of the `depths`, and is deepest at the second, a share of the thickness,
+    the third. If it never is deeper than at the start, its own depth is that by weight. The energy
+    of a depth d grows as d^2.5 or d², and faster than the force.
     """
+    law, (began, depth, share) = tables.laws[k], depths
+    if overlaps and depth <= began * (1.0 + SOLVED):
+        share *= rested(mech, law) / depth
+        if share < NAMED:
+            return "start without overlap"
     soft = law["law"] == SOFT
     needed = float(law["stiffness"]) * (2.0 * share / NAMED) ** (2.5 if soft else 2.0)
     unit = "N/m^1.5" if soft else "N/m"
-    return f"give it a stiffness of {needed:.2g} {unit}, or start without overlap"
+    begin = "start without overlap, and " if overlaps else ""
+    return f"{begin}give it a stiffness of {needed:.2g} {unit}"
 
 
-def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
+def rested(mech: Mechanism, law: Any) -> float:
+    """Return the depth [m] to which the weight of all moving bodies presses a contact.
+
+    All of them may rest on it.
+    """
+    moves = mech.packed.system.bodies_i[:, at.ROW] > 0
+    weight = float(mech.packed.system.bodies_f[moves, at.B_MASS].sum()) * pull_of(mech.model)
+    return float(weight / law["stiffness"]) ** (1.0 / power_of(law))
+
+
+def power_of(law: Any) -> float:
+    """Return the exponent of the depth in the force of a soft or penalty contact."""
+    return 1.5 if law["law"] == SOFT else 1.0
+
+
+def gaps_at_start(mech: Mechanism, tables: Tables, frames: tuple[Array, Array, Array]) -> Array:
+    """Return the gaps of the pairs (n,) in the first frame [m].
+
+    The run records the deepest places of its first step. Those of pairs of all bodies are taken.
+    """
+    _, q, gap = frames
+    found = gaps_later(mech, tables, q[:1], {})
+    start = np.array([found[pair.name][0] for pair in tables.touches])
+    return np.where(np.isfinite(start), start, gap[0, : len(start)])
+
+
+def pressed(mech: Mechanism, tables: Tables, frames: tuple[Array, Array, Array]) -> list[str]:
     """Return a notice for each soft or penalty contact that starts far deeper than weight presses
     it.
-
-    The weight is the total weight of all moving bodies, which may rest on one contact.
     """
-    deep = [(row, pair, -x) for row, pair, x in zip(tables.laws, tables.touches, gap.tolist())
-             if pair.contact.law != "complementarity" and x < 0.0]  # fmt: skip
-    if not deep:
+    if not tables.compliant:
         return []
-    moves, found = mech.packed.system.bodies_i[:, at.ROW] > 0, []
-    weight = float(mech.packed.system.bodies_f[moves, at.B_MASS].sum()) * pull_of(mech.model)
-    for row, pair, depth in deep:
-        power = 1.5 if pair.contact.law == "soft" else 1.0
-        usual = float(weight / row["stiffness"]) ** (1.0 / power)
-        times = (depth / usual) ** power if usual > 0.0 else 0.0
+    found, gap = [], gaps_at_start(mech, tables, frames)
+    for row, pair, x in zip(tables.laws, tables.touches, gap.tolist()):
+        if pair.contact.law == "complementarity" or not x < 0.0:
+            continue
+        usual = rested(mech, row)
+        times = (-x / usual) ** power_of(row) if usual > 0.0 else 0.0
         if VISIBLE * times > 1.0:
             found.append(
-                f"contact '{pair.name}' starts {depth:.3g} m deep, but its static depth is "
+                f"contact '{pair.name}' starts {-x:.3g} m deep, but its static depth is "
                 f"{usual:.2g} m: the force is {times:.2g} times the weight, which throws bodies "
-                "apart and needs many steps; start without overlap, or give less stiffness"
+                "apart and needs many steps; start without overlap"
             )
     return found
 
@@ -443,6 +478,7 @@ def driven_into(
         return text
     if pair is None:
         return ""
+    rigid = pair.contact.law == "complementarity"
     normal = np.array(mech.model.ground_normal)
     if pair.other != GROUND:
         apart = mech.pose(q[i], pair.body)[0] - mech.pose(q[i], pair.other)[0]
@@ -450,14 +486,14 @@ def driven_into(
         normal = apart / size if size else normal
     way = normal @ _parting(mech, pair, q[i])
     if alone := holding(mech, active, when, q[i], way):
-        return _by(alone, pair.body, f"contact '{pair.name}'")
+        return _by(alone, pair.body, f"contact '{pair.name}'", rigid)
     began = int(np.flatnonzero(np.append(True, gap[:i, k] > 0.0))[-1])
     closed = gap[began : i + 1].min(axis=0) <= 0.0  # pressed points rebound between frames
     others = [p for n, p in enumerate(pairs) if p and n != k and closed[n]]
     rows = [row for other in others for row in _parting(mech, other, q[i])]
     by = holding(mech, active, when, q[i], way, rows) if rows else []
     names = " and ".join(f"'{p.name}'" for p in [pair, *others][:PAIRS_NAMED])
-    return _by(by, pair.body, f"contacts {names}")
+    return _by(by, pair.body, f"contacts {names}", rigid)
 
 
 def overpowering(
@@ -572,14 +608,15 @@ def _of(mech: Mechanism, v: int) -> str:
     return next(name for name, joint in mech.joints.items() if joint.v.start <= v < joint.v.stop)
 
 
-def _by(names: Sequence[str], body: str, what: str) -> str:
-    return _conflict(names, f"'{body}' against {what}") if names else ""
+def _by(names: Sequence[str], body: str, what: str, rigid: bool = True) -> str:
+    return _conflict(names, f"'{body}' against {what}", rigid) if names else ""
 
 
-def _conflict(names: Sequence[str], what: str) -> str:
+def _conflict(names: Sequence[str], what: str, rigid: bool = True) -> str:
     drive = "constraint {} drives" if len(names) == 1 else "constraints {} drive"
     named = " and ".join(f"'{name}'" for name in names[:PAIRS_NAMED])
+    why = "and neither can yield" if rigid else "which cannot stop it"
     return (
-        f"{drive.format(named)} {what}, and neither can yield: end the motion earlier, or use a "
-        "servo with a torque_limit"
+        f"{drive.format(named)} {what}, {why}: end the motion earlier, or use a servo with a "
+        "torque_limit"
     )

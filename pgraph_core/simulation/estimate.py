@@ -18,7 +18,7 @@ import numpy as np
 from ..dynamics.states import ranges_of_motion, sizes_of_states
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SOFT, SWING
-from ..errors import InputError
+from ..errors import InputError, percent
 from ..packing import Array
 from ..packing.signals import states_of
 from ..tolerances import EPS, ROUNDING, SOLVED, VISIBLE
@@ -36,6 +36,7 @@ from .finer import (
 from .recorded import Estimate
 from .recording import Recording
 from .remarks import passed_over, unsure_forces
+from .remedies import more_accurate
 from .run_plan import RunPlan
 
 if TYPE_CHECKING:
@@ -96,8 +97,12 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
                 forces = np.maximum(forces, forces_apart(record, third, n))
     error = off[:, 1:].copy()
     np.maximum(off[:, 0], off[:, 1], out=error[:, 0])
+    better = more_accurate(record.plan)
     if tables is not None:
-        np.maximum(error[:, 0], _left_open(record, tables, n), out=error[:, 0])
+        left = _left_open(record, tables, n)
+        if left[0] > error[:, 0].max():
+            better = "a start without overlap and within limits"
+        np.maximum(error[:, 0], left, out=error[:, 0])
     np.maximum.accumulate(error, out=error)
     rounding = _rounding(record, plan.times)
     error += rounding
@@ -114,7 +119,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     sizes = np.array((size, *ranges))
     # what is rounding no step and no tolerance makes smaller
     sizes = np.maximum(sizes, ROUNDING / (EPS * VISIBLE) * rounding[-1])
-    told = _notices(record, plan.times, error, sizes)
+    told = _notices(record, plan.times, error, sizes, better)
     if touched and not told:
         told = unsure_forces(record, plan.times, forces)
     if record.plan.method.implicit:
@@ -138,7 +143,7 @@ def _rounding(record: Recording, t: Array) -> Array:
     return EPS * ((far, *speeds[nv:]) + max(abs(float(t[0])), abs(float(t[-1]))) * rates)
 
 
-def _left_open(record: Recording, tables: Tables, n: int) -> Array | float:
+def _left_open(record: Recording, tables: Tables, n: int) -> Array:
     """Compute the gap or depth (n,) of rigid contacts and limits that are closed [m, rad].
 
     In time stepping, a slow impact may leave a gap, which is a residual of the contact law. A
@@ -146,7 +151,7 @@ def _left_open(record: Recording, tables: Tables, n: int) -> Array | float:
     """
     pairs = record.out.pairs[:n]
     if not pairs.size:
-        return 0.0
+        return np.zeros(n)
     from ..engine.contact.closing import DEPTH
 
     rigid = np.flatnonzero(tables.laws["law"] == RIGID)
@@ -156,12 +161,15 @@ def _left_open(record: Recording, tables: Tables, n: int) -> Array | float:
     return np.maximum(found.max(axis=1, initial=0.0), np.max(beyond, axis=0, initial=0.0))
 
 
-def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[str, ...]:
+def _notices(
+    record: Recording, t: Array, error: Array, sizes: Array, better: str
+) -> tuple[str, ...]:
     """Return messages about errors (n, 1 + nx) that are large or unknown before the end of the run.
 
-    Control states that do not affect any force are checked separately.
+    `better` makes that of the motion smaller. Control states that do not affect any force are
+    checked separately.
     """
-    found = _told(t, error[:, 0], sizes[0], ("the error", " rad or m", "the motion"))
+    found = _told(t, error[:, 0], sizes[0], ("the error", " rad or m", "the motion"), better)
     if found and (tables := record.plan.contacts) is not None:
         soft = tables.laws["law"] == SOFT
         if (tables.laws["friction"][soft] > 0.0).any():
@@ -171,27 +179,38 @@ def _notices(record: Recording, t: Array, error: Array, sizes: Array) -> tuple[s
         what = f"control '{control.name}': the error of its state x.{control.name}[{k + 1}]"
         same = np.array_equal(np.isfinite(own), np.isfinite(error[:, 0]))
         until = np.isfinite(own) if same else slice(None)  # not covered by the notice on the motion
-        found += _told(t[until], own[until], size, (what, "", "its range"))
+        found += _told(
+            t[until], own[until], size, (what, "", "its range"), more_accurate(record.plan)
+        )
     return tuple(found)
 
 
-def _told(t: Array, error: Array, size: float, words: tuple[str, str, str]) -> list[str]:
-    """Return a message about an error (n,) that is large or unknown before the end of the run."""
+def _told(
+    t: Array, error: Array, size: float, words: tuple[str, str, str], better: str
+) -> list[str]:
+    """Return a message about an error (n,) that is large or unknown before the end of the run.
+
+    `better` makes it smaller.
+    """
     known, (what, unit, whole) = int(np.isfinite(error).sum()), words
     if known < len(t):
         digits = _digits(t)
+        until = (
+            f". Until t = {t[known - 1]:.{digits}g} s it is about {error[known - 1]:.2g}{unit}"
+            if known > 1  # at the start, which both share, the error is none
+            else ""
+        )
         return [
             f"{what} is not known from t = {t[known]:.{digits}g} s on, where a finer run "
-            f"diverges. Until t = {t[known - 1]:.{digits}g} s it is about "
-            f"{error[known - 1]:.2g}{unit}. This time can be extended by a smaller step or rtol, "
-            "but is always limited for chaotic motion"
+            f"diverges{until}. This time can be extended by {better}, but is always limited for "
+            "chaotic motion"
         ]
     if len(t) < 2 or error[-1] <= VISIBLE * size:
         return []
     first = t[int((error > VISIBLE * size).argmax())]
     return [
-        f"{what} is about {error[-1]:.2g}{unit}, {100 * error[-1] / size:.2g} % of {whole}, and "
-        f"above 1 % from t = {first:.{_digits(t)}g} s on; use a smaller step or rtol"
+        f"{what} is about {error[-1]:.2g}{unit}, {percent(error[-1] / size)} of {whole}, and "
+        f"above 1 % from t = {first:.{_digits(t)}g} s on; use {better}"
     ]
 
 

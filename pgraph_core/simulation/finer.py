@@ -32,6 +32,7 @@ from .means import means_between
 from .options import MOST_CHOSEN, Tolerance
 from .plan import NO_PLAN
 from .recording import Recording
+from .remedies import more_accurate
 from .run_plan import RunPlan
 
 if TYPE_CHECKING:
@@ -206,7 +207,7 @@ class Approach(NamedTuple):
     value: float
     t: float  # [s]
     watched: Callable[[float, Array, Array], float]  # function of (t, q, v), zero at the event
-    remedy: str = "try a smaller step or rtol"
+    before: str = ""  # a remedy that may suffice
 
 
 def undecided(
@@ -239,7 +240,7 @@ def undecided(
             found.append(
                 f"at t = {near.t:.6g} s the motion comes within {near.value:.2g} of {near.name}, "
                 f"and the error there is about {error:.2g}, so it is not decided whether it "
-                f"occurs; {near.remedy}"
+                f"occurs; {near.before}give {more_accurate(record.plan)}"
             )
     return tuple(found)
 
@@ -256,9 +257,9 @@ def _events(record: Recording, watch: Watch) -> list[Approach]:
         if not math.isfinite(x):
             continue
         if number < watch.waiting:
-            remedy = "if it has acted before, give the condition once=True, or a threshold that "
-            remedy += "the motion has left; else try a smaller step or rtol"
-            found.append(Approach(f"the condition '{m.name}'", x, t, m, remedy))
+            before = "if it has acted before, give the condition once=True, or a threshold that "
+            before += "the motion has left; else "
+            found.append(Approach(f"the condition '{m.name}'", x, t, m, before))
         else:
             found.append(Approach(f"event '{m.name}'", x, t, m))
     return found

@@ -46,6 +46,7 @@ from .options import (
 )
 from .plan_notices import filled, hard, lost, too_wide
 from .rates import Rate
+from .remedies import or_by_error
 from .run_plan import NO_GAINS, NO_SUBSTEPS, NO_TIMES, Idle, RunPlan, Way
 from .start import controller_of, initial_state, is_controller
 from .switches import (
@@ -220,7 +221,7 @@ def _on_a_way(
         )
     if not asked and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
         text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
-        told.append(f"{text}larger step=, or rtol= for steps of the method's own choice")
+        told.append(f"{text}larger step={or_by_error(plan)}")
     return replace(plan, told=tuple(told))
 
 

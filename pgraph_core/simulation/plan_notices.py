@@ -6,6 +6,7 @@ from ..errors import choices
 from ..mechanism import Mechanism
 from .compliance import fastest_contact
 from .rates import Rate, resolving_step
+from .remedies import or_by_error
 from .run_plan import RunPlan
 
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
@@ -42,7 +43,7 @@ def hard(mech: Mechanism, plan: RunPlan) -> list[str]:
     least = resolving_step(rate)
     return [
         f"soft or penalty contacts make rates of about {rate:.3g}/s, which steps of "
-        f"{plan.step:.3g} s do not resolve: give {least:.2g} s or less, or a smaller stiffness"
+        f"{plan.step:.3g} s do not resolve: give {least:.2g} s or less{or_by_error(plan)}"
     ]
 
 

@@ -13,7 +13,7 @@ from ..dynamics.arguments import UserTorque, positions
 from ..engine import motion
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import CREEP
-from ..errors import InputError, choices
+from ..errors import InputError, choices, percent
 from ..functions import Curve
 from ..joints import SIZE
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
@@ -22,6 +22,7 @@ from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..tolerances import EPS, NAMED, NOTABLE, SOLVED, VISIBLE
 from .rates import fastest_rate, fastest_swings
+from .remedies import more_accurate
 from .run_plan import RunPlan
 from .running import Running
 
@@ -500,13 +501,14 @@ def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
         return ()
     worst = float(error.max())
     share = (
-        f"{100 * worst / peak:.2g} % of their peak, and above 10 %"
+        f"{percent(worst / peak)} of their peak, and above 10 %"
         if peak
         else "which acts only in a finer run,"
     )
     return (
         f"the error of contact and limit forces is about {worst:.2g} N or N m, {share} "
-        f"from t = {t[int((error > NAMED * peak).argmax())]:.4g} s on; use a smaller step or rtol",
+        f"from t = {t[int((error > NAMED * peak).argmax())]:.4g} s on; use "
+        f"{more_accurate(record.plan)}",
     )
 
 

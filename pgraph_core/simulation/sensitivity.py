@@ -20,7 +20,7 @@ from ..engine.compiler.address import address_of
 from ..engine.compiler.dual import WIDTH
 from ..engine.records import CONTACT_AHEAD
 from ..engine.signals import AT_MOST, HELD_FROM, LESS, SIDE, values
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, percent
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..packing.programs import edges_moved
@@ -33,6 +33,7 @@ from .duals import Parts, RunOfDuals, State
 from .options import Options
 from .recorded import NO_ESTIMATE, result_of
 from .recording import Recording, scene_of
+from .remedies import more_accurate
 from .run_plan import RunPlan
 from .touch_times import Touch, Within, begun_at, touch_of
 from .variables import CENTRAL, SHARE, Given, Slope, Slopes, Variable, refuse, variables_of
@@ -438,9 +439,9 @@ class Carried:
                     until = np.maximum.accumulate(sizes)  # later sizes may have grown from errors
                     first = min(first, t[(apart > VISIBLE * until).argmax()])
             if worst:
-                text = f"derivatives by {one.path} are {100 * worst:.2g} % apart from those of a "
+                text = f"derivatives by {one.path} are {percent(worst)} apart from those of a "
                 text += f"finer run, above 1 % from t = {first:.6g} s on: give "
-                do = "a smaller step or rtol"
+                do = more_accurate(self._record.plan)
                 if first == t[0]:  # both begin there, the finer one in the state of this one
                     do = "an initial state that meets the constraints, mech.assemble(q, v)"
                 found.append(text + do)

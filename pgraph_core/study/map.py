@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
-from ..errors import explained
+from ..errors import choices, explained
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing import Array, row_of_velocity
 from ..portable import jsonable
 from ..result import Result, Status
-from ..simulation.rates import advised_step
 from ..tolerances import NAMED
 from .figures import Look, Saved, Square, heat_map
 from .measures import TRUST, joint_errors
@@ -56,7 +55,7 @@ class Cell:
     error: float = NAN
     error_half: float = NAN  # at half of the step
     order: float = NAN  # observed, from these two
-    step_needed: float = NAN  # to meet the target, from the observed order [s]
+    step_needed: float = NAN  # to meet the target: one that was run, or by the order [s]
     time: float = NAN  # time of the failure, or of the start of growth [s]
     body: str = ""  # the first at fault
     step_limit: float = NAN  # predicted largest stable step [s]
@@ -159,6 +158,14 @@ def steady_loss(growth: Array) -> float:
     return max(0.0, -thirds[2]) if thirds[0] > thirds[1] > thirds[2] else 0.0
 
 
+def rises(growth: Array) -> bool:
+    """Check whether energy is gained in the last third, and more than any earlier third changes."""
+    if len(growth) < 3:
+        return False
+    first, second, last = (float(part.mean()) for part in np.array_split(growth, 3))
+    return last > max(abs(first), abs(second))
+
+
 def _unstable(found: Evidence) -> Cell | None:
     """Return an unstable verdict if the motion grows, by spurious energy or instability."""
     run, cell = found.run, found.cell
@@ -167,7 +174,7 @@ def _unstable(found: Evidence) -> Cell | None:
     sudden = not cell.order < METHODS[cell.method].order + 1  # an error of order shrinks with it
     grown = found.growth > WRONG
     burst = run.status is Status.NOT_FINITE
-    if not (burst or grown.any() or (beyond and missed and sudden)):
+    if not (burst or grown.any() or (beyond and missed and sudden and rises(found.growth))):
         return None
     bad = np.flatnonzero(grown | (found.errors.max(axis=1, initial=0.0) > WRONG))
     first = int(bad[0]) if len(bad) else len(run.t) - 1
@@ -202,7 +209,9 @@ def _drifts(found: Evidence) -> Cell | None:
         return None
     time = float(found.run.t[int(np.argmax(found.run.constraint_drift[:, 0]))])
     text = f"constraints drift by {found.cell.constraint_drift:.1e} of the length at t = "
-    text += f"{time:.3g} s; use stabilise='project'"
+    text += f"{time:.3g} s"
+    if found.run.header["stabilise"] != "project":
+        text += "; use stabilise='project'"
     return replace(found.cell, status=Verdict.DRIFT, text=text, time=time)
 
 
@@ -245,8 +254,6 @@ def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> 
         return replace(cell, status=status, text=text)
     order = min(cell.order, METHODS[cell.method].order)
     step = cell.step * min((found.target / AIM / excess) ** (1.0 / order), 1.0)
-    step = min(step, advised_step(METHODS[cell.method], found.known.rate))
-    text += f"; use a step of {step:.2g} s (order {cell.order:.1f})"
     return replace(cell, status=status, text=text, step_needed=step)
 
 
@@ -260,6 +267,51 @@ def _without_order(found: Evidence, status: Verdict, text: str) -> Cell:
         f"at half of the step it is {cell.error_half:.1e}, below what the reference resolves"
     )  # fmt: skip
     return replace(cell, status=status, text=f"{text}; its order is not known, since {why}")
+
+
+# -- what a cell advises: what other runs have shown, then what an order predicts ------------------
+
+
+def advised(cells: Sequence[Cell]) -> tuple[Cell, ...]:
+    """Add to each cell that is not OK the largest step with which its method is, or else the one
+    that the finest run predicts, and the methods that are OK at its value and step.
+    """
+    good: dict[tuple[float, float], list[str]] = {}
+    steps: dict[tuple[float, str], list[Cell]] = {}
+    for cell in sorted(cells, key=lambda cell: cell.step):
+        steps.setdefault((cell.value, cell.method), []).append(cell)
+    for cell in cells:
+        if cell.status is Verdict.OK:
+            good.setdefault((cell.value, cell.step), []).append(cell.method)
+    found = []
+    for cell in cells:
+        if cell.status not in (Verdict.OK, Verdict.NOT_RUN):
+            finer = [c for c in steps[cell.value, cell.method] if c.step <= cell.step]
+            cell = _with_step(cell, finer)
+            if others := good.get((cell.value, cell.step), []):
+                cell = replace(cell, text=f"{cell.text}; at this step use {choices(others, 3)}")
+        found.append(cell)
+    return tuple(found)
+
+
+def _with_step(cell: Cell, finer: Sequence[Cell]) -> Cell:
+    """Return a cell with the step at which its method reaches the target, given the cells of its
+    method from the finest step up to its own.
+    """
+    right = [c.step for c in finer if c.status is Verdict.OK]
+    if right:
+        text = f"{cell.text}; use a step of {max(right):.2g} s"
+        return replace(cell, text=text, step_needed=max(right))
+    finest = finer[0]
+    if not np.isfinite(finest.step_needed):
+        return replace(cell, step_needed=NAN)
+    text = cell.text
+    if np.isfinite(finest.order):
+        text += f"; its order, {finest.order:.1f}, predicts that a step of about "
+        text += f"{finest.step_needed:.2g} s does, which was not run"
+    elif finest is not cell:
+        text += f"; a step of {finest.step_needed:.2g} s has error {finest.error_half:.1e}"
+    return replace(cell, text=text, step_needed=finest.step_needed)
 
 
 OWN = "◂"  # marks the model's own value
@@ -379,7 +431,7 @@ class StabilityMap(Saved):
             failed = [cell for cell in self.cells if cell.status is Verdict.FAILED]
             if failed and len(failed) == len(self.cells):
                 return f"No method reaches the end: {failed[0].text}."
-            return "No method reaches the target with any of these steps. Use smaller steps."
+            return f"No method reaches the target with any of these steps{self._nearest(label)}."
         (method, step), cells = taken
         if not self.steps:
             return f"Take {label(method)} at a step of {step:g} s."
@@ -392,8 +444,17 @@ class StabilityMap(Saved):
         if self.own is not None and self.own in values:
             return f"{text}, this model's own {self.own:g} among them."
         if self.own is not None:
-            return f"{text}; at this model's own {self.own:g} give smaller steps."
+            return f"{text}; at this model's own {self.own:g} no run does."
         return f"{text}."
+
+    def _nearest(self, label: Callable[[str], str]) -> str:
+        """Return the run with the least error, of the unchanged model if it is in the map."""
+        known = [c for c in self.cells if np.isfinite(c.error)]
+        near = min([c for c in known if c.value == self.own] or known, default=None,
+                   key=lambda c: c.error)  # fmt: skip
+        if near is None:
+            return ""
+        return f"; {label(near.method)} at a step of {near.step:g} s comes closest: {near.text}"
 
     @property
     def title(self) -> str:

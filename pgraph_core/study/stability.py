@@ -24,7 +24,7 @@ from ..simulation.options import positive
 from ..simulation.start import with_state
 from ..tolerances import NOTABLE
 from .axes import AXES, Axis, applicable, first_axis
-from .map import Cell, StabilityMap, Verdict, judged, step_limit
+from .map import Cell, StabilityMap, Verdict, advised, judged, step_limit
 from .reference import KnownMotion, known_motion, merged, per_step, weight_of
 from .task import MAP_WITHIN, Setting, Task, finite_numbers, methods_of, start, time_limit
 
@@ -379,7 +379,7 @@ class Drawing:
         return StabilityMap(
             sweep.model.name, sweep.axis.name, sweep.axis.what, sweep.axis.unit, sweep.values,
             names, sweep.steps, sweep.t_end, sweep.target,
-            tuple(line.reference for line in self.lines), _advised(cells), complete, sweep.own,
+            tuple(line.reference for line in self.lines), advised(cells), complete, sweep.own,
             sweep.scenario,
         )  # fmt: skip
 
@@ -487,18 +487,3 @@ def times_of(t_end: float, step: float) -> Array:
     early = np.arange(min(n, EARLY) + 1)
     chosen = np.unique(np.concatenate((early, np.linspace(0, n, MAP_TIMES).round().astype(int))))
     return np.asarray(chosen * (t_end / n), dtype=np.float64)
-
-
-def _advised(cells: list[Cell]) -> tuple[Cell, ...]:
-    """Add the methods that are OK at the same value and step to each cell that is not OK."""
-    good: dict[tuple[float, float], list[str]] = {}
-    for cell in cells:
-        if cell.status is Verdict.OK:
-            good.setdefault((cell.value, cell.step), []).append(cell.method)
-    found = []
-    for cell in cells:
-        others = good.get((cell.value, cell.step), [])
-        if cell.status is not Verdict.OK and others:
-            cell = replace(cell, text=f"{cell.text}; at this step use {choices(others, 3)}")
-        found.append(cell)
-    return tuple(found)

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.constraints import KINDS, MobilityReport, parts
+from pgraph_app.constraints import KINDS, MobilityReport, parts, places
+from pgraph_app.constraints import curves as curve_texts
+from pgraph_app.constraints.curves import knots, table_of
 from pgraph_app.constraints.mobility import mobility_report
-from pgraph_app.constraints.parts import added, knots, table_of
+from pgraph_app.constraints.parts import added
 from pgraph_app.constraints.view import constraints, form
 from pgraph_app.core.cells import Display
 from pgraph_app.digraph.view import digraph
@@ -241,8 +243,8 @@ def test_via_points_are_added_typed_drawn_and_taken_out(state, kind):
     np.testing.assert_allclose(ends[1:, 0], ends[:-1, 1])
     np.testing.assert_allclose(ends[1, 1], two.point)
     if kind == "spring":
-        at = parts.places(d.names, d.positions, d.wxyz)
-        rest = parts.implied(state.model, state.model.forces[0], "rest", at)
+        at = places.at_home(d.names, d.positions, d.wxyz)
+        rest = places.implied(state.model, state.model.forces[0], "rest", at)
         assert rest == pytest.approx(pulls(state))
     refused = edit(state, "forces", kind, "via", ((), "nobody"))
     assert refused.model is state.model
@@ -350,7 +352,7 @@ def test_motions_over_time(state):
         rows = form(kerb, Display(), "constraints", motion)[0]["fields"]
         (drawn,) = [row["curve"] for row in rows if row["field"] == "table"]
         assert motion.interpolation == way
-        assert max(drawn["value"]) == pytest.approx(most, rel=0.01)
+        assert max(drawn["lines"][0]["y"]) == pytest.approx(most, rel=0.01)
     table = {"t": (0.0, 0.5), "value": (1.0, -2.5)}
     assert table_of(knots(table), 1) == table
     assert table_of("0\t1\n0.5\t-2.5\n", 1) == table  # pasted from a spreadsheet
@@ -456,8 +458,8 @@ def test_a_drive_has_the_unit_and_the_motion_of_its_joint_and_few_fields_first()
     ],
 )  # fmt: skip
 def test_tables_and_matrices_are_typed_as_rows(value, text):
-    assert parts.rows(value) == text
-    typed = parts.rows_of(value, text)
+    assert curve_texts.rows(value) == text
+    typed = curve_texts.rows_of(value, text)
     fields = {"stiffness": typed} if isinstance(value, tuple) else {}
     again = pg.Bushing(name="r", body="a", **fields).stiffness if fields else pg.Lines(**typed)
     assert again == value

@@ -8,6 +8,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core.errors import percent
 from pgraph_core.result import result
 
 from ..worlds import ball, on_ground
@@ -128,3 +129,22 @@ def test_a_run_whose_notices_nobody_reads_computes_no_balance(monkeypatch):
     assert not asked
     assert run.notices == run.notices == joined.notices == ()
     assert len(asked) == 2  # each once
+
+
+@pytest.mark.parametrize("law", ["complementarity", "soft", "penalty"])
+def test_a_box_that_rests_has_no_drift(law):
+    """Its energies change by rounding, of which any drift is a notable part."""
+    box = pg.Body(
+        "b", joint="free", link=(0, 0, 0.05), mass=1.0, derived=("inertia",),
+        shape=pg.Shape("box", size=(0.1, 0.1, 0.1)),
+    )  # fmt: skip
+    model = pg.Model([box], contacts=[pg.Contact("c", body="b", law=law)])
+    assert pg.simulate(model, t_end=0.5).energy_drift < 1e-5
+
+
+@pytest.mark.parametrize(("share", "said"), [
+    (1.23e-16, "1.2e-14 %"), (0.0112, "1.1 %"), (1.0, "100 %"), (1.74, "170 %"), (22.3, "2200 %"),
+    (3e44, "more than 10000 %"),
+])  # fmt: skip
+def test_a_share_is_a_plain_number(share, said):
+    assert percent(share) == said

@@ -1,5 +1,7 @@
 """Errors of contact forces, creep of soft contacts, and depth that their laws do not allow for."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -116,6 +118,7 @@ def test_bodies_pressed_into_each_other_are_named(law):
     assert "of 'b' and 'l'" in told or "of 'b' and 'r'" in told
     assert "of the thickness of the touching shapes (0.02 m)" in told
     assert "constraints 'ml' and 'mr' drive 'b'" in told
+    assert "which cannot stop it" in told
 
 
 @pytest.mark.parametrize("law", ["soft", "penalty"])
@@ -129,6 +132,62 @@ def test_the_stiffness_that_a_deep_contact_is_told_helps(law):
     needed = float(told.split("give it a stiffness of ")[1].split()[0])
     better = on_ground(falling, law=law, stiffness=needed, restitution=0.5)
     assert not [x for x in pg.simulate(better, t_end=1.0, estimate=False).notices if "penetr" in x]
+
+
+def about_depth(run):
+    words = "penetrated by", " deep,", "rates of about", "overlap"
+    return [text for text in run.notices if any(word in text for word in words)]
+
+
+@pytest.mark.parametrize("height", [0.05, 0.1, 0.6])  # the ball overlaps, touches and falls
+@pytest.mark.parametrize(
+    ("law", "stiffness"), [("soft", 200.0), ("soft", 2e3), ("soft", 4.6e8), ("penalty", 200.0),
+                           ("penalty", 2e3), ("penalty", 1e5), ("complementarity", None)],
+)  # fmt: skip
+def test_what_deep_contacts_are_told_is_of_one_mind_and_helps(law, stiffness, height):
+    """All that a run says is done at once, and nothing is left to say about the depth."""
+    given = {"t_end": 0.4, "step": 1e-3} if law == "complementarity" else {"t_end": 0.4}
+    own = {"law": law} | ({"stiffness": stiffness} if stiffness else {})
+    told = about_depth(pg.simulate(on_ground(ball(place=(0, 0, height)), **own), **given))
+    asked = [float(x) for text in told for x in re.findall(r"a stiffness of ([\d.e+]+)", text)]
+    assert not any(word in text for text in told for word in ("smaller step", "less stiffness"))
+    assert len(asked) <= 1
+    assert not asked or asked[0] > stiffness
+    overlaps = [text for text in told if "start without overlap" in text]
+    assert bool(overlaps) == (height < 0.1)
+    better = own | ({"stiffness": asked[0]} if asked else {})
+    higher = on_ground(ball(place=(0, 0, max(height, 0.1))), **better)
+    assert not about_depth(pg.simulate(higher, **given))
+
+
+def test_a_smaller_step_is_told_where_it_helps():
+    """A bar that spins at 10 turns a second meets the ground."""
+    spin = box("s", (0, 0, 0.3), (0.4, 0.05, 0.05), v=(30, 50, 10, 0, 0, -10))
+    model = on_ground(spin, friction=0.5, restitution=0.5)
+    given = {"t_end": 0.5, "estimate": False}
+    (told,) = about_depth(pg.simulate(model, step=0.05, **given))
+    assert "use a smaller step" in told
+    assert not about_depth(pg.simulate(model, step=0.01, **given))
+
+
+def test_a_limit_that_is_passed_at_the_start_is_told_to_start_within():
+    arm = pg.Body("a", axes=(0, 1, 0), inertia=(0.1,) * 3, q=0.5, limits=((-1.0, 0.4),))
+    model = pg.Model([arm])
+    told = [text for text in pg.simulate(model, t_end=0.2).notices if "limit" in text]
+    assert any("start within the limit" in text for text in told)
+    assert not any("smaller step" in text for text in told)
+    assert not pg.simulate(model.edit("a", q=0.4), t_end=0.2).notices
+
+
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+def test_steps_that_hard_contacts_do_not_resolve_are_told_what_helps(law):
+    """At a smaller stiffness, friction and damping have the same rates."""
+    model = on_ground(ball(place=(0, 0, 0.12)), law=law, stiffness=5e4, friction=0.5)
+    (told,) = about_depth(pg.simulate(model, t_end=0.1, method="rk4", step=0.02, estimate=False))
+    step = float(told.split("give ")[1].split()[0])
+    for given in ({"method": "rk4", "step": step}, {"method": "dop853", "rtol": 1e-6}):
+        assert not about_depth(pg.simulate(model, t_end=0.1, estimate=False, **given))
+    assert "method='dop853' with rtol=" in told
 
 
 @pytest.mark.parametrize("method", ["moreau_jean", "semi_implicit_euler", "rk4"])

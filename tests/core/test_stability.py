@@ -115,6 +115,55 @@ def test_semi_implicit_euler_is_inaccurate_and_the_step_it_names_does(stiff):
     assert one_cell(mech, q, steps=[cell.step_needed / 1.2], **options).status == "OK"
 
 
+def test_a_step_that_is_advised_was_run_or_is_called_a_prediction(stiff):
+    """The largest accurate step of the method below that of the cell, or by the order."""
+    right = {(c.value, c.method, c.step) for c in stiff.cells if c.status == "OK"}
+    kinds = {True: 0, False: 0}
+    for cell in stiff.cells:
+        own = [s for s in STEPS if s < cell.step and (cell.value, cell.method, s) in right]
+        if cell.status == "OK":
+            continue
+        said = re.findall(r"use a step of ([\d.e+-]+) s", cell.text)
+        assert [float(x) for x in said] == own[:1], cell
+        predicted = "was not run" in cell.text
+        assert not (own and predicted)
+        assert np.isfinite(cell.step_needed) == bool(own or predicted)
+        if np.isfinite(cell.step_needed) and not own:
+            assert cell.step_needed < min(STEPS)
+        kinds[bool(own)] += 1
+    assert min(kinds.values()) > 0
+
+
+def test_a_map_without_an_accurate_run_names_the_closest():
+    mech, q = stiff_pendulum(1e2)
+    given = {"values": [1e2], "methods": ["semi_implicit_euler"], "t_end": 1.0}
+    found = pg.stability_map(mech, q, steps=[1e-1, 1e-2], **given)
+    assert "semi_implicit_euler at a step of 0.01 s comes closest: error" in found.advice
+    assert "was not run" in found.advice
+
+
+def test_a_run_that_gains_and_loses_energy_is_inaccurate_and_does_not_grow():
+    """A four-bar linkage beyond the step that its fastest rate predicts as the limit: the error of
+    semi-implicit Euler is 4e-4 of the motion, of the second order in some mechanisms, and its
+    energy is bounded.
+    """
+    model = AXES["mass_ratio"].applied(pg.load("four_bar"), 1e-3)
+    mech, given = pg.Mechanism(model), {"scenario": "turn", "t_end": 10.0, "estimate": False}
+    t = stability.times_of(10.0, 0.01)
+    run, half = (
+        pg.simulate(mech, method="semi_implicit_euler", step=h, t_eval=t, **given)
+        for h in (1e-2, 5e-3)
+    )
+    known = pg.simulate(mech, method="dop853", rtol=1e-11, t_eval=t, **given)
+    half = dataclasses.replace(half, q=known.q + 0.95 * (half.q - known.q))  # order above 2
+    motion = KnownMotion(known, 1e-9, "dop853", 649.0, float(np.ptp(known.potential_energy)))
+    cell = judged(
+        Cell(1e-3, "semi_implicit_euler", 0.01, Verdict.OK, ""), 1e-3, mech, run, half, motion
+    )
+    assert cell.step > 3 * cell.step_limit
+    assert (cell.status, cell.order) == ("INACCURATE", pytest.approx(2.0, abs=0.1))
+
+
 def test_lost_energy_is_damping_and_too_many_steps_are_slow():
     """A spring whose period the step does not resolve, under way: Radau takes its energy."""
     mech, q = stiff_pendulum(1e4)

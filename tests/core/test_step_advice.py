@@ -212,3 +212,39 @@ def test_steps_for_good_accuracy_depend_on_the_order_of_the_method(method):
     good = float(re.findall(r"and ([\d.e+-]+) s or less for good accuracy", said)[0])
     q = pg.simulate(model, step=good, **asked)["a"]
     assert np.abs(q[-1] - np.cos(100.0)) < 0.05
+
+
+def stiff_pendulum(**fields):
+    """A pendulum with a period of 0.06 s."""
+    inertia = {"mass": 1.0, "com": (0, 0, -0.5), "inertia": (0.1,) * 3}
+    return pg.Model([pg.Body("a", q=0.3, stiffness=(4000,), **inertia, **fields)])
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "gauss6", "dop853", "radau5"])
+def test_the_way_to_steps_by_their_error_can_be_called(method):
+    """Three steps a period are too few. Each notice says how to let the method choose them."""
+    run = pg.simulate(stiff_pendulum(), t_end=1, method=method, step=0.02)
+    told = [text for text in run.notices if "rtol" in text]
+    ways = {
+        found.group(1) or method
+        for text in told
+        for found in re.finditer(r"(?:method='(\w+)' with )?rtol= for adaptive steps", text)
+    }
+    assert told
+    assert len(ways) == 1
+    good = pg.simulate(stiff_pendulum(), t_end=1, method=ways.pop(), rtol=1e-8)
+    assert good.relative_error[-1] < 1e-4
+    assert not good.notices
+
+
+@pytest.mark.quick
+def test_time_stepping_is_told_of_steps_only_and_tolerances_of_smaller_ones():
+    """Impacts of time stepping have no error by which to choose a step."""
+    stopped = stiff_pendulum(limits=((-0.1, 0.5),))
+    coarse = pg.simulate(stopped, t_end=1, method="moreau_jean", step=0.01)
+    assert any("use a smaller step" in text for text in coarse.notices)
+    assert not any("rtol" in text for text in coarse.notices)
+    loose = pg.simulate(pg.Model.serial(2), q=[2.0, 2.0], t_end=20, rtol=1e-3)
+    assert any("a smaller rtol" in text for text in loose.notices)
+    assert not any("smaller step" in text for text in loose.notices)

@@ -1,0 +1,124 @@
+"""Points of parts: where they act by default, those of contacts and those along paths (pure)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+from pgraph_core.forces import BetweenPoints
+from pgraph_core.rotation import matrix
+
+from ..core.cells import Display, Refusal, content, replaced
+from .curves import plain
+from .gains import EVERY, GROUND
+
+Item = Any  # pg.Constraint | pg.Contact | pg.Force | pg.Site | pg.Output
+Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
+FRICTIONS = ("friction", "static_friction", "rolling_friction", "spinning_friction")
+
+
+def at_home(names: Sequence[str], positions: np.ndarray, wxyz: np.ndarray) -> Places:
+    """Return the home position and rotation matrix for each body name and for the ground."""
+    ground = {GROUND: (np.zeros(3), np.eye(3))}
+    return ground | {n: (p, matrix(q)) for n, p, q in zip(names, positions, wxyz)}
+
+
+def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
+    """Return the displayed default of a missing field, or None."""
+    match item, field:
+        case pg.Constraint(), "point":
+            return model.point_of(item)
+        case BetweenPoints() | pg.Bushing(), "point":
+            return model.body(item.body).tip_point
+        case (pg.Wrench(), "point") | (BetweenPoints() | pg.Rolling(), "other_point"):
+            return (0.0, 0.0, 0.0)
+        case (pg.Constraint(), "other_point"):
+            p, R = at[item.body]
+            place, turn = at[item.pair[1]]
+            found = turn.T @ (p + R @ np.asarray(model.point_of(item)) - place)
+            return tuple(float(x) + 0.0 for x in found)
+        case (pg.Distance(), "length") | (pg.Spring(), "rest"):
+            there = along(model, item, at)
+            return sum(float(np.linalg.norm(a - b)) for a, b in pairwise(there))
+        case pg.Contact(), "restitution":
+            return model.ground.restitution
+        case pg.Contact(), _ if field in FRICTIONS:
+            return item.frictions(model.ground)[FRICTIONS.index(field)]
+        case pg.Torsion(), "axis":
+            return (0.0, 0.0, 1.0)
+        case _, "rotation":
+            return (1.0, 0.0, 0.0, 0.0)
+    return None
+
+
+def along(model: pg.Model, item: Item, at: Places) -> list[np.ndarray]:
+    """Return the world positions [m] of all points of a force or distance, from end to end."""
+    point = item.point or implied(model, item, "point", at)
+    path = [(item.body, point), *((x.body, x.point) for x in item._places)]
+    path.append((item.other, item.other_point or (0.0, 0.0, 0.0)))
+    return [at[name][0] + at[name][1] @ np.asarray(x) for name, x in path]
+
+
+def points(
+    model: pg.Model,
+    item: pg.Contact,
+    data: dict[str, Any],
+    index: tuple[int, ...],
+    text: str,
+    display: Display,
+) -> tuple[Any, ...]:
+    """Return the contact points after a number was typed, or a point was added or removed."""
+    points = tuple(data["points"])
+    if len(index) == 2:
+        return replaced(points, index, content(text, "length", display))
+    if text:
+        tip = model.body(item.body).tip_point if item.body != EVERY else (0.0, 0.0, 0.0)
+        return (*points, tip)
+    return tuple(p for i, p in enumerate(points) if i != index[0])
+
+
+# fields of a point of a path, and the numbers of their first cells
+COLUMNS = {"point": 0, "radius": 3, "axis": 4, "side": 7}
+
+
+def path(
+    model: pg.Model,
+    item: Item,
+    old: Any,
+    index: tuple[int, ...],
+    text: str,
+    display: Display,
+    at: Places,
+) -> tuple[Any, ...]:
+    """Return the points of a path after a number was typed, or a point was added or removed.
+
+    A new point is in the middle of the last span, so that the path is as it was.
+    """
+    places = [dict(plain(place)) for place in old]
+    if not index:
+        name = text.strip()
+        if name not in at:
+            raise Refusal(f"no body is named '{name}'")
+        (p, R), (*_, a, b) = at[name], along(model, item, at)
+        point = tuple(float(x) + 0.0 for x in R.T @ (0.5 * (a + b) - p))
+        return (*places, {"body": name, "point": point})
+    if index[0] >= len(places):
+        raise Refusal("no longer has this point")
+    if len(index) == 1:
+        return tuple(place for i, place in enumerate(places) if i != index[0])
+    place, column = places[index[0]], index[1]
+    key = next(key for key, first in reversed(COLUMNS.items()) if column >= first)
+    of = "number" if key == "axis" else "length"
+    if not text.strip() and key != "point":
+        gone = COLUMNS.keys() - {"point"} if key == "radius" else {key}
+        place |= dict.fromkeys(gone)
+    elif key == "radius":
+        place["radius"] = content(text, of, display)
+    else:
+        old = tuple(place.get(key) or (0.0, 0.0, 0.0))
+        place[key] = replaced(old, (column - COLUMNS[key],), content(text, of, display))
+    return tuple(places)

@@ -1,0 +1,91 @@
+"""The curves of relations: their texts, and those of another kind (pure)."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pgraph_core as pg
+from pgraph_core.signals import is_expression
+
+from ..core.cells import Display, Quantity, Refusal, number, quantity
+from ..pose.solving import degrees
+
+KINDS = ("natural", "clamped", "periodic", "quintic", "polynomial", "expression")
+QUANTITIES: dict[str, Quantity] = {"rad": "angle", "m": "length", "": "number"}
+
+
+def unit_of_coordinate(model: pg.Model, body: str, coordinate: int) -> str:
+    """Return the unit of a coordinate of a joint, or "" if there is none."""
+    joint = degrees(model.body(body)) if body in model.row else []
+    return joint[coordinate][1] if coordinate < len(joint) else ""
+
+
+def ends_of(item: pg.Relation) -> tuple[tuple[str, int], tuple[str, int]]:
+    """Return (body, coordinate) of what a relation follows, and of what it moves."""
+    return (item.other, item.other_coordinate), (item.body, item.coordinate)
+
+
+def quantities(model: pg.Model, item: pg.Relation) -> tuple[Quantity, Quantity]:
+    """Return the quantities of what a relation follows, and of what it moves."""
+    x, value = (unit_of_coordinate(model, *end) for end in ends_of(item))
+    return QUANTITIES[x], QUANTITIES[value]
+
+
+def kind_of(curve: pg.Curve | pg.Polynomial | str) -> str:
+    """Return the kind of the curve of a relation, one of `KINDS`."""
+    return "expression" if isinstance(curve, str) else curve.kind
+
+
+def written(model: pg.Model, item: pg.Relation, display: Display) -> str:
+    """Format the curve of a relation as text, with its points in the units of the page."""
+    if isinstance(item.curve, pg.Polynomial):
+        return " ".join(map(_short, item.curve.coefficients))
+    if isinstance(item.curve, pg.Curve):
+        of = quantities(model, item)
+        points = zip(item.curve.x, item.curve.value)
+        return "; ".join(
+            " ".join(_short(display.shown(x, each)) for x, each in zip(point, of))
+            for point in points
+        )
+    return item.curve
+
+
+def _short(x: float) -> str:
+    """Format a number in the fewest digits that give it back."""
+    return f"{x + 0.0!r}".removesuffix(".0")
+
+
+def curve_of(model: pg.Model, item: pg.Relation, text: str, display: Display) -> Any:
+    """Parse the curve of a relation from the text of `written`. Raises Refusal."""
+    if is_expression(text):
+        return text.strip()
+    if isinstance(item.curve, pg.Polynomial):
+        powers = tuple(map(number, text.replace(",", " ").split()))
+        return {"kind": "polynomial", "coefficients": powers}
+    rows = [row.replace(",", " ").split() for row in re.split("[;\\n]", text) if row.strip()]
+    if any(len(row) != 2 for row in rows):
+        raise Refusal("must be rows 'x value; x value; ...', as 0 0; 90deg 12mm; 180deg 20mm")
+    columns = [
+        tuple(quantity(x, of, display) for x in column)
+        for of, column in zip(quantities(model, item), zip(*rows))
+    ]
+    kind = item.curve.kind if isinstance(item.curve, pg.Curve) else "natural"
+    return {**dict(zip(("x", "value"), columns)), "kind": kind}
+
+
+def rekinded(old: Any, kind: str) -> Any:
+    """Return a curve of another kind, with the same points if both have points."""
+    if kind not in KINDS:
+        raise Refusal(f"must be one of {', '.join(KINDS)}")
+    if kind == kind_of(old):
+        return old
+    if kind == "expression":
+        return "=q"
+    if kind == "polynomial":
+        return {"kind": kind, "coefficients": (0.0, 1.0)}
+    points = isinstance(old, pg.Curve)
+    x, value = (old.x, old.value) if points else ((0.0, 1.0), (0.0, 1.0))
+    if kind == "periodic" and len(x) == 2:
+        x, value = (x[0], 0.5 * (x[0] + x[1]), x[1]), (value[0], value[1], value[0])
+    return {"x": x, "value": value, "kind": kind}
