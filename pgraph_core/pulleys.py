@@ -28,7 +28,7 @@ from .units import M
 class Pulley(Described):
     """A wheel on which a cable lies, or with radius 0 a point through which it passes.
 
-    A cable grips a wheel that turns about a hinge along its axis, so that it moves with its rim,
+    A cable grips a wheel that is centred on the hinge of its body, so that it moves with its rim,
     and slides over any other one without friction. `grip` states one of both. At an end of the
     cable, a wheel is a drum on which it winds, and a point is where it is fixed.
 
@@ -64,8 +64,8 @@ class Pulley(Described):
     )  # fmt: skip
     grip: Flag | None = field(
         "true, false or None",
-        default=None, help="whether the cable moves with the rim; default: if the wheel turns "
-        "about a hinge along its axis",
+        default=None, help="whether the cable moves with the rim; default: if the wheel is centred "
+        "on the hinge of its body",
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -96,8 +96,8 @@ def with_body(data: Any) -> Any:
         return data
     through = along(data["through"])
     named = (x.get("body") if isinstance(x, Mapping) else getattr(x, "body", None) for x in through)
-    first = next((name for name in named if name != GROUND), None)
-    return {**data, "through": through, **({"body": first} if first else {})}
+    first = next((name for name in named if name != GROUND), GROUND)
+    return {**data, "through": through, "body": first}
 
 
 def way_problems(through: tuple[Pulley, ...], closed: bool) -> list[tuple[str, str]]:

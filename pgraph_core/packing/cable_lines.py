@@ -13,17 +13,26 @@ from ..errors import ModelError
 from ..forces import Cable
 from ..model import Rope
 from . import Array
-from .cables import Segment
+from .cables import Segment, carrier_of
 from .forces import Placed
 
 DRAWN = 0.2  # rad between drawn points of an arc: chords within 0.5 % of the radius
+
+
+class Grip(NamedTuple):
+    """A wheel at an end of a segment that it grips."""
+
+    station: int
+    carrier: str  # the body in which the angle of the cable is counted
+    side: Array  # (3,) in its axes: the normal of the cable in the initial state
 
 
 class Lying(NamedTuple):
     """A cable in the axes of the bodies along it."""
 
     part: Cable | Rope
-    segments: tuple[tuple[Any, tuple[str, ...]], ...]  # records VIA, and the body of each
+    # records VIA, the body of each, and grips
+    segments: tuple[tuple[Any, tuple[str, ...], tuple[Grip, ...]], ...]
 
 
 def cables_of(packed: Any) -> tuple[Lying, ...]:
@@ -39,21 +48,29 @@ def cables_of(packed: Any) -> tuple[Lying, ...]:
     found = list[Lying]()
     for part in parts:
         try:
-            own = tuple(_in_bodies(one, places) for one in places.segments(part))
+            own = tuple(_in_bodies(one, places, model) for one in places.segments(part))
         except ModelError:
             continue
         found.append(Lying(part, own))
     return tuple(found)
 
 
-def _in_bodies(one: Segment, places: Placed) -> tuple[Any, tuple[str, ...]]:
+def _in_bodies(
+    one: Segment, places: Placed, model: Any
+) -> tuple[Any, tuple[str, ...], tuple[Grip, ...]]:
     """Return a segment with points and axes in the axes of its bodies, in rows of its own."""
     rows, names = one.rows.copy(), tuple(x.pulley.body for x in one.stations)
     for k, (row, station) in enumerate(zip(rows, one.stations), start=1):
         row["row"], row["frame"], row["coordinate"] = k, 0, 0
         row["point"] = station.pulley.point
         row["axis"] = places.turn_at_start(station.pulley.body).T @ station.axis
-    return rows, names
+    ends = ((k, one.stations[k]) for k in (0, len(names) - 1))
+    grips = [
+        Grip(k, name, places.home(name).T @ one.rows[k]["side"])
+        for k, x in ends
+        if x.grips and (name := carrier_of(x, model))
+    ]
+    return rows, names, tuple(grips)
 
 
 def cable_lines(
@@ -64,7 +81,7 @@ def cable_lines(
     `point(body, place)` returns a point in world axes [m], and `turn(body)` an orientation (3, 3).
     """
     before: tuple[Any, Array, Array] | None = None  # wheel, place and direction at the last end
-    for rows, names in cable.segments:
+    for rows, names, _ in cable.segments:
         spans = spans_in(rows, names, point, turn)
         for k, span in enumerate(spans):
             a, b, along = span.reshape(3, 3)
@@ -73,7 +90,7 @@ def cable_lines(
                 yield _arc(wheel, point(name, wheel["point"]), turn(name), *before[1:], a, along)
             yield np.array([a, b])
             before = rows[k + 1], b, along
-    rows, names = cable.segments[0]
+    rows, names, _ = cable.segments[0]
     if cable.part.closed and before is not None:
         a, _, along = spans_in(rows, names, point, turn)[0].reshape(3, 3)
         centre = point(names[0], rows[0]["point"])

@@ -29,13 +29,22 @@ STRAIGHT = 1e-3  # rad: below this bend of the line through the centres, its sid
 Refuse = Callable[[str], Exception]
 
 
+class Hinge(NamedTuple):
+    """A hinge in the initial state."""
+
+    body: str
+    place: Array  # (3,) a point on its axis, world axes [m]
+    axis: Array  # (3,) unit vector
+
+
 class Station(NamedTuple):
     """A station of a cable in the initial state, in world axes [m]."""
 
     pulley: Pulley
     centre: Array
     axis: Array  # unit vector, zero for a point
-    hinge: float  # 1 or -1: the sense of its hinge's angle about the axis, 0 without one
+    hinge: Hinge | None  # parallel to the axis
+    gear: float  # 1 or -1: the sense of its hinge's angle about the axis, 0 without one
     grips: bool
     sense: float  # 1 or -1: the sense of the cable about the axis, 0 for a point
 
@@ -63,46 +72,57 @@ def segments(
     if closed:
         first = next((k for k, x in enumerate(found) if x.grips), None)
         if first is None:
-            raise refuse(
-                "a closed belt needs a wheel that it grips: a body with a hinge along its axis"
-            )
+            raise refuse("a closed belt needs a wheel that it grips: on a hinge, or with grip=True")
         found = [*found[first:], *found[:first], found[first]]
     for k in {0, len(found) - 1} if not closed else ():
         one = found[k]
-        if one.pulley.radius and not one.grips:
-            text = f"it ends at a wheel of '{one.pulley.body}' that it does not grip; give this "
-            raise refuse(
-                f"{text}body a hinge along the axis, as a drum, or end the rope at a point"
-            )
+        if one.pulley.grip is False:
+            text = f"it ends at a wheel of '{one.pulley.body}' over which it would slide; leave "
+            raise refuse(f"{text}grip=False out for a drum, or end the rope at a point")
+        if one.pulley.radius:
+            found[k] = one._replace(grips=True)
     points = [k for k, x in enumerate(found) if not x.pulley.radius]
     for a, b in pairwise(sorted({0, *points, len(found) - 1})):
         _orient(found, a, b, closed, refuse)
     begins = [k for k, x in enumerate(found) if x.grips and 0 < k < len(found) - 1]
     ends = [0, *begins, len(found) - 1]
-    return [_segment(found[a : b + 1], at_, packed, model, refuse) for a, b in pairwise(ends)]
+    made = [_segment(found[a : b + 1], at_, packed, model, refuse) for a, b in pairwise(ends)]
+    for before, after in (*pairwise(made), *([(made[-1], made[0])] if closed else ())):
+        _wrap(after.stations[0], before.spans[-1, 6:], after.spans[0, 6:], refuse)
+    return made
 
 
 def _station(k: int, p: Pulley, at_: Any, model: Any, refuse: Refuse) -> Station:
     """Return a station without its sense."""
     centre = at_.at_start(p.body, p.point)
     if not p.radius:
-        return Station(p, centre, np.zeros(3), 0.0, False, 0.0)
-    turn = at_.turn_at_start(p.body)
-    body = None if p.body == GROUND else model.body(p.body)
-    hinge = body is not None and [m.kind for m in body.sequence] == ["rotate"]
-    own = turn @ unit_vector(body.sequence[0].axis) if body is not None and hinge else None
-    if p.axis is None and own is None:
+        return Station(p, centre, np.zeros(3), None, 0.0, False, 0.0)
+    turn, hinge = at_.turn_at_start(p.body), _hinge(p.body, at_, model)
+    if p.axis is None and hinge is None:
         text = f"number {k}, a wheel of '{p.body}', needs an axis in the axes of its body, such as "
         raise refuse(f"{text}axis=(0, 1, 0), as this body has no hinge")
-    axis = own if p.axis is None else turn @ unit_vector(p.axis)
-    assert axis is not None
-    along = 0.0 if own is None else float(own @ axis)
+    axis = hinge.axis if p.axis is None and hinge is not None else turn @ unit_vector(p.axis or ())
+    along = 0.0 if hinge is None else float(hinge.axis @ axis)
     sense = float(np.sign(along)) if abs(along) > 1.0 - SOLVED else 0.0
-    if p.grip and not sense:
-        text = f"number {k}, a wheel of '{p.body}', grips only with a hinge along its axis, which "
-        raise refuse(f"{text}counts its turns; give the body such a joint, or grip=False")
-    grips = bool(sense) if p.grip is None else p.grip
-    return Station(p, centre, axis, sense, grips, float(p.side or 0))
+    centred = hinge is not None and bool(sense) and _is_on(centre, hinge, p.radius)
+    grips = centred if p.grip is None else p.grip
+    return Station(p, centre, axis, hinge if sense else None, sense, grips, float(p.side or 0))
+
+
+def _hinge(name: str, at_: Any, model: Any) -> Hinge | None:
+    """Return the hinge about which a body turns, also if it is fixed to one that does."""
+    while name != GROUND and not (body := model.body(name)).sequence:
+        name = body.parent
+    if name == GROUND or [m.kind for m in body.sequence] != ["rotate"]:
+        return None
+    axis = at_.turn_at_start(name) @ unit_vector(body.sequence[0].axis)
+    return Hinge(name, at_.at_start(name, (0.0, 0.0, 0.0)), axis)
+
+
+def _is_on(centre: Array, hinge: Hinge, radius: float) -> bool:
+    """Check whether a wheel is centred on a hinge."""
+    apart = centre - hinge.place
+    return float(np.linalg.norm(np.cross(hinge.axis, apart))) <= NOTABLE * radius
 
 
 def _segment(
@@ -111,8 +131,7 @@ def _segment(
     """Return a segment of stations whose senses are known."""
     found, last = stations, len(stations) - 1
     rows = rows_of(VIA, [_row(x, at_, packed) for x in found])
-    bodies = [x.pulley.body for x in found]
-    work = _frames(rows, bodies, at_, model, len(packed.rows))
+    work = _frames(rows, found, at_, model, len(packed.rows))
     spans, q = np.zeros((last, 9)), np.array(packed.q, float)
     spans_of_segment(rows, work, q, spans)
     for k, one in enumerate(found[1:last], start=1):
@@ -121,8 +140,7 @@ def _segment(
     for k, span in ((0, spans[0]), (last, spans[-1])):
         if found[k].grips:
             normal = np.cross(found[k].axis, span[6:])
-            body = found[k].pulley.body
-            rows[k]["side"] = _axes_of_carrier(body, at_, model).T @ normal
+            rows[k]["side"] = _carrier(found[k], at_, model).T @ normal
     value = float(spans_of_segment(rows, work, q, spans))
     wound = sum(
         sign * found[k].signed * rows[k]["gear"] * q[rows[k]["coordinate"]]
@@ -148,7 +166,7 @@ def _orient(found: list[Station], a: int, b: int, closed: bool, refuse: Refuse) 
             text = f"the axes of the wheels {names} are {angle:.3g} degrees apart; wheels that "
             raise refuse(f"{text}follow each other need parallel axes, or a point between them")
         if along < 0.0:
-            flipped = {"axis": -one.axis, "hinge": -one.hinge, "sense": -one.sense}
+            flipped = {"axis": -one.axis, "gear": -one.gear, "sense": -one.sense}
             found[k] = one._replace(**flipped)
     for k in wheels:
         if not found[k].sense:
@@ -210,31 +228,39 @@ def _row(one: Station, at_: Any, packed: Any) -> tuple[Any, ...]:
     row = packed.row_of(body)
     home, turn = at_.home(one.pulley.body), at_.turn_at_start(one.pulley.body)
     axis = home @ turn.T @ one.axis
-    frame = int(packed.rows[row, at.PARENT]) if one.grips else 0
-    coordinate = joint_coordinates(packed, body)[0][1] if one.grips else 0
+    frame, coordinate = row if one.grips else 0, 0
+    if one.grips and one.hinge is not None:
+        frame = int(packed.rows[row, at.PARENT])
+        coordinate = joint_coordinates(packed, at_.number(one.hinge.body))[0][1]
     point = at_.in_row(one.pulley.body, one.pulley.point)
     shape = GRIP if one.grips else WHEEL if one.sense else EYE
     none = np.zeros(3)
-    return row, body, point, shape, 0, one.signed, axis, none, frame, coordinate, one.hinge, 0.0
+    return row, body, point, shape, 0, one.signed, axis, none, frame, coordinate, one.gear, 0.0
 
 
-def _axes_of_carrier(body: str, at_: Any, model: Any) -> Array:
-    """Return the present orientation of the row that carries a wheel."""
-    parent = model.body(body).parent
-    axes: Array = at_.turn_at_start(parent) @ at_.home(parent).T
+def carrier_of(one: Station, model: Any) -> str:
+    """Return the body in which the angle of a cable on a wheel is counted."""
+    return one.pulley.body if one.hinge is None else str(model.body(one.hinge.body).parent)
+
+
+def _carrier(one: Station, at_: Any, model: Any) -> Array:
+    """Return the present orientation of the row from which the angle of a cable is counted."""
+    name = carrier_of(one, model)
+    axes: Array = at_.turn_at_start(name) @ at_.home(name).T
     return axes
 
 
-def _frames(rows: Any, bodies: Sequence[str], at_: Any, model: Any, count: int) -> Array:
+def _frames(rows: Any, stations: Sequence[Station], at_: Any, model: Any, count: int) -> Array:
     """Return a workspace with the initial frames of the stations and of their carriers."""
     work = np.zeros((count, at.WORK))
     work[:, at.R : at.R + 9] = np.eye(3).ravel()
-    for one, body in zip(rows, bodies):
+    for one, station in zip(rows, stations):
+        body = station.pulley.body
         if one["row"]:
             turn = at_.turn_at_start(body) @ at_.home(body).T
             work[one["row"], at.R : at.R + 9] = turn.ravel()
             origin = at_.at_start(body, (0.0, 0.0, 0.0)) - turn @ at_.in_row(body, (0.0,) * 3)
             work[one["row"], at.X : at.X + 3] = origin
         if one["frame"]:
-            work[one["frame"], at.R : at.R + 9] = _axes_of_carrier(body, at_, model).ravel()
+            work[one["frame"], at.R : at.R + 9] = _carrier(station, at_, model).ravel()
     return work

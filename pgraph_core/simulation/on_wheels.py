@@ -12,6 +12,8 @@ from ..packing.cable_lines import Lying, cables_of, spans_in
 from ..tolerances import NOTABLE, VISIBLE
 from .running import Running
 
+HALF_TURN = 0.95 * np.pi  # rad: frames may miss the jump itself
+
 
 def on_wheels(record: Running) -> Iterator[str]:
     """Yield a notice about the first wheel that each cable would leave, in the frames."""
@@ -36,7 +38,7 @@ def on_wheels(record: Running) -> Iterator[str]:
 
 def _left(cable: Lying, point: Any, turn: Any) -> str:
     """Return what is wrong with a cable on its wheels, or ""."""
-    for rows, names in cable.segments:
+    for rows, names, grips in cable.segments:
         spans = spans_in(rows, names, point, turn)
         wheels = [k for k in range(len(rows)) if rows[k]["radius"]]
         axes = {k: turn(names[k]) @ rows[k]["axis"] for k in wheels}
@@ -58,6 +60,16 @@ def _left(cable: Lying, point: Any, turn: Any) -> str:
                 return (
                     f"it would leave the wheel '{names[k]}', on which the run keeps it; use a "
                     "spring or strut over an obstacle, which lets it go"
+                )
+        for k, carrier, side in grips:
+            span, axis, ahead = spans[0 if k == 0 else -1], axes[k], turn(carrier) @ side
+            normal = np.cross(axis, span[6:])
+            angle = np.arctan2(np.cross(axis, ahead) @ normal, ahead @ normal)
+            if abs(angle) > HALF_TURN:
+                return (
+                    f"it has turned by half a turn about the wheel '{names[k]}' since the start, "
+                    f"as seen from '{carrier}', and its length jumps beyond that; only turns of a "
+                    "wheel on its hinge are counted"
                 )
     return ""
 
