@@ -62,7 +62,11 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
             any(s.colour for b in model.bodies for s in b.drawn),
         ),
         ("axes", "joint axes", state.derived.dof > 0),
-        ("tracks", "tracks of curves", any(b.track for b in model.bodies)),
+        (
+            "tracks",
+            "tracks of curves, profiles of cams",
+            any(b.track for b in model.bodies) or bool(model.cams),
+        ),
         ("links", "link vectors", True),
         ("coms", "centres of mass", True),
         ("inertias", "inertia ellipsoids", any(np.any(b.inertia) for b in model.bodies)),
@@ -117,7 +121,8 @@ def axes(state: State) -> Local:
 
 
 def tracks(state: State) -> Local:
-    """Return lines along the tracks of curves, in the frames of the parents."""
+    """Return lines along the tracks of curves, in the frames of the parents, and those of cams and
+    their followers."""
     d = state.derived
     found: dict[int, list[np.ndarray]] = defaultdict(list)
     for k, name in enumerate(d.names, 1):
@@ -126,6 +131,10 @@ def tracks(state: State) -> Local:
             turned = shapes.to_matrix(np.asarray(body.rotation))
             points = np.asarray(body.link) + body.track.line() @ turned.T
             found[d.parent[k - 1]].append(np.stack((points[:-1], points[1:]), axis=1))
+    for c in state.model.cams:
+        for name, points in ((c.other, c.profile(state.model)), (c.body, c.face(state.model))):
+            lines = np.stack((points, np.roll(points, -1, axis=0)), axis=1)
+            found[d.number[name]].append(lines)
     return {k: np.concatenate(lines) for k, lines in found.items()}
 
 

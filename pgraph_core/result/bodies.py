@@ -12,11 +12,13 @@ from ..dynamics.scene import load_wrenches
 from ..dynamics.states import BodyMotion, bodies_over, turned
 from ..forces import OnJoint
 from ..model import Force, Model
+from ..model.cam import Cam
 from ..model.constraint import InJoints
 from ..model.expressions import wanted
 from ..packing import Array
 from ..signals.meaning import unit
 from ..units import UNITS, J, Q
+from .cams import cam_record
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -53,7 +55,8 @@ def outer_wrenches(run: Any, rows: slice = ALL) -> Array:
     if run.constraint_force:
         pulls = run.contacts.pull or run.constraint_force
         pulls = {name: pulls[name][rows] for name in pulls}
-        add_constraint_wrenches(run.mechanism, pulls, body_poses(run, rows), external)
+        pose = body_poses(run, rows)
+        add_constraint_wrenches(run.mechanism, pulls, run.q[rows], pose, external)
     return external
 
 
@@ -122,12 +125,19 @@ def all_forces(run: Any) -> tuple[Force, ...]:
 
 
 def add_constraint_wrenches(
-    mech: Mechanism, forces: Mapping[str, Array], pose: Array, out: Array
+    mech: Mechanism, forces: Mapping[str, Array], q: Array, pose: Array, out: Array
 ) -> None:
     """Add constraint forces as wrenches on the bodies, in world axes at origins (eq. (22))."""
     position = pose[..., :3]
     for c in mech.model.constraints:
-        if c.name not in forces or isinstance(c, InJoints):
+        if c.name not in forces:
+            continue
+        if isinstance(c, Cam):
+            found = cam_record(c, mech, q, pose, forces[c.name])
+            for name, sign in ((c.body, 1.0), (c.other, -1.0)):
+                b = mech.topology.number(name) - 1
+                out[:, b] += sign * found.wrench(position[:, b])
+        if isinstance(c, InJoints):
             continue
         wrench = forces[c.name]
         point = mech.model.point_of(c)

@@ -26,6 +26,7 @@ from ..result.records import (
 )
 from .advice import too_wide
 from .continuing import left_by
+from .lifted import lifted
 from .means import means_between
 from .pierced import pierced
 from .remarks import (
@@ -213,6 +214,8 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += off_curve(record)
     if model.bent:
         found += pierced(record)
+    if model.cams and len(plan.ever):
+        found += lifted(record)
     if record.user is not None:
         found += record.user.notices()
     if record.carried is not None:
