@@ -35,6 +35,7 @@ from . import (
     Picking,
     State,
     about,
+    cams,
     curves,
     own_fields,
     parts,
@@ -250,6 +251,8 @@ def _field(
             return _track(item, display)
         case "curve":
             return _function(state, item, display)
+        case "motion":
+            return _lift(state.model, item, display)
         case "interpolation" if not isinstance(item.q_of_t, pg.Table):
             return []
         case "coefficients":
@@ -386,6 +389,17 @@ def _function(state: State, item: pg.Relation, display: Display) -> list[Payload
             field("curve", shows.label, [one], help=shows.help, kind="text", note=note,
                   curve=pictures.of_relation(state, item, display),
                   expression=True)]  # fmt: skip
+
+
+def _lift(model: pg.Model, item: pg.Cam, display: Display) -> list[Payload]:
+    """Return fields for the kind and the text of the lift of a cam, with its picture."""
+    kind, shows = cams.kind_of(item), about(item, "motion")
+    one = cell((), cams.written(model, item, display))
+    return [choice("lift_is", CELLS["lift_is"].label, kind, cams.MOTIONS,
+                   help=CELLS["lift_is"].help),
+            field("motion", shows.label, [one], help=shows.help, kind="text",
+                  note=cams.note(model, item, display),
+                  curve=cams.picture(model, item, display))]  # fmt: skip
 
 
 def _coefficients(item: Any, cells: Any) -> list[Payload]:

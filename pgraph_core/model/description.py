@@ -16,6 +16,7 @@ from ..functions import Curve
 from ..sentences import in_our_words
 from . import files
 from .body import Body
+from .cam import Cam
 from .checks import PARTS, model_problems
 from .constraint import Constraint, Relation, Rolling
 from .contact import Contact
@@ -157,6 +158,11 @@ class Description(World):
     def bending(self) -> tuple[Relation, ...]:
         """The relations whose second derivative jumps somewhere."""
         return tuple(c for c in self.constraints if isinstance(c, Relation) and c.has_corners)
+
+    @cached_property
+    def cams(self) -> tuple[Cam, ...]:
+        """The cams among the constraints."""
+        return tuple(c for c in self.constraints if isinstance(c, Cam))
 
     @cached_property
     def rubbing(self) -> tuple[Contact, ...]:

@@ -35,6 +35,11 @@ def add(state, part, kind, body="3", other="1"):
     return after(state, do.Select(ME, other)) if state.clients[ME].picking else state
 
 
+def side_by_side(state):
+    """The same with the third body on the ground, for a cam and its follower."""
+    return begun(state.model.edit("3", parent="ground", link=(0.3, 0.0, 0.4)))
+
+
 def test_all_that_is_selected_gets_the_new_part_in_one_step(state):
     chosen = after(state, do.SelectBodies(ME, "3", ("1", "2", "3")))
     asked = after(chosen, do.AddPart(ME, "contacts", "soft", "3"))
@@ -84,7 +89,7 @@ def shown(state):
     ],
 )
 def test_d12_every_kind_is_added_by_clicks_with_what_it_needs(state, part, kind):
-    now = add(state, part, kind)
+    now = add(side_by_side(state) if kind == "cam" else state, part, kind)
     assert len(now.undo) == 1
     kept = "constraints" if part == "loops" else part
     (item,) = getattr(now.model, kept)
@@ -101,6 +106,7 @@ def test_d12_every_kind_is_added_by_clicks_with_what_it_needs(state, part, kind)
 @pytest.mark.parametrize("kind", list(KINDS["constraints"]))
 @pytest.mark.parametrize("hub", ["distance", "revolute", "line"])  # no, two and one direction
 def test_a_constraint_becomes_another_kind_and_comes_back(state, hub, kind):
+    state = side_by_side(state) if kind == "cam" else state
     for old, new in ((kind, hub), (hub, kind)):
         now = edit(add(state, "constraints", old), "constraints", old, "kind", ((), new))
         assert (reply(now), now.model.constraints[0].kind) == ("", new)
