@@ -212,7 +212,7 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += off_track(record)
     if model.relating:
         found += off_curve(record)
-    if model.bent:
+    if plan.wrapped:
         found += pierced(record)
     if model.cams and len(plan.ever):
         found += lifted(record)
