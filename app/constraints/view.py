@@ -431,34 +431,32 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
 
 
 def _path(item: Any, name: str, cells: Any, display: Display) -> list[Payload]:
-    """Return a row for each point of a path, named after its body."""
+    """Return the rows of each point of a path: its body, the point and those of an obstacle."""
     shows, found = about(item, name), list[Payload]()
     for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name]))):
-        for key, first in places.COLUMNS.items():
+        out = button("×", "", "take this point out", field=name, index=[i], text="")
+        found.append(field(name, f"Via {i + 1}", [cell((i, 0), place.body)], kind="names",
+                           options=[GROUND], buttons=[out], help=shows.help))  # fmt: skip
+        for number, key in enumerate(places.OF_VIA[1:], start=1):
             if key in ("point", "radius") or place.radius is not None:
-                found.append(_of_place(name, i, key, first, place, row.get(key), display))
+                found.append(_of_place(name, (i, number), key, place, row.get(key), display))
     more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help=shows.help)  # fmt: skip
     return [*found, more]
 
 
 def _of_place(
-    name: str, i: int, key: str, first: int, place: Any, value: Any, display: Display
+    name: str, index: tuple[int, int], key: str, place: Any, value: Any, display: Display
 ) -> Payload:
-    """Return the row of a point of a path, or of its radius, axis or side as an obstacle."""
-    shows, quantity = about(place, key), "number" if key == "axis" else "length"
-    numbers = [value] if key == "radius" else value or ("", "", "")
-    row = [
-        cell((i, first + j), "" if x is None else shown(x, quantity, display))
-        for j, x in enumerate(numbers)
-    ]
-    unit, pick = "" if key == "axis" else display.length, "" if key == "radius" else key
-    if key != "point":
-        pick = "axis" if key == "axis" else pick and "point"
-        return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
-    out = button("×", "", "take this point out", field=name, index=[i], text="")
-    return field(name, f"{i + 1}. {place.body}", row, unit=unit, pick="point", buttons=[out],
-                 help=f"point of '{place.body}', in its axes")  # fmt: skip
+    """Return the row of a field of a point of a path: a number, or a vector that can be picked."""
+    shows, direction = about(place, key), key == "axis"
+    of, unit = ("number", "") if direction else ("length", display.length)
+    if key == "radius":
+        one = cell(index, shown(value, of, display))
+        return field(name, shows.label, [one], unit=unit, help=shows.help)
+    row = [cell((*index, k), shown(x, of, display)) for k, x in enumerate(value or (None,) * 3)]
+    pick = "axis" if direction else "point"
+    return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
 
 
 def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:

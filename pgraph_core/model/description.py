@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 from pydantic import ValidationError
 
 from ..errors import ModelError, Problem, choices, counted, explained, nearest_first, shown
-from ..fields import AtPoint, Vec3, field, listed, parts_of
-from ..forces import BetweenPoints, Cable, Force
+from ..fields import Vec3, field, listed, parts_of
+from ..forces import Cable, Force
 from ..functions import Curve
 from ..sentences import in_our_words
 from . import files
@@ -128,12 +128,6 @@ class Description(World):
     def following(self) -> tuple[Body, ...]:
         """The bodies that follow a track with two ends."""
         return tuple(body for body in self.bodies if body.track and not body.track.closed)
-
-    @cached_property
-    def bent(self) -> tuple[BetweenPoints, ...]:
-        """The forces along a path past an obstacle."""
-        paths = (f for f in self.forces if isinstance(f, BetweenPoints))
-        return tuple(f for f in paths if any(via.radius is not None for via in f.via))
 
     @cached_property
     def cabled(self) -> bool:

@@ -216,7 +216,7 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += off_curve(record)
     if model.riding:
         found += on_curves(record)
-    if model.bent:
+    if plan.wrapped:
         found += pierced(record)
     if model.cabled:
         found += on_wheels(record)
