@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 from pydantic import ValidationError
 
 from ..errors import ModelError, Problem, choices, counted, explained, nearest_first, shown
-from ..fields import Vec3, field, listed, parts_of
+from ..fields import AtPoint, Vec3, field, listed, parts_of
 from ..forces import Cable, Force
 from ..functions import Curve
 from ..sentences import in_our_words
