@@ -100,6 +100,11 @@ def with_body(data: Any) -> Any:
     return {**data, "through": through, "body": first}
 
 
+def begun_along(body: str, other: str) -> dict[str, Any]:
+    """Return the fields of a new cable from one body's origin to that of another one."""
+    return {"through": ({"body": body}, {"body": other})}
+
+
 def way_problems(through: tuple[Pulley, ...], closed: bool) -> list[tuple[str, str]]:
     """Return what is wrong with the stations of a cable, as (field, text)."""
     if len(through) < 2:

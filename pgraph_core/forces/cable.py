@@ -13,7 +13,7 @@ from ..engine.compiler.masks import chosen, larger, more
 from ..engine.records import REAL
 from ..engine.vec import scale
 from ..fields import Flag, Number, field, parts_of, refuse
-from ..pulleys import Pulley, way_problems, with_body
+from ..pulleys import Pulley, begun_along, way_problems, with_body
 from ..units import M, N, S
 from .base import KIND, Action, Array, Load, OnBody, Places, opposed, row
 from .strut import above
@@ -67,6 +67,10 @@ class Cable(OnBody):
         "a force >= 0 in the initial state [N]",
         default=0.0, ge=0, dim=N, help="tension in the initial state",
     )  # fmt: skip
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        return begun_along(body, other)
 
     @model_validator(mode="before")
     @classmethod

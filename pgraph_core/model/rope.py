@@ -10,7 +10,7 @@ from pydantic import model_validator
 from ..errors import ModelError, Problem
 from ..fields import Flag, Number, field, parts_of, refuse
 from ..forces import Cable
-from ..pulleys import Pulley, way_problems, with_body
+from ..pulleys import Pulley, begun_along, way_problems, with_body
 from ..units import M
 from .constraint import KIND, Constraint
 
@@ -48,6 +48,10 @@ class Rope(Constraint):
         "a length > 0 between its ends [m]; default: as in the initial state",
         default=None, gt=0, dim=M, help="length between its ends; default: as in the initial state",
     )  # fmt: skip
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        return begun_along(body, other)
 
     @model_validator(mode="before")
     @classmethod
