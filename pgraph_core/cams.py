@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from .pieces import DEGREE, least
 from .tolerances import EPS, NOTABLE
 from .units import RAD, Q
 
-Points: TypeAlias = NDArray[np.complex128]
+Points: TypeAlias = NDArray[np.complexfloating[Any, Any]]
 Law = Literal["3-4-5", "4-5-6-7", "cycloidal", "modified sine"]
 Follower = Literal["knife", "roller", "flat"]
 CLOSE = 512 * EPS  # largest error of the second derivative of a series, relative to its size
@@ -192,7 +192,7 @@ def values(lift: Pieces, x: Array) -> tuple[Array, Array, Array]:
     x = places[0] + np.mod(x - places[0], math.tau)
     piece = np.clip(np.searchsorted(places, x, "right") - 1, 0, len(places) - 2)
     s = x - places[piece]
-    f, slope, bend = np.zeros((3, *np.shape(x)))
+    f, slope, bend = (np.zeros(np.shape(x)) for _ in range(3))
     for c in lift.powers[::-1, piece]:
         bend = bend * s + 2.0 * slope
         slope = slope * s + f

@@ -13,6 +13,8 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.fields import GROUND
 from pgraph_core.forces import BetweenPoints, lines_of
+from pgraph_core.result.bodies import body_poses
+from pgraph_core.result.cams import cam_record
 from pgraph_core.rotation import frame_of, unit_vector
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
@@ -404,7 +406,13 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
     frame = min(int(np.searchsorted(result.t, state.playback.time)), len(result.t) - 1)
     found = []
     for c in model.constraints:
-        if c.name in result.constraint_force:
+        if c.name in result.constraint_force and isinstance(c, pg.Cam):
+            now = slice(frame, frame + 1)  # of a live run, which grows
+            pose, force = body_poses(result, now), result.constraint_force[c.name][now]
+            cam = cam_record(c, result.mechanism, result.q[now], pose, force)
+            of = "constraints", c.name
+            found.append(Push(cam.point[0], cam.force[0], tuple(c.touches), of))
+        elif c.name in result.constraint_force:
             k = d.number[c.body] - 1
             at = positions[k] + R[k] @ np.asarray(model.point_of(c))
             force = np.asarray(result.constraint_force[c.name][frame, 3:])
