@@ -472,3 +472,43 @@ def test_writers_name_the_loss_of_a_cam(writer, tmp_path):
     write = {"to_mjcf": pg.write_mjcf, "to_urdf": pg.write_urdf}[writer]
     report = write(machine(made()), tmp_path / f"cam.{writer[3:]}")
     assert any("'lift'" in str(row) and "cam" in str(row) for row in str(report).splitlines())
+
+
+@pytest.mark.parametrize("name", ["roller", "flat", "turning roller"])
+def test_a_solid_has_the_area_of_the_profile_and_gives_the_body_its_mass(name, tmp_path):
+    import trimesh
+
+    cam = made(name)
+    model = machine(cam)
+    cam.write_stl(tmp_path / "cam.stl", 0.01, model)
+    solid = trimesh.load(tmp_path / "cam.stl")
+    (x, y), (x1, y1) = cam.profile().T, np.roll(cam.profile(), -1, axis=0).T
+    area = 0.5 * (x * y1 - y * x1).sum()
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(0.01 * area, rel=1e-6)  # of single precision
+    shape = pg.Shape(kind="mesh", file=str(tmp_path / "cam.stl"))
+    shaft = pg.Body(name="cam", axes=[(0, 1, 0)], shape=shape, density=7800.0)
+    assert shaft.mass == pytest.approx(78.0 * area, rel=1e-6)
+    with pytest.raises(pg.InputError, match="width"):
+        cam.write_stl(tmp_path / "cam.stl", 0.0, model)
+
+
+def test_points_over_a_turn_that_is_rounded_repeat_without_a_jump():
+    x = (0.0, 2.0, 4.0, 6.28318)
+    cam = made(motion=pg.Curve(x=x, value=(0.0, 0.01, 0.02, 0.0), kind="periodic"))
+    before, after = (values(cam.lift, np.array([2 * math.pi + k * 1e-12])) for k in (-1, 1))
+    for a, b in zip(before, after):
+        assert a == pytest.approx(b, abs=1e-12)
+
+
+def test_a_saved_run_has_the_contact(tmp_path):
+    run = pg.simulate(machine(made("roller")), t_end=0.05, frames=6, estimate=False)
+    run.save(tmp_path / "run.npz")
+    again = pg.Result.load(tmp_path / "run.npz")
+    assert again.cams["lift"].normal_force == pytest.approx(run.cams["lift"].normal_force)
+
+
+@pytest.mark.parametrize("points", [2, 0, 7.5])
+def test_a_profile_has_three_points_or_more(points):
+    with pytest.raises(pg.InputError, match="3 or more"):
+        made().profile(points=points)
