@@ -29,6 +29,7 @@ for follower, sizes in followers.items():
     angle = math.degrees(np.abs(run["pressure_angle.lift"]).max())
     force = run["normal_force.lift"]
     print(f"{follower}: at most {angle:.1f} degrees, {force.min():.0f} to {force.max():.0f} N")
+    print(f"  it stays on the cam: {force.min() > 0}")
     radius = np.linalg.norm(lift.profile(), axis=1)
     print(f"  its profile is from {1e3 * radius.min():.1f} to {1e3 * radius.max():.1f} mm")
     guide = np.abs(run.joint_force["valve"][:, 3]).max()
