@@ -68,6 +68,11 @@ class Pulley(Described):
         "on the hinge of its body",
     )  # fmt: skip
 
+    @classmethod
+    def from_body_to_body(cls, body: str, other: str) -> dict[str, Any]:
+        """Return the fields of a new cable between the origins of two bodies."""
+        return {"through": (cls(body=body), cls(body=other))}
+
     @model_validator(mode="after")
     def _round(self) -> Self:
         refuse_no_direction(axis=self.axis)
@@ -98,11 +103,6 @@ def with_body(data: Any) -> Any:
     named = (x.get("body") if isinstance(x, Mapping) else getattr(x, "body", None) for x in through)
     first = next((name for name in named if name != GROUND), GROUND)
     return {**data, "through": through, "body": first}
-
-
-def begun_along(body: str, other: str) -> dict[str, Any]:
-    """Return the fields of a new cable from one body's origin to that of another one."""
-    return {"through": ({"body": body}, {"body": other})}
 
 
 def way_problems(through: tuple[Pulley, ...], closed: bool) -> list[tuple[str, str]]:

@@ -13,7 +13,7 @@ from ..engine.compiler.masks import chosen, larger, more
 from ..engine.records import REAL
 from ..engine.vec import scale
 from ..fields import Flag, Number, field, parts_of, refuse
-from ..pulleys import Pulley, begun_along, way_problems, with_body
+from ..pulleys import Pulley, way_problems, with_body
 from ..units import M, N, S
 from .base import KIND, Action, Array, Load, OnBody, Places, opposed, row
 from .strut import above
@@ -70,7 +70,7 @@ class Cable(OnBody):
 
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
-        return begun_along(body, other)
+        return Pulley.from_body_to_body(body, other)
 
     @model_validator(mode="before")
     @classmethod

@@ -10,7 +10,7 @@ from pydantic import model_validator
 from ..errors import ModelError, Problem
 from ..fields import Flag, Number, field, parts_of, refuse
 from ..forces import Cable
-from ..pulleys import Pulley, begun_along, way_problems, with_body
+from ..pulleys import Pulley, way_problems, with_body
 from ..units import M
 from .constraint import KIND, Constraint
 
@@ -51,7 +51,7 @@ class Rope(Constraint):
 
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
-        return begun_along(body, other)
+        return Pulley.from_body_to_body(body, other)
 
     @model_validator(mode="before")
     @classmethod
