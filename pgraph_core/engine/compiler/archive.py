@@ -1,7 +1,8 @@
 """The archive of kernels shipped with the package, a file of bitcode.
 
 A file begins with the SHA-256 digest of the rest. Then follow the length of an index in JSON, the
-index, and sections, each compressed. Pieces of bitcode are named by the hash of their content.
+index, and the sections, compressed together, since code for lanes of different widths is alike.
+Pieces of bitcode are named by the hash of their content.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import lzma
 import os
 import zlib
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,11 @@ from . import sources
 from .jit import ENGINE
 
 DIGEST, LENGTH_BYTES = 32, 8  # [bytes]
-FORM = 1  # version of the file format
+FORM = 2  # version of the file format
+# bitcode is a stream of bits: no byte of a word is like that of another one
+FILTERS = [
+    {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 4, "lp": 0, "pb": 0}
+]
 FILE = ENGINE / "kernels.archive"
 COMMAND = "python -m pgraph_core.engine --archive"
 
@@ -38,15 +43,13 @@ class Unusable(Exception):
 
 def written(index: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
     """Compute the bytes of an archive file."""
-    packed = {
-        name: lzma.compress(data, preset=9 | lzma.PRESET_EXTREME) for name, data in sections.items()
-    }
     places, at = {}, 0
-    for name, data in packed.items():
+    for name, data in sections.items():
         places[name] = (at, len(data))
         at += len(data)
     head = zlib.compress(json.dumps({"form": FORM, **index, "sections": places}).encode(), 9)
-    rest = len(head).to_bytes(LENGTH_BYTES, "little") + head + b"".join(packed.values())
+    packed = lzma.compress(b"".join(sections.values()), filters=FILTERS)
+    rest = len(head).to_bytes(LENGTH_BYTES, "little") + head + packed
     return hashlib.sha256(rest).digest() + rest
 
 
@@ -67,16 +70,17 @@ class File:
         self.index = json.loads(zlib.decompress(rest[LENGTH_BYTES : LENGTH_BYTES + length]))
         if self.index.get("form") != FORM:
             raise Unusable("is of another version of Pgraph")
-        self._rest, self._start = rest, LENGTH_BYTES + length
-        self._sections: dict[str, bytes] = {}
+        self._packed = rest[LENGTH_BYTES + length :]
 
     def part(self, section: str, begin: int = 0, size: int | None = None) -> bytes:
         """Return a section, or `size` bytes of it."""
-        if section not in self._sections:
-            at, length = self.index["sections"][section]
-            at += self._start
-            self._sections[section] = lzma.decompress(self._rest[at : at + length])
-        return self._sections[section][begin : None if size is None else begin + size]
+        at, length = self.index["sections"][section]
+        end = at + length if size is None else at + begin + size
+        return self._whole[at + begin : end]
+
+    @cached_property
+    def _whole(self) -> bytes:
+        return lzma.decompress(self._packed)
 
 
 class Archive:
