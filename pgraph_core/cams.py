@@ -339,34 +339,51 @@ def extruded(profile: Array, width: Array) -> Array | None:
 
 def lowest(rule: Rule, lift: Pieces, ends: Sequence[float]) -> tuple[float, float]:
     """Return (angle [rad], margin) where the margin is least, between the ends of segments."""
-    parts = np.linspace(0.0, 1.0, SPLIT, endpoint=False)
-    at = np.asarray(ends)
-    begins = np.append((at[:-1, None] + np.diff(at)[:, None] * parts).ravel(), at[-1])
+    return least(lambda x: _margins(rule, values(lift, x)), _between(ends, SPLIT))
 
-    def margin(x: Array) -> Array:
-        found = riding(rule, *values(lift, x)).margin
-        return np.where(np.isnan(found), -1.0, found)
 
-    return least(margin, begins)
+def _between(ends: Sequence[float], parts: int) -> Array:
+    """Return angles that divide each segment into equal parts, and the last end."""
+    at, share = np.asarray(ends), np.linspace(0.0, 1.0, parts, endpoint=False)
+    return np.append((at[:-1, None] + np.diff(at)[:, None] * share).ravel(), at[-1])
+
+
+def _margins(rule: Rule, moved: tuple[Array, Array, Array]) -> Array:
+    """Return the margins, negative where there is no position."""
+    found = riding(rule, *moved).margin
+    return np.where(np.isnan(found), -1.0, found)
 
 
 CANDIDATES = 128  # base radii that are tried before bisection
 
 
-def enough(base: float, most: float, fits: Callable[[float], bool]) -> float | None:
-    """Return the least base radius [m] above `base` that fits, up to four digits, or None."""
-    low = base
-    for high in np.geomspace(base, most, CANDIDATES)[1:].tolist():
-        if fits(high):
+def enough(
+    rule: Rule, lift: Pieces, ends: Sequence[float], most: float, reaches: Callable[[float], bool]
+) -> float | None:
+    """Return the least base radius [m] up to `most` that works, of four digits, or None.
+
+    `reaches` checks whether the follower reaches the circle of a base radius.
+    """
+    moved = values(lift, _between(ends, SPLIT))
+
+    def works(base: float) -> bool:
+        other = rule._replace(base=base)
+        if not reaches(base) or not (_margins(other, moved) > 0.0).all():
+            return False  # seen without a search
+        return lowest(other, lift, ends)[1] > 0.0
+
+    low = rule.base
+    for high in np.geomspace(low, most, CANDIDATES)[1:].tolist():
+        if works(high):
             break
         low = high
     else:
         return None
     while high - low > NOTABLE * high:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if fits(middle) else (middle, high)
+        low, high = (low, middle) if works(middle) else (middle, high)
     found = rounded_up(high)
-    return found if fits(found) else None
+    return found if works(found) else None
 
 
 def rounded_up(x: float) -> float:

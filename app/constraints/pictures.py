@@ -91,7 +91,7 @@ def _values(curve: Any, x: Array, parameters: Mapping[str, float]) -> Array:
     return np.array([value(one) for one in x.tolist()])
 
 
-def window(state: State, item: pg.Relation) -> tuple[float, ...]:
+def window(state: State, item: pg.Relation | pg.Cam) -> tuple[float, ...]:
     """Return the ends of the slider of the coordinate that a relation follows, or nothing.
 
     A hinge without limits turns within the turn that it is in.
@@ -110,11 +110,12 @@ def shown(state: State, name: str) -> Array | None:
     return shown_q(state)[places[name]] if name in places else None
 
 
-def open_relation(state: State, page: Client) -> pg.Relation | None:
-    """Return the relation whose form a page shows."""
+def open_relation(state: State, page: Client) -> pg.Relation | pg.Cam | None:
+    """Return the relation or the cam whose form a page shows."""
     part, name = page.opened or ("", "")
     found = next((c for c in state.model.constraints if c.name == name), None)
-    return found if part == "constraints" and isinstance(found, pg.Relation) else None
+    drawn = isinstance(found, (pg.Relation, pg.Cam))
+    return found if part == "constraints" and drawn else None
 
 
 def present(state: State, page: Client) -> Payload | None:
@@ -131,7 +132,9 @@ def present(state: State, page: Client) -> Payload | None:
         return None
     of, display = quantities(state.model, item), page.display
     text = f"now {_number(x, of[0], display)}, {_number(value, of[1], display)}"
-    if isinstance(item.curve, pg.Curve) and item.curve.kind == "periodic":
+    if isinstance(item, pg.Cam):
+        x %= math.tau  # drawn over one turn
+    elif isinstance(item.curve, pg.Curve) and item.curve.kind == "periodic":
         first, last = item.curve.x[0], item.curve.x[-1]
         periods = math.floor((x - first) / (last - first))
         x -= periods * (last - first)

@@ -21,12 +21,12 @@ def unit_of_coordinate(model: pg.Model, body: str, coordinate: int) -> str:
     return joint[coordinate][1] if coordinate < len(joint) else ""
 
 
-def ends_of(item: pg.Relation) -> tuple[tuple[str, int], tuple[str, int]]:
+def ends_of(item: pg.Relation | pg.Cam) -> tuple[tuple[str, int], tuple[str, int]]:
     """Return (body, coordinate) of what a relation follows, and of what it moves."""
     return (item.other, item.other_coordinate), (item.body, item.coordinate)
 
 
-def quantities(model: pg.Model, item: pg.Relation) -> tuple[Quantity, Quantity]:
+def quantities(model: pg.Model, item: pg.Relation | pg.Cam) -> tuple[Quantity, Quantity]:
     """Return the quantities of what a relation follows, and of what it moves."""
     x, value = (unit_of_coordinate(model, *end) for end in ends_of(item))
     return QUANTITIES[x], QUANTITIES[value]

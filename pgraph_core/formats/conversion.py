@@ -18,10 +18,10 @@ from ..errors import FileError, InputError, Problem, Suggests, choices, explaine
 from ..fields import GROUND
 from ..markup import read_markup
 from ..model import Body, Gear, Model
-from ..model.body import inertia_problems
 from ..model.description import LOST
 from ..model.doubts import MILLI, limits_in_degrees, wide
 from ..model.files import ALLOW
+from ..model.inertia import inertia_problems
 from ..rotation import unit
 from ..tolerances import ROUNDING, SOLVED
 

@@ -38,26 +38,25 @@ from ..fields import (
     refuse,
     vector,
     vectors,
-    whole,
 )
 from ..joints import (
-    DIRECTED,
     PER_MOTION,
     TRACKED,
     Finding,
     JointKind,
     Motion,
     MotionKind,
-    Numbers,
     joint_problems,
     physics_problems,
     track_problems,
 )
-from ..tolerances import NOTABLE, SOLVED
+from ..tolerances import NOTABLE
 from ..tracks import Track
 from ..units import KG, NONE, J, M, Q, S
+from .inertia import inertia_problems
 from .shape import Shape as Shape
 from .shape import mass_properties_of, tip_of
+from .short_forms import fill_motions, pick_joint
 
 JOINT_FIELDS = ("axes", "motions", "q", "v", "limits", *PER_MOTION)  # whose lengths follow from it
 OneShape = Annotated[Shape, Once]
@@ -255,10 +254,10 @@ class Body(Described):
                 data["derived"] = tuple(dict.fromkeys((*named, "inertia")))
         dof = data.pop("dof", None)
         if dof is not None:
-            _pick_joint(data, dof)
+            pick_joint(data, dof)
         kind = data.get("joint", "revolute")
         if isinstance(kind, str) and kind in joints.DEFAULT:
-            _fill_motions(data, kind)
+            fill_motions(data, kind)
         return data
 
     @model_validator(mode="after")
@@ -409,138 +408,6 @@ def _alike(a: Any, b: Any) -> bool:
     return a is None or bool(np.abs(np.subtract(a, b)).max(initial=0.0) <= NOTABLE * size)
 
 
-def _pick_joint(data: dict[str, Any], dof: Any) -> None:
-    number = whole(dof)
-    if number is None or not 0 <= number <= 6:
-        refuse([("dof", f"must be a whole number from 0 to 6, got {shown(dof)}")])
-        return
-    kind, motions = joints.OF_DOF[number]
-    given = data.get("joint", kind)
-    if not isinstance(given, str) or given not in joints.DEFAULT:
-        return
-    usual = motions if given == kind else joints.DEFAULT[given]
-    motions = data.get("motions") or tuple(m[:2] for m in usual)
-    data["joint"], data["motions"] = given, motions
-    try:
-        agrees = joints.nv(tuple(Motion(m[0], joints.Z) for m in motions)) == number
-    except (KeyError, IndexError, TypeError):
-        return  # ill-formed motions are refused by their own field
-    if not agrees:
-        refuse([("dof", f"{number} disagrees with joint '{given}'; give one of the two")])
-
-
-def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
-    """Fill in `motions`. `axes` alone are the directions of the motions of this kind."""
-    given = listed(data.get("motions"))
-    if given == () and joints.DEFAULT[kind]:
-        text = f"a {kind} joint has motions, got []; omit the field, or give joint='weld'"
-        refuse([("motions", text)])
-        return
-    try:
-        motions = tuple(_motion(*m) for m in given) if given else joints.DEFAULT[kind]
-    except TypeError:
-        return  # ill-formed motions are refused by their own field
-    axes = _directions(data.get("axes"))
-    moving = [m for m in motions if m.kind in DIRECTED]
-    if axes != () and kind != "weld":
-        if axes is None or len(axes) != len(moving):
-            given = shown(data["axes"])
-            text = f"a {kind} joint takes {_count(len(moving))}, got {given}"
-            refuse([("axes", text)])
-            return
-        left = iter(axes)
-        motions = tuple(Motion(m.kind, next(left)) if m.kind in DIRECTED else m for m in motions)
-    data["motions"] = tuple(m[:2] for m in motions)
-    data["axes"] = tuple(m.axis for m in motions if m.kind in DIRECTED)
-    try:
-        _fill_coordinates(data, motions)
-    except (KeyError, TypeError):
-        return  # a motion of no known kind
-
-
-def _motion(kind: Any, axis: Any = None) -> Motion:
-    return Motion(kind, axis or joints.Z)
-
-
-LETTERS = {
-    sign + letter: tuple(float(f"{sign}1") if letter == x else 0.0 for x in "xyz")
-    for sign in ("", "-")
-    for letter in "xyz"
-}
-
-
-def _directions(axes: Any) -> tuple[Any, ...] | None:
-    """Return one (x, y, z) per motion, or None for anything else.
-
-    Outer brackets may be omitted, and "y" or "-y" can be used as a direction.
-    """
-    axes = listed(axes if axes is not None else ())
-    axes = (axes,) if isinstance(axes, str) else axes
-    if isinstance(axes, tuple):
-        axes = tuple([LETTERS.get(a, a) if isinstance(a, str) else a for a in axes])
-    if isinstance(axes, tuple) and len(axes) == 3 and not any(isinstance(a, tuple) for a in axes):
-        axes = (axes,)
-    if not isinstance(axes, tuple):
-        return None
-    ok = all(isinstance(a, tuple) and len(a) == 3 and all(map(_finite, a)) for a in axes)
-    return axes if ok else None
-
-
-def _finite(x: Any) -> bool:
-    number = isinstance(x, (int, float)) and not isinstance(x, bool)
-    return number and abs(x) < math.inf
-
-
-def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None:
-    for name, rest in (("q", joints.home(motions)), ("v", (0.0,) * joints.nv(motions))):
-        given, free = listed(data.get(name, ())), joints.floats(motions)
-        if isinstance(given, Mapping) or (free and given not in ((), None)):
-            data[name], problem = joints.joined(name, given, rest, free)
-            refuse([(name, problem)] if problem else [])
-    if listed(data.get("q", ())) == ():
-        data["q"] = joints.home(motions)
-    if listed(data.get("v", ())) == ():
-        data["v"] = (0.0,) * joints.nv(motions)
-    if "limits" in data:
-        data["limits"] = _limits(listed(data["limits"]), len(motions))
-    for name in PER_MOTION:
-        value = listed(data[name]) if name in data else ()
-        value = value if isinstance(value, tuple) else (value,)
-        if len(value) == 1 and (motions or value == (0,)):
-            screws = [m.kind in joints.PITCHED for m in motions]
-            all_have = name != "pitch" or not any(screws)
-            value = tuple(value[0] if screw or all_have else 0.0 for screw in screws)
-        data[name] = value or (0.0,) * len(motions)
-        if name == "pitch" and not value:
-            data[name] = tuple(joints.KINDS[m.kind].pitch for m in motions)
-
-
-def _limits(value: Any, count: int) -> Any:
-    """Return one pair or None per motion, expanding a single pair, or () if there are no bounds.
-
-    All other values are rejected by the field.
-    """
-    if not isinstance(value, tuple):
-        return value
-    if len(value) == 2 and not any(isinstance(x, tuple) for x in value):
-        value = (value,)
-    value = tuple(map(_bound, value))
-    if all(pair is None for pair in value):
-        return ()
-    return value * count if len(value) == 1 and count else value
-
-
-def _bound(pair: Any) -> Any:
-    """Return a pair with None for infinite bounds, or None if there are no finite bounds."""
-    if isinstance(pair, tuple) and len(pair) == 2:
-        pair = tuple(None if x == end else x for x, end in zip(pair, (-math.inf, math.inf)))
-    return None if pair in ((), (None, None)) else pair
-
-
-def _count(n: int) -> str:
-    return {0: "no axes", 1: "one axis [x, y, z]"}.get(n, f"{n} axes, each [x, y, z]")
-
-
 def name_problems(name: str) -> list[Finding]:
     """Return problems with names that cannot be displayed or have a special meaning."""
     if text := name_problem(name):
@@ -550,55 +417,3 @@ def name_problems(name: str) -> list[Finding]:
     if name == EVERY:
         return [("name", "'*' stands for every body in contacts; choose another")]
     return []
-
-
-def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
-    """Check the inertia for symmetry, positive semidefiniteness and the triangle inequality."""
-    size = max(abs(x) for row in inertia for x in row)
-    if any(abs(inertia[i][j] - inertia[j][i]) > SOLVED * size for i, j in ((0, 1), (0, 2), (1, 2))):
-        return [("inertia", f"must be symmetric, got {[list(row) for row in inertia]}")]
-    slack = SOLVED * size
-    if _is_plainly_right(inertia, 0.5 * slack):
-        return []
-    a, b, c = _principal_moments(inertia)
-    if a < -slack:
-        return [
-            (
-                "inertia",
-                f"must be positive semidefinite; its smallest principal moment is {a:.6g} kg m^2",
-            )
-        ]
-    if a + b < c - slack:
-        return [
-            (
-                "inertia",
-                f"breaks the triangle inequality: principal moments {a:.6g} + {b:.6g} < {c:.6g} by "
-                f"{c - a - b:.3g} kg m^2; no rigid body has it: if only one axis "
-                "matters, give (I, I, I) or any_inertia=True",
-            )
-        ]
-    return []
-
-
-def _is_plainly_right(inertia: tuple[tuple[float, ...], ...], slack: float) -> bool:
-    """Check whether tr(I)/2 - I + slack is positive definite, using the Cholesky pivots.
-
-    The triangle inequality is sufficient, so no eigenvalues are required.
-    """
-    (a, d, e), (_, b, f), (_, _, c) = inertia
-    half = 0.5 * (a + b + c) + slack
-    first, second = half - a, half - b
-    if not (first > 0 and (second := second - d * d / first) > 0):
-        return False
-    left = -f - d * e / first
-    return half - c - e * e / first - left * left / second > 0
-
-
-def _principal_moments(inertia: tuple[tuple[float, ...], ...]) -> tuple[float, float, float]:
-    """Return the eigenvalues of a symmetric 3x3 matrix in ascending order."""
-    (a, d, e), (_, b, f), (_, _, c) = inertia
-    if d == e == f == 0.0:
-        low, middle, high = sorted((a, b, c))
-        return low, middle, high
-    low, middle, high = np.linalg.eigvalsh(np.array(inertia))
-    return float(low), float(middle), float(high)

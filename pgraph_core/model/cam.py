@@ -115,7 +115,12 @@ class Cam(OfTwo):
 
     @classmethod
     def _followers(cls) -> Mapping[str, tuple[str, ...]]:
-        own = {"distance": ("arm", "eccentricity"), "follower": ("roller_radius", "arm")}
+        sizes = "motion", "eccentricity", "roller_radius", "arm"  # the base radius follows
+        own = {
+            **dict.fromkeys(sizes, ("base_radius",)),
+            "distance": ("arm", "eccentricity", "base_radius"),
+            "follower": ("roller_radius", "arm", "base_radius"),
+        }
         return {**super()._followers(), **own}
 
     # -- checks --------------------------------------------------------------------------------
@@ -179,7 +184,7 @@ class Cam(OfTwo):
         most = self.base_radius + 100.0 * (size + (self.roller_radius or 0.0))
         if self.distance is not None:
             most = self.distance + (self.arm or 0.0)
-        least = enough(self.base_radius, most, self._works)
+        least = enough(self.rule, self.lift, self._ends, most, self._reaches)
         what = {
             "flat": "the face would have to lie inside the profile",
             "roller": "the roller is larger than the curvature of the profile",
@@ -193,9 +198,8 @@ class Cam(OfTwo):
         text += ", or take a smaller roller" if self.follower == "roller" else ""
         return [("base_radius", f"{text}, got {shown(self.base_radius)}")]
 
-    def _works(self, base: float) -> bool:
-        other = self.unchecked_copy({"base_radius": base})
-        return not other._lengths() and lowest(other.rule, self.lift, self._ends)[1] > 0.0
+    def _reaches(self, base: float) -> bool:
+        return not self.unchecked_copy({"base_radius": base})._lengths()
 
     @property
     def _ends(self) -> Sequence[float]:

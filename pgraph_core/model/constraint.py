@@ -40,7 +40,7 @@ from ..shapes import kind_of
 from ..signals import Node
 from ..tolerances import NOTABLE
 from ..units import NONE, M, Q, S
-from .poses import poses
+from .poses import half_reach, poses
 
 KIND = (
     "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, curve_point, "
@@ -357,13 +357,6 @@ def first_q(model: Any, name: str) -> float:
     return next(iter(model.body(name).q), 0.0) if name != GROUND else 0.0
 
 
-def _half_reach(model: Any, name: str) -> float:
-    """Return half of the usual reach of the first motion of a joint: a quarter turn, or 0.5 m."""
-    motions = model.body(name).sequence if name != GROUND else ()
-    reach = joints.KINDS[motions[0].kind].reach if motions else None
-    return 0.5 * (reach or 2.0)
-
-
 class OfOne(InJoints):
     """A constraint on one coordinate of the joint of `body`."""
 
@@ -455,7 +448,7 @@ class Relation(OfTwo):
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
         value, x = (first_q(model, name) for name in (body, other))
-        rise, way = (_half_reach(model, name) for name in (body, other))
+        rise, way = (half_reach(model, name) for name in (body, other))
         return {"curve": {"x": (x, x + way), "value": (value, value + rise)}}
 
     @model_validator(mode="after")

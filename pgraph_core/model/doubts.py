@@ -15,9 +15,10 @@ from ..forces import OnJoint, Servo, Spring, Torsion
 from ..joints import DIRECTED, beyond
 from ..signals.grammar import names_in
 from ..tolerances import SOLVED
-from .body import Body, inertia_problems
+from .body import Body
 from .constraint import AlongAxes, Constraint
 from .expressions import texts_of
+from .inertia import inertia_problems
 from .world import DOWN
 
 

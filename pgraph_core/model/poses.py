@@ -65,6 +65,13 @@ class Pose(NamedTuple):
 # -- the motions of a joint ------------------------------------------------------------------------
 
 
+def half_reach(model: Any, name: str) -> float:
+    """Return half of the usual reach of the first motion of a joint: a quarter turn, or 0.5 m."""
+    motions = model.body(name).sequence if name != GROUND else ()
+    reach = joints.KINDS[motions[0].kind].reach if motions else None
+    return 0.5 * (reach or 2.0)
+
+
 def elementary(body: Body, q: Numbers) -> Iterator[tuple[Motion, Numbers]]:
     """Yield the motions of a joint in order, each with its own coordinates."""
     start = 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from ..tolerances import SOLVED, VISIBLE
 
 VIOLATED = "the energy balance of the run is violated by"  # beginnings of the notices
 DECREASES = "the dissipation decreases by"
+UNBOOKED = "The work of that impulse is not in the energies of the run"  # of a prescribed motion
 
 
 def energy_drift(parts: Array) -> tuple[float, float]:
@@ -36,8 +37,10 @@ def is_of_balance(notice: str) -> bool:
     return notice.startswith((VIOLATED, DECREASES))
 
 
-def of_balance(run: Any) -> Iterator[str]:
+def of_balance(run: Any, given: Sequence[str]) -> Iterator[str]:
     """Yield a notice about energies that miss the work done, or that contacts increase.
+
+    `given` are the other notices, some of which may be about impulses that no energy contains.
 
     Steps suit the motion alone. For a prescribed motion, the largest step is used regardless of the
     required power, so forces that start and end within a step are missed.
@@ -53,6 +56,8 @@ def of_balance(run: Any) -> Iterator[str]:
             "although contacts only take energy: the steps do not resolve the contacts; give a "
             "smaller step"
         )
+    elif drift > VISIBLE and any(UNBOOKED in text for text in given):
+        yield f"{VIOLATED} {percent(drift)} of their range, with the impulses named above"
     elif drift > VISIBLE:
         fixed = run.header.get("step") is not None
         do = "a smaller step" if fixed else "a smaller rtol, or a step"

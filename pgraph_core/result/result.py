@@ -229,7 +229,8 @@ class Result(Exports, EqualByFields, Portable):
         own = vars(self)
         first, more = own[MORE]
         given = [text for text in first if not is_of_balance(text)]
-        found = (*given, *more(), *of_balance(self))
+        found = (*given, *more())
+        found += (*of_balance(self, found),)
         own[MORE] = found, tuple
         return found
 

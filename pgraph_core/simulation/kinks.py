@@ -15,6 +15,7 @@ from ..model.constraint import Motion
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import bends_of_loads
 from ..packing.programs import count_of_edges, of_time
+from ..result.balance import UNBOOKED
 from ..tolerances import NOTABLE
 from .monitors import MOST_EVENTS
 
@@ -31,8 +32,8 @@ class Kink(NamedTuple):
         what, size = ("value", self.value) if self.value else ("rate", self.rate)
         return (
             f"constraint '{self.name}': the {what} of its expression jumps by {size:.4g} at t = "
-            f"{self.t:.6g} s. The work of that impulse is not in the energies of the run; give an "
-            "expression with a continuous slope, as with smoothstep."
+            f"{self.t:.6g} s. {UNBOOKED}; give an expression with a continuous slope, as with "
+            "smoothstep."
         )
 
 

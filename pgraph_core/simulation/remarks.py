@@ -12,7 +12,7 @@ import numpy as np
 from ..dynamics.arguments import UserTorque, positions
 from ..engine import motion
 from ..engine.compiler.jit import made_by_numba
-from ..engine.records import CREEP
+from ..engine.records import CREEP, RIGID, SOFT
 from ..errors import InputError, choices, percent
 from ..functions import Curve
 from ..joints import SIZE
@@ -493,13 +493,13 @@ def sticking(t: Array, v: Array, braking: Array, creep: float) -> Any:
 
 def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
     """Return a message about errors (n,) of contact and limit forces that are a notable part of
-    their peak."""
+    their peak, and more than the rounding of gaps."""
     peak = float(np.abs(record.out.pairs["mean_force"][: len(t)]).max(initial=0.0))
     if record.events is not None:
         peak = max(peak, float(np.abs(record.events.pushes(slice(len(t)))).max(initial=0.0)))
-    if not error.max(initial=0.0) > NAMED * peak:
+    worst = float(error.max(initial=0.0))
+    if not worst > max(NAMED * peak, _of_rounding(record)):
         return ()
-    worst = float(error.max())
     share = (
         f"{percent(worst / peak)} of their peak, and above 10 %"
         if peak
@@ -510,6 +510,20 @@ def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
         f"from t = {t[int((error > NAMED * peak).argmax())]:.4g} s on; use "
         f"{more_accurate(record.plan)}",
     )
+
+
+def _of_rounding(record: Running) -> float:
+    """Return the largest force by which a soft or penalty contact answers rounding [N].
+
+    A gap is a sum of about 16 products, each with the rounding of the mechanism's length.
+    """
+    tables = record.plan.contacts
+    if tables is None or not tables.compliant:
+        return 0.0
+    depth = 16.0 * EPS * record.plan.length
+    laws = tables.laws
+    power = np.where(laws["law"] == SOFT, 1.5, 1.0)
+    return float((laws["stiffness"] * depth**power)[laws["law"] != RIGID].max(initial=0.0))
 
 
 def passed_over(record: Running, error: float) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.constraints import pictures
 from pgraph_app.constraints.view import constraints
 from pgraph_app.plots import Signal, curves, of_scene
 from pgraph_app.pose import poses
@@ -133,3 +134,11 @@ def test_the_force_is_drawn_at_the_contact_and_plotted():
     angle, force = (curves(run, one)[0] for one in signals)
     assert (angle.unit, force.unit) == ("rad", "N")
     assert max(force.y) == pytest.approx(run.cams["cam"].normal_force.max())
+
+
+def test_the_picture_marks_the_pose_shown_within_one_turn():
+    state = added()
+    state = after(state, do.MoveJoint(ME, 0, "cam", 0, str(2 * math.pi + 1.0)))
+    found = pictures.present(state, state.clients[ME])
+    assert found is not None
+    assert found["at"][0] == pytest.approx(1.0)

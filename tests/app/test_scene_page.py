@@ -525,11 +525,15 @@ def test_instances_placed_after_the_last_picture_are_drawn(page: Any, served: Se
     """Viser places the instances of a solid after it is in the scene, however slow pictures are."""
     settled(page, served)
     page.wait_for_function("window.__viserMutable.nodeRefFromName['/pivots']")
-    page.evaluate(
-        """async () => {
-      await new Promise((done) => setTimeout(done, 2500)); // at rest: nobody asks for a picture
+    page.evaluate(  # the clock stands, long after the last request and before a picture at rest
+        """() => {
+      const later = performance.now() + 5000;
+      performance.now = () => later;
       __viserMutable.nodeRefFromName['/pivots'].traverse((one) => {
         if (one.matricesTexture) (window.placed = one.matricesTexture).enqueueUpdate(0);
       }); }"""
     )
-    page.wait_for_function("!placed._needsUpdate", timeout=14000)  # less than a picture at rest
+    try:
+        page.wait_for_function("!placed._needsUpdate")
+    finally:
+        page.evaluate("delete performance.now")

@@ -512,3 +512,47 @@ def test_a_saved_run_has_the_contact(tmp_path):
 def test_a_profile_has_three_points_or_more(points):
     with pytest.raises(pg.InputError, match="3 or more"):
         made().profile(points=points)
+
+
+def random_cam(rng: np.random.Generator) -> pg.Cam | None:
+    """A cam of two to six segments, or None if it is refused for another reason than undercut."""
+    angles = rng.dirichlet(np.full(rng.integers(2, 7), 3.0)) * 2 * math.pi
+    turns, follower = rng.random() < 0.5, str(rng.choice(["knife", "roller", "flat"]))
+    lifts = rng.uniform(0.0, 0.3 if turns else 0.06, len(angles) - 1)
+    motion = [
+        {"lift": lift, "angle": angle, "law": str(rng.choice([*LAWS]))}
+        for lift, angle in zip(lifts, angles)
+    ]
+    given: dict[str, Any] = {"follower": follower, "base_radius": rng.uniform(0.005, 0.08)}
+    if follower == "roller":
+        given["roller_radius"] = rng.uniform(0.002, 0.04)
+    if turns:
+        given |= {"distance": rng.uniform(0.05, 0.2)}
+        given |= {} if follower == "flat" else {"arm": rng.uniform(0.03, 0.2)}
+    try:
+        return made(motion=[*motion, {"lift": 0.0}], **given)
+    except pg.ModelError as error:
+        (problem,) = error.problems  # no other follows from it
+        if problem.field != "base_radius" or "at least" not in problem.text:
+            return None
+        given["base_radius"] = float(problem.text.split("at least ")[1].split(" m")[0])
+        return made(motion=[*motion, {"lift": 0.0}], **given)
+
+
+def test_random_cams_that_are_accepted_cut_themselves_nowhere():
+    """No position of a roller or a face is inside a profile, also where it touches elsewhere."""
+    rng, count = np.random.default_rng(1), 0
+    angle = np.linspace(0.0, 2 * math.pi, 181)[:-1]
+    while count < 20:
+        cam = random_cam(rng)
+        if cam is None or cam.follower == "knife":
+            continue
+        count += 1
+        found, turned = riding(cam.rule, *values(cam.lift, angle)), np.exp(-1j * angle)
+        points, normals = turned * found.contact, turned * found.normal
+        if cam.follower == "flat":
+            gaps = np.real(np.conj(normals)[:, None] * (points[:, None] - points))
+        else:
+            centres = points + cam.rule.roller * normals
+            gaps = np.abs(centres[:, None] - points) - cam.rule.roller
+        assert gaps.min() > -1e-12

@@ -192,6 +192,26 @@ def test_a_motion_that_ends_at_a_touch_is_no_conflict(step):
     assert run.status is pg.Status.DONE, run.message
 
 
+@pytest.mark.quick
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+def test_a_motion_that_stops_at_a_touch_is_told_of_its_impulse_only(law):
+    """The work of the impulse is missing from the energies, which no step and no tolerance mends.
+    The force of the touch is rounding, and so is its error.
+    """
+    body = pg.Body(
+        "b", joint="prismatic", axes=(0, 0, 1), mass=1.0, inertia=(0.01,) * 3, q=0.3, v=-0.4,
+        shape=pg.Shape("sphere", radius=0.1),
+    )  # fmt: skip
+    stop = pg.Motion(name="m", body="b", q_of_t="=max(0.3-0.4*t,0.1)")
+    contact = pg.Contact("c", body="b", law=law)
+    run = pg.simulate(pg.Model([body], constraints=[stop], contacts=[contact]), t_end=1, rtol=1e-6)
+    assert run.status is pg.Status.DONE
+    impulse, balance = run.notices
+    assert_names(impulse, "'m'", "0.4", "0.5 s", "not in the energies")
+    assert_names(balance, "energy balance", "impulses named above")
+    assert not any(word in text for text in run.notices for word in ("smaller", "a step"))
+
+
 def test_a_box_that_two_motions_carry_together_goes_on():
     jaws = [
         pg.Body(

@@ -120,7 +120,7 @@ def test_contacts_that_give_energy_are_told_in_place_of_the_balance():
 
 def test_a_run_whose_notices_nobody_reads_computes_no_balance(monkeypatch):
     asked = []
-    monkeypatch.setattr(result, "of_balance", lambda run: asked.append(run) or ())
+    monkeypatch.setattr(result, "of_balance", lambda run, _: asked.append(run) or ())
     run = swinging(estimate=False)
     joined = pg.joined([swinging(t_end=1.0, estimate=False)])
     assert len(run.t)
