@@ -276,7 +276,7 @@ def counted(n: int, one: str, many: str = "") -> str:
 
 def percent(share: float) -> str:
     """Return a share as '1.1 %' or '170 %', without exponents of ten above 1."""
-    most = 100.0  # times: beyond it a number says no more
+    most = 100.0  # a larger multiple says no more
     return f"{float(f'{100 * share:.2g}'):g} %" if share < most else f"more than {100 * most:g} %"
 
 

@@ -421,7 +421,7 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
     found = []
     for c in model.constraints:
         if c.name in result.constraint_force and isinstance(c, pg.Cam):
-            now = slice(frame, frame + 1)  # of a live run, which grows
+            now = slice(frame, frame + 1)  # a live run grows
             pose, force = body_poses(result, now), result.constraint_force[c.name][now]
             cam = cam_record(c, result.mechanism, result.q[now], pose, force)
             of = "constraints", c.name

@@ -43,7 +43,7 @@ from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
 PICTURES = 60  # recorded pictures a second
-USUAL_PICTURES = 10 * PICTURES  # of a motion without a scenario or a duration
+USUAL_PICTURES = 10 * PICTURES  # a motion without a scenario or a duration has these
 MOST_PICTURES = 3000
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
 DIGITS = 6  # digits of the numbers of the drawing

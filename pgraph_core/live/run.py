@@ -71,7 +71,7 @@ class Image:
         """Return the address of the first entry in an array."""
         k, address = self._span_of(array), _address(array)
         if array.nbytes == 0 and (k < 0 or not address < self._ends[k]):
-            return self.base  # it is not the empty begin of another array
+            return self.base  # an empty array is not the begin of another one
         assert address + array.nbytes <= self._ends[k], "not in the image"
         return self._places[k] + address - self._begins[k]
 

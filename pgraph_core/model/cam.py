@@ -311,7 +311,7 @@ class Cam(OfTwo):
             text = f"must be a whole number of {FEWEST} or more, got {shown(points)}"
             raise InputError(Problem("profile", "points", text))
         found = profile(self.rule, self.lift, points)
-        flat = np.column_stack((found.real, found.imag))
+        flat: Any = np.column_stack((found.real, found.imag))
         if model is None:
             return flat
         return flat @ self.plane({b.name: b for b in model.bodies})[:, :2].T

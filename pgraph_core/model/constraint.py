@@ -458,7 +458,7 @@ class Relation(OfTwo):
 
     @property
     def has_corners(self) -> bool:
-        """Whether the second derivative of the curve jumps somewhere."""
+        """True if the second derivative of the curve jumps somewhere."""
         return bool(corners_of(self.curve, Node("signal")))
 
     def _blocks(self, e: Any) -> list[Any]:

@@ -13,7 +13,8 @@ from ..tolerances import SOLVED, VISIBLE
 
 VIOLATED = "the energy balance of the run is violated by"  # beginnings of the notices
 DECREASES = "the dissipation decreases by"
-UNBOOKED = "The work of that impulse is not in the energies of the run"  # of a prescribed motion
+# in notices about prescribed motions whose rate jumps
+UNBOOKED = "The work of that impulse is not in the energies of the run"
 
 
 def energy_drift(parts: Array) -> tuple[float, float]:

@@ -224,7 +224,7 @@ class Result(Exports, EqualByFields, Portable):
     def _all_notices(self) -> tuple[str, ...]:
         """Return the given notices and those found now.
 
-        Notices about the energy balance of the parts that this run is made of are left out.
+        They exclude notices about the energy balance of the parts that this run is made of.
         """
         own = vars(self)
         first, more = own[MORE]

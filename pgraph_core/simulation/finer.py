@@ -182,7 +182,7 @@ def _means_apart(record: Recording, finer: Recording, i: Ints, j: Ints) -> Array
     runs, known = (record, finer), [x.out.pairs for x in (record, finer) if x.out.pairs.size]
     if not known:
         return np.zeros(len(i))
-    none = (known[0].shape[1], 3)  # of a run that touches nothing
+    none = (known[0].shape[1], 3)  # shape of the forces if a run touches nothing
     found = [
         x.out.pairs["mean_force"] if x.out.pairs.size else np.zeros((x.steps.recorded, *none))
         for x in runs
@@ -191,7 +191,7 @@ def _means_apart(record: Recording, finer: Recording, i: Ints, j: Ints) -> Array
         times = record.steps.times, finer.steps.times
         found = [means_between(*given) for given in zip(times, found, (i, j))]
         for force in found:
-            force[0] = 0.0  # that of an instant, in steps of different width
+            force[0] = 0.0  # the start is an instant, in steps of different width
     else:
         found = [force[k] for force, k in zip(found, (i, j))]
     return np.linalg.norm(found[0] - found[1], axis=2).max(axis=1)

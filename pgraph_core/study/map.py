@@ -273,8 +273,10 @@ def _without_order(found: Evidence, status: Verdict, text: str) -> Cell:
 
 
 def advised(cells: Sequence[Cell]) -> tuple[Cell, ...]:
-    """Add to each cell that is not OK the largest step with which its method is, or else the one
-    that the finest run predicts, and the methods that are OK at its value and step.
+    """Add advice to each cell that is not OK.
+
+    It names the largest step with which its method is OK, or else the one that its finest run
+    predicts, and the methods that are OK at its value and step.
     """
     good: dict[tuple[float, float], list[str]] = {}
     steps: dict[tuple[float, str], list[Cell]] = {}

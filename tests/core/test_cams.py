@@ -481,7 +481,7 @@ def test_a_solid_has_the_area_of_the_profile_and_gives_the_body_its_mass(name, t
     cam = made(name)
     model = machine(cam)
     cam.write_stl(tmp_path / "cam.stl", 0.01, model)
-    solid = trimesh.load(tmp_path / "cam.stl")
+    solid: Any = trimesh.load(tmp_path / "cam.stl")
     (x, y), (x1, y1) = cam.profile().T, np.roll(cam.profile(), -1, axis=0).T
     area = 0.5 * (x * y1 - y * x1).sum()
     assert solid.is_watertight
