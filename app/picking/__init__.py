@@ -21,6 +21,7 @@ class Spot:
     point: Vector  # position in the body's axes [m]
     direction: Vector | None  # unit vector: the normal of a face, or the axis of what is round
     what: str  # "corner", "centre of a face", "flat face", ...
+    snapped: bool = False  # whether it is such a corner, centre, joint or tip near the ray
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Aim:
     part: Part | None = None  # list of the constraint, contact or force,
     name: str = ""  # and its name
     seen: int = 0  # version of the model at its start
+    first: int = 0  # number of the row's first cell
     spots: tuple[Spot, ...] = ()  # measured spots
     under: Spot | None = None  # the pointer now
 
