@@ -51,16 +51,19 @@ def faults(model: pg.Model) -> Mapping[str, str]:
 
 
 def station(model: pg.Model, name: str, point: Vector | None = None) -> Fields:
-    """Return a wheel about the hinge of a body, or a point of another one: its tip or origin.
+    """Return a wheel about the hinge of a body, or a point of another one.
 
-    The wheel has the radius of a round shape on its hinge.
+    The wheel has the radius of a round shape on its hinge. The point is the origin of what slides,
+    and the tip of another body, if it has one.
     """
     if name == GROUND:
         return {"body": name, **({} if point is None else {"point": point})}
     body = model.body(name)
     axis = hinge_of(body)
     if axis is None:
-        return {"body": name, "point": point or body.tip or (0.0, 0.0, 0.0)}
+        slides = bool(body.sequence) and not any(m.facts.turns for m in body.sequence)
+        tip = None if slides else body.tip
+        return {"body": name, "point": point or tip or (0.0, 0.0, 0.0)}
     found = next(filter(None, (_round(shape, axis) for shape in body.shapes)), None)
     if found is not None:
         return {"body": name, "point": found[0], "radius": found[1]}
