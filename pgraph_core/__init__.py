@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from .model import Actuator as Actuator
     from .model import Body as Body
     from .model import Cable as Cable
+    from .model import Cam as Cam
+    from .model import CamSegment as CamSegment
     from .model import Constraint as Constraint
     from .model import Contact as Contact
     from .model import Control as Control

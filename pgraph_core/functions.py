@@ -29,6 +29,7 @@ class Pieces(NamedTuple):
     places: Array  # (n + 1,)
     powers: Array  # (degree + 1, n) that of power 0 first, of the way from the first place
     end: float
+    repeats: bool = False  # with the rise of a period, beyond its ends
 
 
 class Curve(Frozen):
@@ -92,7 +93,7 @@ class Curve(Frozen):
         with np.errstate(all="ignore"):
             powers, places, end = self._powers(), np.array(self.x), self.value[-1]
             if self.kind == "periodic":
-                return Pieces(places, powers, end)
+                return Pieces(places, powers, end, True)
             width, span = places[-1] - places[-2], places[-1] - places[0]
             degrees = np.arange(1, len(powers))
             slope = float(degrees @ (powers[1:, -1] * width ** (degrees - 1)))
@@ -105,7 +106,7 @@ class Curve(Frozen):
 
     def values(self, x: Array) -> Array:
         """Return the values at coordinates (n,) between the points."""
-        places, powers, _ = self.pieces
+        places, powers, *_ = self.pieces
         piece = np.clip(np.searchsorted(places, x, "right") - 1, 0, len(places) - 2)
         found = np.zeros(len(x))
         for c in powers[::-1, piece]:

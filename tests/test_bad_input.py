@@ -66,6 +66,29 @@ def relation(*told: Any, **fields: Any) -> Any:
     return model, expected
 
 
+def cam(*told: Any, **fields: Any) -> Any:
+    given = {"other": "shaft", "base_radius": 0.04, "body": "valve", **fields}
+    model, expected = constraint("cam", *told, **given)
+    y, z = (0, 1, 0), (0, 0, 1)
+    model["bodies"] = [
+        *model["bodies"],
+        {"name": "shaft", "axes": [y]},
+        {"name": "valve", "joint": "prismatic", "axes": [z]},
+        {"name": "along", "joint": "prismatic", "axes": [y]},
+        {"name": "on arm", "joint": "prismatic", "axes": [z], "parent": "arm"},
+        {"name": "lever", "axes": [y], "link": (0, 0.5, 0.12)},
+        {"name": "left lever", "axes": [(0, -1, 0)], "link": (0, 0, 0.12)},
+    ]
+    return model, expected
+
+
+def lifts(*rows: Any) -> Any:
+    return [{"lift": lift, "angle": angle} for lift, angle in rows]
+
+
+LIFT = [{"lift": 0.01, "angle": 3.0}, {"lift": 0.0}]
+
+
 def points(x: Any, value: Any = None, **more: Any) -> Any:
     return {"x": x, "value": [0.0 for _ in x] if value is None else value, **more}
 
@@ -153,6 +176,38 @@ ROWS = [
         "gear", ("ratio", "zero", "'motion'", "got 0"), ("coordinate", *HINGE),
         ("other_coordinate", *NO_ANGLE), other="puck", coordinate=1, ratio=0,
     ),
+    cam("motion", "missing", "segments"),
+    cam("motion", "none", "two or more", motion=[]),
+    cam("motion", "360 degrees", "257.831 degrees", "rest", motion=lifts((0.02, 1.5), (0.0, 3.0))),
+    cam("motion", "0.02", "lift=0", motion=lifts((0.01, 3.0), (0.02, None))),
+    cam("motion", "only one", "segments 0 and 1", motion=lifts((0.01, None), (0.0, None))),
+    cam("motion", "nothing is left", motion=lifts((0.01, 6.5), (0.0, None))),
+    cam("motion", "other than 0", "'motion'", motion=lifts((0.0, None))),
+    cam("motion", "'periodic'", "'natural'", motion=points([0, 3, 6.28], [0, 1, 0])),
+    cam("motion", "one turn", "2 pi", motion=points([0, 3, 6], [0, 1, 0], kind="periodic")),
+    cam("motion", "must return", "0.01",
+        motion=points([0, 3, 2 * np.pi], [0, 0.02, 0.01], kind="periodic")),
+    cam("base_radius", "> 0", "got 0", motion=LIFT, base_radius=0),
+    cam("base_radius", "missing", motion=LIFT, base_radius=None),
+    cam("base_radius", "undercut", "at least", motion=lifts((0.05, 1.6), (0.0, None)),
+        base_radius=0.01, follower="flat"),
+    cam("eccentricity", "less than", "0.04", "got 0.05", motion=LIFT, eccentricity=0.05),
+    cam("eccentricity", "flat", "leave it out", motion=LIFT, eccentricity=0.01, follower="flat"),
+    cam("roller_radius", "> 0", "got 0", motion=LIFT, follower="roller", roller_radius=0),
+    cam("roller_radius", "needs its radius", motion=LIFT, follower="roller"),
+    cam("roller_radius", "follower='roller'", "'knife'", motion=LIFT, roller_radius=0.01),
+    cam("follower", "'ball'", "knife, roller, flat", motion=LIFT, follower="ball"),
+    cam("arm", "distance", motion=LIFT, arm=0.1),
+    cam("distance", "slides", "leave", motion=LIFT, arm=0.1, distance=0.1),
+    cam("distance", "less than 0.14", "got 0.2", motion=LIFT, arm=0.1, distance=0.2),
+    cam("other", "hinge", "'puck'", motion=LIFT, other="puck"),
+    cam("other", "'ground'", "second body", motion=LIFT, other="ground"),
+    cam("body", "'ball'", "prismatic", motion=LIFT, body="ball"),
+    cam("distance", "'lever'", "0.12", "arm", motion=LIFT, body="lever"),
+    cam("distance", "0.12", "got 0.11", motion=LIFT, body="lever", distance=0.11, arm=0.1),
+    cam("body", "same direction", motion=LIFT, body="left lever", distance=0.12, arm=0.1),
+    cam("body", "across the axis", "0 degrees", motion=LIFT, body="along"),
+    cam("body", "'ground'", "'arm'", "same body", motion=LIFT, body="on arm"),
     relation("curve", "missing", "'x'", "periodic", "polynomial"),
     relation("other", "'ground'", "second body", curve="=q", other="ground"),
     relation("other", "'arm'", "itself", curve="=q", other="arm"),

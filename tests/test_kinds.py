@@ -169,7 +169,10 @@ def test_a_model_shows_as_one_line_and_as_a_drawing(model):
 def test_a_model_with_a_constraint_of_any_kind_shows_as_a_drawing(kind):
     """Some kinds act on one body, or on a sum over several."""
     part = pg.Constraint.KINDS[kind]
-    bodies = [pg.Body(name=name, axes=(0, 0, 1), mass=1.0, tip=(1, 0, 0)) for name in "12"]
+    bodies = [
+        pg.Body(name=name, axes=(0, 0, 1), mass=1.0, tip=(1, 0, 0), link=(0, 0.3 * k, 0))
+        for k, name in enumerate("12")
+    ]
     tie = part.model_validate({"name": "x", "body": "2", **NEEDS.get(kind, {})})
     assert "<svg" in pg.Model(bodies=bodies, constraints=[tie])._repr_html_()
 
@@ -299,6 +302,8 @@ def test_a_new_rolling_body_has_a_radius(shape):
 def test_a_new_constraint_does_not_move_its_bodies(kind):
     """The fields that its class gives it hold where the bodies are."""
     model = pg.Model.serial(3).edit("1", q=0.4).edit("2", q=-0.3).edit("3", q=0.2)
+    if kind == "cam":  # whose joints are side by side
+        model = model.edit("3", parent="ground", link=(0.5, 0.0, 0.2))
     cls: Any = pg.Constraint.KINDS[kind]
     other = {"other": "1"} if "other" in cls.model_fields else {}
     new = cls(name="new", body="3", **other, **cls.begun(model, "3", "1"))

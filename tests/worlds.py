@@ -40,6 +40,13 @@ NEEDS: dict[str, dict[str, Any]] = {
     "plane": {"axis": (0, 0, 1)},
     "gear": {"other": "1"},
     "relation": {"other": "1", "curve": "=q"},
+    "cam": {
+        "other": "1",
+        "motion": [{"lift": 0.1, "angle": 3.0}, {"lift": 0.0}],
+        "base_radius": 0.1,
+        "distance": 0.3,
+        "arm": 0.25,
+    },
     "motion": {"q_of_t": {"kind": "sine"}},
     "rolling": {"radius": 1.0},
     "skate": {"axis": (0, 0, 1)},

@@ -22,6 +22,7 @@ from pgraph_core.units import UNITS
 from .. import model, pose
 from ..core.jobs import Finding
 from ..core.state import Names
+from . import cams
 
 Part = Literal["constraints", "contacts", "forces", "sites", "outputs", "controls"]
 Slot = Literal["body", "other"]
@@ -92,6 +93,7 @@ CELLS = {  # cells of a form that are a part of a field, or choose how it is giv
     "sine": About("Sine", "", "mean + amplitude sin(frequency t + phase)"),
     "polynomial": About("Polynomial", "", "c0 + c1 t + c2 t² + c3 t³"),
     "expression": About("Expression", "", "of t and parameters: =0.3*sin(2*t)"),
+    "lift_is": About("Lift is", "", "how the lift is given"),
     "function": About("Curve is", "", "how the curve is given"),
     "table": About("Table", "", "t q; t q; ... a smooth curve through these"),
     "torque_over": About("Torque is", "", "constant, or linear between times"),
@@ -158,6 +160,8 @@ def own_fields(item: Any) -> tuple[str, ...]:
         first = ("law", "body", "other")
         left = [n for n in names if not (rigid and n in ("stiffness", "damping"))]
         return (*first, *(name for name in left if name not in first))
+    if isinstance(item, pg.Cam):
+        return tuple(n for n in names if n not in cams.unused(item))
     if isinstance(item, pg.Output):
         return tuple(n for n in names if n != "coordinate" or item.kind in OF_JOINT)
     if "through" in names:  # the first moving body follows from the stations

@@ -28,8 +28,7 @@ STRETCH = 0.002  # of a new elastic cable of the model's size under the weight o
 DAMPED = 0.05  # of critical, for the same
 SURE = 1e-3  # rad: least bend of the line through the centres at which the side follows from it
 ON_AXIS = 1e-6  # [1] distance and angle from a hinge at which a shape is a wheel on it
-# fields of a station, and the numbers of their first cells
-COLUMNS = {"point": 0, "radius": 3, "axis": 4, "side": 7, "grip": 8, "body": 9}
+OF_STATION = tuple(pg.Pulley.model_fields)  # whose numbers stand in the indices of their cells
 UP = "up"  # a text of a row's button: one place up
 SIDES = (("", "as it bends"), ("1", "1: right hand"), ("-1", "-1: left hand"))
 GRIPS = (("", "grips if on its hinge"), ("yes", "grips"), ("no", "slides"))
@@ -285,17 +284,19 @@ def changed(
         if stations and not data["closed"]:
             stations[-1]["side"] = None  # it is a drum no more
         return settled(model, [*stations, station(model, _body(model, text))], data["closed"])
-    k, *column = index
+    k, *cell = index
     if k >= len(stations):
         raise Refusal("no longer has this station")
-    if not column:
+    if not cell:
         if text == UP and k:
             stations[k - 1 : k + 1] = stations[k], stations[k - 1]
         elif text != UP:
             del stations[k]
         return settled(model, stations, data["closed"], kept=True)
-    one = stations[k]
-    key = next(key for key, first in reversed(COLUMNS.items()) if column[0] >= first)
+    number, *component = cell
+    if number >= len(OF_STATION):
+        raise Refusal("no longer has this entry")
+    one, key = stations[k], OF_STATION[number]
     empty = not text.strip()
     match key:
         case "body":
@@ -317,7 +318,7 @@ def changed(
             of = "length" if key == "point" else "number"
             given = _axis(model, one) if key == "axis" and not one.get(key) else one.get(key)
             old = (0.0, 0.0, 0.0) if given is None else tuple(given)
-            one[key] = replaced(old, (column[0] - COLUMNS[key],), content(text, of, display))
+            one[key] = replaced(old, tuple(component), content(text, of, display))
     return tuple(stations)
 
 

@@ -33,6 +33,7 @@ from . import (
     Part,
     about,
     cables,
+    cams,
     curves,
     own_fields,
     places,
@@ -189,6 +190,8 @@ def changed(
         return renamed(model, part, name, entries[0][1].strip())
     if field in ("kind", "law"):
         return _put(model, part, name, rekinded(model, part, item, entries[0][1]))
+    if field == "follower" and isinstance(item, pg.Cam):
+        return _put(model, part, name, cams.followed(data, entries[0][1]))
     if field in (*PAIR, "at") or typed_as(item, field)[0] == "choice":
         return _put(model, part, name, on_joint(model, item, data, {field: entries[0][1]}))
     for index, text in entries:
@@ -241,6 +244,10 @@ def _typed(
             return on_joint(model, item, data, {field: whole(text, *bounds)})
         case _ if form == "flag":
             return {**data, field: text == FLAG[True]}
+        case "lift_is":
+            return {**data, "motion": cams.given_as(item, text)}
+        case "motion":
+            return {**data, "motion": cams.motion_of(model, item, text, display)}
         case "function":
             return {**data, "curve": relations.rekinded(item.curve, text)}
         case _ if field.startswith("track_") and isinstance(item, pg.CurvePoint):

@@ -81,8 +81,7 @@ def points(
     return tuple(p for i, p in enumerate(points) if i != index[0])
 
 
-# fields of a point of a path, and the numbers of their first cells
-COLUMNS = {"point": 0, "radius": 3, "axis": 4, "side": 7}
+OF_VIA = tuple(pg.Via.model_fields)  # whose numbers stand in the indices of their cells
 
 
 def path(
@@ -94,31 +93,37 @@ def path(
     display: Display,
     at: Places,
 ) -> tuple[Any, ...]:
-    """Return the points of a path after a number was typed, or a point was added or removed.
+    """Return the points of a path after a cell was typed, or a point was added or removed.
 
-    A new point is in the middle of the last span, so that the path is as it was.
+    A new point is in the middle of the last span, so that the path is as it was, and also where a
+    point gets another body.
     """
     places = [dict(plain(place)) for place in old]
     if not index:
-        name = text.strip()
-        if name not in at:
-            raise Refusal(f"no body is named '{name}'")
-        (p, R), (*_, a, b) = at[name], along(model, item, at)
-        point = tuple(float(x) + 0.0 for x in R.T @ (0.5 * (a + b) - p))
-        return (*places, {"body": name, "point": point})
+        *_, a, b = along(model, item, at)
+        return (*places, _on(text.strip(), 0.5 * (a + b), at))
     if index[0] >= len(places):
         raise Refusal("no longer has this point")
     if len(index) == 1:
         return tuple(place for i, place in enumerate(places) if i != index[0])
-    place, column = places[index[0]], index[1]
-    key = next(key for key, first in reversed(COLUMNS.items()) if column >= first)
-    of = "number" if key == "axis" else "length"
-    if not text.strip() and key != "point":
-        gone = COLUMNS.keys() - {"point"} if key == "radius" else {key}
-        place |= dict.fromkeys(gone)
-    elif key == "radius":
-        place["radius"] = content(text, of, display)
+    i, number, *component = index
+    if number >= len(OF_VIA):
+        raise Refusal("no longer has this entry")
+    place, key = places[i], OF_VIA[number]
+    if key == "body":
+        place |= _on(text.strip(), along(model, item, at)[i + 1], at)
+    elif not text.strip() and key != "point":
+        place |= dict.fromkeys((key, *pg.Via.FOLLOWERS.get(key, ())))
     else:
-        old = tuple(place.get(key) or (0.0, 0.0, 0.0))
-        place[key] = replaced(old, (column - COLUMNS[key],), content(text, of, display))
+        new = content(text, "number" if key == "axis" else "length", display)
+        vector = tuple(place.get(key) or (0.0, 0.0, 0.0))
+        place[key] = new if key == "radius" else replaced(vector, tuple(component), new)
     return tuple(places)
+
+
+def _on(name: str, place: np.ndarray, at: Places) -> dict[str, Any]:
+    """Return the body and the point in its axes of a place in world axes [m]. Raises Refusal."""
+    if name not in at:
+        raise Refusal(f"no body is named '{name}'")
+    p, R = at[name]
+    return {"body": name, "point": tuple(float(x) + 0.0 for x in R.T @ (place - p))}

@@ -40,18 +40,18 @@ def kind_of(curve: pg.Curve | pg.Polynomial | str) -> str:
 def written(model: pg.Model, item: pg.Relation, display: Display) -> str:
     """Format the curve of a relation as text, with its points in the units of the page."""
     if isinstance(item.curve, pg.Polynomial):
-        return " ".join(map(_short, item.curve.coefficients))
+        return " ".join(map(short, item.curve.coefficients))
     if isinstance(item.curve, pg.Curve):
         of = quantities(model, item)
         points = zip(item.curve.x, item.curve.value)
         return "; ".join(
-            " ".join(_short(display.shown(x, each)) for x, each in zip(point, of))
+            " ".join(short(display.shown(x, each)) for x, each in zip(point, of))
             for point in points
         )
     return item.curve
 
 
-def _short(x: float) -> str:
+def short(x: float) -> str:
     """Format a number in the fewest digits that give it back."""
     return f"{x + 0.0!r}".removesuffix(".0")
 

@@ -36,6 +36,7 @@ from . import (
     State,
     about,
     cables,
+    cams,
     curves,
     own_fields,
     parts,
@@ -275,6 +276,8 @@ def _field(
             return _track(item, display)
         case "curve":
             return _function(state, item, display)
+        case "motion":
+            return _lift(state.model, item, display)
         case "interpolation" if not isinstance(item.q_of_t, pg.Table):
             return []
         case "coefficients":
@@ -415,6 +418,17 @@ def _function(state: State, item: pg.Relation, display: Display) -> list[Payload
                   expression=True)]  # fmt: skip
 
 
+def _lift(model: pg.Model, item: pg.Cam, display: Display) -> list[Payload]:
+    """Return fields for the kind and the text of the lift of a cam, with its picture."""
+    kind, shows = cams.kind_of(item), about(item, "motion")
+    one = cell((), cams.written(model, item, display))
+    return [choice("lift_is", CELLS["lift_is"].label, kind, cams.MOTIONS,
+                   help=CELLS["lift_is"].help),
+            field("motion", shows.label, [one], help=shows.help, kind="text",
+                  note=cams.note(model, item, display),
+                  curve=cams.picture(model, item, display))]  # fmt: skip
+
+
 def _coefficients(item: Any, cells: Any) -> list[Payload]:
     found = [
         field("coefficients", name, [cell((i, j), x) for j, x in enumerate(row)],
@@ -444,12 +458,15 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
 
 
 def _path(item: Any, name: str, cells: Any, display: Display) -> list[Payload]:
-    """Return a row for each point of a path, named after its body."""
+    """Return the rows of each point of a path: its body, the point and those of an obstacle."""
     shows, found = about(item, name), list[Payload]()
     for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name]))):
-        for key, first in places.COLUMNS.items():
+        out = button("×", "", "take this point out", field=name, index=[i], text="")
+        found.append(field(name, f"Via {i + 1}", [cell((i, 0), place.body)], kind="names",
+                           options=[GROUND], buttons=[out], help=shows.help))  # fmt: skip
+        for number, key in enumerate(places.OF_VIA[1:], start=1):
             if key in ("point", "radius") or place.radius is not None:
-                found.append(_of_place(name, i, key, first, place, row.get(key), display))
+                found.append(_of_place(name, (i, number), key, place, row.get(key), display))
     more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help=shows.help)  # fmt: skip
     return [*found, more]
@@ -466,14 +483,14 @@ def _stations(model: pg.Model, item: Any, cells: Any, display: Display) -> list[
         out = button("×", "", "take it out", field=name, index=[i], text="")
         word = cables.word(i, one, count, item.closed)
         found.append(
-            field(name, f"{i + 1}. {word}", [cell((i, cables.COLUMNS["body"]), one.body)],
+            field(name, f"{i + 1}. {word}", [cell((i, 0), one.body)],
                   kind="names", options=[(GROUND, GROUND)], buttons=[*([up] if i else []), out],
-                  help=about(one, "body").help or "body of this station", heads_row=True)
+                  help=about(one, "body").help or "body of this station")
         )  # fmt: skip
         found += [
-            _of_station(model, i, key, one, row.get(key), display)
-            for key in cables.COLUMNS
-            if key in ("point", "radius") or (one.radius and key != "body")
+            _of_station(model, (i, number), key, one, row.get(key), display)
+            for number, key in enumerate(cables.OF_STATION[1:], start=1)
+            if key in ("point", "radius") or one.radius
         ]
     more = field(name, "+ body", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help="led on to a further body, as its last station")  # fmt: skip
@@ -481,24 +498,29 @@ def _stations(model: pg.Model, item: Any, cells: Any, display: Display) -> list[
 
 
 def _of_station(
-    model: pg.Model, i: int, key: str, one: pg.Pulley, value: Any, display: Display
+    model: pg.Model,
+    index: tuple[int, int],
+    key: str,
+    one: pg.Pulley,
+    value: Any,
+    display: Display,
 ) -> Payload:
     """Return the row of one field of a station."""
-    name, first, shows = "through", cables.COLUMNS[key], about(one, key)
+    name, shows = "through", about(one, key)
     if key in ("side", "grip"):
         options = cables.SIDES if key == "side" else cables.GRIPS
         now = {None: "", True: "yes", False: "no"}[value] if key == "grip" else str(value or "")
-        return field(name, shows.label, [cell((i, first), now)], kind="choice", options=options,
+        return field(name, shows.label, [cell(index, now)], kind="choice", options=options,
                      help=shows.help)  # fmt: skip
     if key == "radius":
         length = "" if value in (None, 0.0) else shown(value, "length", display)
-        return field(name, shows.label, [cell((i, first), length)], unit=display.length,
+        return field(name, shows.label, [cell(index, length)], unit=display.length,
                      help=f"{shows.help}; nothing: a point")  # fmt: skip
     implied = key == "axis" and value is None
     numbers = cables.implied_axis(model, one) if implied else value
     of, unit = ("length", display.length) if key == "point" else ("number", "")
     row = [
-        cell((i, first + j), shown(x, of, display), implied=implied)
+        cell((*index, j), shown(x, of, display), implied=implied)
         for j, x in enumerate(numbers or ("", "", ""))
     ]
     return field(name, "Centre" if one.radius and key == "point" else shows.label, row, unit=unit,
@@ -506,22 +528,17 @@ def _of_station(
 
 
 def _of_place(
-    name: str, i: int, key: str, first: int, place: Any, value: Any, display: Display
+    name: str, index: tuple[int, int], key: str, place: Any, value: Any, display: Display
 ) -> Payload:
-    """Return the row of a point of a path, or of its radius, axis or side as an obstacle."""
-    shows, quantity = about(place, key), "number" if key == "axis" else "length"
-    numbers = [value] if key == "radius" else value or ("", "", "")
-    row = [
-        cell((i, first + j), "" if x is None else shown(x, quantity, display))
-        for j, x in enumerate(numbers)
-    ]
-    unit, pick = "" if key == "axis" else display.length, "" if key == "radius" else key
-    if key != "point":
-        pick = "axis" if key == "axis" else pick and "point"
-        return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
-    out = button("×", "", "take this point out", field=name, index=[i], text="")
-    return field(name, f"{i + 1}. {place.body}", row, unit=unit, pick="point", buttons=[out],
-                 help=f"point of '{place.body}', in its axes")  # fmt: skip
+    """Return the row of a field of a point of a path: a number, or a vector that can be picked."""
+    shows, direction = about(place, key), key == "axis"
+    of, unit = ("number", "") if direction else ("length", display.length)
+    if key == "radius":
+        one = cell(index, shown(value, of, display))
+        return field(name, shows.label, [one], unit=unit, help=shows.help)
+    row = [cell((*index, k), shown(x, of, display)) for k, x in enumerate(value or (None,) * 3)]
+    pick = "axis" if direction else "point"
+    return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
 
 
 def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:

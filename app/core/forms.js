@@ -238,7 +238,6 @@ pgraph.forms = (() => {
         pgraph.picking.start(pick, {
           field: el.pgraphField.field,
           index: others.length ? index.slice(0, -1) : index,
-          first: others.length ? index.at(-1) : 0,
           ...box.pgraphAsk.owner,
         }),
     );

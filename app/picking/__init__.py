@@ -35,7 +35,6 @@ class Aim:
     part: Part | None = None  # list of the constraint, contact or force,
     name: str = ""  # and its name
     seen: int = 0  # version of the model at its start
-    first: int = 0  # number of the row's first cell
     spots: tuple[Spot, ...] = ()  # measured spots
     under: Spot | None = None  # the pointer now
 

@@ -38,11 +38,10 @@ class StartAim(FromPage):
     bodies: Annotated[tuple[Text, ...], Field(max_length=1)] = ()
     part: Part | None = None
     name: Text = ""
-    first: Annotated[int, Field(ge=0, le=100)] = 0
 
     def applied(self, state: State) -> State:
         about = self.wants, self.field, self.index, self.bodies, self.part, self.name
-        aim = Aim(*about, seen=state.version, first=self.first)
+        aim = Aim(*about, seen=state.version)
         return with_client(state, self.client, aim=aim, picking=None)
 
 
@@ -172,7 +171,7 @@ def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
     def made() -> pg.Model:
         refuse_moved(aim, state.moved)
         model = state.model
-        entries = tuple(((*aim.index, aim.first + k), repr(x)) for k, x in enumerate(vector))
+        entries = tuple(((*aim.index, k), repr(x)) for k, x in enumerate(vector))
         if aim.part is None:
             return model.edit(of, **edit_of(model, model.body(of), aim.field, entries, Display()))
         d = state.derived

@@ -64,7 +64,11 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
             any(s.colour for b in model.bodies for s in b.drawn),
         ),
         ("axes", "joint axes", state.derived.dof > 0),
-        ("tracks", "tracks of curves", any(b.track for b in model.bodies) or bool(model.riding)),
+        (
+            "tracks",
+            "tracks of curves, profiles of cams",
+            any(b.track for b in model.bodies) or bool(model.riding or model.cams),
+        ),
         ("links", "link vectors", True),
         ("coms", "centres of mass", True),
         ("inertias", "inertia ellipsoids", any(np.any(b.inertia) for b in model.bodies)),
@@ -119,8 +123,8 @@ def axes(state: State) -> Local:
 
 
 def tracks(state: State) -> Local:
-    """Return lines along the tracks of curves, in the frames of the parents, and along the curves
-    of constraints, in those of their second bodies."""
+    """Return lines along the tracks of curves, in the frames of the parents, along the curves of
+    constraints, in those of their second bodies, and those of cams and their followers."""
     d = state.derived
     found: dict[int, list[np.ndarray]] = defaultdict(list)
     for k, name in enumerate(d.names, 1):
@@ -133,6 +137,10 @@ def tracks(state: State) -> Local:
         points = c.curve.line()
         k = 1 + d.names.index(c.other) if c.other != GROUND else 0
         found[k].append(np.stack((points[:-1], points[1:]), axis=1))
+    for c in state.model.cams:
+        for name, points in ((c.other, c.profile(state.model)), (c.body, c.face(state.model))):
+            lines = np.stack((points, np.roll(points, -1, axis=0)), axis=1)
+            found[d.number[name]].append(lines)
     return {k: np.concatenate(lines) for k, lines in found.items()}
 
 

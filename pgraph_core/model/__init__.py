@@ -2,6 +2,7 @@
 reported at once.
 """
 
+from ..cams import CamSegment as CamSegment
 from ..curves import Polynomial as Polynomial
 from ..curves import Sine as Sine
 from ..curves import Table as Table
@@ -20,6 +21,7 @@ from ..forces import Wrench as Wrench
 from ..functions import Curve as Curve
 from .body import Body as Body
 from .body import Shape as Shape
+from .cam import Cam as Cam
 from .constraint import Constraint as Constraint
 from .constraint import Coupling as Coupling
 from .constraint import Cylindrical as Cylindrical

@@ -12,6 +12,7 @@ from ..forces import BetweenPoints, Force, OnJoint, Tendon, legs_of
 from ..joints import quaternion_problems
 from ..shapes import KINDS, kind_of
 from .body import Body
+from .cam import Cam
 from .constraint import Constraint, Coupling, OfOne, OfTwo, Rolling, Sum
 from .contact import Contact
 from .control import Control
@@ -139,6 +140,8 @@ def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Pro
 
 def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
     """Check the coordinates of gears, relations and motions, and the radius of rolling bodies."""
+    if isinstance(c, Cam) and (own := c.problems_with(bodies)):
+        return [Problem(where, field, text) for field, text in own]
     found, asked = [], []
     if isinstance(c, OfOne):
         asked.append(("coordinate", c.body, c.coordinate))

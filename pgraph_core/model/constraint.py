@@ -44,7 +44,7 @@ from .poses import poses
 
 KIND = (
     "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, curve_point, "
-    "plane, orientation, gear, relation, motion, rolling, skate, velocity, coupling, rope"
+    "plane, orientation, gear, relation, cam, motion, rolling, skate, velocity, coupling, rope"
 )
 
 
@@ -56,7 +56,7 @@ class Constraint(OfKinds):
     """A constraint on `body` relative to another body or the ground. See the class for each kind.
 
     The kinds: Point, Weld, Revolute, Prismatic, Cylindrical, Universal, Distance, Line, CurvePoint,
-    Plane, Orientation, Gear, Relation, Motion, Rolling, Skate, Velocity, Coupling, Rope.
+    Plane, Orientation, Gear, Relation, Cam, Motion, Rolling, Skate, Velocity, Coupling, Rope.
     """
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
@@ -352,7 +352,7 @@ class InJoints(Constraint):
         return along[k] == ("m", 1) if k < len(along) else True
 
 
-def _first_q(model: Any, name: str) -> float:
+def first_q(model: Any, name: str) -> float:
     """Return the first initial coordinate of a joint, or 0 if there is none."""
     return next(iter(model.body(name).q), 0.0) if name != GROUND else 0.0
 
@@ -411,7 +411,7 @@ class Gear(OfTwo):
 
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
-        first, second = (_first_q(model, name) for name in (body, other))
+        first, second = (first_q(model, name) for name in (body, other))
         return {"offset": first - second}
 
     @model_validator(mode="after")
@@ -454,7 +454,7 @@ class Relation(OfTwo):
 
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
-        value, x = (_first_q(model, name) for name in (body, other))
+        value, x = (first_q(model, name) for name in (body, other))
         rise, way = (_half_reach(model, name) for name in (body, other))
         return {"curve": {"x": (x, x + way), "value": (value, value + rise)}}
 
@@ -494,7 +494,7 @@ class Motion(OfOne):
 
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
-        start = _first_q(model, body)
+        start = first_q(model, body)
         return {"q_of_t": {"kind": "polynomial", "coefficients": (start, 0.0)}}
 
     @model_validator(mode="after")
@@ -601,7 +601,7 @@ class Coupling(Sum):
 
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
-        return {**super().begun(model, body, other), "value": _first_q(model, body)}
+        return {**super().begun(model, body, other), "value": first_q(model, body)}
 
     def _blocks(self, e: Any) -> list[Any]:
         return [e.sum_of_q(e.terms(), self.value)]

@@ -11,11 +11,12 @@ from pydantic import ValidationError
 
 from ..errors import ModelError, Problem, choices, counted, explained, nearest_first, shown
 from ..fields import AtPoint, Vec3, field, listed, parts_of
-from ..forces import BetweenPoints, Cable, Force
+from ..forces import Cable, Force
 from ..functions import Curve
 from ..sentences import in_our_words
 from . import files
 from .body import Body
+from .cam import Cam
 from .checks import PARTS, model_problems
 from .constraint import Constraint, Relation, Rolling
 from .contact import Contact
@@ -129,12 +130,6 @@ class Description(World):
         return tuple(body for body in self.bodies if body.track and not body.track.closed)
 
     @cached_property
-    def bent(self) -> tuple[BetweenPoints, ...]:
-        """The forces along a path past an obstacle."""
-        paths = (f for f in self.forces if isinstance(f, BetweenPoints))
-        return tuple(f for f in paths if any(via.radius is not None for via in f.via))
-
-    @cached_property
     def cabled(self) -> bool:
         """Return True if a cable or a rope leads over wheels or points."""
         return any(isinstance(x, Cable | Rope) for x in (*self.forces, *self.constraints))
@@ -157,6 +152,11 @@ class Description(World):
     def bending(self) -> tuple[Relation, ...]:
         """The relations whose second derivative jumps somewhere."""
         return tuple(c for c in self.constraints if isinstance(c, Relation) and c.has_corners)
+
+    @cached_property
+    def cams(self) -> tuple[Cam, ...]:
+        """The cams among the constraints."""
+        return tuple(c for c in self.constraints if isinstance(c, Cam))
 
     @cached_property
     def rubbing(self) -> tuple[Contact, ...]:

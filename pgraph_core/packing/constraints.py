@@ -18,7 +18,7 @@ from ..engine import layout as at
 from ..engine.records import table
 from ..errors import ModelError, Problem
 from ..forces import VIA
-from ..functions import Curve, Function
+from ..functions import Curve, Function, Pieces
 from ..model import Constraint, Model, Rolling, Sine, Table
 from ..model.constraint import AtPoints
 from ..pulleys import Pulley
@@ -180,10 +180,11 @@ class Endpoints:
         knots = at.SINE if isinstance(q, Sine) else None
         return Block(at.T_COORD, 1, self.scaled(), (own,), curve(q, interpolation), knots)
 
-    def related(self, own: Term, other: Term, function: Function) -> Block:
+    def related(self, own: Term, other: Term, function: Function | Pieces) -> Block:
         """Create a block in which a coordinate follows a function of another one."""
         values, terms = self.scaled(), (own, other)
-        if isinstance(function, Curve):
+        function = function.pieces if isinstance(function, Curve) else function
+        if isinstance(function, Pieces):
             return Block(at.T_RELATION, 1, values, terms, pieces(function))
         given = function.coefficients if isinstance(function, Polynomial) else function
         rows = tuple(map(tuple, of_coordinate(given, self.model.parameters).tolist()))
@@ -254,14 +255,14 @@ def curve(q_of_t: Table | Sine | Polynomial, interpolation: str) -> tuple[tuple[
             return (first, *((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
 
 
-def pieces(function: Curve) -> tuple[tuple[float, ...], ...]:
-    """Return the rows for `curves` of a curve through points."""
-    places, powers, end = function.pieces
+def pieces(function: Pieces) -> tuple[tuple[float, ...], ...]:
+    """Return the rows for `curves` of a function in pieces."""
+    places, powers, end, repeats = function
     found = np.zeros((len(places), at.KNOT))
     found[:, at.PIECE_AT] = places
     found[:-1, at.PIECE_POWERS : at.PIECE_POWERS + len(powers)] = powers.T
     found[-1, at.PIECE_POWERS] = end
-    if function.kind == "periodic":
+    if repeats:
         found[0, at.PIECE_RATE] = 1.0 / (places[-1] - places[0])
     return tuple(map(tuple, found.tolist()))
 

@@ -13,11 +13,13 @@ from ..dynamics.states import BodyMotion, bodies_over, turned
 from ..engine import layout as at
 from ..forces import OnJoint
 from ..model import Force, Model, Rope
+from ..model.cam import Cam
 from ..model.constraint import InJoints
 from ..model.expressions import wanted
 from ..packing import Array
 from ..signals.meaning import unit
 from ..units import UNITS, J, Q
+from .cams import cam_record
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -135,7 +137,14 @@ def add_constraint_wrenches(
     for c in mech.model.constraints:
         if isinstance(c, Rope):
             add_rope_wrenches(mech, c.name, forces, states, out)
-        if c.name not in forces or isinstance(c, (InJoints, Rope)):
+        if c.name not in forces:
+            continue
+        if isinstance(c, Cam):
+            found = cam_record(c, mech, states[1], pose, forces[c.name])
+            for name, sign in ((c.body, 1.0), (c.other, -1.0)):
+                b = mech.topology.number(name) - 1
+                out[:, b] += sign * found.wrench(position[:, b])
+        if isinstance(c, (InJoints, Rope)):
             continue
         wrench = forces[c.name]
         point = mech.model.point_of(c)

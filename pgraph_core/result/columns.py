@@ -101,6 +101,12 @@ def _forces(run: Any) -> dict[str, Column]:
     found: dict[str, Column] = {}
     for name, force in run.constraint_force.items():
         found |= _along_axes(f"constraint_force.{name}", force)
+    for name, cam in run.cams.items():
+        found[f"pressure_angle.{name}"] = Column("rad", cam.pressure_angle)
+        found[f"normal_force.{name}"] = Column("N", cam.normal_force)
+        found |= {
+            f"contact_point.{name}.{axis}": Column("m", x) for axis, x in zip("xyz", cam.point.T)
+        }
     touched = run.contacts
     for name, force in touched.force.items():
         found |= _along_axes(f"contact_force.{name}", force)

@@ -23,6 +23,7 @@ from ..packing.signals import states_of, values_of
 from ..portable import EqualByFields, Portable, ReadOnly
 from .balance import energy_drift, is_of_balance, of_balance
 from .bodies import ALL, OF_POINTS, acting, body_motion, body_poses, of_point
+from .cams import CamRecord, cams_of
 from .columns import (
     OF_BODIES,
     Column,
@@ -575,6 +576,11 @@ class Result(Exports, EqualByFields, Portable):
         motion = self.body_motion if sensors.moves else no_motion(len(self.t))
         read = sensors.read(self.q.copy(), self.v.copy(), motion, self.contacts.wrench)
         return Named(sensors.by_name(read), "outputs", "output")
+
+    @cached_property
+    def cams(self) -> Mapping[str, CamRecord]:
+        """The contact of each cam: its `pressure_angle`, `normal_force`, `point` and `force`."""
+        return Named(cams_of(self), "cams", "cam")
 
     @cached_property
     def controls(self) -> Mapping[str, Array]:

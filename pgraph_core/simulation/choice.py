@@ -90,7 +90,8 @@ def event_driven(
     from .event_scene import contact_points
 
     if contacts.tendons:
-        text = "limits of tendons and springs require time stepping; use method 'moreau_jean'"
+        text = "limits of tendons and springs, and cables without a stiffness, require time "
+        text += "stepping; use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
     points = contact_points(mech.model, mech.topology, mech.packed.system, contacts)
     soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")

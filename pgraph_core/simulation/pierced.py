@@ -1,4 +1,4 @@
-"""A notice about points of paths that are inside an obstacle beside them."""
+"""A notice about points of paths that are inside an obstacle beside them, in a frame of a run."""
 
 from __future__ import annotations
 
@@ -15,10 +15,13 @@ from .running import Running
 
 
 def pierced(record: Running) -> Iterator[str]:
-    """Yield a notice about the first path with a point inside an obstacle, in the frames."""
+    """Yield a notice about the first path with a point inside an obstacle, in the frames.
+
+    A point that is inside between two frames is not seen.
+    """
     mech = record.mech
     for i in range(record.steps.recorded):
-        for f, via, name in within(mech, mech.model.bent, record.out.q[i, : mech.nq]):
+        for f, via, name in within(mech, record.plan.wrapped, record.out.q[i, : mech.nq]):
             yield (
                 f"{f.kind} '{f.name}': its point on '{name}' is inside the obstacle of radius "
                 f"{via.radius:.6g} m on '{via.body}' at t = {record.steps.times[i]:.6g} s, and the "

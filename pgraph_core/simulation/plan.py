@@ -20,7 +20,7 @@ from ..dynamics.scene import contact_tables, stepped_tables
 from ..dynamics.states import bodies_over
 from ..errors import InputError, Problem
 from ..fields import EVERY, GROUND, Frozen
-from ..forces import OnJoint
+from ..forces import BetweenPoints, OnJoint
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..packing import Array, Ints, Loads
@@ -184,7 +184,9 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
         contacts = stepped_tables(mech.packed, contacts, drives)
-    plan = replace(plan, drives=drives, loads=loads, start=start, contacts=contacts)
+    plan = replace(
+        plan, drives=drives, loads=loads, wrapped=_wrapped(forces), start=start, contacts=contacts
+    )
     return _with_memory(plan)
 
 
@@ -247,9 +249,15 @@ def _what_acts(
         driving=tuple(f.name for f in forces if isinstance(f, OnJoint)), memory=o.memory,
         varying=tuple(f for f in forces if f._varies and exerts(f)) + mech.model.rubbing,
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
-        length=mech.packed.length,
+        wrapped=_wrapped(forces), length=mech.packed.length,
     )  # fmt: skip
     return _with_memory(plan)
+
+
+def _wrapped(forces: tuple[Force, ...]) -> tuple[BetweenPoints, ...]:
+    """Return the forces along paths past obstacles."""
+    paths = (f for f in forces if isinstance(f, BetweenPoints))
+    return tuple(f for f in paths if any(via.radius is not None for via in f.via))
 
 
 def _forces(

@@ -185,7 +185,8 @@ class Readings(Snapshots):
             forces = record.scene.forces(out.wrenches[0, :, : kernels.MEANS])
             pose = bodies_over(packed.system, *states, external).pose
             each = {name: wrench[None] for name, wrench in forces.items()}
-            add_constraint_wrenches(self.mech, each, pose, external)
+            q = out.q[:1, : self.mech.nq]
+            add_constraint_wrenches(self.mech, each, q, pose, external)
         return external
 
     def _open(self) -> None:

@@ -26,6 +26,7 @@ from ..result.records import (
 )
 from .advice import too_wide
 from .continuing import left_by
+from .lifted import lifted
 from .means import means_between
 from .on_curves import on_curves
 from .on_wheels import on_wheels, pushing
@@ -215,11 +216,13 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += off_curve(record)
     if model.riding:
         found += on_curves(record)
-    if model.bent:
+    if plan.wrapped:
         found += pierced(record)
     if model.cabled:
         found += on_wheels(record)
         found += pushing(record)
+    if model.cams and len(plan.ever):
+        found += lifted(record)
     if record.user is not None:
         found += record.user.notices()
     if record.carried is not None:

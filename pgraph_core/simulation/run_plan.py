@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..dynamics.scene import Scene
 from ..engine.tree.heights import lowest
 from ..errors import InputError
+from ..forces import BetweenPoints
 from ..integrators import RK4, Method
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
@@ -101,6 +102,7 @@ class RunPlan(Way):
     driving: tuple[str, ...]  # names of the motors, servos and actuators among them
     loads: Loads
     varying: tuple[Force | Contact, ...] = ()  # parts with expressions, by their numbers
+    wrapped: tuple[BetweenPoints, ...] = ()  # forces along paths past obstacles
     active: Ints  # indices of the constraints active at the start
     idle: Idle | None = None  # contacts of bodies that nothing keeps above the ground
     conditions: tuple[ConditionOf, ...] = ()  # under which constraints go on and off

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..analysis.assembly import NOTABLE
 from ..analysis.singular import Instant, Stretch, nulls_of, redundancy, unequal
+from ..analysis.sticking import Stuck
 from ..engine import layout as at
 from ..engine import motion
 from ..errors import InputError
@@ -45,6 +46,8 @@ class Switching:
         self._together: list[int] = []  # conditions met at the time of the next change, after it
         self._redundant = False  # whether constraints are redundant in the first state
         self._stretches: list[Stretch] = []  # to be searched for singular positions
+        self._stuck: list[Stuck] = []  # states in which joints stick by dry friction
+        self._looked_at = 0  # frames at which this was looked for
 
     def begin(self) -> None:
         """Note the first state, with a warning if constraints are redundant there."""
@@ -238,15 +241,34 @@ class Switching:
         found = Stretch.of(record.scene, record.active, self.first, end, self._redundant)
         self._stretches += [found] if found else []
         self._redundant = False
+        self._keep_stuck(last + 1)
+
+    def _keep_stuck(self, end: int) -> None:
+        """Keep a state since the last switch in which joints stick, in time stepping."""
+        record, tables = self.record, self.record.plan.contacts
+        begin, self._looked_at = self._looked_at, end
+        if tables is None or not tables.frictions or not record.plan.method.time_stepping:
+            return
+        blocks, _, terms, factors = tables.friction_blocks
+        frictions = np.zeros((len(blocks), record.mech.nv))
+        for i, block in enumerate(blocks.tolist()):
+            own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
+            frictions[i, terms[own, 0]] = factors[own]
+        frames = slice(begin, end)
+        q, v = record.out.q[frames, : record.mech.nq], record.out.v[frames, : record.mech.nv]
+        gravity = float(np.linalg.norm(record.mech.model.gravity))
+        found = Stuck.of(record.active, record.steps.times[frames], q, v, frictions, gravity)
+        self._stuck += [found] if found else []
 
     def add_singular(self, result: Result) -> None:
         """Let `result` search for singular positions when its notices are read."""
         self._end_stretch()
-        if self._stretches:
-            found = partial(_singular, self.record.mech, tuple(self._stretches))
+        if self._stretches or self._stuck:
+            kept = (*self._stretches, *self._stuck[:1])
+            found = partial(_singular, self.record.mech, kept)
             result.add_when_read(found)
 
 
-def _singular(mech: Any, stretches: tuple[Stretch, ...]) -> tuple[str, ...]:
-    """Return notices about singular configurations passed during a run."""
+def _singular(mech: Any, stretches: tuple[Stretch | Stuck, ...]) -> tuple[str, ...]:
+    """Return notices about singular configurations and stuck loops of a run."""
     return tuple(text for part in stretches if (text := part.notice(mech)))

@@ -16,7 +16,7 @@ from pgraph_app.constraints.view import constraints, form
 from pgraph_app.core.cells import Display
 from pgraph_app.digraph.view import digraph
 from pgraph_app.picking import Aim, Spot
-from pgraph_app.picking.update import in_axes_of
+from pgraph_app.picking.update import in_axes_of, taken
 from pgraph_app.plots import Signal, curves, of_scene, unit
 from pgraph_app.scene import marks
 from pgraph_core.show import shapes
@@ -34,6 +34,11 @@ def add(state, part, kind, body="3", other="1"):
     state = after(state, do.AddPart(ME, part, kind, body))
     state = after(state, do.Select(ME, other)) if state.clients[ME].picking else state
     return after(state, do.EndWay(ME)) if state.clients[ME].picking else state
+
+
+def side_by_side(state):
+    """The same with the third body on the ground, for a cam and its follower."""
+    return begun(state.model.edit("3", parent="ground", link=(0.3, 0.0, 0.4)))
 
 
 def test_all_that_is_selected_gets_the_new_part_in_one_step(state):
@@ -85,7 +90,7 @@ def shown(state):
     ],
 )
 def test_d12_every_kind_is_added_by_clicks_with_what_it_needs(state, part, kind):
-    now = add(state, part, kind)
+    now = add(side_by_side(state) if kind == "cam" else state, part, kind)
     assert len(now.undo) == 1
     kept = "constraints" if part == "loops" else part
     (item,) = getattr(now.model, kept)
@@ -102,6 +107,7 @@ def test_d12_every_kind_is_added_by_clicks_with_what_it_needs(state, part, kind)
 @pytest.mark.parametrize("kind", list(KINDS["constraints"]))
 @pytest.mark.parametrize("hub", ["distance", "revolute", "line"])  # no, two and one direction
 def test_a_constraint_becomes_another_kind_and_comes_back(state, hub, kind):
+    state = side_by_side(state) if kind == "cam" else state
     for old, new in ((kind, hub), (hub, kind)):
         now = edit(add(state, "constraints", old), "constraints", old, "kind", ((), new))
         assert (reply(now), now.model.constraints[0].kind) == ("", new)
@@ -232,7 +238,7 @@ def test_via_points_are_added_typed_drawn_and_taken_out(state, kind):
         state = edit(state, "forces", kind, "via", ((), name))
         assert pulls(state) == pytest.approx(length, rel=1e-12)  # the path is as it was
     state = edit(state, "forces", kind, "via", ((0,), ""))
-    state = edit(state, "forces", kind, "via", ((1, 0), "200 mm"), ((1, 2), "0.5"))
+    state = edit(state, "forces", kind, "via", ((1, 1, 0), "200 mm"), ((1, 1, 2), "0.5"))
     one, two = state.model.forces[0].via
     assert (one.body, two.body) == ("2", "ground")
     assert (two.point[0], two.point[2]) == (0.2, 0.5)
@@ -256,9 +262,34 @@ def test_via_points_are_added_typed_drawn_and_taken_out(state, kind):
 
 def test_a_picked_via_point_is_in_the_axes_of_its_own_body(state):
     state = edit(add(state, "forces", "spring", "3", "1"), "forces", "spring", "via", ((), "2"))
-    aim = Aim("point", "via", (0,), part="forces", name="spring")
+    aim = Aim("point", "via", (0, 1), part="forces", name="spring")
     found = in_axes_of(state, aim, Spot("2", (0.1, 0.2, 0.3), (0.0, 0.0, 1.0), ""))
     assert found == (0.1, 0.2, 0.3)
+
+
+@pytest.mark.parametrize("field", ["point", "axis", "side"])
+def test_a_pick_for_an_obstacle_fills_the_row_that_it_was_asked_for(state, field):
+    state = edit(add(state, "forces", "spring", "3", "1"), "forces", "spring", "via", ((), "2"))
+    state = edit(state, "forces", "spring", "via", ((0, 2), "0.05"))
+    rows = form(state, Display(), "forces", state.model.forces[0])[0]["fields"]
+    row = next(r for r in rows if r["field"] == "via" and r["label"].lower() == field)
+    index = tuple(row["cells"][0]["index"][:-1])  # as the page sends it
+    aim = Aim(row["pick"], "via", index, part="forces", name="spring", seen=state.version)
+    old = state.model.forces[0].via[0]
+    spot = Spot("2", (0.1, 0.2, 0.3), (0.0, 1.0, 0.0), "")
+    (via,) = taken(state, ME, aim, spot).model.forces[0].via
+    picked = (0.0, 1.0, 0.0) if field == "axis" else (0.1, 0.2, 0.3)
+    assert via == old.model_copy(update={field: picked})
+
+
+def test_a_via_point_gets_another_body_where_it_is(state):
+    state = edit(add(state, "forces", "spring", "3", "1"), "forces", "spring", "via", ((), "2"))
+    length = pulls(state)
+    moved = edit(state, "forces", "spring", "via", ((0, 0), "ground"))
+    assert moved.model.forces[0].via[0].body == "ground"
+    assert pulls(moved) == pytest.approx(length, rel=1e-12)
+    for index, text, fact in (((0, 0), "nobody", "nobody"), ((0, 9), "1", "no longer")):
+        assert fact in reply(edit(state, "forces", "spring", "via", (index, text)))
 
 
 @pytest.mark.parametrize(("name", "body"), [("slider_crank", "crank"), ("four_bar", "left crank")])
@@ -548,7 +579,7 @@ def test_a_form_lists_points_in_the_order_of_the_path(kind, count):
     model = pg.Model.serial(2).model_copy(update={"forces": (rope,)})
     rows = form(begun(model), Display(), "forces", rope)[0]["fields"]
     points = [row["label"] for row in rows if row["field"] in ("point", "via", "other_point")]
-    between = [label for i in range(count) for label in (f"{i + 1}. 1", "Radius")]
+    between = [label for i in range(count) for label in (f"Via {i + 1}", "Point", "Radius")]
     assert points == ["Point", *between, "+ via", "Other point"]
     assert next(row for row in rows if row["label"] == "+ via")["cells"][0]["value"] == ""
 
@@ -563,17 +594,17 @@ def test_a_point_of_a_path_becomes_an_obstacle_with_an_axis_and_a_side():
 
     def labels():
         rows = form(state, Display(), "forces", state.model.forces[0])[0]["fields"]
-        return [row["label"] for row in rows if row["field"] == "via"][:5]
+        return [row["label"] for row in rows if row["field"] == "via"][:6]
 
-    assert labels() == ["1. 1", "Radius", "2. ground", "Radius", "+ via"]
-    state = typed(((0, 3), "0.05"))
+    assert labels() == ["Via 1", "Point", "Radius", "Via 2", "Point", "Radius"]
+    state = typed(((0, 2), "0.05"))
     assert state.model.forces[0].via[0].radius == 0.05
-    assert labels() == ["1. 1", "Radius", "Axis", "Side", "2. ground"]
-    state = typed(((0, 4), "0"), ((0, 5), "0"), ((0, 6), "1"))
-    state = typed(((0, 7), "0.1"), ((0, 8), "0.2"), ((0, 9), "0"))
+    assert labels() == ["Via 1", "Point", "Radius", "Axis", "Side", "Via 2"]
+    state = typed(((0, 3, 0), "0"), ((0, 3, 1), "0"), ((0, 3, 2), "1"))
+    state = typed(((0, 4, 0), "0.1"), ((0, 4, 1), "0.2"), ((0, 4, 2), "0"))
     found = state.model.forces[0].via[0]
     assert (found.axis, found.side) == ((0.0, 0.0, 1.0), (0.1, 0.2, 0.0))
-    state = typed(((0, 7), ""))
+    state = typed(((0, 4, 0), ""))
     assert state.model.forces[0].via[0].side is None
-    state = typed(((0, 3), ""))
+    state = typed(((0, 2), ""))
     assert state.model.forces[0].via == via

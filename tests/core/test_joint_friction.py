@@ -226,3 +226,27 @@ def test_a_joint_that_a_servo_moves_slowly_does_not_creep(kd):
 def test_a_joint_above_its_friction_slides():
     run = pg.simulate(pg.Model(bodies=[slider(1.001)]), t_end=1.0, method="dop853")
     assert crept(run) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("frictions", "told"), [((20, 20, 20), True), ((20, 20, 0), True), ((0, 0, 20), False)]
+)
+def test_a_loop_whose_joints_stick_is_told(frictions, told):
+    """Two rows and three frictions on three joints: forces at rest are not unique."""
+    links = [("a", 0.4, -1.2, 0.0), ("b", 0.9, 0.9, 0.4), ("c", 0.7, -1.6, 1.0)]
+    bodies = [
+        pg.Body(
+            name=name, parent="a" if name == "b" else "ground", link=(at, 0, 0),
+            axes=((0, 1, 0),), mass=1.0, com=(length / 2, 0, 0), inertia=(0.01, 0.06, 0.06),
+            tip=(length, 0, 0), q=(q,), friction=friction,
+        )
+        for (name, length, q, at), friction in zip(links, frictions)
+    ]  # fmt: skip
+    pin = pg.Line(
+        name="pin", body="b", other="c", point=(0.9, 0, 0), other_point=(0.7, 0, 0),
+        other_axis=(0, 1, 0),
+    )  # fmt: skip
+    run = pg.simulate(pg.Model(bodies=bodies, constraints=[pin]), t_end=0.05, estimate=False)
+    found = [text for text in run.notices if "stick by dry friction" in text]
+    assert len(found) == told
+    assert all("'pin'" in text for text in found)

@@ -347,6 +347,19 @@ def test_a_point_inside_an_obstacle_is_told(x):
     assert len(told) == (np.hypot(x, 1.0) < 1.2)
 
 
+@pytest.mark.quick
+@pytest.mark.parametrize("given", ["model", "scenario", "call"])
+def test_a_point_inside_an_obstacle_is_told_of_every_force_of_a_run(given):
+    model = rope_past(0.3, 0.9, 1.2, point=(0, 0, 5.0)).model
+    rope, bare = model.forces, model.replace(forces=())
+    if given == "scenario":
+        bare = bare.replace(scenarios=[pg.Scenario(name="pulled", forces=rope)])
+    mech = pg.Mechanism(model if given == "model" else bare)
+    call = {"scenario": {"scenario": "pulled"}, "call": {"forces": rope}}.get(given, {})
+    notices = pg.simulate(mech, t_end=1e-3, method="rk4", step=1e-3, **call).notices
+    assert sum("'s'" in text and "1.2 m" in text for text in notices) == 1
+
+
 # -- the description -------------------------------------------------------------------------------
 
 
