@@ -131,18 +131,15 @@ def _numbers(value: Any) -> tuple[float, ...]:
 # -- what nobody has said yet ----------------------------------------------------------------------
 
 
-def settled(
-    model: pg.Model, stations: Sequence[Fields], closed: bool, kept: bool = False
-) -> tuple[Fields, ...]:
+def settled(model: pg.Model, stations: Sequence[Fields], closed: bool) -> tuple[Fields, ...]:
     """Return stations with points on the ground, axes and uncertain sides that nobody has given.
 
-    Sides that are given remain, and all that is if `kept`. A point of the ground is above its
-    neighbour. A wheel without a hinge turns in the plane of its neighbours. At a drum, the cable
-    leaves as it does a wheel next to it, or as upright as it can.
+    A point of the ground is above its neighbour. A wheel without a hinge turns in the plane of its
+    neighbours. At a drum, the cable leaves as it does a wheel next to it, or as upright as it can.
     """
     at, found = poses(model.bodies), [dict(one) for one in stations]
     for k, one in enumerate(found):
-        if one["body"] == GROUND and "point" not in one and not kept:
+        if one["body"] == GROUND and "point" not in one:
             one["point"] = _hung(model, found, k, at)
     for k, one in enumerate(found):
         if number_of(one.get("radius")) and _axis(model, one) is None:
@@ -279,7 +276,7 @@ def changed(
 ) -> tuple[Fields, ...]:
     """Return the stations after text was typed or chosen in a row, or a row was added, moved or
     taken out. Raises Refusal."""
-    stations = [dict(plain(one)) for one in data["through"]]
+    stations = [{"point": (0.0, 0.0, 0.0), **plain(one)} for one in data["through"]]
     if not index:
         if stations and not data["closed"]:
             stations[-1]["side"] = None  # it is a drum no more
@@ -292,7 +289,7 @@ def changed(
             stations[k - 1 : k + 1] = stations[k], stations[k - 1]
         elif text != UP:
             del stations[k]
-        return settled(model, stations, data["closed"], kept=True)
+        return settled(model, stations, data["closed"])
     number, *component = cell
     if number >= len(OF_STATION):
         raise Refusal("no longer has this entry")
@@ -313,7 +310,7 @@ def changed(
             if one["radius"] == 0.0:
                 one |= dict.fromkeys(("axis", "side", "grip"))
             else:
-                return settled(model, stations, data["closed"], kept=True)
+                return settled(model, stations, data["closed"])
         case _:
             of = "length" if key == "point" else "number"
             given = _axis(model, one) if key == "axis" and not one.get(key) else one.get(key)

@@ -195,20 +195,19 @@ def _bounds(pair: tuple[float | None, ...], of: Quantity, display: Display) -> s
 
 def _way(model: pg.Model, picking: Picking) -> Payload:
     """Return the banner of a new cable or rope: its bodies, and what to click next."""
-    wheels = [bool(cables.station(model, name).get("radius")) for name, _ in picking.way]
-    names = [f"{name} (wheel)" if wheel else name for (name, _), wheel in zip(picking.way, wheels)]
-    text = f"A new {picking.kind}: click the body where it begins"
+    there = [name for name, _ in picking.way if name == GROUND or name in model.row]
+    wheels = [bool(cables.station(model, name).get("radius")) for name in there]
+    names = [f"{name} (wheel)" if wheel else name for name, wheel in zip(there, wheels)]
+    text = f"A new {picking.kind}: click the body where it begins, in the digraph, the table or "
+    text += "the 3D view."
     if names:
         more = "… → " if len(names) > MOST_NAMED else ""
-        text = f"{more}{' → '.join(names[-MOST_NAMED:])} → click the next body"
+        text = f"{more}{' → '.join(names[-MOST_NAMED:])} → click the next body."
     many = len(names) > 1
-    ends = [
-        *([["Done", False]] if many else []),
-        *([["Belt", True]] if many and all(wheels) else []),
-    ]
+    belt = [["Belt", True]] if many and all(wheels) else []
     return {
-        "text": f"{text}, in the digraph, the table or the 3D view." if not names else f"{text}.",
-        "names": [[GROUND, "ground"]], "first": None, "ends": ends, "back": bool(names),
+        "text": text, "names": [[GROUND, "ground"]], "first": None, "back": bool(names),
+        "ends": [*belt, *([["Done", False]] if many else [])],
     }  # fmt: skip
 
 

@@ -404,7 +404,8 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
     for c in model.constraints:
         if c.name in result.constraint_force:
             k = d.number[c.body] - 1
-            at = positions[k] + R[k] @ np.asarray(model.point_of(c))
+            own = (x.point for x in c._places if x.body == c.body)  # of a rope
+            at = positions[k] + R[k] @ np.asarray(next(own, model.point_of(c)))
             force = np.asarray(result.constraint_force[c.name][frame, 3:])
             found.append(Push(at, force, tuple(c.touches), ("constraints", c.name)))
     normal = np.asarray(model.ground_normal)

@@ -103,6 +103,8 @@ def test_the_banner_names_what_is_picked_and_takes_it_back():
     assert "left → sheave (wheel) → click" in banner(state)["text"]
     assert banner(state)["ends"] == [["Done", False]]
     assert banner(after(state, do.BackWay(ME)))["text"].startswith("left → click")
+    gone = after(state, do.DeleteBodies(ME, ("sheave",), "attach"))
+    assert banner(gone)["text"].startswith("left → ")
     assert after(state, do.Select(ME, None)).clients[ME].picking is None
     early = after(begun(ATWOOD), do.AddPart(ME, "constraints", "rope", "left"), do.EndWay(ME))
     assert (early.model.constraints, len(early.clients[ME].picking.way)) == ((), 1)
@@ -111,7 +113,7 @@ def test_the_banner_names_what_is_picked_and_takes_it_back():
 def test_a_belt_is_offered_over_wheels_and_turns_them_in_one_sense():
     state = after(begun(BELT), do.AddPart(ME, "constraints", "rope", "motor"))
     state = after(state, do.PickName(ME, "load"))
-    assert banner(state)["ends"] == [["Done", False], ["Belt", True]]
+    assert banner(state)["ends"] == [["Belt", True], ["Done", False]]
     state = after(state, do.EndWay(ME, True))
     assert part(state).closed
     assert [x.side for x in part(state).through] == [1, 1]
